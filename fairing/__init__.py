@@ -1,0 +1,1 @@
+"""EigenFairing: move the vertices of a mesh until its faces' textures, seen in many photos, agree."""

@@ -1,0 +1,92 @@
+"""A triangle mesh and the neighbourhoods the engine walks on."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from fairing.errors import InputError
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """Vertices and triangles, counter-clockwise seen from outside.
+
+    Attributes:
+        vertices: (n, 3) float, world units.
+        faces: (m, 3) int, indices into `vertices`.
+
+    Raises:
+        InputError: no faces, non-finite vertices, or an index out of range.
+    """
+
+    vertices: np.ndarray
+    faces: np.ndarray
+
+    def __post_init__(self) -> None:
+        vertices = np.array(self.vertices, dtype=np.float64)
+        faces = np.array(self.faces, dtype=np.int64)
+        if vertices.ndim != 2 or vertices.shape[1] != 3 or len(vertices) == 0:
+            raise InputError(f"mesh: expected vertices of shape (n, 3), found {vertices.shape}")
+        if faces.ndim != 2 or faces.shape[1] != 3 or len(faces) == 0:
+            raise InputError(f"mesh: expected triangles of shape (m, 3), found {faces.shape}; it has no surface to fair")
+        bad = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
+        if len(bad):
+            raise InputError(f"mesh: vertex {bad[0]} is not finite ({len(bad)} such vertices); repair the mesh")
+        out = np.flatnonzero((faces < 0).any(axis=1) | (faces >= len(vertices)).any(axis=1))
+        if len(out):
+            raise InputError(
+                f"mesh: face {out[0]} uses vertices {faces[out[0]].tolist()}, expected indices 0 to {len(vertices) - 1}"
+            )
+        vertices.setflags(write=False)
+        faces.setflags(write=False)
+        object.__setattr__(self, "vertices", vertices)
+        object.__setattr__(self, "faces", faces)
+
+    def moved(self, vertices: np.ndarray) -> "Mesh":
+        """The same triangles with other vertex positions (n, 3)."""
+        return Mesh(vertices, self.faces)
+
+    @cached_property
+    def edges(self) -> np.ndarray:
+        """(e, 2) int: every undirected edge once, lower index first, sorted."""
+        return np.unique(np.sort(self._half_edges, axis=1), axis=0)
+
+    @cached_property
+    def boundary_vertices(self) -> np.ndarray:
+        """(b,) int: vertices on an edge that only one triangle uses."""
+        edges, counts = np.unique(np.sort(self._half_edges, axis=1), axis=0, return_counts=True)
+        return np.unique(edges[counts == 1])
+
+    @property
+    def _half_edges(self) -> np.ndarray:
+        return self.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+
+    @cached_property
+    def one_rings(self) -> list[np.ndarray]:
+        """For every vertex the ids of the faces that use it, ascending."""
+        order = np.argsort(self.faces.ravel(), kind="stable")
+        starts = np.searchsorted(self.faces.ravel()[order], np.arange(len(self.vertices) + 1))
+        return [np.unique(order[a:b] // 3) for a, b in zip(starts[:-1], starts[1:], strict=True)]
+
+    @cached_property
+    def diagonal(self) -> float:
+        """Length of the bounding box's diagonal, world units."""
+        return float(np.linalg.norm(np.ptp(self.vertices[np.unique(self.faces)], axis=0)))
+
+
+def weld(vertices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Merge vertices that share their coordinates exactly, keeping the order of first appearance.
+
+    Args:
+        vertices: (n, 3) float.
+
+    Returns:
+        The distinct vertices (w, 3) and for each input vertex its index among them (n,) int.
+    """
+    _, first, inverse = np.unique(vertices, axis=0, return_index=True, return_inverse=True)
+    inverse = inverse.reshape(-1)
+    order = np.argsort(first)
+    rank = np.empty(len(order), dtype=np.int64)
+    rank[order] = np.arange(len(order))
+    return vertices[first[order]], rank[inverse]

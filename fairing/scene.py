@@ -1,0 +1,116 @@
+"""What is faired: a mesh, the calibrated photos that saw the surface, and what else is known about it."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from fairing.camera import Camera
+from fairing.errors import InputError
+from fairing.mesh import Mesh, weld
+from fairing.photo import Photo
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """One calibrated photo.
+
+    Raises:
+        InputError: the photo cannot be read or its size contradicts the camera's.
+    """
+
+    name: str
+    camera: Camera
+    photo: Photo
+
+    def __post_init__(self) -> None:
+        expected, found = (self.camera.width, self.camera.height), self.photo.size
+        if expected != found:
+            raise InputError(
+                f"photo {self.name}: its camera expects {expected[0]}x{expected[1]} pixels, "
+                f"the file has {found[0]}x{found[1]}; use the photos the cameras were calibrated with"
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class SparsePoints:
+    """3D points of a reconstruction with the photos that see them.
+
+    Attributes:
+        positions: (n, 3) float, world units.
+        colors: (n, 3) uint8, RGB.
+        observations: (o, 2) int: a point's index and a view's index.
+        pixels: (o, 2) float, pixels: where that view saw that point.
+    """
+
+    positions: np.ndarray
+    colors: np.ndarray
+    observations: np.ndarray
+    pixels: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """The exact surface of a synthetic scene.
+
+    Attributes:
+        surface: the true surface, any triangulation.
+        vertices: (n, 3) float or None: where each vertex of the scene's mesh belongs, world units.
+        normals: (n, d <= 3, 3) list or None: for each vertex the unit normals of the true surfaces that meet there; they
+            span what photos can determine of it (one: free in a plane, two: free along an edge, three: a corner).
+    """
+
+    surface: Mesh
+    vertices: np.ndarray | None = None
+    normals: list[np.ndarray] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """A mesh and its photos.
+
+    `mesh` is welded: vertices of the input that share their coordinates are one, so that faces of both move together.
+    `original_from_welded` gives the input's vertices back (`unweld`), in the input's order.
+
+    Raises:
+        InputError: fewer than three views, two views of one name.
+    """
+
+    name: str
+    mesh: Mesh
+    views: tuple[View, ...]
+    original_from_welded: np.ndarray
+    original_faces: np.ndarray
+    truth: Truth | None = None
+    sparse_points: SparsePoints | None = None
+    warnings: tuple[str, ...] = field(default=())
+
+    def __post_init__(self) -> None:
+        if len(self.views) < 3:
+            raise InputError(f"scene {self.name}: expected at least 3 photos, found {len(self.views)}; add photos")
+        names = [view.name for view in self.views]
+        repeated = {name for name in names if names.count(name) > 1}
+        if repeated:
+            raise InputError(f"scene {self.name}: two photos are named {min(repeated)}; names must be unique")
+
+    @classmethod
+    def build(
+        cls,
+        name: str,
+        vertices: np.ndarray,
+        faces: np.ndarray,
+        views: tuple[View, ...],
+        truth: Truth | None = None,
+        sparse_points: SparsePoints | None = None,
+        warnings: tuple[str, ...] = (),
+    ) -> "Scene":
+        """A scene from a mesh as it was read: validated, then welded."""
+        original = Mesh(vertices, faces)
+        welded, original_from_welded = weld(original.vertices)
+        faces = original_from_welded[original.faces]
+        return cls(
+            name, Mesh(welded, faces), views, original_from_welded, original.faces, truth, sparse_points, warnings
+        )
+
+    def unweld(self, vertices: np.ndarray) -> np.ndarray:
+        """Positions (n_input, 3) in the input's order from welded positions (n, 3)."""
+        return vertices[self.original_from_welded]
