@@ -1,7 +1,7 @@
 """A calibrated, undistorted pinhole camera.
 
-Conventions, stated once: OpenCV axes (x right, y down, z forward), pixel centres at integers (the top-left pixel's centre
-is (0, 0)), no lens distortion. Transforms read right to left: `image_from_world` takes world points to pixels.
+Conventions, stated once: OpenCV axes (x right, y down, z forward), pixel centres at integers (the top-left pixel's
+centre is (0, 0)), no lens distortion. Transforms read right to left: `image_from_world` takes world points to pixels.
 """
 
 from dataclasses import dataclass
@@ -71,7 +71,9 @@ class Camera:
         if np.abs(R @ R.T - np.eye(3)).max() > 1e-4:
             raise InputError("camera: R is not a rotation (its rows are not orthonormal)")
         if np.linalg.det(R) < 0:
-            raise InputError("camera: R is mirrored (determinant -1); flip one axis so that x is right, y down, z forward")
+            raise InputError(
+                "camera: R is mirrored (determinant -1); flip an axis so that x is right, y down, z forward"
+            )
         return cls(K @ np.column_stack([R, t]), width, height)
 
     @cached_property

@@ -4,6 +4,6 @@
 class InputError(ValueError):
     """Something the user gave cannot be used.
 
-    The message is one line: which file or item, what was expected, what was found, what to do. The command line prints it
-    without a traceback and exits with code 1; the page shows it as a notification.
+    The message is one line: which file or item, what was expected, what was found, what to do. The command line prints
+    it without a traceback and exits with code 1; the page shows it as a notification.
     """

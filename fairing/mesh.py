@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
@@ -29,7 +30,7 @@ class Mesh:
         if vertices.ndim != 2 or vertices.shape[1] != 3 or len(vertices) == 0:
             raise InputError(f"mesh: expected vertices of shape (n, 3), found {vertices.shape}")
         if faces.ndim != 2 or faces.shape[1] != 3 or len(faces) == 0:
-            raise InputError(f"mesh: expected triangles of shape (m, 3), found {faces.shape}; it has no surface to fair")
+            raise InputError(f"mesh: expected triangles (m, 3), found shape {faces.shape}; it has no surface to fair")
         bad = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
         if len(bad):
             raise InputError(f"mesh: vertex {bad[0]} is not finite ({len(bad)} such vertices); repair the mesh")
@@ -67,7 +68,7 @@ class Mesh:
         """For every vertex the ids of the faces that use it, ascending."""
         order = np.argsort(self.faces.ravel(), kind="stable")
         starts = np.searchsorted(self.faces.ravel()[order], np.arange(len(self.vertices) + 1))
-        return [np.unique(order[a:b] // 3) for a, b in zip(starts[:-1], starts[1:], strict=True)]
+        return [np.unique(order[a:b] // 3) for a, b in pairwise(starts)]
 
     @cached_property
     def diagonal(self) -> float:

@@ -1,14 +1,17 @@
 """Photographs, decoded only when somebody looks at them."""
 
-from dataclasses import dataclass, field
+import struct
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-import cv2
 import numpy as np
-from PIL import Image
+from PIL import Image, UnidentifiedImageError
 
 from fairing.errors import InputError
+from fairing.lens import Lens
 
 
 class Photo(Protocol):
@@ -43,28 +46,37 @@ class FilePhoto:
     """A photo file, decoded at every `load` (the engine keeps what it needs at hand).
 
     Attributes:
-        undistortion: two (height, width) float32 maps for `cv2.remap`, pixels, when the lens is not a pinhole.
+        lens: what bent the photo, or None for a pinhole camera. `load` straightens it; its maps are not kept.
     """
 
     path: Path
-    undistortion: tuple[np.ndarray, np.ndarray] | None = field(default=None, repr=False)
+    lens: Lens | None = None
 
     @property
     def size(self) -> tuple[int, int]:
-        try:
-            with Image.open(self.path) as image:
-                return image.size
-        except FileNotFoundError:
-            raise InputError(f"photo {self.path}: expected an image file, found none; check the image folder") from None
-        except OSError as error:
-            raise InputError(f"photo {self.path}: cannot be read as an image ({error}); replace or remove it") from None
+        with _naming_failures(self.path), Image.open(self.path) as image:
+            return image.size
 
     def load(self) -> np.ndarray:
-        try:
-            with Image.open(self.path) as image:
-                pixels = np.asarray(image.convert("RGB"))
-        except (OSError, ValueError, SyntaxError) as error:
-            raise InputError(f"photo {self.path}: cannot be decoded ({error}); replace or remove it") from None
-        if self.undistortion is not None:
-            pixels = cv2.remap(pixels, *self.undistortion, cv2.INTER_CUBIC, borderMode=cv2.BORDER_CONSTANT)
-        return pixels
+        with _naming_failures(self.path), Image.open(self.path) as image:
+            if image.mode[0] in "IF":
+                raise InputError(
+                    f"photo {self.path}: expected 8 bits a channel, found {image.mode}; convert it to 8 bits"
+                )
+            pixels = np.asarray(image.convert("RGB"))
+        return pixels if self.lens is None else self.lens.undistort_photo(pixels)
+
+
+@contextmanager
+def _naming_failures(path: Path) -> Iterator[None]:
+    """Whatever Pillow raises becomes one line about this photo."""
+    try:
+        yield
+    except FileNotFoundError:
+        raise InputError(f"photo {path}: expected an image file, found none; check the image folder") from None
+    except PermissionError:
+        raise InputError(f"photo {path}: cannot be read (permission denied); make it readable") from None
+    except UnidentifiedImageError:
+        raise InputError(f"photo {path}: is not an image file (or a damaged one); replace or remove it") from None
+    except (OSError, SyntaxError, EOFError, struct.error, Image.DecompressionBombError) as error:
+        raise InputError(f"photo {path}: cannot be decoded ({error}); replace or remove it") from None

@@ -55,8 +55,8 @@ class Truth:
     Attributes:
         surface: the true surface, any triangulation.
         vertices: (n, 3) float or None: where each vertex of the scene's mesh belongs, world units.
-        normals: (n, d <= 3, 3) list or None: for each vertex the unit normals of the true surfaces that meet there; they
-            span what photos can determine of it (one: free in a plane, two: free along an edge, three: a corner).
+        normals: (n, d <= 3, 3) list or None: for each vertex the unit normals of the true surfaces that meet there;
+            they span what photos can determine of it (one: free in a plane, two: free along an edge, three: a corner).
     """
 
     surface: Mesh

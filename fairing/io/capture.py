@@ -1,0 +1,104 @@
+"""What every reader of a scene format hands over, and the small tools they share."""
+
+import os
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import NamedTuple, Protocol
+
+from fairing.errors import InputError
+from fairing.scene import SparsePoints, View
+
+PHOTO_SUFFIXES = frozenset({".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".ppm", ".pgm", ".webp"})
+
+
+class Capture(NamedTuple):
+    """Calibrated photos as a reader found them.
+
+    Attributes:
+        mesh: the mesh file the format itself names, or None.
+    """
+
+    views: tuple[View, ...]
+    sparse_points: SparsePoints | None = None
+    warnings: tuple[str, ...] = ()
+    mesh: Path | None = None
+
+
+class Reader(Protocol):
+    """A scene format. Each is a module with these names."""
+
+    @property
+    def FORMAT(self) -> str:
+        """One line for the list of supported formats."""
+        ...
+
+    def recognises(self, path: Path) -> bool:
+        """Whether the folder or file is in this format, judged without reading all of it."""
+        ...
+
+    def read(self, path: Path) -> Capture:
+        """The photos and cameras of a folder or file that `recognises` accepted."""
+        ...
+
+
+@contextmanager
+def naming(item: object) -> Iterator[None]:
+    """Puts the item's name in front of an InputError raised inside."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{item}: {error}") from None
+
+
+@contextmanager
+def reading(path: Path, expected: str) -> Iterator[None]:
+    """Failures of the file system become one line about this file."""
+    try:
+        yield
+    except FileNotFoundError:
+        raise InputError(f"{path}: expected {expected}, found no such file") from None
+    except OSError as error:
+        raise InputError(f"{path}: expected {expected}, cannot be read ({error.strerror or error})") from None
+
+
+def read_text(path: Path, expected: str) -> str:
+    """The text of a UTF-8 file.
+
+    Raises:
+        InputError: it cannot be read or is not UTF-8.
+    """
+    with reading(path, expected):
+        data = path.read_bytes()
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        raise InputError(
+            f"{path}: line {line}: expected {expected} in UTF-8, found byte {data[error.start]:#04x}"
+        ) from None
+
+
+def files_below(folder: Path, suffixes: frozenset[str]) -> list[Path]:
+    """All files in the folder and its sub-folders with one of the suffixes (lower case), sorted."""
+    return sorted(
+        Path(parent, name)
+        for parent, _, names in os.walk(folder)
+        for name in names
+        if Path(name).suffix.lower() in suffixes
+    )
+
+
+def files_in(folder: Path, suffixes: frozenset[str]) -> list[Path]:
+    """All files directly in the folder with one of the suffixes (lower case), sorted; none if there is no folder."""
+    if not folder.is_dir():
+        return []
+    with reading(folder, "a folder"):
+        return sorted(path for path in folder.iterdir() if path.suffix.lower() in suffixes and path.is_file())
+
+
+def listed(items: Iterable[object], limit: int = 6) -> str:
+    """`a, b, c and 12 more`, for messages."""
+    names = [str(item) for item in items]
+    rest = len(names) - limit
+    return ", ".join(names) if rest <= 0 else f"{', '.join(names[:limit])} and {rest} more"

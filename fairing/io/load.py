@@ -1,0 +1,74 @@
+"""From a folder of photos, cameras and a mesh to a Scene."""
+
+from pathlib import Path
+
+from fairing.errors import InputError
+from fairing.io import colmap
+from fairing.io.capture import Capture, Reader, files_in, listed, naming, reading
+from fairing.io.mesh_file import MESH_SUFFIXES, read_mesh
+from fairing.scene import Scene
+
+READERS: tuple[Reader, ...] = (colmap,)
+"""Supported formats. A new one is a module with FORMAT, `recognises` and `read`, added here."""
+
+
+def load_scene(path: str | Path, mesh: str | Path | None = None) -> Scene:
+    """The scene in a folder (or a file of it), in any supported format, recognised by content.
+
+    Args:
+        path: the folder, or the file that describes the scene.
+        mesh: a mesh file; without it the one that the format names, or the only one in the folder.
+
+    Raises:
+        InputError: whatever is wrong with the input, in one line.
+    """
+    path = Path(path)
+    capture = read_capture(path)
+    mesh_path = Path(mesh) if mesh is not None else capture.mesh or _only_mesh(path if path.is_dir() else path.parent)
+    vertices, faces = read_mesh(mesh_path)
+    with naming(mesh_path):
+        return Scene.build(
+            path.resolve().stem if path.is_file() else path.resolve().name,
+            vertices,
+            faces,
+            capture.views,
+            sparse_points=capture.sparse_points,
+            warnings=capture.warnings,
+        )
+
+
+def read_capture(path: Path) -> Capture:
+    """The photos and cameras in a folder or file, without a mesh.
+
+    Raises:
+        InputError: no such path, no supported format or several, or whatever the reader finds wrong.
+    """
+    if not path.exists():
+        raise InputError(f"{path}: expected a scene (a folder or a file), found nothing there; check the path")
+    matching = [reader for reader in READERS if reader.recognises(path)]
+    if len(matching) == 1:
+        return matching[0].read(path)
+    if matching:
+        found = "; ".join(reader.FORMAT for reader in matching)
+        raise InputError(f"{path}: expected one scene, found several: {found}; move all but one elsewhere")
+    supported = "; ".join(reader.FORMAT for reader in READERS)
+    raise InputError(f"{path}: expected one of: {supported}; found {_contents(path)}")
+
+
+def _contents(path: Path) -> str:
+    if path.is_file():
+        return "another kind of file"
+    with reading(path, "a folder"):
+        names = sorted(entry.name + "/" * entry.is_dir() for entry in path.iterdir())
+    return listed(names) if names else "an empty folder"
+
+
+def _only_mesh(folder: Path) -> Path:
+    meshes = files_in(folder, MESH_SUFFIXES)
+    if len(meshes) == 1:
+        return meshes[0]
+    if meshes:
+        raise InputError(f"{folder}: expected one mesh, found {listed(p.name for p in meshes)}; choose with --mesh")
+    raise InputError(
+        f"{folder}: expected a mesh ({', '.join(sorted(MESH_SUFFIXES))}), found none; give one with --mesh"
+    )

@@ -1,0 +1,113 @@
+"""Meshes as files: vertices and triangles, in the file's order.
+
+OBJ is read by our own few lines: trimesh splits the vertices of a textured OBJ where texture coordinates differ and drops
+the unused ones, and the mesh we write must have the vertices of the mesh we read.
+"""
+
+from itertools import pairwise
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+import trimesh
+
+from fairing.errors import InputError
+from fairing.io.atomic import write_atomically
+from fairing.io.capture import read_text, reading
+
+MESH_SUFFIXES = frozenset({".ply", ".obj", ".off", ".stl", ".glb", ".gltf"})
+
+
+def read_mesh(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices (n, 3) float, world units, and triangles (m, 3) int of a PLY, OBJ, OFF, STL, GLB or GLTF file.
+
+    Polygons are cut into triangles. The parts of a GLB are put in their place and joined. Coordinates and indices are
+    returned as they are; `Mesh` validates them.
+
+    Raises:
+        InputError: no such file, another format, damaged, or without faces.
+    """
+    if path.suffix.lower() not in MESH_SUFFIXES:
+        raise InputError(
+            f"{path}: expected a mesh ({', '.join(sorted(MESH_SUFFIXES))}), found {path.suffix or 'no suffix'}"
+        )
+    with reading(path, "a mesh"), path.open("rb"):
+        pass
+    vertices, faces = _read_obj(path) if path.suffix.lower() == ".obj" else _read_with_trimesh(path)
+    if len(faces) == 0:
+        raise InputError(
+            f"{path}: expected a triangle mesh, found {len(vertices)} points and no faces; mesh the points first"
+        )
+    return vertices, faces
+
+
+def write_mesh(path: Path, vertices: np.ndarray, faces: np.ndarray) -> None:
+    """Write a PLY (binary, coordinates in double precision) or OBJ; read back, every number is the same.
+
+    An existing file is replaced only once the new one is complete.
+
+    Raises:
+        InputError: another suffix, or the disk is full or not writable.
+    """
+    writers = {".ply": _write_ply, ".obj": _write_obj}
+    if path.suffix.lower() not in writers:
+        raise InputError(f"{path}: meshes are written as .ply or .obj, found {path.suffix or 'no suffix'}")
+    write_atomically(path, lambda file: writers[path.suffix.lower()](file, vertices, faces))
+
+
+def _read_with_trimesh(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    options: dict[str, bool] = {"process": False}
+    if path.suffix.lower() == ".ply":
+        # Without these trimesh splits the vertices of a textured PLY, too.
+        options |= {"skip_materials": True, "fix_texture": False}
+    try:
+        mesh = trimesh.load_scene(path, **options).to_mesh()
+        return np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int64)
+    except Exception as error:  # trimesh's parsers raise whatever the damaged bytes make numpy, json or struct raise
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise InputError(f"{path}: expected a mesh, cannot be read ({reason}); export it again") from None
+
+
+def _read_obj(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Lines `v x y z` and `f a b c ...`; of `a/b/c` only the vertex a counts, from 1, or backwards from -1."""
+    vertices: list[list[float]] = []
+    faces: list[list[int]] = []
+    for number, line in enumerate(read_text(path, "a mesh").splitlines(), start=1):
+        fields = line.split()
+        try:
+            if fields[:1] == ["v"]:
+                x, y, z = fields[1:4]
+                vertices.append([float(x), float(y), float(z)])
+            elif fields[:1] == ["f"]:
+                corners = [int(field.split("/")[0]) for field in fields[1:]]
+                if len(corners) < 3 or 0 in corners:
+                    raise ValueError("not a polygon")
+                corners = [corner - 1 if corner > 0 else len(vertices) + corner for corner in corners]
+                faces.extend([corners[0], b, c] for b, c in pairwise(corners[1:]))
+        except ValueError:
+            raise InputError(f"{path}: line {number}: expected `v x y z` or `f a b c`, found {line[:60]!r}") from None
+    return np.array(vertices, dtype=np.float64).reshape(-1, 3), np.array(faces, dtype=np.int64).reshape(-1, 3)
+
+
+def _write_ply(file: BinaryIO, vertices: np.ndarray, faces: np.ndarray) -> None:
+    header = [
+        "ply",
+        "format binary_little_endian 1.0",
+        f"element vertex {len(vertices)}",
+        *(f"property double {axis}" for axis in "xyz"),
+        f"element face {len(faces)}",
+        "property list uchar int vertex_indices",
+        "end_header",
+    ]
+    triangles = np.empty(len(faces), dtype=[("count", "u1"), ("corners", "<i4", 3)])
+    triangles["count"], triangles["corners"] = 3, faces
+    file.write(("\n".join(header) + "\n").encode())
+    file.write(np.ascontiguousarray(vertices, dtype="<f8").tobytes())
+    file.write(triangles.tobytes())
+
+
+def _write_obj(file: BinaryIO, vertices: np.ndarray, faces: np.ndarray) -> None:
+    # repr of a float is the shortest text that reads back as the same float.
+    lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in np.asarray(vertices, dtype=np.float64).tolist()]
+    lines += [f"f {a} {b} {c}" for a, b, c in (np.asarray(faces) + 1).tolist()]
+    file.write(("\n".join(lines) + "\n").encode())

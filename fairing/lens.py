@@ -1,0 +1,123 @@
+"""The distortion of a real lens, and how photos and pixels are freed of it.
+
+Everything behind `Lens` is a pinhole camera: photos are resampled when they are loaded, observed pixels when they are
+read.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import cv2
+import numpy as np
+
+from fairing.errors import InputError
+
+# Newton-like iterations of cv2.undistortPoints; the default of 5 leaves 0.01 px on a phone's wide lens.
+_CONVERGED = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 200, 1e-13)
+
+
+@dataclass(frozen=True, eq=False)
+class Lens:
+    """A pinhole camera behind a polynomial lens (Brown 1966), as OpenCV writes it.
+
+    A ray (x, y, 1) with r^2 = x^2 + y^2 meets the photo at K [x', y', 1] with
+
+        x' = x (1 + k1 r^2 + k2 r^4) + 2 p1 x y + p2 (r^2 + 2 x^2)
+        y' = y (1 + k1 r^2 + k2 r^4) + 2 p2 x y + p1 (r^2 + 2 y^2)
+
+    Attributes:
+        K: (3, 3) float, pixels: intrinsics of the distorted photo.
+        distortion: (4,) float: k1, k2, p1, p2.
+        width, height: size of the photo in pixels.
+
+    Raises:
+        InputError: not finite, or a distortion so strong that the photo folds over itself.
+    """
+
+    K: np.ndarray
+    distortion: np.ndarray
+    width: int
+    height: int
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.K).all() and np.isfinite(self.distortion).all()):
+            raise InputError("lens: expected finite parameters, found NaN or infinity")
+        if not self.is_distorted:
+            return
+        cx, cy = self.K[:2, 2]
+        if not (0 < cx < self.width - 1 and 0 < cy < self.height - 1):
+            raise InputError(
+                f"lens: the principal point ({cx:g}, {cy:g}) lies outside the {self.width}x{self.height} photo; "
+                "use the photos the cameras were calibrated with"
+            )
+        columns, rows = np.meshgrid(np.linspace(0, self.width - 1, 65), np.linspace(0, self.height - 1, 65))
+        rays = (np.stack([columns, rows], axis=-1) - (cx, cy)) / np.diag(self.K)[:2]
+        distorted = self._distort(rays)
+        along_row = np.diff(distorted, axis=1)[:-1]
+        along_column = np.diff(distorted, axis=0)[:, :-1]
+        area = along_row[..., 0] * along_column[..., 1] - along_row[..., 1] * along_column[..., 0]
+        if not (area > 0).all():
+            raise InputError(
+                f"lens: the distortion k1, k2, p1, p2 = {', '.join(f'{d:g}' for d in self.distortion)} folds the photo "
+                "over itself; run COLMAP's image_undistorter and use its output"
+            )
+
+    @property
+    def is_distorted(self) -> bool:
+        return bool(self.distortion.any())
+
+    @cached_property
+    def pinhole_K(self) -> np.ndarray:
+        """(3, 3) float, pixels: intrinsics of the undistorted photo, which has the same size and principal point.
+
+        It is K, unless the lens pulls the corners outwards (pincushion): then zoomed in just enough to leave no pixel
+        of the undistorted photo without content.
+        """
+        if not self.is_distorted:
+            return self.K
+        zoom = 1.0
+        for axis, (length, across) in enumerate([(self.width - 1, self.height - 1), (self.height - 1, self.width - 1)]):
+            for border in (0, length):
+                pixels = np.empty((101, 2))
+                pixels[:, axis] = border
+                pixels[:, 1 - axis] = np.linspace(0, across, 101)
+                needed = abs(border - self.K[axis, 2]) / self.K[axis, axis]
+                zoom = max(zoom, needed / np.abs(self._rays(pixels)[:, axis]).min())
+        return self.K * np.array([[zoom, zoom, 1], [zoom, zoom, 1], [1, 1, 1]])
+
+    def undistort(self, pixels: np.ndarray) -> np.ndarray:
+        """Pixels (n, 2) of the undistorted photo from pixels (n, 2) of the photo as taken."""
+        if not self.is_distorted:
+            return pixels
+        return self._rays(pixels) * self.pinhole_K[[0, 1], [0, 1]] + self.pinhole_K[:2, 2]
+
+    def undistort_photo(self, photo: np.ndarray) -> np.ndarray:
+        """The undistorted photo, same shape and type.
+
+        Lanczos, because OpenCV's bicubic loses three times as much of fine texture (0.32 against 0.12 grey levels
+        rms on waves of 30 pixels).
+        """
+        size = (self.width, self.height)
+        maps = cv2.initUndistortRectifyMap(self.K, self.distortion, np.eye(3), self.pinhole_K, size, cv2.CV_32FC1)
+        return cv2.remap(photo, *maps, cv2.INTER_LANCZOS4, borderMode=cv2.BORDER_REPLICATE)
+
+    def _rays(self, pixels: np.ndarray) -> np.ndarray:
+        """Rays (n, 2) in front of the lens from pixels (n, 2) of the photo as taken."""
+        if len(pixels) == 0:
+            return np.zeros((0, 2))
+        points = np.ascontiguousarray(pixels, dtype=np.float64)[:, None]
+        return cv2.undistortPoints(points, self.K, self.distortion, criteria=_CONVERGED)[:, 0]
+
+    def _distort(self, rays: np.ndarray) -> np.ndarray:
+        """Rays (..., 2) behind the lens from rays (..., 2) in front of it: the formula above."""
+        k1, k2, p1, p2 = self.distortion
+        x, y = rays[..., 0], rays[..., 1]
+        r2 = x * x + y * y
+        radial = 1 + r2 * (k1 + k2 * r2)
+        return np.stack(
+            [
+                x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x),
+                y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y,
+            ],
+            axis=-1,
+        )
