@@ -1,0 +1,52 @@
+"""Scenes with exact truth, photographed by a ray caster: the ground the engine is tested, tuned and taught on."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from demo_scenes.cube import cube_scene
+from demo_scenes.photography import Photography, Progress
+from fairing.errors import InputError
+from fairing.scene import Scene
+
+__all__ = ["DEMOS", "Demo", "Photography", "Progress", "cube_scene", "load_demo"]
+
+
+@dataclass(frozen=True)
+class Demo:
+    """A scene that comes with the package.
+
+    Attributes:
+        name: what the user types.
+        description: one line.
+        build: makes the scene of a `Photography` and a progress callback; further keywords are the scene's own.
+    """
+
+    name: str
+    description: str
+    build: Callable[..., Scene]
+
+
+DEMOS: dict[str, Demo] = {
+    demo.name: demo
+    for demo in [
+        Demo("cube", "three faces of a textured cube, its near corner off by 12 % of the edge; 12 photos", cube_scene),
+    ]
+}
+
+
+def load_demo(
+    name: str, photography: Photography | None = None, progress: Progress | None = None, **scene_options: Any
+) -> Scene:
+    """The demo scene of that name; its photos are taken on first use (some seconds) and cached.
+
+    Args:
+        progress: called with a fraction 0 to 1 and a line that says what is going on.
+        scene_options: the scene's own keywords, such as the cube's `displacement`.
+
+    Raises:
+        InputError: there is no such scene.
+    """
+    if name not in DEMOS:
+        raise InputError(f"demo {name}: expected one of {', '.join(DEMOS)}")
+    return DEMOS[name].build(photography or Photography(), progress, **scene_options)

@@ -1,0 +1,112 @@
+"""Sunlight with soft shadows and skylight with its dark corners, as functions of the place alone.
+
+Both are sampled on a barycentric lattice of every face and interpolated between, so that all photos of a Lambertian surface see
+the same light, and coplanar neighbours agree along their common edge. What shades what is read from depth maps: the scene
+rasterised from points far away in each direction of the sky.
+"""
+
+import numpy as np
+from numba import njit
+
+from demo_scenes.surface import PaintedSurface, Stage
+from fairing.camera import Camera
+from fairing.rasterize import rasterize
+
+MAP_SIZE = 1024
+SKY_DIRECTIONS = 40
+SUN_DIRECTIONS = 12
+SUN_RADIUS = 0.03  # radians: larger than the real sun's 0.0047, for shadow borders a few photo pixels wide
+LIFT = 0.004  # fraction of the scene's radius by which samples are lifted off their face, against self-shadowing
+
+
+def light_lattice(stage: Stage) -> np.ndarray:
+    """Light on every face: (m, steps + 1, steps + 1, 2) float, sun visibility and sky visibility, 0 to 1.
+
+    Entry [f, i, j] is the place with barycentric weights i / steps on the second corner and j / steps on the third;
+    entries with i + j > steps repeat their face's border. Without shadows (`light_steps` 1) all is 1.
+    """
+    steps = stage.light_steps
+    surface = stage.surface
+    light = np.ones((len(surface.faces), steps + 1, steps + 1, 2))
+    if steps == 1:
+        return light
+    places, normals = _lattice(surface, steps)
+    low, high = surface.vertices.min(axis=0), surface.vertices.max(axis=0)
+    center, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
+    lifted = places + LIFT * radius * normals
+    sun = np.zeros(len(places))
+    for direction in spread_over_cap(stage.sun_direction, SUN_RADIUS, SUN_DIRECTIONS):
+        sun += _is_lit(surface, lifted, direction, center, radius)
+    sky, total = np.zeros(len(places)), np.zeros(len(places))
+    for direction in spread_over_cap(stage.up, np.pi / 2, SKY_DIRECTIONS):
+        cosine = np.maximum(normals @ direction, 0)
+        sky += cosine * _is_lit(surface, lifted, direction, center, radius)
+        total += np.abs(normals @ direction)
+    # Walls see half the sky, and light from the ground comes back: never quite dark.
+    sky = 0.25 + 0.75 * np.minimum(sky / np.maximum(0.55 * total, 1e-9), 1.3)
+    light[..., 0] = (sun / SUN_DIRECTIONS).reshape(light.shape[:3])
+    light[..., 1] = sky.reshape(light.shape[:3])
+    return light
+
+
+def _lattice(surface: PaintedSurface, steps: int) -> tuple[np.ndarray, np.ndarray]:
+    """Places and normals (m * (steps + 1)^2, 3) of all lattice entries."""
+    i, j = (k.ravel().astype(float) for k in np.mgrid[0 : steps + 1, 0 : steps + 1])
+    excess = np.maximum(i + j - steps, 0) / 2
+    b, c = (i - excess) / steps, (j - excess) / steps
+    weights = np.column_stack([1 - b - c, b, c])
+    places = np.einsum("sk,mkx->msx", weights, surface.vertices[surface.faces])
+    normals = np.einsum("sk,mkx->msx", weights, surface.normals)
+    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    return places.reshape(-1, 3), normals.reshape(-1, 3)
+
+
+def spread_over_cap(axis: np.ndarray, half_angle: float, count: int) -> np.ndarray:
+    """(count, 3) unit vectors spread evenly over the cap of `half_angle` about `axis` (a Fibonacci spiral)."""
+    k = np.arange(count) + 0.5
+    z = 1 - k / count * (1 - np.cos(half_angle))
+    turn = k * np.pi * (3 - np.sqrt(5))
+    side, other = frame(axis)
+    ring = np.sqrt(1 - z * z)
+    return z[:, None] * axis + (ring * np.cos(turn))[:, None] * side + (ring * np.sin(turn))[:, None] * other
+
+
+def frame(axis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Two unit vectors perpendicular to the unit vector `axis` and to each other."""
+    helper = np.eye(3)[np.argmin(np.abs(axis))]
+    side = np.cross(axis, helper)
+    side /= np.linalg.norm(side)
+    return side, np.cross(axis, side)
+
+
+def _is_lit(
+    surface: PaintedSurface, places: np.ndarray, direction: np.ndarray, center: np.ndarray, radius: float
+) -> np.ndarray:
+    """(p,) float, 0 to 1: the part of the four depth-map pixels around each place that lies no nearer to the light."""
+    distance = 40 * radius
+    side, other = frame(direction)
+    R = np.array([side, -other, -direction])
+    focal = 0.48 * MAP_SIZE * distance / radius
+    K = np.array([[focal, 0, MAP_SIZE / 2], [0, focal, MAP_SIZE / 2], [0, 0, 1]])
+    light = Camera.from_krt(K, R, -R @ (center + distance * direction), MAP_SIZE, MAP_SIZE)
+    depth_map = rasterize(surface.vertices, surface.faces, light)[1]
+    uv, depth = light.project(places)
+    return _compare(depth_map, uv, depth - 0.5 * LIFT * radius)
+
+
+@njit(cache=True, nogil=True)
+def _compare(depth_map: np.ndarray, uv: np.ndarray, depth: np.ndarray) -> np.ndarray:
+    height, width = depth_map.shape
+    lit = np.ones(len(uv))
+    for p in range(len(uv)):
+        x, y = int(np.floor(uv[p, 0])), int(np.floor(uv[p, 1]))
+        if x < 0 or y < 0 or x + 1 >= width or y + 1 >= height:
+            continue
+        fx, fy = uv[p, 0] - x, uv[p, 1] - y
+        lit[p] = (
+            (1 - fx) * (1 - fy) * (depth_map[y, x] > depth[p])
+            + fx * (1 - fy) * (depth_map[y, x + 1] > depth[p])
+            + (1 - fx) * fy * (depth_map[y + 1, x] > depth[p])
+            + fx * fy * (depth_map[y + 1, x + 1] > depth[p])
+        )
+    return lit

@@ -1,0 +1,115 @@
+"""Seeded random fields that repeat seamlessly: the irregularity of brick, plaster, stone and wood.
+
+Everything is plain float64 arithmetic on arrays of `numpy.random.Generator(PCG64)`, so the same seed paints the same texture
+on every machine.
+"""
+
+from math import floor
+
+import numpy as np
+from numba import njit
+
+
+def seeded(*key: int) -> np.random.Generator:
+    """The generator that belongs to a key of integers."""
+    return np.random.Generator(np.random.PCG64(list(key)))
+
+
+def spline_noise(size: tuple[int, int], cells: tuple[int, int], rng: np.random.Generator) -> np.ndarray:
+    """Smooth random field (height, width), standard deviation about 1, periodic in both directions.
+
+    A lattice of normal numbers, `cells` = (rows, columns), interpolated by the uniform cubic B-spline: twice continuously
+    differentiable, hence without the creases that betray value noise, and with next to nothing above the lattice's frequency.
+    """
+    lattice = rng.standard_normal(cells)
+    # The B-spline averages its knots (variance 0.23 in each dimension on average over the cell); bring the contrast back.
+    return _upsample(lattice, size[0], size[1]) / 0.48
+
+
+def fractal_noise(
+    size: tuple[int, int], cells: tuple[int, int], octaves: int, rng: np.random.Generator, persistence: float = 0.6
+) -> np.ndarray:
+    """Sum of `octaves` spline noises (height, width), each twice as fine and `persistence` times as strong; deviation 1.
+
+    `cells` is the coarsest lattice (rows, columns). Octaves finer than three texels are left out, to stay band-limited.
+    """
+    total = np.zeros(size)
+    power = 0.0
+    for octave in range(octaves):
+        rows, columns = cells[0] << octave, cells[1] << octave
+        if rows * 3 > size[0] or columns * 3 > size[1]:
+            break
+        strength = persistence**octave
+        total += strength * spline_noise(size, (rows, columns), rng)
+        power += strength**2
+    return total / power**0.5
+
+
+def worley(size: tuple[int, int], cells: tuple[int, int], rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Irregular stones: one random seed in each cell of a lattice, every texel belongs to its nearest seed.
+
+    Returns:
+        The stone's number (height, width) int64 and the distance to the stone's border (height, width) in cell sizes.
+    """
+    jitter = 0.5 + 0.42 * (2 * rng.random((*cells, 2)) - 1)
+    return _worley(jitter, size[0], size[1])
+
+
+def smoothstep(low: float, high: float, x: np.ndarray) -> np.ndarray:
+    """0 below `low`, 1 above `high`, a smooth cubic between."""
+    t = np.clip((x - low) / (high - low), 0, 1)
+    return t * t * (3 - 2 * t)
+
+
+@njit(cache=True, nogil=True)
+def _upsample(lattice: np.ndarray, height: int, width: int) -> np.ndarray:
+    rows, columns = lattice.shape
+    wide = np.zeros((rows, width))
+    for x in range(width):
+        at = x * columns / width
+        cell = floor(at)
+        t = at - cell
+        w0, w1, w2, w3 = (1 - t) ** 3 / 6, (4 - 6 * t * t + 3 * t**3) / 6, 0.0, t**3 / 6
+        w2 = 1 - w0 - w1 - w3
+        for r in range(rows):
+            wide[r, x] = (
+                w0 * lattice[r, (cell - 1) % columns]
+                + w1 * lattice[r, cell % columns]
+                + w2 * lattice[r, (cell + 1) % columns]
+                + w3 * lattice[r, (cell + 2) % columns]
+            )
+    out = np.zeros((height, width))
+    for y in range(height):
+        at = y * rows / height
+        cell = floor(at)
+        t = at - cell
+        w0, w1, w3 = (1 - t) ** 3 / 6, (4 - 6 * t * t + 3 * t**3) / 6, t**3 / 6
+        w2 = 1 - w0 - w1 - w3
+        a, b, c, d = (cell - 1) % rows, cell % rows, (cell + 1) % rows, (cell + 2) % rows
+        for x in range(width):
+            out[y, x] = w0 * wide[a, x] + w1 * wide[b, x] + w2 * wide[c, x] + w3 * wide[d, x]
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _worley(jitter: np.ndarray, height: int, width: int) -> tuple[np.ndarray, np.ndarray]:
+    rows, columns = jitter.shape[:2]
+    stone = np.zeros((height, width), np.int64)
+    border = np.zeros((height, width))
+    for y in range(height):
+        for x in range(width):
+            py, px = y * rows / height, x * columns / width
+            cy, cx = floor(py), floor(px)
+            nearest = second = 1e9
+            for dy in range(-2, 3):
+                for dx in range(-2, 3):
+                    r, c = (cy + dy) % rows, (cx + dx) % columns
+                    ey, ex = cy + dy + jitter[r, c, 0] - py, cx + dx + jitter[r, c, 1] - px
+                    d = (ey * ey + ex * ex) ** 0.5
+                    if d < nearest:
+                        second, nearest = nearest, d
+                        stone[y, x] = r * columns + c
+                    elif d < second:
+                        second = d
+            border[y, x] = (second - nearest) / 2
+    return stone, border

@@ -1,0 +1,116 @@
+"""Taking the photos of a scene: what may go wrong on a real shoot, and the views that come of it."""
+
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import dataclass
+
+import numpy as np
+
+from demo_scenes.cache import cached_photos
+from demo_scenes.lighting import light_lattice
+from demo_scenes.noise import seeded
+from demo_scenes.raycast import photograph
+from demo_scenes.surface import Stage
+from fairing.camera import Camera
+from fairing.photo import ArrayPhoto
+from fairing.scene import View
+
+Progress = Callable[[float, str], None]
+
+
+@dataclass(frozen=True)
+class Photography:
+    """How the photos of a demo scene are taken; the defaults are ideal.
+
+    Attributes:
+        noise: standard deviation of the sensor's noise, grey levels.
+        exposure: largest gain error of a photo; 0.15 is +-15 %, drawn for each photo.
+        occluders: a pole, leaves and passers-by stand before the scene; they are not part of its mesh.
+        gloss: the surface shines: a highlight that moves with the camera.
+        blank_wall: one wall is of a single colour (scenes without a wall ignore it).
+        seed: of everything drawn here.
+    """
+
+    noise: float = 0.0
+    exposure: float = 0.0
+    occluders: bool = False
+    gloss: bool = False
+    blank_wall: bool = False
+    seed: int = 0
+
+
+GLOSS_LEVELS = 70.0
+
+
+def take_photos(
+    scene: str,
+    cameras: Sequence[Camera],
+    stages: Callable[[], Sequence[Stage]],
+    photography: Photography,
+    samples: int,
+    progress: Progress | None,
+    variant: str = "",
+) -> tuple[View, ...]:
+    """Views of a scene, from the cache where they have been taken before.
+
+    Args:
+        stages: builds what each camera sees; one stage may serve all cameras. Called only when photos are to be made.
+        samples: rays along a pixel's side.
+        variant: whatever else the photos depend on (goes into the cache's key).
+    """
+
+    def shoot() -> np.ndarray:
+        report(0.0, f"{scene}: painting textures")
+        stage_of_camera = stages()
+        report(0.2, f"{scene}: light and shadow")
+        light_of_stage = {id(stage): light_lattice(stage) for stage in stage_of_camera}
+        photos = np.zeros(shape, np.uint8)
+
+        def take(k: int) -> None:
+            stage = stage_of_camera[k]
+            levels = photograph(stage, light_of_stage[id(stage)], cameras[k], samples)
+            photos[k] = _develop(levels, photography, k)
+
+        with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
+            done = [pool.submit(take, k) for k in range(len(cameras))]
+            for count, future in enumerate(as_completed(done), start=1):
+                future.result()
+                report(0.3 + 0.7 * count / len(cameras), f"{scene}: photo {count} of {len(cameras)}")
+        return photos
+
+    def report(fraction: float, message: str) -> None:
+        if progress is not None:
+            progress(fraction, message)
+
+    shape = (len(cameras), cameras[0].height, cameras[0].width, 3)
+    matrices = [camera.image_from_world.tolist() for camera in cameras]
+    photos = cached_photos(scene, f"{photography} {samples} {variant} {matrices}", shape, shoot)
+    report(1.0, f"{scene}: ready")
+    return tuple(
+        View(f"{scene}_{k:02d}.png", camera, ArrayPhoto(photo))
+        for k, (camera, photo) in enumerate(zip(cameras, photos, strict=True))
+    )
+
+
+def looking_at(
+    eye: np.ndarray, target: np.ndarray, up: np.ndarray, focal_px: float, width: int, height: int, roll: float = 0.0
+) -> Camera:
+    """A camera at `eye` with `target` in the photo's centre, `up` upwards, then turned by `roll` radians."""
+    forward = np.asarray(target, float) - eye
+    forward /= np.linalg.norm(forward)
+    right = np.cross(forward, up)
+    right /= np.linalg.norm(right)
+    down = np.cross(forward, right)
+    right, down = np.cos(roll) * right + np.sin(roll) * down, np.cos(roll) * down - np.sin(roll) * right
+    R = np.array([right, down, forward])
+    K = np.array([[focal_px, 0, (width - 1) / 2], [0, focal_px, (height - 1) / 2], [0, 0, 1]])
+    return Camera.from_krt(K, R, -R @ eye, width, height)
+
+
+def _develop(levels: np.ndarray, photography: Photography, photo_id: int) -> np.ndarray:
+    """8-bit pixels of a noiseless photo in grey levels: gain, then noise, then rounding."""
+    rng = seeded(photography.seed, photo_id, 21)
+    gain = 1 + photography.exposure * rng.uniform(-1, 1)
+    noise = photography.noise * rng.standard_normal(levels.shape) if photography.noise > 0 else 0.0
+    return np.clip(np.rint(gain * levels + noise), 0, 255).astype(np.uint8)

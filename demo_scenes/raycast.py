@@ -1,0 +1,184 @@
+"""Photographs of a stage: rays through a grid of points in every pixel, met exactly with the faces' planes."""
+
+from math import floor
+
+import numpy as np
+from numba import njit
+
+from demo_scenes.surface import Stage
+from fairing.camera import Camera
+from fairing.rasterize import rasterize
+
+STRIP_ROWS = 48  # photo rows rendered at a time, to bound memory
+SHININESS = 24.0
+
+
+def photograph(stage: Stage, light: np.ndarray, camera: Camera, samples: int) -> np.ndarray:
+    """The photo a noiseless sensor takes: (height, width, 3) float64, grey levels, not clipped.
+
+    A pixel is the mean over its square of `samples` x `samples` rays. A ray through image point u meets the plane of a face
+    with corners X_k at barycentric weights lambda ~ inv([P X_0, P X_1, P X_2]) u, scaled to the sum 1: exact perspective.
+
+    Args:
+        light: from `light_lattice(stage)`.
+    """
+    surface = stage.surface
+    P = camera.image_from_world
+    corners = surface.vertices[surface.faces] @ P[:, :3].T + P[:, 3]  # (m, 3 corners, 3 homogeneous pixels)
+    in_front = (corners[..., 2] > 0).all(axis=1) & (np.abs(np.linalg.det(corners)) > 1e-12)
+    weights_from_image = np.zeros((len(corners), 3, 3))
+    weights_from_image[in_front] = np.linalg.inv(corners[in_front].transpose(0, 2, 1))
+    texels, shapes, starts = _packed(stage.surface.textures)
+    photo = _sky(stage, camera)
+    for first_row in range(0, camera.height, STRIP_ROWS):
+        rows = min(STRIP_ROWS, camera.height - first_row)
+        finer = Camera(_finer(samples, first_row) @ P, camera.width * samples, rows * samples)
+        face_id = rasterize(surface.vertices, surface.faces, finer)[0]
+        _shade(
+            photo[first_row : first_row + rows],
+            face_id,
+            first_row,
+            samples,
+            weights_from_image,
+            surface.vertices[surface.faces],
+            surface.normals,
+            surface.texture_of_face,
+            surface.texel,
+            texels,
+            shapes,
+            starts,
+            light,
+            stage.sun_direction,
+            stage.sun_color,
+            stage.sky_color,
+            stage.gloss,
+            camera.center,
+        )
+    return photo
+
+
+def _finer(samples: int, first_row: int) -> np.ndarray:
+    """(3, 3): pixels of the ray grid from photo pixels, the strip's first row on top."""
+    shift = (samples - 1) / 2
+    return np.array([[samples, 0, shift], [0, samples, shift - samples * first_row], [0, 0, 1.0]])
+
+
+def _packed(textures: tuple[np.ndarray, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """All textures in one uint8 array, their (height, width), and where each starts."""
+    sizes = np.array([texture.size for texture in textures], dtype=np.int64)
+    shapes = np.array([texture.shape[:2] for texture in textures], dtype=np.int64)
+    return np.concatenate([texture.ravel() for texture in textures]), shapes, np.cumsum(sizes) - sizes
+
+
+def _sky(stage: Stage, camera: Camera) -> np.ndarray:
+    """The background (height, width, 3): the colour depends on the ray's elevation alone."""
+    u, v = np.meshgrid(np.arange(camera.width, dtype=float), np.arange(camera.height, dtype=float))
+    rays = np.stack([u, v, np.ones_like(u)], axis=-1) @ np.linalg.inv(camera.image_from_world[:, :3]).T
+    elevation = rays @ stage.up / np.sqrt((rays * rays).sum(axis=-1))
+    t = np.clip(elevation, 0, 1)[..., None] ** 0.7
+    return stage.background[0] + t * (stage.background[1] - stage.background[0])
+
+
+@njit(cache=True, nogil=True)
+def _shade(
+    photo,
+    face_id,
+    first_row,
+    samples,
+    weights_from_image,
+    corners,
+    normals,
+    texture_of_face,
+    texel,
+    texels,
+    shapes,
+    starts,
+    light,
+    sun_direction,
+    sun_color,
+    sky_color,
+    gloss,
+    eye,
+):
+    """Replace the background by the mean colour of the rays through each pixel of a strip, in place."""
+    steps = light.shape[1] - 1
+    share = 1.0 / (samples * samples)
+    color = np.zeros(3)
+    for y in range(photo.shape[0]):
+        for x in range(photo.shape[1]):
+            red = green = blue = 0.0
+            for sy in range(samples):
+                v = first_row + y + (sy + 0.5) / samples - 0.5
+                for sx in range(samples):
+                    f = face_id[y * samples + sy, x * samples + sx]
+                    if f < 0:
+                        red += photo[y, x, 0]
+                        green += photo[y, x, 1]
+                        blue += photo[y, x, 2]
+                        continue
+                    u = x + (sx + 0.5) / samples - 0.5
+                    W = weights_from_image[f]
+                    a = W[0, 0] * u + W[0, 1] * v + W[0, 2]
+                    b = W[1, 0] * u + W[1, 1] * v + W[1, 2]
+                    c = W[2, 0] * u + W[2, 1] * v + W[2, 2]
+                    # Rays on an edge may miss it by rounding.
+                    total = a + b + c
+                    a, b, c = max(a / total, 0.0), max(b / total, 0.0), max(c / total, 0.0)
+                    total = a + b + c
+                    a, b, c = a / total, b / total, c / total
+
+                    t = texture_of_face[f]
+                    tx = a * texel[f, 0, 0] + b * texel[f, 1, 0] + c * texel[f, 2, 0]
+                    ty = a * texel[f, 0, 1] + b * texel[f, 1, 1] + c * texel[f, 2, 1]
+                    _look_up(texels, starts[t], shapes[t, 0], shapes[t, 1], tx, ty, color)
+
+                    nx = a * normals[f, 0, 0] + b * normals[f, 1, 0] + c * normals[f, 2, 0]
+                    ny = a * normals[f, 0, 1] + b * normals[f, 1, 1] + c * normals[f, 2, 1]
+                    nz = a * normals[f, 0, 2] + b * normals[f, 1, 2] + c * normals[f, 2, 2]
+                    n = (nx * nx + ny * ny + nz * nz) ** 0.5
+                    nx, ny, nz = nx / n, ny / n, nz / n
+                    cosine = max(nx * sun_direction[0] + ny * sun_direction[1] + nz * sun_direction[2], 0.0)
+                    sun = cosine * _interpolate(light, f, steps, b, c, 0)
+                    sky = _interpolate(light, f, steps, b, c, 1)
+
+                    glint = 0.0
+                    if gloss > 0 and sun > 0:
+                        hx = eye[0] - a * corners[f, 0, 0] - b * corners[f, 1, 0] - c * corners[f, 2, 0]
+                        hy = eye[1] - a * corners[f, 0, 1] - b * corners[f, 1, 1] - c * corners[f, 2, 1]
+                        hz = eye[2] - a * corners[f, 0, 2] - b * corners[f, 1, 2] - c * corners[f, 2, 2]
+                        h = (hx * hx + hy * hy + hz * hz) ** 0.5
+                        # Blinn and Phong: the half vector between the eye and the sun.
+                        hx, hy, hz = hx / h + sun_direction[0], hy / h + sun_direction[1], hz / h + sun_direction[2]
+                        h = (hx * hx + hy * hy + hz * hz) ** 0.5
+                        glint = gloss * sun * max((nx * hx + ny * hy + nz * hz) / h, 0.0) ** SHININESS
+                    red += color[0] * (sun * sun_color[0] + sky * sky_color[0]) + glint
+                    green += color[1] * (sun * sun_color[1] + sky * sky_color[1]) + glint
+                    blue += color[2] * (sun * sun_color[2] + sky * sky_color[2]) + glint
+            photo[y, x, 0] = red * share
+            photo[y, x, 1] = green * share
+            photo[y, x, 2] = blue * share
+
+
+@njit(cache=True, nogil=True)
+def _look_up(texels, start, height, width, tx, ty, color):
+    """Bilinear colour at texel (tx, ty) of a texture that repeats, into `color` (3,)."""
+    x, y = floor(tx), floor(ty)
+    fx, fy = tx - x, ty - y
+    x0, y0 = x % width, y % height
+    x1, y1 = (x0 + 1) % width, (y0 + 1) % height
+    for k in range(3):
+        above = texels[start + (y0 * width + x0) * 3 + k] * (1 - fx) + texels[start + (y0 * width + x1) * 3 + k] * fx
+        below = texels[start + (y1 * width + x0) * 3 + k] * (1 - fx) + texels[start + (y1 * width + x1) * 3 + k] * fx
+        color[k] = above * (1 - fy) + below * fy
+
+
+@njit(cache=True, nogil=True)
+def _interpolate(light, f, steps, b, c, channel):
+    """Light of a face at barycentric weights b, c: linear over the triangles of its lattice."""
+    i, j = min(int(b * steps), steps - 1), min(int(c * steps), steps - 1)
+    p, q = b * steps - i, c * steps - j
+    if p + q <= 1:
+        corner = light[f, i, j, channel]
+        return corner + p * (light[f, i + 1, j, channel] - corner) + q * (light[f, i, j + 1, channel] - corner)
+    corner = light[f, i + 1, j + 1, channel]
+    return corner + (1 - q) * (light[f, i + 1, j, channel] - corner) + (1 - p) * (light[f, i, j + 1, channel] - corner)
