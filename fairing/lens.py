@@ -40,8 +40,11 @@ class Lens:
     height: int
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.K).all() and np.isfinite(self.distortion).all()):
-            raise InputError("lens: expected finite parameters, found NaN or infinity")
+        if not (np.isfinite(self.K).all() and np.isfinite(self.distortion).all() and np.diag(self.K).min() > 0):
+            raise InputError(
+                "lens: expected finite parameters and positive focal lengths, "
+                f"found {', '.join(f'{p:g}' for p in (*self.K[:2].ravel()[[0, 4, 2, 5]], *self.distortion))}"
+            )
         if not self.is_distorted:
             return
         cx, cy = self.K[:2, 2]

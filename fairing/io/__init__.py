@@ -1,6 +1,17 @@
 """Reading scenes and meshes, writing results; a file per format."""
 
+from fairing.io.atomic import write_atomically
+from fairing.io.in_view import check_mesh_in_view
 from fairing.io.load import load_scene, read_capture
 from fairing.io.mesh_file import read_mesh, write_mesh
+from fairing.io.output_folder import prepare_output_folder
 
-__all__ = ["load_scene", "read_capture", "read_mesh", "write_mesh"]
+__all__ = [
+    "check_mesh_in_view",
+    "load_scene",
+    "prepare_output_folder",
+    "read_capture",
+    "read_mesh",
+    "write_atomically",
+    "write_mesh",
+]

@@ -126,7 +126,13 @@ def _sparse_points(
     point_ids = np.concatenate([image.point_ids for image in images])
     view_index = np.repeat(np.arange(len(images)), [len(image.point_ids) for image in images])
     seen = point_ids != -1
-    point_ids, view_index = point_ids[seen], view_index[seen]
+    point_ids, view_index, observed = point_ids[seen], view_index[seen], np.concatenate(pixels)[seen]
+    not_finite = np.flatnonzero(~np.isfinite(observed).all(axis=1))
+    if len(not_finite):
+        raise InputError(
+            f"{folder}: image {images[view_index[not_finite[0]]].name}: expected finite observations, "
+            "found NaN or infinity; export the model from COLMAP again"
+        )
     position = np.minimum(np.searchsorted(ids, point_ids), len(ids) - 1)
     unknown = np.flatnonzero(ids[position] != point_ids)
     if len(unknown):
@@ -138,7 +144,7 @@ def _sparse_points(
         model.points.positions,
         model.points.colors,
         np.column_stack([order[position], view_index]),
-        np.concatenate(pixels)[seen],
+        observed,
     )
 
 

@@ -66,8 +66,8 @@ def _read_points(path: Path) -> ColmapPoints:
             ids.append(int(point_id))
             positions.append((float(x), float(y), float(z)))
             colors.append((int(r), int(g), int(b)))
-            if not 0 <= min(colors[-1]) <= max(colors[-1]) <= 255:
-                raise ValueError("colour out of range")
+            if not (0 <= min(colors[-1]) <= max(colors[-1]) <= 255 and 0 <= ids[-1] < 2**63):
+                raise ValueError("out of range")
     return ColmapPoints(
         np.array(ids, dtype=np.int64),
         np.array(positions, dtype=np.float64).reshape(-1, 3),

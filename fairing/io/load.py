@@ -1,14 +1,20 @@
 """From a folder of photos, cameras and a mesh to a Scene."""
 
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from fairing.errors import InputError
-from fairing.io import colmap
+from fairing.io import colmap, matrices, scene_json
 from fairing.io.capture import Capture, Reader, files_in, listed, naming, reading
+from fairing.io.in_view import check_mesh_in_view
 from fairing.io.mesh_file import MESH_SUFFIXES, read_mesh
+from fairing.mesh import Mesh
+from fairing.mesh_check import inspect_mesh
 from fairing.scene import Scene
 
-READERS: tuple[Reader, ...] = (colmap,)
+READERS: tuple[Reader, ...] = (colmap, matrices, scene_json)
 """Supported formats. A new one is a module with FORMAT, `recognises` and `read`, added here."""
 
 
@@ -27,14 +33,14 @@ def load_scene(path: str | Path, mesh: str | Path | None = None) -> Scene:
     mesh_path = Path(mesh) if mesh is not None else capture.mesh or _only_mesh(path if path.is_dir() else path.parent)
     vertices, faces = read_mesh(mesh_path)
     with naming(mesh_path):
-        return Scene.build(
-            path.resolve().stem if path.is_file() else path.resolve().name,
-            vertices,
-            faces,
-            capture.views,
-            sparse_points=capture.sparse_points,
-            warnings=capture.warnings,
-        )
+        Mesh(vertices, faces)  # whatever is wrong with it is said with the file's name
+    name = path.resolve().name
+    scene = Scene.build(name, vertices, faces, capture.views, sparse_points=capture.sparse_points)
+    with naming(mesh_path):
+        facts = inspect_mesh(scene.mesh)
+    check_mesh_in_view(scene)
+    _, input_vertices = np.unique(scene.original_from_welded, return_index=True)
+    return replace(scene, warnings=capture.warnings + facts.warnings(input_vertices))
 
 
 def read_capture(path: Path) -> Capture:
@@ -43,11 +49,12 @@ def read_capture(path: Path) -> Capture:
     Raises:
         InputError: no such path, no supported format or several, or whatever the reader finds wrong.
     """
-    if not path.exists():
-        raise InputError(f"{path}: expected a scene (a folder or a file), found nothing there; check the path")
-    matching = [reader for reader in READERS if reader.recognises(path)]
-    if len(matching) == 1:
-        return matching[0].read(path)
+    with reading(path, "a scene (a folder or a file of it)"):
+        if not path.exists():
+            raise FileNotFoundError
+        matching = [reader for reader in READERS if reader.recognises(path)]
+        if len(matching) == 1:
+            return matching[0].read(path)
     if matching:
         found = "; ".join(reader.FORMAT for reader in matching)
         raise InputError(f"{path}: expected one scene, found several: {found}; move all but one elsewhere")

@@ -1,12 +1,12 @@
 """Meshes as files: vertices and triangles, in the file's order.
 
-OBJ is read by our own few lines: trimesh splits the vertices of a textured OBJ where texture coordinates differ and drops
-the unused ones, and the mesh we write must have the vertices of the mesh we read.
+OBJ is read by our own few lines: trimesh splits the vertices of a textured OBJ where texture coordinates differ and
+drops the unused ones, and the mesh we write must have the vertices of the mesh we read.
 """
 
 from itertools import pairwise
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 import numpy as np
 import trimesh
@@ -56,7 +56,7 @@ def write_mesh(path: Path, vertices: np.ndarray, faces: np.ndarray) -> None:
 
 
 def _read_with_trimesh(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    options: dict[str, bool] = {"process": False}
+    options: dict[str, Any] = {"process": False}
     if path.suffix.lower() == ".ply":
         # Without these trimesh splits the vertices of a textured PLY, too.
         options |= {"skip_materials": True, "fix_texture": False}

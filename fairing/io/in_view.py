@@ -1,0 +1,36 @@
+"""Do the photos show the mesh at all? Wrong axes, units or frames are found here, before any work is done."""
+
+import numpy as np
+
+from fairing.errors import InputError
+from fairing.scene import Scene
+
+
+def check_mesh_in_view(scene: Scene) -> None:
+    """Cheap: only projects vertices, and knows nothing of what hides what.
+
+    Raises:
+        InputError: no vertex lies inside a photo and in front of its camera; or a camera is mirrored, which shows as a
+            mesh that lies behind it and yet projects into its photo. (A 3x4 matrix and its negative are the same camera,
+            so a mirrored one cannot be told from the matrix alone.)
+    """
+    vertices = scene.mesh.vertices[np.unique(scene.mesh.faces)]
+    is_seen = False
+    for view in scene.views:
+        pixels, depth = view.camera.project(vertices)
+        with np.errstate(invalid="ignore"):
+            inside = ((pixels >= -0.5) & (pixels <= np.array([view.camera.width, view.camera.height]) - 0.5)).all(
+                axis=1
+            )
+        seen = int((inside & (depth > 0)).sum())
+        if seen == 0 and (inside & (depth < 0)).mean() > 0.5:
+            raise InputError(
+                f"camera of photo {view.name}: the mesh lies behind it and yet projects into its photo, so its "
+                "axes are mirrored; flip one (x right, y down, z forward) or remove the photo"
+            )
+        is_seen |= seen > 0
+    if not is_seen:
+        raise InputError(
+            f"mesh: none of its {len(vertices)} vertices lies inside any of the {len(scene.views)} photos; mesh "
+            "and cameras differ in axes, units or frame, bring the mesh into the cameras' world"
+        )

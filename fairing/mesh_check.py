@@ -1,0 +1,111 @@
+"""What is unusual about a mesh: handled by the engine, and named so that nobody wonders."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from fairing.errors import InputError
+from fairing.mesh import Mesh
+
+_FLAT = 1e-8
+"""A face is degenerate when its height is below this fraction of its longest edge: no photo resolves it."""
+
+
+@dataclass(frozen=True, eq=False)
+class MeshFacts:
+    """Findings of `inspect_mesh`. Edges are (low, high) vertex ids. Edges and the boundary are those of sound faces,
+    which are neither degenerate nor repeated.
+
+    Attributes:
+        degenerate_faces: (d,) int: faces without area.
+        repeated_faces: (r,) int: faces with the corners of an earlier face, turned either way.
+        crowded_edges: (c, 2) int: edges of more than two faces.
+        misoriented_edges: (m, 2) int: edges whose two faces are turned to opposite sides.
+        boundary_vertices: (b,) int: vertices on an edge of one face.
+        unreferenced_vertices: (u,) int: vertices of no face.
+        n_components: parts that share no vertex.
+    """
+
+    degenerate_faces: np.ndarray
+    repeated_faces: np.ndarray
+    crowded_edges: np.ndarray
+    misoriented_edges: np.ndarray
+    boundary_vertices: np.ndarray
+    unreferenced_vertices: np.ndarray
+    n_components: int
+
+    def warnings(self, vertex_ids: np.ndarray | None = None) -> tuple[str, ...]:
+        """One line for each finding that the user may want to repair.
+
+        Args:
+            vertex_ids: (n,) int: the number by which the user knows each vertex, where that is not its index.
+        """
+        crowded_edges, misoriented_edges, unreferenced = (
+            ids if vertex_ids is None else vertex_ids[ids]
+            for ids in (self.crowded_edges, self.misoriented_edges, self.unreferenced_vertices)
+        )
+        found = [
+            (self.degenerate_faces, "degenerate faces", "take no part"),
+            (self.repeated_faces, "faces repeat the corners of another", "remove the copies if they are a mistake"),
+            (crowded_edges, "edges have more than two faces", "the mesh is not a manifold there"),
+            (misoriented_edges, "edges lie between faces turned to opposite sides", "turn the faces consistently"),
+            (unreferenced, "vertices belong to no face", "they stay where they are"),
+        ]
+        return tuple(
+            f"mesh: {len(items)} {what} (first: {'-'.join(map(str, np.atleast_1d(items[0])))}); {consequence}"
+            for items, what, consequence in found
+            if len(items)
+        )
+
+
+def inspect_mesh(mesh: Mesh) -> MeshFacts:
+    """Find degenerate and repeated faces, edges that are not manifold, the boundary and the parts.
+
+    Raises:
+        InputError: every face is degenerate.
+    """
+    is_degenerate = _is_degenerate(mesh)
+    if is_degenerate.all():
+        raise InputError(
+            f"mesh: expected a surface, found that all {len(mesh.faces)} faces have no area; repair the mesh"
+        )
+    is_repeated = ~is_degenerate
+    candidates = np.flatnonzero(~is_degenerate)
+    _, first = np.unique(np.sort(mesh.faces[candidates], axis=1), axis=0, return_index=True)
+    is_repeated[candidates[first]] = False
+
+    sound = mesh.faces[~is_degenerate & ~is_repeated]
+    half_edges = sound[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    edges, edge_of, count = np.unique(np.sort(half_edges, axis=1), axis=0, return_inverse=True, return_counts=True)
+    # +1 for a face that runs from the lower to the higher vertex, -1 for the other way: a well turned pair sums to 0.
+    turn = np.bincount(edge_of.reshape(-1), np.where(half_edges[:, 0] < half_edges[:, 1], 1, -1), len(edges))
+    is_referenced = np.zeros(len(mesh.vertices), dtype=bool)
+    is_referenced[mesh.faces] = True
+    return MeshFacts(
+        degenerate_faces=np.flatnonzero(is_degenerate),
+        repeated_faces=np.flatnonzero(is_repeated),
+        crowded_edges=edges[count > 2],
+        misoriented_edges=edges[(count == 2) & (turn != 0)],
+        boundary_vertices=np.unique(edges[count == 1]),
+        unreferenced_vertices=np.flatnonzero(~is_referenced),
+        n_components=_count_components(mesh) - int((~is_referenced).sum()),
+    )
+
+
+def _is_degenerate(mesh: Mesh) -> np.ndarray:
+    """(m,) bool, free of any unit: heights are compared with edges."""
+    corners = mesh.vertices[mesh.faces]
+    sides = np.roll(corners, -1, axis=1) - corners
+    longest = np.linalg.norm(sides, axis=2).max(axis=1)
+    sides = sides / np.where(longest > 0, longest, 1)[:, None, None]
+    height = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
+    return height < _FLAT
+
+
+def _count_components(mesh: Mesh) -> int:
+    n = len(mesh.vertices)
+    ends = mesh.edges
+    graph = coo_array((np.ones(len(ends), dtype=bool), (ends[:, 0], ends[:, 1])), shape=(n, n))
+    return int(connected_components(graph, directed=False)[0])
