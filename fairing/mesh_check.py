@@ -73,14 +73,15 @@ def inspect_mesh(mesh: Mesh) -> MeshFacts:
         )
     is_repeated = ~is_degenerate
     candidates = np.flatnonzero(~is_degenerate)
-    _, first = np.unique(np.sort(mesh.faces[candidates], axis=1), axis=0, return_index=True)
-    is_repeated[candidates[first]] = False
+    is_repeated[candidates[_first_of_each(np.sort(mesh.faces[candidates], axis=1))]] = False
 
     sound = mesh.faces[~is_degenerate & ~is_repeated]
     half_edges = sound[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
-    edges, edge_of, count = np.unique(np.sort(half_edges, axis=1), axis=0, return_inverse=True, return_counts=True)
+    keys = half_edges.min(axis=1) * len(mesh.vertices) + half_edges.max(axis=1)
+    keys, edge_of, count = np.unique(keys, return_inverse=True, return_counts=True)
+    edges = np.column_stack(np.divmod(keys, len(mesh.vertices)))
     # +1 for a face that runs from the lower to the higher vertex, -1 for the other way: a well turned pair sums to 0.
-    turn = np.bincount(edge_of.reshape(-1), np.where(half_edges[:, 0] < half_edges[:, 1], 1, -1), len(edges))
+    turn = np.bincount(edge_of, np.where(half_edges[:, 0] < half_edges[:, 1], 1, -1), len(edges))
     is_referenced = np.zeros(len(mesh.vertices), dtype=bool)
     is_referenced[mesh.faces] = True
     return MeshFacts(
@@ -102,6 +103,14 @@ def _is_degenerate(mesh: Mesh) -> np.ndarray:
     sides = sides / np.where(longest > 0, longest, 1)[:, None, None]
     height = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
     return height < _FLAT
+
+
+def _first_of_each(rows: np.ndarray) -> np.ndarray:
+    """Index of the first row of each distinct kind, for integer rows (r, 3)."""
+    order = np.lexsort(rows.T)
+    is_new = np.ones(len(order), dtype=bool)
+    is_new[1:] = (rows[order[1:]] != rows[order[:-1]]).any(axis=1)
+    return order[is_new]
 
 
 def _count_components(mesh: Mesh) -> int:

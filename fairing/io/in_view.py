@@ -11,8 +11,8 @@ def check_mesh_in_view(scene: Scene) -> None:
 
     Raises:
         InputError: no vertex lies inside a photo and in front of its camera; or a camera is mirrored, which shows as a
-            mesh that lies behind it and yet projects into its photo. (A 3x4 matrix and its negative are the same camera,
-            so a mirrored one cannot be told from the matrix alone.)
+            mesh that lies behind it and yet projects into its photo. (A 3x4 matrix and its negative are the same
+            camera, so a mirrored one cannot be told from the matrix alone.)
     """
     vertices = scene.mesh.vertices[np.unique(scene.mesh.faces)]
     is_seen = False
