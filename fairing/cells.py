@@ -1,0 +1,224 @@
+"""The cells of all faces at one level: which photos, which samples, how finely, with what weight.
+
+A context is a function of the level and of the vertex positions it was made at. It stays fixed while vertices move, so that
+energies before and after a step compare like with like, and is made anew at the beginning of each sweep.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fairing.kernels import (
+    NORM_GEMAN_MCCLURE,
+    NORM_HUBER,
+    NORM_LEAST_SQUARES,
+    KernelData,
+)
+from fairing.options import FairingOptions, by_level
+from fairing.scale_space import ScaleSpace
+from fairing.scene import Scene
+from fairing.visibility import DepthMap, Visibility, depth_map, footprints, mask_samples
+
+GRID_SIZES = (8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256)
+NORMS = {
+    "geman_mcclure": NORM_GEMAN_MCCLURE,
+    "geman_mcclure_printed": NORM_GEMAN_MCCLURE,
+    "huber": NORM_HUBER,
+    "least_squares": NORM_LEAST_SQUARES,
+}
+# A photo sampled every d pixels needs a blur of about d / 2, or its fine detail turns into noise.
+ANTI_ALIASING = 0.5
+# The border left out is at most this part of the face, else small faces would lose everything.
+MAX_INSET = 0.08
+
+
+def cell_grid(size: int) -> np.ndarray:
+    """(2, size * (size + 1) / 2) float32: barycentric weights of corners 0 and 1 at the samples of a cell.
+
+    Sample (row r, column c) of the right triangle sits at ((c + 1/3) / size, (r + 1/3) / size), c + r < size, so that the three
+    corners are treated alike.
+    """
+    row, column = np.nonzero(np.add.outer(np.arange(size), np.arange(size)) < size)
+    return np.stack([(column + 1 / 3) / size, (row + 1 / 3) / size]).astype(np.float32)
+
+
+@dataclass(frozen=True, eq=False)
+class CellContext:
+    """Everything about the cells that stays fixed while vertices move.
+
+    Attributes:
+        level: level of the schedule.
+        kernel: arrays for `fairing.kernels`.
+        reasons: (m, V) int8 `Visibility` of every face in every view.
+        n_views: (m,) int: views that take part.
+        footprint_area: (m,) float: mean over those views, px^2.
+        vertices: (n, 3): positions the context was made at.
+    """
+
+    level: int
+    kernel: KernelData
+    reasons: np.ndarray
+    n_views: np.ndarray
+    footprint_area: np.ndarray
+    vertices: np.ndarray
+
+    @property
+    def takes_part(self) -> np.ndarray:
+        """(m,) bool: faces with enough views to say anything."""
+        return self.kernel.face_dimensions > 0
+
+    def pairs_of(self, face: int) -> slice:
+        """The pairs of a face in the pair arrays."""
+        return slice(int(self.kernel.pair_start[face]), int(self.kernel.pair_start[face + 1]))
+
+
+def facing(scene: Scene, vertices: np.ndarray) -> int:
+    """1 if the photos see mostly the counter-clockwise side of the faces, -1 if the clockwise side."""
+    balance = 0
+    faces = scene.mesh.faces
+    for view in scene.views[:: max(1, len(scene.views) // 8)]:
+        _, face_id = depth_map(vertices, faces, view.camera)
+        counts = np.bincount(face_id[face_id >= 0], minlength=len(faces))
+        points = vertices[faces]
+        normal = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])
+        balance += int((counts * np.sign(((view.camera.center - points[:, 0]) * normal).sum(1))).sum())
+    return 1 if balance >= 0 else -1
+
+
+def build_context(
+    scene: Scene,
+    photos: ScaleSpace,
+    options: FairingOptions,
+    level: int,
+    vertices: np.ndarray,
+    orientation: int,
+    excluded_faces: np.ndarray,
+) -> CellContext:
+    """Judge visibility at the given positions and lay out the cells of a level.
+
+    Args:
+        photos: blurred photos of the scene.
+        vertices: (n, 3) float, world units.
+        orientation: see `facing`.
+        excluded_faces: (m,) bool: faces that take no part (degenerate).
+    """
+    faces = scene.mesh.faces
+    blur = options.schedule.blur[level]
+    effective_blur = max(1.0, blur)
+    n_views, n_faces = len(scene.views), len(faces)
+
+    reasons = np.empty((n_faces, n_views), dtype=np.int8)
+    area, longest, height = (np.zeros((n_faces, n_views)) for _ in range(3))
+    maps: list[DepthMap] = []
+    for v, view in enumerate(scene.views):
+        outline = footprints(vertices, faces, view.camera, orientation, options.visibility, blur)
+        reasons[:, v], area[:, v], longest[:, v], height[:, v] = (
+            outline.reason, outline.area, outline.longest_edge, outline.height,
+        )  # fmt: skip
+        maps.append(depth_map(vertices, faces, view.camera)[0])
+    reasons[excluded_faces] = Visibility.DEGENERATE
+
+    candidate = reasons == Visibility.SEEN
+    size = by_level(options.cells.size, level)
+    extent = np.where(candidate, longest, 0).max(axis=1)
+    grid_sizes = [s for s in GRID_SIZES if s < size] + [size] if options.cells.adaptive else [size]
+    wanted = extent / (options.cells.spacing * effective_blur)
+    face_grid = np.minimum(np.searchsorted(grid_sizes, wanted), len(grid_sizes) - 1)
+    grids = [cell_grid(s) for s in grid_sizes]
+    grid_start = np.concatenate([[0], np.cumsum([g.shape[1] for g in grids])])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        typical_height = np.where(candidate, height, 0).sum(1) / np.maximum(candidate.sum(1), 1)
+        inset = np.minimum(by_level(options.cells.inset, level) / np.maximum(typical_height, 1e-9), MAX_INSET)
+
+    margin = options.visibility.edge_margin * blur + 1.0
+    masks: list[np.ndarray] = []
+    mask_length = 0
+    mask_start = np.full((n_faces, n_views), -1, dtype=np.int64)
+    P = np.stack([view.camera.image_from_world for view in scene.views])
+    homogeneous = np.einsum("vij,nj->vni", P[:, :, :3], vertices) + P[:, None, :, 3]
+    for f, v in np.argwhere(candidate):
+        ramp = grids[face_grid[f]]
+        mask = np.empty(ramp.shape[1], dtype=np.uint8)
+        m = maps[v]
+        seen = mask_samples(
+            homogeneous[v, faces[f]], ramp, inset[f], m.inverse_depth, m.edge_distance, m.focal_length,
+            1.0 + blur, margin, mask,
+        )  # fmt: skip
+        if seen < options.visibility.min_samples * len(mask):
+            reasons[f, v] = Visibility.HIDDEN
+        elif seen < len(mask):
+            reasons[f, v] = Visibility.PARTLY_SEEN
+            mask_start[f, v] = mask_length
+            mask_length += len(mask)
+            masks.append(mask)
+
+    part = reasons <= Visibility.PARTLY_SEEN
+    surplus = part.sum(1) > options.visibility.max_views
+    for f in np.flatnonzero(surplus):
+        ranked = np.argsort(np.where(part[f], -area[f], np.inf), kind="stable")[options.visibility.max_views :]
+        reasons[f, ranked[part[f, ranked]]] = Visibility.SURPLUS
+    part = reasons <= Visibility.PARTLY_SEEN
+
+    count = part.sum(1)
+    rank_limit = count - 2 - int(options.eigenspace.centered)
+    dimensions = np.minimum(by_level(options.eigenspace.dimensions, level), rank_limit)
+    dimensions[(count < 3) | (dimensions < 1)] = 0
+
+    pair_face, pair_view = np.nonzero(part)
+    samples = np.diff(grid_start)[face_grid]
+    weight = np.ones(len(pair_face))
+    if options.cells.weighting == "photo_area":
+        weight = area[pair_face, pair_view] / samples[pair_face]
+    pixels, base = _photos_for_pairs(
+        photos, blur, by_level(options.cells.interpolation, level) == "cubic",
+        longest[pair_face, pair_view] / np.asarray(grid_sizes)[face_grid[pair_face]], pair_view,
+    )  # fmt: skip
+    kernel = KernelData(
+        faces=faces,
+        image_from_world=P,
+        view_size=np.array([(view.camera.width, view.camera.height) for view in scene.views], dtype=np.int64),
+        pixels=pixels,
+        channels=photos.channels,
+        pair_start=np.searchsorted(pair_face, np.arange(n_faces + 1)).astype(np.int64),
+        pair_view=pair_view.astype(np.int64),
+        pair_base=base,
+        pair_weight=weight,
+        pair_mask=mask_start[pair_face, pair_view],
+        masks=np.concatenate(masks) if masks else np.zeros(0, dtype=np.uint8),
+        face_dimensions=dimensions.astype(np.int64),
+        face_inset=inset,
+        face_grid=face_grid.astype(np.int64),
+        grid_start=grid_start.astype(np.int64),
+        ramp=np.concatenate(grids, axis=1),
+        affine=options.cells.warp == "affine",
+        cubic=by_level(options.cells.interpolation, level) == "cubic",
+        remove_bias=options.cells.remove_bias,
+        centered=options.eigenspace.centered,
+        norm=NORMS[options.robust.norm],
+    )
+    mean_area = np.where(part, area, 0).sum(1) / np.maximum(count, 1)
+    return CellContext(level, kernel, reasons, count, mean_area, vertices.copy())
+
+
+def _photos_for_pairs(
+    photos: ScaleSpace, blur: float, cubic: bool, spacing: np.ndarray, pair_view: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """The photos at the level's blur, and more blurred ones where a cell's samples lie far apart in the photo.
+
+    Args:
+        spacing: (P,) float: distance of a pair's samples, px.
+
+    Returns:
+        Flat pixels and for each pair where its photo starts in them.
+    """
+    needed = ANTI_ALIASING * spacing
+    rung = np.zeros(len(spacing), dtype=np.int64)
+    coarse = needed > max(blur, 1.0) * 1.25
+    if not coarse.any():
+        planes = photos.planes(blur, cubic)
+        return planes, photos.offsets[pair_view]
+    rung[coarse] = np.ceil(np.log2(needed[coarse] / max(blur, 1.0))).astype(np.int64)
+    rungs = np.unique(np.concatenate([[0], rung]))
+    parts = [photos.planes(blur if r == 0 else max(blur, 1.0) * 2.0**r, cubic) for r in rungs]
+    starts = np.concatenate([[0], np.cumsum([len(part) for part in parts])[:-1]])
+    return np.concatenate(parts), photos.offsets[pair_view] + starts[np.searchsorted(rungs, rung)]

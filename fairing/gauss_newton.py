@@ -1,0 +1,168 @@
+"""From the faces' normal equations to a displacement of the vertices, and whether it may be accepted."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.linalg import splu
+
+from fairing.energy import FaceSystem
+from fairing.mesh import Mesh
+from fairing.options import StepOptions
+
+# Keeps a block with no information invertible; far below every threshold on eigenvalues.
+RIDGE = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Prior:
+    """A weak pull of vertices towards `anchor` along what the photos leave open: sum of (x - a)^T B (x - a) / 2.
+
+    Attributes:
+        blocks: (n, 3, 3) float, B.
+        anchor: (n, 3) float, a, world units.
+    """
+
+    blocks: np.ndarray
+    anchor: np.ndarray
+
+    def energy(self, vertices: np.ndarray, ids: np.ndarray) -> np.ndarray:
+        """(len(ids),) float."""
+        offset = vertices[ids] - self.anchor[ids]
+        return 0.5 * np.einsum("vi,vij,vj->v", offset, self.blocks[ids], offset)
+
+    def gradient(self, vertices: np.ndarray, ids: np.ndarray) -> np.ndarray:
+        """(len(ids), 3) float."""
+        return np.einsum("vij,vj->vi", self.blocks[ids], vertices[ids] - self.anchor[ids])
+
+
+def vertex_systems(mesh: Mesh, system: FaceSystem) -> tuple[np.ndarray, np.ndarray]:
+    """Normal matrices (n, 3, 3) and gradients (n, 3) by vertex, summed over the faces of `system`."""
+    n = len(mesh.vertices)
+    H, g = np.zeros((n, 3, 3)), np.zeros((n, 3))
+    corners = mesh.faces[system.faces]
+    for j in range(3):
+        block = slice(3 * j, 3 * j + 3)
+        np.add.at(H, corners[:, j], system.H[:, block, block])
+        np.add.at(g, corners[:, j], system.g[:, block])
+    return H, g
+
+
+def undetermined_directions(
+    vertices: np.ndarray, mesh: Mesh, H: np.ndarray, usable: np.ndarray, options: StepOptions
+) -> np.ndarray:
+    """Blocks (n, 3, 3) that penalise what photos do not determine: inside a plane, along an edge, no texture.
+
+    Two signs of it, joined: a small eigenvalue of the normal matrix, and directions in which the normals of the incident faces
+    have no spread (moving there only slides the surface in itself). The penalty is `prior` times the largest eigenvalue.
+
+    Args:
+        usable: (m,) bool: faces that take part.
+    """
+    normals = face_normals(vertices, mesh.faces)
+    area = np.linalg.norm(normals, axis=1, keepdims=True)
+    unit = normals / np.maximum(area, 1e-300)
+    spread = np.zeros((len(vertices), 3, 3))
+    total = np.zeros(len(vertices))
+    weight = area[:, 0] * usable
+    for j in range(3):
+        np.add.at(spread, mesh.faces[:, j], weight[:, None, None] * unit[:, :, None] * unit[:, None, :])
+        np.add.at(total, mesh.faces[:, j], weight)
+    spread /= np.maximum(total, 1e-300)[:, None, None]
+    values, vectors = np.linalg.eigh(H)
+    largest = np.maximum(values[:, 2], 0)
+    weak = values < options.prior_threshold * largest[:, None]
+    blocks = np.einsum("vik,vk,vjk->vij", vectors, weak.astype(float), vectors)
+    values, vectors = np.linalg.eigh(spread)
+    flat = values < options.normal_spread
+    blocks = blocks + np.einsum("vik,vk,vjk->vij", vectors, flat.astype(float), vectors)
+    return options.prior * largest[:, None, None] * blocks
+
+
+def face_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """(m, 3) float: normals, as long as twice the faces' areas."""
+    corners = vertices[faces]
+    return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+
+
+def face_quality(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """(m,) float: height over longest edge; 0.87 for an equilateral triangle, 0 for a collapsed one."""
+    corners = vertices[faces]
+    edges = corners[:, [1, 2, 0]] - corners
+    longest_squared = (edges**2).sum(-1).max(-1)
+    return np.linalg.norm(face_normals(vertices, faces), axis=1) / np.maximum(longest_squared, 1e-300)
+
+
+def solve_vertices(H: np.ndarray, g: np.ndarray, damping: np.ndarray) -> np.ndarray:
+    """Steps (u, 3) of vertices that do not share faces: -(H + damping diag H)^-1 g, one by one.
+
+    Directions without any information are left alone.
+    """
+    values, vectors = np.linalg.eigh(H)
+    largest = np.maximum(values[:, 2:], 0)
+    inverse = np.where(values > RIDGE * largest, 1, 0) / np.where(
+        values > RIDGE * largest, values + damping[:, None] * largest, 1
+    )
+    return -np.einsum("vik,vk,vjk,vj->vi", vectors, inverse, vectors, g)
+
+
+def solve_jointly(
+    mesh: Mesh, system: FaceSystem, blocks: np.ndarray, gradient: np.ndarray, free: np.ndarray, damping: float
+) -> np.ndarray:
+    """Steps (n, 3) of all free vertices from one sparse system.
+
+    Args:
+        blocks: (n, 3, 3) float: priors to add on the diagonal.
+        gradient: (n, 3) float: gradient including the priors'.
+        free: (n,) bool.
+        damping: Levenberg-Marquardt, relative to the diagonal blocks' largest eigenvalue.
+    """
+    n = len(mesh.vertices)
+    slot = np.full(n, -1)
+    slot[free] = np.arange(free.sum())
+    corners = slot[mesh.faces[system.faces]]
+    index = (3 * corners[:, :, None] + np.arange(3)).reshape(-1, 9)
+    index[np.repeat(corners < 0, 3, axis=1)] = -1
+    rows, columns = np.repeat(index, 9, axis=1).reshape(-1), np.tile(index, (1, 9)).reshape(-1)
+    keep = (rows >= 0) & (columns >= 0)
+    H_vertex = blocks.copy()
+    diagonal, _ = vertex_systems(mesh, system)
+    strength = np.maximum(np.linalg.eigvalsh(diagonal + blocks)[:, 2], 0)
+    typical = np.median(strength[free & (strength > 0)]) if (free & (strength > 0)).any() else 1.0
+    H_vertex += ((damping * strength + 1e-6 * strength + RIDGE * typical)[:, None, None]) * np.eye(3)
+    own = 3 * np.arange(free.sum())[:, None] + np.arange(3)
+    own_rows = np.repeat(own, 3, axis=1).reshape(-1)
+    own_columns = np.tile(own, (1, 3)).reshape(-1)
+    matrix = coo_array(
+        (
+            np.concatenate([system.H.reshape(-1)[keep], H_vertex[free].reshape(-1)]),
+            (np.concatenate([rows[keep], own_rows]), np.concatenate([columns[keep], own_columns])),
+        ),
+        shape=(3 * int(free.sum()),) * 2,
+    ).tocsc()
+    solution = splu(matrix, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}).solve(-gradient[free].reshape(-1))
+    step = np.zeros((n, 3))
+    step[free] = solution.reshape(-1, 3)
+    return step
+
+
+def foldable(
+    before: np.ndarray, after: np.ndarray, start: np.ndarray, faces: np.ndarray, options: StepOptions
+) -> np.ndarray:
+    """(m,) bool: faces that a step flips, folds over or collapses.
+
+    Args:
+        before, after, start: (n, 3) float: vertices before the step, after it and at the start of the run.
+        faces: (m, 3) int.
+    """
+    old, new, first = (face_normals(v, faces) for v in (before, after, start))
+    lengths = [np.maximum(np.linalg.norm(x, axis=1), 1e-300) for x in (old, new, first)]
+    turn = (old * new).sum(1) / (lengths[0] * lengths[1])
+    total_turn = (first * new).sum(1) / (lengths[2] * lengths[1])
+    old_turn = (first * old).sum(1) / (lengths[2] * lengths[0])
+    quality, old_quality = face_quality(after, faces), face_quality(before, faces)
+    return (
+        (turn < np.cos(np.deg2rad(options.max_turn)))
+        | ((total_turn < 0.05) & (total_turn < old_turn))
+        | ((quality < options.min_quality) & (quality < old_quality))
+    )

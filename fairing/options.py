@@ -1,0 +1,194 @@
+"""Every choice of the engine, with its default, unit and meaning, in one place.
+
+The command line's flags and the page's widgets are generated from these fields. Values "by level" are tuples; the last one
+holds for all further levels.
+"""
+
+from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
+from typing import Any, Literal, TypeVar
+
+from fairing.errors import InputError
+
+T = TypeVar("T")
+
+
+def by_level(values: tuple[T, ...], level: int) -> T:
+    """The value for a level: the level's own, or the last one given."""
+    return values[min(level, len(values) - 1)]
+
+
+@dataclass(frozen=True)
+class CellOptions:
+    """How a face's footprint in a photo becomes a cell."""
+
+    warp: Literal["homography", "affine"] = "homography"
+    """homography: exact for a plane. affine: the paper's; it moves the minimum itself (cube: 1.6 % with cameras 4 edges away)."""
+    size: tuple[int, ...] = (128,)
+    """Largest cell, samples along an edge, by level."""
+    adaptive: bool = True
+    """Smaller cells where the footprint is smaller: one sample per `spacing` of the footprint. Off: always `size`."""
+    spacing: float = 0.7
+    """Distance of samples with `adaptive`, in units of max(1 px, the level's blur)."""
+    inset: tuple[float, ...] = (0.0,)
+    """Border of the face left out, photo pixels, by level: there the neighbour's texture mixes in."""
+    interpolation: tuple[Literal["bilinear", "cubic"], ...] = ("bilinear",)
+    """How photos are read between pixels, by level. cubic: B-spline, 3-4 x slower, no interpolation blur."""
+    color: bool = False
+    """Stack red, green and blue instead of using grey."""
+    remove_bias: bool = False
+    """Subtract each cell's mean, so that brightness offsets between photos do not count. Gains never do."""
+    weighting: Literal["photo_area", "cell"] = "photo_area"
+    """photo_area: a cell weighs as many photo pixels as it covers. cell: all cells weigh the same (the paper)."""
+
+
+@dataclass(frozen=True)
+class EigenspaceOptions:
+    """The subspace that explains the cells of one face."""
+
+    dimensions: tuple[int, ...] = (3,)
+    """k, by level. To first order misalignment spans three dimensions, so a large k absorbs it. At most views - 2."""
+    centered: bool = False
+    """Take the mean cell off first (PCA). The paper does not."""
+
+
+@dataclass(frozen=True)
+class RobustOptions:
+    """The norm rho of the residual."""
+
+    norm: Literal["geman_mcclure", "geman_mcclure_printed", "huber", "least_squares"] = "geman_mcclure"
+    """geman_mcclure: e^2 / (sigma^2 + e^2), turning at sigma / sqrt(3) as the paper's figure says.
+    geman_mcclure_printed: e^2 / (sigma + e^2), the paper's formula, which turns at sqrt(sigma / 3)."""
+    sigma_rule: tuple[Literal["paper", "convex", "mad", "fixed"], ...] = ("paper",)
+    """By level. paper: max|e| / sqrt(3). convex: sqrt(3) max|e|. mad: a robust scale of the residual. fixed: `sigma`."""
+    sigma: float = 100.0
+    """Grey levels, for the rule `fixed`."""
+    mad_factor: float = 4.0
+    """sigma = mad_factor * 1.4826 * median|e| with the rule `mad`; residuals beyond sigma / sqrt(3) lose influence."""
+    sigma_floor: float = 1.0
+    """Smallest sigma, grey levels: photos are never better than their quantisation and noise."""
+
+
+@dataclass(frozen=True)
+class StepOptions:
+    """One Gauss-Newton step and what may be accepted."""
+
+    solver: Literal["variable_projection", "alternating"] = "variable_projection"
+    """variable_projection: the eigenspace answers to the vertex (Golub and Pereyra 1973). alternating: the paper's, U and c
+    held fixed during a step, which makes it 10-200 times too short."""
+    max_step: float = 2.0
+    """Longest step in a photo, in units of max(1 px, the level's blur)."""
+    damping_always: bool = False
+    """Levenberg-Marquardt damping from the first step on, instead of only after a rejection or on the last level. It shrank the
+    capture range (from 20 % away 100 % -> 62 %)."""
+    initial_damping: float = 1e-3
+    """First damping after a rejection, as a fraction of the normal matrix's diagonal."""
+    max_rejections: int = 6
+    """A vertex rests after this many rejections in a row."""
+    tolerance: float = 0.002
+    """A vertex has converged when its step moves it by less than this in every photo, px."""
+    prior: float = 0.1
+    """Pull to the start along directions that the photos do not determine, relative to the largest eigenvalue. 0: none."""
+    prior_threshold: float = 0.15
+    """A direction is undetermined when its eigenvalue is below this fraction of the largest."""
+    normal_spread: float = 0.01
+    """Directions in which the incident normals vary by less than this (variance) count as undetermined, too."""
+    min_quality: float = 0.05
+    """A face may not become thinner than this (height over longest edge) unless it was so before."""
+    max_turn: float = 60.0
+    """A face's normal may not turn by more than this in one step, degrees."""
+
+
+@dataclass(frozen=True)
+class VisibilityOptions:
+    """Which photos a face takes part in."""
+
+    min_angle: float = 12.0
+    """Smallest angle between the face and the line of sight, degrees."""
+    min_footprint: float = 2.0
+    """Smallest height of the footprint, in units of max(1 px, the level's blur)."""
+    edge_margin: float = 2.0
+    """Samples nearer than this to a depth edge are left out, in units of the level's blur (at least one pixel): a photo
+    blurred as a whole mixes colours across depth edges (facade, sigma 3.6: 1.14 % rms without, 0.15 with)."""
+    min_samples: float = 0.4
+    """A cell takes part if at least this fraction of its samples is seen."""
+    max_views: int = 24
+    """At most so many photos a face, those with the largest footprints."""
+
+
+@dataclass(frozen=True)
+class ScheduleOptions:
+    """Coarse to fine, and in which order vertices move."""
+
+    blur: tuple[float, ...] = (6.0, 3.6, 2.0, 1.2, 0.6)
+    """sigma_smooth by level, photo pixels."""
+    start: Literal["auto", "first"] = "auto"
+    """auto: skip levels coarser than the mesh's error or its footprints ask for. first: begin with the first level."""
+    order: Literal["joint", "independent", "sequential", "worst_first"] = "joint"
+    """joint: all vertices by one sparse system. independent: sets of vertices that share no face, one set after another.
+    sequential: one vertex at a time, as the paper. worst_first: the same, largest energy first."""
+    max_sweeps: tuple[int, ...] = (6,)
+    """Sweeps, by level; visibility is refreshed at the beginning of each."""
+    max_iterations: tuple[int, ...] = (4,)
+    """Gauss-Newton iterations of a vertex (or of all, with joint) within a sweep, by level."""
+    sweep_tolerance: float = 0.01
+    """A level ends when no vertex moved more than this in a sweep, px."""
+
+
+@dataclass(frozen=True)
+class FairingOptions:
+    """All options of a run."""
+
+    cells: CellOptions = field(default_factory=CellOptions)
+    eigenspace: EigenspaceOptions = field(default_factory=EigenspaceOptions)
+    robust: RobustOptions = field(default_factory=RobustOptions)
+    step: StepOptions = field(default_factory=StepOptions)
+    visibility: VisibilityOptions = field(default_factory=VisibilityOptions)
+    schedule: ScheduleOptions = field(default_factory=ScheduleOptions)
+    lock_boundary: bool = False
+    """Keep the vertices at the mesh's boundary where they are."""
+    locked_vertices: tuple[int, ...] = ()
+    """Vertices that never move, by their number in the input mesh."""
+    threads: int = 0
+    """Threads; 0: one per core. The result is the same for any number."""
+
+    @property
+    def n_levels(self) -> int:
+        return len(self.schedule.blur)
+
+
+PRESETS: dict[str, FairingOptions] = {
+    "accurate": FairingOptions(),
+    "paper": FairingOptions(
+        cells=CellOptions(warp="affine", adaptive=False, weighting="cell"),
+        eigenspace=EigenspaceOptions(dimensions=(5,)),
+        step=StepOptions(solver="alternating", prior=0.0),
+        schedule=ScheduleOptions(
+            blur=(6.0, 4.8, 3.6, 2.4, 1.2), start="first", order="sequential", max_sweeps=(10,), max_iterations=(20,)
+        ),
+    ),
+}
+
+
+def options_to_dict(options: FairingOptions) -> dict[str, Any]:
+    """Plain numbers, strings and lists, for JSON."""
+    return asdict(options)
+
+
+def options_from_dict(values: dict[str, Any]) -> FairingOptions:
+    """The inverse of `options_to_dict`; unknown names raise InputError."""
+    return _from_dict(FairingOptions(), values, "options")
+
+
+def _from_dict(default: Any, values: dict[str, Any], where: str) -> Any:
+    known = {f.name for f in fields(default)}
+    unknown = set(values) - known
+    if unknown:
+        raise InputError(f"{where}: unknown option {min(unknown)}; known are {', '.join(sorted(known))}")
+    changes = {}
+    for name, value in values.items():
+        current = getattr(default, name)
+        if is_dataclass(current):
+            changes[name] = _from_dict(current, value, f"{where}.{name}")
+        else:
+            changes[name] = tuple(value) if isinstance(current, tuple) else value
+    return replace(default, **changes)

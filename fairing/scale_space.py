@@ -1,0 +1,71 @@
+"""The photos at the blurs the levels ask for."""
+
+import cv2
+import numpy as np
+from scipy.ndimage import spline_filter
+
+from fairing.scene import Scene
+
+
+class ScaleSpace:
+    """Gaussian-blurred photos of a scene, decoded once, one blur kept at a time per interpolation.
+
+    Memory: the photos as uint8 and, per blur in use, as float32.
+    """
+
+    def __init__(self, scene: Scene, color: bool) -> None:
+        self._views = scene.views
+        self._color = color
+        self._photos: list[np.ndarray] | None = None
+        self._planes: dict[tuple[float, bool], np.ndarray] = {}
+
+    @property
+    def channels(self) -> int:
+        return 3 if self._color else 1
+
+    @property
+    def offsets(self) -> np.ndarray:
+        """(V,) int64: where each photo starts in the flat array `planes` gives."""
+        sizes = [self.channels * view.camera.width * view.camera.height for view in self._views]
+        return np.concatenate([[0], np.cumsum(sizes)[:-1]]).astype(np.int64)
+
+    def planes(self, blur: float, cubic: bool) -> np.ndarray:
+        """All photos, flat float32, planes (channels, height, width) one after another; grey levels 0 to 255.
+
+        Args:
+            blur: sigma of the Gaussian, pixels; 0 for none.
+            cubic: give cubic B-spline coefficients instead of pixels.
+        """
+        key = (blur, cubic)
+        if key not in self._planes:
+            flat = np.concatenate([self._filtered(photo, blur, cubic).ravel() for photo in self._load()])
+            self._planes[key] = flat
+        return self._planes[key]
+
+    def forget_all_but(self, blurs: set[float]) -> None:
+        """Free the planes of other blurs."""
+        self._planes = {key: planes for key, planes in self._planes.items() if key[0] in blurs}
+
+    def _load(self) -> list[np.ndarray]:
+        if self._photos is None:
+            self._photos = [self._decode(view) for view in self._views]
+        return self._photos
+
+    def _decode(self, view) -> np.ndarray:
+        pixels = view.photo.load()
+        if self._color:
+            return np.ascontiguousarray(pixels.transpose(2, 0, 1))
+        # Rec. 601 luma, kept in eighths of a grey level: rounding to whole levels would triple the quantisation noise.
+        luma = pixels.astype(np.float32) @ np.array([0.299, 0.587, 0.114], dtype=np.float32)
+        return np.round(luma * 8)[None].astype(np.uint16)
+
+    def _filtered(self, photo: np.ndarray, blur: float, cubic: bool) -> np.ndarray:
+        scale = 1.0 if self._color else 1 / 8
+        planes = photo.astype(np.float32) * np.float32(scale)
+        if blur > 0:
+            radius = int(np.ceil(4 * blur))
+            size = (2 * radius + 1, 2 * radius + 1)
+            planes = np.stack([cv2.GaussianBlur(plane, size, blur, borderType=cv2.BORDER_REFLECT_101) for plane in planes])
+        if cubic:
+            planes = np.stack([spline_filter(plane, order=3, mode="mirror", output=np.float32) for plane in planes])
+        return planes
