@@ -38,6 +38,7 @@ class Camera:
             raise InputError("camera matrix: expected finite numbers, found NaN or infinity")
         if self.width < 1 or self.height < 1:
             raise InputError(f"camera: expected a positive photo size, found {self.width}x{self.height}")
+        P = P / (np.abs(P).max() or 1)  # so that no square overflows
         M = P[:, :3]
         row_norms = np.linalg.norm(M, axis=1)
         determinant = np.linalg.det(M / np.where(row_norms > 0, row_norms, 1)[:, None])
@@ -68,13 +69,15 @@ class Camera:
                 f"camera: expected positive focal lengths, found fx={K[0, 0]:g}, fy={K[1, 1]:g}; "
                 "flip the camera's axes to x right, y down, z forward"
             )
-        if np.abs(R @ R.T - np.eye(3)).max() > 1e-4:
+        if np.abs(R).max() > 1.01 or np.abs(R @ R.T - np.eye(3)).max() > 1e-4:
             raise InputError("camera: R is not a rotation (its rows are not orthonormal)")
         if np.linalg.det(R) < 0:
             raise InputError(
                 "camera: R is mirrored (determinant -1); flip an axis so that x is right, y down, z forward"
             )
-        return cls(K @ np.column_stack([R, t]), width, height)
+        with np.errstate(over="ignore"):
+            P = K @ np.column_stack([R, t])
+        return cls(P, width, height)
 
     @cached_property
     def center(self) -> np.ndarray:

@@ -7,3 +7,7 @@ class InputError(ValueError):
     The message is one line: which file or item, what was expected, what was found, what to do. The command line prints
     it without a traceback and exits with code 1; the page shows it as a notification.
     """
+
+    def __init__(self, message: str) -> None:
+        # Names of files may hold line breaks, and so may what other libraries say.
+        super().__init__(" ".join(message.splitlines()))

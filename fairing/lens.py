@@ -14,6 +14,8 @@ from fairing.errors import InputError
 
 # Newton-like iterations of cv2.undistortPoints; the default of 5 leaves 0.01 px on a phone's wide lens.
 _CONVERGED = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 200, 1e-13)
+_MISSED = 1e-3
+"""Pixels: a ray that comes out this far from where it should has not been found."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,10 +57,11 @@ class Lens:
             )
         columns, rows = np.meshgrid(np.linspace(0, self.width - 1, 65), np.linspace(0, self.height - 1, 65))
         rays = (np.stack([columns, rows], axis=-1) - (cx, cy)) / np.diag(self.K)[:2]
-        distorted = self._distort(rays)
-        along_row = np.diff(distorted, axis=1)[:-1]
-        along_column = np.diff(distorted, axis=0)[:, :-1]
-        area = along_row[..., 0] * along_column[..., 1] - along_row[..., 1] * along_column[..., 0]
+        with np.errstate(over="ignore", invalid="ignore"):
+            distorted = self._distort(rays)
+            along_row = np.diff(distorted, axis=1)[:-1]
+            along_column = np.diff(distorted, axis=0)[:, :-1]
+            area = along_row[..., 0] * along_column[..., 1] - along_row[..., 1] * along_column[..., 0]
         if not (area > 0).all():
             raise InputError(
                 f"lens: the distortion k1, k2, p1, p2 = {', '.join(f'{d:g}' for d in self.distortion)} folds the photo "
@@ -85,11 +88,14 @@ class Lens:
                 pixels[:, axis] = border
                 pixels[:, 1 - axis] = np.linspace(0, across, 101)
                 needed = abs(border - self.K[axis, 2]) / self.K[axis, axis]
-                zoom = max(zoom, needed / np.abs(self._rays(pixels)[:, axis]).min())
+                zoom = max(zoom, needed / np.nanmin(np.abs(self._rays(pixels)[:, axis]), initial=np.inf))
         return self.K * np.array([[zoom, zoom, 1], [zoom, zoom, 1], [1, 1, 1]])
 
     def undistort(self, pixels: np.ndarray) -> np.ndarray:
-        """Pixels (n, 2) of the undistorted photo from pixels (n, 2) of the photo as taken."""
+        """Pixels (n, 2) of the undistorted photo from pixels (n, 2) of the photo as taken.
+
+        NaN where no ray meets the pixel: a barrel's polynomial need not reach the photo's corners.
+        """
         if not self.is_distorted:
             return pixels
         return self._rays(pixels) * self.pinhole_K[[0, 1], [0, 1]] + self.pinhole_K[:2, 2]
@@ -109,7 +115,11 @@ class Lens:
         if len(pixels) == 0:
             return np.zeros((0, 2))
         points = np.ascontiguousarray(pixels, dtype=np.float64)[:, None]
-        return cv2.undistortPoints(points, self.K, self.distortion, criteria=_CONVERGED)[:, 0]
+        rays = cv2.undistortPoints(points, self.K, self.distortion, criteria=_CONVERGED)[:, 0]
+        with np.errstate(over="ignore", invalid="ignore"):
+            missed = (self._distort(rays) * np.diag(self.K)[:2] + self.K[:2, 2] - points[:, 0]) ** 2
+        rays[~(missed.sum(axis=1) < _MISSED**2)] = np.nan
+        return rays
 
     def _distort(self, rays: np.ndarray) -> np.ndarray:
         """Rays (..., 2) behind the lens from rays (..., 2) in front of it: the formula above."""

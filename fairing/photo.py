@@ -72,11 +72,13 @@ def _naming_failures(path: Path) -> Iterator[None]:
     """Whatever Pillow raises becomes one line about this photo."""
     try:
         yield
+    except InputError:
+        raise
     except FileNotFoundError:
         raise InputError(f"photo {path}: expected an image file, found none; check the image folder") from None
     except PermissionError:
         raise InputError(f"photo {path}: cannot be read (permission denied); make it readable") from None
     except UnidentifiedImageError:
         raise InputError(f"photo {path}: is not an image file (or a damaged one); replace or remove it") from None
-    except (OSError, SyntaxError, EOFError, struct.error, Image.DecompressionBombError) as error:
+    except (OSError, ValueError, SyntaxError, EOFError, struct.error, Image.DecompressionBombError) as error:
         raise InputError(f"photo {path}: cannot be decoded ({error}); replace or remove it") from None

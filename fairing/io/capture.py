@@ -60,6 +60,10 @@ def reading(path: Path, expected: str) -> Iterator[None]:
         raise InputError(f"{path}: expected {expected}, found no such file") from None
     except OSError as error:
         raise InputError(f"{path}: expected {expected}, cannot be read ({error.strerror or error})") from None
+    except ValueError as error:  # a zero byte in the path
+        if isinstance(error, InputError):
+            raise
+        raise InputError(f"{path}: expected {expected}, cannot be read ({error})") from None
 
 
 def read_text(path: Path, expected: str) -> str:

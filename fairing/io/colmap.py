@@ -50,6 +50,8 @@ def read(path: Path) -> Capture:
         with naming(f"{folder}: image {image_id} ({image.name})"):
             if image.camera_id not in cameras:
                 raise InputError(f"expected a camera {image.camera_id} in the model, found {listed(cameras)}")
+            if not np.isfinite(image.pixels).all():
+                raise InputError("expected finite observations, found NaN or infinity; export the model again")
             lens = cameras[image.camera_id]
             views.append(_view(image, lens, photos))
             pixels.append(lens.undistort(image.pixels - _HALF_PIXEL))
@@ -100,10 +102,11 @@ def _view(image: ColmapImage, lens: Lens, photos: Path) -> View:
 
 def _rotation(quaternion: np.ndarray) -> np.ndarray:
     """(3, 3) rotation of a quaternion (4,) w x y z, of any length but zero."""
-    length = np.linalg.norm(quaternion)
-    if not np.isfinite(length) or length == 0:
+    largest = np.abs(quaternion).max()
+    if not np.isfinite(largest) or largest == 0:
         raise InputError(f"expected a rotation as quaternion, found {quaternion.tolist()}")
-    w, x, y, z = quaternion / length
+    quaternion = quaternion / largest  # so that no square overflows
+    w, x, y, z = quaternion / np.linalg.norm(quaternion)
     return np.array(
         [
             [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
@@ -126,13 +129,9 @@ def _sparse_points(
     point_ids = np.concatenate([image.point_ids for image in images])
     view_index = np.repeat(np.arange(len(images)), [len(image.point_ids) for image in images])
     seen = point_ids != -1
-    point_ids, view_index, observed = point_ids[seen], view_index[seen], np.concatenate(pixels)[seen]
-    not_finite = np.flatnonzero(~np.isfinite(observed).all(axis=1))
-    if len(not_finite):
-        raise InputError(
-            f"{folder}: image {images[view_index[not_finite[0]]].name}: expected finite observations, "
-            "found NaN or infinity; export the model from COLMAP again"
-        )
+    observed = np.concatenate(pixels)
+    seen &= np.isfinite(observed).all(axis=1)  # the lens has no ray for some corners
+    point_ids, view_index, observed = point_ids[seen], view_index[seen], observed[seen]
     position = np.minimum(np.searchsorted(ids, point_ids), len(ids) - 1)
     unknown = np.flatnonzero(ids[position] != point_ids)
     if len(unknown):

@@ -35,9 +35,7 @@ def read_mesh(path: Path) -> tuple[np.ndarray, np.ndarray]:
         pass
     vertices, faces = _read_obj(path) if path.suffix.lower() == ".obj" else _read_with_trimesh(path)
     if len(faces) == 0:
-        raise InputError(
-            f"{path}: expected a triangle mesh, found {len(vertices)} points and no faces; mesh the points first"
-        )
+        raise InputError(f"{path}: expected a triangle mesh, found no faces; if it is a point cloud, mesh it first")
     return vertices, faces
 
 
@@ -64,7 +62,7 @@ def _read_with_trimesh(path: Path) -> tuple[np.ndarray, np.ndarray]:
         mesh = trimesh.load_scene(path, **options).to_mesh()
         return np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int64)
     except Exception as error:  # trimesh's parsers raise whatever the damaged bytes make numpy, json or struct raise
-        reason = " ".join(str(error).split()) or type(error).__name__
+        reason = str(error) or type(error).__name__
         raise InputError(f"{path}: expected a mesh, cannot be read ({reason}); export it again") from None
 
 

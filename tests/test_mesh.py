@@ -1,0 +1,130 @@
+"""Mesh: what it refuses, its neighbourhoods against slow loops, welding, and the findings of inspect_mesh."""
+
+import numpy as np
+import pytest
+
+from fairing.errors import InputError
+from fairing.mesh import Mesh, weld
+from fairing.mesh_check import inspect_mesh
+from tests.captures import CUBE_FACES, CUBE_VERTICES
+
+SQUARE = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
+SQUARE_FACES = np.array([[0, 1, 2], [0, 2, 3]])
+
+
+@pytest.mark.parametrize(
+    ("vertices", "faces", "said"),
+    [
+        (np.zeros((0, 3)), SQUARE_FACES, "vertices"),
+        (SQUARE, np.zeros((0, 3), int), "no surface"),
+        (SQUARE, np.array([[0, 1, 2, 3]]), "triangles"),
+        (SQUARE, np.array([[0, 1, 2], [0, 1, 4]]), "face 1 uses vertices"),
+        (SQUARE, np.array([[0, 1, -1]]), "face 0 uses vertices"),
+        (np.where(np.arange(4)[:, None] == 2, np.nan, SQUARE), SQUARE_FACES, "vertex 2 is not finite"),
+        (SQUARE[:, :2], SQUARE_FACES, "vertices"),
+    ],
+)
+def test_unusable_mesh_is_refused(vertices: np.ndarray, faces: np.ndarray, said: str):
+    with pytest.raises(InputError, match=said) as error:
+        Mesh(vertices, faces)
+    assert "\n" not in str(error.value)
+
+
+def test_neighbourhoods_agree_with_a_slow_loop():
+    faces = np.random.default_rng(0).integers(0, 20, (60, 3))
+    faces = faces[[len(set(face)) == 3 for face in faces.tolist()]]
+    mesh = Mesh(np.random.default_rng(1).normal(size=(20, 3)), faces)
+    uses: dict[tuple[int, int], int] = {}
+    for a, b, c in faces.tolist():
+        for edge in ((a, b), (b, c), (c, a)):
+            key = (min(edge), max(edge))
+            uses[key] = uses.get(key, 0) + 1
+    assert mesh.edges.tolist() == [list(edge) for edge in sorted(uses)]
+    boundary = sorted({v for edge, count in uses.items() if count == 1 for v in edge})
+    assert mesh.boundary_vertices.tolist() == boundary
+    for vertex, ring in enumerate(mesh.one_rings):
+        assert ring.tolist() == [i for i, face in enumerate(faces.tolist()) if vertex in face]
+
+
+def test_mesh_keeps_its_own_copy():
+    vertices = SQUARE.copy()
+    mesh = Mesh(vertices, SQUARE_FACES)
+    vertices[0] = 9
+    assert mesh.vertices[0].tolist() == [0, 0, 0]
+
+
+def test_diagonal_ignores_unused_vertices():
+    assert Mesh(np.vstack([SQUARE, [[100, 0, 0]]]), SQUARE_FACES).diagonal == pytest.approx(np.sqrt(2))
+
+
+def test_weld_keeps_first_appearance_and_leads_back():
+    distinct = np.random.default_rng(0).normal(size=(30, 3))
+    distinct[3] = [0.0, 1, 2]
+    picks = np.concatenate([np.arange(30), np.random.default_rng(1).integers(0, 30, 200)])
+    vertices = distinct[picks]
+    vertices[picks == 3] *= np.array([-1.0, 1, 1])  # -0.0 is the same place as 0.0
+    welded, original_from_welded = weld(vertices)
+    np.testing.assert_array_equal(welded, vertices[:30])
+    np.testing.assert_array_equal(original_from_welded, picks)
+    np.testing.assert_array_equal(welded[original_from_welded], vertices)
+
+
+def test_weld_leaves_close_vertices_apart():
+    vertices = np.array([[1.0, 0, 0], [np.nextafter(1, 2), 0, 0]])
+    assert len(weld(vertices)[0]) == 2
+
+
+def test_closed_cube_has_nothing_unusual():
+    facts = inspect_mesh(Mesh(CUBE_VERTICES, CUBE_FACES))
+    assert facts.warnings() == ()
+    assert len(facts.boundary_vertices) == 0
+    assert facts.n_components == 1
+
+
+@pytest.mark.parametrize("shift", [0, 1e5])
+@pytest.mark.parametrize("scale", [1e-6, 1, 1e6])
+def test_degenerate_faces_are_found_at_any_scale_and_place(scale: float, shift: float):
+    vertices = np.vstack([SQUARE, [[0.5, 0.0, 0.0], [0.3, 1e-5, 0.0]]])
+    # Collinear, a repeated corner, and one that is thin but sound.
+    faces = np.vstack([SQUARE_FACES, [[0, 4, 1], [2, 2, 3], [0, 1, 5]]])
+    facts = inspect_mesh(Mesh((vertices + shift) * scale, faces))
+    assert facts.degenerate_faces.tolist() == [2, 3]
+    assert "mesh: 2 degenerate faces (first: 2); take no part" in facts.warnings()
+
+
+def test_repeated_faces_are_found_turned_either_way():
+    faces = np.vstack([SQUARE_FACES, [[1, 2, 0], [3, 2, 0]]])
+    facts = inspect_mesh(Mesh(SQUARE, faces))
+    assert facts.repeated_faces.tolist() == [2, 3]
+    assert len(facts.crowded_edges) == 0, "a repeated face explains its edges"
+
+
+def test_edges_of_three_faces_are_found():
+    vertices = np.vstack([SQUARE, [[0.5, 0.5, 1]]])
+    facts = inspect_mesh(Mesh(vertices, np.vstack([SQUARE_FACES, [[0, 2, 4]]])))
+    assert facts.crowded_edges.tolist() == [[0, 2]]
+    assert "first: 0-2" in facts.warnings()[0]
+
+
+def test_faces_turned_to_opposite_sides_are_found():
+    facts = inspect_mesh(Mesh(SQUARE, np.array([[0, 1, 2], [0, 3, 2]])))
+    assert facts.misoriented_edges.tolist() == [[0, 2]]
+
+
+def test_parts_boundary_and_unused_vertices_are_counted():
+    vertices = np.vstack([SQUARE, SQUARE + 5, [[9, 9, 9]]])
+    facts = inspect_mesh(Mesh(vertices, np.vstack([SQUARE_FACES, SQUARE_FACES + 4])))
+    assert facts.n_components == 2
+    assert facts.boundary_vertices.tolist() == list(range(8))
+    assert facts.unreferenced_vertices.tolist() == [8]
+
+
+def test_warnings_name_vertices_as_the_user_knows_them():
+    facts = inspect_mesh(Mesh(np.vstack([SQUARE, [[9, 9, 9]]]), SQUARE_FACES))
+    assert "first: 4)" in facts.warnings()[0]
+    assert "first: 14)" in facts.warnings(np.arange(10, 15))[0]
+
+
+def test_entirely_degenerate_mesh_is_refused():
+    with pytest.raises(InputError, match="all 2 faces have no area"):
+        inspect_mesh(Mesh(np.ones((4, 3)), SQUARE_FACES))
