@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from demo_scenes.cube import cube_scene
+from demo_scenes.facade import facade_scene
 from demo_scenes.photography import Photography, Progress
 from fairing.errors import InputError
 from fairing.scene import Scene
@@ -31,6 +32,7 @@ DEMOS: dict[str, Demo] = {
     demo.name: demo
     for demo in [
         Demo("cube", "three faces of a textured cube, its near corner off by 12 % of the edge; 12 photos", cube_scene),
+        Demo("facade", "a stepped facade with gable, porch, arch and apse, all vertices off their corners; 22 photos", facade_scene),
     ]
 }
 

@@ -31,13 +31,14 @@ def fractal_noise(
 ) -> np.ndarray:
     """Sum of `octaves` spline noises (height, width), each twice as fine and `persistence` times as strong; deviation 1.
 
-    `cells` is the coarsest lattice (rows, columns). Octaves finer than three texels are left out, to stay band-limited.
+    `cells` is the coarsest lattice (rows, columns). Nothing finer than three texels is made, to stay band-limited.
     """
+    cells = min(cells[0], max(1, size[0] // 3)), min(cells[1], max(1, size[1] // 3))
     total = np.zeros(size)
     power = 0.0
     for octave in range(octaves):
         rows, columns = cells[0] << octave, cells[1] << octave
-        if rows * 3 > size[0] or columns * 3 > size[1]:
+        if octave > 0 and (rows * 3 > size[0] or columns * 3 > size[1]):
             break
         strength = persistence**octave
         total += strength * spline_noise(size, (rows, columns), rng)

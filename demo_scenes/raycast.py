@@ -25,7 +25,9 @@ def photograph(stage: Stage, light: np.ndarray, camera: Camera, samples: int) ->
     surface = stage.surface
     P = camera.image_from_world
     corners = surface.vertices[surface.faces] @ P[:, :3].T + P[:, 3]  # (m, 3 corners, 3 homogeneous pixels)
-    in_front = (corners[..., 2] > 0).all(axis=1) & (np.abs(np.linalg.det(corners)) > 1e-12)
+    # Faces that reach behind the camera or whose plane holds its centre are not seen.
+    volume = np.abs(np.linalg.det(corners)) / np.linalg.norm(corners, axis=2).prod(axis=1)
+    in_front = (corners[..., 2] > 0).all(axis=1) & (volume > 1e-12)
     weights_from_image = np.zeros((len(corners), 3, 3))
     weights_from_image[in_front] = np.linalg.inv(corners[in_front].transpose(0, 2, 1))
     texels, shapes, starts = _packed(stage.surface.textures)
