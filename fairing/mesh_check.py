@@ -47,14 +47,14 @@ class MeshFacts:
             for ids in (self.crowded_edges, self.misoriented_edges, self.unreferenced_vertices)
         )
         found = [
-            (self.degenerate_faces, "degenerate faces", "take no part"),
-            (self.repeated_faces, "faces repeat the corners of another", "remove the copies if they are a mistake"),
-            (crowded_edges, "edges have more than two faces", "the mesh is not a manifold there"),
-            (misoriented_edges, "edges lie between faces turned to opposite sides", "turn the faces consistently"),
-            (unreferenced, "vertices belong to no face", "they stay where they are"),
+            (self.degenerate_faces, "degenerate faces", "they take no part"),
+            (self.repeated_faces, "faces with the corners of another", "remove them if they are a mistake"),
+            (crowded_edges, "edges of more than two faces", "the mesh is not a manifold there"),
+            (misoriented_edges, "edges between faces turned to opposite sides", "turn the faces consistently"),
+            (unreferenced, "vertices of no face", "they stay where they are"),
         ]
         return tuple(
-            f"mesh: {len(items)} {what} (first: {'-'.join(map(str, np.atleast_1d(items[0])))}); {consequence}"
+            f"mesh: {what}: {len(items)} (first: {'-'.join(map(str, np.atleast_1d(items[0])))}); {consequence}"
             for items, what, consequence in found
             if len(items)
         )

@@ -12,7 +12,7 @@ from PIL import Image
 from fairing.errors import InputError
 from fairing.io import load_scene, read_capture
 from fairing.io.capture import Capture
-from tests.captures import (
+from tests.synthetic_capture import (
     CENTER,
     CUBE_VERTICES,
     HEIGHT,
@@ -102,8 +102,8 @@ def test_pincushion_lens_zooms_in_and_barrel_lens_does_not(tmp_path: Path):
 
 
 def test_corners_that_no_ray_meets_are_left_out(tmp_path: Path):
-    """r (1 - 0.8 r^2) rises until r = 0.645, to 0.43: the pinhole photo (r < 0.54) does not fold, but no ray reaches the
-    corners of the photo as taken."""
+    """r (1 - 0.8 r^2) rises until r = 0.645, to 0.43: the pinhole photo (r < 0.54) does not fold, but no ray reaches
+    the corners of the photo as taken."""
     truth = SyntheticCapture("SIMPLE_RADIAL")
     truth.pixels = [pixels.copy() for pixels in truth.pixels]
     truth.pixels[0][5] = (0.0, 0.0)
@@ -161,7 +161,7 @@ def test_photos_without_a_camera_are_left_out_and_counted(tmp_path: Path):
     Image.new("RGB", (5, 5)).save(tmp_path / "images" / "late.png")
     scene = load_scene(tmp_path)
     assert len(scene.views) == 4
-    assert any("1 photos" in warning and "late.png" in warning for warning in scene.warnings)
+    assert any("no camera of them: 1 (late.png)" in warning for warning in scene.warnings)
 
 
 def test_further_models_are_mentioned(tmp_path: Path):

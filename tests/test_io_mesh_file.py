@@ -12,7 +12,7 @@ import trimesh
 
 from fairing.errors import InputError
 from fairing.io import read_mesh, write_atomically, write_mesh
-from tests.captures import CUBE_FACES, CUBE_VERTICES
+from tests.synthetic_capture import CUBE_FACES, CUBE_VERTICES
 
 RNG = np.random.default_rng(0)
 VERTICES = RNG.normal(size=(50, 3)) * 10.0 ** RNG.integers(-12, 12, (50, 3))

@@ -6,7 +6,7 @@ import pytest
 from fairing.errors import InputError
 from fairing.mesh import Mesh, weld
 from fairing.mesh_check import inspect_mesh
-from tests.captures import CUBE_FACES, CUBE_VERTICES
+from tests.synthetic_capture import CUBE_FACES, CUBE_VERTICES
 
 SQUARE = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
 SQUARE_FACES = np.array([[0, 1, 2], [0, 2, 3]])
@@ -89,7 +89,7 @@ def test_degenerate_faces_are_found_at_any_scale_and_place(scale: float, shift: 
     faces = np.vstack([SQUARE_FACES, [[0, 4, 1], [2, 2, 3], [0, 1, 5]]])
     facts = inspect_mesh(Mesh((vertices + shift) * scale, faces))
     assert facts.degenerate_faces.tolist() == [2, 3]
-    assert "mesh: 2 degenerate faces (first: 2); take no part" in facts.warnings()
+    assert "mesh: degenerate faces: 2 (first: 2); they take no part" in facts.warnings()
 
 
 def test_repeated_faces_are_found_turned_either_way():

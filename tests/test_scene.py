@@ -11,7 +11,7 @@ from fairing.errors import InputError
 from fairing.io.in_view import check_mesh_in_view
 from fairing.photo import ArrayPhoto, FilePhoto
 from fairing.scene import Scene, View
-from tests.captures import CUBE_FACES, CUBE_VERTICES, HEIGHT, WIDTH, SyntheticCapture
+from tests.synthetic_capture import CUBE_FACES, CUBE_VERTICES, HEIGHT, WIDTH, SyntheticCapture
 
 PHOTO = ArrayPhoto(np.zeros((HEIGHT, WIDTH, 3), np.uint8))
 

@@ -156,9 +156,7 @@ def _unregistered(photos: Path, model: ColmapModel) -> tuple[str, ...]:
     ]
     if not left_out:
         return ()
-    return (
-        f"{len(left_out)} photos in {photos} have no camera in the COLMAP model and are left out: {listed(left_out)}",
-    )
+    return (f"photos left out because the COLMAP model has no camera of them: {len(left_out)} ({listed(left_out)})",)
 
 
 def _other_models(folder: Path) -> tuple[str, ...]:

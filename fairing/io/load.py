@@ -28,8 +28,7 @@ def load_scene(path: str | Path, mesh: str | Path | None = None) -> Scene:
     Raises:
         InputError: whatever is wrong with the input, in one line.
     """
-    path = Path(path)
-    capture = read_capture(path)
+    capture, path = read_capture(path), Path(path)
     mesh_path = Path(mesh) if mesh is not None else capture.mesh or _only_mesh(path if path.is_dir() else path.parent)
     vertices, faces = read_mesh(mesh_path)
     with naming(mesh_path):
@@ -43,12 +42,13 @@ def load_scene(path: str | Path, mesh: str | Path | None = None) -> Scene:
     return replace(scene, warnings=capture.warnings + facts.warnings(input_vertices))
 
 
-def read_capture(path: Path) -> Capture:
+def read_capture(path: str | Path) -> Capture:
     """The photos and cameras in a folder or file, without a mesh.
 
     Raises:
         InputError: no such path, no supported format or several, or whatever the reader finds wrong.
     """
+    path = Path(path)
     with reading(path, "a scene (a folder or a file of it)"):
         if not path.exists():
             raise FileNotFoundError

@@ -39,7 +39,9 @@ def read(path: Path) -> Capture:
             photo = FilePhoto(photos[stem])
             views.append(View(photos[stem].name, Camera(P, *photo.size), photo))
     left_out = [photo.name for stem, photo in photos.items() if stem not in matrices]
-    warnings = (f"{len(left_out)} photos have no matrix and are left out: {listed(left_out)}",) if left_out else ()
+    warnings = (
+        (f"photos left out because they have no matrix: {len(left_out)} ({listed(left_out)})",) if left_out else ()
+    )
     return Capture(tuple(views), warnings=warnings)
 
 
