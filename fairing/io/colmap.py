@@ -8,6 +8,7 @@ COLMAP puts the centre of the top-left pixel at (0.5, 0.5), we at (0, 0): this f
 principal points and observations. Behind it every camera is a pinhole: lenses are undone here (`fairing.lens`).
 """
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -75,7 +76,8 @@ def _model_folder(path: Path) -> Path | None:
 
 def _photo_folder(path: Path, folder: Path, model: ColmapModel) -> Path:
     """The folder that the photos' names are relative to: the first that holds one of them."""
-    roots = list(dict.fromkeys([path if path.is_dir() else folder, folder, folder.parent, folder.parent.parent]))
+    above = Path(os.path.abspath(folder)).parents
+    roots = list(dict.fromkeys([path if path.is_dir() else folder, folder, *above[:2]]))
     candidates = [candidate for root in roots for candidate in (root / "images", root)]
     for candidate in candidates:
         if any((candidate / image.name).is_file() for image in model.images.values()):
@@ -83,7 +85,7 @@ def _photo_folder(path: Path, folder: Path, model: ColmapModel) -> Path:
     first = min(image.name for image in model.images.values())
     raise InputError(
         f"{folder}: expected the photos of the COLMAP model (such as {first}) in {roots[0] / 'images'}, found none of "
-        "them; put the photos there, undistorted or not, as COLMAP used them"
+        "them; put the photos there that COLMAP calibrated"
     )
 
 
