@@ -32,7 +32,11 @@ DEMOS: dict[str, Demo] = {
     demo.name: demo
     for demo in [
         Demo("cube", "three faces of a textured cube, its near corner off by 12 % of the edge; 12 photos", cube_scene),
-        Demo("facade", "a stepped facade with gable, porch, arch and apse, all vertices off their corners; 22 photos", facade_scene),
+        Demo(
+            "facade",
+            "a stepped facade with gable, porch, arch and apse, all vertices off their corners; 22 photos",
+            facade_scene,
+        ),
     ]
 }
 

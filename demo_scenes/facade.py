@@ -33,7 +33,7 @@ def facade_scene(
     views = take_photos(
         "facade",
         cameras,
-        lambda: [outdoor_stage(sheet, _coats(photography), photography)] * len(cameras),
+        lambda: outdoor_stage(sheet, _coats(photography), photography),
         photography,
         SAMPLES,
         progress,

@@ -119,7 +119,12 @@ def _wing_roof(sheet: SheetBuilder) -> None:
             at(left, head, 0),
         ]
         sheet.add(soffit, (side * SLOPE, -1, 0), "wood")
-        fascia = [at(eave_left, eave, 0), at(eave_left, eave, front), at(eave_left, tile, front), at(eave_left, tile, 0)]
+        fascia = [
+            at(eave_left, eave, 0),
+            at(eave_left, eave, front),
+            at(eave_left, tile, front),
+            at(eave_left, tile, 0),
+        ]
         sheet.add(fascia, (-side, 0, 0), "wood")
         top = [at(eave_left, tile, 0), at(eave_left, tile, front), at(ridge_x, ridge, front), at(ridge_x, ridge, 0)]
         sheet.add(top, (-side * SLOPE, 1, 0), "tiles")
@@ -130,9 +135,7 @@ def _wing_roof(sheet: SheetBuilder) -> None:
 def _arch_outline() -> list[tuple[float, float]]:
     """The mouth of the arch (x, y): up the left jamb, over the round, down the right jamb."""
     turn = np.pi * np.arange(ARCH_SEGMENTS + 1) / ARCH_SEGMENTS
-    round_arch = [
-        (GABLE_X - ARCH_RADIUS * np.cos(t), ARCH_SPRING + ARCH_RADIUS * np.sin(t)) for t in turn
-    ]
+    round_arch = [(GABLE_X - ARCH_RADIUS * np.cos(t), ARCH_SPRING + ARCH_RADIUS * np.sin(t)) for t in turn]
     return [(GABLE_X - ARCH_RADIUS, 0), *round_arch, (GABLE_X + ARCH_RADIUS, 0)]
 
 
@@ -152,6 +155,7 @@ def _apse(sheet: SheetBuilder) -> None:
 
     # Lunes between the arch (tilt 0) and the spring line at the back (tilt 90 degrees); all meet in the two ends.
     tilt = np.pi / 2 * np.arange(4) / 3
+
     def at(t: float, lean: float) -> np.ndarray:
         direction = np.array([-np.cos(t), np.sin(t) * np.cos(lean), -np.sin(t) * np.sin(lean)])
         return center + ARCH_RADIUS * np.round(direction, 12)

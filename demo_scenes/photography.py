@@ -46,7 +46,7 @@ GLOSS_LEVELS = 70.0
 def take_photos(
     scene: str,
     cameras: Sequence[Camera],
-    stages: Callable[[], Sequence[Stage]],
+    build_stage: Callable[[], Stage],
     photography: Photography,
     samples: int,
     progress: Progress | None,
@@ -55,22 +55,20 @@ def take_photos(
     """Views of a scene, from the cache where they have been taken before.
 
     Args:
-        stages: builds what each camera sees; one stage may serve all cameras. Called only when photos are to be made.
+        build_stage: paints what the cameras see; called only when photos are to be made.
         samples: rays along a pixel's side.
         variant: whatever else the photos depend on (goes into the cache's key).
     """
 
     def shoot() -> np.ndarray:
         report(0.0, f"{scene}: painting textures")
-        stage_of_camera = stages()
+        stage = build_stage()
         report(0.2, f"{scene}: light and shadow")
-        light_of_stage = {id(stage): light_lattice(stage) for stage in stage_of_camera}
+        light = light_lattice(stage)
         photos = np.zeros(shape, np.uint8)
 
         def take(k: int) -> None:
-            stage = stage_of_camera[k]
-            levels = photograph(stage, light_of_stage[id(stage)], cameras[k], samples)
-            photos[k] = _develop(levels, photography, k)
+            photos[k] = _develop(photograph(stage, light, cameras[k], samples), photography, k)
 
         with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
             done = [pool.submit(take, k) for k in range(len(cameras))]
