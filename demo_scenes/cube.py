@@ -47,7 +47,9 @@ def cube_scene(
     sides = None if textures is None else [_as_rgb(texture) for texture in textures]
     variant = "" if sides is None else hashlib.sha256(b"".join(side.tobytes() for side in sides)).hexdigest()
     cameras = cube_cameras()
-    views = take_photos("cube", cameras, lambda: _stage(sides, photography), photography, SAMPLES, progress, variant)
+    views = take_photos(
+        "cube", cameras, lambda: _stage(sides, photography), VERTICES, photography, SAMPLES, progress, variant
+    )
     start = VERTICES.copy()
     start[0] += displacement
     return Scene.build("cube", start, FACES, views, truth=_truth())

@@ -34,6 +34,7 @@ def facade_scene(
         "facade",
         cameras,
         lambda: outdoor_stage(sheet, _coats(photography), photography),
+        sheet.vertices,
         photography,
         SAMPLES,
         progress,
@@ -68,7 +69,7 @@ def _coats(photography: Photography) -> dict[str, Coat]:
         "stone": Coat(lambda: ashlar(narrow, 6.4, seed=3), narrow / 6.4),
         "tiles": Coat(lambda: roof_tiles(wide, 9.6, seed=4), wide / 9.6),
         "wood": Coat(lambda: planks(narrow, 6.4, seed=5), narrow / 6.4),
-        "mosaic": Coat(lambda: rubble(narrow, 6.0, seed=6, tint=(152, 146, 160), stone=0.11), narrow / 6.0),
+        "mosaic": Coat(lambda: rubble(narrow, 6.0, seed=6, tint=(186, 176, 168), stone=0.11), narrow / 6.0),
         "plaster inside": Coat(lambda: plaster(narrow, 6.0, seed=7, tint=(186, 146, 112), contrast=1.8), narrow / 6.0),
         **{f"window {name}": Coat(lambda k=k: window(pane, seed=20 + k), pane - 1.0) for k, name in enumerate("abcd")},
     }

@@ -43,7 +43,7 @@ def light_lattice(stage: Stage) -> np.ndarray:
         sky += cosine * _is_lit(surface, lifted, direction, center, radius)
         total += np.abs(normals @ direction)
     # Walls see half the sky, and light from the ground comes back: never quite dark.
-    sky = 0.25 + 0.75 * np.minimum(sky / np.maximum(0.55 * total, 1e-9), 1.3)
+    sky = 0.42 + 0.58 * np.minimum(sky / np.maximum(0.55 * total, 1e-9), 1.3)
     light[..., 0] = (sun / SUN_DIRECTIONS).reshape(light.shape[:3])
     light[..., 1] = sky.reshape(light.shape[:3])
     return light

@@ -29,18 +29,14 @@ class Coat:
     density: float
 
 
-def outdoor_stage(
-    sheet: Sheet, coats: Mapping[str, Coat], photography: Photography, extras: PaintedSurface | None = None
-) -> Stage:
+def outdoor_stage(sheet: Sheet, coats: Mapping[str, Coat], photography: Photography) -> Stage:
     """A building on a cobbled ground under an afternoon sun.
 
     Args:
         coats: one for each material name of the sheet.
-        extras: further things that stand in the scene without being part of its mesh.
     """
-    surface = clothed(sheet, coats).joined(_ground(sheet.vertices))
     return Stage(
-        surface if extras is None else surface.joined(extras),
+        clothed(sheet, coats).joined(_ground(sheet.vertices)),
         sun_direction=SUN / np.linalg.norm(SUN),
         sun_color=np.array([0.86, 0.80, 0.70]),
         sky_color=np.array([0.46, 0.50, 0.57]),
@@ -62,18 +58,29 @@ def clothed(sheet: Sheet, coats: Mapping[str, Coat]) -> PaintedSurface:
     return PaintedSurface.flat(sheet.vertices, sheet.faces, texture_of_face, texel, textures)
 
 
-def _ground(building: np.ndarray, reach: float = 9.0, tile: float = 1.0) -> PaintedSurface:
-    """Cobbles from just behind the building's front to `reach` metres before it, in tiles: those behind a camera vanish."""
+def _ground(building: np.ndarray, reach: float = 9.0) -> PaintedSurface:
+    """Cobbles from just behind the building's front to `reach` metres before it and beside it."""
     left, right = building[:, 0].min() - reach, building[:, 0].max() + reach
-    x = np.linspace(left, right, round((right - left) / tile) + 1)
-    z = np.linspace(-0.7, reach, round(reach / tile) + 1)
+    return floor_tiles(
+        (left, right), (-1.2, reach), 0.0, 1.0, painted(rubble(768, 6.0, 90, (128, 122, 112), 0.13)), 128.0
+    )
+
+
+def floor_tiles(
+    x_range: tuple[float, float],
+    z_range: tuple[float, float],
+    y: float,
+    tile: float,
+    texture: np.ndarray,
+    density: float,
+) -> PaintedSurface:
+    """A level floor cut into tiles, as the rasteriser leaves out whole faces that reach behind a camera."""
+    x, z = (np.linspace(low, high, round((high - low) / tile) + 1) for low, high in (x_range, z_range))
     column, row = (k.ravel() for k in np.meshgrid(np.arange(len(x) - 1), np.arange(len(z) - 1)))
     a = row * len(x) + column
     b, c, d = a + 1, a + 1 + len(x), a + len(x)
     faces = np.vstack([np.column_stack([a, d, c]), np.column_stack([a, c, b])])
     X, Z = (k.ravel() for k in np.meshgrid(x, z))
-    vertices = np.column_stack([X, np.zeros_like(X), Z])
-    metres = 6.0
-    texture = painted(rubble(768, metres, seed=90, tint=(128, 122, 112), stone=0.13))
-    texel = vertices[:, [0, 2]][faces] * (len(texture) / metres)
+    vertices = np.column_stack([X, np.full_like(X, y), Z])
+    texel = vertices[:, [0, 2]][faces] * density
     return PaintedSurface.flat(vertices, faces, np.zeros(len(faces), int), texel, [texture])

@@ -3,13 +3,14 @@
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from demo_scenes.cache import cached_photos
 from demo_scenes.lighting import light_lattice
 from demo_scenes.noise import seeded
+from demo_scenes.occluders import passer_by, pole_and_leaves
 from demo_scenes.raycast import photograph
 from demo_scenes.surface import Stage
 from fairing.camera import Camera
@@ -47,6 +48,7 @@ def take_photos(
     scene: str,
     cameras: Sequence[Camera],
     build_stage: Callable[[], Stage],
+    subject: np.ndarray,
     photography: Photography,
     samples: int,
     progress: Progress | None,
@@ -56,6 +58,7 @@ def take_photos(
 
     Args:
         build_stage: paints what the cameras see; called only when photos are to be made.
+        subject: (n, 3) float, points of what the photos are about; occluders stand before them.
         samples: rays along a pixel's side.
         variant: whatever else the photos depend on (goes into the cache's key).
     """
@@ -64,11 +67,20 @@ def take_photos(
         report(0.0, f"{scene}: painting textures")
         stage = build_stage()
         report(0.2, f"{scene}: light and shadow")
+        if photography.occluders:
+            stage = replace(
+                stage, surface=stage.surface.joined(pole_and_leaves(subject, cameras, stage.up, photography.seed))
+            )
         light = light_lattice(stage)
         photos = np.zeros(shape, np.uint8)
 
         def take(k: int) -> None:
-            photos[k] = _develop(photograph(stage, light, cameras[k], samples), photography, k)
+            seen, lit = stage, light
+            if photography.occluders:
+                person = passer_by(subject, cameras[k], stage.up, seeded(photography.seed, k, 22))
+                seen = replace(stage, surface=stage.surface.joined(person))
+                lit = np.concatenate([light, np.ones((len(person.faces), *light.shape[1:]))])
+            photos[k] = _develop(photograph(seen, lit, cameras[k], samples), photography, k)
 
         with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
             done = [pool.submit(take, k) for k in range(len(cameras))]

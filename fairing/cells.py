@@ -52,6 +52,7 @@ class CellContext:
         reasons: (m, V) int8 `Visibility` of every face in every view.
         n_views: (m,) int: views that take part.
         footprint_area: (m,) float: mean over those views, px^2.
+        vertex_views: (n, V) bool: views that take part in a face of the vertex.
         vertices: (n, 3): positions the context was made at.
     """
 
@@ -60,6 +61,7 @@ class CellContext:
     reasons: np.ndarray
     n_views: np.ndarray
     footprint_area: np.ndarray
+    vertex_views: np.ndarray
     vertices: np.ndarray
 
     @property
@@ -197,7 +199,10 @@ def build_context(
         norm=NORMS[options.robust.norm],
     )
     mean_area = np.where(part, area, 0).sum(1) / np.maximum(count, 1)
-    return CellContext(level, kernel, reasons, count, mean_area, vertices.copy())
+    vertex_views = np.zeros((len(vertices), n_views), dtype=bool)
+    for j in range(3):
+        np.logical_or.at(vertex_views, faces[:, j], part)
+    return CellContext(level, kernel, reasons, count, mean_area, vertex_views, vertices.copy())
 
 
 def _photos_for_pairs(

@@ -1,0 +1,529 @@
+"""A fairing run that can be stepped, stopped, moved back and continued.
+
+A run is a function of the scene and the options. Every step is computed from the vertices and the recorded position in the
+schedule alone, so that a run resumed from its trace writes the same bytes as one never stopped.
+"""
+
+import importlib.metadata
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fairing.cells import CellContext, build_context, facing
+from fairing.energy import Evaluator, FaceSystem, robust_scale, robust_sigma
+from fairing.errors import InputError
+from fairing.gauss_newton import (
+    Prior,
+    folded_faces,
+    solve_jointly,
+    solve_vertices,
+    undetermined_directions,
+    vertex_systems,
+)
+from fairing.mesh_check import inspect_mesh
+from fairing.options import FairingOptions, by_level, options_from_dict, options_to_dict
+from fairing.scale_space import ScaleSpace
+from fairing.scene import Scene
+from fairing.schedule import Unit, plan_units
+from fairing.visibility import Visibility
+from fairing.trace import Position, StepReason, StepRecord, Trace
+
+OBJECTIVE_TOLERANCE = 1e-9  # relative: below this two energies are equal
+
+
+@dataclass(frozen=True, eq=False)
+class SweepState:
+    """What holds for a whole sweep, a function of the vertices at its beginning.
+
+    Attributes:
+        moment: when the sweep began.
+        context: cells and visibility.
+        sigma: (m,) float, grey levels, scale of the robust norm by face.
+        scale: (m,) float, what the kernel wants of it.
+        prior: the pull along undetermined directions.
+        free: (n,) bool: vertices that may move and that enough photos see.
+        units: what moves together, in order.
+    """
+
+    moment: int
+    context: CellContext
+    sigma: np.ndarray
+    scale: np.ndarray
+    prior: Prior
+    free: np.ndarray
+    units: list[Unit]
+
+
+class Session:
+    """The engine on one scene.
+
+    Args:
+        scene: what to fair.
+        options: how.
+        trace: continue this run (its options win); default a new one.
+
+    Raises:
+        InputError: no photo sees any face well enough, or an option contradicts the scene.
+    """
+
+    def __init__(self, scene: Scene, options: FairingOptions | None = None, trace: Trace | None = None) -> None:
+        self.scene = scene
+        if trace is not None:
+            _check_same_scene(scene, trace)
+            options = options_from_dict(trace.header["options"])
+        self.options = options or FairingOptions()
+        self.trace = trace or Trace(_header(scene, self.options), scene.mesh.vertices, scene.mesh.faces)
+        self.moment = len(self.trace)
+        self.warnings: list[str] = list(scene.warnings)
+        self.seconds: dict[str, float] = {"photos": 0.0, "visibility": 0.0, "steps": 0.0}
+        self._photos = ScaleSpace(scene, self.options.cells.color)
+        self._evaluator = Evaluator(self.options.threads)
+        self._excluded = np.zeros(len(scene.mesh.faces), dtype=bool)
+        self._excluded[inspect_mesh(scene.mesh).degenerate_faces] = True
+        self._locked = self._find_locked()
+        self._orientation = facing(scene, self.trace.start)
+        if self._orientation < 0:
+            self.warnings.append("mesh: its faces point away from the photos; they are taken as turned around")
+        self._sweep: SweepState | None = None
+        self._system: tuple[int, Unit, FaceSystem] | None = None
+
+    # ------------------------------------------------------------------ where the run is
+
+    @property
+    def vertices(self) -> np.ndarray:
+        """(n, 3) float: positions now, world units."""
+        return self.trace.vertices_at(self.moment)
+
+    @property
+    def position(self) -> Position:
+        """Where the next step belongs."""
+        return self.trace.steps[self.moment - 1].next_position if self.moment else Position(self._first_level, 0, 0, 0)
+
+    @property
+    def finished(self) -> bool:
+        """Whether the schedule has been worked off at the present moment."""
+        return self.position.level >= self.options.n_levels
+
+    @property
+    def samples(self) -> int:
+        """Cell samples read so far."""
+        return self._evaluator.samples
+
+    def go_to(self, moment: int) -> None:
+        """Move to a recorded moment; the next step continues from there.
+
+        Raises:
+            IndexError: there is no such moment.
+        """
+        if not 0 <= moment <= len(self.trace):
+            raise IndexError(f"moment {moment}: this run has moments 0 to {len(self.trace)}")
+        self.moment = moment
+
+    def branch(self, options: FairingOptions | None = None) -> "Session":
+        """A new session that shares this run's past up to the present moment and goes on with other options."""
+        trace = self.trace.cut(self.moment)
+        trace.header["options"] = options_to_dict(options or self.options)
+        return Session(self.scene, trace=trace)
+
+    # ------------------------------------------------------------------ moving forward
+
+    def step(self) -> StepRecord | None:
+        """One iteration: of a vertex, a set of vertices or all vertices, as the order has it. None when finished.
+
+        At a past moment the recorded step is repeated (a run is deterministic), later ones are computed.
+        """
+        if self.finished:
+            return None
+        if self.moment < len(self.trace):
+            self.moment += 1
+            return self.trace.steps[self.moment - 1]
+        began = time.perf_counter()
+        record = self._compute_step()
+        self.trace.append(record)
+        self.moment += 1
+        self.seconds["steps"] += time.perf_counter() - began
+        if record.next_position[:2] != record.position[:2]:
+            self.trace.flush()
+        return record
+
+    def step_unit(self) -> StepRecord | None:
+        """All iterations of the present vertex (or set of vertices). Returns the last step."""
+        return self._step_while(lambda now, then: now[:3] == then[:3])
+
+    def step_sweep(self) -> StepRecord | None:
+        """To the end of the sweep. Returns the last step."""
+        return self._step_while(lambda now, then: now[:2] == then[:2])
+
+    def step_level(self) -> StepRecord | None:
+        """To the end of the level. Returns the last step."""
+        return self._step_while(lambda now, then: now[0] == then[0])
+
+    def run(
+        self, should_stop: Callable[[], bool] = lambda: False, on_step: Callable[[StepRecord], None] = lambda _: None
+    ) -> str:
+        """Work off the schedule.
+
+        Args:
+            should_stop: asked before every step.
+            on_step: told of every step.
+
+        Returns:
+            Why it stopped.
+        """
+        while not self.finished:
+            if should_stop():
+                return "stopped on request"
+            record = self.step()
+            if record is not None:
+                on_step(record)
+        return self.stop_reason
+
+    @property
+    def stop_reason(self) -> str:
+        """Why the run stopped, as one sentence."""
+        if not self.finished:
+            return "not finished"
+        if self.moment == 0:
+            return "finished: there was nothing to do"
+        last = self.trace.steps[self.moment - 1]
+        if (last.reasons == StepReason.RETURNED).all():
+            return "finished: the energy at the finest level was lower at the start, so every vertex was returned"
+        moved = np.linalg.norm(self.vertices - self.trace.start, axis=1) > 0
+        return f"finished: all {self.options.n_levels} levels done, {int(moved.sum())} of {len(moved)} vertices moved"
+
+    @property
+    def progress(self) -> float:
+        """Fraction of the schedule worked off, by the longest it can last, 0 to 1."""
+        position = self.position
+        if self.finished:
+            return 1.0
+        first, count = self._first_level, self.options.n_levels
+        sweeps = by_level(self.options.schedule.max_sweeps, position.level)
+        units = len(self._sweep.units) if self._sweep is not None else 1
+        within = (position.sweep + min(1.0, position.unit / units)) / sweeps
+        return (position.level - first + min(1.0, within)) / (count - first)
+
+    # ------------------------------------------------------------------ what a sweep needs
+
+    def sweep_state(self, moment: int | None = None) -> SweepState:
+        """Visibility, sigma, priors and order of the sweep that a moment belongs to (default: now)."""
+        moment = self.moment if moment is None else moment
+        position, began = self._position_at(moment), self._sweep_moment_at(moment)
+        if position.level >= self.options.n_levels:
+            position = self.trace.steps[moment - 1].position
+            began = self.trace.steps[moment - 1].sweep_moment
+        if self._sweep is None or self._sweep.moment != began or self._sweep.context.level != position.level:
+            self._sweep = self._begin_sweep(position, began)
+        return self._sweep
+
+    def _begin_sweep(self, position: Position, moment: int) -> SweepState:
+        level, mesh = position.level, self.scene.mesh
+        vertices = self.trace.vertices_at(moment)
+        context = self._context(level, vertices)
+        everything = np.arange(len(mesh.faces))
+        measured = self._evaluator.measure(context, vertices, everything, np.ones(len(mesh.faces)))
+        sigma = robust_sigma(self.options.robust, level, measured)
+        scale = robust_scale(self.options.robust, sigma)
+        system = self._linearise(context, vertices, everything, np.full(len(everything), -1), scale)
+        H, _ = vertex_systems(mesh, system)
+        informed = np.trace(H, axis1=1, axis2=2) > 0
+        sliding, weak = undetermined_directions(vertices, mesh, H, context.takes_part, self.options.step)
+        free = informed & ~self._locked
+        units = plan_units(mesh, free, self.options.schedule.order, system.energy)
+        return SweepState(moment, context, sigma, scale, Prior(sliding, weak, self.trace.start, vertices), free, units)
+
+    def _context(self, level: int, vertices: np.ndarray) -> CellContext:
+        began = time.perf_counter()
+        blur = self.options.schedule.blur[level]
+        cubic = by_level(self.options.cells.interpolation, level) == "cubic"
+        self._photos.planes(blur, cubic)
+        self.seconds["photos"] += time.perf_counter() - began
+        began = time.perf_counter()
+        context = build_context(
+            self.scene, self._photos, self.options, level, vertices, self._orientation, self._excluded
+        )
+        self.seconds["visibility"] += time.perf_counter() - began
+        if not context.takes_part.any() and level == self.options.n_levels - 1:
+            counts = {reason.name.lower(): int((context.reasons == reason).sum()) for reason in _reasons(context)}
+            found = ", ".join(f"{name} {count}" for name, count in counts.items())
+            raise InputError(
+                f"scene {self.scene.name}: expected faces seen by at least 3 photos, found none ({found}); "
+                "run `eigenfairing check` to see the mesh over the photos"
+            )
+        return context
+
+    def _linearise(self, context, vertices, faces, corners, scale) -> FaceSystem:
+        return self._evaluator.linearise(context, vertices, faces, corners, scale, self.options.step.solver)
+
+    # ------------------------------------------------------------------ one step
+
+    def _compute_step(self) -> StepRecord:
+        position = self.position
+        sweep = self.sweep_state()
+        if not sweep.units:
+            return self._empty_step(position, sweep)
+        unit = sweep.units[position.unit]
+        ids, vertices = unit.vertices, self.vertices
+        before = self.trace.steps[self.moment - 1] if position.iteration else None
+        damping = before.damping_next if before else np.full(len(ids), self._initial_damping(position.level))
+        rejections = before.rejections if before else np.zeros(len(ids), dtype=np.int64)
+
+        system = self._system_at(sweep, unit, vertices)
+        H, g = vertex_systems(self.scene.mesh, system)
+        eigenvalues = np.linalg.eigvalsh(H[ids])
+        g = g + self._spread(sweep.prior.gradient(vertices, ids), ids)
+        if unit.coupled:
+            free = np.zeros(len(vertices), dtype=bool)
+            free[ids] = True
+            proposed = solve_jointly(
+                self.scene.mesh, system, sweep.prior.blocks, g, free, float(damping.max(initial=0))
+            )[ids]
+        else:
+            resting = rejections > self.options.step.max_rejections
+            proposed = solve_vertices(H[ids] + sweep.prior.blocks[ids], g[ids], damping)
+            proposed[resting] = 0
+        tried, folds = self._limit(sweep, vertices, ids, proposed)
+        step_px = self._pixels(sweep.context, vertices, ids, tried)
+        after = vertices.copy()
+        after[ids] += tried
+        new_system = self._linearise(sweep.context, after, unit.faces, unit.corners, sweep.scale)
+
+        old_objective = self._objective(sweep, unit, system, vertices)
+        new_objective = self._objective(sweep, unit, new_system, after)
+        if unit.coupled:
+            better = np.full(len(ids), new_objective.sum() <= old_objective.sum() * (1 + OBJECTIVE_TOLERANCE))
+        else:
+            better = new_objective <= old_objective * (1 + OBJECTIVE_TOLERANCE)
+        reasons = np.where(better, StepReason.ACCEPTED, StepReason.REJECTED_ENERGY).astype(np.int8)
+        still = better & (step_px < self.options.step.tolerance)
+        reasons[still] = StepReason.CONVERGED
+        reasons[folds & (step_px == 0)] = StepReason.REJECTED_FOLD
+        if not unit.coupled:
+            reasons[rejections > self.options.step.max_rejections] = StepReason.RESTING
+        kept = np.where(better[:, None], after[ids], vertices[ids])
+        after[ids] = kept
+        face_better = self._faces_accepted(unit, better)
+        end_system = new_system if better.all() else None
+        face_after = np.where(face_better, new_system.energy, system.energy)
+        pair_after = np.where(self._pairs_of(sweep, unit, face_better), new_system.pair_energy, system.pair_energy)
+        self._system = (self.moment + 1, unit, end_system) if end_system is not None else None
+        if not better.any():
+            self._system = (self.moment + 1, unit, system)
+
+        floor = self.options.step.initial_damping
+        raised = np.maximum(damping * 10, floor)
+        lowered = np.where(damping > floor, damping / 10, self._initial_damping(position.level))
+        damping_next = np.where(better, lowered, raised)
+        rejections = np.where(better, 0, rejections + 1)
+        done = still | (rejections > self.options.step.max_rejections) | (reasons == StepReason.REJECTED_FOLD)
+        next_position = self._next_position(position, sweep, bool(done.all()), after, better)
+        record = StepRecord(
+            position=position,
+            next_position=next_position,
+            sweep_moment=sweep.moment,
+            vertices=ids,
+            before=vertices[ids],
+            proposed=proposed,
+            after=kept,
+            step_px=step_px,
+            damping=damping,
+            eigenvalues=eigenvalues,
+            reasons=reasons,
+            objective_before=float(old_objective.sum()),
+            objective_after=float(new_objective.sum()),
+            faces=unit.faces,
+            face_energy_before=system.energy,
+            face_energy_after=face_after,
+            view_energy_before=self._by_view(sweep, system.pair_energy),
+            view_energy_after=self._by_view(sweep, pair_after),
+            damping_next=damping_next,
+            rejections=rejections,
+        )
+        if next_position.level >= self.options.n_levels and position.level < self.options.n_levels:
+            return self._never_worse(record, sweep, after)
+        return record
+
+    def _initial_damping(self, level: int) -> float:
+        always = self.options.step.damping_always
+        return self.options.step.initial_damping if always else 0.0
+
+    def _system_at(self, sweep: SweepState, unit: Unit, vertices: np.ndarray) -> FaceSystem:
+        """Normal equations at the present moment: those of the last accepted trial, where there was one."""
+        if self._system is not None and self._system[0] == self.moment and self._system[1] is unit:
+            return self._system[2]
+        return self._linearise(sweep.context, vertices, unit.faces, unit.corners, sweep.scale)
+
+    def _spread(self, values: np.ndarray, ids: np.ndarray) -> np.ndarray:
+        full = np.zeros((len(self.scene.mesh.vertices), 3))
+        full[ids] = values
+        return full
+
+    def _limit(self, sweep, vertices, ids, proposed) -> tuple[np.ndarray, np.ndarray]:
+        """Shorten steps to the capture range and until no face folds; tells which vertices a fold held back."""
+        options = self.options.step
+        blur = self.options.schedule.blur[sweep.context.level]
+        px = self._pixels(sweep.context, vertices, ids, proposed)
+        tried = proposed * np.minimum(1, options.max_step * max(1.0, blur) / np.maximum(px, 1e-12))[:, None]
+        folds = np.zeros(len(ids), dtype=bool)
+        after = vertices.copy()
+        for attempt in range(5):
+            after[ids] = vertices[ids] + tried
+            bad = folded_faces(vertices, after, self.trace.start, self.scene.mesh.faces, options)
+            if not bad.any():
+                break
+            hit = np.isin(ids, self.scene.mesh.faces[bad])
+            folds |= hit
+            tried[hit] *= 0.5 if attempt < 3 else 0.0
+        return tried, folds
+
+    def _pixels(self, context: CellContext, vertices: np.ndarray, ids: np.ndarray, steps: np.ndarray) -> np.ndarray:
+        """(u,) float: how far each step moves its vertex in the photo where it moves most, px."""
+        longest = np.zeros(len(ids))
+        seen = context.vertex_views[ids]
+        for v in np.flatnonzero(seen.any(axis=0)):
+            rows = np.flatnonzero(seen[:, v])
+            J = self.scene.views[v].camera.J_image_wrt_point(vertices[ids[rows]])
+            longest[rows] = np.maximum(longest[rows], np.linalg.norm(np.einsum("nij,nj->ni", J, steps[rows]), axis=1))
+        return longest
+
+    def _objective(self, sweep: SweepState, unit: Unit, system: FaceSystem, vertices: np.ndarray) -> np.ndarray:
+        """(u,) float: energy plus prior of every vertex of an uncoupled unit; of a coupled one the shares of its vertices."""
+        energy = np.bincount(unit.owner, weights=system.energy, minlength=len(unit.vertices))
+        return energy + sweep.prior.energy(vertices, unit.vertices)
+
+    def _faces_accepted(self, unit: Unit, better: np.ndarray) -> np.ndarray:
+        return better[unit.owner] if len(better) else np.zeros(len(unit.faces), dtype=bool)
+
+    def _pairs_of(self, sweep: SweepState, unit: Unit, face_mask: np.ndarray) -> np.ndarray:
+        chosen = np.zeros(len(self.scene.mesh.faces), dtype=bool)
+        chosen[unit.faces[face_mask]] = True
+        return np.repeat(chosen, np.diff(sweep.context.kernel.pair_start))
+
+    def _by_view(self, sweep: SweepState, pair_energy: np.ndarray) -> np.ndarray:
+        return np.bincount(sweep.context.kernel.pair_view, weights=pair_energy, minlength=len(self.scene.views))
+
+    # ------------------------------------------------------------------ the schedule
+
+    def _next_position(
+        self, position: Position, sweep: SweepState, unit_done: bool, after: np.ndarray, better: np.ndarray
+    ) -> Position:
+        schedule = self.options.schedule
+        level = position.level
+        if not unit_done and position.iteration + 1 < by_level(schedule.max_iterations, level):
+            return position._replace(iteration=position.iteration + 1)
+        if position.unit + 1 < len(sweep.units):
+            return Position(level, position.sweep, position.unit + 1, 0)
+        ids = np.flatnonzero(sweep.free)
+        start = self.trace.vertices_at(sweep.moment)
+        moved = self._pixels(sweep.context, start, ids, after[ids] - start[ids])
+        if moved.max(initial=0) >= schedule.sweep_tolerance and position.sweep + 1 < by_level(schedule.max_sweeps, level):
+            return Position(level, position.sweep + 1, 0, 0)
+        return Position(level + 1, 0, 0, 0)
+
+    @property
+    def _first_level(self) -> int:
+        return 0
+
+    def _position_at(self, moment: int) -> Position:
+        return self.trace.steps[moment - 1].next_position if moment else Position(self._first_level, 0, 0, 0)
+
+    def _sweep_moment_at(self, moment: int) -> int:
+        position = self._position_at(moment)
+        return moment if position.unit == 0 and position.iteration == 0 else self.trace.steps[moment - 1].sweep_moment
+
+    def _empty_step(self, position: Position, sweep: SweepState) -> StepRecord:
+        """A level at which no vertex can move (its blur is too coarse for every footprint)."""
+        nothing, views = np.zeros(0), np.zeros(len(self.scene.views))
+        return StepRecord(
+            position, Position(position.level + 1, 0, 0, 0), sweep.moment, nothing.astype(int), np.zeros((0, 3)),
+            np.zeros((0, 3)), np.zeros((0, 3)), nothing, nothing, np.zeros((0, 3)), nothing.astype(np.int8), 0.0, 0.0,
+            nothing.astype(int), nothing, nothing, views, views, nothing, nothing.astype(int),
+        )  # fmt: skip
+
+    def _never_worse(self, record: StepRecord, sweep: SweepState, final: np.ndarray) -> StepRecord:
+        """Return every vertex to the start if the finest level's energy was lower there."""
+        everything = np.arange(len(self.scene.mesh.faces))
+        here = self._evaluator.measure(sweep.context, final, everything, sweep.scale)
+        there = self._evaluator.measure(sweep.context, self.trace.start, everything, sweep.scale)
+        if here.energy.sum() <= there.energy.sum():
+            return record
+        ids = np.arange(len(final))
+        blank = np.zeros(len(ids))
+        return StepRecord(
+            position=record.position,
+            next_position=record.next_position,
+            sweep_moment=record.sweep_moment,
+            vertices=ids,
+            before=self.vertices,
+            proposed=self.trace.start - self.vertices,
+            after=self.trace.start,
+            step_px=blank,
+            damping=blank,
+            eigenvalues=np.zeros((len(ids), 3)),
+            reasons=np.full(len(ids), StepReason.RETURNED, dtype=np.int8),
+            objective_before=float(here.energy.sum()),
+            objective_after=float(there.energy.sum()),
+            faces=everything,
+            face_energy_before=here.energy,
+            face_energy_after=there.energy,
+            view_energy_before=self._by_view(sweep, here.pair_energy),
+            view_energy_after=self._by_view(sweep, there.pair_energy),
+            damping_next=blank,
+            rejections=blank.astype(int),
+        )
+
+    # ------------------------------------------------------------------ helpers
+
+    def _step_while(self, same: Callable[[Position, Position], bool]) -> StepRecord | None:
+        began = self.position
+        record = self.step()
+        last = record
+        while record is not None and same(began, self.position) and not self.finished:
+            record = self.step()
+            last = record or last
+        return last
+
+    def _find_locked(self) -> np.ndarray:
+        locked = np.zeros(len(self.scene.mesh.vertices), dtype=bool)
+        chosen = np.asarray(self.options.locked_vertices, dtype=np.int64)
+        count = len(self.scene.original_from_welded)
+        if len(chosen) and (chosen.min() < 0 or chosen.max() >= count):
+            wrong = int(chosen[(chosen < 0) | (chosen >= count)][0])
+            raise InputError(f"locked_vertices: expected numbers 0 to {count - 1}, found {wrong}")
+        locked[self.scene.original_from_welded[chosen]] = True
+        if self.options.lock_boundary:
+            locked[self.scene.mesh.boundary_vertices] = True
+        locked[self.scene.mesh.faces[self._excluded]] = True
+        return locked
+
+
+def _reasons(context: CellContext) -> list[Visibility]:
+    return [reason for reason in Visibility if (context.reasons == reason).any()]
+
+
+def _header(scene: Scene, options: FairingOptions) -> dict[str, Any]:
+    return {
+        "scene": scene.name,
+        "views": [view.name for view in scene.views],
+        "options": options_to_dict(options),
+        "versions": {name: importlib.metadata.version(name) for name in ("numpy", "scipy", "numba")},
+    }
+
+
+def _check_same_scene(scene: Scene, trace: Trace) -> None:
+    names = [view.name for view in scene.views]
+    same_mesh = np.array_equal(trace.faces, scene.mesh.faces) and len(trace.start) == len(scene.mesh.vertices)
+    if trace.header.get("views") != names or not same_mesh:
+        raise InputError(
+            f"trace of scene {trace.header.get('scene')}: expected the photos and the mesh it was recorded on, "
+            f"found those of {scene.name}; open it with its own scene"
+        )
+
+
+def load_run(path: Path, scene: Scene) -> Session:
+    """Continue a recorded run on its scene, at its last moment."""
+    return Session(scene, trace=Trace.load(path))

@@ -1,0 +1,287 @@
+"""The record of a run: every step, small enough to keep, appended to a file as it happens and readable after a crash.
+
+A *moment* is a number between two steps: moment 0 is the start, moment m the state after m steps. A trace holds positions
+exactly, so any moment comes back to the bit; cells, residuals and flows are recomputed from it on demand.
+
+File layout: the magic line, then blocks of (length, checksum, payload), the first being the header. A block that was cut
+short by a crash is dropped on reading, everything before it is kept.
+"""
+
+import io
+import json
+import os
+import zlib
+from dataclasses import dataclass, fields
+from enum import IntEnum
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fairing.errors import InputError
+
+MAGIC = b"EIGENFAIRING TRACE 1\n"
+KEYFRAME_EVERY = 64
+
+
+class StepReason(IntEnum):
+    """What became of a vertex in a step."""
+
+    ACCEPTED = 0
+    CONVERGED = 1
+    REJECTED_ENERGY = 2
+    REJECTED_FOLD = 3
+    UNSEEN = 4
+    LOCKED = 5
+    RESTING = 6
+    RETURNED = 7
+
+    @property
+    def text(self) -> str:
+        return _REASON_TEXTS[self]
+
+
+_REASON_TEXTS = {
+    StepReason.ACCEPTED: "accepted: the energy fell",
+    StepReason.CONVERGED: "converged: the step was below the tolerance",
+    StepReason.REJECTED_ENERGY: "rejected: the step would have raised the energy",
+    StepReason.REJECTED_FOLD: "rejected: the step would have folded or collapsed a face",
+    StepReason.UNSEEN: "not moved: fewer than three photos see its faces",
+    StepReason.LOCKED: "not moved: locked",
+    StepReason.RESTING: "rests: its steps were rejected too often in this sweep",
+    StepReason.RETURNED: "returned: the fine-level energy was lower at the start",
+}
+
+
+class Position(NamedTuple):
+    """Where in the schedule a step belongs."""
+
+    level: int
+    sweep: int
+    unit: int
+    iteration: int
+
+    def __str__(self) -> str:
+        return f"{self.level}:{self.sweep}:{self.unit}:{self.iteration}"
+
+
+@dataclass(frozen=True, eq=False)
+class StepRecord:
+    """One iteration of one unit: a vertex, a set of independent vertices, or all vertices at once.
+
+    u vertices of the unit, F faces around them, V views.
+
+    Attributes:
+        position: level, sweep, unit and iteration of this step.
+        next_position: where the run goes on; level = number of levels when it has finished.
+        sweep_moment: the moment at which the sweep began (visibility, sigma and priors belong to it).
+        vertices: (u,) int, ids.
+        before, after: (u, 3) float, positions, world units.
+        proposed: (u, 3) float, the Gauss-Newton step before any limit.
+        step_px: (u,) float: longest displacement in a photo of the step tried, px.
+        damping: (u,) float, Levenberg-Marquardt damping used.
+        eigenvalues: (u, 3) float, of the normal matrix without priors, ascending, energy / world unit^2.
+        reasons: (u,) int8 `StepReason`.
+        objective_before, objective_after: energy plus priors of the unit, before and after what was tried.
+        faces: (F,) int ids of the faces around the unit.
+        face_energy_before, face_energy_after: (F,) float; after equals before where the step was rejected.
+        view_energy_before, view_energy_after: (V,) float.
+        damping_next, rejections: (u,): solver state for the next iteration.
+    """
+
+    position: Position
+    next_position: Position
+    sweep_moment: int
+    vertices: np.ndarray
+    before: np.ndarray
+    proposed: np.ndarray
+    after: np.ndarray
+    step_px: np.ndarray
+    damping: np.ndarray
+    eigenvalues: np.ndarray
+    reasons: np.ndarray
+    objective_before: float
+    objective_after: float
+    faces: np.ndarray
+    face_energy_before: np.ndarray
+    face_energy_after: np.ndarray
+    view_energy_before: np.ndarray
+    view_energy_after: np.ndarray
+    damping_next: np.ndarray
+    rejections: np.ndarray
+
+    @property
+    def accepted(self) -> bool:
+        """Whether any vertex moved."""
+        return bool((self.before != self.after).any())
+
+    @property
+    def energy_before(self) -> float:
+        return float(self.face_energy_before.sum())
+
+    @property
+    def energy_after(self) -> float:
+        return float(self.face_energy_after.sum())
+
+
+class Trace:
+    """Header, start and steps of a run; optionally mirrored to a file.
+
+    Attributes:
+        header: JSON-able facts: options, scene, versions.
+        start: (n, 3) float, vertices at moment 0.
+        faces: (m, 3) int.
+        steps: the records.
+    """
+
+    def __init__(self, header: dict[str, Any], start: np.ndarray, faces: np.ndarray) -> None:
+        self.header = header
+        self.start = np.array(start, dtype=np.float64)
+        self.faces = np.array(faces, dtype=np.int64)
+        self.steps: list[StepRecord] = []
+        self._keyframes: dict[int, np.ndarray] = {0: self.start}
+        self._newest: tuple[int, np.ndarray] = (0, self.start.copy())
+        self._file: io.BufferedWriter | None = None
+
+    def __len__(self) -> int:
+        return len(self.steps)
+
+    def append(self, record: StepRecord) -> None:
+        """Add a step, and write it to the file if one is attached."""
+        self._index(record)
+        if self._file is not None:
+            _write_block(self._file, _pack_record(record))
+
+    def vertices_at(self, moment: int) -> np.ndarray:
+        """(n, 3) float: positions at a moment, a copy.
+
+        Raises:
+            IndexError: there is no such moment.
+        """
+        if not 0 <= moment <= len(self.steps):
+            raise IndexError(f"moment {moment}: this trace has moments 0 to {len(self.steps)}")
+        if moment == self._newest[0]:
+            return self._newest[1].copy()
+        key = moment - moment % KEYFRAME_EVERY
+        vertices = self._keyframes[key].copy()
+        for record in self.steps[key:moment]:
+            vertices[record.vertices] = record.after
+        return vertices
+
+    def attach(self, path: Path) -> None:
+        """Write the trace to `path` (replacing what is there by renaming) and keep it up to date from now on."""
+        self.detach()
+        aside = path.with_name(path.name + ".part")
+        try:
+            with aside.open("wb") as file:
+                file.write(MAGIC)
+                _write_block(file, _pack({"header": json.dumps(self.header)}, start=self.start, faces=self.faces))
+                for record in self.steps:
+                    _write_block(file, _pack_record(record))
+            os.replace(aside, path)
+            self._file = path.open("ab")
+        except OSError as error:
+            aside.unlink(missing_ok=True)
+            raise InputError(f"{path}: could not be written ({error.strerror}); choose another folder or free space") from None
+
+    def flush(self) -> None:
+        """Make sure that what was appended survives a crash of the machine."""
+        if self._file is not None:
+            try:
+                self._file.flush()
+                os.fsync(self._file.fileno())
+            except OSError as error:
+                raise InputError(f"{self._file.name}: could not be written ({error.strerror}); free space") from None
+
+    def detach(self) -> None:
+        """Stop writing to the file."""
+        if self._file is not None:
+            self.flush()
+            self._file.close()
+            self._file = None
+
+    def cut(self, moment: int) -> "Trace":
+        """A new trace in memory with the steps before a moment."""
+        branch = Trace(dict(self.header), self.start, self.faces)
+        for record in self.steps[:moment]:
+            branch._index(record)
+        return branch
+
+    @classmethod
+    def load(cls, path: Path) -> "Trace":
+        """Read a trace file; steps cut short at its end are dropped.
+
+        Raises:
+            InputError: the file is missing or no trace.
+        """
+        try:
+            data = path.read_bytes()
+        except OSError as error:
+            raise InputError(f"trace {path}: cannot be read ({error.strerror})") from None
+        if not data.startswith(MAGIC):
+            raise InputError(f"trace {path}: expected an EigenFairing trace (version 1), found something else")
+        blocks = _read_blocks(data)
+        if not blocks:
+            raise InputError(f"trace {path}: its header is damaged; it cannot be replayed")
+        texts, arrays = _unpack(blocks[0])
+        trace = cls(json.loads(texts["header"]), arrays["start"], arrays["faces"])
+        for block in blocks[1:]:
+            trace._index(_unpack_record(block))
+        return trace
+
+    def _index(self, record: StepRecord) -> None:
+        self.steps.append(record)
+        vertices = self._newest[1]
+        vertices[record.vertices] = record.after
+        self._newest = (len(self.steps), vertices)
+        if len(self.steps) % KEYFRAME_EVERY == 0:
+            self._keyframes[len(self.steps)] = vertices.copy()
+
+
+def _pack(texts: dict[str, str], **arrays: np.ndarray) -> bytes:
+    buffer = io.BytesIO()
+    text_arrays = {f"text_{name}": np.frombuffer(text.encode(), dtype=np.uint8) for name, text in texts.items()}
+    np.savez_compressed(buffer, **text_arrays, **arrays)
+    return buffer.getvalue()
+
+
+def _unpack(block: bytes) -> tuple[dict[str, str], dict[str, np.ndarray]]:
+    with np.load(io.BytesIO(block), allow_pickle=False) as archive:
+        arrays = {name: archive[name] for name in archive.files}
+    texts = {name[5:]: bytes(arrays.pop(name)).decode() for name in list(arrays) if name.startswith("text_")}
+    return texts, arrays
+
+
+def _pack_record(record: StepRecord) -> bytes:
+    return _pack({}, **{field.name: np.asarray(getattr(record, field.name)) for field in fields(StepRecord)})
+
+
+def _unpack_record(block: bytes) -> StepRecord:
+    _, values = _unpack(block)
+    return StepRecord(
+        **{
+            **values,
+            "position": Position(*values["position"].tolist()),
+            "next_position": Position(*values["next_position"].tolist()),
+            "sweep_moment": int(values["sweep_moment"]),
+            "objective_before": float(values["objective_before"]),
+            "objective_after": float(values["objective_after"]),
+        }
+    )
+
+
+def _write_block(file: io.BufferedWriter, payload: bytes) -> None:
+    file.write(len(payload).to_bytes(8, "little") + zlib.crc32(payload).to_bytes(4, "little") + payload)
+
+
+def _read_blocks(data: bytes) -> list[bytes]:
+    blocks = []
+    at = len(MAGIC)
+    while at + 12 <= len(data):
+        length, checksum = int.from_bytes(data[at : at + 8], "little"), int.from_bytes(data[at + 8 : at + 12], "little")
+        payload = data[at + 12 : at + 12 + length]
+        if len(payload) < length or zlib.crc32(payload) != checksum:
+            break
+        blocks.append(payload)
+        at += 12 + length
+    return blocks
