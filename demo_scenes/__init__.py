@@ -4,7 +4,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from demo_scenes.archway import archway_scene
 from demo_scenes.cube import cube_scene
+from demo_scenes.dome import dome_scene
 from demo_scenes.facade import facade_scene
 from demo_scenes.photography import Photography, Progress
 from fairing.errors import InputError
@@ -31,12 +33,16 @@ class Demo:
 DEMOS: dict[str, Demo] = {
     demo.name: demo
     for demo in [
-        Demo("cube", "three faces of a textured cube, its near corner off by 12 % of the edge; 12 photos", cube_scene),
+        Demo(
+            "cube", "three textured faces of a cube, their common corner off by 12 % of the edge; 12 photos", cube_scene
+        ),
         Demo(
             "facade",
-            "a stepped facade with gable, porch, arch and apse, all vertices off their corners; 22 photos",
+            "a stepped facade with gable, porch and apse, all vertices off their corners; 22 photos",
             facade_scene,
         ),
+        Demo("archway", "archways and balcony edges, the mesh spanned between noisy points; 10 photos", archway_scene),
+        Demo("dome", "a curved surface under dense mosaic, radially disturbed; 16 photos", dome_scene),
     ]
 }
 

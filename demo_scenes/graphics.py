@@ -75,9 +75,11 @@ def _write(
 ) -> None:
     """Set a line of letter-like strokes into the picture, in place; positions in fractions of its side."""
     n = len(picture)
-    y, x = np.mgrid[0:n, 0:n] / n
+    rows = slice(int((top - 0.3 * height) * n), int((top + 1.4 * height) * n))
+    line = picture[rows]
+    y, x = np.arange(n)[rows, None] / n, np.arange(n)[None, :] / n
     pixel = 1.5 / n
-    ink = np.zeros((n, n))
+    ink = np.zeros(line.shape[:2])
     pen = left
     while pen + 0.7 * height < right:
         width = height * rng.uniform(0.45, 0.75)
@@ -94,4 +96,4 @@ def _write(
             down = np.minimum(y - top - y0 * height, top + y1 * height - y)
             ink = np.maximum(ink, smoothstep(-pixel, pixel, np.minimum(across, down)))
         pen += width + 0.22 * height
-    _over(picture, tint, 0.92 * ink)
+    _over(line, tint, 0.92 * ink)

@@ -48,14 +48,19 @@ def pole_and_leaves(points: np.ndarray, cameras: Sequence[Camera], up: np.ndarra
 
 
 def passer_by(points: np.ndarray, camera: Camera, up: np.ndarray, rng: np.random.Generator) -> PaintedSurface:
-    """Somebody in a coat, seen by this camera only, before a random one of the scene's points (n, 3)."""
+    """Somebody in a coat, seen by this camera only, on the ground before a random low one of the scene's points (n, 3)."""
     _, size = _middle_and_size(points)
-    target = points[rng.integers(len(points))]
-    center = camera.center + 0.55 * (target - camera.center)
-    toward = camera.center - center
-    side = np.cross(up, toward)
+    tall = 0.055 * size
+    height = points @ up
+    low = np.flatnonzero(height <= height.min() + 0.35 * np.ptp(height))
+    target = points[rng.choice(low)]
+    sight = camera.center - target
+    # Where the line of sight is as high as the middle of a person, if that is well between the two.
+    away = np.clip((height.min() + tall - target @ up) / (sight @ up), 0.12, 0.6)
+    center = target + away * sight
+    center += (height.min() + tall - center @ up) * up
+    side = np.cross(up, sight)
     side /= np.linalg.norm(side)
-    tall = 0.05 * size
     turn = 2 * np.pi * np.arange(14) / 14
     body = [center + tall * (0.36 * np.cos(t) * side + np.sin(t) * up) for t in turn]
     head = [center + tall * (0.21 * np.cos(t) * side + (1.17 + 0.25 * np.sin(t)) * up) for t in turn]

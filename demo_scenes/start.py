@@ -3,6 +3,9 @@
 import numpy as np
 
 from demo_scenes.surface import face_normals
+from fairing.mesh import Mesh
+from fairing.rasterize import rasterize
+from fairing.scene import SparsePoints, View
 
 
 def slide_off_corners(
@@ -59,6 +62,61 @@ def determined_normals(vertices: np.ndarray, faces: np.ndarray, least_angle: flo
             chosen.append(normals[ring[farthest]])
         found.append(np.array(chosen))
     return found
+
+
+def displaced_at_random(
+    vertices: np.ndarray, faces: np.ndarray, distances: tuple[float, float], rng: np.random.Generator
+) -> np.ndarray:
+    """Vertices (n, 3), each moved by a length within `distances` in a random direction that turns no face by 60 degrees."""
+    normals = face_normals(vertices, faces)
+    start = vertices.copy()
+    for v in rng.permutation(len(vertices)):
+        ring = np.flatnonzero((faces == v).any(axis=1))
+        for _ in range(200):
+            direction = rng.standard_normal(3)
+            start[v] = vertices[v] + rng.uniform(*distances) * direction / np.linalg.norm(direction)
+            if (face_normals(start, faces[ring]) * normals[ring]).sum(axis=1).min() > 0.5:
+                break
+    return start
+
+
+def observed_points(
+    truth: Mesh, views: tuple[View, ...], count: int, error: float, rng: np.random.Generator, pixel_error: float = 0.3
+) -> SparsePoints:
+    """Points as a reconstruction gives them: spread over the part of the surface that three views or more see.
+
+    Args:
+        count: points drawn evenly over the surface; those that fewer views see are dropped.
+        error: standard deviation of a point's coordinates, world units.
+        pixel_error: standard deviation of the observed pixel coordinates.
+    """
+    areas = _doubled_areas(truth.vertices, truth.faces)
+    face = rng.choice(len(areas), count, p=areas / areas.sum())
+    a, b = np.sort(rng.random((count, 2)), axis=1).T
+    weights = np.column_stack([a, b - a, 1 - b])
+    places = np.einsum("pk,pkx->px", weights, truth.vertices[truth.faces[face]])
+    pixels = np.zeros((count, len(views), 2))
+    sees = np.zeros((count, len(views)), bool)
+    colors = np.zeros((count, 3))
+    for k, view in enumerate(views):
+        camera = view.camera
+        pixels[:, k], depth = camera.project(places)
+        column, row = np.rint(pixels[:, k]).astype(int).T
+        inside = (depth > 0) & (column >= 0) & (row >= 0) & (column < camera.width) & (row < camera.height)
+        column, row = np.where(inside, column, 0), np.where(inside, row, 0)
+        face_id, _ = rasterize(truth.vertices, truth.faces, camera)
+        sees[:, k] = inside & (face_id[row, column] == face)
+        colors += sees[:, k, None] * view.photo.load()[row, column]
+    kept = np.flatnonzero(sees.sum(axis=1) >= 3)
+    sees, pixels = sees[kept], pixels[kept]
+    point_id, view_id = np.nonzero(sees)
+    observed = pixels[point_id, view_id]
+    return SparsePoints(
+        positions=places[kept] + error * rng.standard_normal((len(kept), 3)),
+        colors=np.rint(colors[kept] / sees.sum(axis=1)[:, None]).astype(np.uint8),
+        observations=np.column_stack([point_id, view_id]),
+        pixels=observed + pixel_error * rng.standard_normal(observed.shape),
+    )
 
 
 def _on_surface_near(
