@@ -52,12 +52,12 @@ def archway_scene(
 
 
 def archway_cameras() -> list[Camera]:
-    """10 cameras, alternately at eye level and above, 48 degrees to either side."""
+    """10 cameras, alternately at eye level and 8 metres up, 48 degrees to either side."""
     width, height = PHOTO_SIZE
     cameras = []
     for k in range(10):
         turn = np.radians(-48 + 96 * k / 9)
-        eye = np.array([12.5 * np.sin(turn), (1.7, 6.0)[k % 2] + 0.3 * np.sin(1.9 * k), 12.5 * np.cos(turn)])
+        eye = np.array([12.5 * np.sin(turn), (1.7, 8.0)[k % 2] + 0.3 * np.sin(1.9 * k), 12.5 * np.cos(turn)])
         target = np.array([0.4 * np.sin(1.3 * k), 3.6 + 0.2 * np.sin(2.9 * k), 0.0])
         up = np.array([0, 1.0, 0])
         cameras.append(looking_at(eye, target, up, FOCAL_PX, width, height, roll=0.03 * np.sin(4.1 * k)))

@@ -1,4 +1,6 @@
-"""The archway's geometry in metres: two deep round arches, a balcony with a parapet above them, a small balcony higher up."""
+"""The archway's geometry in metres: two deep round arches, a balcony with a low parapet, a block higher up."""
+
+from itertools import pairwise
 
 import numpy as np
 
@@ -8,9 +10,8 @@ SPACING = 1.15  # aimed-at edge length
 LEFT, RIGHT, TOP = -4.6, 4.6, 7.4
 ARCH_CENTERS, ARCH_RADIUS, ARCH_SPRING, ARCH_SEGMENTS, ARCH_DEPTH = (-2.1, 2.1), 1.15, 2.0, 8, 1.0
 
-# A balcony: left, right, bottom, floor, parapet's top, how far it stands out.
-BALCONY = (-3.6, 3.6, 3.75, 4.1, 4.85, 1.2)
-UPPER_BALCONY = (-0.9, 0.9, 5.55, 5.85, 6.5, 0.8)
+# Left, right, bottom, floor, the parapet's top, how far it stands out.
+BALCONY = (-3.6, 3.6, 3.75, 4.35, 4.65, 1.2)
 PARAPET = 0.3
 
 
@@ -21,7 +22,7 @@ def build_archway() -> Sheet:
     for center in ARCH_CENTERS:
         outline += _arch(sheet, center)
     outline += [(RIGHT, 0, 0), (RIGHT, TOP, 0), (LEFT, TOP, 0)]
-    holes = [_balcony(sheet, *BALCONY), _balcony(sheet, *UPPER_BALCONY)]
+    holes = [_balcony(sheet, *BALCONY), sheet.box_ledge((-0.9, 0.9), (5.5, 6.5), 0.8, "plaster")]
     for x0, name in ((-3.3, "window a"), (2.0, "window b")):
         holes.append(sheet.box_recess((x0, x0 + 1.3), (5.3, 6.7), (-0.4, 0), "stone", name))
     sheet.add(outline, (0, 0, 1), "brick", holes=holes)
@@ -34,7 +35,7 @@ def _arch(sheet: SheetBuilder, center: float) -> list[tuple[float, float, float]
     mouth = [(center - ARCH_RADIUS, 0.0)]
     mouth += [(center - ARCH_RADIUS * float(np.cos(t)), ARCH_SPRING + ARCH_RADIUS * float(np.sin(t))) for t in turn]
     mouth.append((center + ARCH_RADIUS, 0.0))
-    for (x0, y0), (x1, y1) in zip(mouth[:-1], mouth[1:], strict=True):
+    for (x0, y0), (x1, y1) in pairwise(mouth):
         stone = [(x0, y0, 0), (x1, y1, 0), (x1, y1, -ARCH_DEPTH), (x0, y0, -ARCH_DEPTH)]
         sheet.add(stone, (y1 - y0, x0 - x1, 0), "stone")
     sheet.add([(x, y, -ARCH_DEPTH) for x, y in mouth], (0, 0, 1), "rubble")

@@ -27,8 +27,8 @@ def cached_photos(
 ) -> np.ndarray:
     """Photos of a scene (n, height, width, 3) uint8: read from the cache, else made and put there.
 
-    The file's name holds the scene, a digest of the options and one of the code that makes photos. A file that is damaged
-    or of another shape is made again; a cache that cannot be written is no reason to fail.
+    The file's name holds the scene, a digest of the options and one of the code that makes photos. A file that is
+    damaged or of another shape is made again; a cache that cannot be written is no reason to fail.
     """
     prefix = f"{scene}-{hashlib.sha256(options.encode()).hexdigest()[:12]}-"
     path = cache_folder() / f"{prefix}{_code_digest()}.npz"

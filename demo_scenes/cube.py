@@ -9,7 +9,8 @@ from demo_scenes.graphics import poster
 from demo_scenes.lighting import spread_over_cap
 from demo_scenes.materials import brick, planks
 from demo_scenes.photography import GLOSS_LEVELS, Photography, Progress, looking_at, take_photos
-from demo_scenes.surface import PaintedSurface, Stage, face_normals, painted
+from demo_scenes.start import determined_normals
+from demo_scenes.surface import PaintedSurface, Stage, painted
 from fairing.camera import Camera
 from fairing.mesh import Mesh
 from fairing.scene import Scene, Truth
@@ -40,40 +41,36 @@ def cube_scene(
 
     Args:
         displacement: (3,) float, edges: start of A minus its true place. The photos do not depend on it.
-        textures: three (h, w, 3) or (h, w) arrays in grey levels for the sides z = 1, x = 1 and y = 1 instead of the painted
-            ones.
+        textures: three (h, w, 3) or (h, w) arrays in grey levels for the sides z = 1, x = 1 and y = 1 instead of the
+            painted ones.
     """
     photography = photography or Photography()
     sides = None if textures is None else [_as_rgb(texture) for texture in textures]
     variant = "" if sides is None else hashlib.sha256(b"".join(side.tobytes() for side in sides)).hexdigest()
     cameras = cube_cameras()
     views = take_photos(
-        "cube", cameras, lambda: _stage(sides, photography), VERTICES, photography, SAMPLES, progress, variant
+        "cube", cameras, lambda: cube_stage(sides, photography), VERTICES, photography, SAMPLES, progress, variant
     )
     start = VERTICES.copy()
     start[0] += displacement
-    return Scene.build("cube", start, FACES, views, truth=_truth())
+    truth = Truth(Mesh(VERTICES, FACES), VERTICES, determined_normals(VERTICES, FACES))
+    return Scene.build("cube", start, FACES, views, truth=truth)
 
 
 def cube_cameras() -> list[Camera]:
-    """12 cameras about 4 edges from A, within 21 degrees of the cube's diagonal."""
+    """12 cameras about 4 edges from A, within 18 degrees of the cube's diagonal."""
     diagonal = np.ones(3) / np.sqrt(3)
     width, height = PHOTO_SIZE
     cameras = []
-    for k, direction in enumerate(spread_over_cap(diagonal, np.radians(21), CAMERAS)):
+    for k, direction in enumerate(spread_over_cap(diagonal, np.radians(18), CAMERAS)):
         target = np.full(3, 0.66)
         eye = VERTICES[0] + (4 + 0.2 * np.sin(2.4 * k)) * direction
-        cameras.append(looking_at(eye, target, np.array([0, 0, 1.0]), 760, width, height, roll=0.15 * np.sin(1.7 * k)))
+        cameras.append(looking_at(eye, target, np.array([0, 0, 1.0]), 820, width, height, roll=0.15 * np.sin(1.7 * k)))
     return cameras
 
 
-def _truth() -> Truth:
-    normals = face_normals(VERTICES, FACES)
-    of_vertex = [np.unique(normals[(vertex == FACES).any(axis=1)], axis=0) for vertex in range(len(VERTICES))]
-    return Truth(Mesh(VERTICES, FACES), VERTICES, of_vertex)
-
-
-def _stage(sides: list[np.ndarray] | None, photography: Photography) -> Stage:
+def cube_stage(sides: list[np.ndarray] | None, photography: Photography) -> Stage:
+    """The cube on a dark ground; `sides` are textures of z = 1, x = 1 and y = 1, None for the painted ones."""
     if sides is None:
         n = TEXTURE_SIZE
         sides = [painted(planks(n, 1.1, seed=3)), painted(brick(n, 1.2, seed=1)), painted(poster(n, seed=2))]

@@ -22,7 +22,8 @@ UP = np.array([0, 1.0, 0])
 
 
 def dome_scene(photography: Photography | None = None, progress: Progress | None = None, start_seed: int = 1) -> Scene:
-    """A cap of the unit sphere about the origin. The photos show a fine mesh of it (chords within 0.003 % of the diagonal).
+    """A cap of the unit sphere about the origin. The photos show a fine mesh of it (chords within 0.003 % of the
+    diagonal).
 
     Args:
         start_seed: draws another start; the photos do not depend on it.

@@ -1,4 +1,4 @@
-"""A stepped, recessed facade, as hard as real buildings: every vertex of its mesh is off its corner, along the surface."""
+"""A stepped, recessed facade, as hard as real buildings: every vertex is off its corner, along the surface."""
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from fairing.mesh import Mesh
 from fairing.scene import Scene, Truth
 
 PHOTO_SIZE = (1000, 750)
-FOCAL_PX = 880.0
+FOCAL_PX = 1010.0
 SAMPLES = 4
 START_ERROR = (0.007, 0.010)  # fractions of the diagonal
 
@@ -54,7 +54,7 @@ def facade_cameras() -> list[Camera]:
         for k in range(11):
             turn = np.radians(-50 + 100 * (k + phase / 2) / 10.25)
             eye = np.array([distance * np.sin(turn), eye_height + 0.25 * np.sin(2.1 * k), distance * np.cos(turn)])
-            target = np.array([0.6 * np.sin(1.3 * k + phase), 4.9 + 0.3 * np.sin(2.9 * k), 0.0])
+            target = np.array([0.6 * np.sin(1.3 * k + phase), 5.1 + 0.25 * np.sin(2.9 * k), 0.0])
             up = np.array([0, 1.0, 0])
             cameras.append(looking_at(eye, target, up, FOCAL_PX, width, height, roll=0.03 * np.sin(4.1 * k)))
     return cameras

@@ -1,8 +1,10 @@
 """The facade's geometry in metres: x right, y up, z towards the street.
 
-A plastered main wall with eaves and a tiled roof; a gabled brick wing that stands out to the left, with an apse under a round
-arch; a porch on two pillars whose parapet hides part of the wall; deep windows, a string course, a door.
+A plastered main wall with eaves and a tiled roof; a gabled brick wing that stands out to the left, with an apse under
+a round arch; a porch on two pillars whose parapet hides part of the wall; deep windows, a string course, a door.
 """
+
+from itertools import pairwise
 
 import numpy as np
 
@@ -48,19 +50,11 @@ def _main_wall(sheet: SheetBuilder) -> None:
     sheet.rectangle((1.4, 2.6), (2.3, 2.3), (-0.45, 0), (0, -1, 0), "stone")
     sheet.rectangle((1.4, 2.6), (0, 2.3), (-0.45, -0.45), (0, 0, 1), "wood")
 
-    # String course: a thin ledge under the upper windows.
-    x, y, z = (0.4, 5.6), (4.5, 4.84), (0, 0.36)
-    sheet.rectangle(x, y, (z[1], z[1]), (0, 0, 1), "stone")
-    sheet.rectangle(x, (y[0], y[0]), z, (0, -1, 0), "stone")
-    sheet.rectangle(x, (y[1], y[1]), z, (0, 1, 0), "stone")
-    sheet.rectangle((x[0], x[0]), y, z, (-1, 0, 0), "stone")
-    sheet.rectangle((x[1], x[1]), y, z, (1, 0, 0), "stone")
-    ledge = [(x[0], y[0], 0), (x[1], y[0], 0), (x[1], y[1], 0), (x[0], y[1], 0)]
-
+    string_course = sheet.box_ledge((0.4, 5.6), (4.5, 4.84), 0.36, "stone")
     wing = [(WING_LEFT, 0, 0), *[(x, y, 0) for x, y in _gable_outline()], (WING_RIGHT, 0, 0)]
     outline = [(LEFT, 0, 0), *wing, *door, (RIGHT, 0, 0), (RIGHT, TOP, 0), (LEFT, TOP, 0)]
     porch = [(x, y, 0) for x, y in _porch_section()]
-    sheet.add(outline, (0, 0, 1), "plaster", holes=[*windows, ledge, porch])
+    sheet.add(outline, (0, 0, 1), "plaster", holes=[*windows, string_course, porch])
 
 
 def _eaves_and_roof(sheet: SheetBuilder) -> None:
@@ -72,7 +66,7 @@ def _eaves_and_roof(sheet: SheetBuilder) -> None:
 
 
 def _gable_outline() -> list[tuple[float, float]]:
-    """The wing against the main wall (x, y): up its left wall, over the roof, down its right wall, without the ground."""
+    """The wing against the main wall (x, y): up its left wall, over the roof, down its right wall."""
     eave_left, eave_right = WING_LEFT - OVERHANG, WING_RIGHT + OVERHANG
     eave = WALL_HEAD - OVERHANG * SLOPE
     return [
@@ -142,13 +136,13 @@ def _arch_outline() -> list[tuple[float, float]]:
 def _apse(sheet: SheetBuilder) -> None:
     """The arch's soffit, then a half-cylinder of wall under a quarter of a sphere, the inner dome."""
     outline = _arch_outline()
-    for (x0, y0), (x1, y1) in zip(outline[:-1], outline[1:], strict=True):
+    for (x0, y0), (x1, y1) in pairwise(outline):
         stone = [(x0, y0, WING_FRONT), (x1, y1, WING_FRONT), (x1, y1, APSE_Z), (x0, y0, APSE_Z)]
         sheet.add(stone, (y1 - y0, x0 - x1, 0), "stone")
 
     center = np.array([GABLE_X, ARCH_SPRING, APSE_Z])
     turn = np.pi * np.arange(ARCH_SEGMENTS + 1) / ARCH_SEGMENTS
-    for t0, t1 in zip(turn[:-1], turn[1:], strict=True):
+    for t0, t1 in pairwise(turn):
         (a, b) = (center - ARCH_RADIUS * np.array([np.cos(t), 0, np.sin(t)]) for t in (t0, t1))
         wall = [a * [1, 0, 1], b * [1, 0, 1], b, a]
         sheet.add(wall, center - (a + b) / 2, "plaster inside", mapping=_around_apse(center, (t0 + t1) / 2))
@@ -160,8 +154,8 @@ def _apse(sheet: SheetBuilder) -> None:
         direction = np.array([-np.cos(t), np.sin(t) * np.cos(lean), -np.sin(t) * np.sin(lean)])
         return center + ARCH_RADIUS * np.round(direction, 12)
 
-    for lean0, lean1 in zip(tilt[:-1], tilt[1:], strict=True):
-        for t0, t1 in zip(turn[:-1], turn[1:], strict=True):
+    for lean0, lean1 in pairwise(tilt):
+        for t0, t1 in pairwise(turn):
             corners = [at(t0, lean0), at(t0, lean1), at(t1, lean1), at(t1, lean0)]
             for triangle in ([0, 1, 2], [0, 2, 3]):
                 points = np.array([corners[k] for k in triangle])

@@ -1,4 +1,4 @@
-"""Pictures with a place of their own, not seamless materials: a weathered poster and windows with frame and curtains."""
+"""Pictures with a place of their own, not seamless materials: a weathered poster, windows with curtains."""
 
 import numpy as np
 

@@ -1,8 +1,8 @@
 """Sunlight with soft shadows and skylight with its dark corners, as functions of the place alone.
 
-Both are sampled on a barycentric lattice of every face and interpolated between, so that all photos of a Lambertian surface see
-the same light, and coplanar neighbours agree along their common edge. What shades what is read from depth maps: the scene
-rasterised from points far away in each direction of the sky.
+Both are sampled on a barycentric lattice of every face and interpolated between, so that all photos of a Lambertian
+surface see the same light, and coplanar neighbours agree along their common edge. What shades what is read from depth
+maps: the scene rasterised from points far away in each direction of the sky.
 """
 
 import numpy as np
@@ -34,16 +34,15 @@ def light_lattice(stage: Stage) -> np.ndarray:
     low, high = surface.vertices.min(axis=0), surface.vertices.max(axis=0)
     center, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
     lifted = places + LIFT * radius * normals
-    sun = np.zeros(len(places))
+    sun, sky, open_sky = (np.zeros(len(places)) for _ in range(3))
     for direction in spread_over_cap(stage.sun_direction, SUN_RADIUS, SUN_DIRECTIONS):
         sun += _is_lit(surface, lifted, direction, center, radius)
-    sky, total = np.zeros(len(places)), np.zeros(len(places))
     for direction in spread_over_cap(stage.up, np.pi / 2, SKY_DIRECTIONS):
-        cosine = np.maximum(normals @ direction, 0)
-        sky += cosine * _is_lit(surface, lifted, direction, center, radius)
-        total += np.abs(normals @ direction)
+        cosine = normals @ direction
+        sky += np.maximum(cosine, 0) * _is_lit(surface, lifted, direction, center, radius)
+        open_sky += np.abs(cosine)
     # Walls see half the sky, and light from the ground comes back: never quite dark.
-    sky = 0.42 + 0.58 * np.minimum(sky / np.maximum(0.55 * total, 1e-9), 1.3)
+    sky = 0.42 + 0.58 * np.minimum(sky / (0.55 * open_sky), 1.3)
     light[..., 0] = (sun / SUN_DIRECTIONS).reshape(light.shape[:3])
     light[..., 1] = sky.reshape(light.shape[:3])
     return light
@@ -90,23 +89,27 @@ def _is_lit(
     K = np.array([[focal, 0, MAP_SIZE / 2], [0, focal, MAP_SIZE / 2], [0, 0, 1]])
     light = Camera.from_krt(K, R, -R @ (center + distance * direction), MAP_SIZE, MAP_SIZE)
     depth_map = rasterize(surface.vertices, surface.faces, light)[1]
-    uv, depth = light.project(places)
-    return _compare(depth_map, uv, depth - 0.5 * LIFT * radius)
+    return _compare(depth_map, light.image_from_world, places, 0.5 * LIFT * radius)
 
 
 @njit(cache=True, nogil=True)
-def _compare(depth_map: np.ndarray, uv: np.ndarray, depth: np.ndarray) -> np.ndarray:
+def _compare(depth_map: np.ndarray, P: np.ndarray, places: np.ndarray, margin: float) -> np.ndarray:
     height, width = depth_map.shape
-    lit = np.ones(len(uv))
-    for p in range(len(uv)):
-        x, y = int(np.floor(uv[p, 0])), int(np.floor(uv[p, 1]))
+    lit = np.ones(len(places))
+    for p in range(len(places)):
+        X, Y, Z = places[p]
+        depth = P[2, 0] * X + P[2, 1] * Y + P[2, 2] * Z + P[2, 3]
+        u = (P[0, 0] * X + P[0, 1] * Y + P[0, 2] * Z + P[0, 3]) / depth
+        v = (P[1, 0] * X + P[1, 1] * Y + P[1, 2] * Z + P[1, 3]) / depth
+        x, y = int(np.floor(u)), int(np.floor(v))
         if x < 0 or y < 0 or x + 1 >= width or y + 1 >= height:
             continue
-        fx, fy = uv[p, 0] - x, uv[p, 1] - y
+        fx, fy = u - x, v - y
+        near = depth - margin
         lit[p] = (
-            (1 - fx) * (1 - fy) * (depth_map[y, x] > depth[p])
-            + fx * (1 - fy) * (depth_map[y, x + 1] > depth[p])
-            + (1 - fx) * fy * (depth_map[y + 1, x] > depth[p])
-            + fx * fy * (depth_map[y + 1, x + 1] > depth[p])
+            (1 - fx) * (1 - fy) * (depth_map[y, x] > near)
+            + fx * (1 - fy) * (depth_map[y, x + 1] > near)
+            + (1 - fx) * fy * (depth_map[y + 1, x] > near)
+            + fx * fy * (depth_map[y + 1, x + 1] > near)
         )
     return lit

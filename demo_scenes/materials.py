@@ -1,8 +1,8 @@
 """Building materials painted from noise and structure, each a seamless texture.
 
-A painter returns (n, n, 3) float64, albedo in grey levels 0 to 255, for a square piece of wall `metres` wide. Rows run downwards
-as on a photo. Every painter ends in `_finish`, which takes out what is finer than about two texels: photos see two or more
-texels per pixel, so their pixels average without aliasing.
+A painter returns (n, n, 3) float64, albedo in grey levels 0 to 255, for a square piece of wall `metres` wide. Rows
+run downwards as on a photo. Every painter ends in `_finish`, which takes out what is finer than about two texels:
+photos see two or more texels per pixel, so their pixels average without aliasing.
 """
 
 import numpy as np
@@ -32,9 +32,9 @@ def plaster(n: int, metres: float, seed: int, tint: Color = (206, 190, 158), con
     rng = seeded(seed, 2)
     sand = 4.5 * _grain(n, metres, 0.035, rng)
     trowel = 5 * fractal_noise((n, n), (_cells(metres, 0.22), _cells(metres, 0.6)), 4, rng)
-    patch = smoothstep(0.9, 1.15, fractal_noise((n, n), (_cells(metres, 2.2),) * 2, 5, rng, 0.5))
-    crack_field = fractal_noise((n, n), (_cells(metres, 2.5),) * 2, 7, rng, 0.55)
-    where = smoothstep(0.1, 0.9, spline_noise((n, n), (_cells(metres, 2.0),) * 2, rng))
+    patch = smoothstep(0.9, 1.15, fractal_noise((n, n), _square(metres, 2.2), 5, rng, 0.5))
+    crack_field = fractal_noise((n, n), _square(metres, 2.5), 7, rng, 0.55)
+    where = smoothstep(0.1, 0.9, spline_noise((n, n), _square(metres, 2.0), rng))
     crack = (1 - smoothstep(0.0, 0.022, np.abs(crack_field))) * where
     color = _tinted(tint, contrast * (sand + trowel - 46 * crack))
     color -= contrast * patch[..., None] * np.array([26.0, 30.0, 32.0])
@@ -49,7 +49,7 @@ def ashlar(n: int, metres: float, seed: int, tint: Color = (178, 168, 150), bloc
     edge = border * metres / n
     joint = smoothstep(0.004, 0.012, edge + 0.0016 * _grain(n, metres, 0.05, rng))
     bevel = 1 - smoothstep(0.008, 0.04, edge)
-    vein = 1 - smoothstep(0.0, 0.10, np.abs(fractal_noise((n, n), (_cells(metres, 0.7),) * 2, 6, rng, 0.6)))
+    vein = 1 - smoothstep(0.0, 0.10, np.abs(fractal_noise((n, n), _square(metres, 0.7), 6, rng, 0.6)))
     pits = smoothstep(1.5, 2.3, _grain(n, metres, 0.05, rng))
     tone = rng.normal(0, 1, rows * columns)[stone_id]
     relief = 11 * tone + 9 * _grain(n, metres, 0.25, rng) + 7 * _grain(n, metres, 0.04, rng)
@@ -128,14 +128,18 @@ def _cells(metres: float, feature: float) -> int:
     return max(1, round(metres / feature))
 
 
+def _square(metres: float, feature: float) -> tuple[int, int]:
+    return _cells(metres, feature), _cells(metres, feature)
+
+
 def _grain(n: int, metres: float, feature: float, rng: np.random.Generator) -> np.ndarray:
     """Isotropic fractal noise (n, n), deviation 1, from `feature` metres down to the texels."""
-    return fractal_noise((n, n), (_cells(metres, feature),) * 2, 5, rng)
+    return fractal_noise((n, n), _square(metres, feature), 5, rng)
 
 
 def _weather(n: int, metres: float, rng: np.random.Generator, strength: float) -> np.ndarray:
     """Factor (n, n, 1) about 1: broad stains, and streaks where rain ran down."""
-    broad = fractal_noise((n, n), (_cells(metres, 1.8),) * 2, 5, rng)
+    broad = fractal_noise((n, n), _square(metres, 1.8), 5, rng)
     streaks = fractal_noise((n, n), (_cells(metres, 1.6), _cells(metres, 0.25)), 4, rng)
     return np.clip(1 + strength * (0.7 * broad + 0.5 * streaks), 0.4, 1.35)[..., None]
 

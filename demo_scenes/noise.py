@@ -1,7 +1,7 @@
 """Seeded random fields that repeat seamlessly: the irregularity of brick, plaster, stone and wood.
 
-Everything is plain float64 arithmetic on arrays of `numpy.random.Generator(PCG64)`, so the same seed paints the same texture
-on every machine.
+Everything is plain float64 arithmetic on arrays of `numpy.random.Generator(PCG64)`, so the same seed paints the same
+texture on every machine.
 """
 
 from math import floor
@@ -18,18 +18,21 @@ def seeded(*key: int) -> np.random.Generator:
 def spline_noise(size: tuple[int, int], cells: tuple[int, int], rng: np.random.Generator) -> np.ndarray:
     """Smooth random field (height, width), standard deviation about 1, periodic in both directions.
 
-    A lattice of normal numbers, `cells` = (rows, columns), interpolated by the uniform cubic B-spline: twice continuously
-    differentiable, hence without the creases that betray value noise, and with next to nothing above the lattice's frequency.
+    A lattice of normal numbers, `cells` = (rows, columns), interpolated by the uniform cubic B-spline: twice
+    continuously differentiable, hence without the creases that betray value noise, and with next to nothing above the
+    lattice's frequency.
     """
     lattice = rng.standard_normal(cells)
-    # The B-spline averages its knots (variance 0.23 in each dimension on average over the cell); bring the contrast back.
+    # The B-spline averages its knots (variance 0.23 in each dimension on average over the cell); bring the contrast
+    # back.
     return _upsample(lattice, size[0], size[1]) / 0.48
 
 
 def fractal_noise(
     size: tuple[int, int], cells: tuple[int, int], octaves: int, rng: np.random.Generator, persistence: float = 0.6
 ) -> np.ndarray:
-    """Sum of `octaves` spline noises (height, width), each twice as fine and `persistence` times as strong; deviation 1.
+    """Sum of `octaves` spline noises (height, width), each twice as fine and `persistence` times as strong; deviation
+    1.
 
     `cells` is the coarsest lattice (rows, columns). Nothing finer than three texels is made, to stay band-limited.
     """
@@ -56,7 +59,7 @@ def worley(size: tuple[int, int], cells: tuple[int, int], rng: np.random.Generat
     return _worley(jitter, size[0], size[1])
 
 
-def smoothstep(low: float, high: float, x: np.ndarray) -> np.ndarray:
+def smoothstep(low: float | np.ndarray, high: float | np.ndarray, x: np.ndarray) -> np.ndarray:
     """0 below `low`, 1 above `high`, a smooth cubic between."""
     t = np.clip((x - low) / (high - low), 0, 1)
     return t * t * (3 - 2 * t)

@@ -1,4 +1,4 @@
-"""What gets between a camera and a building: a pole and leaves that stand in the scene, passers-by that differ in each photo."""
+"""What gets between a camera and a building: a standing pole, leaves, passers-by."""
 
 from collections.abc import Sequence
 
@@ -41,14 +41,14 @@ def pole_and_leaves(points: np.ndarray, cameras: Sequence[Camera], up: np.ndarra
         wide *= 0.006 * size / np.linalg.norm(wide)
         vertices += [center - long, center - wide, center + long, center + wide]
     quads = 4 * np.arange(LEAVES)[:, None]
-    leaf_faces = np.vstack([quads + [0, 1, 2], quads + [0, 2, 3]])
+    leaf_faces = np.vstack([quads + np.array([0, 1, 2]), quads + np.array([0, 2, 3])])
     green = painted(plaster(256, 2.0, seed=43, tint=(84, 112, 52), contrast=2.0))
     leaves = _unmapped(np.array(vertices), leaf_faces, green, 256 / (0.1 * size), side, up)
     return wood.joined(leaves)
 
 
 def passer_by(points: np.ndarray, camera: Camera, up: np.ndarray, rng: np.random.Generator) -> PaintedSurface:
-    """Somebody in a coat, seen by this camera only, on the ground before a random low one of the scene's points (n, 3)."""
+    """Somebody in a coat, for this camera only, on the ground before a random low one of the points (n, 3)."""
     _, size = _middle_and_size(points)
     tall = 0.055 * size
     height = points @ up

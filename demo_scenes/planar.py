@@ -3,6 +3,8 @@
 Its corners are kept as they are and its border is never split, so that patches which share their border fit together.
 """
 
+from itertools import pairwise
+
 import numpy as np
 
 Point = tuple[float, float]
@@ -17,7 +19,7 @@ def triangulate(loops: list[np.ndarray], interior: np.ndarray) -> np.ndarray:
     """
     points: list[Point] = [(float(x), float(y)) for loop in [*loops, interior] for x, y in loop]
     starts = np.cumsum([0, *map(len, loops)])
-    rings = [list(range(a, b)) for a, b in zip(starts[:-1], starts[1:], strict=True)]
+    rings = [list(range(a, b)) for a, b in pairwise(starts)]
     border = {(ring[i - 1], ring[i]) for ring in rings for i in range(len(ring))}
     triangles = _cut_ears(points, _one_ring(points, rings))
     _flip_to_delaunay(points, triangles, border)

@@ -16,8 +16,9 @@ SHININESS = 24.0
 def photograph(stage: Stage, light: np.ndarray, camera: Camera, samples: int) -> np.ndarray:
     """The photo a noiseless sensor takes: (height, width, 3) float64, grey levels, not clipped.
 
-    A pixel is the mean over its square of `samples` x `samples` rays. A ray through image point u meets the plane of a face
-    with corners X_k at barycentric weights lambda ~ inv([P X_0, P X_1, P X_2]) u, scaled to the sum 1: exact perspective.
+    A pixel is the mean over its square of `samples` x `samples` rays. A ray through image point u meets the plane of
+    a face with corners X_k at barycentric weights lambda ~ inv([P X_0, P X_1, P X_2]) u, scaled to the sum 1: exact
+    perspective.
 
     Args:
         light: from `light_lattice(stage)`.

@@ -1,11 +1,12 @@
 """Buildings as one sheet of triangles, put together from flat patches that meet without cracks.
 
-A patch is a polygon with holes in space. Where patches meet, the corners of one become vertices of the other, and every edge is
-divided in the same way for both, so that no vertex lies on another triangle's edge.
+A patch is a polygon with holes in space. Where patches meet, the corners of one become vertices of the other, and
+every edge is divided in the same way for both, so that no vertex lies on another triangle's edge.
 """
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 
@@ -76,7 +77,7 @@ class SheetBuilder:
     def box_recess(
         self, x: tuple[float, float], y: tuple[float, float], z: tuple[float, float], reveal: str, back: str
     ) -> list[tuple[float, float, float]]:
-        """Line a recess from the wall at z[1] back to z[0] with reveals and a back; returns its mouth, the wall's hole."""
+        """Line a recess from the wall at z[1] back to z[0]; returns its mouth, the hole in the wall."""
         (x0, x1), (y0, y1), (z0, z1) = x, y, z
         self.rectangle((x0, x0), y, z, (1, 0, 0), reveal)
         self.rectangle((x1, x1), y, z, (-1, 0, 0), reveal)
@@ -85,6 +86,18 @@ class SheetBuilder:
         size = np.array([x1 - x0, y1 - y0])
         self.rectangle(x, y, (z0, z0), (0, 0, 1), back, lambda p: np.stack([p[..., 0] - x0, y1 - p[..., 1]], -1) / size)
         return [(x0, y0, z1), (x1, y0, z1), (x1, y1, z1), (x0, y1, z1)]
+
+    def box_ledge(
+        self, x: tuple[float, float], y: tuple[float, float], depth: float, material: str
+    ) -> list[tuple[float, float, float]]:
+        """A block that stands out of the wall z = 0 by `depth`; returns its section there, the wall's hole."""
+        z = (0.0, depth)
+        self.rectangle(x, y, (depth, depth), (0, 0, 1), material)
+        self.rectangle(x, (y[0], y[0]), z, (0, -1, 0), material)
+        self.rectangle(x, (y[1], y[1]), z, (0, 1, 0), material)
+        self.rectangle((x[0], x[0]), y, z, (-1, 0, 0), material)
+        self.rectangle((x[1], x[1]), y, z, (1, 0, 0), material)
+        return [(x[0], y[0], 0.0), (x[1], y[0], 0.0), (x[1], y[1], 0.0), (x[0], y[1], 0.0)]
 
     def rectangle(
         self,
@@ -142,7 +155,7 @@ class SheetBuilder:
             t = (corners - a) @ along / (along @ along)
             off = np.linalg.norm(corners - a - t[:, None] * along, axis=1)
             stops = np.unique([0.0, *t[(off < 1e-6) & (t > 1e-6) & (t < 1 - 1e-6)], 1.0])
-            for s, e in zip(stops[:-1], stops[1:], strict=True):
+            for s, e in pairwise(stops):
                 count = max(1, round((e - s) * np.linalg.norm(along) / self.spacing))
                 points.append(a + (s + (e - s) * np.arange(count) / count)[:, None] * along)
         return np.vstack(points)

@@ -13,9 +13,9 @@ def slide_off_corners(
 ) -> np.ndarray:
     """Start vertices (n, 3) as range data gives them: on the true surface, but beside the true vertex.
 
-    Each vertex goes to a random place on its incident true faces (or their coplanar neighbours) whose distance from it lies
-    in `distances` (world units). No face flips or collapses: a place that would do this is drawn again; where none fits,
-    the least bad of the draws is taken.
+    Each vertex goes to a random place on its incident true faces (or their coplanar neighbours) whose distance from
+    it lies in `distances` (world units). No face flips or collapses: a place that would do this is drawn again; where
+    none fits, the least bad of the draws is taken.
     """
     normals = face_normals(vertices, faces)
     areas = _doubled_areas(vertices, faces)
@@ -67,7 +67,7 @@ def determined_normals(vertices: np.ndarray, faces: np.ndarray, least_angle: flo
 def displaced_at_random(
     vertices: np.ndarray, faces: np.ndarray, distances: tuple[float, float], rng: np.random.Generator
 ) -> np.ndarray:
-    """Vertices (n, 3), each moved by a length within `distances` in a random direction that turns no face by 60 degrees."""
+    """Vertices (n, 3), each moved by a length within `distances`, at random but turning no face by 60 degrees."""
     normals = face_normals(vertices, faces)
     start = vertices.copy()
     for v in rng.permutation(len(vertices)):
@@ -128,7 +128,7 @@ def _on_surface_near(
     distance: float,
     rng: np.random.Generator,
 ) -> np.ndarray | None:
-    """A point at `distance` from the vertex in the plane of a random incident face; None where it misses the surface."""
+    """A point at `distance` from the vertex in a random incident face's plane; None where it misses the surface."""
     face = rng.choice(ring)
     a, b = (vertices[k] - vertices[vertex] for k in faces[face] if k != vertex)
     t = rng.random()

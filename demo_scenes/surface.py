@@ -14,8 +14,8 @@ class PaintedSurface:
         vertices: (n, 3) float, world units.
         faces: (m, 3) int, counter-clockwise seen from outside.
         texture_of_face: (m,) int, index into `textures`.
-        texel: (m, 3, 2) float, texels: where each corner of each face lies in its texture (x right, y down, texel centres
-            at integers). Textures repeat in both directions.
+        texel: (m, 3, 2) float, texels: where each corner of each face lies in its texture (x right, y down, texel
+            centres at integers). Textures repeat in both directions.
         textures: (h, w, 3) uint8 arrays, albedo in grey levels.
         normals: (m, 3, 3) float, unit normal at each corner of each face; differ inside a face only where the triangles
             stand for a curved surface.
@@ -59,7 +59,8 @@ class Stage:
 
     Attributes:
         sun_direction: (3,) float, unit vector towards the sun.
-        sun_color, sky_color: (3,) float, factors on the albedo under full sun at normal incidence and under the open sky.
+        sun_color, sky_color: (3,) float, factors on the albedo under full sun at normal incidence and under the open
+            sky.
         background: (2, 3) float, grey levels behind everything: at the horizon and straight up.
         up: (3,) float, unit vector.
         light_steps: samples of shadow and skylight along a face's edge; 1 when nothing casts shadows worth seeing.
@@ -86,10 +87,3 @@ def face_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
 def painted(texture: np.ndarray) -> np.ndarray:
     """A texture (h, w, 3) float in grey levels, rounded to uint8."""
     return np.clip(np.rint(texture), 0, 255).astype(np.uint8)
-
-
-def texels_in_plane(
-    points: np.ndarray, origin: np.ndarray, right: np.ndarray, down: np.ndarray, density: float
-) -> np.ndarray:
-    """Texel coordinates (..., 2) of world points (..., 3): `density` texels per world unit along two unit directions."""
-    return density * np.stack([(points - origin) @ right, (points - origin) @ down], axis=-1)
