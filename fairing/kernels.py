@@ -564,3 +564,49 @@ def evaluate_faces(data, vertices, todo, corners, sigma_scale, solver, energy, p
                     statistics[at, 0] = max(statistics[at, 0], size)
                     histogram[min(HISTOGRAM_BINS - 1, int(size / HISTOGRAM_STEP))] += 1
             statistics[at, 1] = _median_from_histogram(histogram, histogram.sum())
+
+
+@njit(cache=True, nogil=True)
+def show_face(
+    data, vertices, face, scale, raw, bias, residual, weights, mask_weight, basis, V, singular_values, pair_energy
+):
+    """The same computation as in `evaluate_faces` for one face, with everything it passes through kept for display.
+
+    It stands in this file because a compiled function of another file would not notice that those it calls changed.
+
+    Args:
+        scale: the robust norm's scale of the face.
+        raw, residual, weights, mask_weight: (n, p * channels) float32, out: cells as sampled, I - U c, rho'(e) / e, and
+            1 where a sample counts.
+        bias: (n,) float32, out: mean taken off each cell.
+        basis: (k + 1, p * channels) float32, out; the last row is scratch.
+        V: (n, k + 1) float64, out: right singular vectors.
+        singular_values: (n,) float64, out.
+        pair_energy: (n,) float64, out.
+
+    Returns:
+        The cells (n, p * channels) as the eigenspace was fitted to them: masked samples filled in, means taken off
+        where the options ask for it; None where a corner lies behind a camera.
+    """
+    n, pc = raw.shape
+    k = data.face_dimensions[face]
+    G = np.empty((0, n, pc), dtype=np.float32)
+    hats = np.empty((3, pc), dtype=np.float32)
+    strip = np.empty((5, STRIP), dtype=np.float32)
+    taps = np.empty((4, STRIP), dtype=np.float32)
+    index = np.empty(STRIP, dtype=np.int32)
+    if not sample_face(data, vertices, face, -1, False, raw, G, hats, strip, taps, index):
+        return None
+    cells = raw.copy()
+    mask_weight[:] = 1
+    masked = _apply_masks(data, face, pc // data.channels, cells, mask_weight, G, 0)
+    if data.remove_bias:
+        _remove_means(cells, mask_weight, masked)
+        bias[:] = raw[:, 0] - cells[:, 0]
+    if k > 0:
+        fit_face(cells, k, data.centered, mask_weight, masked, basis, V, singular_values, residual)
+        first = data.pair_start[face]
+        for i in range(n):
+            rho = _weigh(residual[i], data.norm, scale, weights[i])
+            pair_energy[i] = data.pair_weight[first + i] * rho
+    return cells

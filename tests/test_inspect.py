@@ -1,0 +1,112 @@
+"""Cells recomputed from a trace are those of the run: energies to the bit, parts that add up, samples in place."""
+
+import numpy as np
+import pytest
+
+from fairing.inspect import face_cells
+from fairing.options import FairingOptions
+from fairing.session import Session
+from fairing.trace import Trace
+from tests.small_scene import corner_scene, small_options
+
+
+def run(steps: int, options: FairingOptions | None = None) -> Session:
+    session = Session(corner_scene(), options or small_options())
+    for _ in range(steps):
+        session.step()
+    return session
+
+
+VARIANTS = {
+    "accurate": small_options(),
+    "paper": small_options("paper"),
+    "centered": small_options(eigenspace={"centered": True}),
+    "colour, means removed": small_options(cells={"color": True, "remove_bias": True}),
+    "huber, cubic": small_options(robust={"norm": "huber"}, cells={"interpolation": ["cubic"]}),
+    "least squares, sequential": small_options(robust={"norm": "least_squares"}, schedule={"order": "sequential"}),
+    "printed norm": small_options(robust={"norm": "geman_mcclure_printed"}),
+}
+
+
+@pytest.mark.parametrize("name", VARIANTS)
+def test_energies_equal_the_recorded_ones_to_the_bit(name):
+    session = run(10, VARIANTS[name])
+    for moment, record in enumerate(session.trace.steps):
+        for face, recorded in zip(record.faces.tolist(), record.face_energy_before.tolist(), strict=True):
+            cells = face_cells(session, face, moment)
+            assert cells.energy == recorded, f"moment {moment}, face {face}"
+            by_sample = (cells.pair_weight * cells.rho.sum(axis=1)).sum()
+            # The kernel sums in float32 over up to 3 * 8256 samples.
+            assert by_sample == pytest.approx(recorded, rel=1e-4)
+
+
+@pytest.mark.parametrize("name", VARIANTS)
+def test_observed_is_reconstruction_plus_residual_and_reconstruction_lies_in_the_eigenspace(name):
+    session = run(3, VARIANTS[name])
+    cells = face_cells(session, 2)
+    difference = np.where(cells.counts, cells.observed - cells.reconstruction - cells.residual, 0)
+    assert np.abs(difference).max() < 1e-3
+    # Through the Gram matrix in float32 a singular vector is known to (s_1 / s_m)^2 roundings.
+    rounding = 1e-6 * np.outer(*2 * [cells.singular_values[0] / cells.singular_values[: len(cells.basis)]])
+    assert (np.abs(cells.basis @ cells.basis.T - np.eye(len(cells.basis))) < rounding).all()
+    offset = cells.reconstruction - cells.coefficients @ cells.basis
+    if name.startswith("colour"):
+        offset = offset - np.median(offset, axis=1, keepdims=True)
+    if name == "centered":
+        offset = offset - np.median(offset, axis=0)
+    assert np.abs(offset[cells.counts]).max() < 2e-3
+
+
+def test_masked_samples_have_no_residual_and_a_reconstruction_all_the_same():
+    session = run(0)
+    cells = face_cells(session, 0)
+    assert not cells.counts.all()
+    assert not cells.residual[~cells.counts].any()
+    assert np.isfinite(cells.reconstruction).all()
+    assert np.ptp(cells.reconstruction[~cells.counts]) > 20
+
+
+def test_each_sample_stands_where_the_photo_shows_it():
+    session = run(0, small_options(cells={"warp": "affine", "adaptive": False, "size": [24]}))
+    cells = face_cells(session, 1)
+    images = cells.as_images(cells.observed)
+    photo = session._photos.planes(session.options.schedule.blur[0], False).reshape(8, 120, 160)[cells.views[0]]
+    for row, column in [(0, 0), (0, 23), (23, 0), (7, 9)]:
+        a, b = (column + 1 / 3) / 24, (row + 1 / 3) / 24
+        x, y = a * cells.corners_px[0, 0] + b * cells.corners_px[0, 1] + (1 - a - b) * cells.corners_px[0, 2]
+        i, j, fx, fy = int(y), int(x), x % 1, y % 1
+        expected = (1 - fy) * ((1 - fx) * photo[i, j] + fx * photo[i, j + 1]) + fy * (
+            (1 - fx) * photo[i + 1, j] + fx * photo[i + 1, j + 1]
+        )
+        assert images[0, row, column] == pytest.approx(expected, abs=1e-2)
+    assert np.isnan(images[0, 12, 12])
+    assert np.isfinite(images).sum() == cells.observed.size
+
+
+def test_past_moments_and_a_loaded_trace_give_the_same_cells(tmp_path):
+    session = run(6)
+    session.trace.attach(tmp_path / "run.trace")
+    session.trace.detach()
+    loaded = Session(corner_scene(), trace=Trace.load(tmp_path / "run.trace"))
+    for moment in (5, 0, 3):
+        one, other = face_cells(session, 4, moment), face_cells(loaded, 4, moment)
+        for name in ("observed", "reconstruction", "residual", "weights", "basis", "singular_values"):
+            assert np.array_equal(getattr(one, name), getattr(other, name)), name
+    assert session.moment == 6
+
+
+def test_a_face_that_takes_no_part_shows_its_cells_without_an_energy():
+    session = run(0, small_options(visibility={"max_views": 4}))
+    session.sweep_state().context.kernel.face_dimensions[0] = 0
+    cells = face_cells(session, 0)
+    assert not cells.takes_part
+    assert cells.energy == 0
+    assert cells.observed.shape[0] == 4
+
+
+def test_there_is_no_face_or_moment_beyond_the_last():
+    session = run(1)
+    with pytest.raises(IndexError, match="faces 0 to 5"):
+        face_cells(session, 6)
+    with pytest.raises(IndexError, match="moments 0 to 1"):
+        face_cells(session, 0, 2)
