@@ -113,6 +113,11 @@ class Session:
         """Cell samples read so far."""
         return self._evaluator.samples
 
+    @property
+    def locked(self) -> np.ndarray:
+        """(n,) bool: vertices that never move, by option or because a degenerate face holds them."""
+        return self._locked.copy()
+
     def go_to(self, moment: int) -> None:
         """Move to a recorded moment; the next step continues from there.
 
