@@ -83,10 +83,14 @@ def take_photos(
             photos[k] = _develop(photograph(seen, lit, cameras[k], samples), photography, k)
 
         with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
-            done = [pool.submit(take, k) for k in range(len(cameras))]
-            for count, future in enumerate(as_completed(done), start=1):
-                future.result()
-                report(0.3 + 0.7 * count / len(cameras), f"{scene}: photo {count} of {len(cameras)}")
+            waiting = [pool.submit(take, k) for k in range(len(cameras))]
+            try:
+                for count, future in enumerate(as_completed(waiting), start=1):
+                    future.result()
+                    report(0.3 + 0.7 * count / len(cameras), f"{scene}: photo {count} of {len(cameras)}")
+            finally:
+                # Whoever interrupts does not wait for the photos that have not been begun.
+                pool.shutdown(cancel_futures=True)
         return photos
 
     def report(fraction: float, message: str) -> None:

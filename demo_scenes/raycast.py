@@ -10,7 +10,7 @@ from fairing.camera import Camera
 from fairing.rasterize import rasterize
 
 STRIP_ROWS = 48  # photo rows rendered at a time, to bound memory
-SHININESS = 24.0
+SHININESS = 10.0  # a broad lobe: brushed or wet matter, not a mirror
 
 
 def photograph(stage: Stage, light: np.ndarray, camera: Camera, samples: int) -> np.ndarray:

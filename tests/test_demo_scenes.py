@@ -15,7 +15,7 @@ from demo_scenes.lighting import light_lattice
 from demo_scenes.noise import seeded
 from demo_scenes.photography import looking_at, take_photos
 from demo_scenes.planar import triangulate
-from demo_scenes.raycast import photograph
+from demo_scenes.raycast import SHININESS, photograph
 from demo_scenes.surface import PaintedSurface, Stage, face_normals
 from fairing.camera import Camera
 from fairing.errors import InputError
@@ -70,7 +70,7 @@ def slow_color(stage: Stage, camera: Camera, u: float, v: float) -> np.ndarray |
         normal = surface.normals[f, 0]
         sun = max(normal @ stage.sun_direction, 0)
         eye = -ray / np.linalg.norm(ray) + stage.sun_direction
-        glint = stage.gloss * sun * max(normal @ eye / np.linalg.norm(eye), 0) ** 24
+        glint = stage.gloss * sun * max(normal @ eye / np.linalg.norm(eye), 0) ** SHININESS
         color = albedo * (sun * stage.sun_color + stage.sky_color) + glint
     return color
 
@@ -317,3 +317,17 @@ def test_looking_at_puts_the_target_in_the_middle_with_up_upwards():
 def test_unknown_demo_is_named():
     with pytest.raises(InputError, match="demo castle: expected one of cube, facade"):
         load_demo("castle")
+
+
+def test_lambertian_photos_agree_on_the_colour_of_a_point(cache_folder):
+    stage = small_cube()
+    light = light_lattice(stage)
+    points = VERTICES[0] - 0.5 * np.array([[1, 1, 0], [1, 0, 1], [0, 1, 1]]) + 0.01
+    views = [small_camera(camera, 2.0) for camera in cube_cameras()[::4]]
+    blurred = [np.full((4, 4, 3), level, np.uint8) for level in (60, 120, 180)]
+    plain = replace(stage, surface=replace(stage.surface, textures=tuple(blurred)))
+    colors = []
+    for camera in views:
+        uv = np.rint(camera.project(points)[0]).astype(int)
+        colors.append(photograph(plain, light, camera, 2)[uv[:, 1], uv[:, 0]])
+    np.testing.assert_allclose(colors, np.broadcast_to(colors[0], np.shape(colors)), rtol=1e-12)
