@@ -1,0 +1,194 @@
+"""The command `eigenfairing`.
+
+Exit codes: 0 done, 1 the input or the run failed (one line says why), 2 wrong usage, 130 cancelled.
+"""
+
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import tyro
+from rich.console import Console
+
+from app.scene_source import SceneSource
+from fairing.errors import InputError
+from fairing.options import PRESETS, FairingOptions
+
+SceneArgument = Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="SCENE")]
+Preset = Literal["accurate", "paper"]
+
+
+def view(
+    scene: SceneArgument = "cube",
+    mesh: Path | None = None,
+    preset: Preset = "accurate",
+    port: int = 8080,
+    host: str = "127.0.0.1",
+    browser: bool = True,
+) -> int:
+    """Open the debugger on a scene, paused before the first step.
+
+    Args:
+        scene: A demo's name (see `eigenfairing demos`) or a folder or file with photos and cameras.
+        mesh: The mesh to fair. Default: the one the scene names, or the only one in its folder.
+        preset: Options to begin with.
+        port: Port of the page; the next free one is taken if it is in use.
+        host: Address to listen on. 0.0.0.0 lets other machines in.
+        browser: Open the page in the browser.
+    """
+    from fairing.session import Session
+
+    console = Console(stderr=True)
+    source = SceneSource.typed(scene, mesh)
+    session = Session(_load(source, console), PRESETS[preset])
+    source.note_in(session.trace.header)
+    return _serve(session, host, port, browser)
+
+
+def check(scene: SceneArgument, mesh: Path | None = None, out: Path | None = None) -> int:
+    """Say whether a scene can be faired: cameras, coverage, sizes, and what to do.
+
+    Args:
+        scene: A demo's name or a folder or file with photos and cameras.
+        mesh: The mesh to fair. Default: the one the scene names, or the only one in its folder.
+        out: Folder for the mesh drawn over every photo and for check.json.
+    """
+    from app.check_command import check_to_console
+
+    return check_to_console(SceneSource.typed(scene, mesh), out, Console())
+
+
+def demos() -> int:
+    """List the scenes that come with the program."""
+    from demo_scenes import DEMOS
+
+    console = Console()
+    for demo in DEMOS.values():
+        console.print(f"{demo.name:10}{demo.description}", highlight=False, soft_wrap=True)
+    return 0
+
+
+def replay(
+    run: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")],
+    scene: str | None = None,
+    mesh: Path | None = None,
+    port: int = 8080,
+    host: str = "127.0.0.1",
+    browser: bool = True,
+) -> int:
+    """Open the debugger on a recorded run, at its start.
+
+    Args:
+        run: The folder `fair` wrote, or its run.trace.
+        scene: The scene it was recorded on. Default: where the run says it was.
+        mesh: The mesh it was recorded on. Default: where the run says it was.
+        port: Port of the page; the next free one is taken if it is in use.
+        host: Address to listen on. 0.0.0.0 lets other machines in.
+        browser: Open the page in the browser.
+    """
+    from app.headless import TRACE
+    from fairing.session import Session
+    from fairing.trace import Trace
+
+    path = run / TRACE if run.is_dir() else run
+    trace = Trace.load(path)
+    source = SceneSource.typed(scene, mesh) if scene else SceneSource.of_run(trace.header, path)
+    session = Session(_load(source, Console(stderr=True)), trace=trace)
+    session.go_to(0)
+    return _serve(session, host, port, browser)
+
+
+def _fair_command(default: FairingOptions) -> Callable[..., int]:
+    """`fair` with the options of the chosen preset as the defaults of its flags."""
+
+    def fair(
+        scene: SceneArgument,
+        out: Path,
+        mesh: Path | None = None,
+        preset: Preset = "accurate",
+        resume: bool = False,
+        options: Annotated[FairingOptions, tyro.conf.arg(name="")] = default,
+    ) -> int:
+        """Fair a scene's mesh without a browser; writes mesh.ply, report.json and run.trace.
+
+        Args:
+            scene: A demo's name or a folder or file with photos and cameras.
+            out: Folder for the results: new, empty, or of an earlier run.
+            mesh: The mesh to fair. Default: the one the scene names, or the only one in its folder.
+            preset: Options to begin with; further flags change single ones.
+            resume: Go on with the run in `out`, recorded on the same scene with the same options.
+        """
+        from app.headless import fair_to_folder
+
+        console = Console(stderr=True)
+        return fair_to_folder(SceneSource.typed(scene, mesh), out, preset, options, resume, console)
+
+    return fair
+
+
+def _load(source: SceneSource, console: Console):
+    from app.headless import load_with_progress
+
+    return load_with_progress(source, console)
+
+
+def _serve(session: Any, host: str, port: int, browser: bool) -> int:
+    from app.server import serve
+
+    serve(session, host=host, port=port, open_browser=browser, save_to=None)
+    return 0
+
+
+def _chosen_preset(arguments: Sequence[str]) -> FairingOptions:
+    """The parser's defaults depend on --preset, so it is looked up before parsing; a wrong name fails there."""
+    chosen = "accurate"
+    for i, argument in enumerate(arguments):
+        if argument == "--preset" and i + 1 < len(arguments):
+            chosen = arguments[i + 1]
+        elif argument.startswith("--preset="):
+            chosen = argument.partition("=")[2]
+    return PRESETS.get(chosen, PRESETS["accurate"])
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Carry out a command line; returns the exit code.
+
+    Raises:
+        SystemExit: wrong usage (2) or help (0), from the parser.
+    """
+    if not arguments or (arguments[0].startswith("-") and arguments[0] not in ("-h", "--help")):
+        arguments = ["view", "cube", *arguments]
+    commands = {
+        "view": view,
+        "fair": _fair_command(_chosen_preset(arguments)),
+        "check": check,
+        "replay": replay,
+        "demos": demos,
+    }
+    try:
+        return tyro.extras.subcommand_cli_from_dict(
+            commands,
+            prog="eigenfairing",
+            description="See how photographs pull a triangle mesh onto the truth. Without a command: the demo cube.",
+            args=arguments,
+        )
+    except InputError as error:
+        return _fail(str(error))
+    except OSError as error:
+        return _fail(f"{error.filename or 'disk'}: {error.strerror or error}")
+    except MemoryError:
+        return _fail("not enough memory; use smaller photos or fewer of them")
+    except KeyboardInterrupt:
+        _fail("cancelled")
+        return 130
+
+
+def _fail(line: str) -> int:
+    sys.stderr.write(f"eigenfairing: {line}\n")
+    return 1
+
+
+def main() -> None:
+    """The entry point of the command `eigenfairing`."""
+    sys.exit(run(sys.argv[1:]))

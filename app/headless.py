@@ -1,0 +1,177 @@
+"""`fair`: a run without a page, from a scene to a folder of results."""
+
+import json
+import signal
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+from app.scene_source import SceneSource
+from fairing.errors import InputError
+from fairing.io import prepare_output_folder, write_atomically, write_mesh
+from fairing.option_check import check_options
+from fairing.options import FairingOptions, options_from_dict
+from fairing.report import EnergyTally, run_report
+from fairing.scene import Scene
+from fairing.session import Session
+from fairing.trace import StepRecord, Trace
+
+MESH, REPORT, TRACE = "mesh.ply", "report.json", "run.trace"
+
+
+class Interrupt:
+    """Ctrl-C asks once for a tidy stop; a second one does not wait."""
+
+    def __init__(self) -> None:
+        self.asked = False
+
+    @contextmanager
+    def listening(self) -> Iterator["Interrupt"]:
+        """Take over Ctrl-C for a while."""
+        before = signal.signal(signal.SIGINT, self._ask)
+        try:
+            yield self
+        finally:
+            signal.signal(signal.SIGINT, before)
+
+    def _ask(self, *_: object) -> None:
+        if self.asked:
+            raise KeyboardInterrupt
+        self.asked = True
+
+
+class RunProgress:
+    """A bar with the time remaining, level, sweep and energy; plain lines where there is no terminal."""
+
+    def __init__(self, console: Console, session: Session) -> None:
+        self._console = console
+        self._session = session
+        self._tally = EnergyTally(len(session.scene.mesh.faces))
+        for record in session.trace.steps:
+            self._tally.add(record)
+        self._bar = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            TextColumn("{task.percentage:3.0f} %"),
+            TimeElapsedColumn(),
+            TextColumn("left"),
+            TimeRemainingColumn(),
+            console=console,
+            disable=not console.is_terminal,
+        )
+        self._task = self._bar.add_task("starting", total=1.0)
+
+    def __enter__(self) -> "RunProgress":
+        self._bar.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._bar.stop()
+
+    def show(self, record: StepRecord) -> None:
+        """Tell of one step."""
+        sweep = self._tally.add(record)
+        levels = self._session.options.n_levels
+        text = f"level {record.position.level + 1}/{levels} sweep {sweep.sweep + 1} energy {sweep.after:.5g}"
+        self._bar.update(self._task, completed=self._session.progress, description=text)
+        if not self._console.is_terminal and record.next_position.level != record.position.level:
+            self._console.print(text, highlight=False)
+
+
+def load_with_progress(source: SceneSource, console: Console) -> Scene:
+    """The scene of a source, with a bar while a demo's photos are taken."""
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task(f"opening {source.scene}", total=1.0)
+        return source.load(lambda fraction, line: bar.update(task, completed=fraction, description=line))
+
+
+def fair_to_folder(
+    source: SceneSource, out: Path, preset: str, options: FairingOptions, resume: bool, console: Console
+) -> int:
+    """Run to the end or to Ctrl-C and write mesh, report and trace.
+
+    Returns:
+        Exit code: 0, or 130 if it was interrupted.
+    """
+    check_options(options)
+    began = time.perf_counter()
+    scene = load_with_progress(source, console)
+    prepare_output_folder(out)
+    trace = _earlier_run(out / TRACE, options) if resume else None
+    session = Session(scene, options, trace)
+    source.note_in(session.trace.header)
+    session.trace.attach(out / TRACE)
+    loading = time.perf_counter() - began
+    interrupt = Interrupt()
+    try:
+        with interrupt.listening(), RunProgress(console, session) as progress:
+            session.run(should_stop=lambda: interrupt.asked, on_step=progress.show)
+    finally:
+        _save(session, out, preset, loading)
+    for warning in session.warnings:
+        console.print(f"note: {warning}", highlight=False, soft_wrap=True)
+    stopped = interrupt.asked and not session.finished
+    reason = f"interrupted; go on with --resume --out {out}" if stopped else session.stop_reason
+    console.print(f"{reason}; wrote {out / MESH}, {REPORT}, {TRACE}", highlight=False, soft_wrap=True)
+    return 130 if stopped else 0
+
+
+def _save(session: Session, out: Path, preset: str, loading: float) -> None:
+    """Write all that can be written; on a full disk the mesh may still find its place where the trace did not."""
+    failures = []
+    for write in (
+        lambda: write_mesh(out / MESH, session.scene.unweld(session.vertices), session.scene.original_faces),
+        session.trace.detach,
+        lambda: write_json(out / REPORT, run_report(session, preset, {"loading": loading})),
+    ):
+        try:
+            write()
+        except InputError as error:
+            failures.append(error)
+    if failures:
+        raise failures[0]
+
+
+def write_json(path: Path, values: dict[str, Any]) -> None:
+    """Write a JSON file, complete or not at all; numbers that are not finite become null."""
+    text = json.dumps(_finite(values), indent=1, allow_nan=False)
+    write_atomically(path, lambda file: file.write(text.encode()))
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(item) for item in value]
+    return None if isinstance(value, float) and not abs(value) < float("inf") else value
+
+
+def _earlier_run(path: Path, options: FairingOptions) -> Trace | None:
+    """The trace to continue; None if there is none yet.
+
+    Raises:
+        InputError: it was recorded with other options.
+    """
+    if not path.exists():
+        return None
+    trace = Trace.load(path)
+    difference = _first_difference(options_from_dict(trace.header["options"]), options, "")
+    if difference:
+        raise InputError(f"{path}: was recorded with other options ({difference}); give the same or another --out")
+    return trace
+
+
+def _first_difference(recorded: Any, wanted: Any, prefix: str) -> str:
+    for field in fields(recorded):
+        one, other = getattr(recorded, field.name), getattr(wanted, field.name)
+        if one == other or field.name == "threads":
+            continue
+        name = prefix + field.name
+        return _first_difference(one, other, name + ".") if is_dataclass(one) else f"{name} was {one}, now {other}"
+    return ""

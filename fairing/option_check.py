@@ -1,0 +1,61 @@
+"""Options that contradict themselves, found before anything runs."""
+
+from dataclasses import fields, is_dataclass
+from typing import Any
+
+from fairing.errors import InputError
+from fairing.options import FairingOptions
+
+# name: (lowest allowed, whether it is allowed itself). Numbers that are not listed only have to be finite.
+_LOWEST: dict[str, tuple[float, bool]] = {
+    "cells.size": (4, True),
+    "cells.spacing": (0, False),
+    "cells.inset": (0, True),
+    "eigenspace.dimensions": (1, True),
+    "robust.sigma": (0, False),
+    "robust.mad_factor": (0, False),
+    "robust.sigma_floor": (0, False),
+    "step.max_step": (0, False),
+    "step.initial_damping": (0, False),
+    "step.max_rejections": (0, True),
+    "step.tolerance": (0, True),
+    "step.prior": (0, True),
+    "visibility.min_footprint": (0, True),
+    "visibility.edge_margin": (0, True),
+    "visibility.max_views": (3, True),
+    "schedule.blur": (0, True),
+    "schedule.max_sweeps": (1, True),
+    "schedule.max_iterations": (1, True),
+    "schedule.sweep_tolerance": (0, True),
+    "threads": (0, True),
+}
+
+
+def check_options(options: FairingOptions) -> None:
+    """Refuse values no run can work with.
+
+    Raises:
+        InputError: naming the option, what was expected and what was found.
+    """
+    _check(options, "")
+
+
+def _check(options: Any, prefix: str) -> None:
+    for field in fields(options):
+        name, value = prefix + field.name, getattr(options, field.name)
+        if is_dataclass(value):
+            _check(value, name + ".")
+            continue
+        values = value if isinstance(value, tuple) else (value,)
+        if not values and name != "locked_vertices":
+            raise InputError(f"option {name}: expected at least one value, found none")
+        for item in values:
+            if isinstance(item, bool) or not isinstance(item, int | float):
+                continue
+            if not abs(item) < float("inf"):
+                raise InputError(f"option {name}: expected a finite number, found {item}")
+            low, inclusive = _LOWEST.get(name, (-float("inf"), True))
+            if item < low or (item == low and not inclusive):
+                raise InputError(
+                    f"option {name}: expected {'at least' if inclusive else 'more than'} {low}, found {item}"
+                )

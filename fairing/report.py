@@ -1,0 +1,205 @@
+"""What a run did, as plain numbers for `report.json`."""
+
+import platform
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+import numpy as np
+
+from fairing.cells import CellContext
+from fairing.options import by_level, options_to_dict
+from fairing.session import Session
+from fairing.trace import StepReason, StepRecord, Trace
+from fairing.visibility import Visibility
+
+PACKAGES = ("eigenfairing", "numpy", "scipy", "numba", "opencv-python-headless", "trimesh")
+
+
+@dataclass
+class SweepEnergy:
+    """Energy of the faces that a sweep touched, all under the visibility and robust scale of that sweep.
+
+    Energies of different sweeps differ in what they measure; only before and after of one sweep compare.
+
+    Attributes:
+        before, after: sums over faces.
+        steps, accepted: iterations, and vertex moves accepted in them.
+        longest_step_px: the farthest accepted move of a vertex in any photo.
+    """
+
+    level: int
+    sweep: int
+    before: float = 0.0
+    after: float = 0.0
+    steps: int = 0
+    accepted: int = 0
+    longest_step_px: float = 0.0
+
+
+class EnergyTally:
+    """Adds up the energies of a run, step by step."""
+
+    def __init__(self, n_faces: int) -> None:
+        self.sweeps: list[SweepEnergy] = []
+        self._before = np.zeros(n_faces)
+        self._after = np.zeros(n_faces)
+        self._touched = np.zeros(n_faces, dtype=bool)
+
+    def add(self, record: StepRecord) -> SweepEnergy:
+        """Count one step; returns the state of its sweep."""
+        level, sweep = record.position[:2]
+        if not self.sweeps or (self.sweeps[-1].level, self.sweeps[-1].sweep) != (level, sweep):
+            self.sweeps.append(SweepEnergy(level, sweep))
+            self._touched[:] = False
+            self._before[:] = 0
+            self._after[:] = 0
+        new = ~self._touched[record.faces]
+        self._before[record.faces[new]] = record.face_energy_before[new]
+        self._touched[record.faces] = True
+        self._after[record.faces] = record.face_energy_after
+        current = self.sweeps[-1]
+        moved = np.isin(record.reasons, (StepReason.ACCEPTED, StepReason.CONVERGED))
+        current.before, current.after = float(self._before.sum()), float(self._after.sum())
+        current.steps += 1
+        current.accepted += int(moved.sum())
+        current.longest_step_px = max(current.longest_step_px, float(record.step_px[moved].max(initial=0)))
+        return current
+
+
+def sweep_energies(trace: Trace) -> list[SweepEnergy]:
+    """Energy before and after every sweep of a run."""
+    tally = EnergyTally(len(trace.faces))
+    for record in trace.steps:
+        tally.add(record)
+    return tally.sweeps
+
+
+def run_report(
+    session: Session, preset: str, seconds: dict[str, float], quality: dict[str, Any] | None = None
+) -> dict[str, Any]:
+    """Everything worth keeping about a run, ready for JSON.
+
+    Args:
+        preset: name of the preset the options began with.
+        seconds: time spent outside the session, by stage (loading, for example).
+        quality: what `fairing.metrics` says.
+    """
+    own = dict(session.seconds)
+    context = session.sweep_state().context
+    computing = max(own["steps"] - own["photos"] - own["visibility"], 1e-9)
+    stages = seconds | {"photos": own["photos"], "visibility": own["visibility"], "steps": computing}
+    report = {
+        "format": "eigenfairing report 1",
+        "preset": preset,
+        "options": options_to_dict(session.options),
+        "versions": {"python": platform.python_version()} | {name: _version(name) for name in PACKAGES},
+        "scene": _scene_facts(session),
+        "stop_reason": session.stop_reason,
+        "finished": session.finished,
+        "seconds": {"total": sum(stages.values())} | stages,
+        "samples": session.samples,
+        "samples_per_second": session.samples / computing,
+        "sweeps": [
+            vars(sweep) | {"blur_px": session.options.schedule.blur[sweep.level]}
+            for sweep in sweep_energies(session.trace)
+        ],
+        "skipped": _skipped(session, context),
+        "warnings": list(session.warnings),
+        "vertices": _vertices(session, context),
+    }
+    return report if quality is None else report | {"quality": quality}
+
+
+def _version(package: str) -> str | None:
+    """None for a package that is used from its source folder."""
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return None
+
+
+def _scene_facts(session: Session) -> dict[str, Any]:
+    scene = session.scene
+    return {
+        "name": scene.name,
+        "input_vertices": len(scene.original_from_welded),
+        "vertices": len(scene.mesh.vertices),
+        "faces": len(scene.mesh.faces),
+        "diagonal": scene.mesh.diagonal,
+        "photos": [
+            {"name": view.name, "width": view.camera.width, "height": view.camera.height} for view in scene.views
+        ],
+        "sparse_points": None if scene.sparse_points is None else len(scene.sparse_points.positions),
+        "truth_known": scene.truth is not None,
+    }
+
+
+def _skipped(session: Session, context: CellContext) -> dict[str, Any]:
+    """Faces and vertices that took no part at the last level, with the reasons."""
+    asked = by_level(session.options.eigenspace.dimensions, context.level)
+    out = np.flatnonzero(~context.takes_part)
+    lowered = np.flatnonzero(context.takes_part & (context.kernel.face_dimensions < asked))
+    return {
+        "faces": [
+            {"face": int(face), "views": int(context.n_views[face]), "reasons": _reasons(context.reasons[face])}
+            for face in out
+        ],
+        "faces_with_fewer_dimensions": [
+            {"face": int(face), "views": int(context.n_views[face]), "k": int(context.kernel.face_dimensions[face])}
+            for face in lowered
+        ],
+        "vertices": [
+            {"vertex": vertex, "reason": _reason_for_rest(session, context, vertex)}
+            for vertex in np.flatnonzero(~_ever_tried(session.trace)).tolist()
+        ],
+    }
+
+
+def _reasons(codes: np.ndarray) -> dict[str, int]:
+    values, counts = np.unique(codes, return_counts=True)
+    return {Visibility(value).name.lower(): int(count) for value, count in zip(values, counts, strict=True)}
+
+
+def _ever_tried(trace: Trace) -> np.ndarray:
+    tried = np.zeros(len(trace.start), dtype=bool)
+    for record in trace.steps:
+        tried[record.vertices] = True
+    return tried
+
+
+def _reason_for_rest(session: Session, context: CellContext, vertex: int) -> str:
+    if session.locked[vertex]:
+        return StepReason.LOCKED.text
+    faces = session.scene.mesh.one_rings[vertex]
+    if not context.takes_part[faces].any():
+        return StepReason.UNSEEN.text
+    return "not reached" if not session.finished else StepReason.UNSEEN.text
+
+
+def _vertices(session: Session, context: CellContext) -> list[dict[str, Any]]:
+    """Every welded vertex, by the numbers its copies have in the input."""
+    n = len(session.scene.mesh.vertices)
+    last_reason: list[str | None] = [None] * n
+    eigenvalues = np.full((n, 3), np.nan)
+    for record in session.trace.steps:
+        returned = record.reasons == StepReason.RETURNED
+        eigenvalues[record.vertices[~returned]] = record.eigenvalues[~returned]
+        for vertex, reason in zip(record.vertices.tolist(), record.reasons.tolist(), strict=True):
+            last_reason[vertex] = StepReason(reason).text
+    order = np.argsort(session.scene.original_from_welded, kind="stable")
+    copies = np.split(order, np.cumsum(np.bincount(session.scene.original_from_welded, minlength=n))[:-1])
+    start, end = session.trace.start, session.vertices
+    moved = np.linalg.norm(end - start, axis=1)
+    return [
+        {
+            "input_vertices": copies[v].tolist(),
+            "start": start[v].tolist(),
+            "end": end[v].tolist(),
+            "moved": float(moved[v]),
+            "views": int(context.vertex_views[v].sum()),
+            "eigenvalues": None if np.isnan(eigenvalues[v]).any() else eigenvalues[v].tolist(),
+            "stop_reason": last_reason[v] or _reason_for_rest(session, context, v),
+        }
+        for v in range(n)
+    ]
