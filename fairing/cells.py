@@ -4,6 +4,7 @@ A context is a function of the level and of the vertex positions it was made at.
 energies before and after a step compare like with like, and is made anew at the beginning of each sweep.
 """
 
+from concurrent.futures import Executor
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +18,7 @@ from fairing.kernels import (
 from fairing.options import FairingOptions, by_level
 from fairing.scale_space import ScaleSpace
 from fairing.scene import Scene
-from fairing.visibility import DepthMap, Visibility, depth_map, footprints, mask_samples
+from fairing.visibility import Visibility, depth_map, footprints, mask_samples
 
 GRID_SIZES = (8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256)
 NORMS = {
@@ -78,11 +79,11 @@ def facing(scene: Scene, vertices: np.ndarray) -> int:
     """1 if the photos see mostly the counter-clockwise side of the faces, -1 if the clockwise side."""
     balance = 0
     faces = scene.mesh.faces
+    points = vertices[faces]
+    normal = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])
     for view in scene.views[:: max(1, len(scene.views) // 8)]:
-        _, face_id = depth_map(vertices, faces, view.camera)
+        face_id = depth_map(vertices, faces, view.camera, reduction=4).face_id
         counts = np.bincount(face_id[face_id >= 0], minlength=len(faces))
-        points = vertices[faces]
-        normal = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])
         balance += int((counts * np.sign(((view.camera.center - points[:, 0]) * normal).sum(1))).sum())
     return 1 if balance >= 0 else -1
 
@@ -94,7 +95,8 @@ def build_context(
     level: int,
     vertices: np.ndarray,
     orientation: int,
-    excluded_faces: np.ndarray,
+    judged_faces: np.ndarray,
+    pool: Executor,
 ) -> CellContext:
     """Judge visibility at the given positions and lay out the cells of a level.
 
@@ -102,61 +104,67 @@ def build_context(
         photos: blurred photos of the scene.
         vertices: (n, 3) float, world units.
         orientation: see `facing`.
-        excluded_faces: (m,) bool: faces that take no part (degenerate).
+        judged_faces: (m,) bool: the faces wanted; the others take no part.
+        pool: works on several photos at a time.
     """
     faces = scene.mesh.faces
     blur = options.schedule.blur[level]
-    effective_blur = max(1.0, blur)
     n_views, n_faces = len(scene.views), len(faces)
-
-    reasons = np.empty((n_faces, n_views), dtype=np.int8)
-    area, longest, height = (np.zeros((n_faces, n_views)) for _ in range(3))
-    maps: list[DepthMap] = []
-    for v, view in enumerate(scene.views):
-        outline = footprints(vertices, faces, view.camera, orientation, options.visibility, blur)
-        reasons[:, v], area[:, v], longest[:, v], height[:, v] = (
-            outline.reason, outline.area, outline.longest_edge, outline.height,
-        )  # fmt: skip
-        maps.append(depth_map(vertices, faces, view.camera)[0])
-    reasons[excluded_faces] = Visibility.DEGENERATE
+    cameras = [view.camera for view in scene.views]
+    outlines = list(
+        pool.map(lambda camera: footprints(vertices, faces, camera, orientation, options.visibility, blur), cameras)
+    )
+    reasons = np.stack([outline.reason for outline in outlines], axis=1)
+    area = np.stack([outline.area for outline in outlines], axis=1)
+    longest = np.stack([outline.longest_edge for outline in outlines], axis=1)
+    height = np.stack([outline.height for outline in outlines], axis=1)
+    reasons[~judged_faces] = Visibility.DEGENERATE
 
     candidate = reasons == Visibility.SEEN
     size = by_level(options.cells.size, level)
-    extent = np.where(candidate, longest, 0).max(axis=1)
     grid_sizes = [s for s in GRID_SIZES if s < size] + [size] if options.cells.adaptive else [size]
-    wanted = extent / (options.cells.spacing * effective_blur)
+    wanted = np.where(candidate, longest, 0).max(axis=1) / (options.cells.spacing * max(1.0, blur))
     face_grid = np.minimum(np.searchsorted(grid_sizes, wanted), len(grid_sizes) - 1)
     grids = [cell_grid(s) for s in grid_sizes]
     grid_start = np.concatenate([[0], np.cumsum([g.shape[1] for g in grids])])
-    with np.errstate(divide="ignore", invalid="ignore"):
-        typical_height = np.where(candidate, height, 0).sum(1) / np.maximum(candidate.sum(1), 1)
-        inset = np.minimum(by_level(options.cells.inset, level) / np.maximum(typical_height, 1e-9), MAX_INSET)
+    ramp = np.concatenate(grids, axis=1)
+    samples = np.diff(grid_start)[face_grid]
+    typical_height = np.where(candidate, height, 0).sum(1) / np.maximum(candidate.sum(1), 1)
+    inset = np.minimum(by_level(options.cells.inset, level) / np.maximum(typical_height, 1e-9), MAX_INSET)
 
     margin = options.visibility.edge_margin * blur + 1.0
-    masks: list[np.ndarray] = []
-    mask_length = 0
-    mask_start = np.full((n_faces, n_views), -1, dtype=np.int64)
-    P = np.stack([view.camera.image_from_world for view in scene.views])
-    homogeneous = np.einsum("vij,nj->vni", P[:, :, :3], vertices) + P[:, None, :, 3]
-    for f, v in np.argwhere(candidate):
-        ramp = grids[face_grid[f]]
-        mask = np.empty(ramp.shape[1], dtype=np.uint8)
-        m = maps[v]
-        seen = mask_samples(
-            homogeneous[v, faces[f]], ramp, inset[f], m.inverse_depth, m.edge_distance, m.focal_length,
-            1.0 + blur, margin, mask,
+    P = np.stack([camera.image_from_world for camera in cameras])
+
+    def mask_view(v: int) -> list[np.ndarray]:
+        """Occlusion in one photo: updates its column of `reasons`, returns the masks of partly seen faces in order."""
+        chosen = np.flatnonzero(candidate[:, v])
+        if len(chosen) == 0:
+            return []
+        depths = depth_map(vertices, faces, cameras[v], options.visibility.reduction)
+        starts = np.concatenate([[0], np.cumsum(samples[chosen])])
+        masks, seen = np.empty(starts[-1], dtype=np.uint8), np.empty(len(chosen), dtype=np.int64)
+        mask_samples(
+            vertices @ P[v, :, :3].T + P[v, :, 3], faces[chosen], face_grid[chosen], grid_start, ramp, inset[chosen],
+            depths.inverse_depth, depths.edge_distance, depths.focal_length, depths.reduction, 1.0 + blur, margin,
+            (cameras[v].width, cameras[v].height), masks, starts[:-1], seen,
         )  # fmt: skip
-        if seen < options.visibility.min_samples * len(mask):
-            reasons[f, v] = Visibility.HIDDEN
-        elif seen < len(mask):
-            reasons[f, v] = Visibility.PARTLY_SEEN
-            mask_start[f, v] = mask_length
-            mask_length += len(mask)
-            masks.append(mask)
+        partly = seen < samples[chosen]
+        reasons[chosen[partly], v] = Visibility.PARTLY_SEEN
+        hidden = seen < options.visibility.min_samples * samples[chosen]
+        reasons[chosen[hidden], v] = Visibility.HIDDEN
+        return [masks[starts[k] : starts[k + 1]] for k in np.flatnonzero(partly & ~hidden)]
+
+    masks_of_view = list(pool.map(mask_view, range(n_views)))
+    mask_start = np.full((n_faces, n_views), -1, dtype=np.int64)
+    mask_length = 0
+    for v, masks in enumerate(masks_of_view):
+        lengths = np.array([len(mask) for mask in masks], dtype=np.int64)
+        mask_start[reasons[:, v] == Visibility.PARTLY_SEEN, v] = mask_length + np.cumsum(lengths) - lengths
+        mask_length += int(lengths.sum())
+    all_masks = [mask for masks in masks_of_view for mask in masks]
 
     part = reasons <= Visibility.PARTLY_SEEN
-    surplus = part.sum(1) > options.visibility.max_views
-    for f in np.flatnonzero(surplus):
+    for f in np.flatnonzero(part.sum(1) > options.visibility.max_views):
         ranked = np.argsort(np.where(part[f], -area[f], np.inf), kind="stable")[options.visibility.max_views :]
         reasons[f, ranked[part[f, ranked]]] = Visibility.SURPLUS
     part = reasons <= Visibility.PARTLY_SEEN
@@ -167,18 +175,16 @@ def build_context(
     dimensions[(count < 3) | (dimensions < 1)] = 0
 
     pair_face, pair_view = np.nonzero(part)
-    samples = np.diff(grid_start)[face_grid]
     weight = np.ones(len(pair_face))
     if options.cells.weighting == "photo_area":
         weight = area[pair_face, pair_view] / samples[pair_face]
-    pixels, base = _photos_for_pairs(
-        photos, blur, by_level(options.cells.interpolation, level) == "cubic",
-        longest[pair_face, pair_view] / np.asarray(grid_sizes)[face_grid[pair_face]], pair_view,
-    )  # fmt: skip
+    cubic = by_level(options.cells.interpolation, level) == "cubic"
+    sample_spacing = longest[pair_face, pair_view] / np.asarray(grid_sizes)[face_grid[pair_face]]
+    pixels, base = _photos_for_pairs(photos, blur, cubic, sample_spacing, pair_view)
     kernel = KernelData(
         faces=faces,
         image_from_world=P,
-        view_size=np.array([(view.camera.width, view.camera.height) for view in scene.views], dtype=np.int64),
+        view_size=np.array([(camera.width, camera.height) for camera in cameras], dtype=np.int64),
         pixels=pixels,
         channels=photos.channels,
         pair_start=np.searchsorted(pair_face, np.arange(n_faces + 1)).astype(np.int64),
@@ -186,14 +192,14 @@ def build_context(
         pair_base=base,
         pair_weight=weight,
         pair_mask=mask_start[pair_face, pair_view],
-        masks=np.concatenate(masks) if masks else np.zeros(0, dtype=np.uint8),
+        masks=np.concatenate(all_masks) if all_masks else np.zeros(0, dtype=np.uint8),
         face_dimensions=dimensions.astype(np.int64),
         face_inset=inset,
         face_grid=face_grid.astype(np.int64),
         grid_start=grid_start.astype(np.int64),
-        ramp=np.concatenate(grids, axis=1),
+        ramp=ramp,
         affine=options.cells.warp == "affine",
-        cubic=by_level(options.cells.interpolation, level) == "cubic",
+        cubic=cubic,
         remove_bias=options.cells.remove_bias,
         centered=options.eigenspace.centered,
         norm=NORMS[options.robust.norm],

@@ -46,7 +46,7 @@ class Evaluator:
 
     def __init__(self, threads: int = 0) -> None:
         self._threads = threads or os.cpu_count() or 1
-        self._pool = ThreadPoolExecutor(self._threads, thread_name_prefix="fairing")
+        self.pool = ThreadPoolExecutor(self._threads, thread_name_prefix="fairing")
         self.samples = 0
         """Cell samples read so far, for the speed shown to users."""
 
@@ -89,7 +89,7 @@ class Evaluator:
         if len(parts) == 1:
             work(parts[0])
         else:
-            list(self._pool.map(work, parts))
+            list(self.pool.map(work, parts))
         return FaceSystem(faces, energy, pair_energy, H, g, statistics[:, 0], statistics[:, 1])
 
     def _parts(self, samples: np.ndarray) -> list[slice]:

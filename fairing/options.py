@@ -111,6 +111,8 @@ class VisibilityOptions:
     blurred as a whole mixes colours across depth edges (facade, sigma 3.6: 1.14 % rms without, 0.15 with)."""
     min_samples: float = 0.4
     """A cell takes part if at least this fraction of its samples is seen."""
+    reduction: int = 2
+    """Photo pixels per pixel of the depth maps occlusion is judged by."""
     max_views: int = 24
     """At most so many photos a face, those with the largest footprints."""
 

@@ -249,7 +249,7 @@ class Session:
         self.seconds["photos"] += time.perf_counter() - began
         began = time.perf_counter()
         context = build_context(
-            self.scene, self._photos, self.options, level, vertices, self._orientation, self._excluded
+            self.scene, self._photos, self.options, level, vertices, self._orientation, ~self._excluded, self._evaluator.pool
         )
         self.seconds["visibility"] += time.perf_counter() - began
         if not context.takes_part.any() and level == self.options.n_levels - 1:

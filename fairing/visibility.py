@@ -84,34 +84,44 @@ def footprints(
 
 @dataclass(frozen=True, eq=False)
 class DepthMap:
-    """What one camera sees of the mesh.
+    """What one camera sees of the mesh, at 1 / `reduction` of the photo's resolution.
 
     Attributes:
         inverse_depth: (h, w) float32, 1 / world units, 0 where there is no face.
-        edge_distance: (h, w) float32, px to the nearest depth edge.
-        focal_length: px.
+        edge_distance: (h, w) float32, photo px to the nearest depth edge.
+        focal_length: photo px.
+        reduction: photo px per pixel of the maps.
+        face_id: (h, w) int32, the face seen, -1 for none.
     """
 
     inverse_depth: np.ndarray
     edge_distance: np.ndarray
     focal_length: float
+    reduction: int
+    face_id: np.ndarray
 
 
-def depth_map(vertices: np.ndarray, faces: np.ndarray, camera: Camera) -> tuple[DepthMap, np.ndarray]:
-    """Depth and depth edges of the mesh in a photo, and the face ids seen (h, w)."""
-    face_id, depth = rasterize(vertices, faces, camera)
-    uv, corner_depth = camera.project(vertices)
+def depth_map(vertices: np.ndarray, faces: np.ndarray, camera: Camera, reduction: int = 1) -> DepthMap:
+    """Depth and depth edges of the mesh in a photo."""
+    shift = (1 / reduction - 1) / 2
+    coarser = np.array([[1 / reduction, 0, shift], [0, 1 / reduction, shift], [0, 0, 1]])
+    small = Camera(
+        coarser @ camera.image_from_world, -(-camera.width // reduction), -(-camera.height // reduction)
+    )
+    face_id, depth = rasterize(vertices, faces, small)
+    uv, corner_depth = small.project(vertices)
     focal = float(camera.K[0, 0])
     edges = np.zeros(face_id.shape, dtype=np.uint8)
-    _mark_depth_edges(uv[faces], 1 / np.where(corner_depth > 0, corner_depth, np.inf)[faces], face_id, depth, focal, edges)
+    inverse = 1 / np.where(corner_depth > 0, corner_depth, np.inf)[faces]
+    _mark_depth_edges(uv[faces], inverse, face_id, depth, focal / reduction, edges)
     # Distance to the nearest marked pixel; everything is far away where nothing is marked.
     distance = (
-        cv2.distanceTransform(1 - edges, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+        cv2.distanceTransform(1 - edges, cv2.DIST_L2, cv2.DIST_MASK_PRECISE) * np.float32(reduction)
         if edges.any()
         else np.full(edges.shape, 1e6, dtype=np.float32)
     )
     with np.errstate(divide="ignore"):
-        return DepthMap((1 / depth).astype(np.float32), distance, focal), face_id
+        return DepthMap((1 / depth).astype(np.float32), distance, focal, reduction, face_id)
 
 
 @njit(cache=True, nogil=True)
@@ -150,35 +160,42 @@ def _mark_depth_edges(uv, inverse_depth, face_id, depth, focal, edges):
 
 
 @njit(cache=True, nogil=True)
-def mask_samples(q, ramp, inset, inverse_depth, edge_distance, focal, border, margin, mask):
-    """Mark the samples of one cell that a photo really shows; returns how many.
+def mask_samples(
+    pixels, corners, grids, grid_start, ramp, insets, inverse_depth, edge_distance, focal, reduction, border, margin, size,
+    masks, starts, seen,
+):  # fmt: skip
+    """Mark the samples of cells that one photo really shows.
 
     Args:
-        q: (3, 3) float64: homogeneous pixels of the corners (the depth last).
-        ramp: (2, p) float32: barycentric weights of corners 0 and 1.
-        inset: border left out, fraction of the face's height.
+        pixels: (n, 3) float64: homogeneous pixels of the vertices (the depth last).
+        corners: (c, 3) int64: vertices of the faces to judge.
+        grids, insets: (c,): cell grid of each and the border left out, fraction of the face's height.
+        grid_start, ramp: the cell grids, see `KernelData`.
         border: distance to keep from the photo's border, px.
         margin: distance to keep from depth edges, px.
-        mask: (p,) uint8, out.
+        size: (width, height) of the photo, px.
+        masks: flat uint8, out: the masks one after another.
+        starts: (c,) int64: where each begins.
+        seen: (c,) int64, out: samples that count.
     """
-    height, width = inverse_depth.shape
-    seen = 0
-    shrink = 1 - 3 * inset
-    for s in range(ramp.shape[1]):
-        a, b = inset + shrink * ramp[0, s], inset + shrink * ramp[1, s]
-        c = 1 - a - b
-        w = a * q[0, 2] + b * q[1, 2] + c * q[2, 2]
-        x = (a * q[0, 0] + b * q[1, 0] + c * q[2, 0]) / w
-        y = (a * q[0, 1] + b * q[1, 1] + c * q[2, 1]) / w
-        mask[s] = 0
-        if not (border <= x <= width - 1 - border and border <= y <= height - 1 - border):
-            continue
-        ix, iy = int(x + 0.5), int(y + 0.5)
-        front = inverse_depth[iy, ix]
-        if front > 0 and w - 1 / front > HIDDEN_DEPTH * w / focal:
-            continue
-        if edge_distance[iy, ix] < margin:
-            continue
-        mask[s] = 1
-        seen += 1
-    return seen
+    for f in range(corners.shape[0]):
+        first, last = grid_start[grids[f]], grid_start[grids[f] + 1]
+        shrink = 1 - 3 * insets[f]
+        a0, a1, a2 = pixels[corners[f, 0]]
+        b0, b1, b2 = pixels[corners[f, 1]]
+        c0, c1, c2 = pixels[corners[f, 2]]
+        count = 0
+        for s in range(last - first):
+            a, b = insets[f] + shrink * ramp[0, first + s], insets[f] + shrink * ramp[1, first + s]
+            c = 1 - a - b
+            w = a * a2 + b * b2 + c * c2
+            x, y = (a * a0 + b * b0 + c * c0) / w, (a * a1 + b * b1 + c * c1) / w
+            is_seen = border <= x <= size[0] - 1 - border and border <= y <= size[1] - 1 - border
+            if is_seen:
+                ix, iy = int((x + 0.5) / reduction), int((y + 0.5) / reduction)
+                front = inverse_depth[iy, ix]
+                is_hidden = front > 0 and w - 1 / front > HIDDEN_DEPTH * reduction * w / focal
+                is_seen = not is_hidden and edge_distance[iy, ix] >= margin
+            masks[starts[f] + s] = is_seen
+            count += is_seen
+        seen[f] = count
