@@ -170,7 +170,7 @@ def run(arguments: Sequence[str]) -> int:
         return tyro.extras.subcommand_cli_from_dict(
             commands,
             prog="eigenfairing",
-            description="See how photographs pull a triangle mesh onto the truth. Without a command: the demo cube.",
+            description="See how photographs pull a triangle mesh onto the truth. Without a command it opens the demo cube, with the flags of `view`.",
             args=arguments,
         )
     except InputError as error:

@@ -1,5 +1,7 @@
 """Can this input work? Cameras, coverage and sizes, judged before a run with the run's own rules."""
 
+import os
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
@@ -83,12 +85,13 @@ def check_scene(scene: Scene, options: FairingOptions | None = None) -> tuple[Sc
     """
     options = options or FairingOptions()
     photos = ScaleSpace(scene, color=False)
-    excluded = np.zeros(len(scene.mesh.faces), dtype=bool)
-    excluded[inspect_mesh(scene.mesh).degenerate_faces] = True
-    vertices = scene.mesh.vertices
-    context = build_context(
-        scene, photos, options, options.n_levels - 1, vertices, facing(scene, vertices), excluded
-    )  # fmt: skip
+    sound = np.ones(len(scene.mesh.faces), dtype=bool)
+    sound[inspect_mesh(scene.mesh).degenerate_faces] = False
+    vertices, level = scene.mesh.vertices, options.n_levels - 1
+    with ThreadPoolExecutor(options.threads or os.cpu_count()) as pool:
+        context = build_context(
+            scene, photos, options, level, vertices, facing(scene, vertices), sound, pool
+        )  # fmt: skip
     views = tuple(_check_view(scene, v, context) for v in range(len(scene.views)))
     part = context.takes_part
     codes, counts = np.unique(context.reasons, return_counts=True)

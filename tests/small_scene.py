@@ -4,8 +4,10 @@ Six triangles meet in vertex 0. Photos are ray cast through 4 x 4 points a pixel
 """
 
 from functools import cache
+from pathlib import Path
 
 import numpy as np
+from PIL import Image
 
 from fairing.camera import Camera
 from fairing.mesh import Mesh
@@ -118,3 +120,17 @@ def corner_scene(
         "corner", vertices, faces, tuple(views if order is None else [views[i] for i in order]),
         truth=Truth(Mesh(truth, FACES), truth, NORMALS),
     )  # fmt: skip
+
+
+def write_corner(folder: Path, displacement: tuple[float, float, float] = START) -> None:
+    """The corner as files: photos, a matrix each, and mesh.obj with vertex 0 written twice."""
+    (folder / "images").mkdir(parents=True)
+    for i, (camera, photo) in enumerate(zip(cameras(), photos(), strict=True)):
+        Image.fromarray(photo).save(folder / "images" / f"photo{i}.png")
+        np.savetxt(folder / "images" / f"photo{i}.txt", camera.image_from_world, fmt="%.17g")
+    start = VERTICES.copy()
+    start[0] += displacement
+    lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in np.vstack([start, start[:1]]).tolist()]
+    faces = np.where((np.arange(6)[:, None] > 2) & (FACES == 0), 7, FACES)
+    lines += [f"f {a} {b} {c}" for a, b, c in (faces + 1).tolist()]
+    (folder / "mesh.obj").write_text("\n".join(lines) + "\n")

@@ -1,0 +1,240 @@
+"""The command line: results, exit codes, and one line for every mistake."""
+
+import json
+import os
+import resource
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from app import headless
+from app.cli import run
+from app.scene_source import SceneSource
+from fairing.io import load_scene, read_mesh
+from fairing.session import Session
+from fairing.trace import Trace
+from tests.small_scene import VERTICES, write_corner
+
+QUICK = ["--schedule.blur", "2", "1", "--schedule.max-sweeps", "1", "--cells.size", "32"]
+
+
+@pytest.fixture
+def scene(tmp_path) -> Path:
+    write_corner(tmp_path / "corner")
+    return tmp_path / "corner"
+
+
+def fair(scene: Path, out: Path, *flags: str) -> int:
+    return run(["fair", str(scene), "--out", str(out), *QUICK, *flags])
+
+
+def one_line(capsys) -> str:
+    """What was said on standard error, checked to be a single line."""
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 1, lines
+    return lines[0]
+
+
+def test_fair_writes_a_mesh_in_the_input_s_order_a_report_and_a_trace(scene, tmp_path):
+    out = tmp_path / "out"
+    assert fair(scene, out) == 0
+    vertices, faces = read_mesh(out / "mesh.ply")
+    before, faces_before = read_mesh(scene / "mesh.obj")
+    assert np.array_equal(faces, faces_before)
+    assert vertices.shape == before.shape
+    assert np.array_equal(vertices[0], vertices[7])
+    assert np.linalg.norm(vertices[0] - VERTICES[0]) < 0.5 * np.linalg.norm(before[0] - VERTICES[0])
+    trace = Trace.load(out / "run.trace")
+    assert np.array_equal(trace.vertices_at(len(trace)), vertices[:7])
+
+
+def test_the_report_adds_up(scene, tmp_path):
+    out = tmp_path / "out"
+    fair(scene, out, "--locked-vertices", "2", "3")
+    report = json.loads((out / "report.json").read_text())
+    trace = Trace.load(out / "run.trace")
+    assert report["preset"] == "accurate"
+    assert report["options"]["schedule"]["blur"] == [2.0, 1.0]
+    assert report["finished"]
+    assert report["stop_reason"].startswith("finished")
+    assert [(s["level"], s["sweep"]) for s in report["sweeps"]] == [(0, 0), (1, 0)]
+    for sweep in report["sweeps"]:
+        steps = [s for s in trace.steps if s.position[:2] == (sweep["level"], sweep["sweep"])]
+        assert sweep["before"] == pytest.approx(steps[0].face_energy_before.sum())
+        assert sweep["after"] == pytest.approx(steps[-1].face_energy_after.sum())
+        assert sweep["after"] <= sweep["before"]
+    by_input = {i: vertex for vertex in report["vertices"] for i in vertex["input_vertices"]}
+    assert by_input[0] is by_input[7]
+    assert by_input[0]["moved"] == pytest.approx(np.linalg.norm(trace.vertices_at(len(trace))[0] - trace.start[0]))
+    assert by_input[0]["views"] == 8
+    assert len(by_input[0]["eigenvalues"]) == 3
+    assert by_input[2]["moved"] == 0
+    assert by_input[2]["stop_reason"] == "not moved: locked"
+    assert {v["vertex"] for v in report["skipped"]["vertices"]} == {2, 3}
+    assert report["seconds"]["total"] == pytest.approx(
+        sum(report["seconds"][k] for k in ("loading", "photos", "visibility", "steps"))
+    )
+    assert report["samples_per_second"] > 0
+
+
+def test_flags_overlay_the_chosen_preset(scene, tmp_path):
+    out = tmp_path / "out"
+    assert fair(scene, out, "--preset", "paper", "--eigenspace.dimensions", "2", "--schedule.max-iterations", "2") == 0
+    options = json.loads((out / "report.json").read_text())["options"]
+    assert options["cells"]["warp"] == "affine"
+    assert options["step"]["solver"] == "alternating"
+    assert options["eigenspace"]["dimensions"] == [2]
+
+
+def test_the_trace_says_where_its_scene_is(scene, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert run(["fair", "corner", "--out", "out", *QUICK]) == 0
+    monkeypatch.chdir("/")
+    trace = Trace.load(tmp_path / "out" / "run.trace")
+    source = SceneSource.of_run(trace.header, tmp_path)
+    assert source.scene == str(scene)
+    Session(source.load(), trace=trace)
+
+
+def interrupt_after(steps: int, monkeypatch) -> None:
+    shown = []
+    show = headless.RunProgress.show
+
+    def show_and_interrupt(self, record):
+        show(self, record)
+        shown.append(record)
+        if len(shown) == steps:
+            signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(headless.RunProgress, "show", show_and_interrupt)
+
+
+def test_ctrl_c_saves_everything_and_resume_ends_where_an_unbroken_run_ends(scene, tmp_path, monkeypatch):
+    whole, broken = tmp_path / "whole", tmp_path / "broken"
+    assert fair(scene, whole) == 0
+    with monkeypatch.context() as patched:
+        interrupt_after(3, patched)
+        assert fair(scene, broken) == 130
+    assert len(Trace.load(broken / "run.trace")) == 3
+    report = json.loads((broken / "report.json").read_text())
+    assert not report["finished"]
+    vertices, _ = read_mesh(broken / "mesh.ply")
+    assert np.array_equal(vertices[:7], Trace.load(broken / "run.trace").vertices_at(3))
+
+    assert fair(scene, broken, "--resume") == 0
+    assert (broken / "mesh.ply").read_bytes() == (whole / "mesh.ply").read_bytes()
+    assert (broken / "run.trace").read_bytes() == (whole / "run.trace").read_bytes()
+
+
+def test_resume_refuses_other_options(scene, tmp_path, capsys):
+    fair(scene, tmp_path / "out")
+    capsys.readouterr()
+    before = (tmp_path / "out" / "run.trace").read_bytes()
+    assert fair(scene, tmp_path / "out", "--resume", "--step.prior", "0.3") == 1
+    assert "step.prior was 0.1, now 0.3" in one_line(capsys)
+    assert (tmp_path / "out" / "run.trace").read_bytes() == before
+
+
+@pytest.mark.parametrize("limit", [1000, 40_000])
+def test_a_full_disk_is_one_line_and_leaves_nothing_half_written(scene, tmp_path, capsys, limit):
+    """A limit on file sizes fails as a full disk does; SIGXFSZ is ignored by Python."""
+    out = tmp_path / "out"
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (limit, hard))
+    try:
+        code = fair(scene, out, "--preset", "paper", "--schedule.max-iterations", "3")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    errors = [line for line in capsys.readouterr().err.splitlines() if line.startswith("eigenfairing:")]
+    assert code == 1
+    assert len(errors) == 1
+    assert not list(out.glob("*.part"))
+    assert (out / "mesh.ply").exists() == (limit > 1000)
+    if (out / "run.trace").exists():
+        assert len(Trace.load(out / "run.trace")) > 0
+
+
+MISTAKES = {
+    "nosuch": (["fair", "nosuch", "--out", "{out}"], "expected a demo"),
+    "mesh of a demo": (["fair", "cube", "--mesh", "{scene}/mesh.obj", "--out", "{out}"], "has its own mesh"),
+    "missing mesh": (["fair", "{scene}", "--mesh", "no.ply", "--out", "{out}"], "no.ply"),
+    "folder in use": (["fair", "{scene}", "--out", "{scene}"], "empty or new folder"),
+    "cell size": (["fair", "{scene}", "--out", "{out}", "--cells.size", "0"], "cells.size: expected at least 4"),
+    "no blur": (["fair", "{scene}", "--out", "{out}", "--schedule.blur"], "schedule.blur: expected at least one"),
+    "locked": (["fair", "{scene}", "--out", "{out}", "--locked-vertices", "99"], "expected numbers 0 to 7"),
+    "no trace": (["replay", "{scene}"], "run.trace"),
+    "not a trace": (["replay", "{scene}/mesh.obj"], "expected an EigenFairing trace"),
+    "check": (["check", "{scene}/images"], "expected"),
+    "endless": (["fair", "{scene}", "--out", "{out}", "--step.prior", "nan"], "finite"),
+}
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+def test_a_mistake_is_one_line_and_exit_code_1(name, scene, tmp_path, capsys):
+    arguments, expected = MISTAKES[name]
+    before = sorted(scene.rglob("*"))
+    assert run([a.format(scene=scene, out=tmp_path / "out") for a in arguments]) == 1
+    assert expected in one_line(capsys)
+    assert sorted(scene.rglob("*")) == before
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [["fair", "cube"], ["nosuch"], ["fair", "cube", "--out", "x", "--preset", "best"], ["view", "--port", "x"]],
+)
+def test_wrong_usage_is_exit_code_2(arguments, capsys):
+    with pytest.raises(SystemExit) as stopped:
+        run(arguments)
+    assert stopped.value.code == 2
+
+
+def test_check_judges_a_good_scene_and_draws_the_mesh_over_its_photos(scene, tmp_path, capsys):
+    assert run(["check", str(scene), "--out", str(tmp_path / "out")]) == 0
+    text = capsys.readouterr().out
+    assert "6 faces are seen by at least 3 photos" in text
+    assert "verdict: good" in text
+    found = json.loads((tmp_path / "out" / "check.json").read_text())
+    assert found["verdict"] == "good"
+    assert found["views_per_face"][0] >= 5
+    assert found["views_per_face"][-1] == 8
+    assert len(list((tmp_path / "out").glob("overlay-*.png"))) == 8
+
+
+def test_check_says_why_a_scene_cannot_work(scene, capsys):
+    for i in range(2, 8):
+        (scene / "images" / f"photo{i}.png").unlink()
+        (scene / "images" / f"photo{i}.txt").unlink()
+    assert run(["check", str(scene)]) == 1
+    assert "at least 3 photos, found 2" in one_line(capsys)
+
+
+def test_check_finds_a_mesh_turned_inside_out_usable_and_a_distant_one_too_small(scene, tmp_path, capsys):
+    vertices, faces = read_mesh(scene / "mesh.obj")
+    lines = [f"v {x / 50} {y / 50} {z / 50}" for x, y, z in vertices]
+    lines += [f"f {c} {b} {a}" for a, b, c in (faces + 1).tolist()]
+    (tmp_path / "far.obj").write_text("\n".join(lines))
+    assert run(["check", str(scene), "--mesh", str(tmp_path / "far.obj")]) == 1
+    text = capsys.readouterr().out
+    assert "too small in the photos" in text
+    assert "verdict: unusable" in text
+
+
+def test_load_scene_and_the_command_agree_on_the_scene(scene):
+    assert load_scene(scene).name == SceneSource.typed(str(scene), None).load().name == "corner"
+
+
+def test_demos_are_listed(capsys):
+    assert run(["demos"]) == 0
+    assert [line.split()[0] for line in capsys.readouterr().out.splitlines()] == ["cube", "facade", "archway", "dome"]
+
+
+def test_the_module_runs_as_a_command():
+    done = subprocess.run(
+        [sys.executable, "-m", "app", "--help"], capture_output=True, text=True, env=os.environ, timeout=60, check=False
+    )
+    assert done.returncode == 0
+    assert "Without a command" in done.stdout
