@@ -6,14 +6,19 @@ Exit codes: 0 done, 1 the input or the run failed (one line says why), 2 wrong u
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import tyro
 from rich.console import Console
 
+from app.check_command import check_to_console
+from app.headless import TRACE, fair_to_folder, load_with_progress
 from app.scene_source import SceneSource
+from demo_scenes import DEMOS
 from fairing.errors import InputError
 from fairing.options import PRESETS, FairingOptions
+from fairing.session import Session
+from fairing.trace import Trace
 
 SceneArgument = Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="SCENE")]
 Preset = Literal["accurate", "paper"]
@@ -26,6 +31,7 @@ def view(
     port: int = 8080,
     host: str = "127.0.0.1",
     browser: bool = True,
+    save_to: Path | None = None,
 ) -> int:
     """Open the debugger on a scene, paused before the first step.
 
@@ -36,14 +42,13 @@ def view(
         port: Port of the page; the next free one is taken if it is in use.
         host: Address to listen on. 0.0.0.0 lets other machines in.
         browser: Open the page in the browser.
+        save_to: Keep the record of all steps in this file, for `eigenfairing replay`.
     """
-    from fairing.session import Session
-
     console = Console(stderr=True)
     source = SceneSource.typed(scene, mesh)
-    session = Session(_load(source, console), PRESETS[preset])
+    session = Session(load_with_progress(source, console), PRESETS[preset])
     source.note_in(session.trace.header)
-    return _serve(session, host, port, browser)
+    return _serve(session, host, port, browser, save_to)
 
 
 def check(scene: SceneArgument, mesh: Path | None = None, out: Path | None = None) -> int:
@@ -54,15 +59,11 @@ def check(scene: SceneArgument, mesh: Path | None = None, out: Path | None = Non
         mesh: The mesh to fair. Default: the one the scene names, or the only one in its folder.
         out: Folder for the mesh drawn over every photo and for check.json.
     """
-    from app.check_command import check_to_console
-
     return check_to_console(SceneSource.typed(scene, mesh), out, Console())
 
 
 def demos() -> int:
     """List the scenes that come with the program."""
-    from demo_scenes import DEMOS
-
     console = Console()
     for demo in DEMOS.values():
         console.print(f"{demo.name:10}{demo.description}", highlight=False, soft_wrap=True)
@@ -87,16 +88,12 @@ def replay(
         host: Address to listen on. 0.0.0.0 lets other machines in.
         browser: Open the page in the browser.
     """
-    from app.headless import TRACE
-    from fairing.session import Session
-    from fairing.trace import Trace
-
     path = run / TRACE if run.is_dir() else run
     trace = Trace.load(path)
     source = SceneSource.typed(scene, mesh) if scene else SceneSource.of_run(trace.header, path)
-    session = Session(_load(source, Console(stderr=True)), trace=trace)
+    session = Session(load_with_progress(source, Console(stderr=True)), trace=trace)
     session.go_to(0)
-    return _serve(session, host, port, browser)
+    return _serve(session, host, port, browser, None)
 
 
 def _fair_command(default: FairingOptions) -> Callable[..., int]:
@@ -119,24 +116,16 @@ def _fair_command(default: FairingOptions) -> Callable[..., int]:
             preset: Options to begin with; further flags change single ones.
             resume: Go on with the run in `out`, recorded on the same scene with the same options.
         """
-        from app.headless import fair_to_folder
-
         console = Console(stderr=True)
         return fair_to_folder(SceneSource.typed(scene, mesh), out, preset, options, resume, console)
 
     return fair
 
 
-def _load(source: SceneSource, console: Console):
-    from app.headless import load_with_progress
+def _serve(session: Session, host: str, port: int, browser: bool, save_to: Path | None) -> int:
+    from app.server import serve  # the page's packages take a second to import; only this needs them
 
-    return load_with_progress(source, console)
-
-
-def _serve(session: Any, host: str, port: int, browser: bool) -> int:
-    from app.server import serve
-
-    serve(session, host=host, port=port, open_browser=browser, save_to=None)
+    serve(session, host=host, port=port, open_browser=browser, save_to=save_to)
     return 0
 
 
@@ -170,7 +159,8 @@ def run(arguments: Sequence[str]) -> int:
         return tyro.extras.subcommand_cli_from_dict(
             commands,
             prog="eigenfairing",
-            description="See how photographs pull a triangle mesh onto the truth. Without a command it opens the demo cube, with the flags of `view`.",
+            description="See how photographs pull a triangle mesh onto the truth. "
+            "Without a command it opens the demo cube, with the flags of `view`.",
             args=arguments,
         )
     except InputError as error:

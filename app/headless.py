@@ -15,6 +15,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, Ti
 from app.scene_source import SceneSource
 from fairing.errors import InputError
 from fairing.io import prepare_output_folder, write_atomically, write_mesh
+from fairing.metrics import quality_report
 from fairing.option_check import check_options
 from fairing.options import FairingOptions, options_from_dict
 from fairing.report import EnergyTally, run_report
@@ -128,7 +129,7 @@ def _save(session: Session, out: Path, preset: str, loading: float) -> None:
     for write in (
         lambda: write_mesh(out / MESH, session.scene.unweld(session.vertices), session.scene.original_faces),
         session.trace.detach,
-        lambda: write_json(out / REPORT, run_report(session, preset, {"loading": loading})),
+        lambda: write_json(out / REPORT, _report(session, preset, loading)),
     ):
         try:
             write()
@@ -136,6 +137,12 @@ def _save(session: Session, out: Path, preset: str, loading: float) -> None:
             failures.append(error)
     if failures:
         raise failures[0]
+
+
+def _report(session: Session, preset: str, loading: float) -> dict[str, Any]:
+    began = time.perf_counter()
+    quality = quality_report(session.scene, session.trace.start, session.vertices)
+    return run_report(session, preset, {"loading": loading, "metrics": time.perf_counter() - began}, quality)
 
 
 def write_json(path: Path, values: dict[str, Any]) -> None:

@@ -75,21 +75,19 @@ def sweep_energies(trace: Trace) -> list[SweepEnergy]:
     return tally.sweeps
 
 
-def run_report(
-    session: Session, preset: str, seconds: dict[str, float], quality: dict[str, Any] | None = None
-) -> dict[str, Any]:
+def run_report(session: Session, preset: str, seconds: dict[str, float], quality: dict[str, Any]) -> dict[str, Any]:
     """Everything worth keeping about a run, ready for JSON.
 
     Args:
         preset: name of the preset the options began with.
         seconds: time spent outside the session, by stage (loading, for example).
-        quality: what `fairing.metrics` says.
+        quality: what `fairing.metrics.quality_report` says.
     """
     own = dict(session.seconds)
     context = session.sweep_state().context
     computing = max(own["steps"] - own["photos"] - own["visibility"], 1e-9)
     stages = seconds | {"photos": own["photos"], "visibility": own["visibility"], "steps": computing}
-    report = {
+    return {
         "format": "eigenfairing report 1",
         "preset": preset,
         "options": options_to_dict(session.options),
@@ -106,9 +104,9 @@ def run_report(
         ],
         "skipped": _skipped(session, context),
         "warnings": list(session.warnings),
+        "quality": quality,
         "vertices": _vertices(session, context),
     }
-    return report if quality is None else report | {"quality": quality}
 
 
 def _version(package: str) -> str | None:

@@ -76,9 +76,10 @@ def test_the_report_adds_up(scene, tmp_path):
     assert by_input[2]["stop_reason"] == "not moved: locked"
     assert {v["vertex"] for v in report["skipped"]["vertices"]} == {2, 3}
     assert report["seconds"]["total"] == pytest.approx(
-        sum(report["seconds"][k] for k in ("loading", "photos", "visibility", "steps"))
+        sum(report["seconds"][k] for k in ("loading", "photos", "visibility", "steps", "metrics"))
     )
     assert report["samples_per_second"] > 0
+    assert report["quality"] == {"flipped_faces": []}
 
 
 def test_flags_overlay_the_chosen_preset(scene, tmp_path):

@@ -1,0 +1,121 @@
+"""Exact distance from points to a triangle mesh, through a tree of boxes."""
+
+import numpy as np
+from numba import njit
+
+from fairing.mesh import Mesh
+
+_LEAF = 4
+"""Triangles a leaf."""
+
+
+class SurfaceTree:
+    """A mesh prepared for many questions of the kind "how far is the surface from here".
+
+    Triangles are sorted along a space-filling curve and boxed four by four; boxes are paired up to one root.
+    """
+
+    def __init__(self, mesh: Mesh) -> None:
+        triangles = mesh.vertices[mesh.faces]
+        self._order = np.argsort(_morton(triangles.mean(axis=1)), kind="stable")
+        leaves = 1 << max(0, int(np.ceil(np.log2(len(triangles) / _LEAF))))
+        self._triangles = triangles[self._order]
+        low, high = np.full((2 * leaves, 3), np.inf), np.full((2 * leaves, 3), -np.inf)
+        leaf_of = leaves + np.arange(len(triangles)) // _LEAF
+        np.minimum.at(low, leaf_of, self._triangles.min(axis=1))
+        np.maximum.at(high, leaf_of, self._triangles.max(axis=1))
+        level = leaves
+        while level > 1:
+            children, level = slice(level, 2 * level), level // 2
+            low[level : 2 * level] = low[children].reshape(level, 2, 3).min(axis=1)
+            high[level : 2 * level] = high[children].reshape(level, 2, 3).max(axis=1)
+        self._low, self._high = low, high
+
+    def distance(self, points: np.ndarray) -> np.ndarray:
+        """(p,) float, world units, from points (p, 3)."""
+        return self.closest(points)[0]
+
+    def closest(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Distance (p,) from points (p, 3), and the face (p,) int that the nearest point lies on."""
+        points = np.ascontiguousarray(points, dtype=np.float64)
+        distance, face = np.empty(len(points)), np.empty(len(points), dtype=np.int64)
+        _search(points, self._triangles, self._low, self._high, distance, face)
+        return distance, self._order[face]
+
+
+def _morton(points: np.ndarray) -> np.ndarray:
+    """Position of points (p, 3) along a Z-order curve, 20 bits an axis."""
+    low = points.min(axis=0)
+    cells = ((points - low) / max(float(np.ptp(points, axis=0).max()), 1e-300) * (2**20 - 1)).astype(np.uint64)
+    code = np.zeros(len(points), dtype=np.uint64)
+    for bit in range(20):
+        for axis in range(3):
+            code |= ((cells[:, axis] >> np.uint64(bit)) & np.uint64(1)) << np.uint64(3 * bit + axis)
+    return code
+
+
+@njit(cache=True, nogil=True)
+def _search(points, triangles, low, high, distance, face):
+    leaves = low.shape[0] // 2
+    stack = np.empty(64, dtype=np.int64)
+    for i in range(points.shape[0]):
+        p = points[i]
+        best, best_face = np.inf, 0
+        stack[0], size = 1, 1
+        while size > 0:
+            size -= 1
+            node = stack[size]
+            if _squared_to_box(p, low[node], high[node]) >= best:
+                continue
+            if node < leaves:
+                left, right = 2 * node, 2 * node + 1
+                # The nearer child last, so that it is looked at first.
+                if _squared_to_box(p, low[left], high[left]) < _squared_to_box(p, low[right], high[right]):
+                    left, right = right, left
+                stack[size], stack[size + 1] = left, right
+                size += 2
+                continue
+            start = (node - leaves) * _LEAF
+            for t in range(start, min(start + _LEAF, triangles.shape[0])):
+                squared = _squared_to_triangle(p, triangles[t, 0], triangles[t, 1], triangles[t, 2])
+                if squared < best:
+                    best, best_face = squared, t
+        distance[i] = np.sqrt(best)
+        face[i] = best_face
+
+
+@njit(cache=True, nogil=True)
+def _squared_to_box(p, low, high):
+    total = 0.0
+    for axis in range(3):
+        outside = max(low[axis] - p[axis], p[axis] - high[axis], 0.0)
+        total += outside * outside
+    return total
+
+
+@njit(cache=True, nogil=True)
+def _squared_to_segment(p, a, b):
+    along, length = 0.0, 0.0
+    for axis in range(3):
+        along += (p[axis] - a[axis]) * (b[axis] - a[axis])
+        length += (b[axis] - a[axis]) ** 2
+    t = min(max(along / length, 0.0), 1.0) if length > 0 else 0.0
+    total = 0.0
+    for axis in range(3):
+        total += (p[axis] - a[axis] - t * (b[axis] - a[axis])) ** 2
+    return total
+
+
+@njit(cache=True, nogil=True)
+def _squared_to_triangle(p, a, b, c):
+    """The foot of the perpendicular if it lies inside, else the nearest edge."""
+    u, v, w = b - a, c - a, p - a
+    uu, uv, vv = np.dot(u, u), np.dot(u, v), np.dot(v, v)
+    wu, wv = np.dot(w, u), np.dot(w, v)
+    determinant = uu * vv - uv * uv
+    if determinant > 1e-14 * uu * vv:
+        s, t = (vv * wu - uv * wv) / determinant, (uu * wv - uv * wu) / determinant
+        if s >= 0 and t >= 0 and s + t <= 1:
+            offset = w - s * u - t * v
+            return np.dot(offset, offset)
+    return min(_squared_to_segment(p, a, b), _squared_to_segment(p, b, c), _squared_to_segment(p, c, a))
