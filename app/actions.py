@@ -1,0 +1,54 @@
+"""Everything a user can make the engine do: one list for buttons, keys and the command palette."""
+
+from dataclasses import dataclass
+
+from app.controller import Back, Command, Extent, Forward, JumpTo, Pause, Restart, Run
+
+
+@dataclass(frozen=True)
+class Action:
+    """Attributes:
+    name: short and unique.
+    label: what the palette and the tooltip say.
+    command: what is posted.
+    keys: (key, modifier) pairs; the first is shown.
+    icon: shape in `app.html`, mirrored for backward.
+    """
+
+    name: str
+    label: str
+    command: Command
+    keys: tuple[tuple[str, str | None], ...] = ()
+    icon: str = ""
+    mirrored: bool = False
+
+    @property
+    def hint(self) -> str:
+        """Tooltip: the label and its keys."""
+        if not self.keys:
+            return self.label
+        return f"{self.label} ({', '.join(key_text(*key) for key in self.keys)})"
+
+
+ACTIONS: tuple[Action, ...] = (
+    Action("run", "Run", Run(), (("F5", None), ("G", None)), "run"),
+    Action("pause", "Pause", Pause(), (("P", None),), "pause"),
+    Action(
+        "iteration", "Step one iteration", Forward(Extent.ITERATION), (("F11", None), ("I", None), (".", None)), "one"
+    ),
+    Action("unit", "Step one vertex", Forward(Extent.UNIT), (("F10", None), ("N", None)), "two"),
+    Action("sweep", "Step one sweep", Forward(Extent.SWEEP), (("F11", "shift"), ("O", None), ("]", None)), "bar"),
+    Action("level", "Step one level", Forward(Extent.LEVEL), (("L", None),), "bars"),
+    Action("back_iteration", "Back one iteration", Back(Extent.ITERATION), ((",", None),), "one", True),
+    Action("back_unit", "Back one vertex", Back(Extent.UNIT), (("B", None),), "two", True),
+    Action("back_sweep", "Back one sweep", Back(Extent.SWEEP), (("[", None),), "bar", True),
+    Action("back_level", "Back one level", Back(Extent.LEVEL), (("[", "shift"),), "bars", True),
+    Action("start", "To the start", JumpTo(0), (("H", None),), "start"),
+    Action("end", "To the end of the record", JumpTo(-1), (("J", None),), "end"),
+    Action("restart", "Restart", Restart(), (("R", None),), "restart"),
+)
+
+
+def key_text(key: str, modifier: str | None) -> str:
+    """How a key is written for people."""
+    return f"{modifier.capitalize()}+{key}" if modifier else key

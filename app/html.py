@@ -1,0 +1,121 @@
+"""Small pieces of HTML for the panels. Whatever comes from outside goes through `text`."""
+
+import html
+
+from app.palette import BRAND, NOW, REJECTED, SELECTED, START, css
+
+STYLE = f"""<style>
+.ef {{ font-size: 12.5px; line-height: 1.45; color: #d5d9df; padding: 0 14px 8px 10px;
+  font-variant-numeric: tabular-nums; }}
+.ef .dim {{ color: #8d96a1; }}
+.ef .big {{ font-size: 14px; font-weight: 600; color: #f1f3f5; }}
+.ef button {{ font: inherit; color: #d5d9df; background: #2e333a; border: 1px solid #3d444d; border-radius: 4px;
+  cursor: pointer; height: 28px; padding: 0 8px; display: inline-flex; align-items: center; justify-content: center;
+  gap: 6px; }}
+.ef button:hover:not(:disabled) {{ background: #3a4149; border-color: #59636f; }}
+.ef button:active:not(:disabled) {{ background: #242930; }}
+.ef button:disabled {{ color: #59626c; background: #26292e; border-color: #31363c; cursor: default; }}
+.ef button:focus-visible {{ outline: 2px solid {css(BRAND)}; outline-offset: 1px; }}
+.ef button.main {{ background: {css(BRAND)}; border-color: {css(BRAND)}; color: #fff; font-weight: 600; }}
+.ef button.main:hover:not(:disabled) {{ background: #5495e6; }}
+.ef svg {{ width: 16px; height: 16px; flex: none; }}
+.ef kbd {{ font: 500 11.5px/1 inherit; font-family: inherit; opacity: .7; order: 1; }}
+.ef table {{ width: 100%; border-collapse: collapse; }}
+.ef td, .ef th {{ padding: 2px 0; text-align: left; font-weight: 400; vertical-align: top; }}
+.ef td.n {{ text-align: right; white-space: nowrap; }}
+.ef th {{ color: #8d96a1; }}
+.ef .grid {{ display: grid; grid-template-columns: 60px repeat(4, 1fr); gap: 4px; align-items: center; }}
+.ef .grid span {{ text-align: center; font-size: 11.5px; color: #8d96a1; }}
+.ef .grid span.left {{ text-align: left; }}
+.ef .grid button {{ padding: 0; }}
+.ef .row {{ display: flex; gap: 6px; align-items: center; }}
+.ef .grow {{ flex: 1; }}
+.ef .crumbs b {{ color: #f1f3f5; font-weight: 600; }}
+.ef .crumbs i {{ font-style: normal; color: #59626c; padding: 0 3px; }}
+.ef .start {{ color: {css(START)}; }} .ef .now {{ color: {css(NOW)}; }}
+.ef .selected {{ color: {css(SELECTED)}; }} .ef .rejected {{ color: {css(REJECTED)}; }}
+.ef .layers {{ display: grid; grid-template-columns: 1fr 1fr; gap: 4px; }}
+.ef .layer {{ justify-content: flex-start; }}
+.ef .layer.off {{ color: #7a838d; background: #24272b; }}
+.ef .swatch {{ width: 10px; height: 10px; border-radius: 3px; flex: none; }}
+.ef .layer.off .swatch {{ opacity: .35; }}
+.ef .note {{ margin-top: 4px; }}
+.ef h4 {{ font-size: 12.5px; font-weight: 600; color: #f1f3f5; margin: 10px 0 2px; }}
+.ef .plot {{ width: 100%; height: auto; background: #1f2226; border: 1px solid #31363c; border-radius: 4px;
+  cursor: pointer; display: block; }}
+.ef div.plot {{ display: flex; align-items: center; justify-content: center; cursor: default; }}
+.ef .plot text {{ font-size: 10.5px; fill: #8d96a1; }}
+.ef .bar {{ height: 3px; background: #31363c; border-radius: 2px; margin-top: 6px; }}
+.ef .bar div {{ height: 3px; background: {css(BRAND)}; border-radius: 2px; }}
+</style>"""
+
+
+def text(value: object) -> str:
+    """Anything as text that the browser cannot take for markup."""
+    return html.escape(str(value), quote=True)
+
+
+def box(content: str) -> str:
+    """The frame that gives a panel its type and colours."""
+    return f'<div class="ef">{content}</div>'
+
+
+def button(label: str, press: str, *, hint: str, icon: str = "", css_class: str = "", enabled: bool = True) -> str:
+    """A button.
+
+    Args:
+        label: what it says; its icon and hint say it all if empty.
+        press: JavaScript from a `Bridge`.
+        hint: the tooltip, and its name for screen readers.
+        icon: SVG from `icon`.
+    """
+    name = f'title="{text(hint)}" aria-label="{text(hint.split(" (")[0])}"'
+    state = "" if enabled else "disabled"
+    return (
+        f'<button type="button" class="{css_class}" {name} {state} onclick="{text(press)}">{icon}{text(label)}</button>'
+    )
+
+
+def table(rows: list[tuple[str, str]]) -> str:
+    """Names and values; values may be markup made here, names are escaped."""
+    return (
+        "<table>"
+        + "".join(f"<tr><th>{text(name)}</th><td class='n'>{value}</td></tr>" for name, value in rows)
+        + "</table>"
+    )
+
+
+def number(value: float, digits: int = 4) -> str:
+    """A number as people write it: 12 345.6, 0.00123, 1.2e-07."""
+    if value == 0:
+        return "0"
+    if not abs(value) < float("inf"):
+        return text(value)
+    if 1e-4 <= abs(value) < 1e7:
+        decimals = max(0, digits - 1 - int(f"{abs(value):e}".split("e")[1]))
+        return f"{value:,.{decimals}f}".replace(",", "\u2009").replace("-", "\u2212")
+    return f"{value:.{digits - 1}e}".replace("-", "\u2212", 1) if value < 0 else f"{value:.{digits - 1}e}"
+
+
+_SHAPES = {
+    "run": '<path d="M4 2.5v11l9.5-5.5z"/>',
+    "pause": '<path d="M4 2.5h3v11h-3zM9 2.5h3v11h-3z"/>',
+    "one": '<path d="M5.5 3v10l6-5z"/>',
+    "two": '<path d="M2.5 3v10l5.5-5zM8.5 3v10l5.5-5z"/>',
+    "bar": '<path d="M3.5 3v10l6-5zM10.5 3h2v10h-2z"/>',
+    "bars": '<path d="M1.5 3v10l5-5zM6.5 3v10l5-5zM12 3h2v10h-2z"/>',
+    "restart": '<path d="M8 2.6a5.4 5.4 0 1 1-5.2 3.9l1.5.4a3.9 3.9 0 1 0 3.7-2.8v2.1l-3.6-2.8 3.6-2.9z"/>',
+    "start": '<path d="M13 3v10l-6-5zM3.5 3h2v10h-2z"/>',
+    "end": '<path d="M3 3v10l6-5zM10.5 3h2v10h-2z"/>',
+    "eye": (
+        '<path d="M8 3.5C4.6 3.5 2 6 1 8c1 2 3.6 4.5 7 4.5S14 10 15 8c-1-2-3.6-4.5-7-4.5z'
+        'm0 7.2A2.7 2.7 0 1 1 8 5.3a2.7 2.7 0 0 1 0 5.4z"/>'
+    ),
+    "leave": '<path d="M4.2 3 3 4.2 6.8 8 3 11.8 4.2 13 8 9.2 11.8 13 13 11.8 9.2 8 13 4.2 11.8 3 8 6.8z"/>',
+}
+
+
+def icon(name: str, *, mirrored: bool = False) -> str:
+    """An SVG icon in the text's colour."""
+    flip = ' style="transform:scaleX(-1)"' if mirrored else ""
+    return f'<svg viewBox="0 0 16 16" fill="currentColor" aria-hidden="true"{flip}>{_SHAPES[name]}</svg>'

@@ -1,0 +1,80 @@
+"""The cameras: frusta with their photos; a click on one looks through it."""
+
+from collections.abc import Callable
+
+import cv2
+import numpy as np
+import viser
+import viser.transforms
+
+from app.controller import RunState
+from app.palette import CAMERA
+from app.stage import Stage
+from app.view import View
+from fairing.camera import Camera
+from fairing.scene import Scene
+
+THUMBNAIL = 320  # px, the longer side
+
+
+def pose(camera: Camera, stage: Stage) -> tuple[np.ndarray, np.ndarray]:
+    """Orientation (4,) wxyz and position (3,) of a camera in the page."""
+    world_from_camera = camera.camera_from_world[:, :3].T
+    return viser.transforms.SO3.from_matrix(world_from_camera).wxyz, (camera.center - stage.origin) * stage.scale
+
+
+class Thumbnails:
+    """The photos, small, decoded once for all browsers."""
+
+    def __init__(self, scene: Scene) -> None:
+        self._scene = scene
+        self._images: dict[int, np.ndarray] = {}
+
+    def __getitem__(self, view_id: int) -> np.ndarray:
+        if view_id not in self._images:
+            pixels = self._scene.views[view_id].photo.load()
+            height, width = pixels.shape[:2]
+            factor = min(1.0, THUMBNAIL / max(width, height))
+            size = (max(1, round(width * factor)), max(1, round(height * factor)))
+            self._images[view_id] = cv2.resize(pixels, size, interpolation=cv2.INTER_AREA)
+        return self._images[view_id]
+
+
+class CamerasLayer:
+    """One frustum a camera. None while looking through one."""
+
+    def __init__(
+        self,
+        client: viser.ClientHandle,
+        stage: Stage,
+        scene: Scene,
+        thumbnails: Thumbnails,
+        on_enter: Callable[[int], None],
+    ) -> None:
+        self._root = client.scene.add_frame("/cameras", show_axes=False)
+        for view_id, view in enumerate(scene.views):
+            K, camera = view.camera.K, view.camera
+            wxyz, position = pose(camera, stage)
+            frustum = client.scene.add_camera_frustum(
+                f"/cameras/{view_id}",
+                fov=float(2 * np.arctan(camera.height / (2 * K[1, 1]))),
+                aspect=float(camera.width / K[0, 0] / (camera.height / K[1, 1])),
+                scale=stage.camera_scale,
+                thickness=1.5,
+                thickness_units="screen",
+                color=CAMERA,
+                image=thumbnails[view_id],
+                format="jpeg",
+                jpeg_quality=85,
+                wxyz=wxyz,
+                position=position,
+                cast_shadow=False,
+                receive_shadow=False,
+            )
+
+            @frustum.on_click
+            def _(_event: viser.SceneNodePointerEvent, view_id: int = view_id) -> None:
+                on_enter(view_id)
+
+    def show(self, state: RunState, view: View) -> None:
+        self._root.visible = view.shows("cameras") and view.entered is None

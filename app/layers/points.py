@@ -1,0 +1,29 @@
+"""The sparse points of a reconstruction."""
+
+import viser
+
+from app.controller import RunState
+from app.stage import SIZE, Stage
+from app.view import View
+from fairing.scene import SparsePoints
+
+
+class PointsLayer:
+    """A point cloud in its own colours; nothing where the scene has none."""
+
+    def __init__(self, client: viser.ClientHandle, stage: Stage, points: SparsePoints | None) -> None:
+        self._handle = None
+        if points is not None and len(points.positions):
+            self._handle = client.scene.add_point_cloud(
+                "/points",
+                stage.page_from_world(points.positions),
+                points.colors,
+                point_size=0.003 * SIZE,
+                point_shape="circle",
+                precision="float32",
+                visible=False,
+            )
+
+    def show(self, state: RunState, view: View) -> None:
+        if self._handle is not None:
+            self._handle.visible = view.shows("points")

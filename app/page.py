@@ -1,0 +1,233 @@
+"""One browser's page: its panels, its layers, its selection. All pages show the same run."""
+
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import viser
+
+from app.actions import ACTIONS
+from app.bridge import Bridge, whole_number
+from app.controller import Controller, JumpTo, RunState
+from app.history import EnergyHistory, PathHistory
+from app.html import STYLE, button, icon, text
+from app.layers import Layer
+from app.layers.cameras import CamerasLayer, Thumbnails
+from app.layers.paths import PathsLayer
+from app.layers.points import PointsLayer
+from app.layers.surface import SurfaceLayer
+from app.layers.vertices import VerticesLayer
+from app.layers.wires import WiresLayer
+from app.look_through import LookThrough
+from app.palette import BRAND
+from app.panels import Panel
+from app.panels.debug_bar import DebugBar
+from app.panels.energy_plot import EnergyPlot
+from app.panels.html_panel import HtmlPanel
+from app.panels.layers_panel import LayersPanel, available_layers
+from app.panels.options_panel import OptionsPanel
+from app.panels.status import Status
+from app.panels.timeline import Timeline
+from app.panels.variables import Variables
+from app.stage import Stage
+from app.texturer import Texturer
+from app.view import MAX_MAGNIFICATION, View
+from fairing.errors import InputError
+from fairing.scene import Scene
+
+TIMELINE_HEIGHT = 120
+MARGIN = 16
+
+
+@dataclass(frozen=True, eq=False)
+class Shared:
+    """What all pages have in common."""
+
+    scene: Scene
+    stage: Stage
+    controller: Controller
+    energies: EnergyHistory
+    paths: PathHistory
+    thumbnails: Thumbnails
+    texturer: Texturer
+
+
+class Page:
+    """Builds everything on connection; afterwards only `show` and the user's clicks change it."""
+
+    def __init__(self, client: viser.ClientHandle, shared: Shared, view: View) -> None:
+        self.view = view
+        self._client, self._shared = client, shared
+        self._problem = (0, "")
+        self._look_through = LookThrough(client, shared.stage, shared.scene)
+        client.gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False, brand_color=BRAND)
+        client.gui.set_panel_label(f"EigenFairing · {shared.scene.name}")
+        self._panels: list[Panel] = self._build_panels()
+        self._surface = SurfaceLayer(client, shared.stage, shared.scene.mesh, shared.texturer)
+        stage, scene = shared.stage, shared.scene
+        self._layers: list[Layer] = [
+            self._surface,
+            WiresLayer(client, stage, scene),
+            VerticesLayer(client, stage, scene.mesh, self._guarded_with(self._select)),
+            PathsLayer(client, stage, shared.paths),
+            PointsLayer(client, stage, scene.sparse_points),
+            CamerasLayer(client, stage, scene, shared.thumbnails, self._guarded_with(self._enter)),
+        ]
+        self._add_commands()
+        client.camera.on_update(lambda _: self._guarded(self._follow_camera)())
+
+    def show(self, state: RunState) -> None:
+        """Bring the browser up to date."""
+        for part in (*self._layers, *self._panels):
+            part.show(state, self.view)
+        if state.problem and (state.run_id, state.problem) != self._problem:
+            self._notify(state.problem)
+        self._problem = (state.run_id, state.problem)
+        self._leave_box.visible = self.view.entered is not None
+        self._client.flush()
+
+    def close(self) -> None:
+        """The browser is gone."""
+        self._surface.close()
+
+    # ------------------------------------------------------------------ building
+
+    def _build_panels(self) -> list[Panel]:
+        gui, shared = self._client.gui, self._shared
+        bridge = Bridge(gui, self._guarded_with)
+        press = {action.name: bridge.button(self._poster(action.command)) for action in ACTIONS}
+        switches = {
+            name: bridge.button(lambda name=name: self._toggle(name)) for name in available_layers(shared.scene)
+        }
+        leave = bridge.button(self._leave)
+        panels: list[Panel] = [
+            DebugBar(gui, bridge, press),
+            Status(gui, shared.energies),
+            EnergyPlot(gui, shared.energies, bridge.number(self._jump)),
+        ]
+        tabs = gui.add_tab_group()
+        with tabs.add_tab("Vertex"):
+            panels.append(Variables(gui, shared.scene.mesh, self._guarded_with(self._select)))
+        with tabs.add_tab("Layers"):
+            panels.append(LayersPanel(gui, switches))
+            self._magnification = gui.add_slider(
+                "Magnify paths",
+                min=1,
+                max=MAX_MAGNIFICATION,
+                step=1,
+                initial_value=self.view.magnification,
+                hint="Displacements are drawn this many times longer, about where the vertices are now.",
+            )
+            self._magnification.on_update(lambda _: self._guarded(self._magnify)())
+        with tabs.add_tab("Options"):
+            panels.append(OptionsPanel(gui))
+        self._timeline = gui.add_panel()
+        with self._timeline.add_tab("Timeline", viser.Icon.CLOCK):
+            panels.append(Timeline(gui, self._guarded_with(self._jump)))
+        self._window = (0, 0)
+        self._place_timeline()
+        self._leave_box = gui.add_panel(visible=False)
+        with self._leave_box.add_tab("Camera", viser.Icon.CAMERA):
+            self._leave_note = HtmlPanel(gui)
+        self._leave_press = leave
+        self._leave_box.float(x=MARGIN, y=MARGIN, width=300)
+        return panels
+
+    def _place_timeline(self) -> None:
+        """As wide as the 3D view, at its bottom; again when the window changes."""
+        camera = self._client.camera
+        window = (int(camera.image_width), int(camera.image_height))
+        if window != self._window:
+            self._window = window
+            width = max(320, window[0] - 2 * MARGIN)
+            self._timeline.float(x=MARGIN, y=-MARGIN, width=width)
+
+    def _add_commands(self) -> None:
+        gui = self._client.gui
+        for action in ACTIONS:
+            for n, (key, modifier) in enumerate(action.keys):
+                label = action.label if n == 0 else f"{action.label} ({key})"
+                self._command(label, self._poster(action.command), key, modifier)
+        for view_id, view in enumerate(self._shared.scene.views[:9]):
+            self._command(f"Look through camera {view.name}", lambda v=view_id: self._enter(v), str(view_id + 1))
+        self._command("Leave the camera", self._leave, "0")
+        gui.set_panel_label(f"EigenFairing · {self._shared.scene.name}")
+
+    def _command(self, label: str, call: Callable[[], None], key: str, modifier: str | None = None) -> None:
+        guarded = self._guarded(call)
+        # viser accepts function keys although its type does not name them.
+        hotkey: Any = key
+        keys: Any = modifier
+        command = self._client.gui.add_command(label, hotkey=hotkey, modifier=keys)
+        command.on_trigger(lambda _: guarded())
+
+    # ------------------------------------------------------------------ what the user does
+
+    def _poster(self, command: Any) -> Callable[[], None]:
+        return lambda: self._shared.controller.post(command)
+
+    def _select(self, vertex: object) -> None:
+        last = len(self._shared.scene.mesh.vertices) - 1
+        self.view.selected = whole_number(vertex, 0, last, "vertex")
+        self._shared.controller.republish()
+
+    def _toggle(self, layer: str) -> None:
+        self.view.shown[layer] = not self.view.shown[layer]
+        self._shared.controller.republish()
+
+    def _magnify(self) -> None:
+        self.view.magnification = whole_number(self._magnification.value, 1, MAX_MAGNIFICATION, "magnification")
+        self._shared.controller.republish()
+
+    def _jump(self, moment: object) -> None:
+        last = max(1, self._shared.controller.state.length)
+        self._shared.controller.post(JumpTo(whole_number(moment, 0, last, "moment")))
+
+    def _enter(self, view_id: object) -> None:
+        found = whole_number(view_id, 0, len(self._shared.scene.views) - 1, "camera")
+        self._look_through.enter(found)
+        self._announce_camera(found)
+
+    def _leave(self) -> None:
+        if self._look_through.inside is not None:
+            self._look_through.leave()
+            self._announce_camera(None)
+
+    def _follow_camera(self) -> None:
+        self._place_timeline()
+        if self._look_through.follow():
+            self._look_through.stay()
+            self._announce_camera(None)
+
+    def _announce_camera(self, view_id: int | None) -> None:
+        self.view.entered = view_id
+        if view_id is not None:
+            name = self._shared.scene.views[view_id].name
+            back = button("Leave", self._leave_press, hint="Leave the camera (0)", icon=icon("leave"))
+            self._leave_note.set(
+                f"{STYLE}<div class='row'>{icon('eye')}<span class='grow big'>{text(name)}</span>{back}</div>"
+            )
+        self._shared.controller.republish()
+
+    # ------------------------------------------------------------------ trouble
+
+    def _guarded(self, call: Callable[[], None]) -> Callable[[], None]:
+        return self._guarded_with(lambda _=None: call())
+
+    def _guarded_with(self, call: Callable[..., None]) -> Callable[..., None]:
+        """The same, but what it throws becomes a red note and the page lives on."""
+
+        def guarded(*args: object) -> None:
+            try:
+                call(*args)
+            except InputError as error:
+                self._notify(str(error))
+            except Exception as error:
+                logging.getLogger(__name__).exception("a click failed")
+                self._notify(f"{type(error).__name__}: {error}")
+
+        return guarded
+
+    def _notify(self, message: str) -> None:
+        self._client.add_notification("That did not work", message, auto_close_seconds=10, color="red")

@@ -1,0 +1,54 @@
+"""The buttons that step, run and go back."""
+
+import viser
+
+from app.actions import ACTIONS
+from app.bridge import Bridge
+from app.controller import Activity, RunState
+from app.html import STYLE, button, icon
+from app.panels.html_panel import HtmlPanel
+from app.view import View
+
+UNIT_NAMES = {"sequential": "vertex", "worst_first": "vertex", "independent": "set", "joint": "vertices"}
+
+
+class DebugBar:
+    """Forward on the first line, back on the second, from one iteration to a whole level."""
+
+    def __init__(self, gui: viser.GuiApi, bridge: Bridge, press: dict[str, str]) -> None:
+        self._panel = HtmlPanel(gui)
+        self._bridge, self._press = bridge, press
+        self._actions = {action.name: action for action in ACTIONS}
+
+    def show(self, state: RunState, view: View) -> None:
+        running = state.activity is Activity.RUNNING
+        unit = UNIT_NAMES.get(state.options.schedule.order, "vertex")
+        forward, back = not state.finished, state.moment > 0
+        main = (
+            self._button("pause", "Pause", css_class="main grow", key=True)
+            if running
+            else self._button("run", "Run", css_class="main grow", key=True, enabled=forward)
+        )
+        top = (
+            f'<div class="row" style="margin-bottom:8px">{self._button("start", enabled=back)}{main}'
+            f"{self._button('end', enabled=state.moment < state.length)}"
+            f"{self._button('restart', enabled=state.length > 0)}</div>"
+        )
+        heads = "".join(f"<span>{name}</span>" for name in ("iteration", unit, "sweep", "level"))
+        names = ("iteration", "unit", "sweep", "level")
+        forwards = "".join(self._button(name, enabled=forward) for name in names)
+        backs = "".join(self._button(f"back_{name}", enabled=back) for name in names)
+        grid = (
+            f'<div class="grid"><span></span>{heads}<span class="left">Forward</span>{forwards}'
+            f'<span class="left">Back</span>{backs}</div>'
+        )
+        self._panel.set(STYLE + self._bridge.style + top + grid)
+
+    def _button(
+        self, name: str, label: str = "", *, css_class: str = "", key: bool = False, enabled: bool = True
+    ) -> str:
+        action = self._actions[name]
+        shape = icon(action.icon, mirrored=action.mirrored)
+        if key:
+            shape += f"<kbd>{action.keys[0][0]}</kbd>"
+        return button(label, self._press[name], hint=action.hint, icon=shape, css_class=css_class, enabled=enabled)

@@ -1,0 +1,38 @@
+"""What one browser looks at: its selection, its layers. The engine is shared, this is not."""
+
+from dataclasses import dataclass, field
+
+LAYERS: dict[str, str] = {
+    "textured": "Textured surface",
+    "surface": "Flat surface",
+    "now": "Mesh now",
+    "start": "Mesh at the start",
+    "truth": "True mesh",
+    "vertices": "Vertices",
+    "paths": "Vertex paths",
+    "cameras": "Cameras",
+    "points": "Sparse points",
+}
+MAX_MAGNIFICATION = 50
+
+
+@dataclass
+class View:
+    """Attributes:
+    selected: the vertex whose variables are shown.
+    entered: the camera looked through, None outside.
+    magnification: of displacements, 1 to 50.
+    shown: which layers are switched on.
+    """
+
+    selected: int | None = None
+    entered: int | None = None
+    magnification: float = 1.0
+    shown: dict[str, bool] = field(default_factory=lambda: {name: name not in ("truth", "points") for name in LAYERS})
+
+    def copy(self) -> "View":
+        """The same for another browser, outside of any camera."""
+        return View(self.selected, None, self.magnification, dict(self.shown))
+
+    def shows(self, layer: str) -> bool:
+        return self.shown[layer]

@@ -1,0 +1,246 @@
+"""The debugger's semantics, without a browser."""
+
+import threading
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from app.controller import (
+    Activity,
+    Back,
+    Branch,
+    Controller,
+    Extent,
+    Forward,
+    JumpTo,
+    Pause,
+    Restart,
+    Run,
+    RunState,
+    boundary_before,
+)
+from app.history import EnergyHistory, PathHistory
+from demo_scenes import Photography, load_demo
+from fairing.options import FairingOptions, ScheduleOptions
+from fairing.scene import Scene
+from fairing.session import Session
+from fairing.trace import Trace
+
+OPTIONS = FairingOptions(
+    schedule=ScheduleOptions(blur=(3.6, 2.0), order="sequential", max_sweeps=(2,), max_iterations=(3,), start="first")
+)
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    return load_demo("cube", Photography())
+
+
+@pytest.fixture
+def controller(scene: Scene):
+    controller = Controller(Session(scene, OPTIONS))
+    yield controller
+    controller.close()
+
+
+def do(controller: Controller, *commands) -> RunState:
+    for command in commands:
+        controller.post(command)
+        controller.wait_until_idle()
+    return controller.state
+
+
+def test_starts_paused_at_the_start(controller: Controller):
+    state = controller.state
+    assert (state.moment, state.length, state.activity) == (0, 0, Activity.PAUSED)
+    assert state.record is None
+
+
+def test_steps_of_every_extent_end_where_their_extent_ends(controller: Controller):
+    state = do(controller, Forward(Extent.ITERATION))
+    assert state.moment == 1
+    for extent in (Extent.UNIT, Extent.SWEEP, Extent.LEVEL):
+        began = controller.state.position
+        state = do(controller, Forward(extent))
+        last = state.trace.steps[state.moment - 1].position
+        assert last[:extent] == began[:extent]
+        assert state.position[:extent] != began[:extent], f"{extent.name} did not come to its end"
+
+
+def test_back_goes_to_the_beginning_of_the_last_extent(controller: Controller):
+    state = do(controller, Forward(Extent.LEVEL))
+    assert state.moment > 6
+    for extent in (Extent.ITERATION, Extent.UNIT, Extent.SWEEP, Extent.LEVEL):
+        expected = boundary_before(state.trace.steps, controller.state.moment, extent)
+        state = do(controller, Back(extent))
+        assert state.moment == expected
+        np.testing.assert_array_equal(state.vertices, state.trace.vertices_at(expected))
+    assert state.moment == 0
+    assert do(controller, Back(Extent.UNIT)).reason == "at the start"
+
+
+def test_forward_over_the_record_repeats_it(controller: Controller):
+    first = do(controller, Forward(Extent.SWEEP))
+    vertices, length = first.vertices, first.length
+    again = do(controller, JumpTo(0), Forward(Extent.SWEEP))
+    assert again.length == length
+    np.testing.assert_array_equal(again.vertices, vertices)
+
+
+def test_run_works_the_schedule_off_as_a_session_alone_does(controller: Controller, scene: Scene):
+    state = do(controller, Run())
+    assert state.finished
+    assert state.progress == 1
+    alone = Session(scene, OPTIONS)
+    assert state.reason == alone.run()
+    np.testing.assert_array_equal(state.vertices, alone.vertices)
+
+
+def test_pause_stops_a_run_after_the_step_in_hand(controller: Controller):
+    controller.post(Run())
+    wait_for(lambda: controller.state.moment > 0 or controller.state.activity is Activity.RUNNING)
+    controller.post(Pause())
+    state = controller.wait_until_idle()
+    assert not state.finished
+    assert state.reason == "paused"
+    moment = state.moment
+    time.sleep(0.1)
+    assert controller.state.moment == moment
+
+
+def test_a_command_during_a_run_ends_the_run_first(controller: Controller):
+    controller.post(Run())
+    wait_for(lambda: controller.state.moment > 2)
+    controller.post(JumpTo(1))
+    assert controller.wait_until_idle().moment == 1
+
+
+def test_a_key_held_down_leaves_no_queue_behind(controller: Controller):
+    do(controller, Forward(Extent.ITERATION))
+    for _ in range(200):
+        controller.post(Forward(Extent.ITERATION))
+    state = controller.wait_until_idle()
+    assert state.moment < 30, f"{state.moment} steps were made of 200 repeats within milliseconds"
+
+
+def test_only_the_newest_of_many_jumps_counts(controller: Controller):
+    last = do(controller, Forward(Extent.LEVEL)).length
+    for moment in range(last):
+        controller.post(JumpTo(moment))
+    assert controller.wait_until_idle().moment == last - 1
+
+
+def test_jumps_beyond_the_record_end_at_its_end(controller: Controller):
+    length = do(controller, Forward(Extent.SWEEP)).length
+    assert do(controller, JumpTo(10**9)).moment == length
+    assert do(controller, JumpTo(0), JumpTo(-1)).moment == length
+
+
+def test_restart_forgets_the_record(controller: Controller):
+    before = do(controller, Forward(Extent.SWEEP))
+    after = do(controller, Restart())
+    assert (after.moment, after.length) == (0, 0)
+    assert after.run_id != before.run_id
+    np.testing.assert_array_equal(after.vertices, before.trace.start)
+
+
+def test_a_branch_shares_the_past_and_takes_the_new_options(controller: Controller):
+    do(controller, Forward(Extent.SWEEP))
+    before = do(controller, Back(Extent.UNIT))
+    options = replace(OPTIONS, eigenspace=replace(OPTIONS.eigenspace, dimensions=(1,)))
+    after = do(controller, Branch(options))
+    assert after.options.eigenspace.dimensions == (1,)
+    assert after.moment == after.length == before.moment
+    np.testing.assert_array_equal(after.vertices, before.vertices)
+
+
+def test_a_failure_becomes_a_message_and_the_next_command_works(
+    controller: Controller, monkeypatch: pytest.MonkeyPatch
+):
+    def fail(self: Session) -> None:
+        raise RuntimeError("the disk is on fire")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Session, "step", fail)
+        state = do(controller, Forward(Extent.ITERATION))
+    assert state.problem == "RuntimeError: the disk is on fire"
+    state = do(controller, Forward(Extent.ITERATION))
+    assert state.problem == ""
+    assert state.moment == 1
+
+
+def test_listeners_hear_at_most_fifteen_states_a_second_and_always_the_last(controller: Controller):
+    heard: list[RunState] = []
+    controller.subscribe(heard.append)
+    began = time.monotonic()
+    final = do(controller, Run())
+    seconds = time.monotonic() - began
+    wait_for(lambda: bool(heard) and heard[-1].serial == final.serial)
+    assert len(heard) <= 15 * seconds + 4
+    assert [state.serial for state in heard] == sorted(state.serial for state in heard)
+
+
+def test_a_failing_listener_does_not_silence_the_others(controller: Controller):
+    heard = threading.Event()
+
+    def fail(_: RunState) -> None:
+        raise ValueError("a page is broken")
+
+    controller.subscribe(fail)
+    controller.subscribe(lambda state: heard.set() if state.moment else None)
+    do(controller, Forward(Extent.ITERATION))
+    assert heard.wait(5)
+
+
+def test_the_run_is_saved_as_it_goes(scene: Scene, tmp_path):
+    controller = Controller(Session(scene, OPTIONS), save_to=tmp_path / "run.trace")
+    state = do(controller, Forward(Extent.SWEEP))
+    controller.close()
+    trace = Trace.load(tmp_path / "run.trace")
+    assert len(trace) == state.length
+    np.testing.assert_array_equal(trace.vertices_at(len(trace)), state.vertices)
+
+
+def test_a_recorded_run_opens_at_any_moment(scene: Scene):
+    session = Session(scene, OPTIONS)
+    session.step_sweep()
+    replay = Session(scene, trace=session.trace)
+    replay.go_to(2)
+    controller = Controller(replay)
+    try:
+        assert controller.state.moment == 2
+        assert controller.state.length == len(session.trace)
+        np.testing.assert_array_equal(controller.state.vertices, session.trace.vertices_at(2))
+    finally:
+        controller.close()
+
+
+def test_the_energy_of_the_whole_mesh_never_rises_within_a_sweep(controller: Controller, scene: Scene):
+    history = EnergyHistory(len(scene.mesh.faces))
+    history.update(do(controller, Forward(Extent.UNIT)))
+    state = do(controller, Forward(Extent.SWEEP))
+    history.update(state)
+    after = history.after
+    assert len(after) == state.length
+    assert (np.diff(after) <= 1e-9 * after[:-1]).all()
+
+
+def test_paths_lead_from_the_start_to_now(controller: Controller, scene: Scene):
+    history = PathHistory(len(scene.mesh.vertices))
+    state = do(controller, Run(), JumpTo(7))
+    history.update(state)
+    pieces, when, owner = history.segments(state)
+    for vertex in np.unique(owner):
+        path = pieces[owner == vertex]
+        np.testing.assert_array_equal(path[0, 0], state.trace.start[vertex])
+        np.testing.assert_array_equal(path[-1, 1], state.vertices[vertex])
+    assert (when[:, 0] < when[:, 1]).all()
+
+
+def wait_for(condition, seconds: float = 20.0) -> None:
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline, "waited in vain"
+        time.sleep(0.005)
