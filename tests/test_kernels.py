@@ -1,0 +1,265 @@
+"""The compiled loops against independent oracles: numpy, scipy, OpenCV and finite differences."""
+
+import cv2
+import numpy as np
+import pytest
+from scipy.ndimage import map_coordinates
+
+from fairing import kernels
+from fairing.energy import Evaluator, robust_scale
+from fairing.inspect import face_cells
+from fairing.options import FairingOptions
+from fairing.session import Session, SweepState
+from tests.small_scene import FACES, HEIGHT, WIDTH, corner_scene, photos, small_options
+
+FACE_IDS = np.arange(6)
+ALL_CORNERS = np.full(6, -1)
+
+
+def prepared(options: FairingOptions, masks: bool = False, **scene) -> tuple[Session, SweepState]:
+    """A session at its start; without masks every sample of every cell counts."""
+    session = Session(corner_scene(**scene), options)
+    sweep = session.sweep_state()
+    if not masks:
+        sweep.context.kernel.pair_mask[:] = -1
+    return session, sweep
+
+
+def sharp_options(**changes) -> FairingOptions:
+    """One level without sub-pixel blur, all cells weighing the same: what the oracles below compute."""
+    stages = {
+        "schedule": {"blur": [1.0]},
+        "cells": {"weighting": "cell", "inset": [0.5], "size": [32]},
+        "robust": {"norm": "least_squares"},
+    }
+    for name, value in changes.items():
+        stages[name] = stages.get(name, {}) | value
+    return small_options(**stages)
+
+
+def sample_points(session: Session, sweep: SweepState, face: int) -> np.ndarray:
+    """(p, 3) float: barycentric weights of the samples of a cell, computed anew from the cell's definition."""
+    size = face_cells(session, face).size
+    inset = sweep.context.kernel.face_inset[face]
+    rows, columns = np.nonzero(np.add.outer(np.arange(size), np.arange(size)) < size)
+    a = inset + (1 - 3 * inset) * (columns + 1 / 3) / size
+    b = inset + (1 - 3 * inset) * (rows + 1 / 3) / size
+    return np.stack([a, b, 1 - a - b], axis=1)
+
+
+def blurred(view: int, blur: float) -> np.ndarray:
+    """(h, w): the photo smoothed by OpenCV's Gaussian."""
+    grey = photos()[view][..., 0].astype(np.float32)
+    size = 2 * int(np.ceil(4 * blur)) + 1
+    return cv2.GaussianBlur(grey, (size, size), blur, borderType=cv2.BORDER_REFLECT_101).astype(np.float64)
+
+
+@pytest.mark.parametrize(("interpolation", "order"), [("bilinear", 1), ("cubic", 3)])
+@pytest.mark.parametrize("warp", ["homography", "affine"])
+def test_cells_are_the_photo_at_the_samples_places(interpolation, order, warp):
+    session, sweep = prepared(sharp_options(cells={"warp": warp, "interpolation": [interpolation]}))
+    vertices = session.vertices
+    for face in (0, 3):
+        cells = face_cells(session, face)
+        bary = sample_points(session, sweep, face)
+        for view, observed in zip(cells.views, cells.observed, strict=True):
+            camera = session.scene.views[view].camera
+            corners = vertices[FACES[face]]
+            if warp == "homography":
+                uv, _ = camera.project(bary @ corners)
+            else:
+                photo_triangle = camera.project(corners)[0].astype(np.float32)
+                unit = np.array([[1, 0], [0, 1], [0, 0]], np.float32)
+                uv = cv2.transform(bary[None, :, :2], cv2.getAffineTransform(unit, photo_triangle))[0]
+            expected = map_coordinates(blurred(view, 1.0), [uv[:, 1], uv[:, 0]], order=order, mode="mirror")
+            # Places are exact to 1e-5 px in float32, OpenCV's affine to 3e-5; grey levels change by up to 60 a pixel.
+            assert np.abs(observed - expected).max() < 0.02
+
+
+@pytest.mark.parametrize("centered", [False, True])
+def test_eigenspace_is_the_truncated_singular_value_decomposition(centered):
+    session, _ = prepared(sharp_options(eigenspace={"centered": centered, "dimensions": [3]}))
+    for face in range(6):
+        cells = face_cells(session, face)
+        observed = cells.observed.astype(np.float64)
+        mean = observed.mean(axis=0) if centered else np.zeros(observed.shape[1])
+        U, s, Vt = np.linalg.svd(observed - mean, full_matrices=False)
+        expected = (U[:, :3] * s[:3]) @ Vt[:3] + mean
+        assert np.abs(cells.singular_values[: len(s)] / s - 1)[:4].max() < 1e-3
+        assert np.abs(cells.reconstruction - expected).max() < 0.05
+        assert np.abs(np.abs(np.sum(cells.basis * Vt[:3], axis=1)) - 1).max() < 1e-3
+
+
+def energy(sweep: SweepState, vertices: np.ndarray) -> float:
+    return float(Evaluator(1).measure(sweep.context, vertices, FACE_IDS, sweep.scale).energy.sum())
+
+
+@pytest.mark.parametrize("solver", ["alternating", "variable_projection"])
+@pytest.mark.parametrize("warp", ["homography", "affine"])
+@pytest.mark.parametrize("extra", [{}, {"eigenspace": {"centered": True}}, {"cells": {"remove_bias": True}}])
+def test_gradient_is_the_slope_of_the_energy(solver, warp, extra):
+    """For least squares the best eigenspace is the fitted one, so that the slope with U, c refitted is that with them
+    held fixed (envelope theorem), and both solvers have the same gradient."""
+    options = sharp_options(cells={"warp": warp, "interpolation": ["cubic"]} | extra.get("cells", {}))
+    if "eigenspace" in extra:
+        options = sharp_options(cells={"warp": warp, "interpolation": ["cubic"]}, eigenspace=extra["eigenspace"])
+    session, sweep = prepared(options)
+    vertices = session.vertices
+    system = Evaluator(1).linearise(sweep.context, vertices, FACE_IDS, ALL_CORNERS, sweep.scale, solver)
+    gradient = np.zeros((7, 3))
+    for f in range(6):
+        np.add.at(gradient, FACES[f], system.g[f].reshape(3, 3))
+    step = 1e-3  # 0.05 px: the energy changes by 1e-3 of itself, its rounding is 1e-7
+    for vertex, axis in [(0, 0), (0, 1), (0, 2), (3, 2), (5, 0)]:
+        ahead, behind = vertices.copy(), vertices.copy()
+        ahead[vertex, axis] += step
+        behind[vertex, axis] -= step
+        slope = (energy(sweep, ahead) - energy(sweep, behind)) / (2 * step)
+        # Found 7e-5; float32 residuals and third derivatives within the step set the limit.
+        assert gradient[vertex, axis] == pytest.approx(slope, abs=5e-4 * np.abs(gradient).max())
+
+
+@pytest.mark.parametrize("warp", ["homography", "affine"])
+@pytest.mark.parametrize("solver", ["alternating", "variable_projection"])
+def test_systems_of_one_corner_are_blocks_of_those_of_all(warp, solver):
+    session, sweep = prepared(small_options(cells={"warp": warp}), masks=True)
+    evaluator = Evaluator(1)
+    whole = evaluator.linearise(sweep.context, session.vertices, FACE_IDS, ALL_CORNERS, sweep.scale, solver)
+    for corner in range(3):
+        block = slice(3 * corner, 3 * corner + 3)
+        one = evaluator.linearise(sweep.context, session.vertices, FACE_IDS, np.full(6, corner), sweep.scale, solver)
+        assert np.array_equal(one.energy, whole.energy)
+        assert np.allclose(one.H[:, block, block], whole.H[:, block, block], rtol=1e-5, atol=1e-6 * whole.H.max())
+        assert np.allclose(one.g[:, block], whole.g[:, block], rtol=1e-5, atol=1e-6 * np.abs(whole.g).max())
+        outside = np.delete(one.H, np.arange(9)[block], axis=1)
+        assert not outside.any()
+
+
+def test_normal_matrices_are_symmetric_and_positive():
+    session, sweep = prepared(small_options(), masks=True)
+    system = Evaluator(1).linearise(
+        sweep.context, session.vertices, FACE_IDS, ALL_CORNERS, sweep.scale, "variable_projection"
+    )
+    assert np.array_equal(system.H, system.H.transpose(0, 2, 1))
+    assert np.linalg.eigvalsh(system.H).min() > -1e-6 * system.H.max()
+
+
+@pytest.mark.parametrize("norm", ["geman_mcclure", "geman_mcclure_printed", "huber", "least_squares"])
+def test_weight_times_residual_is_the_slope_of_the_norm(norm):
+    code = {"geman_mcclure": 0, "geman_mcclure_printed": 0, "huber": 1, "least_squares": 2}[norm]
+    sigma = 7.0
+    scale = robust_scale(small_options(robust={"norm": norm}).robust, np.array([sigma]))[0]
+    weight = np.zeros(1, np.float32)
+
+    def rho(e: float) -> float:
+        return kernels._weigh(np.array([e], np.float32), code, scale, weight)
+
+    expected = {
+        "geman_mcclure": lambda e: e**2 / (sigma**2 + e**2),
+        "geman_mcclure_printed": lambda e: e**2 / (sigma + e**2),
+        "huber": lambda e: e**2 / sigma**2 if abs(e) <= sigma else (2 * abs(e) * sigma - sigma**2) / sigma**2,
+        "least_squares": lambda e: e**2 / sigma**2,
+    }[norm]
+    for e in (-40.0, -6.5, -0.3, 0.0, 0.8, 3.0, 7.5, 90.0):
+        assert rho(e) == pytest.approx(expected(e), rel=1e-5, abs=1e-7)
+        slope = (expected(e + 1e-4) - expected(e - 1e-4)) / 2e-4
+        rho(e)
+        assert weight[0] * e == pytest.approx(slope, rel=1e-4, abs=1e-6)
+
+
+def test_geman_mcclure_turns_at_sigma_over_root_three_and_the_printed_form_does_not():
+    e = np.linspace(0.01, 30, 3000, dtype=np.float32)
+    for norm, turn in (("geman_mcclure", 9 / np.sqrt(3)), ("geman_mcclure_printed", np.sqrt(9 / 3))):
+        scale = robust_scale(small_options(robust={"norm": norm}).robust, np.array([9.0]))[0]
+        weight = np.zeros_like(e)
+        kernels._weigh(e, 0, scale, weight)
+        assert e[np.argmax(weight * e)] == pytest.approx(turn, abs=0.02)
+
+
+def test_masked_samples_have_no_say():
+    """A disc of one photo is painted over; samples within three pixels of it are masked in both."""
+    options = sharp_options(schedule={"blur": [0.0]})
+    _, probe = prepared(options)
+    view = 2
+    center = corner_scene().views[view].camera.project(np.array([0.5, 0.55, 1.0]))[0]
+    y, x = np.mgrid[:HEIGHT, :WIDTH]
+    painted = photos()[view].copy()
+    painted[(x - center[0]) ** 2 + (y - center[1]) ** 2 < 6**2] = 255
+    results = []
+    for change in ({}, {view: painted}):
+        session, sweep = prepared(options, change=change)
+        data = sweep.context.kernel
+        masks, at = [], 0
+        for face in range(6):
+            bary = sample_points(session, sweep, face)
+            for pair in range(data.pair_start[face], data.pair_start[face + 1]):
+                uv, _ = session.scene.views[data.pair_view[pair]].camera.project(bary @ session.vertices[FACES[face]])
+                far = np.linalg.norm(uv - center, axis=1) > 9
+                masks.append((far | (data.pair_view[pair] != view)).astype(np.uint8))
+                data.pair_mask[pair] = at
+                at += len(far)
+        data = data._replace(masks=np.concatenate(masks))
+        assert not data.masks.all()
+        object.__setattr__(sweep.context, "kernel", data)
+        evaluator = Evaluator(1)
+        system = evaluator.linearise(
+            sweep.context, session.vertices, FACE_IDS, ALL_CORNERS, probe.scale, "variable_projection"
+        )
+        results.append(system)
+    assert np.array_equal(results[0].energy, results[1].energy)
+    assert np.array_equal(results[0].H, results[1].H)
+    assert np.array_equal(results[0].g, results[1].g)
+
+
+def test_an_offset_of_one_photo_changes_nothing_where_means_are_removed():
+    options = sharp_options(cells={"remove_bias": True})
+    soft = {view: photo // 2 + 60 for view, photo in enumerate(photos())}
+    _, before = prepared(options, change=soft)
+    session, after = prepared(options, change=soft | {3: soft[3] + 25})
+    one, other = (Evaluator(1).measure(s.context, session.vertices, FACE_IDS, before.scale) for s in (before, after))
+    assert np.allclose(one.energy, other.energy, rtol=1e-4)
+
+
+def test_gains_of_photos_leave_a_perfect_fit_perfect():
+    """Cells that differ by factors only lie in a space of one dimension."""
+    rng = np.random.default_rng(0)
+    factors = rng.uniform(0.6, 1.2, 8)
+    n, p = 8, 300
+    texture = rng.uniform(0, 200, p).astype(np.float32)
+    cells = (factors[:, None] * texture).astype(np.float32)
+    residual = np.empty_like(cells)
+    nothing = np.zeros((1, 1), np.float32)
+    kernels.fit_face(
+        cells, 1, False, nothing, False, np.empty((2, p), np.float32), np.zeros((n, 2)), np.empty(n), residual
+    )
+    assert np.abs(residual).max() < 1e-3
+
+
+def test_a_corner_behind_a_camera_makes_the_energy_infinite_and_nothing_else():
+    session, sweep = prepared(small_options())
+    vertices = session.vertices
+    vertices[0] = session.scene.views[0].camera.center + np.array([0.5, 0.5, 0.5])
+    found = Evaluator(1).measure(sweep.context, vertices, FACE_IDS, sweep.scale)
+    assert np.isinf(found.energy).all()
+
+
+def test_threads_do_not_change_a_bit():
+    session, sweep = prepared(small_options(), masks=True)
+    one, two = (
+        Evaluator(threads).linearise(
+            sweep.context, session.vertices, FACE_IDS, ALL_CORNERS, sweep.scale, "variable_projection"
+        )
+        for threads in (1, 2)
+    )
+    for name in ("energy", "pair_energy", "H", "g"):
+        assert np.array_equal(getattr(one, name), getattr(two, name)), name
+
+
+def test_statistics_are_the_largest_and_the_median_residual():
+    session, sweep = prepared(small_options(), masks=True)
+    found = Evaluator(1).measure(sweep.context, session.vertices, FACE_IDS, sweep.scale)
+    for face in range(6):
+        cells = face_cells(session, face)
+        size = np.abs(cells.residual[cells.counts])
+        assert found.largest[face] == pytest.approx(size.max())
+        assert found.median[face] == pytest.approx(np.median(size), abs=kernels.HISTOGRAM_STEP)
