@@ -109,13 +109,13 @@ def test_gradient_is_the_slope_of_the_energy(solver, warp, extra):
     gradient = np.zeros((7, 3))
     for f in range(6):
         np.add.at(gradient, FACES[f], system.g[f].reshape(3, 3))
-    step = 1e-3  # 0.05 px: the energy changes by 1e-3 of itself, its rounding is 1e-7
+    step = 3e-4  # 0.02 px: rounding of the energy and third derivatives balance
     for vertex, axis in [(0, 0), (0, 1), (0, 2), (3, 2), (5, 0)]:
         ahead, behind = vertices.copy(), vertices.copy()
         ahead[vertex, axis] += step
         behind[vertex, axis] -= step
         slope = (energy(sweep, ahead) - energy(sweep, behind)) / (2 * step)
-        # Found 7e-5; float32 residuals and third derivatives within the step set the limit.
+        # Found at most 1.3e-4.
         assert gradient[vertex, axis] == pytest.approx(slope, abs=5e-4 * np.abs(gradient).max())
 
 
