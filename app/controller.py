@@ -138,8 +138,8 @@ Listener = Callable[[RunState], None]
 class Controller:
     """Drives a session on a thread of its own and tells listeners about it on another.
 
-    Listeners that are slow miss states, never the last one. Commands that repeat one already waiting are dropped, so that
-    a key held down leaves no queue behind; a command posted during a run ends the run first.
+    Listeners that are slow miss states, never the last one. Commands that repeat one already waiting are dropped, so
+    that a key held down leaves no queue; a command posted during a run ends the run first.
 
     Args:
         session: the run; nobody else may touch it from now on.

@@ -12,8 +12,9 @@ PATH_SEGMENTS = 6000  # about as many line segments as a page draws smoothly
 class EnergyHistory:
     """The energy of the whole mesh after every step.
 
-    A step knows the faces around its unit only; the others keep what they had. A face that was never measured before had,
-    as far as anybody knows, its first energy all along.
+    A step knows the faces around its unit only; the others keep what they had. A face that was never measured before
+    had, as far as anybody knows, its first energy all along. The energies of two sweeps do not compare: each has
+    cells of its own.
     """
 
     def __init__(self, n_faces: int) -> None:
@@ -26,6 +27,7 @@ class EnergyHistory:
         self._before = np.zeros(0)
         self._after = np.zeros(0)
         self._levels = np.zeros(0, dtype=int)
+        self._sweeps = np.zeros(0, dtype=int)
         self._known = 0
 
     def update(self, state: RunState) -> None:
@@ -36,7 +38,8 @@ class EnergyHistory:
         new = state.length - self._known
         if new <= 0:
             return
-        before, after, levels = np.zeros(new), np.zeros(new), np.zeros(new, dtype=int)
+        before, after = np.zeros(new), np.zeros(new)
+        levels, sweeps = np.zeros(new, dtype=int), np.zeros(new, dtype=int)
         for k, record in enumerate(state.trace.steps[self._known : state.length]):
             unknown = np.isnan(self._faces[record.faces])
             if unknown.any():
@@ -49,10 +52,11 @@ class EnergyHistory:
             before[k] = np.nansum(self._faces)
             self._faces[record.faces] = record.face_energy_after
             after[k] = np.nansum(self._faces)
-            levels[k] = record.position.level
+            levels[k], sweeps[k] = record.position.level, record.sweep_moment
         self._before = np.concatenate([self._before, before])
         self._after = np.concatenate([self._after, after])
         self._levels = np.concatenate([self._levels, levels])
+        self._sweeps = np.concatenate([self._sweeps, sweeps])
         self._known = state.length
 
     @property
@@ -69,6 +73,11 @@ class EnergyHistory:
     def levels(self) -> np.ndarray:
         """(steps,) int: level of each step."""
         return self._levels
+
+    @property
+    def sweeps(self) -> np.ndarray:
+        """(steps,) int: the moment at which the sweep of each step began."""
+        return self._sweeps
 
 
 @dataclass

@@ -39,6 +39,7 @@ STYLE = f"""<style>
 .ef .layer.off {{ color: #7a838d; background: #24272b; }}
 .ef .swatch {{ width: 10px; height: 10px; border-radius: 3px; flex: none; }}
 .ef .layer.off .swatch {{ opacity: .35; }}
+.ef .one {{ white-space: nowrap; overflow: hidden; text-overflow: ellipsis; }}
 .ef .note {{ margin-top: 4px; }}
 .ef h4 {{ font-size: 12.5px; font-weight: 600; color: #f1f3f5; margin: 10px 0 2px; }}
 .ef .plot {{ width: 100%; height: auto; background: #1f2226; border: 1px solid #31363c; border-radius: 4px;

@@ -1,7 +1,7 @@
 """The colours of the page, in one place; the same colour means the same thing everywhere.
 
-After Okabe and Ito's palette, which people with any kind of colour vision can tell apart. Start is green and now is red,
-as in the paper's figures.
+After Okabe and Ito's palette, which people with any kind of colour vision can tell apart. Start is green and now is
+red, as in the paper's figures.
 """
 
 RGB = tuple[int, int, int]
@@ -14,7 +14,7 @@ LOCKED: RGB = (134, 142, 150)
 REJECTED: RGB = (204, 121, 167)
 CAMERA: RGB = (120, 138, 158)
 CAMERA_ENTERED: RGB = (245, 222, 66)
-SURFACE: RGB = (170, 172, 178)
+SURFACE: RGB = (128, 132, 140)
 POINTS: RGB = (214, 218, 224)
 
 BACKGROUND: RGB = (24, 26, 30)

@@ -72,7 +72,7 @@ class App:
         # The default picture of a room takes seconds to unpack, and the textures need no light.
         server.scene.configure_environment_map(None)
         server.scene.configure_default_lights(cast_shadow=False)
-        server.scene.add_light_ambient("/light", intensity=1.4)
+        server.scene.add_light_ambient("/light", intensity=0.6)
         server.scene.world_axes.visible = False
         server.initial_camera.position = tuple(stage.eye)
         server.initial_camera.look_at = tuple(stage.target)

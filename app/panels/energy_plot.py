@@ -1,6 +1,6 @@
-"""The energy over the record as a picture that can be clicked: a line a level, a dot where the run stands.
+"""The energy over the record as a picture that can be clicked: a line a sweep, a dot where the run stands.
 
-Drawn as SVG, because the plots that viser offers know no gaps between levels and report no clicks.
+Drawn as SVG, because the plots that viser offers know no gaps between lines and report no clicks.
 """
 
 from collections.abc import Callable
@@ -21,7 +21,7 @@ MAX_POINTS = 400
 
 
 class EnergyPlot:
-    """Levels blur the photos differently, so their energies do not compare: every level has a line of its own."""
+    """Every sweep has a line of its own, because its cells are its own and so energies of two sweeps do not compare."""
 
     def __init__(self, gui: viser.GuiApi, energies: EnergyHistory, jump: Callable[[str], str]) -> None:
         self._energies, self._jump = energies, jump
@@ -48,10 +48,10 @@ class EnergyPlot:
             return HEIGHT - BOTTOM - (HEIGHT - TOP - BOTTOM) * (np.asarray(energy) - low) / (high - low)
 
         parts = [_frame(low, high, y)]
-        begins = np.flatnonzero(np.diff(levels, prepend=-1)).tolist()
-        for first, end in zip(begins, [*begins[1:], state.length], strict=True):
+        for first, end in _runs(levels):
             blur = state.options.schedule.blur[levels[first]]
             parts.append(_band(float(x(first)), float(x(end)), f"σ {blur:g}", first > 0))
+        for first, end in _runs(self._energies.sweeps[: state.length]):
             steps = np.unique(np.linspace(first, end - 1, min(end - first, MAX_POINTS)).astype(int))
             moments = np.concatenate([[first], steps + 1])
             values = np.concatenate([[before[first]], after[steps]])
@@ -62,7 +62,6 @@ class EnergyPlot:
                 parts.append(_line(x(moments[past]), y(values[past]), css(NOW)))
         here = float(after[state.moment - 1] if state.moment else before[0])
         parts.append(f'<circle cx="{x(state.moment):.1f}" cy="{y(here):.1f}" r="4" fill="{css(SELECTED)}"/>')
-        parts.append(_label(LEFT, "start", "0") + _label(WIDTH - RIGHT, "end", str(state.length)))
         inner = WIDTH - LEFT - RIGHT
         fraction = f"(event.clientX-r.left)/r.width*{WIDTH}-{LEFT}"
         press = (
@@ -70,9 +69,10 @@ class EnergyPlot:
             f"var m=Math.max(0,Math.min({state.length},Math.round(({fraction})/{inner}*{state.length})));"
             + self._jump("m")
         )
+        # Not onclick: while a run redraws the plot, pressing and letting go may hit two different pictures.
         return (
             f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" class="plot" role="img" aria-label="Energy plot" '
-            f'onclick="{text(press)}">'
+            f'onpointerdown="{text(press)}">'
             f"<title>Energy by moment; click to go there</title>{''.join(parts)}</svg>"
         )
 
@@ -101,7 +101,7 @@ def _ticks(low: float, high: float) -> np.ndarray:
 def _band(left: float, right: float, label: str, has_border: bool) -> str:
     line = f'x1="{left:.1f}" x2="{left:.1f}" y1="{TOP}" y2="{HEIGHT - BOTTOM}"'
     border = f'<line {line} stroke="#565e68" stroke-dasharray="2 3"/>'
-    name = f'<text x="{(left + right) / 2:.1f}" y="{TOP + 8}" text-anchor="middle">{text(label)}</text>'
+    name = f'<text x="{(left + right) / 2:.1f}" y="{HEIGHT - 5}" text-anchor="middle">{text(label)}</text>'
     return (border if has_border else "") + (name if right - left > 30 else "")
 
 
@@ -110,5 +110,7 @@ def _line(x: np.ndarray, y: np.ndarray, color: str) -> str:
     return f'<polyline points="{points}" fill="none" stroke="{color}" stroke-width="2" stroke-linejoin="round"/>'
 
 
-def _label(x: float, anchor: str, content: str) -> str:
-    return f'<text x="{x}" y="{HEIGHT - 5}" text-anchor="{anchor}">{text(content)}</text>'
+def _runs(values: np.ndarray) -> list[tuple[int, int]]:
+    """First index and end of every run of equal values."""
+    begins = np.flatnonzero(np.diff(values, prepend=values[0] - 1)).tolist()
+    return list(zip(begins, [*begins[1:], len(values)], strict=True))

@@ -19,14 +19,14 @@ class Status:
 
     def show(self, state: RunState, view: View) -> None:
         record = state.record
-        last = "" if record is None else f"<div class='dim'>Last step: {text(step_outcome(record))}</div>"
+        outcome = "no step yet" if record is None else step_outcome(record)
+        reason = "\u00a0" if state.activity is Activity.RUNNING or state.reason == outcome else _sentence(state.reason)
         self._panel.set(
             f"<div class='row'><span class='big'>{_headline(state)}</span><span class='grow'></span>"
             f"<span class='dim'>{_speed(state)}</span></div>"
             f"<div class='crumbs'>{_crumbs(state)}</div>"
             f"<div>{self._energy(state)}</div>"
-            + (last if state.reason != _outcome(state) else "")
-            + f"<div class='dim'>{text(_sentence(state.reason))}</div>"
+            f"<div class='dim one'>Last step: {text(outcome)}</div><div class='dim one'>{text(reason)}</div>"
             f"<div class='bar'><div style='width:{100 * state.progress:.1f}%'></div></div>"
         )
 
@@ -67,10 +67,6 @@ def _crumbs(state: RunState) -> str:
         parts.append(f"unit <b>{at.unit + 1}</b>")
     parts.append(f"iteration <b>{at.iteration + 1}</b>")
     return "<i>›</i>".join(parts)
-
-
-def _outcome(state: RunState) -> str:
-    return "" if state.record is None else step_outcome(state.record)
 
 
 def _speed(state: RunState) -> str:

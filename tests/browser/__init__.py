@@ -1,0 +1,1 @@
+"""Help for tests that drive the page in Chromium."""

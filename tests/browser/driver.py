@@ -1,0 +1,136 @@
+"""One Chromium and one page: what a user does and what a user sees."""
+
+import shutil
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+from playwright.sync_api import Browser, Locator, Page, sync_playwright
+
+from app.controller import RunState
+from app.server import App
+from fairing.camera import Camera
+
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+ARGUMENTS = [
+    "--no-sandbox",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--ignore-gpu-blocklist",
+    "--disable-dev-shm-usage",
+]
+WINDOW = {"width": 1280, "height": 720}
+
+
+@contextmanager
+def chromium() -> Iterator[Browser]:
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, headless=True, args=ARGUMENTS)
+        yield browser
+        browser.close()
+
+
+class Visitor:
+    """A browser tab on the debugger that collects everything that goes wrong in it."""
+
+    def __init__(self, browser: Browser, app: App) -> None:
+        self.app = app
+        self.troubles: list[str] = []
+        self.page: Page = browser.new_page(viewport=WINDOW)
+        self.page.on("console", lambda message: self._note(message.type, message.text))
+        self.page.on("pageerror", lambda error: self.troubles.append(f"page error: {error}"))
+        self.page.on("requestfailed", lambda request: self.troubles.append(f"failed request: {request.url}"))
+        self.open()
+
+    def _note(self, kind: str, message: str) -> None:
+        # The passive-listener message is the viewer's own and harmless.
+        if kind == "error" and "preventDefault" not in message:
+            self.troubles.append(f"console: {message}")
+
+    def open(self) -> None:
+        """Load the page, until its buttons and its scene are there."""
+        self.page.goto(self.app.url)
+        self.button("Step one iteration").wait_for()
+        self.page.wait_for_function("() => window.__viserMutable?.nodeRefFromName?.['/mesh/now']")
+
+    def button(self, name: str):
+        return self.page.get_by_role("button", name=name, exact=True)
+
+    def press(self, name: str) -> RunState:
+        """Press a button and wait for the engine."""
+        before = self.app.controller.state.serial
+        self.button(name).click()
+        return self.settle(before)
+
+    def key(self, key: str) -> RunState:
+        """Press a key and wait for the engine."""
+        before = self.app.controller.state.serial
+        self.page.keyboard.press(key)
+        return self.settle(before)
+
+    def settle(self, before: int) -> RunState:
+        """The state after whatever was asked for since the state of that serial."""
+        wait_for(lambda: self.app.controller.state.serial > before)
+        return self.app.controller.wait_until_idle()
+
+    def sees_vertices(self, vertices: np.ndarray) -> None:
+        """Wait until the mesh in the browser has these positions (n, 3), page units, to the last bit."""
+        self.page.wait_for_function(
+            """expected => {
+                const node = window.__viserMutable.nodeRefFromName['/mesh/now'];
+                const found = node?.geometry?.attributes?.position?.array
+                    ?? node?.children?.[0]?.geometry?.attributes?.position?.array;
+                return found && found.length === expected.length && expected.every((value, k) => found[k] === value);
+            }""",
+            arg=np.asarray(vertices, dtype=np.float32).ravel().tolist(),
+            timeout=10_000,
+        )
+
+    def drawn_at(self, vertex: int) -> np.ndarray:
+        """Where a vertex of the mesh is drawn within the canvas, pixels."""
+        found = self.page.evaluate(
+            """() => {
+                const {camera, canvas, nodeRefFromName} = window.__viserMutable;
+                const node = nodeRefFromName['/mesh/now'];
+                const mesh = node.geometry ? node : node.children[0];
+                camera.updateMatrixWorld();
+                mesh.updateWorldMatrix(true, false);
+                const box = canvas.getBoundingClientRect();
+                const matrices = [camera.projectionMatrix, camera.matrixWorldInverse, mesh.matrixWorld];
+                return {matrices: matrices.map(m => m.elements),
+                        positions: Array.from(mesh.geometry.attributes.position.array), size: [box.width, box.height]};
+            }"""
+        )
+        projection, view, world = (np.array(elements).reshape(4, 4).T for elements in found["matrices"])
+        point = np.append(np.array(found["positions"]).reshape(-1, 3)[vertex], 1.0)
+        x, y, _, w = projection @ view @ world @ point
+        width, height = found["size"]
+        return np.array([(x / w + 1) / 2 * width, (1 - y / w) / 2 * height])
+
+    def box_of(self, element: Locator) -> dict[str, float]:
+        """Where an element is, which the page may be about to replace."""
+        found: list[Any] = []
+        wait_for(lambda: found.append(element.bounding_box()) or found[-1] is not None)
+        return found[-1]
+
+    def canvas_size(self) -> tuple[float, float]:
+        box = self.page.evaluate(
+            "() => { const b = window.__viserMutable.canvas.getBoundingClientRect(); return [b.width, b.height] }"
+        )
+        return box[0], box[1]
+
+
+def wait_for(condition: Callable[[], bool], seconds: float = 20.0) -> None:
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline, "waited in vain"
+        time.sleep(0.01)
+
+
+def letterboxed(camera: Camera, point: np.ndarray, width: float, height: float) -> np.ndarray:
+    """Where a world point should be in a window that shows a centred camera's whole photo, pixels."""
+    scale = min(width / camera.width, height / camera.height)
+    uv, _ = camera.project(point)
+    return (uv + 0.5 - np.array([camera.width, camera.height]) / 2) * scale + np.array([width, height]) / 2
