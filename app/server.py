@@ -2,6 +2,7 @@
 
 import contextlib
 import logging
+import sys
 import threading
 import webbrowser
 from pathlib import Path
@@ -19,12 +20,15 @@ from app.view import View
 from fairing.session import Session
 
 PANEL_WIDTH = 340
+SWITCH_SECONDS = 0.001
 
 
 class App:
     """A running debugger: one engine, any number of browsers."""
 
     def __init__(self, session: Session, host: str, port: int, save_to: Path | None) -> None:
+        # The engine computes in Python, too: others would wait 5 ms for every word they put in.
+        sys.setswitchinterval(SWITCH_SECONDS)
         scene = session.scene
         stage = Stage.of(scene)
         self._server = start_server(host, port)

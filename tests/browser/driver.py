@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
-from playwright.sync_api import Browser, Locator, Page, sync_playwright
+from playwright.sync_api import Browser, Locator, Page, ViewportSize, sync_playwright
 
 from app.controller import RunState
 from app.server import App
@@ -21,7 +21,7 @@ ARGUMENTS = [
     "--ignore-gpu-blocklist",
     "--disable-dev-shm-usage",
 ]
-WINDOW = {"width": 1280, "height": 720}
+WINDOW: ViewportSize = {"width": 1280, "height": 720}
 
 
 @contextmanager
