@@ -222,14 +222,11 @@ def _photos_for_pairs(
     Returns:
         Flat pixels and for each pair where its photo starts in them.
     """
-    needed = ANTI_ALIASING * spacing
-    rung = np.zeros(len(spacing), dtype=np.int64)
-    coarse = needed > max(blur, 1.0) * 1.25
-    if not coarse.any():
-        planes = photos.planes(blur, cubic)
-        return planes, photos.offsets[pair_view]
-    rung[coarse] = np.ceil(np.log2(needed[coarse] / max(blur, 1.0))).astype(np.int64)
+    needed = ANTI_ALIASING * spacing / max(blur, 1.0)
+    # Rungs are doublings; a quarter more than the blur at hand is let pass.
+    rung = np.where(needed > 1.25, np.ceil(np.log2(np.maximum(needed, 1.0))), 0).astype(np.int64)
     rungs = np.unique(np.concatenate([[0], rung]))
-    parts = [photos.planes(blur if r == 0 else max(blur, 1.0) * 2.0**r, cubic) for r in rungs]
-    starts = np.concatenate([[0], np.cumsum([len(part) for part in parts])[:-1]])
-    return np.concatenate(parts), photos.offsets[pair_view] + starts[np.searchsorted(rungs, rung)]
+    blurs = tuple(blur if r == 0 else float(max(blur, 1.0) * 2.0**r) for r in rungs)
+    planes = photos.planes(blurs, cubic)
+    copy_length = len(planes) // len(blurs)
+    return planes, photos.offsets[pair_view] + copy_length * np.searchsorted(rungs, rung)

@@ -16,7 +16,7 @@ from numba import njit
 STRIP = 512
 HISTOGRAM_BINS = 2048
 HISTOGRAM_STEP = 0.0625  # grey levels
-FILL_ITERATIONS = 4
+FILL_ITERATIONS = 3
 
 SOLVER_NONE, SOLVER_ALTERNATING, SOLVER_VARIABLE_PROJECTION = 0, 1, 2
 NORM_GEMAN_MCCLURE, NORM_HUBER, NORM_LEAST_SQUARES = 0, 1, 2
@@ -291,8 +291,9 @@ def _apply_masks(data, face, p, cells, mask_weight, G, components):
                 mask_weight[i, channel * p + s] = 1 if start < 0 or data.masks[start + s] else 0
         if start >= 0:
             for c in range(components):
+                derivative, weight = G[c, i], mask_weight[i]
                 for t in range(p * data.channels):
-                    G[c, i, t] *= mask_weight[i, t]
+                    derivative[t] *= weight[t]
     return True
 
 
@@ -358,15 +359,7 @@ def fit_face(cells, k, centered, mask_weight, masked, basis, V, singular_values,
     """
     n, p = cells.shape
     if masked:
-        for t in range(p):
-            total, count = np.float32(0), np.float32(0)
-            for i in range(n):
-                total += mask_weight[i, t] * cells[i, t]
-                count += mask_weight[i, t]
-            mean = total / max(count, np.float32(1))
-            for i in range(n):
-                if mask_weight[i, t] == 0:
-                    cells[i, t] = mean
+        _fill_with_mean(cells, mask_weight, residual)
     for _ in range(FILL_ITERATIONS + 1 if masked else 1):
         _decompose(cells, k, centered, basis, V, singular_values)
         for i in range(n):
@@ -374,11 +367,37 @@ def fit_face(cells, k, centered, mask_weight, masked, basis, V, singular_values,
             for m in range(k):
                 _add_scaled(residual[i], -singular_values[m] * V[i, m], basis[m])
         if masked:
-            for i in range(n):
-                for t in range(p):
-                    if mask_weight[i, t] == 0:
-                        cells[i, t] -= residual[i, t]
-                        residual[i, t] = 0
+            _fill_with_reconstruction(cells, mask_weight, residual)
+
+
+@njit(cache=True, nogil=True, fastmath=_FAST)
+def _fill_with_mean(cells, mask_weight, scratch):
+    """Give masked samples the mean of the other cells; scratch: (n, p) with n at least 2, overwritten."""
+    n, p = cells.shape
+    total, count = scratch[0], scratch[1]
+    total[:] = 0
+    count[:] = 0
+    for i in range(n):
+        cell, weight = cells[i], mask_weight[i]
+        for t in range(p):
+            total[t] += weight[t] * cell[t]
+            count[t] += weight[t]
+    for t in range(p):
+        total[t] /= max(count[t], np.float32(1))
+    for i in range(n):
+        cell, weight = cells[i], mask_weight[i]
+        for t in range(p):
+            cell[t] = weight[t] * cell[t] + (np.float32(1) - weight[t]) * total[t]
+
+
+@njit(cache=True, nogil=True, fastmath=_FAST)
+def _fill_with_reconstruction(cells, mask_weight, residual):
+    """Give masked samples their reconstruction; their residual becomes zero."""
+    for i in range(cells.shape[0]):
+        cell, weight, rest = cells[i], mask_weight[i], residual[i]
+        for t in range(cell.shape[0]):
+            cell[t] -= (np.float32(1) - weight[t]) * rest[t]
+            rest[t] *= weight[t]
 
 
 @njit(cache=True, nogil=True, fastmath=_FAST)

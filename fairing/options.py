@@ -121,15 +121,21 @@ class VisibilityOptions:
 class ScheduleOptions:
     """Coarse to fine, and in which order vertices move."""
 
-    blur: tuple[float, ...] = (6.0, 3.6, 2.0, 1.2, 0.6)
+    blur: tuple[float, ...] = (6.0, 3.6, 2.0, 2.0, 1.2, 1.2, 0.6)
     """sigma_smooth by level, photo pixels."""
     start: Literal["auto", "first"] = "auto"
-    """auto: skip levels coarser than the mesh's error or its footprints ask for. first: begin with the first level."""
+    """auto: skip levels whose blur exceeds 1/14 of the faces' median footprint. first: begin with the first level."""
+    search: tuple[float, ...] = (0.0, 0.0, 1.0, 0.75, 0.6, 0.5, 0.25)
+    """By level: before Gauss-Newton, look for a better place of each vertex so far away, in units of `start_error`. 0: do not."""
+    start_error: float = -1.0
+    """How far the start's vertices may lie from their place, photo px. Negative: find out by trying. 0: never search."""
+    search_gain: float = 0.05
+    """A place found must lower the mean loss around the vertex by this fraction."""
     order: Literal["joint", "independent", "sequential", "worst_first"] = "joint"
     """joint: all vertices by one sparse system. independent: sets of vertices that share no face, one set after another.
     sequential: one vertex at a time, as the paper. worst_first: the same, largest energy first."""
     max_sweeps: tuple[int, ...] = (6,)
-    """Sweeps, by level; visibility is refreshed at the beginning of each."""
+    """Gauss-Newton sweeps, by level; visibility is refreshed at the beginning of each."""
     max_iterations: tuple[int, ...] = (4,)
     """Gauss-Newton iterations of a vertex (or of all, with joint) within a sweep, by level."""
     sweep_tolerance: float = 0.01
@@ -165,7 +171,7 @@ PRESETS: dict[str, FairingOptions] = {
         eigenspace=EigenspaceOptions(dimensions=(5,)),
         step=StepOptions(solver="alternating", prior=0.0),
         schedule=ScheduleOptions(
-            blur=(6.0, 4.8, 3.6, 2.4, 1.2), start="first", order="sequential", max_sweeps=(10,), max_iterations=(20,)
+            blur=(6.0, 4.8, 3.6, 2.4, 1.2), start="first", search=(0.0,), order="sequential", max_sweeps=(10,), max_iterations=(20,)
         ),
     ),
 }

@@ -17,7 +17,7 @@ class ScaleSpace:
         self._views = scene.views
         self._color = color
         self._photos: list[np.ndarray] | None = None
-        self._planes: dict[tuple[float, bool], np.ndarray] = {}
+        self._planes: dict[tuple[tuple[float, ...], bool], np.ndarray] = {}
 
     @property
     def channels(self) -> int:
@@ -29,22 +29,23 @@ class ScaleSpace:
         sizes = [self.channels * view.camera.width * view.camera.height for view in self._views]
         return np.concatenate([[0], np.cumsum(sizes)[:-1]]).astype(np.int64)
 
-    def planes(self, blur: float, cubic: bool) -> np.ndarray:
-        """All photos, flat float32, planes (channels, height, width) one after another; grey levels 0 to 255.
+    def planes(self, blurs: tuple[float, ...], cubic: bool) -> np.ndarray:
+        """All photos at each of the blurs in turn, flat float32, planes (channels, height, width), grey levels 0 to 255.
 
         Args:
-            blur: sigma of the Gaussian, pixels; 0 for none.
+            blurs: sigmas of Gaussians, pixels; 0 for none.
             cubic: give cubic B-spline coefficients instead of pixels.
         """
-        key = (blur, cubic)
+        key = (blurs, cubic)
         if key not in self._planes:
-            flat = np.concatenate([self._filtered(photo, blur, cubic).ravel() for photo in self._load()])
-            self._planes[key] = flat
+            self._planes[key] = np.concatenate(
+                [self._filtered(photo, blur, cubic).ravel() for blur in blurs for photo in self._load()]
+            )
         return self._planes[key]
 
-    def forget_all_but(self, blurs: set[float]) -> None:
-        """Free the planes of other blurs."""
-        self._planes = {key: planes for key, planes in self._planes.items() if key[0] in blurs}
+    def forget_all_but(self, blur: float) -> None:
+        """Free the planes made for other levels: those whose finest blur is another."""
+        self._planes = {key: planes for key, planes in self._planes.items() if key[0][0] == blur}
 
     def _load(self) -> list[np.ndarray]:
         if self._photos is None:

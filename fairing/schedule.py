@@ -47,11 +47,11 @@ def plan_units(mesh: Mesh, free: np.ndarray, order: str, face_energy: np.ndarray
         owner = np.maximum(corners[faces, first], 0)
         return [Unit(ids, faces, np.full(len(faces), -1), owner, coupled=True)]
     if order == "sequential":
-        return [_independent_unit(mesh, np.array([v])) for v in ids]
+        return [independent_unit(mesh, np.array([v])) for v in ids]
     if order == "worst_first":
         energy = np.array([face_energy[mesh.one_rings[v]].sum() for v in ids])
-        return [_independent_unit(mesh, np.array([v])) for v in ids[np.argsort(-energy, kind="stable")]]
-    return [_independent_unit(mesh, group) for group in independent_sets(mesh, ids)]
+        return [independent_unit(mesh, np.array([v])) for v in ids[np.argsort(-energy, kind="stable")]]
+    return [independent_unit(mesh, group) for group in independent_sets(mesh, ids)]
 
 
 def independent_sets(mesh: Mesh, ids: np.ndarray) -> list[np.ndarray]:
@@ -67,7 +67,8 @@ def independent_sets(mesh: Mesh, ids: np.ndarray) -> list[np.ndarray]:
     return [np.flatnonzero(color == c) for c in range(color.max() + 1)]
 
 
-def _independent_unit(mesh: Mesh, vertices: np.ndarray) -> Unit:
+def independent_unit(mesh: Mesh, vertices: np.ndarray) -> Unit:
+    """A unit of vertices (u,) that share no face, with the faces around them."""
     faces = np.concatenate([mesh.one_rings[v] for v in vertices])
     owner = np.repeat(np.arange(len(vertices)), [len(mesh.one_rings[v]) for v in vertices])
     corners = np.argmax(mesh.faces[faces] == vertices[owner][:, None], axis=1)

@@ -7,7 +7,8 @@ schedule alone, so that a run resumed from its trace writes the same bytes as on
 import importlib.metadata
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -28,10 +29,18 @@ from fairing.mesh_check import inspect_mesh
 from fairing.options import FairingOptions, by_level, options_from_dict, options_to_dict
 from fairing.scale_space import ScaleSpace
 from fairing.scene import Scene
-from fairing.schedule import Unit, plan_units
-from fairing.visibility import Visibility
+from fairing.schedule import Unit, independent_sets, independent_unit, plan_units
+from fairing.search import Found, search_unit
+from fairing.visibility import Visibility, footprints
 from fairing.trace import Position, StepReason, StepRecord, Trace
 
+FOOTPRINT_PER_BLUR = 14.0  # a face's height over sigma_smooth at the first level
+SEARCH_COARSENESS = 1.5
+PROBES = 48
+PROBE_RADII = (3.0, 6.0, 12.0)  # px
+PROBE_GAIN = 0.1
+PROBE_QUANTILE = 0.5
+PROBE_MAJORITY = 0.5
 OBJECTIVE_TOLERANCE = 1e-9  # relative: below this two energies are equal
 
 
@@ -47,6 +56,9 @@ class SweepState:
         prior: the pull along undetermined directions.
         free: (n,) bool: vertices that may move and that enough photos see.
         units: what moves together, in order.
+        search_radius: px; 0 for a sweep of Gauss-Newton.
+        pixels_per_unit: (n,) float: how far a vertex moves at most in a photo, px per world unit; 0 where unseen.
+        mean_loss: of the mesh, per photo px.
     """
 
     moment: int
@@ -56,6 +68,9 @@ class SweepState:
     prior: Prior
     free: np.ndarray
     units: list[Unit]
+    search_radius: float
+    pixels_per_unit: np.ndarray
+    mean_loss: float
 
 
 class Session:
@@ -238,19 +253,37 @@ class Session:
         informed = np.trace(H, axis1=1, axis2=2) > 0
         sliding, weak = undetermined_directions(vertices, mesh, H, context.takes_part, self.options.step)
         free = informed & ~self._locked
-        units = plan_units(mesh, free, self.options.schedule.order, system.energy)
-        return SweepState(moment, context, sigma, scale, Prior(sliding, weak, self.trace.start, vertices), free, units)
+        radius = self._search_radius(level) if position.sweep == 0 else 0.0
+        order = "independent" if radius > 0 else self.options.schedule.order
+        pixels = self._pixels_per_unit(context, vertices)
+        units = plan_units(mesh, free & (pixels > 0), order, system.energy)
+        prior = Prior(sliding, weak, self.trace.start, vertices)
+        area = float((context.footprint_area * context.n_views)[context.takes_part].sum())
+        mean_loss = float(system.energy.sum()) / area if area > 0 else 0.0
+        return SweepState(moment, context, sigma, scale, prior, free, units, radius, pixels, mean_loss)
+
+    def _search_radius(self, level: int) -> float:
+        """How far from each vertex to look for a better place at this level, px; 0: not at all."""
+        factor = by_level(self.options.schedule.search, level)
+        return factor * self.start_error if factor > 0 else 0.0
+
+    def _pixels_per_unit(self, context: CellContext, vertices: np.ndarray) -> np.ndarray:
+        longest = np.zeros(len(vertices))
+        for v, view in enumerate(self.scene.views):
+            ids = np.flatnonzero(context.vertex_views[:, v])
+            J = view.camera.J_image_wrt_point(vertices[ids])
+            longest[ids] = np.maximum(longest[ids], np.linalg.norm(J, 2, axis=(1, 2)) if len(ids) else 0)
+        return longest
 
     def _context(self, level: int, vertices: np.ndarray) -> CellContext:
         began = time.perf_counter()
         blur = self.options.schedule.blur[level]
         cubic = by_level(self.options.cells.interpolation, level) == "cubic"
-        self._photos.planes(blur, cubic)
+        self._photos.forget_all_but(blur)
+        self._photos.planes((blur,), cubic)
         self.seconds["photos"] += time.perf_counter() - began
         began = time.perf_counter()
-        context = build_context(
-            self.scene, self._photos, self.options, level, vertices, self._orientation, ~self._excluded, self._evaluator.pool
-        )
+        context = self._build_context(level, vertices, ~self._excluded)
         self.seconds["visibility"] += time.perf_counter() - began
         if not context.takes_part.any() and level == self.options.n_levels - 1:
             counts = {reason.name.lower(): int((context.reasons == reason).sum()) for reason in _reasons(context)}
@@ -260,6 +293,14 @@ class Session:
                 "run `eigenfairing check` to see the mesh over the photos"
             )
         return context
+
+    def _build_context(
+        self, level: int, vertices: np.ndarray, judged_faces: np.ndarray, options: FairingOptions | None = None
+    ) -> CellContext:
+        return build_context(
+            self.scene, self._photos, options or self.options, level, vertices, self._orientation, judged_faces,
+            self._evaluator.pool,
+        )  # fmt: skip
 
     def _linearise(self, context, vertices, faces, corners, scale) -> FaceSystem:
         return self._evaluator.linearise(context, vertices, faces, corners, scale, self.options.step.solver)
@@ -272,6 +313,8 @@ class Session:
         if not sweep.units:
             return self._empty_step(position, sweep)
         unit = sweep.units[position.unit]
+        if sweep.search_radius > 0:
+            return self._search_step(position, sweep, unit)
         ids, vertices = unit.vertices, self.vertices
         before = self.trace.steps[self.moment - 1] if position.iteration else None
         damping = before.damping_next if before else np.full(len(ids), self._initial_damping(position.level))
@@ -352,6 +395,55 @@ class Session:
             return self._never_worse(record, sweep, after)
         return record
 
+    def _search_step(self, position: Position, sweep: SweepState, unit: Unit) -> StepRecord:
+        """Look for better places of all vertices of an independent unit."""
+        ids, vertices = unit.vertices, self.vertices
+        # A vertex may not end farther from its start than the widest search reaches.
+        reach = 1.5 * max(self.options.schedule.search) * self.start_error
+        found = self._search(sweep, unit, vertices, sweep.search_radius, reach)
+        moved = (found.after != vertices[ids]).any(axis=1)
+        reasons = np.where(moved, StepReason.FOUND_PLACE, StepReason.NO_BETTER_PLACE).astype(np.int8)
+        reasons[found.folds] = StepReason.REJECTED_FOLD
+        after = vertices.copy()
+        after[ids] = found.after
+        n_views, blank = len(self.scene.views), np.zeros(len(ids))
+        return StepRecord(
+            position=position,
+            next_position=self._next_position(position, sweep, True, after, moved),
+            sweep_moment=sweep.moment,
+            vertices=ids,
+            before=vertices[ids],
+            proposed=found.proposed,
+            after=found.after,
+            step_px=self._pixels(sweep.context, vertices, ids, found.proposed),
+            damping=blank,
+            eigenvalues=np.zeros((len(ids), 3)),
+            reasons=reasons,
+            objective_before=float(found.score_before.sum()),
+            objective_after=float(found.score_after.sum()),
+            faces=unit.faces,
+            face_energy_before=found.system_before.energy,
+            face_energy_after=found.system_after.energy,
+            view_energy_before=_sum_by_view(found.context_before, found.system_before.pair_energy, n_views),
+            view_energy_after=_sum_by_view(found.context_after, found.system_after.pair_energy, n_views),
+            damping_next=blank,
+            rejections=np.zeros(len(ids), dtype=np.int64),
+        )
+
+    def _search(self, sweep: SweepState, unit: Unit, vertices: np.ndarray, radius: float, reach: float) -> Found:
+        pixels, level = sweep.pixels_per_unit[unit.vertices], sweep.context.level
+        # A search compares places pixels apart: coarser cells and depth maps do, at a third of the time.
+        coarse = replace(
+            self.options,
+            cells=replace(self.options.cells, spacing=self.options.cells.spacing * SEARCH_COARSENESS),
+            visibility=replace(self.options.visibility, reduction=self.options.visibility.reduction * 2),
+        )
+        return search_unit(
+            unit, vertices, self.trace.start, radius / pixels, reach / pixels, sweep.mean_loss, sweep.scale, self.scene.mesh,
+            self.options, self._evaluator, lambda places, judged: self._build_context(level, places, judged, coarse),
+            self._shorten,
+        )  # fmt: skip
+
     def _initial_damping(self, level: int) -> float:
         always = self.options.step.damping_always
         return self.options.step.initial_damping if always else 0.0
@@ -370,9 +462,7 @@ class Session:
     def _limit(self, sweep, vertices, ids, proposed) -> tuple[np.ndarray, np.ndarray]:
         """Shorten steps to the capture range and until no face folds; tells which vertices a fold held back."""
         options = self.options.step
-        blur = self.options.schedule.blur[sweep.context.level]
-        px = self._pixels(sweep.context, vertices, ids, proposed)
-        tried = proposed * np.minimum(1, options.max_step * max(1.0, blur) / np.maximum(px, 1e-12))[:, None]
+        tried = self._shorten(sweep.context, vertices, ids, proposed)
         folds = np.zeros(len(ids), dtype=bool)
         after = vertices.copy()
         for attempt in range(5):
@@ -384,6 +474,11 @@ class Session:
             folds |= hit
             tried[hit] *= 0.5 if attempt < 3 else 0.0
         return tried, folds
+
+    def _shorten(self, context: CellContext, vertices: np.ndarray, ids: np.ndarray, steps: np.ndarray) -> np.ndarray:
+        """Steps (u, 3) no longer than the level's capture range in any photo."""
+        longest = self.options.step.max_step * max(1.0, self.options.schedule.blur[context.level])
+        return steps * np.minimum(1, longest / np.maximum(self._pixels(context, vertices, ids, steps), 1e-12))[:, None]
 
     def _pixels(self, context: CellContext, vertices: np.ndarray, ids: np.ndarray, steps: np.ndarray) -> np.ndarray:
         """(u,) float: how far each step moves its vertex in the photo where it moves most, px."""
@@ -409,7 +504,7 @@ class Session:
         return np.repeat(chosen, np.diff(sweep.context.kernel.pair_start))
 
     def _by_view(self, sweep: SweepState, pair_energy: np.ndarray) -> np.ndarray:
-        return np.bincount(sweep.context.kernel.pair_view, weights=pair_energy, minlength=len(self.scene.views))
+        return _sum_by_view(sweep.context, pair_energy, len(self.scene.views))
 
     # ------------------------------------------------------------------ the schedule
 
@@ -418,20 +513,68 @@ class Session:
     ) -> Position:
         schedule = self.options.schedule
         level = position.level
+        searched = int(self._search_radius(level) > 0)
         if not unit_done and position.iteration + 1 < by_level(schedule.max_iterations, level):
             return position._replace(iteration=position.iteration + 1)
         if position.unit + 1 < len(sweep.units):
             return Position(level, position.sweep, position.unit + 1, 0)
+        if sweep.search_radius > 0:
+            return Position(level, 1, 0, 0)
         ids = np.flatnonzero(sweep.free)
         start = self.trace.vertices_at(sweep.moment)
         moved = self._pixels(sweep.context, start, ids, after[ids] - start[ids])
-        if moved.max(initial=0) >= schedule.sweep_tolerance and position.sweep + 1 < by_level(schedule.max_sweeps, level):
+        sweeps = searched + by_level(schedule.max_sweeps, level)
+        if moved.max(initial=0) >= schedule.sweep_tolerance and position.sweep + 1 < sweeps:
             return Position(level, position.sweep + 1, 0, 0)
         return Position(level + 1, 0, 0, 0)
 
-    @property
+    @cached_property
     def _first_level(self) -> int:
-        return 0
+        """The first level whose blur suits the size of the faces in the photos."""
+        schedule = self.options.schedule
+        if schedule.start == "first":
+            return 0
+        seen = []
+        for view in self.scene.views:
+            outline = footprints(
+                self.trace.start, self.scene.mesh.faces, view.camera, self._orientation, self.options.visibility, 0.0
+            )
+            seen.append(np.where(outline.reason == Visibility.SEEN, outline.height, np.nan))
+        heights = np.nanmax(np.array(seen), axis=0, initial=0.0)
+        typical = float(np.median(heights[heights > 0])) if (heights > 0).any() else 0.0
+        fitting = [level for level, blur in enumerate(schedule.blur) if blur <= typical / FOOTPRINT_PER_BLUR]
+        return fitting[0] if fitting else self.options.n_levels - 1
+
+    @cached_property
+    def start_error(self) -> float:
+        """How far the start's vertices lie from their places, px: as the options say, or found by trying.
+
+        A spread of vertices is searched at several radii; the estimate is the distance that most of those stay within which find a
+        clearly better place. Where most find none, the start needs no search.
+        """
+        schedule = self.options.schedule
+        if schedule.start_error >= 0:
+            return schedule.start_error
+        levels = [k for k in range(self._first_level, self.options.n_levels) if by_level(schedule.search, k) > 0]
+        if not levels:
+            return 0.0
+        sweep = self._begin_sweep(Position(levels[0], 1, 0, 0), 0)
+        ids = np.flatnonzero(sweep.free & (sweep.pixels_per_unit > 0))
+        if len(ids) == 0:
+            return 0.0
+        groups = independent_sets(self.scene.mesh, ids)
+        group = max(groups, key=len)
+        unit = independent_unit(self.scene.mesh, group[:: -(-len(group) // PROBES)])
+        distance, best = np.zeros(len(unit.vertices)), np.full(len(unit.vertices), 1 - PROBE_GAIN)
+        for radius in PROBE_RADII:
+            found = self._search(sweep, unit, self.trace.start, radius, 2 * radius)
+            gain = found.score_after / np.maximum(found.score_before, 1e-300)
+            moved = np.linalg.norm(found.after - self.trace.start[unit.vertices], axis=1)
+            improved = gain < best
+            distance[improved] = (moved * sweep.pixels_per_unit[unit.vertices])[improved]
+            best = np.minimum(best, gain)
+        estimate = float(np.quantile(distance, PROBE_QUANTILE))
+        return estimate if (distance > 1.0).mean() > PROBE_MAJORITY else 0.0
 
     def _position_at(self, moment: int) -> Position:
         return self.trace.steps[moment - 1].next_position if moment else Position(self._first_level, 0, 0, 0)
@@ -504,6 +647,10 @@ class Session:
             locked[self.scene.mesh.boundary_vertices] = True
         locked[self.scene.mesh.faces[self._excluded]] = True
         return locked
+
+
+def _sum_by_view(context: CellContext, pair_energy: np.ndarray, n_views: int) -> np.ndarray:
+    return np.bincount(context.kernel.pair_view, weights=pair_energy, minlength=n_views)
 
 
 def _reasons(context: CellContext) -> list[Visibility]:

@@ -35,6 +35,8 @@ class StepReason(IntEnum):
     LOCKED = 5
     RESTING = 6
     RETURNED = 7
+    FOUND_PLACE = 8
+    NO_BETTER_PLACE = 9
 
     @property
     def text(self) -> str:
@@ -50,6 +52,8 @@ _REASON_TEXTS = {
     StepReason.LOCKED: "not moved: locked",
     StepReason.RESTING: "rests: its steps were rejected too often in this sweep",
     StepReason.RETURNED: "returned: the fine-level energy was lower at the start",
+    StepReason.FOUND_PLACE: "searched: a better place was found near by",
+    StepReason.NO_BETTER_PLACE: "searched: no place near by is better",
 }
 
 

@@ -1,0 +1,177 @@
+"""Before Gauss-Newton: look around each vertex for a better place, judged with the visibility it would have there.
+
+Gauss-Newton finds the minimum near by. On buildings, faces of 20 px with vertices 8 px off their corner lie outside its reach,
+and the photos that seem to see a face are those that see it in its wrong place: then the truth costs more than the error. So
+every place tried is judged by the photos that would see the faces there, per photo area. Measured on the facade (median / rms of
+the determined error in % of the diagonal, from 0.73 / 0.66): Gauss-Newton alone 0.23 / 0.70; search with visibility kept as it
+was 0.09 / 0.82; with the visibility of each place 0.10 / 0.44, and 0.085 / 0.34 when no vertex may leave the search's reach.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from fairing.cells import CellContext
+from fairing.energy import Evaluator, FaceSystem
+from fairing.gauss_newton import face_normals, folded_faces, solve_vertices, vertex_systems
+from fairing.mesh import Mesh
+from fairing.options import FairingOptions
+from fairing.schedule import Unit
+
+POLISH_STEPS = 2
+POLISH_DAMPING = 1e-3
+
+
+def search_directions() -> np.ndarray:
+    """(14, 3) float, unit length: the axes and the space diagonals."""
+    corners = np.array([c for c in product((-1, 0, 1), repeat=3) if sum(map(abs, c)) in (1, 3)], dtype=float)
+    return corners / np.linalg.norm(corners, axis=1, keepdims=True)
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """What a search found for the u vertices of a unit.
+
+    Attributes:
+        after: (u, 3) float: the better place, or the old one.
+        proposed: (u, 3) float: displacement to the best place tried.
+        score_before, score_after: (u,) float: mean loss per photo pixel around the vertex, at the old place and at `after`.
+        folds: (u,) bool: the better place would have folded a face.
+        system_before, system_after: energies of the unit's faces at the old and the new places.
+        context_before, context_after: who sees them there.
+    """
+
+    after: np.ndarray
+    proposed: np.ndarray
+    score_before: np.ndarray
+    score_after: np.ndarray
+    folds: np.ndarray
+    system_before: FaceSystem
+    system_after: FaceSystem
+    context_before: CellContext
+    context_after: CellContext
+
+
+def search_unit(
+    unit: Unit,
+    vertices: np.ndarray,
+    start: np.ndarray,
+    radius: np.ndarray,
+    bound: np.ndarray,
+    mean_loss: float,
+    scale: np.ndarray,
+    mesh: Mesh,
+    options: FairingOptions,
+    evaluator: Evaluator,
+    context_at: Callable[[np.ndarray, np.ndarray], CellContext],
+    limit: Callable[[CellContext, np.ndarray, np.ndarray, np.ndarray], np.ndarray],
+) -> Found:
+    """Try places around the vertices of an independent unit, each polished by two Gauss-Newton steps.
+
+    Args:
+        vertices, start: (n, 3) float: positions now and at the start of the run, world units.
+        radius: (u,) float: how far away the places lie, world units.
+        bound: (u,) float: how far from its start a vertex may end, world units.
+        mean_loss: what a face costs per photo pixel that no three photos see: as much as the mesh's average.
+        scale: (m,) float: of the robust norm, by face.
+        context_at: cells and visibility at given vertices, for the faces of a mask.
+        limit: shortens steps (u, 3) of the unit's vertices to the capture range.
+    """
+    ids = unit.vertices
+    judged = np.zeros(len(mesh.faces), dtype=bool)
+    judged[unit.faces] = True
+
+    def score(context: CellContext, energy: np.ndarray, places: np.ndarray) -> np.ndarray:
+        return _score(context, energy, unit, places, mesh, mean_loss)
+
+    def linearise(context: CellContext, places: np.ndarray) -> FaceSystem:
+        return evaluator.linearise(context, places, unit.faces, unit.corners, scale, options.step.solver)
+
+    before = context_at(vertices, judged)
+    system_before = evaluator.measure(before, vertices, unit.faces, scale)
+    score_before = score(before, system_before.energy, vertices)
+    best_score, best = score_before * (1 - options.schedule.search_gain), vertices[ids].copy()
+    for direction in np.vstack([np.zeros(3), search_directions()]):
+        places = vertices.copy()
+        offset = vertices[ids] + radius[:, None] * direction - start[ids]
+        length = np.linalg.norm(offset, axis=1)
+        places[ids] = start[ids] + offset * np.minimum(1, bound / np.maximum(length, 1e-300))[:, None]
+        _undo_folds(vertices, places, start, mesh, ids, options)
+        context = before if not direction.any() else context_at(places, judged)
+        system = linearise(context, places)
+        face_energy = system.energy
+        for step in range(POLISH_STEPS):
+            H, g = vertex_systems(mesh, system)
+            move = limit(context, places, ids, solve_vertices(H[ids], g[ids], np.full(len(ids), POLISH_DAMPING)))
+            polished = places.copy()
+            polished[ids] += move
+            _undo_folds(places, polished, start, mesh, ids, options)
+            trial = linearise(context, polished)
+            better = _by_owner(unit, trial.energy) < _by_owner(unit, face_energy)
+            places[ids[better]] = polished[ids[better]]
+            face_energy = np.where(better[unit.owner], trial.energy, face_energy)
+            if step + 1 < POLISH_STEPS:
+                system = trial if better.all() else linearise(context, places)
+        reached = score(context, face_energy, places)
+        improved = reached < best_score
+        best[improved] = places[ids[improved]]
+        best_score = np.where(improved, reached, best_score)
+
+    proposed = best - vertices[ids]
+    places = vertices.copy()
+    places[ids] = best
+    folds = _undo_folds(vertices, places, start, mesh, ids, options)
+    # The polished place is judged once more by the photos that see it there.
+    after_context = context_at(places, judged)
+    system_after = evaluator.measure(after_context, places, unit.faces, scale)
+    score_after = score(after_context, system_after.energy, places)
+    worse = ~(score_after < score_before * (1 - options.schedule.search_gain))
+    places[ids[worse]] = vertices[ids[worse]]
+    kept_faces = worse[unit.owner]
+    system_after.energy[kept_faces] = system_before.energy[kept_faces]
+    return Found(
+        places[ids], proposed, score_before, np.where(worse, score_before, score_after), folds, system_before, system_after,
+        before, after_context,
+    )  # fmt: skip
+
+
+def _by_owner(unit: Unit, values: np.ndarray) -> np.ndarray:
+    return np.bincount(unit.owner, weights=values, minlength=len(unit.vertices))
+
+
+def _score(
+    context: CellContext, energy: np.ndarray, unit: Unit, vertices: np.ndarray, mesh: Mesh, mean_loss: float
+) -> np.ndarray:
+    """(u,) float: mean loss per photo pixel of the faces around each vertex.
+
+    A face's loss is divided by its degrees of freedom, (n - k) / n, so that few photos do not look like a good fit; a face that
+    fewer than three photos see counts half with the mesh's average.
+    """
+    data = context.kernel
+    faces = unit.faces
+    samples = np.diff(data.grid_start)[data.face_grid]
+    views = np.diff(data.pair_start)
+    pair_pixels = data.pair_weight * np.repeat(samples, views)
+    total = np.concatenate([[0], np.cumsum(pair_pixels)])
+    pixels = (total[data.pair_start[1:]] - total[data.pair_start[:-1]])[faces]
+    k, n = data.face_dimensions[faces], views[faces]
+    seen = k > 0
+    loss = np.where(seen, energy / np.maximum(pixels, 1e-12) * n / np.maximum(n - k, 1), mean_loss)
+    surface = np.linalg.norm(face_normals(vertices, mesh.faces[faces]), axis=1)
+    area = np.where(seen, context.footprint_area[faces], 0)
+    pixels_per_surface = _by_owner(unit, area) / np.maximum(_by_owner(unit, np.where(seen, surface, 0)), 1e-300)
+    weight = np.where(seen, area, 0.5 * surface * pixels_per_surface[unit.owner])
+    weighed = _by_owner(unit, weight)
+    return np.where(weighed > 0, _by_owner(unit, weight * loss) / np.maximum(weighed, 1e-300), mean_loss)
+
+
+def _undo_folds(
+    before: np.ndarray, places: np.ndarray, start: np.ndarray, mesh: Mesh, ids: np.ndarray, options: FairingOptions
+) -> np.ndarray:
+    """Put vertices of folded faces back in `places`; tells which of `ids`."""
+    folded = folded_faces(before, places, start, mesh.faces, options.step)
+    hit = np.isin(ids, mesh.faces[folded])
+    places[ids[hit]] = before[ids[hit]]
+    return hit
