@@ -284,7 +284,8 @@ def _read_blocks(data: bytes) -> list[bytes]:
     while at + 12 <= len(data):
         length, checksum = int.from_bytes(data[at : at + 8], "little"), int.from_bytes(data[at + 8 : at + 12], "little")
         payload = data[at + 12 : at + 12 + length]
-        if len(payload) < length or zlib.crc32(payload) != checksum:
+        # Some file systems leave zeros where a crash kept the data from the disk.
+        if length == 0 or len(payload) < length or zlib.crc32(payload) != checksum:
             break
         blocks.append(payload)
         at += 12 + length
