@@ -59,7 +59,7 @@ class EnergyTally:
         self._touched[record.faces] = True
         self._after[record.faces] = record.face_energy_after
         current = self.sweeps[-1]
-        moved = np.isin(record.reasons, (StepReason.ACCEPTED, StepReason.CONVERGED))
+        moved = (record.before != record.after).any(axis=1)
         current.before, current.after = float(self._before.sum()), float(self._after.sum())
         current.steps += 1
         current.accepted += int(moved.sum())

@@ -8,6 +8,7 @@ from fairing.options import FairingOptions
 from fairing.session import Session
 from fairing.trace import Trace
 from tests.small_scene import corner_scene, small_options
+from tests.test_kernels import blurred
 
 
 def run(steps: int, options: FairingOptions | None = None) -> Session:
@@ -70,7 +71,7 @@ def test_each_sample_stands_where_the_photo_shows_it():
     session = run(0, small_options(cells={"warp": "affine", "adaptive": False, "size": [24]}))
     cells = face_cells(session, 1)
     images = cells.as_images(cells.observed)
-    photo = session._photos.planes(session.options.schedule.blur[0], False).reshape(8, 120, 160)[cells.views[0]]
+    photo = blurred(cells.views[0], session.options.schedule.blur[0])
     for row, column in [(0, 0), (0, 23), (23, 0), (7, 9)]:
         a, b = (column + 1 / 3) / 24, (row + 1 / 3) / 24
         x, y = a * cells.corners_px[0, 0] + b * cells.corners_px[0, 1] + (1 - a - b) * cells.corners_px[0, 2]
