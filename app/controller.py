@@ -11,6 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum, IntEnum
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -87,7 +88,23 @@ class Branch:
     options: FairingOptions
 
 
-Command = Forward | Back | Run | Pause | JumpTo | Restart | Branch
+@dataclass(frozen=True)
+class Ask:
+    """Look something up in the session, on its own thread. Changes nothing; a newer question of the same asker
+    replaces it.
+
+    Attributes:
+        asker: who wants to know.
+        question: reads the session; what it raises is its answer, too.
+        answer: told the result on the engine's thread, so it only keeps it.
+    """
+
+    asker: object
+    question: Callable[[Session], Any]
+    answer: Callable[[Any], None]
+
+
+Command = Forward | Back | Run | Pause | JumpTo | Restart | Branch | Ask
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,12 +199,17 @@ class Controller:
         """Ask for something; returns at once."""
         with self._changed:
             if isinstance(command, Pause):
-                self._commands.clear()
+                self._commands = deque(c for c in self._commands if isinstance(c, Ask))
+            elif isinstance(command, Ask):
+                self._commands = deque(
+                    c for c in self._commands if not (isinstance(c, Ask) and c.asker is command.asker)
+                )
             elif isinstance(command, JumpTo):
                 self._commands = deque(c for c in self._commands if not isinstance(c, JumpTo))
             if command not in self._commands and not (isinstance(command, Run) and self._activity is Activity.RUNNING):
                 self._commands.append(command)
-                if self._activity is Activity.RUNNING or isinstance(command, Pause | JumpTo):
+                is_busy = self._activity is Activity.RUNNING and not isinstance(command, Ask)
+                if is_busy or isinstance(command, Pause | JumpTo):
                     self._interrupt.set()
             self._changed.notify_all()
 
@@ -207,7 +229,8 @@ class Controller:
     def republish(self) -> None:
         """Show the present state again, because somebody looks at it in another way now."""
         with self._changed:
-            self._publish()
+            self._untold = True
+            self._changed.notify_all()
 
     def wait_until_idle(self, timeout: float = 60.0) -> RunState:
         """The state once all commands are done. Raises TimeoutError."""
@@ -239,9 +262,13 @@ class Controller:
                 if self._closing:
                     return
                 command = self._commands.popleft()
-                self._interrupt.clear()
-                self._activity = Activity.RUNNING if isinstance(command, Run) else Activity.STEPPING
-                self._problem = ""
+                if not isinstance(command, Ask):
+                    self._interrupt.clear()
+                    self._activity = Activity.RUNNING if isinstance(command, Run) else Activity.STEPPING
+                    self._problem = ""
+            if isinstance(command, Ask):
+                self._answer(command)
+                continue
             try:
                 if isinstance(command, Run) or self._mean_step_seconds() > SLOW_STEP:
                     self._publish()
@@ -257,7 +284,18 @@ class Controller:
                 self._activity = Activity.PAUSED
                 self._publish()
 
-    def _execute(self, command: Command) -> str:
+    def _answer(self, ask: Ask) -> None:
+        try:
+            answer = ask.question(self._session)
+        except Exception as error:
+            answer = error
+        try:
+            ask.answer(answer)
+        except Exception:  # the asker's trouble is not the engine's
+            logging.getLogger(__name__).exception("an answer could not be taken")
+        self.republish()
+
+    def _execute(self, command: Forward | Back | Run | Pause | JumpTo | Restart | Branch) -> str:
         """Do it; returns why it stopped."""
         session = self._session
         match command:
@@ -339,9 +377,7 @@ class Controller:
 
     def _publish(self) -> None:
         with self._changed:
-            # Only the worker may read the session; others repeat what it said last.
-            if threading.current_thread() is self._worker:
-                self._state = self._snapshot()
+            self._state = self._snapshot()
             self._untold = True
             self._published = time.monotonic()
             self._changed.notify_all()

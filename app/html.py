@@ -40,6 +40,14 @@ STYLE = f"""<style>
 .ef .swatch {{ width: 10px; height: 10px; border-radius: 3px; flex: none; }}
 .ef .layer.off .swatch {{ opacity: .35; }}
 .ef .one {{ white-space: nowrap; overflow: hidden; text-overflow: ellipsis; }}
+.ef .faces {{ flex-wrap: wrap; }}
+.ef button.face {{ height: 24px; padding: 0 7px; }}
+.ef button.face.on {{ border-color: {css(SELECTED)}; color: {css(SELECTED)}; }}
+.ef .kinds {{ gap: 0; font-size: 11.5px; color: #8d96a1; }}
+.ef .kinds span {{ flex: none; }}
+.ef .cell {{ cursor: pointer; padding: 3px 0 4px; border-top: 1px solid #31363c; }}
+.ef .cell:hover {{ background: #2b3036; }}
+.ef img {{ display: block; }}
 .ef .note {{ margin-top: 4px; }}
 .ef h4 {{ font-size: 12.5px; font-weight: 600; color: #f1f3f5; margin: 10px 0 2px; }}
 .ef .plot {{ width: 100%; height: auto; background: #1f2226; border: 1px solid #31363c; border-radius: 4px;

@@ -1,5 +1,7 @@
 """What a step did, in words."""
 
+from collections import Counter
+
 import numpy as np
 
 from fairing.trace import StepReason, StepRecord
@@ -11,18 +13,13 @@ def step_outcome(record: StepRecord) -> str:
         return "nothing to move on this level"
     if len(record.vertices) == 1:
         return StepReason(int(record.reasons[0])).text
-    found, counts = np.unique(record.reasons, return_counts=True)
-    parts = [
-        f"{count} {StepReason(int(reason)).text.split(':')[0]}"
-        for reason, count in sorted(zip(found, counts, strict=True), key=lambda pair: -pair[1])
-    ]
-    return "vertices: " + ", ".join(parts)
+    counts = Counter(short_reason(StepReason(int(reason))) for reason in record.reasons)
+    return "vertices: " + ", ".join(f"{count} {reason}" for reason, count in counts.most_common())
 
 
-def reason_of(record: StepRecord, vertex: int) -> StepReason | None:
-    """What became of a vertex in a step; None if the step was not about it."""
-    slot = slot_of(record, vertex)
-    return None if slot is None else StepReason(int(record.reasons[slot]))
+def short_reason(reason: StepReason) -> str:
+    """The word or two before the explanation."""
+    return reason.text.split(":")[0]
 
 
 def slot_of(record: StepRecord, vertex: int) -> int | None:

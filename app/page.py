@@ -22,6 +22,7 @@ from app.layers.wires import WiresLayer
 from app.look_through import LookThrough
 from app.palette import BRAND
 from app.panels import Panel
+from app.panels.cells_panel import CellsPanel
 from app.panels.debug_bar import DebugBar
 from app.panels.energy_plot import EnergyPlot
 from app.panels.html_panel import HtmlPanel
@@ -36,8 +37,8 @@ from app.view import MAX_MAGNIFICATION, View
 from fairing.errors import InputError
 from fairing.scene import Scene
 
-TIMELINE_HEIGHT = 120
 MARGIN = 16
+CELLS_WIDTH = 362
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,6 +107,7 @@ class Page:
             Status(gui, shared.energies),
             EnergyPlot(gui, shared.energies, bridge.number(self._jump)),
         ]
+        choose_face, enter = bridge.number(self._choose_face), bridge.number(self._enter)
         tabs = gui.add_tab_group()
         with tabs.add_tab("Vertex"):
             panels.append(Variables(gui, shared.scene.mesh, self._guarded_with(self._select)))
@@ -122,6 +124,11 @@ class Page:
             self._magnification.on_update(lambda _: self._guarded(self._magnify)())
         with tabs.add_tab("Options"):
             panels.append(OptionsPanel(gui))
+        cells = gui.add_panel()
+        with cells.add_tab("Cells", viser.Icon.TRIANGLE):
+            panels.append(CellsPanel(gui, shared.controller, shared.scene, choose_face, enter))
+        cells.dock_left()
+        cells.set_width(CELLS_WIDTH)
         self._timeline = gui.add_panel()
         with self._timeline.add_tab("Timeline", viser.Icon.CLOCK):
             panels.append(Timeline(gui, self._guarded_with(self._jump)))
@@ -131,7 +138,7 @@ class Page:
         with self._leave_box.add_tab("Camera", viser.Icon.CAMERA):
             self._leave_note = HtmlPanel(gui)
         self._leave_press = leave
-        self._leave_box.float(x=MARGIN, y=MARGIN, width=300)
+        self._leave_box.float(x=-MARGIN, y=MARGIN, width=280)
         return panels
 
     def _place_timeline(self) -> None:
@@ -170,6 +177,10 @@ class Page:
     def _select(self, vertex: object) -> None:
         last = len(self._shared.scene.mesh.vertices) - 1
         self.view.selected = whole_number(vertex, 0, last, "vertex")
+        self._shared.controller.republish()
+
+    def _choose_face(self, face: object) -> None:
+        self.view.face = whole_number(face, 0, len(self._shared.scene.mesh.faces) - 1, "face")
         self._shared.controller.republish()
 
     def _toggle(self, layer: str) -> None:

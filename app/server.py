@@ -4,6 +4,7 @@ import contextlib
 import logging
 import sys
 import threading
+import warnings
 import webbrowser
 from pathlib import Path
 
@@ -29,6 +30,8 @@ class App:
     def __init__(self, session: Session, host: str, port: int, save_to: Path | None) -> None:
         # The engine computes in Python, too: others would wait 5 ms for every word they put in.
         sys.setswitchinterval(SWITCH_SECONDS)
+        # A browser may go while it is being shown something; nothing is lost by that.
+        warnings.filterwarnings("ignore", message="Queued a .* on a closed connection")
         scene = session.scene
         stage = Stage.of(scene)
         self._server = start_server(host, port)
@@ -76,7 +79,7 @@ class App:
         # The default picture of a room takes seconds to unpack, and the textures need no light.
         server.scene.configure_environment_map(None)
         server.scene.configure_default_lights(cast_shadow=False)
-        server.scene.add_light_ambient("/light", intensity=0.6)
+        server.scene.add_light_ambient("/light", intensity=0.25)
         server.scene.world_axes.visible = False
         server.initial_camera.position = tuple(stage.eye)
         server.initial_camera.look_at = tuple(stage.target)

@@ -20,19 +20,21 @@ MAX_MAGNIFICATION = 50
 class View:
     """Attributes:
     selected: the vertex whose variables are shown.
+    face: the face of it whose cells are shown; None for any.
     entered: the camera looked through, None outside.
     magnification: of displacements, 1 to 50.
     shown: which layers are switched on.
     """
 
     selected: int | None = None
+    face: int | None = None
     entered: int | None = None
     magnification: float = 1.0
     shown: dict[str, bool] = field(default_factory=lambda: {name: name not in ("truth", "points") for name in LAYERS})
 
     def copy(self) -> "View":
         """The same for another browser, outside of any camera."""
-        return View(self.selected, None, self.magnification, dict(self.shown))
+        return View(self.selected, self.face, None, self.magnification, dict(self.shown))
 
     def shows(self, layer: str) -> bool:
         return self.shown[layer]

@@ -9,6 +9,7 @@ import pytest
 
 from app.controller import (
     Activity,
+    Ask,
     Back,
     Branch,
     Controller,
@@ -192,6 +193,18 @@ def test_a_failing_listener_does_not_silence_the_others(controller: Controller):
     controller.subscribe(lambda state: heard.set() if state.moment else None)
     do(controller, Forward(Extent.ITERATION))
     assert heard.wait(5)
+
+
+def test_a_question_is_answered_on_the_engine_thread_and_changes_nothing(controller: Controller):
+    before = do(controller, Forward(Extent.UNIT))
+    answers = []
+    controller.post(Ask("me", lambda session: (threading.current_thread().name, session.moment), answers.append))
+    controller.post(Ask("you", lambda session: 1 / 0, answers.append))
+    wait_for(lambda: len(answers) == 2)
+    assert answers[0] == ("engine", before.moment)
+    assert isinstance(answers[1], ZeroDivisionError)
+    after = controller.state
+    assert (after.moment, after.reason, after.problem) == (before.moment, before.reason, "")
 
 
 def test_the_run_is_saved_as_it_goes(scene: Scene, tmp_path):

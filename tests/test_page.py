@@ -133,11 +133,25 @@ def test_a_click_into_the_energy_plot_goes_to_that_moment_even_twice(visitor: Vi
 def test_a_click_selects_a_vertex_and_shows_its_variables(visitor: Visitor):
     visitor.press("Step one sweep")
     visitor.page.get_by_role("tab", name="Vertex").click()
-    x, y = visitor.drawn_at(0)
-    visitor.page.mouse.click(x, y)
+    visitor.click_vertex(0)
     visitor.page.get_by_text("moved from the start").wait_for()
     visitor.page.get_by_text("step in the photos").wait_for()
     assert visitor.page.get_by_label("Vertex", exact=True).last.input_value() == "0"
+
+
+def test_the_cells_of_the_selected_vertex_are_shown_and_lead_into_their_photo(visitor: Visitor, scene):
+    page = next(iter(visitor.app._pages.values()))
+    page._select(0)
+    visitor.press("Step one iteration")
+    visitor.page.get_by_role("button", name="Cells of face 3").click()
+    row = visitor.page.get_by_role("button", name=f"cells in {scene.views[1].name}")
+    row.wait_for()
+    image = row.get_by_role("img")
+    assert image.evaluate("image => image.complete && image.naturalWidth > 200")
+    row.click()
+    wait_for(lambda: page.view.entered == 1)
+    visitor.button("Leave the camera").click()
+    wait_for(lambda: page.view.entered is None)
 
 
 @pytest.mark.parametrize("size", [(1280, 720), (1500, 640)])
@@ -173,8 +187,7 @@ def test_two_browsers_share_the_run_but_not_the_selection(browser, visitor: Visi
         state = other.press("Step one vertex")
         for tab in (visitor, other):
             tab.sees_vertices(page_vertices(visitor.app, state.moment))
-        x, y = other.drawn_at(5)
-        other.page.mouse.click(x, y)
+        other.click_vertex(5)
         wait_for(lambda: views[1].selected == 5)
         assert views[0].selected != 5
         assert other.troubles == []

@@ -7,7 +7,7 @@ import viser
 
 from app.controller import RunState
 from app.html import number, table, text
-from app.outcome import slot_of
+from app.outcome import short_reason, slot_of
 from app.panels.html_panel import HtmlPanel
 from app.view import View
 from fairing.mesh import Mesh
@@ -71,7 +71,7 @@ def _step(state: RunState, moment: int, record: StepRecord, slot: int) -> str:
     done = float(np.linalg.norm(record.after[slot] - record.before[slot]))
     smallest, middle, largest = (float(value) for value in record.eigenvalues[slot])
     when = "this step" if moment == state.moment else f"{state.moment - moment} steps ago"
-    color = "start" if reason in (StepReason.ACCEPTED, StepReason.CONVERGED) else "rejected"
+    color = "rejected" if short_reason(reason).startswith("rejected") else "start" if done > 0 else "dim"
     return (
         f"<h4>Its last step <span class='dim'>({text(when)}, to moment {moment})</span></h4>"
         f"<div class='{color}'>{text(reason.text)}</div>"

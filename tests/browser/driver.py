@@ -109,6 +109,12 @@ class Visitor:
         width, height = found["size"]
         return np.array([(x / w + 1) / 2 * width, (1 - y / w) / 2 * height])
 
+    def click_vertex(self, vertex: int) -> None:
+        """Click where the vertex is drawn."""
+        canvas = self.box_of(self.page.locator("canvas[data-engine]").first)
+        x, y = self.drawn_at(vertex)
+        self.page.mouse.click(canvas["x"] + x, canvas["y"] + y)
+
     def box_of(self, element: Locator) -> dict[str, float]:
         """Where an element is, which the page may be about to replace."""
         found: list[Any] = []
