@@ -7,9 +7,9 @@ Two fields over the same cells, with opposite signs by construction:
 - `optical_flow`: how the texture has to move to get from the cell to its reconstruction, [U c](u + f) = I(u) (constant
   brightness). Arrows show f.
 
-Eq. 4 asks for upsilon with I(u + upsilon) = [U c](u). So for the right eta f = -upsilon: the two counter-balance, as the
-paper says. It shows best with few eigenspace dimensions; more of them explain part of the misalignment away. Both flows
-are for display; the engine uses neither.
+Eq. 4 asks for upsilon with I(u + upsilon) = [U c](u). So for the right eta f = -upsilon: the two counter-balance, as
+the paper says. It shows best with few eigenspace dimensions; more of them explain part of the misalignment away. Both
+flows are for display; the engine uses neither.
 """
 
 from dataclasses import dataclass
@@ -88,8 +88,8 @@ def _in_photo(
     displacement: np.ndarray,
     affine: bool,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """In one photo, px: places (p, 2), their displacements (p, 2), the derivative of a place by the weights of corners 0
-    and 1 (p, 2, 2), and the vertex' displacement (2,)."""
+    """In one photo, px: places (p, 2), their displacements (p, 2), the derivative of a place by the weights of corners
+    0 and 1 (p, 2, 2), and the vertex' displacement (2,)."""
     of_vertex = camera.J_image_wrt_point(vertex) @ displacement
     edges = corners[:2] - corners[2]
     if affine:

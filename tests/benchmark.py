@@ -1,0 +1,377 @@
+"""Speed, memory and accuracy: `python -m tests.benchmark [--quick] [--json FILE] [--only PART ...]`.
+
+Times are the least of several repetitions: what the machine can do when nothing else runs on it. Each whole run has a
+process of its own, so that its peak memory is its own.
+"""
+
+import json
+import platform
+import resource
+import time
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Annotated, Any
+
+import cv2
+import numpy as np
+import trimesh
+import tyro
+from skimage import data as photographs
+
+from demo_scenes import DEMOS, load_demo
+from fairing.energy import Evaluator
+from fairing.metrics import quality_report
+from fairing.options import PRESETS, FairingOptions
+from fairing.photo import ArrayPhoto
+from fairing.scene import Scene, View
+from fairing.session import Session
+from tests.cramer_rao import bound
+from tests.numpy_twin import TwinPhotos, evaluate_face
+
+Table = dict[str, Any]
+ACCURATE = PRESETS["accurate"]
+CORNER_ONLY = (1, 2, 3, 4, 5, 6)
+LUMA = np.array([0.299, 0.587, 0.114])
+
+
+def least_seconds(work: Callable[[], object], repetitions: int) -> float:
+    """The shortest of some repetitions, after one that does not count."""
+    work()
+    times = []
+    for _ in range(repetitions):
+        began = time.perf_counter()
+        work()
+        times.append(time.perf_counter() - began)
+    return min(times)
+
+
+def one_level(options: FairingOptions, blur: float, size: int) -> FairingOptions:
+    """A single level with cells of exactly one size and no search."""
+    return replace(
+        options,
+        cells=replace(options.cells, adaptive=False, size=(size,)),
+        schedule=replace(options.schedule, blur=(blur,), search=(0.0,), start="first"),
+    )
+
+
+def kernel(quick: bool) -> Table:
+    """The fused kernel against cv2.remap and numpy: 6 faces, 12 photos, one moving corner each, one thread."""
+    scene, table = load_demo("cube"), {}
+    for size in (64, 128):
+        session = Session(scene, one_level(ACCURATE, 1.2, size))
+        sweep = session.sweep_state()
+        data, vertices = sweep.context.kernel, session.vertices
+        masks = data.pair_mask.copy()
+        evaluator = Evaluator(1)
+
+        def fused(context=sweep.context, scale=sweep.scale, vertices=vertices, evaluator=evaluator):
+            corners = np.zeros(6, np.int64)
+            return evaluator.linearise(context, vertices, np.arange(6), corners, scale, "variable_projection")
+
+        repetitions = 5 if quick else 40
+        masked = least_seconds(fused, repetitions)
+        data.pair_mask[:] = -1
+        seconds = least_seconds(fused, repetitions)
+        photos = TwinPhotos.of(data)
+        cv2.setNumThreads(1)
+
+        def twin(data=data, photos=photos, scale=sweep.scale, vertices=vertices):
+            return [evaluate_face(data, photos, vertices, f, 0, scale[f]) for f in range(6)]
+
+        twin_seconds = least_seconds(twin, 2 if quick else 10)
+        cv2.setNumThreads(-1)
+        system, expected = fused(), twin()
+        off = max(
+            max(
+                abs(system.energy[f] / energy - 1),
+                np.abs(system.H[f, :3, :3] - H).max() / np.abs(H).max(),
+                np.abs(system.g[f, :3] - g).max() / np.abs(g).max(),
+            )
+            for f, (energy, H, g) in enumerate(expected)
+        )
+        # cv2.remap rounds places to 1/32 px.
+        assert off < 0.02, f"kernel and twin differ by {100 * off:.2f} %"
+        data.pair_mask[:] = masks
+        samples = 6 * 12 * size * (size + 1) // 2
+        table[f"{size}x{size}"] = {
+            "kernel ms": 1e3 * seconds,
+            "kernel with masks ms": 1e3 * masked,
+            "twin ms": 1e3 * twin_seconds,
+            "speed-up": twin_seconds / seconds,
+            "M samples/s": samples / seconds / 1e6,
+            "differs by %": 100 * off,
+        }
+    return table
+
+
+def steps(quick: bool) -> Table:
+    """Engine time of a Gauss-Newton iteration of one vertex, with cells of 64, and of a sweep's preparation."""
+    options = replace(one_level(ACCURATE, 1.2, 64), locked_vertices=CORNER_ONLY)
+    options = replace(options, schedule=replace(options.schedule, order="sequential", max_iterations=(12,)))
+    iterations, vertices, preparations = [], [], []
+    for _ in range(2 if quick else 5):
+        session = Session(load_demo("cube"), options)
+        began = time.perf_counter()
+        session.sweep_state()
+        preparations.append(time.perf_counter() - began)
+        began = time.perf_counter()
+        record = session.step()
+        while record is not None and record.next_position[:2] == (0, 0):
+            at = time.perf_counter()
+            record = session.step()
+            iterations.append(time.perf_counter() - at)
+        vertices.append(time.perf_counter() - began)
+    return {
+        "one vertex, 6 faces, 12 photos, 64x64": {
+            "ms an iteration": 1e3 * float(np.median(iterations)),
+            "ms a vertex (all iterations of a sweep)": 1e3 * min(vertices),
+            "ms to prepare a sweep": 1e3 * min(preparations),
+        }
+    }
+
+
+def threads(quick: bool) -> Table:
+    """One thread and two on the facade: normal equations of all faces, visibility, and a whole run."""
+    scene, table = load_demo("facade"), {}
+    options = one_level(ACCURATE, 1.2, 64)
+    for count in (1, 2):
+        session = Session(scene, replace(options, threads=count))
+        sweep = session.sweep_state()
+        everything = np.arange(len(scene.mesh.faces))
+        evaluator = Evaluator(count)
+
+        def equations(sweep=sweep, evaluator=evaluator, vertices=session.vertices, all_faces=everything):
+            corners = np.full(len(all_faces), -1)
+            evaluator.linearise(sweep.context, vertices, all_faces, corners, sweep.scale, "variable_projection")
+
+        row = {"normal equations ms": 1e3 * least_seconds(equations, 3 if quick else 10)}
+        if not quick:
+            row["whole run s"] = _in_own_process(_whole_run, "facade", replace(ACCURATE, threads=count))["seconds"]
+        table[f"{count} threads"] = row
+    one, two = table["1 threads"], table["2 threads"]
+    table["gain"] = {name: one[name] / two[name] for name in one}
+    return table
+
+
+def demos(quick: bool) -> Table:
+    """Whole runs with each preset: seconds, peak memory, errors to the truth (% of the diagonal)."""
+    table = {}
+    for name in ("cube",) if quick else DEMOS:
+        for preset in ("accurate",) if quick else ("accurate", "paper"):
+            table[f"{name}, {preset}"] = _in_own_process(_whole_run, name, PRESETS[preset])
+    return table
+
+
+def growth(quick: bool) -> Table:
+    """Cost of preparing a sweep and of one joint step as the facade's mesh, photos and cells grow."""
+    table = {}
+    scene = load_demo("facade")
+    states = [("as it is", scene, 64)]
+    if not quick:
+        vertices, faces = trimesh.remesh.subdivide(scene.mesh.vertices, scene.mesh.faces)
+        finer = Scene.build("finer", vertices, faces, scene.views)
+        half = replace(scene, views=scene.views[::2])
+        states += [("4 x faces", finer, 32), ("half the photos", half, 64), ("cells of 32", scene, 32)]
+        states += [("cells of 128", scene, 128)]
+    for name, state, size in states:
+        table[name] = _in_own_process(_cost, state, size)
+    return table
+
+
+def cube_accuracy(quick: bool) -> Table:
+    """Corner A from random directions: error at the end, % of the edge; the other vertices held, then free."""
+    table = {}
+    rng = np.random.default_rng(0)
+    directions = rng.normal(size=(3 if quick else 20, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    cases = [(percent, True) for percent in ((5, 20) if quick else (1, 5, 10, 20, 30))] + [(10, False)]
+    for percent, held in cases:
+        ends, seconds, taken = [], [], []
+        for direction in directions:
+            session, spent = _cube_run(load_demo("cube", displacement=percent / 100 * direction), held)
+            ends.append(_corner_error(session))
+            seconds.append(spent)
+            taken.append(len(session.trace))
+        name = f"from {percent} %" + ("" if held else ", all vertices free")
+        table[name] = _error_row(ends) | {"steps": float(np.median(taken)), "s": float(np.median(seconds))}
+    return table
+
+
+def cube_paper(quick: bool) -> Table:
+    """The same with the paper's preset, fewer directions."""
+    table = {}
+    directions = np.random.default_rng(0).normal(size=(1 if quick else 5, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    for percent in (20,) if quick else (1, 5, 20):
+        ends, taken = [], []
+        for direction in directions:
+            scene = load_demo("cube", displacement=percent / 100 * direction)
+            session = Session(scene, replace(PRESETS["paper"], locked_vertices=CORNER_ONLY))
+            session.run()
+            ends.append(_corner_error(session))
+            taken.append(len(session.trace))
+        table[f"from {percent} %"] = _error_row(ends) | {"steps": float(np.median(taken))}
+    return table
+
+
+def cube_noise(quick: bool) -> Table:
+    """Noise of 2 grey levels a channel: rms error of corner A against the Cramer-Rao bound with unknown texture."""
+    clean = load_demo("cube", displacement=np.array([0.03, -0.02, 0.03]))
+    luma_noise = float(np.sqrt((LUMA**2).sum() * (2.0**2 + 1 / 12)))
+    ends = []
+    for draw in range(3 if quick else 30):
+        session, _ = _cube_run(replace(clean, views=_noisy(clean.views, 2.0, draw)), held=True)
+        ends.append(session.vertices[0] - 1.0)
+    error = 100 * np.array(ends)
+    rms, spread = np.sqrt((error**2).sum(1).mean()), np.sqrt(error.var(axis=0).sum())
+    least = 100 * bound(clean, 0, luma_noise)
+    return {
+        f"{len(ends)} draws": {
+            "rms %": rms,
+            "spread alone %": spread,
+            "bound %": least,
+            "rms / bound": rms / least,
+            "spread / bound": spread / least,
+        }
+    }
+
+
+def cube_photographs(quick: bool) -> Table:
+    """Photographs as texture (scikit-image's)."""
+    textures = [photographs.astronaut(), photographs.coffee(), photographs.camera()]
+    directions = np.random.default_rng(1).normal(size=(1 if quick else 8, 3))
+    ends = []
+    for direction in directions / np.linalg.norm(directions, axis=1, keepdims=True):
+        session, _ = _cube_run(load_demo("cube", displacement=0.1 * direction, textures=textures), held=True)
+        ends.append(_corner_error(session))
+    return {"from 10 %": _error_row(ends)}
+
+
+PARTS: dict[str, Callable[[bool], Table]] = {
+    part.__name__: part
+    for part in (kernel, steps, threads, demos, growth, cube_accuracy, cube_paper, cube_noise, cube_photographs)
+}
+
+
+def _cube_run(scene: Scene, held: bool) -> tuple[Session, float]:
+    began = time.perf_counter()
+    session = Session(scene, replace(ACCURATE, locked_vertices=CORNER_ONLY if held else ()))
+    session.run()
+    return session, time.perf_counter() - began
+
+
+def _corner_error(session: Session) -> float:
+    """% of the edge."""
+    return 100 * float(np.linalg.norm(session.vertices[0] - 1.0))
+
+
+def _error_row(ends: list[float]) -> dict[str, float]:
+    errors = np.array(ends)
+    return {
+        "rms %": float(np.sqrt((errors**2).mean())),
+        "median %": float(np.median(errors)),
+        "max %": float(errors.max()),
+        "within 0.005 %": float((errors <= 0.005).mean()),
+    }
+
+
+def _noisy(views: tuple[View, ...], sigma: float, seed: int) -> tuple[View, ...]:
+    rng = np.random.default_rng(seed)
+    photos = [view.photo.load() for view in views]
+    changed = [np.clip(np.rint(p + sigma * rng.standard_normal(p.shape)), 0, 255).astype(np.uint8) for p in photos]
+    return tuple(replace(view, photo=ArrayPhoto(photo)) for view, photo in zip(views, changed, strict=True))
+
+
+def _in_own_process(work: Callable[..., Table], *arguments: object) -> Table:
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
+        return pool.submit(work, *arguments).result()
+
+
+def _whole_run(name: str, options: FairingOptions) -> Table:
+    scene = load_demo(name)
+    began = time.perf_counter()
+    session = Session(scene, options)
+    session.run()
+    row: Table = {"seconds": time.perf_counter() - began, "steps": len(session.trace), "peak MB": _peak_megabytes()}
+    quality = quality_report(scene, scene.mesh.vertices, session.vertices)
+    for label, key in (("determined", "vertices_determined"), ("surface", "surface_to_truth")):
+        before, after = quality[key]["before"], quality[key]["after"]
+        row[f"{label} rms"] = f"{before['rms_percent']:.3f}>{after['rms_percent']:.4f}"
+        row[f"{label} median"] = f"{before['median_percent']:.3f}>{after['median_percent']:.4f}"
+    row["most worsened"] = quality["vertices_determined"]["most_worsened_percent"]
+    row["flips"] = len(quality["flipped_faces"])
+    return row
+
+
+def _cost(scene: Scene, size: int) -> Table:
+    session = Session(scene, one_level(ACCURATE, 1.2, size))
+    began = time.perf_counter()
+    sweep = session.sweep_state()
+    preparation = time.perf_counter() - began
+    session.step()
+    began = time.perf_counter()
+    session.step()
+    return {
+        "vertices": len(scene.mesh.vertices),
+        "faces": len(scene.mesh.faces),
+        "photos": len(scene.views),
+        "cells": len(sweep.context.kernel.pair_view),
+        "first sweep prepared s": preparation,
+        "joint step s": time.perf_counter() - began,
+        "peak MB": _peak_megabytes(),
+    }
+
+
+def _peak_megabytes() -> float:
+    """Of this process; Linux counts its parent's peak in ru_maxrss, too, so its own file is asked first."""
+    status = Path("/proc/self/status")
+    for line in status.read_text().splitlines() if status.exists() else ():
+        if line.startswith("VmHWM:"):
+            return float(line.split()[1]) / 1024
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+
+
+def _print(title: str, table: Table) -> None:
+    print(f"\n{title}: {PARTS[title].__doc__}")
+    columns = list(dict.fromkeys(column for row in table.values() for column in row))
+    cells = [[_text(row.get(column, "")) for column in columns] for row in table.values()]
+    first = max(map(len, table))
+    widths = [max(len(column), *(len(row[c]) for row in cells)) for c, column in enumerate(columns)]
+    print(" " * first, *(column.rjust(width) for column, width in zip(columns, widths, strict=True)), sep="  ")
+    for name, row in zip(table, cells, strict=True):
+        print(name.ljust(first), *(text.rjust(width) for text, width in zip(row, widths, strict=True)), sep="  ")
+
+
+def _text(value: object) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+@dataclass(frozen=True)
+class Arguments:
+    """Measure speed, memory and accuracy."""
+
+    quick: bool = False
+    """Fewer repetitions and cases: about a minute."""
+    json: Path | None = None
+    """Write the figures to this file, too."""
+    only: Annotated[tuple[str, ...], tyro.conf.arg(help=f"Some of: {', '.join(PARTS)}.")] = ()
+
+
+def main() -> None:
+    """Run the parts asked for and print a table of each."""
+    arguments = tyro.cli(Arguments)
+    results: Table = {
+        "machine": {"processor": platform.processor() or platform.machine(), "python": platform.python_version()}
+    }
+    for name in arguments.only or PARTS:
+        results[name] = PARTS[name](arguments.quick)
+        _print(name, results[name])
+    if arguments.json is not None:
+        arguments.json.write_text(json.dumps(results, indent=1, default=float) + "\n")
+
+
+if __name__ == "__main__":
+    main()
