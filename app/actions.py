@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from app.controller import Back, Command, Extent, Forward, JumpTo, Pause, Restart, Run
+from app.controller import Back, Command, Extent, Forward, JumpTo, Pause, Restart, Run, RunBack
 
 
 @dataclass(frozen=True)
@@ -32,6 +32,7 @@ class Action:
 
 ACTIONS: tuple[Action, ...] = (
     Action("run", "Run", Run(), (("F5", None), ("G", None)), "run"),
+    Action("run_back", "Run back to a breakpoint", RunBack(), (("F5", "shift"), ("G", "shift")), "run", True),
     Action("pause", "Pause", Pause(), (("P", None),), "pause"),
     Action(
         "iteration", "Step one iteration", Forward(Extent.ITERATION), (("F11", None), ("I", None), (".", None)), "one"
@@ -40,7 +41,7 @@ ACTIONS: tuple[Action, ...] = (
     Action("sweep", "Step one sweep", Forward(Extent.SWEEP), (("F11", "shift"), ("O", None), ("]", None)), "bar"),
     Action("level", "Step one level", Forward(Extent.LEVEL), (("L", None),), "bars"),
     Action("back_iteration", "Back one iteration", Back(Extent.ITERATION), ((",", None),), "one", True),
-    Action("back_unit", "Back one vertex", Back(Extent.UNIT), (("B", None),), "two", True),
+    Action("back_unit", "Back one vertex", Back(Extent.UNIT), (("U", None),), "two", True),
     Action("back_sweep", "Back one sweep", Back(Extent.SWEEP), (("[", None),), "bar", True),
     Action("back_level", "Back one level", Back(Extent.LEVEL), (("[", "shift"),), "bars", True),
     Action("start", "To the start", JumpTo(0), (("H", None),), "start"),

@@ -8,13 +8,14 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum, IntEnum
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from app.breakpoints import Breakpoint, Breakpoints
 from app.outcome import step_outcome
 from fairing.errors import InputError
 from fairing.options import FairingOptions
@@ -23,6 +24,7 @@ from fairing.session import Session
 from fairing.trace import Position, StepRecord, Trace
 
 PUBLISH_EVERY = 0.08  # s: at most 12.5 states a second while something runs
+LOG_LINES = 50
 SLOW_STEP = 0.15  # s: longer than this, a step says that it is at work
 
 
@@ -60,6 +62,11 @@ class Back:
 @dataclass(frozen=True)
 class Run:
     """On until somebody pauses or the schedule is worked off."""
+
+
+@dataclass(frozen=True)
+class RunBack:
+    """Back through the record to the last step that a breakpoint holds for, else to the start."""
 
 
 @dataclass(frozen=True)
@@ -104,7 +111,7 @@ class Ask:
     answer: Callable[[Any], None]
 
 
-Command = Forward | Back | Run | Pause | JumpTo | Restart | Branch | Ask
+Command = Forward | Back | Run | RunBack | Pause | JumpTo | Restart | Branch | Ask
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,6 +133,8 @@ class RunState:
         problem: what went wrong with the last command, else empty.
         progress: fraction of the schedule, 0 to 1.
         step_seconds: computing time of a step, mean over the last ones; 0 before the first.
+        breakpoints: what stops a run.
+        log: what breakpoints that only report had to say, the newest last.
     """
 
     serial: int
@@ -142,6 +151,8 @@ class RunState:
     problem: str
     progress: float
     step_seconds: float
+    breakpoints: tuple[Breakpoint, ...]
+    log: tuple[str, ...]
 
     @property
     def record(self) -> StepRecord | None:
@@ -179,6 +190,8 @@ class Controller:
         self._reason = session.stop_reason if session.finished else "ready"
         self._problem = ""
         self._step_seconds: deque[float] = deque(maxlen=8)
+        self._breakpoints = Breakpoints()
+        self._log: deque[str] = deque(maxlen=LOG_LINES)
         self._published = 0.0
         self._serial = 0
         self._untold = False
@@ -231,6 +244,14 @@ class Controller:
         with self._changed:
             self._untold = True
             self._changed.notify_all()
+
+    def edit_breakpoints(self, edit: Callable[[Breakpoints], Breakpoints]) -> None:
+        """Replace the breakpoints by what `edit` makes of them; what it raises goes to the caller."""
+        with self._changed:
+            self._breakpoints = edit(self._breakpoints)
+            self._serial += 1
+            self._state = replace(self._state, serial=self._serial, breakpoints=self._breakpoints.items)
+        self.republish()
 
     def wait_until_idle(self, timeout: float = 60.0) -> RunState:
         """The state once all commands are done. Raises TimeoutError."""
@@ -295,7 +316,7 @@ class Controller:
             logging.getLogger(__name__).exception("an answer could not be taken")
         self.republish()
 
-    def _execute(self, command: Forward | Back | Run | Pause | JumpTo | Restart | Branch) -> str:
+    def _execute(self, command: Forward | Back | Run | RunBack | Pause | JumpTo | Restart | Branch) -> str:
         """Do it; returns why it stopped."""
         session = self._session
         match command:
@@ -303,6 +324,8 @@ class Controller:
                 return self._advance(extent)
             case Run():
                 return self._advance(None)
+            case RunBack():
+                return self._run_back()
             case Back(extent):
                 if session.moment == 0:
                     return "at the start"
@@ -333,6 +356,9 @@ class Controller:
             session.step()
             if is_new:
                 self._step_seconds.append(time.perf_counter() - started)
+            stop = "" if extent is Extent.ITERATION else self._ask_breakpoints()
+            if stop:
+                return stop
             if extent is not None and session.position[:extent] != began[:extent]:
                 break
             if self._interrupt.is_set():
@@ -342,6 +368,28 @@ class Controller:
         if session.finished:
             return session.stop_reason
         return step_outcome(session.trace.steps[session.moment - 1])
+
+    def _ask_breakpoints(self) -> str:
+        """Why to stop after the step just made; empty: go on."""
+        moment = self._session.moment
+        with self._changed:
+            self._breakpoints, hit = self._breakpoints.asked(self._session.trace.steps[moment - 1], moment)
+        for item in hit:
+            if item.logs:
+                self._log.append(f"moment {moment}: {item.condition.text}")
+        stops = [item.condition.text for item in hit if not item.logs]
+        return f"breakpoint: {', '.join(stops)}" if stops else ""
+
+    def _run_back(self) -> str:
+        session = self._session
+        for moment in range(session.moment - 1, 0, -1):
+            session.go_to(moment)
+            if stop := self._ask_breakpoints():
+                return stop
+            if self._interrupt.is_set():
+                return "paused"
+        session.go_to(0)
+        return "at the start"
 
     def _replace(self, session: Session) -> None:
         self._session.trace.detach()
@@ -373,6 +421,8 @@ class Controller:
             problem=self._problem,
             progress=session.progress,
             step_seconds=self._mean_step_seconds(),
+            breakpoints=self._breakpoints.items,
+            log=tuple(self._log),
         )
 
     def _publish(self) -> None:

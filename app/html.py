@@ -40,6 +40,13 @@ STYLE = f"""<style>
 .ef .swatch {{ width: 10px; height: 10px; border-radius: 3px; flex: none; }}
 .ef .layer.off .swatch {{ opacity: .35; }}
 .ef .one {{ white-space: nowrap; overflow: hidden; text-overflow: ellipsis; }}
+.ef .stack {{ display: grid; gap: 4px; }}
+.ef code {{ font: 12px ui-monospace, "DejaVu Sans Mono", monospace; color: #f1f3f5; overflow-wrap: anywhere; }}
+.ef .breakpoint {{ border-bottom: 1px solid #31363c; padding: 4px 0; }}
+.ef button.small {{ height: 22px; padding: 0 6px; font-size: 11.5px; }}
+.ef button.dot {{ height: 22px; width: 22px; padding: 0; color: {css(NOW)}; }}
+.ef button.dot.off {{ color: #59626c; }}
+.ef .words td {{ color: #8d96a1; padding-left: 10px; }} .ef .words th {{ color: #d5d9df; white-space: nowrap; }}
 .ef .faces {{ flex-wrap: wrap; }}
 .ef button.face {{ height: 24px; padding: 0 7px; }}
 .ef button.face.on {{ border-color: {css(SELECTED)}; color: {css(SELECTED)}; }}

@@ -8,6 +8,7 @@ from typing import Any
 import viser
 
 from app.actions import ACTIONS
+from app.breakpoints import Breakpoints
 from app.bridge import Bridge, whole_number
 from app.controller import Controller, JumpTo, RunState
 from app.history import EnergyHistory, PathHistory
@@ -22,6 +23,7 @@ from app.layers.wires import WiresLayer
 from app.look_through import LookThrough
 from app.palette import BRAND
 from app.panels import Panel
+from app.panels.breakpoints_panel import BreakpointButtons, BreakpointsPanel
 from app.panels.cells_panel import CellsPanel
 from app.panels.debug_bar import DebugBar
 from app.panels.energy_plot import EnergyPlot
@@ -108,9 +110,12 @@ class Page:
             EnergyPlot(gui, shared.energies, bridge.number(self._jump)),
         ]
         choose_face, enter = bridge.number(self._choose_face), bridge.number(self._enter)
+        breakpoint_buttons = BreakpointButtons(shared.controller, bridge.button, bridge.number)
         tabs = gui.add_tab_group()
         with tabs.add_tab("Vertex"):
             panels.append(Variables(gui, shared.scene.mesh, self._guarded_with(self._select)))
+        with tabs.add_tab("Breakpoints"):
+            panels.append(BreakpointsPanel(gui, shared.controller, self._guarded_with, breakpoint_buttons))
         with tabs.add_tab("Layers"):
             panels.append(LayersPanel(gui, switches))
             self._magnification = gui.add_slider(
@@ -159,6 +164,7 @@ class Page:
         for view_id, view in enumerate(self._shared.scene.views[:9]):
             self._command(f"Look through camera {view.name}", lambda v=view_id: self._enter(v), str(view_id + 1))
         self._command("Leave the camera", self._leave, "0")
+        self._command("Breakpoint on the selected vertex", self._toggle_breakpoint, "B")
         gui.set_panel_label(f"EigenFairing · {self._shared.scene.name}")
 
     def _command(self, label: str, call: Callable[[], None], key: str, modifier: str | None = None) -> None:
@@ -182,6 +188,19 @@ class Page:
     def _choose_face(self, face: object) -> None:
         self.view.face = whole_number(face, 0, len(self._shared.scene.mesh.faces) - 1, "face")
         self._shared.controller.republish()
+
+    def _toggle_breakpoint(self) -> None:
+        if self.view.selected is None:
+            raise InputError("no vertex is selected; click one first")
+        condition = f"about({self.view.selected})"
+
+        def toggled(breakpoints: Breakpoints) -> Breakpoints:
+            for item in breakpoints.items:
+                if item.condition.text == condition:
+                    return breakpoints.removed(item.number)
+            return breakpoints.added(condition)
+
+        self._shared.controller.edit_breakpoints(toggled)
 
     def _toggle(self, layer: str) -> None:
         self.view.shown[layer] = not self.view.shown[layer]

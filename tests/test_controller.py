@@ -19,6 +19,7 @@ from app.controller import (
     Pause,
     Restart,
     Run,
+    RunBack,
     RunState,
     boundary_before,
 )
@@ -205,6 +206,38 @@ def test_a_question_is_answered_on_the_engine_thread_and_changes_nothing(control
     assert isinstance(answers[1], ZeroDivisionError)
     after = controller.state
     assert (after.moment, after.reason, after.problem) == (before.moment, before.reason, "")
+
+
+def test_a_run_stops_after_the_step_a_breakpoint_holds_for(controller: Controller):
+    controller.edit_breakpoints(lambda b: b.added("sweep == 2 and about(3)"))
+    state = do(controller, Run())
+    assert state.reason == "breakpoint: sweep == 2 and about(3)"
+    record = state.trace.steps[state.moment - 1]
+    assert record.position.sweep == 1
+    assert record.vertices.tolist() == [3]
+    assert state.breakpoints[0].hits == 1
+    first = state.moment
+    assert do(controller, Run()).moment == first + 1, "goes on from a breakpoint to the next step it holds for"
+    assert do(controller, RunBack()).moment == first
+    assert do(controller, RunBack()).moment == 0
+
+
+def test_breakpoints_that_are_off_or_only_report_do_not_stop(controller: Controller):
+    controller.edit_breakpoints(lambda b: b.added("level == 1").added("level == 2"))
+    one, two = (item.number for item in controller.state.breakpoints)
+    controller.edit_breakpoints(lambda b: b.changed(one, lambda item: replace(item, enabled=False)))
+    controller.edit_breakpoints(lambda b: b.changed(two, lambda item: replace(item, logs=True)))
+    state = do(controller, Run())
+    assert state.finished
+    assert state.breakpoints[0].hits == 0
+    assert state.breakpoints[1].hits > 0
+    assert state.log[-1] == f"moment {state.moment}: level == 2"
+
+
+def test_a_sweep_step_stops_at_a_breakpoint_an_iteration_step_passes_it(controller: Controller):
+    controller.edit_breakpoints(lambda b: b.added("moment == 1 or moment == 3"))
+    assert do(controller, Forward(Extent.ITERATION)).moment == 1
+    assert do(controller, Forward(Extent.SWEEP)).moment == 3
 
 
 def test_the_run_is_saved_as_it_goes(scene: Scene, tmp_path):

@@ -154,6 +154,26 @@ def test_the_cells_of_the_selected_vertex_are_shown_and_lead_into_their_photo(vi
     wait_for(lambda: page.view.entered is None)
 
 
+def test_a_breakpoint_that_is_typed_in_stops_the_run(visitor: Visitor):
+    controller = visitor.app.controller
+    visitor.page.get_by_role("tab", name="Breakpoints").click()
+    entry = visitor.page.get_by_text("Stop when", exact=True).locator(
+        "xpath=ancestor::div[contains(@class,'Flex-root')][1]//input"
+    )
+    entry.fill("moment == ")
+    entry.press("Enter")
+    visitor.page.get_by_text("condition, column 11").first.wait_for()
+    entry.fill("moment == 5")
+    entry.press("Enter")
+    wait_for(lambda: len(controller.state.breakpoints) == 1)
+    visitor.button("Run").click()
+    wait_for(lambda: controller.state.moment == 5 and controller.state.activity is Activity.PAUSED)
+    visitor.page.get_by_text("Breakpoint: moment == 5").wait_for()
+    visitor.button("Remove").click()
+    wait_for(lambda: not controller.state.breakpoints)
+    visitor.page.get_by_role("tab", name="Vertex").click()
+
+
 @pytest.mark.parametrize("size", [(1280, 720), (1500, 640)])
 def test_through_a_camera_the_mesh_lies_on_its_photo(visitor: Visitor, scene, size):
     visitor.page.set_viewport_size({"width": size[0], "height": size[1]})

@@ -30,7 +30,8 @@ class DebugBar:
             else self._button("run", "Run", css_class="main grow", key=True, enabled=forward)
         )
         top = (
-            f'<div class="row" style="margin-bottom:8px">{self._button("start", enabled=back)}{main}'
+            f'<div class="row" style="margin-bottom:8px">{self._button("start", enabled=back)}'
+            f"{self._button('run_back', enabled=back)}{main}"
             f"{self._button('end', enabled=state.moment < state.length)}"
             f"{self._button('restart', enabled=state.length > 0)}</div>"
         )

@@ -21,12 +21,13 @@ class Status:
         record = state.record
         outcome = "no step yet" if record is None else step_outcome(record)
         reason = "\u00a0" if state.activity is Activity.RUNNING or state.reason == outcome else _sentence(state.reason)
+        color = "selected" if state.reason.startswith("breakpoint") else "rejected" if state.problem else "dim"
         self._panel.set(
             f"<div class='row'><span class='big'>{_headline(state)}</span><span class='grow'></span>"
             f"<span class='dim'>{_speed(state)}</span></div>"
             f"<div class='crumbs'>{_crumbs(state)}</div>"
             f"<div>{self._energy(state)}</div>"
-            f"<div class='dim one'>Last step: {text(outcome)}</div><div class='dim one'>{text(reason)}</div>"
+            f"<div class='dim one'>Last step: {text(outcome)}</div><div class='{color} one'>{text(reason)}</div>"
             f"<div class='bar'><div style='width:{100 * state.progress:.1f}%'></div></div>"
         )
 

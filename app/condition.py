@@ -1,0 +1,221 @@
+"""Conditions over the recorded quantities of a step, such as `rejected > 0 and level == 2`.
+
+A grammar of its own, never Python's: or, and, not; comparisons; + - * /; numbers, names and functions of one number.
+"""
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from fairing.errors import InputError
+
+MAX_LENGTH = 200
+MAX_DEPTH = 40
+_TOKEN = re.compile(
+    r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)|(?P<name>[A-Za-z_]\w*)|(?P<sign><=|>=|==|!=|[-+*/()<>]))"
+)
+
+
+class Quantities(NamedTuple):
+    """What a condition may ask about a step."""
+
+    values: Mapping[str, Callable[[], float]]
+    functions: Mapping[str, Callable[[float], float]]
+
+
+Evaluate = Callable[[Quantities], float]
+
+
+@dataclass(frozen=True)
+class Condition:
+    """A condition that was understood.
+
+    Attributes:
+        text: as it was written.
+        evaluate: its value for the quantities of a step; anything but 0 is true.
+    """
+
+    text: str
+    evaluate: Evaluate
+
+    def holds(self, quantities: Quantities) -> bool:
+        value = self.evaluate(quantities)
+        return value == value and value != 0  # a quantity that does not exist is not a number: never true
+
+
+def parse_condition(text: str, values: set[str], functions: set[str]) -> Condition:
+    """Understand a condition that may use these names.
+
+    Raises:
+        InputError: it cannot be understood; the message points at the place.
+    """
+    if len(text) > MAX_LENGTH:
+        raise InputError(f"condition: expected at most {MAX_LENGTH} characters, found {len(text)}")
+    return Condition(text.strip(), _Parser(text, values, functions).parse())
+
+
+class _Token(NamedTuple):
+    kind: str
+    text: str
+    column: int
+
+
+class _Parser:
+    """Recursive descent; every method returns how to compute what it has read."""
+
+    def __init__(self, text: str, values: set[str], functions: set[str]) -> None:
+        self._text, self._values, self._functions = text, values, functions
+        self._tokens = self._split()
+        self._at = 0
+        self._depth = 0
+
+    def parse(self) -> Evaluate:
+        result = self._either()
+        if self._now.kind != "end":
+            raise self._error("expected the end or an operator")
+        return result
+
+    def _split(self) -> list[_Token]:
+        tokens, at = [], 0
+        while self._text[at:].strip():
+            found = _TOKEN.match(self._text, at)
+            if found is None:
+                column = at + len(self._text[at:]) - len(self._text[at:].lstrip())
+                raise InputError(
+                    f"condition, column {column + 1}: cannot read {self._text[column]!r}{self._here(column)}"
+                )
+            kind = found.lastgroup or ""
+            tokens.append(_Token(kind, found.group(kind), found.start(kind)))
+            at = found.end()
+        return [*tokens, _Token("end", "", len(self._text))]
+
+    @property
+    def _now(self) -> _Token:
+        return self._tokens[self._at]
+
+    def _take(self, *texts: str) -> str | None:
+        """Move on if the present token is one of these."""
+        if self._now.kind != "number" and self._now.text in texts:
+            self._at += 1
+            return self._tokens[self._at - 1].text
+        return None
+
+    def _either(self) -> Evaluate:
+        self._depth += 1
+        if self._depth > MAX_DEPTH:
+            raise self._error("too deeply nested")
+        left = self._both()
+        while self._take("or"):
+            left = _either(left, self._both())
+        self._depth -= 1
+        return left
+
+    def _both(self) -> Evaluate:
+        left = self._negation()
+        while self._take("and"):
+            left = _both(left, self._negation())
+        return left
+
+    def _negation(self) -> Evaluate:
+        negated = False
+        while self._take("not"):
+            negated = not negated
+        inner = self._comparison()
+        return (lambda q: float(inner(q) == 0)) if negated else inner
+
+    def _comparison(self) -> Evaluate:
+        left = self._sum()
+        sign = self._take(*_COMPARE)
+        if sign is None:
+            return left
+        compare, right = _COMPARE[sign], self._sum()
+        return lambda q: float(compare(left(q), right(q)))
+
+    def _sum(self) -> Evaluate:
+        left = self._product()
+        while sign := self._take("+", "-"):
+            left = _arithmetic(sign, left, self._product())
+        return left
+
+    def _product(self) -> Evaluate:
+        left = self._sign()
+        while sign := self._take("*", "/"):
+            left = _arithmetic(sign, left, self._sign())
+        return left
+
+    def _sign(self) -> Evaluate:
+        negative = False
+        while self._take("-"):
+            negative = not negative
+        inner = self._atom()
+        return (lambda q: -inner(q)) if negative else inner
+
+    def _atom(self) -> Evaluate:
+        token = self._now
+        if token.kind == "number":
+            self._at += 1
+            number = float(token.text)
+            return lambda q: number
+        if self._take("("):
+            inner = self._either()
+            self._close()
+            return inner
+        if token.kind == "name" and token.text in self._functions:
+            self._at += 1
+            if not self._take("("):
+                raise self._error(f"expected ( after {token.text}")
+            argument = self._either()
+            self._close()
+            return lambda q: q.functions[token.text](argument(q))
+        if token.kind == "name" and token.text in self._values:
+            self._at += 1
+            return lambda q: q.values[token.text]()
+        if token.kind == "name" and token.text not in ("and", "or", "not"):
+            known = ", ".join(sorted(self._values) + sorted(f"{name}()" for name in self._functions))
+            raise self._error(f"{token.text!r} is not known; known are {known}")
+        raise self._error("expected a number or a name")
+
+    def _close(self) -> None:
+        if not self._take(")"):
+            raise self._error("expected )")
+
+    def _error(self, what: str) -> InputError:
+        column = self._now.column
+        return InputError(f"condition, column {column + 1}: {what}{self._here(column)}")
+
+    def _here(self, column: int) -> str:
+        return f" (at: {self._text[:column]}⟨here⟩{self._text[column:]})"
+
+
+_COMPARE: dict[str, Callable[[float, float], bool]] = {
+    "<=": lambda a, b: a <= b,
+    ">=": lambda a, b: a >= b,
+    "==": lambda a, b: a == b,
+    "!=": lambda a, b: a != b,
+    "<": lambda a, b: a < b,
+    ">": lambda a, b: a > b,
+}
+
+
+def _either(left: Evaluate, right: Evaluate) -> Evaluate:
+    return lambda q: float(left(q) != 0 or right(q) != 0)
+
+
+def _both(left: Evaluate, right: Evaluate) -> Evaluate:
+    return lambda q: float(left(q) != 0 and right(q) != 0)
+
+
+def _arithmetic(sign: str, left: Evaluate, right: Evaluate) -> Evaluate:
+    if sign == "+":
+        return lambda q: left(q) + right(q)
+    if sign == "-":
+        return lambda q: left(q) - right(q)
+    if sign == "*":
+        return lambda q: left(q) * right(q)
+
+    def divide(q: Quantities) -> float:
+        below = right(q)
+        return left(q) / below if below else float("nan")
+
+    return divide

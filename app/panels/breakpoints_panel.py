@@ -1,0 +1,108 @@
+"""The list of breakpoints, and how to make one."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import viser
+
+from app.breakpoints import FUNCTIONS, VALUES, Breakpoint, Breakpoints
+from app.controller import Controller, RunState
+from app.html import button, icon, text
+from app.panels.html_panel import HtmlPanel
+from app.view import View
+
+READY_MADE: dict[str, str] = {
+    "A step is rejected": "rejected > 0",
+    "The energy is stuck": "abs(percent) < 0.01",
+    "A vertex is under-determined": "weakest < 0.01",
+    "A step is longer than 2 px": "step_px > 2",
+    "A level begins": "sweep == 1 and unit == 1 and iteration == 1",
+}
+
+
+class BreakpointsPanel:
+    """Conditions are typed or taken ready-made; each can be switched off, made to report only, or removed."""
+
+    def __init__(
+        self,
+        gui: viser.GuiApi,
+        controller: Controller,
+        guarded: Callable[[Callable[..., None]], Callable[..., None]],
+        press: "BreakpointButtons",
+    ) -> None:
+        self._controller, self._press = controller, press
+        with gui.add_form(None) as form:
+            self._text = gui.add_text("Stop when", "")
+        add = guarded(self._add)
+        form.on_submit(lambda _: add())
+        self._panel = HtmlPanel(gui)
+        press.on_add = self._add
+
+    def show(self, state: RunState, view: View) -> None:
+        rows = "".join(self._row(item) for item in state.breakpoints)
+        ready = "".join(
+            button(name, self._press.ready_made(str(k)), hint=f"Stop when {condition}", css_class="layer")
+            for k, (name, condition) in enumerate(READY_MADE.items())
+        )
+        words = "".join(
+            f"<tr><th>{text(name)}</th><td>{text(meaning)}</td></tr>"
+            for name, meaning in [*VALUES.items(), *((f"{name}( )", meaning) for name, meaning in FUNCTIONS.items())]
+        )
+        log = "".join(f"<div class='dim'>{text(line)}</div>" for line in state.log[-8:])
+        add = button("Add", self._press.add, hint="Add this breakpoint (Enter)", css_class="grow")
+        self._panel.set(
+            f"<div class='row'>{add}</div>"
+            f"<div class='note'>{rows or '<span class=dim>No breakpoints yet.</span>'}</div>"
+            + (f"<h4>Reported</h4>{log}" if log else "")
+            + f"<h4>Ready-made</h4><div class='stack'>{ready}</div><h4>Words of a condition</h4>"
+            f"<table class='words'>{words}</table>"
+        )
+
+    def _row(self, item: Breakpoint) -> str:
+        number = str(item.number)
+        state = "on" if item.enabled else "off"
+        switch = button(
+            "●", self._press.switch(number), hint=f"Breakpoint {number} is {state}", css_class=f"dot {state}"
+        )
+        report = button(
+            "report" if item.logs else "stop",
+            self._press.report(number),
+            hint="Stop, or only report",
+            css_class="small",
+        )
+        remove = button("", self._press.remove(number), hint="Remove", icon=icon("leave"), css_class="small")
+        return (
+            f"<div class='row breakpoint'>{switch}<code class='grow'>{text(item.condition.text)}</code>"
+            f"<span class='dim'>{item.hits} ×</span>{report}{remove}</div>"
+        )
+
+    def _add(self) -> None:
+        written = self._text.value
+        self._controller.edit_breakpoints(lambda all_of_them: all_of_them.added(str(written)))
+        self._text.value = ""
+
+
+class BreakpointButtons:
+    """JavaScript for the panel's buttons; made where they stay on the page when the panel is not."""
+
+    def __init__(
+        self,
+        controller: Controller,
+        button_for: Callable[[Callable[[], None]], str],
+        number_for: Callable[[Callable[[object], None]], Callable[[str], str]],
+    ) -> None:
+        self.on_add: Callable[[], None] = lambda: None
+        self.add = button_for(lambda: self.on_add())
+
+        def edit(change: Callable[[Breakpoints, int], Breakpoints]) -> Callable[[object], None]:
+            def act(number: object) -> None:
+                if isinstance(number, int | float) and number == number and abs(number) < 1e9:
+                    controller.edit_breakpoints(lambda all_of_them: change(all_of_them, int(number)))
+
+            return act
+
+        self.switch = number_for(edit(lambda b, n: b.changed(n, lambda item: replace(item, enabled=not item.enabled))))
+        self.report = number_for(edit(lambda b, n: b.changed(n, lambda item: replace(item, logs=not item.logs))))
+        self.remove = number_for(edit(lambda b, n: b.removed(n)))
+        conditions = list(READY_MADE.values())
+        self.ready_made = number_for(edit(lambda b, n: b.added(conditions[n % len(conditions)])))
