@@ -10,6 +10,7 @@ from fairing.energy import Evaluator, robust_scale
 from fairing.inspect import face_cells
 from fairing.options import FairingOptions
 from fairing.session import Session, SweepState
+from tests.numpy_twin import TwinPhotos, evaluate_face
 from tests.small_scene import FACES, HEIGHT, WIDTH, corner_scene, photos, small_options
 
 FACE_IDS = np.arange(6)
@@ -133,6 +134,24 @@ def test_systems_of_one_corner_are_blocks_of_those_of_all(warp, solver):
         assert np.allclose(one.g[:, block], whole.g[:, block], rtol=1e-5, atol=1e-6 * np.abs(whole.g).max())
         outside = np.delete(one.H, np.arange(9)[block], axis=1)
         assert not outside.any()
+
+
+@pytest.mark.parametrize("corner", [0, 1, 2])
+def test_the_fused_kernel_agrees_with_its_numpy_twin(corner):
+    session, sweep = prepared(small_options(eigenspace={"dimensions": [3]}))
+    photos_of_twin = TwinPhotos.of(sweep.context.kernel)
+    system = Evaluator(1).linearise(
+        sweep.context, session.vertices, FACE_IDS, np.full(6, corner), sweep.scale, "variable_projection"
+    )
+    block = slice(3 * corner, 3 * corner + 3)
+    for face in range(6):
+        energy, H, g = evaluate_face(
+            sweep.context.kernel, photos_of_twin, session.vertices, face, corner, sweep.scale[face]
+        )
+        # cv2.remap may round places to 1/32 px.
+        assert system.energy[face] == pytest.approx(energy, rel=0.01)
+        assert system.H[face, block, block] == pytest.approx(H, rel=0.01, abs=0.01 * H.max())
+        assert system.g[face, block] == pytest.approx(g, rel=0.01, abs=0.01 * np.abs(g).max())
 
 
 def test_normal_matrices_are_symmetric_and_positive():

@@ -63,13 +63,13 @@ def test_positions_are_copies(trace):
 
 
 def test_a_file_cut_off_anywhere_loads_what_is_whole(trace, tmp_path):
-    """Within the last step each 7th byte, before it each 61st."""
+    """Within the last step each 7th byte, before it each 151st."""
     short = trace.cut(5)
     data = written(short, tmp_path / "run.trace")
     last = len(written(trace.cut(4), tmp_path / "shorter.trace"))
     loaded_steps = set()
     path = tmp_path / "cut.trace"
-    for length in [*range(0, last, 61), *range(last, len(data), 7), len(data) - 1]:
+    for length in [*range(0, last, 151), *range(last, len(data), 7), len(data) - 1]:
         path.write_bytes(data[:length])
         try:
             loaded = Trace.load(path)
