@@ -40,6 +40,10 @@ STYLE = f"""<style>
 .ef .swatch {{ width: 10px; height: 10px; border-radius: 3px; flex: none; }}
 .ef .layer.off .swatch {{ opacity: .35; }}
 .ef .one {{ white-space: nowrap; overflow: hidden; text-overflow: ellipsis; }}
+.ef .strip {{ position: relative; flex: 1; height: 22px; background: #1f2226; border-radius: 3px; cursor: pointer; }}
+.ef .strip img {{ width: 100%; height: 100%; image-rendering: pixelated; border-radius: 3px; pointer-events: none; }}
+.ef .strip i {{ position: absolute; top: -2px; bottom: -2px; width: 2px; margin-left: -1px;
+  background: {css(SELECTED)}; }}
 .ef .stack {{ display: grid; gap: 4px; }}
 .ef code {{ font: 12px ui-monospace, "DejaVu Sans Mono", monospace; color: #f1f3f5; overflow-wrap: anywhere; }}
 .ef .breakpoint {{ border-bottom: 1px solid #31363c; padding: 4px 0; }}

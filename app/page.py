@@ -11,7 +11,7 @@ from app.actions import ACTIONS
 from app.breakpoints import Breakpoints
 from app.bridge import Bridge, whole_number
 from app.controller import Controller, JumpTo, RunState
-from app.history import EnergyHistory, PathHistory
+from app.history import EnergyHistory, PathHistory, next_move
 from app.html import STYLE, button, icon, text
 from app.layers import Layer
 from app.layers.cameras import CamerasLayer, Thumbnails
@@ -110,6 +110,11 @@ class Page:
             EnergyPlot(gui, shared.energies, bridge.number(self._jump)),
         ]
         choose_face, enter = bridge.number(self._choose_face), bridge.number(self._enter)
+        jump = bridge.number(self._jump)
+        around = {
+            "before": bridge.button(lambda: self._to_move_of_selected(-1)),
+            "after": bridge.button(lambda: self._to_move_of_selected(1)),
+        }
         breakpoint_buttons = BreakpointButtons(shared.controller, bridge.button, bridge.number)
         tabs = gui.add_tab_group()
         with tabs.add_tab("Vertex"):
@@ -136,7 +141,7 @@ class Page:
         cells.set_width(CELLS_WIDTH)
         self._timeline = gui.add_panel()
         with self._timeline.add_tab("Timeline", viser.Icon.CLOCK):
-            panels.append(Timeline(gui, self._guarded_with(self._jump)))
+            panels.append(Timeline(gui, self._guarded_with(self._jump), jump, around))
         self._window = (0, 0)
         self._place_timeline()
         self._leave_box = gui.add_panel(visible=False)
@@ -164,6 +169,8 @@ class Page:
         for view_id, view in enumerate(self._shared.scene.views[:9]):
             self._command(f"Look through camera {view.name}", lambda v=view_id: self._enter(v), str(view_id + 1))
         self._command("Leave the camera", self._leave, "0")
+        self._command("Previous move of the selected vertex", lambda: self._to_move_of_selected(-1), ";")
+        self._command("Next move of the selected vertex", lambda: self._to_move_of_selected(1), "'")
         self._command("Breakpoint on the selected vertex", self._toggle_breakpoint, "B")
         gui.set_panel_label(f"EigenFairing · {self._shared.scene.name}")
 
@@ -188,6 +195,14 @@ class Page:
     def _choose_face(self, face: object) -> None:
         self.view.face = whole_number(face, 0, len(self._shared.scene.mesh.faces) - 1, "face")
         self._shared.controller.republish()
+
+    def _to_move_of_selected(self, direction: int) -> None:
+        """To the next step, forward or back, that moved the selected vertex."""
+        if self.view.selected is None:
+            raise InputError("no vertex is selected; click one first")
+        moment = next_move(self._shared.controller.state, self.view.selected, direction)
+        if moment is not None:
+            self._shared.controller.post(JumpTo(moment))
 
     def _toggle_breakpoint(self) -> None:
         if self.view.selected is None:

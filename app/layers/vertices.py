@@ -7,13 +7,12 @@ import trimesh.creation
 import viser
 
 from app.controller import RunState
+from app.history import REJECTIONS
 from app.palette import LOCKED, NOW, REJECTED, SELECTED, START
 from app.stage import SIZE, Stage
 from app.view import View
 from fairing.mesh import Mesh
 from fairing.trace import StepReason
-
-REJECTIONS = [StepReason.REJECTED_ENERGY, StepReason.REJECTED_FOLD]
 
 
 class VerticesLayer:
@@ -24,7 +23,7 @@ class VerticesLayer:
         ball_vertices, ball_faces = _icosphere()
         edges = stage.page_from_world(mesh.vertices)[mesh.edges]
         length = float(np.median(np.linalg.norm(edges[:, 1] - edges[:, 0], axis=1)))
-        self._radius = float(np.clip(0.07 * length, 0.004 * SIZE, 0.009 * SIZE))
+        self._radius = float(np.clip(0.07 * length, 0.0022 * SIZE, 0.009 * SIZE))
         n = len(mesh.vertices)
         self._handle = client.scene.add_batched_meshes_simple(
             "/vertices",

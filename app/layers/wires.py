@@ -3,15 +3,15 @@
 import numpy as np
 import viser
 
-from app.controller import RunState
+from app.controller import Activity, RunState
 from app.palette import NOW, RGB, START, TRUTH
 from app.stage import SIZE, Stage
 from app.view import View
 from fairing.mesh import Mesh
 from fairing.scene import Scene
 
-# Fine lines of chosen width up to here, the browser's own one-pixel lines beyond: those follow a run at any size.
-MAX_FINE_EDGES = 3000
+# More lines than this cannot follow a run at ten pictures a second: they are away while it runs.
+MAX_RUNNING_EDGES = 4000
 COARSE = 200  # edges: fewer than these are drawn thicker
 APART = 0.001 * SIZE  # lines nearer than this would only flicker through each other
 
@@ -23,48 +23,33 @@ class Wire:
         self, client: viser.ClientHandle, stage: Stage, name: str, mesh: Mesh, color: RGB, thickness: float
     ) -> None:
         self._stage, self._mesh = stage, mesh
-        self._is_fine = len(mesh.edges) <= MAX_FINE_EDGES
-        points = stage.page_from_world(mesh.vertices)
-        if self._is_fine:
-            self._lines = client.scene.add_line_segments(
-                name, points[mesh.edges], color, thickness=thickness, thickness_units="screen", visible=False
-            )
-        else:
-            self._wires = client.scene.add_mesh_simple(
-                name,
-                points,
-                mesh.faces.astype(np.uint32),
-                color=color,
-                wireframe=True,
-                cast_shadow=False,
-                receive_shadow=False,
-                visible=False,
-            )
+        self._lines = client.scene.add_line_segments(
+            name,
+            stage.page_from_world(mesh.vertices)[mesh.edges],
+            color,
+            thickness=thickness,
+            thickness_units="screen",
+            visible=False,
+        )
 
     def move(self, vertices: np.ndarray, unless_at: np.ndarray | None = None) -> None:
         """Put the vertices there; leave out edges whose ends lie at `unless_at`, both (n, 3), world units."""
-        points = self._stage.page_from_world(vertices)
-        if self._is_fine:
-            edges = self._mesh.edges
-            if unless_at is not None:
-                apart = np.linalg.norm(points - self._stage.page_from_world(unless_at), axis=1) > APART
-                edges = edges[apart[edges].any(axis=1)]
-            # A node without any line would be an error in the browser: one of no length stands for it.
-            self._lines.points = points[edges] if len(edges) else np.repeat(points[:1], 2, axis=0)[None]
-        else:
-            self._wires.vertices = points
+        points, edges = self._stage.page_from_world(vertices), self._mesh.edges
+        if unless_at is not None:
+            apart = np.linalg.norm(points - self._stage.page_from_world(unless_at), axis=1) > APART
+            edges = edges[apart[edges].any(axis=1)]
+        # A node without any line would be an error in the browser: one of no length stands for it.
+        self._lines.points = points[edges] if len(edges) else np.repeat(points[:1], 2, axis=0)[None]
 
     def set_visible(self, visible: bool) -> None:
-        if self._is_fine:
-            self._lines.visible = visible
-        else:
-            self._wires.visible = visible
+        self._lines.visible = visible
 
 
 class WiresLayer:
     """Start green, now red, truth blue."""
 
     def __init__(self, client: viser.ClientHandle, stage: Stage, scene: Scene) -> None:
+        self._follows_a_run = len(scene.mesh.edges) <= MAX_RUNNING_EDGES
         thickness = 2.0 if len(scene.mesh.edges) < COARSE else 1.2
         self._start = Wire(client, stage, "/mesh/before", scene.mesh, START, thickness)
         self._now = Wire(client, stage, "/mesh/now_edges", scene.mesh, NOW, thickness)
@@ -73,9 +58,11 @@ class WiresLayer:
         )
 
     def show(self, state: RunState, view: View) -> None:
-        self._start.move(state.trace.start, unless_at=state.vertices)
-        self._now.move(state.vertices)
-        self._start.set_visible(view.shows("start"))
-        self._now.set_visible(view.shows("now"))
+        follows = self._follows_a_run or state.activity is not Activity.RUNNING
+        if follows:
+            self._start.move(state.trace.start, unless_at=state.vertices)
+            self._now.move(state.vertices)
+        self._start.set_visible(view.shows("start") and follows)
+        self._now.set_visible(view.shows("now") and follows)
         if self._truth is not None:
             self._truth.set_visible(view.shows("truth"))

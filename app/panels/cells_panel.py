@@ -70,6 +70,8 @@ class CellsPanel:
         wanted = Wanted(state.run_id, state.moment, face)
         if state.activity is Activity.PAUSED and wanted != self._wanted:
             self._ask(wanted)
+            if self._drawn is None:
+                self._body.set("<div class='note dim'>Computing the cells…</div>")
         if self._answer is not None and self._answer[0] == wanted and self._drawn != wanted:
             self._drawn = wanted
             self._draw(self._answer[1])
