@@ -11,7 +11,7 @@ from demo_scenes.cache import cached_photos
 from demo_scenes.lighting import light_lattice
 from demo_scenes.noise import seeded
 from demo_scenes.occluders import passer_by, pole_and_leaves
-from demo_scenes.raycast import photograph
+from demo_scenes.lens import expose
 from demo_scenes.surface import Stage
 from fairing.camera import Camera
 from fairing.photo import ArrayPhoto
@@ -80,7 +80,7 @@ def take_photos(
                 person = passer_by(subject, cameras[k], stage.up, seeded(photography.seed, k, 22))
                 seen = replace(stage, surface=stage.surface.joined(person))
                 lit = np.concatenate([light, np.ones((len(person.faces), *light.shape[1:]))])
-            photos[k] = _develop(photograph(seen, lit, cameras[k], samples), photography, k)
+            photos[k] = _develop(expose(seen, lit, cameras[k], samples), photography, k)
 
         with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
             waiting = [pool.submit(take, k) for k in range(len(cameras))]

@@ -123,7 +123,7 @@ def build_context(
     candidate = reasons == Visibility.SEEN
     size = by_level(options.cells.size, level)
     grid_sizes = [s for s in GRID_SIZES if s < size] + [size] if options.cells.adaptive else [size]
-    wanted = np.where(candidate, longest, 0).max(axis=1) / (options.cells.spacing * max(1.0, blur))
+    wanted = np.where(candidate, longest, 0).max(axis=1) / (by_level(options.cells.spacing, level) * max(1.0, blur))
     face_grid = np.minimum(np.searchsorted(grid_sizes, wanted), len(grid_sizes) - 1)
     grids = [cell_grid(s) for s in grid_sizes]
     grid_start = np.concatenate([[0], np.cumsum([g.shape[1] for g in grids])])

@@ -23,15 +23,17 @@ class CellOptions:
 
     warp: Literal["homography", "affine"] = "homography"
     """homography: exact for a plane. affine: the paper's; it moves the minimum itself (cube: 1.6 % with cameras 4 edges away)."""
-    size: tuple[int, ...] = (128,)
+    size: tuple[int, ...] = (64, 64, 64, 64, 64, 64, 256)
     """Largest cell, samples along an edge, by level."""
     adaptive: bool = True
     """Smaller cells where the footprint is smaller: one sample per `spacing` of the footprint. Off: always `size`."""
-    spacing: float = 0.7
-    """Distance of samples with `adaptive`, in units of max(1 px, the level's blur)."""
-    inset: tuple[float, ...] = (0.0,)
+    spacing: tuple[float, ...] = (1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.7)
+    """Distance of samples with `adaptive`, in units of max(1 px, the level's blur), by level."""
+    inset: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 4.0)
     """Border of the face left out, photo pixels, by level: there the neighbour's texture mixes in."""
-    interpolation: tuple[Literal["bilinear", "cubic"], ...] = ("bilinear",)
+    interpolation: tuple[Literal["bilinear", "cubic"], ...] = (
+        "bilinear", "bilinear", "bilinear", "bilinear", "bilinear", "bilinear", "cubic",
+    )  # fmt: skip
     """How photos are read between pixels, by level. cubic: B-spline, 3-4 x slower, no interpolation blur."""
     color: bool = False
     """Stack red, green and blue instead of using grey."""
@@ -45,7 +47,7 @@ class CellOptions:
 class EigenspaceOptions:
     """The subspace that explains the cells of one face."""
 
-    dimensions: tuple[int, ...] = (3,)
+    dimensions: tuple[int, ...] = (3, 3, 1, 1, 1, 1, 2)
     """k, by level. To first order misalignment spans three dimensions, so a large k absorbs it. At most views - 2."""
     centered: bool = False
     """Take the mean cell off first (PCA). The paper does not."""
@@ -58,9 +60,11 @@ class RobustOptions:
     norm: Literal["geman_mcclure", "geman_mcclure_printed", "huber", "least_squares"] = "geman_mcclure"
     """geman_mcclure: e^2 / (sigma^2 + e^2), turning at sigma / sqrt(3) as the paper's figure says.
     geman_mcclure_printed: e^2 / (sigma + e^2), the paper's formula, which turns at sqrt(sigma / 3)."""
-    sigma_rule: tuple[Literal["paper", "convex", "mad", "fixed"], ...] = ("paper",)
+    sigma_rule: tuple[Literal["paper", "convex", "mad", "fixed"], ...] = (
+        "paper", "paper", "fixed", "fixed", "fixed", "fixed", "paper",
+    )  # fmt: skip
     """By level. paper: max|e| / sqrt(3). convex: sqrt(3) max|e|. mad: a robust scale of the residual. fixed: `sigma`."""
-    sigma: float = 100.0
+    sigma: float = 20.0
     """Grey levels, for the rule `fixed`."""
     mad_factor: float = 4.0
     """sigma = mad_factor * 1.4826 * median|e| with the rule `mad`; residuals beyond sigma / sqrt(3) lose influence."""
@@ -113,7 +117,7 @@ class VisibilityOptions:
     """A cell takes part if at least this fraction of its samples is seen."""
     reduction: int = 2
     """Photo pixels per pixel of the depth maps occlusion is judged by."""
-    max_views: int = 24
+    max_views: int = 12
     """At most so many photos a face, those with the largest footprints."""
 
 
@@ -121,10 +125,10 @@ class VisibilityOptions:
 class ScheduleOptions:
     """Coarse to fine, and in which order vertices move."""
 
-    blur: tuple[float, ...] = (6.0, 3.6, 2.0, 2.0, 1.2, 1.2, 0.6)
+    blur: tuple[float, ...] = (6.0, 3.6, 2.0, 2.0, 1.2, 1.2, 0.5)
     """sigma_smooth by level, photo pixels."""
     start: Literal["auto", "first"] = "auto"
-    """auto: skip levels whose blur exceeds 1/14 of the faces' median footprint. first: begin with the first level."""
+    """auto: skip levels whose blur exceeds 1/12 of the faces' median footprint. first: begin with the first level."""
     search: tuple[float, ...] = (0.0, 0.0, 1.0, 0.75, 0.6, 0.5, 0.25)
     """By level: before Gauss-Newton, look for a better place of each vertex so far away, in units of `start_error`. 0: do not."""
     start_error: float = -1.0
@@ -134,7 +138,7 @@ class ScheduleOptions:
     order: Literal["joint", "independent", "sequential", "worst_first"] = "joint"
     """joint: all vertices by one sparse system. independent: sets of vertices that share no face, one set after another.
     sequential: one vertex at a time, as the paper. worst_first: the same, largest energy first."""
-    max_sweeps: tuple[int, ...] = (6,)
+    max_sweeps: tuple[int, ...] = (3, 3, 1, 1, 1, 1, 4)
     """Gauss-Newton sweeps, by level; visibility is refreshed at the beginning of each."""
     max_iterations: tuple[int, ...] = (4,)
     """Gauss-Newton iterations of a vertex (or of all, with joint) within a sweep, by level."""
@@ -167,8 +171,11 @@ class FairingOptions:
 PRESETS: dict[str, FairingOptions] = {
     "accurate": FairingOptions(),
     "paper": FairingOptions(
-        cells=CellOptions(warp="affine", adaptive=False, weighting="cell"),
+        cells=CellOptions(
+            warp="affine", size=(128,), adaptive=False, inset=(0.0,), interpolation=("bilinear",), weighting="cell"
+        ),
         eigenspace=EigenspaceOptions(dimensions=(5,)),
+        robust=RobustOptions(sigma_rule=("paper",)),
         step=StepOptions(solver="alternating", prior=0.0),
         schedule=ScheduleOptions(
             blur=(6.0, 4.8, 3.6, 2.4, 1.2), start="first", search=(0.0,), order="sequential", max_sweeps=(10,), max_iterations=(20,)

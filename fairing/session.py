@@ -25,6 +25,7 @@ from fairing.gauss_newton import (
     undetermined_directions,
     vertex_systems,
 )
+from fairing.mesh import Mesh
 from fairing.mesh_check import inspect_mesh
 from fairing.options import FairingOptions, by_level, options_from_dict, options_to_dict
 from fairing.scale_space import ScaleSpace
@@ -34,8 +35,9 @@ from fairing.search import Found, search_unit
 from fairing.visibility import Visibility, footprints
 from fairing.trace import Position, StepReason, StepRecord, Trace
 
-FOOTPRINT_PER_BLUR = 14.0  # a face's height over sigma_smooth at the first level
+FOOTPRINT_PER_BLUR = 12.0  # a face's height over sigma_smooth at the first level
 SEARCH_COARSENESS = 1.5
+WELL_SEEN = 0.6  # part of the faces around a vertex
 PROBES = 48
 PROBE_RADII = (3.0, 6.0, 12.0)  # px
 PROBE_GAIN = 0.1
@@ -256,7 +258,10 @@ class Session:
         radius = self._search_radius(level) if position.sweep == 0 else 0.0
         order = "independent" if radius > 0 else self.options.schedule.order
         pixels = self._pixels_per_unit(context, vertices)
-        units = plan_units(mesh, free & (pixels > 0), order, system.energy)
+        movable = free & (pixels > 0)
+        if radius > 0:
+            movable &= _well_seen(mesh, context.takes_part)
+        units = plan_units(mesh, movable, order, system.energy)
         prior = Prior(sliding, weak, self.trace.start, vertices)
         area = float((context.footprint_area * context.n_views)[context.takes_part].sum())
         mean_loss = float(system.energy.sum()) / area if area > 0 else 0.0
@@ -435,7 +440,7 @@ class Session:
         # A search compares places pixels apart: coarser cells and depth maps do, at a third of the time.
         coarse = replace(
             self.options,
-            cells=replace(self.options.cells, spacing=self.options.cells.spacing * SEARCH_COARSENESS),
+            cells=replace(self.options.cells, spacing=tuple(x * SEARCH_COARSENESS for x in self.options.cells.spacing)),
             visibility=replace(self.options.visibility, reduction=self.options.visibility.reduction * 2),
         )
         return search_unit(
@@ -647,6 +652,19 @@ class Session:
             locked[self.scene.mesh.boundary_vertices] = True
         locked[self.scene.mesh.faces[self._excluded]] = True
         return locked
+
+
+def _well_seen(mesh: Mesh, takes_part: np.ndarray) -> np.ndarray:
+    """(n,) bool: vertices of whose faces enough take part for a search to be trusted.
+
+    Where most of the faces around a vertex are unseen, a far place that suits the few seen ones is seldom the right one (facade:
+    such vertices went from 0.70 to 1.06 % rms).
+    """
+    count, seen = (
+        np.bincount(mesh.faces.ravel(), weights=np.repeat(part, 3), minlength=len(mesh.vertices))
+        for part in (np.ones(len(mesh.faces)), takes_part.astype(float))
+    )
+    return seen >= WELL_SEEN * np.maximum(count, 1)
 
 
 def _sum_by_view(context: CellContext, pair_energy: np.ndarray, n_views: int) -> np.ndarray:
