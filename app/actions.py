@@ -50,6 +50,24 @@ ACTIONS: tuple[Action, ...] = (
 )
 
 
+CAMERA_KEYS = (("1 – 9", "Look through a camera"), ("0", "Leave the camera"))
+VERTEX_KEYS = (
+    (";", "Previous move of the selected vertex"),
+    ("'", "Next move of the selected vertex"),
+    ("B", "Breakpoint on the selected vertex"),
+    ("M", "Show the mesh"),
+    ("V", "Show mesh and cameras"),
+    ("Ctrl+K", "All commands"),
+    ("?", "This list"),
+)
+
+
+def key_list() -> list[tuple[str, str]]:
+    """Every key and what it does, for the help."""
+    actions = [(", ".join(key_text(*key) for key in action.keys), action.label) for action in ACTIONS]
+    return [*actions, *CAMERA_KEYS, *VERTEX_KEYS]
+
+
 def key_text(key: str, modifier: str | None) -> str:
     """How a key is written for people."""
     return f"{modifier.capitalize()}+{key}" if modifier else key

@@ -12,7 +12,7 @@ def step_outcome(record: StepRecord) -> str:
     if len(record.vertices) == 0:
         return "nothing to move on this level"
     if len(record.vertices) == 1:
-        return StepReason(int(record.reasons[0])).text
+        return f"vertex {int(record.vertices[0])} {StepReason(int(record.reasons[0])).text}"
     counts = Counter(short_reason(StepReason(int(reason))) for reason in record.reasons)
     return "vertices: " + ", ".join(f"{count} {reason}" for reason, count in counts.most_common())
 

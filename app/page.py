@@ -5,9 +5,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 import viser
 
-from app.actions import ACTIONS
+from app.actions import ACTIONS, key_list
 from app.breakpoints import Breakpoints
 from app.bridge import Bridge, whole_number
 from app.controller import Controller, JumpTo, RunState
@@ -29,11 +30,11 @@ from app.panels.debug_bar import DebugBar
 from app.panels.energy_plot import EnergyPlot
 from app.panels.html_panel import HtmlPanel
 from app.panels.layers_panel import LayersPanel, available_layers
-from app.panels.options_panel import OptionsPanel
+from app.panels.options_panel import OptionButtons, OptionsPanel
 from app.panels.status import Status
 from app.panels.timeline import Timeline
 from app.panels.variables import Variables
-from app.stage import Stage
+from app.stage import FIELD_OF_VIEW, Stage
 from app.texturer import Texturer
 from app.view import MAX_MAGNIFICATION, View
 from fairing.errors import InputError
@@ -116,6 +117,7 @@ class Page:
             "after": bridge.button(lambda: self._to_move_of_selected(1)),
         }
         breakpoint_buttons = BreakpointButtons(shared.controller, bridge.button, bridge.number)
+        option_buttons = OptionButtons(bridge.button)
         tabs = gui.add_tab_group()
         with tabs.add_tab("Vertex"):
             panels.append(Variables(gui, shared.scene.mesh, self._guarded_with(self._select)))
@@ -133,7 +135,7 @@ class Page:
             )
             self._magnification.on_update(lambda _: self._guarded(self._magnify)())
         with tabs.add_tab("Options"):
-            panels.append(OptionsPanel(gui))
+            panels.append(OptionsPanel(gui, shared.controller, self._guarded_with, option_buttons))
         cells = gui.add_panel()
         with cells.add_tab("Cells", viser.Icon.TRIANGLE):
             panels.append(CellsPanel(gui, shared.controller, shared.scene, choose_face, enter))
@@ -171,6 +173,9 @@ class Page:
         self._command("Leave the camera", self._leave, "0")
         self._command("Previous move of the selected vertex", lambda: self._to_move_of_selected(-1), ";")
         self._command("Next move of the selected vertex", lambda: self._to_move_of_selected(1), "'")
+        self._command("Show the mesh", lambda: self._look_from(self._shared.stage.eye), "M")
+        self._command("Show mesh and cameras", lambda: self._look_from(self._shared.stage.overview()), "V")
+        self._command("Keys", self._help, "?", "shift")
         self._command("Breakpoint on the selected vertex", self._toggle_breakpoint, "B")
         gui.set_panel_label(f"EigenFairing · {self._shared.scene.name}")
 
@@ -195,6 +200,21 @@ class Page:
     def _choose_face(self, face: object) -> None:
         self.view.face = whole_number(face, 0, len(self._shared.scene.mesh.faces) - 1, "face")
         self._shared.controller.republish()
+
+    def _look_from(self, eye: np.ndarray) -> None:
+        self._leave()
+        with self._client.atomic():
+            self._client.camera.up_direction = self._shared.stage.up
+            self._client.camera.position = eye
+            self._client.camera.look_at = self._shared.stage.target
+            self._client.camera.fov = FIELD_OF_VIEW
+
+    def _help(self) -> None:
+        rows = "".join(f"<tr><th>{text(keys)}</th><td>{text(meaning)}</td></tr>" for keys, meaning in key_list())
+        with self._client.gui.add_modal("Keys") as modal:
+            HtmlPanel(self._client.gui, f"{STYLE}<table class='words'>{rows}</table>")
+            close = self._client.gui.add_button("Close")
+        close.on_click(lambda _: modal.close())
 
     def _to_move_of_selected(self, direction: int) -> None:
         """To the next step, forward or back, that moved the selected vertex."""

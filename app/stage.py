@@ -29,6 +29,7 @@ class Stage:
         up: (3,) float, page: unit vector.
         eye, target: (3,) float, page: the first look.
         camera_scale: page units: size of a camera's frustum.
+        camera_centers: (V, 3) float, page.
     """
 
     origin: np.ndarray
@@ -37,6 +38,7 @@ class Stage:
     eye: np.ndarray
     target: np.ndarray
     camera_scale: float
+    camera_centers: np.ndarray
 
     @classmethod
     def of(cls, scene: Scene) -> "Stage":
@@ -53,7 +55,17 @@ class Stage:
         spacing = float(np.median((apart + np.diag(np.full(len(apart), np.inf))).min(axis=1)))
         # The timeline covers the window's lower part.
         target = -0.055 * distance * up
-        return cls(origin, scale, up, eye + target, target, float(np.clip(0.2 * spacing, 0.01 * SIZE, 0.06 * SIZE)))
+        camera_scale = float(np.clip(0.2 * spacing, 0.01 * SIZE, 0.06 * SIZE))
+        return cls(origin, scale, up, eye + target, target, camera_scale, centers)
+
+    def overview(self) -> np.ndarray:
+        """(3,) float, page: an eye from which mesh and cameras are in sight, looking at the target as at first."""
+        direction = (self.eye - self.target) / np.linalg.norm(self.eye - self.target)
+        reach = np.concatenate([self.camera_centers, np.zeros((1, 3))]) - self.target
+        along = reach @ direction
+        across = np.linalg.norm(reach - along[:, None] * direction, axis=1)
+        distance = float((along + 1.25 * across / np.tan(FIELD_OF_VIEW / 2)).max())
+        return self.target + max(distance, float(np.linalg.norm(self.eye - self.target))) * direction
 
     def page_from_world(self, points: np.ndarray) -> np.ndarray:
         """Positions (..., 3) in page units, float32, of positions in world units."""

@@ -174,6 +174,32 @@ def test_a_breakpoint_that_is_typed_in_stops_the_run(visitor: Visitor):
     visitor.page.get_by_role("tab", name="Vertex").click()
 
 
+def test_another_k_makes_a_branch_from_here(visitor: Visitor):
+    began = visitor.press("Step one sweep")
+    visitor.page.get_by_role("tab", name="Options").click()
+    visitor.page.get_by_text("Eigenspace", exact=True).click()
+    entry = visitor.page.get_by_text("dimensions", exact=True).locator(
+        "xpath=ancestor::div[contains(@class,'Flex-root')][1]//input"
+    )
+    entry.fill("none")
+    visitor.button("Keep the past, go on with these").click()
+    visitor.page.get_by_text("option eigenspace.dimensions").first.wait_for()
+    entry.fill("1")
+    visitor.page.get_by_text("Changed: dimensions").wait_for()
+    visitor.button("Keep the past, go on with these").click()
+    wait_for(lambda: visitor.app.controller.state.options.eigenspace.dimensions == (1,))
+    state = visitor.app.controller.wait_until_idle()
+    assert state.moment == state.length == began.moment
+    visitor.sees_vertices(page_vertices(visitor.app, state.moment))
+    visitor.page.get_by_role("tab", name="Vertex").click()
+
+
+def test_the_help_lists_the_keys(visitor: Visitor):
+    visitor.page.keyboard.press("Shift+?")
+    visitor.page.get_by_text("Look through a camera", exact=True).wait_for()
+    visitor.button("Close").click()
+
+
 @pytest.mark.parametrize("size", [(1280, 720), (1500, 640)])
 def test_through_a_camera_the_mesh_lies_on_its_photo(visitor: Visitor, scene, size):
     visitor.page.set_viewport_size({"width": size[0], "height": size[1]})

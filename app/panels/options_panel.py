@@ -1,69 +1,122 @@
-"""The options of the run, generated from their dataclasses."""
+"""The options of the run as widgets, generated from their dataclasses."""
 
-import ast
-import inspect
-from dataclasses import fields, is_dataclass
-from functools import cache
+from collections.abc import Callable
 from typing import Any
 
 import viser
 
-from app.controller import RunState
-from app.html import text
+from app.controller import Branch, Controller, Restart, RunState
+from app.html import button, text
+from app.option_fields import OptionField, changed_options, option_fields
 from app.panels.html_panel import HtmlPanel
 from app.view import View
+from fairing.errors import InputError
+from fairing.option_check import check_options
+from fairing.options import PRESETS, FairingOptions
+
+FROM_WIDGETS = "as below"
 
 
 class OptionsPanel:
-    """Every option with its value; the pointer over a line shows what it means."""
+    """Changes take effect when the user says so: from the present moment on, or in a new run."""
 
-    def __init__(self, gui: viser.GuiApi) -> None:
-        self._panel = HtmlPanel(gui)
-        self._shown: Any = None
+    def __init__(
+        self,
+        gui: viser.GuiApi,
+        controller: Controller,
+        guarded: Callable[[Callable[..., None]], Callable[..., None]],
+        press: "OptionButtons",
+    ) -> None:
+        self._controller, self._press = controller, press
+        press.on_go_on, press.on_start_over = self._go_on, self._start_over
+        options = controller.state.options
+        self._shown = options
+        self._head = HtmlPanel(gui)
+        self._preset = gui.add_dropdown("Preset", (FROM_WIDGETS, *PRESETS), hint="Fills in all fields below.")
+        take_preset = guarded(self._take_preset)
+
+        @self._preset.on_update
+        def _(event: viser.GuiEvent) -> None:
+            if event.client is not None:
+                take_preset()
+
+        self._widgets: list[tuple[OptionField, Any]] = []
+        groups: dict[str, list[OptionField]] = {}
+        for field in option_fields():
+            groups.setdefault(field.path[0] if len(field.path) > 1 else "general", []).append(field)
+        for name, members in groups.items():
+            with gui.add_folder(name.capitalize(), expand_by_default=False):
+                for field in members:
+                    widget = _widget(gui, field, options)
+                    widget.on_update(lambda event: controller.republish() if event.client is not None else None)
+                    self._widgets.append((field, widget))
 
     def show(self, state: RunState, view: View) -> None:
         if state.options is not self._shown:
             self._shown = state.options
-            self._panel.set(_group("", state.options))
+            self._fill_in(state.options)
+            self._preset.value = FROM_WIDGETS
+        try:
+            changed = [f for f, widget in self._widgets if f.read(widget.value) != f.of(state.options)]
+            note = f"Changed: {', '.join(f.label for f in changed)}" if changed else "As the run has them."
+        except InputError as error:
+            note = str(error)
+        go_on = button("Go on from here", self._press.go_on, hint="Keep the past, go on with these", css_class="grow")
+        over = button("Start over", self._press.start_over, hint="A new run with these options", css_class="grow")
+        self._head.set(f"<div class='row'>{go_on}{over}</div><div class='note dim'>{text(note)}</div>")
+
+    def _typed(self) -> FairingOptions:
+        values = {field.path: field.read(widget.value) for field, widget in self._widgets}
+        options = changed_options(self._controller.state.options, values)
+        check_options(options)
+        return options
+
+    def _go_on(self) -> None:
+        options, state = self._typed(), self._controller.state
+        if options.schedule != state.options.schedule and state.moment > 0:
+            raise InputError("the schedule belongs to a run as a whole; start over with it")
+        self._controller.post(Branch(options))
+
+    def _start_over(self) -> None:
+        self._controller.post(Restart(self._typed()))
+
+    def _take_preset(self) -> None:
+        name = str(self._preset.value)
+        if name in PRESETS:
+            self._fill_in(PRESETS[name])
+            self._controller.republish()
+
+    def _fill_in(self, options: FairingOptions) -> None:
+        for field, widget in self._widgets:
+            value = field.shown(options)
+            if widget.value != value:
+                widget.value = value
 
 
-def _group(title: str, options: Any) -> str:
-    meanings = field_meanings(type(options))
-    rows, groups = [], []
-    for field in fields(options):
-        value = getattr(options, field.name)
-        if is_dataclass(value):
-            groups.append(_group(field.name, value))
-        else:
-            meaning = text(meanings.get(field.name, ""))
-            rows.append(
-                f"<tr title='{meaning}'><th>{text(field.name.replace('_', ' '))}</th>"
-                f"<td class='n'>{text(_plain(value))}</td></tr>"
-            )
-    head = f"<h4>{text(title.capitalize())}</h4>" if title else ""
-    return f"{head}<table>{''.join(rows)}</table>{''.join(groups)}"
+class OptionButtons:
+    """JavaScript for the panel's buttons; made where they stay on the page when the panel is not."""
+
+    def __init__(self, button_for: Callable[[Callable[[], None]], str]) -> None:
+        self.on_go_on: Callable[[], None] = lambda: None
+        self.on_start_over: Callable[[], None] = lambda: None
+        self.go_on = button_for(lambda: self.on_go_on())
+        self.start_over = button_for(lambda: self.on_start_over())
 
 
-def _plain(value: Any) -> str:
-    if isinstance(value, tuple):
-        return ", ".join(_plain(part) for part in value) if value else "none"
-    if isinstance(value, bool):
-        return "on" if value else "off"
-    return f"{value:g}" if isinstance(value, float) else str(value)
+def _widget(gui: viser.GuiApi, field: OptionField, options: FairingOptions) -> Any:
+    value, hint = field.shown(options), field.meaning or None
+    if field.kind == "choice":
+        return gui.add_dropdown(field.label, field.choices, initial_value=value, hint=hint)
+    if field.kind == "switch":
+        return gui.add_checkbox(field.label, value, hint=hint)
+    if field.kind == "list":
+        return gui.add_text(field.label, value, hint=hint)
+    if field.kind == "whole":
+        return gui.add_number(field.label, value, step=1, hint=hint)
+    return gui.add_number(field.label, float(value), step=10 ** -_decimals(float(value)), hint=hint)
 
 
-@cache
-def field_meanings(kind: type) -> dict[str, str]:
-    """The string under each field of a dataclass, by the field's name."""
-    body = ast.parse(inspect.getsource(kind).lstrip()).body[0]
-    assert isinstance(body, ast.ClassDef)
-    meanings = {}
-    for statement, following in zip(body.body, body.body[1:], strict=False):
-        if (
-            isinstance(statement, ast.AnnAssign)
-            and isinstance(statement.target, ast.Name)
-            and isinstance(following, ast.Expr)
-            and isinstance(following.value, ast.Constant)
-        ):
-            meanings[statement.target.id] = " ".join(str(following.value.value).split())
-    return meanings
+def _decimals(value: float) -> int:
+    """How finely a value like this is changed: 100 by 1, 0.7 by 0.1, 0.002 by 0.001."""
+    digits = f"{value:.12f}".rstrip("0")
+    return min(9, len(digits.split(".")[1])) if value != 0 else 1
