@@ -95,8 +95,8 @@ class FaceCells:
 def face_cells(session: Session, face: int, moment: int | None = None) -> FaceCells:
     """Cells of a face at a moment, under the visibility and robust scale of the sweep of the moment's next step.
 
-    Their energy is the `face_energy_before` of that step, if it is a Gauss-Newton step that looks at the face. (A search
-    compares places with coarser cells of its own.)
+    Their energy is the `face_energy_before` of that step, if it is a Gauss-Newton step that looks at the face
+    (searches compare places with coarser cells of their own).
 
     Args:
         face: id.
