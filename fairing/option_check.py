@@ -24,6 +24,8 @@ _LOWEST: dict[str, tuple[float, bool]] = {
     "visibility.edge_margin": (0, True),
     "visibility.max_views": (3, True),
     "schedule.blur": (0, True),
+    "schedule.search": (0, True),
+    "schedule.search_gain": (0, True),
     "schedule.max_sweeps": (1, True),
     "schedule.max_iterations": (1, True),
     "schedule.sweep_tolerance": (0, True),

@@ -103,7 +103,7 @@ def test_the_other_two_corners_and_their_edge_stay():
 
 def test_optical_flow_points_against_the_model_flow_of_the_right_correction():
     """The paper's figure 4 (b) and (c)."""
-    options = small_options(eigenspace={"dimensions": [1]}, schedule={"blur": [1.2]}, cells={"spacing": 0.5})
+    options = small_options(eigenspace={"dimensions": [1]}, schedule={"blur": [1.2]}, cells={"spacing": [0.5]})
     session = Session(corner_scene((0.02, -0.015, 0.02)), options)
     eta = VERTICES[0] - session.vertices[0]
     cosines = []
