@@ -4,6 +4,7 @@ viser 1.1.1 offers none of this, so it is done on its private parts; tests hold 
 """
 
 import contextlib
+import io
 import re
 import socket
 from collections.abc import Iterator
@@ -47,7 +48,8 @@ def start_server(host: str, port: int) -> viser.ViserServer:
         InputError: see `check_address`.
     """
     check_address(host, port)
-    with _only_origins(_own_pages(host)):
+    # viser greets on standard output even when told not to; the address is printed by who serves.
+    with _only_origins(_own_pages(host)), contextlib.redirect_stdout(io.StringIO()):
         server = viser.ViserServer(host=host, port=port, verbose=False)
     for request in (_messages.ShareUrlRequest, _messages.ShareUrlDisconnect):
         server._websock_server.unregister_handler(request)

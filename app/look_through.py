@@ -80,6 +80,7 @@ class LookThrough:
 
     def enter(self, view_id: int) -> None:
         """Look through a camera."""
+        self._scene.views[view_id].photo.load()  # before anything changes: it may be unreadable
         camera = self._client.camera
         if self._inside is None:
             self._outside = (

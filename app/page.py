@@ -1,6 +1,7 @@
 """One browser's page: its panels, its layers, its selection. All pages show the same run."""
 
 import logging
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -11,7 +12,7 @@ import viser
 from app.actions import ACTIONS, key_list
 from app.breakpoints import Breakpoints
 from app.bridge import Bridge, whole_number
-from app.controller import Controller, JumpTo, RunState
+from app.controller import Activity, Controller, JumpTo, RunState
 from app.history import EnergyHistory, PathHistory, next_move
 from app.html import STYLE, button, icon, text
 from app.layers import Layer
@@ -41,6 +42,7 @@ from fairing.errors import InputError
 from fairing.scene import Scene
 
 MARGIN = 16
+PANELS_EVERY = 0.25  # s: while it runs, numbers change slower than the eye follows the mesh
 CELLS_WIDTH = 362
 
 
@@ -64,6 +66,7 @@ class Page:
         self.view = view
         self._client, self._shared = client, shared
         self._problem = (0, "")
+        self._panels_shown = 0.0
         self._look_through = LookThrough(client, shared.stage, shared.scene)
         client.gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False, brand_color=BRAND)
         client.gui.set_panel_label(f"EigenFairing · {shared.scene.name}")
@@ -83,8 +86,13 @@ class Page:
 
     def show(self, state: RunState) -> None:
         """Bring the browser up to date."""
-        for part in (*self._layers, *self._panels):
-            part.show(state, self.view)
+        for layer in self._layers:
+            layer.show(state, self.view)
+        now = time.monotonic()
+        if state.activity is not Activity.RUNNING or now - self._panels_shown > PANELS_EVERY:
+            self._panels_shown = now
+            for panel in self._panels:
+                panel.show(state, self.view)
         if state.problem and (state.run_id, state.problem) != self._problem:
             self._notify(state.problem)
         self._problem = (state.run_id, state.problem)

@@ -1,6 +1,7 @@
 """Opens the debugger in the browser."""
 
 import contextlib
+import io
 import logging
 import sys
 import threading
@@ -68,7 +69,8 @@ class App:
             for page in self._pages.values():
                 page.close()
             self._pages.clear()
-        self._server.stop()
+        with contextlib.redirect_stdout(io.StringIO()):
+            self._server.stop()
 
     def _set_the_stage(self, stage: Stage) -> None:
         server = self._server

@@ -12,8 +12,10 @@ from app.palette import CAMERA
 from app.stage import Stage
 from app.view import View
 from fairing.camera import Camera
+from fairing.errors import InputError
 from fairing.scene import Scene
 
+MISSING = 60  # grey level of a photo that cannot be read
 THUMBNAIL = 320  # px, the longer side
 
 
@@ -32,7 +34,11 @@ class Thumbnails:
 
     def __getitem__(self, view_id: int) -> np.ndarray:
         if view_id not in self._images:
-            pixels = self._scene.views[view_id].photo.load()
+            view = self._scene.views[view_id]
+            try:
+                pixels = view.photo.load()
+            except InputError:  # a photo that has gone since the scene was opened: its camera is still there
+                pixels = np.full((view.camera.height, view.camera.width, 3), MISSING, dtype=np.uint8)
             height, width = pixels.shape[:2]
             factor = min(1.0, THUMBNAIL / max(width, height))
             size = (max(1, round(width * factor)), max(1, round(height * factor)))
