@@ -51,7 +51,13 @@ class Evaluator:
         """Cell samples read so far, for the speed shown to users."""
 
     def linearise(
-        self, context: CellContext, vertices: np.ndarray, faces: np.ndarray, corners: np.ndarray, sigma: np.ndarray, solver: str
+        self,
+        context: CellContext,
+        vertices: np.ndarray,
+        faces: np.ndarray,
+        corners: np.ndarray,
+        sigma: np.ndarray,
+        solver: str,
     ) -> FaceSystem:
         """Energy and normal equations at `vertices`.
 

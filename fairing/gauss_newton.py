@@ -158,7 +158,9 @@ def solve_jointly(
         ),
         shape=(3 * int(free.sum()),) * 2,
     ).tocsc()
-    solution = splu(matrix, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}).solve(-gradient[free].reshape(-1))
+    solution = splu(matrix, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}).solve(
+        -gradient[free].reshape(-1)
+    )
     step = np.zeros((n, 3))
     step[free] = solution.reshape(-1, 3)
     return step

@@ -138,12 +138,12 @@ class ScheduleOptions:
     order: Literal["joint", "independent", "sequential", "worst_first"] = "joint"
     """joint: all vertices by one sparse system. independent: sets of vertices that share no face, one set after another.
     sequential: one vertex at a time, as the paper. worst_first: the same, largest energy first."""
-    max_sweeps: tuple[int, ...] = (3, 3, 1, 1, 1, 1, 4)
+    max_sweeps: tuple[int, ...] = (12, 8, 4, 2, 4, 2, 3)
     """Gauss-Newton sweeps, by level; visibility is refreshed at the beginning of each."""
-    max_iterations: tuple[int, ...] = (4,)
+    max_iterations: tuple[int, ...] = (4, 4, 3)
     """Gauss-Newton iterations of a vertex (or of all, with joint) within a sweep, by level."""
-    sweep_tolerance: float = 0.01
-    """A level ends when no vertex moved more than this in a sweep, px."""
+    sweep_tolerance: float = 0.02
+    """A level ends when no vertex moved more than this in a sweep, in units of the level's blur."""
 
 
 @dataclass(frozen=True)
@@ -178,7 +178,12 @@ PRESETS: dict[str, FairingOptions] = {
         robust=RobustOptions(sigma_rule=("paper",)),
         step=StepOptions(solver="alternating", prior=0.0),
         schedule=ScheduleOptions(
-            blur=(6.0, 4.8, 3.6, 2.4, 1.2), start="first", search=(0.0,), order="sequential", max_sweeps=(10,), max_iterations=(20,)
+            blur=(6.0, 4.8, 3.6, 2.4, 1.2),
+            start="first",
+            search=(0.0,),
+            order="sequential",
+            max_sweeps=(10,),
+            max_iterations=(20,),
         ),
     ),
 }

@@ -66,7 +66,9 @@ class ScaleSpace:
         if blur > 0:
             radius = int(np.ceil(4 * blur))
             size = (2 * radius + 1, 2 * radius + 1)
-            planes = np.stack([cv2.GaussianBlur(plane, size, blur, borderType=cv2.BORDER_REFLECT_101) for plane in planes])
+            planes = np.stack(
+                [cv2.GaussianBlur(plane, size, blur, borderType=cv2.BORDER_REFLECT_101) for plane in planes]
+            )
         if cubic:
             planes = np.stack([spline_filter(plane, order=3, mode="mirror", output=np.float32) for plane in planes])
         return planes

@@ -37,6 +37,8 @@ from fairing.trace import Position, StepReason, StepRecord, Trace
 
 FOOTPRINT_PER_BLUR = 12.0  # a face's height over sigma_smooth at the first level
 SEARCH_COARSENESS = 1.5
+SEARCH_CELL = 48
+REACH = 1.5
 WELL_SEEN = 0.6  # part of the faces around a vertex
 PROBES = 48
 PROBE_RADII = (3.0, 6.0, 12.0)  # px
@@ -272,6 +274,11 @@ class Session:
         factor = by_level(self.options.schedule.search, level)
         return factor * self.start_error if factor > 0 else 0.0
 
+    @property
+    def _reach(self) -> float:
+        """How far from its start a searched vertex may end, px: a little farther than the widest search."""
+        return REACH * max(self.options.schedule.search) * self.start_error
+
     def _pixels_per_unit(self, context: CellContext, vertices: np.ndarray) -> np.ndarray:
         longest = np.zeros(len(vertices))
         for v, view in enumerate(self.scene.views):
@@ -403,9 +410,7 @@ class Session:
     def _search_step(self, position: Position, sweep: SweepState, unit: Unit) -> StepRecord:
         """Look for better places of all vertices of an independent unit."""
         ids, vertices = unit.vertices, self.vertices
-        # A vertex may not end farther from its start than the widest search reaches.
-        reach = 1.5 * max(self.options.schedule.search) * self.start_error
-        found = self._search(sweep, unit, vertices, sweep.search_radius, reach)
+        found = self._search(sweep, unit, vertices, sweep.search_radius, self._reach)
         moved = (found.after != vertices[ids]).any(axis=1)
         reasons = np.where(moved, StepReason.FOUND_PLACE, StepReason.NO_BETTER_PLACE).astype(np.int8)
         reasons[found.folds] = StepReason.REJECTED_FOLD
@@ -438,9 +443,15 @@ class Session:
     def _search(self, sweep: SweepState, unit: Unit, vertices: np.ndarray, radius: float, reach: float) -> Found:
         pixels, level = sweep.pixels_per_unit[unit.vertices], sweep.context.level
         # A search compares places pixels apart: coarser cells and depth maps do, at a third of the time.
+        cells = self.options.cells
         coarse = replace(
             self.options,
-            cells=replace(self.options.cells, spacing=tuple(x * SEARCH_COARSENESS for x in self.options.cells.spacing)),
+            cells=replace(
+                cells,
+                spacing=tuple(x * SEARCH_COARSENESS for x in cells.spacing),
+                size=tuple(min(size, SEARCH_CELL) for size in cells.size),
+                interpolation=("bilinear",),
+            ),
             visibility=replace(self.options.visibility, reduction=self.options.visibility.reduction * 2),
         )
         return search_unit(
@@ -468,6 +479,18 @@ class Session:
         """Shorten steps to the capture range and until no face folds; tells which vertices a fold held back."""
         options = self.options.step
         tried = self._shorten(sweep.context, vertices, ids, proposed)
+        if self.start_error > 0:
+            # What lies so far off is not refined but lost: a vertex stays within the reach of the searches.
+            start = self.trace.start[ids]
+            offset = vertices[ids] + tried - start
+            reach = self._reach / np.maximum(sweep.pixels_per_unit[ids], 1e-300)
+            far = np.maximum(reach, np.linalg.norm(vertices[ids] - start, axis=1))
+            length = np.linalg.norm(offset, axis=1)
+            tried = np.where(
+                (length > far)[:, None],
+                start + offset * (far / np.maximum(length, 1e-300))[:, None] - vertices[ids],
+                tried,
+            )
         folds = np.zeros(len(ids), dtype=bool)
         after = vertices.copy()
         for attempt in range(5):
@@ -529,7 +552,7 @@ class Session:
         start = self.trace.vertices_at(sweep.moment)
         moved = self._pixels(sweep.context, start, ids, after[ids] - start[ids])
         sweeps = searched + by_level(schedule.max_sweeps, level)
-        if moved.max(initial=0) >= schedule.sweep_tolerance and position.sweep + 1 < sweeps:
+        if moved.max(initial=0) >= schedule.sweep_tolerance * schedule.blur[level] and position.sweep + 1 < sweeps:
             return Position(level, position.sweep + 1, 0, 0)
         return Position(level + 1, 0, 0, 0)
 
@@ -560,9 +583,11 @@ class Session:
         schedule = self.options.schedule
         if schedule.start_error >= 0:
             return schedule.start_error
-        levels = [k for k in range(self._first_level, self.options.n_levels) if by_level(schedule.search, k) > 0]
-        if not levels:
+        levels = [k for k in range(self.options.n_levels) if by_level(schedule.search, k) > 0]
+        # Where the faces are large enough for levels coarser than the searching ones, those bring the vertices near.
+        if not levels or self._first_level < levels[0]:
             return 0.0
+        levels = [k for k in levels if k >= self._first_level]
         sweep = self._begin_sweep(Position(levels[0], 1, 0, 0), 0)
         ids = np.flatnonzero(sweep.free & (sweep.pixels_per_unit > 0))
         if len(ids) == 0:

@@ -186,7 +186,9 @@ class Trace:
             self._file = path.open("ab")
         except OSError as error:
             aside.unlink(missing_ok=True)
-            raise InputError(f"{path}: could not be written ({error.strerror}); choose another folder or free space") from None
+            raise InputError(
+                f"{path}: could not be written ({error.strerror}); choose another folder or free space"
+            ) from None
 
     def flush(self) -> None:
         """Make sure that what was appended survives a crash of the machine."""

@@ -74,7 +74,9 @@ def footprints(
 
     reason = np.full(len(faces), Visibility.SEEN, dtype=np.int8)
     reason[~(height >= options.min_footprint * max(1.0, blur))] = Visibility.TOO_SMALL
-    reason[(high < 1).any(1) | (low[:, 0] > camera.width - 2) | (low[:, 1] > camera.height - 2)] = Visibility.OUTSIDE_PHOTO
+    reason[(high < 1).any(1) | (low[:, 0] > camera.width - 2) | (low[:, 1] > camera.height - 2)] = (
+        Visibility.OUTSIDE_PHOTO
+    )
     reason[sine < np.sin(np.deg2rad(options.min_angle))] = Visibility.GRAZING
     reason[sine <= 0] = Visibility.TURNED_AWAY
     reason[(corner_depth <= 0).any(1)] = Visibility.BEHIND_CAMERA
@@ -105,9 +107,7 @@ def depth_map(vertices: np.ndarray, faces: np.ndarray, camera: Camera, reduction
     """Depth and depth edges of the mesh in a photo."""
     shift = (1 / reduction - 1) / 2
     coarser = np.array([[1 / reduction, 0, shift], [0, 1 / reduction, shift], [0, 0, 1]])
-    small = Camera(
-        coarser @ camera.image_from_world, -(-camera.width // reduction), -(-camera.height // reduction)
-    )
+    small = Camera(coarser @ camera.image_from_world, -(-camera.width // reduction), -(-camera.height // reduction))
     face_id, depth = rasterize(vertices, faces, small)
     uv, corner_depth = small.project(vertices)
     focal = float(camera.K[0, 0])
