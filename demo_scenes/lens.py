@@ -1,7 +1,8 @@
 """What the lens does before the pixels: a slight blur, without which fine texture would turn into moire.
 
-A pixel that is the mean over its square lets through detail finer than it can show, and that false detail differs from photo to
-photo: corner A of the cube then ends 0.01 % of the edge off, whatever the engine does. Real lenses blur by a little more than half a pixel.
+A pixel that is the mean over its square lets through detail finer than it can show, and that false detail differs from
+photo to photo: corner A of the cube then ends 0.01 % of the edge off, whatever the engine does. Real lenses blur by a
+little more than half a pixel.
 """
 
 import numpy as np

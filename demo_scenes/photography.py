@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from demo_scenes.cache import cached_photos
+from demo_scenes.lens import expose
 from demo_scenes.lighting import light_lattice
 from demo_scenes.noise import seeded
 from demo_scenes.occluders import passer_by, pole_and_leaves
-from demo_scenes.lens import expose
 from demo_scenes.surface import Stage
 from fairing.camera import Camera
 from fairing.photo import ArrayPhoto

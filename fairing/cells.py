@@ -1,7 +1,7 @@
 """The cells of all faces at one level: which photos, which samples, how finely, with what weight.
 
-A context is a function of the level and of the vertex positions it was made at. It stays fixed while vertices move, so that
-energies before and after a step compare like with like, and is made anew at the beginning of each sweep.
+A context is a function of the level and of the vertex positions it was made at. It stays fixed while vertices move, so
+that energies before and after a step compare like with like, and is made anew at the beginning of each sweep.
 """
 
 from concurrent.futures import Executor
@@ -36,8 +36,8 @@ MAX_INSET = 0.08
 def cell_grid(size: int) -> np.ndarray:
     """(2, size * (size + 1) / 2) float32: barycentric weights of corners 0 and 1 at the samples of a cell.
 
-    Sample (row r, column c) of the right triangle sits at ((c + 1/3) / size, (r + 1/3) / size), c + r < size, so that the three
-    corners are treated alike.
+    Sample (row r, column c) of the right triangle sits at ((c + 1/3) / size, (r + 1/3) / size), c + r < size, so that
+    the three corners are treated alike.
     """
     row, column = np.nonzero(np.add.outer(np.arange(size), np.arange(size)) < size)
     return np.stack([(column + 1 / 3) / size, (row + 1 / 3) / size]).astype(np.float32)

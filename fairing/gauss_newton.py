@@ -16,11 +16,11 @@ RIDGE = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Prior:
-    """Weak pulls of vertices along what the photos leave open: the sum of (x - a)^T B (x - a) / 2 over two kinds of them.
+    """Weak pulls of vertices along what the photos leave open: (x - a)^T B (x - a) / 2, summed over two kinds.
 
-    Sliding (directions in which the surface moves in itself) is pulled to the run's start. Weakly seen directions are pulled to
-    the sweep's start only: that slows a vertex where it could run off, but leaves the minimum where it is (pulled to the run's
-    start, corner A of the cube ended 5 % off).
+    Sliding (directions in which the surface moves in itself) is pulled to the run's start. Weakly seen directions are
+    pulled to the sweep's start only: that slows a vertex where it could run off, but leaves the minimum where it is
+    (pulled to the run's start, corner A of the cube ended 5 % off).
 
     Attributes:
         sliding, weak: (n, 3, 3) float, B of each kind.
@@ -69,8 +69,8 @@ def undetermined_directions(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Blocks (n, 3, 3) that penalise what photos do not determine: sliding, and weakly seen directions.
 
-    Sliding: the normals of the incident faces have no spread there (inside a plane, along an edge). Weak: a small eigenvalue of
-    the normal matrix (little texture, few photos). The penalty is `prior` times the largest eigenvalue.
+    Sliding: the normals of the incident faces have no spread there (inside a plane, along an edge). Weak: a small
+    eigenvalue of the normal matrix (little texture, few photos). The penalty is `prior` times the largest eigenvalue.
 
     Args:
         H: (n, 3, 3) float: normal matrices.

@@ -18,8 +18,8 @@ def rasterize(vertices: np.ndarray, faces: np.ndarray, camera: Camera) -> tuple[
         camera: the camera; its size is the size of the result.
 
     Returns:
-        Face ids (height, width) int32, -1 where there is none, and depths (height, width) float64, world units, infinite
-        where there is none. Faces that reach behind the camera are left out.
+        Face ids (height, width) int32, -1 where there is none, and depths (height, width) float64, world units,
+        infinite where there is none. Faces that reach behind the camera are left out.
     """
     face_id = np.full((camera.height, camera.width), -1, dtype=np.int32)
     inverse_depth = np.zeros((camera.height, camera.width))

@@ -30,7 +30,7 @@ class ScaleSpace:
         return np.concatenate([[0], np.cumsum(sizes)[:-1]]).astype(np.int64)
 
     def planes(self, blurs: tuple[float, ...], cubic: bool) -> np.ndarray:
-        """All photos at each of the blurs in turn, flat float32, planes (channels, height, width), grey levels 0 to 255.
+        """All photos at each of the blurs in turn, flat float32, planes (channels, height, width), in grey levels.
 
         Args:
             blurs: sigmas of Gaussians, pixels; 0 for none.
@@ -70,5 +70,5 @@ class ScaleSpace:
                 [cv2.GaussianBlur(plane, size, blur, borderType=cv2.BORDER_REFLECT_101) for plane in planes]
             )
         if cubic:
-            planes = np.stack([spline_filter(plane, order=3, mode="mirror", output=np.float32) for plane in planes])
+            planes = np.stack([spline_filter(plane, 3, np.float32, "mirror") for plane in planes])  # pyright: ignore[reportArgumentType]
         return planes

@@ -1,10 +1,11 @@
 """Before Gauss-Newton: look around each vertex for a better place, judged with the visibility it would have there.
 
-Gauss-Newton finds the minimum near by. On buildings, faces of 20 px with vertices 8 px off their corner lie outside its reach,
-and the photos that seem to see a face are those that see it in its wrong place: then the truth costs more than the error. So
-every place tried is judged by the photos that would see the faces there, per photo area. Measured on the facade (median / rms of
-the determined error in % of the diagonal, from 0.73 / 0.66): Gauss-Newton alone 0.23 / 0.70; search with visibility kept as it
-was 0.09 / 0.82; with the visibility of each place 0.10 / 0.44, and 0.085 / 0.34 when no vertex may leave the search's reach.
+Gauss-Newton finds the minimum near by. On buildings, faces of 20 px with vertices 8 px off their corner lie outside
+its reach, and the photos that seem to see a face are those that see it in its wrong place: then the truth costs more
+than the error. So every place tried is judged by the photos that would see the faces there, per photo area. Measured
+on the facade (median / rms of the determined error in % of the diagonal, from 0.73 / 0.66): Gauss-Newton alone 0.23 /
+0.70; search with visibility kept as it was 0.09 / 0.82; with the visibility of each place 0.10 / 0.44, and 0.085 /
+0.34 when no vertex may leave the search's reach.
 """
 
 from collections.abc import Callable
@@ -37,7 +38,8 @@ class Found:
     Attributes:
         after: (u, 3) float: the better place, or the old one.
         proposed: (u, 3) float: displacement to the best place tried.
-        score_before, score_after: (u,) float: mean loss per photo pixel around the vertex, at the old place and at `after`.
+        score_before, score_after: (u,) float: mean loss per photo pixel around the vertex, at the old place and at
+        `after`.
         folds: (u,) bool: the better place would have folded a face.
         system_before, system_after: energies of the unit's faces at the old and the new places.
         context_before, context_after: who sees them there.
@@ -132,8 +134,8 @@ def search_unit(
     kept_faces = worse[unit.owner]
     system_after.energy[kept_faces] = system_before.energy[kept_faces]
     return Found(
-        places[ids], proposed, score_before, np.where(worse, score_before, score_after), folds, system_before, system_after,
-        before, after_context,
+        places[ids], proposed, score_before, np.where(worse, score_before, score_after), folds, system_before,
+        system_after, before, after_context,
     )  # fmt: skip
 
 
@@ -146,8 +148,8 @@ def _score(
 ) -> np.ndarray:
     """(u,) float: mean loss per photo pixel of the faces around each vertex.
 
-    A face's loss is divided by its degrees of freedom, (n - k) / n, so that few photos do not look like a good fit; a face that
-    fewer than three photos see counts half with the mesh's average.
+    A face's loss is divided by its degrees of freedom, (n - k) / n, so that few photos do not look like a good fit; a
+    face that fewer than three photos see counts half with the mesh's average.
     """
     data = context.kernel
     faces = unit.faces

@@ -1,7 +1,7 @@
 """A fairing run that can be stepped, stopped, moved back and continued.
 
-A run is a function of the scene and the options. Every step is computed from the vertices and the recorded position in the
-schedule alone, so that a run resumed from its trace writes the same bytes as one never stopped.
+A run is a function of the scene and the options. Every step is computed from the vertices and the recorded position in
+the schedule alone, so that a run resumed from its trace writes the same bytes as one never stopped.
 """
 
 import importlib.metadata
@@ -32,8 +32,8 @@ from fairing.scale_space import ScaleSpace
 from fairing.scene import Scene
 from fairing.schedule import Unit, independent_sets, independent_unit, plan_units
 from fairing.search import Found, search_unit
-from fairing.visibility import Visibility, footprints
 from fairing.trace import Position, StepReason, StepRecord, Trace
+from fairing.visibility import Visibility, footprints
 
 FOOTPRINT_PER_BLUR = 12.0  # a face's height over sigma_smooth at the first level
 SEARCH_COARSENESS = 1.5
@@ -455,9 +455,9 @@ class Session:
             visibility=replace(self.options.visibility, reduction=self.options.visibility.reduction * 2),
         )
         return search_unit(
-            unit, vertices, self.trace.start, radius / pixels, reach / pixels, sweep.mean_loss, sweep.scale, self.scene.mesh,
-            self.options, self._evaluator, lambda places, judged: self._build_context(level, places, judged, coarse),
-            self._shorten,
+            unit, vertices, self.trace.start, radius / pixels, reach / pixels, sweep.mean_loss, sweep.scale,
+            self.scene.mesh, self.options, self._evaluator,
+            lambda places, judged: self._build_context(level, places, judged, coarse), self._shorten,
         )  # fmt: skip
 
     def _initial_damping(self, level: int) -> float:
@@ -519,7 +519,7 @@ class Session:
         return longest
 
     def _objective(self, sweep: SweepState, unit: Unit, system: FaceSystem, vertices: np.ndarray) -> np.ndarray:
-        """(u,) float: energy plus prior of every vertex of an uncoupled unit; of a coupled one the shares of its vertices."""
+        """(u,) float: energy plus prior of each vertex of the unit; where it is coupled, the vertices' shares."""
         energy = np.bincount(unit.owner, weights=system.energy, minlength=len(unit.vertices))
         return energy + sweep.prior.energy(vertices, unit.vertices)
 
@@ -577,8 +577,8 @@ class Session:
     def start_error(self) -> float:
         """How far the start's vertices lie from their places, px: as the options say, or found by trying.
 
-        A spread of vertices is searched at several radii; the estimate is the distance that most of those stay within which find a
-        clearly better place. Where most find none, the start needs no search.
+        A spread of vertices is searched at several radii; the estimate is the distance that most of those stay within
+        which find a clearly better place. Where most find none, the start needs no search.
         """
         schedule = self.options.schedule
         if schedule.start_error >= 0:
@@ -682,8 +682,8 @@ class Session:
 def _well_seen(mesh: Mesh, takes_part: np.ndarray) -> np.ndarray:
     """(n,) bool: vertices of whose faces enough take part for a search to be trusted.
 
-    Where most of the faces around a vertex are unseen, a far place that suits the few seen ones is seldom the right one (facade:
-    such vertices went from 0.70 to 1.06 % rms).
+    Where most of the faces around a vertex are unseen, a far place that suits the few seen ones is seldom the right
+    one (facade: such vertices went from 0.70 to 1.06 % rms).
     """
     count, seen = (
         np.bincount(mesh.faces.ravel(), weights=np.repeat(part, 3), minlength=len(mesh.vertices))

@@ -1,10 +1,10 @@
 """The record of a run: every step, small enough to keep, appended to a file as it happens and readable after a crash.
 
-A *moment* is a number between two steps: moment 0 is the start, moment m the state after m steps. A trace holds positions
-exactly, so any moment comes back to the bit; cells, residuals and flows are recomputed from it on demand.
+A *moment* is a number between two steps: moment 0 is the start, moment m the state after m steps. A trace holds
+positions exactly, so any moment comes back to the bit; cells, residuals and flows are recomputed from it on demand.
 
-File layout: the magic line, then blocks of (length, checksum, payload), the first being the header. A block that was cut
-short by a crash is dropped on reading, everything before it is kept.
+File layout: the magic line, then blocks of (length, checksum, payload), the first being the header. A block that was
+cut short by a crash is dropped on reading, everything before it is kept.
 """
 
 import io
@@ -247,7 +247,8 @@ class Trace:
 def _pack(texts: dict[str, str], **arrays: np.ndarray) -> bytes:
     buffer = io.BytesIO()
     text_arrays = {f"text_{name}": np.frombuffer(text.encode(), dtype=np.uint8) for name, text in texts.items()}
-    np.savez_compressed(buffer, **text_arrays, **arrays)
+    everything: dict[str, Any] = {**text_arrays, **arrays}
+    np.savez_compressed(buffer, **everything)
     return buffer.getvalue()
 
 

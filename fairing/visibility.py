@@ -161,8 +161,8 @@ def _mark_depth_edges(uv, inverse_depth, face_id, depth, focal, edges):
 
 @njit(cache=True, nogil=True)
 def mask_samples(
-    pixels, corners, grids, grid_start, ramp, insets, inverse_depth, edge_distance, focal, reduction, border, margin, size,
-    masks, starts, seen,
+    pixels, corners, grids, grid_start, ramp, insets, inverse_depth, edge_distance, focal, reduction, border, margin,
+    size, masks, starts, seen,
 ):  # fmt: skip
     """Mark the samples of cells that one photo really shows.
 
