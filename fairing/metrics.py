@@ -12,10 +12,13 @@ from fairing.closest_point import SurfaceTree
 from fairing.energy import Evaluator
 from fairing.gauss_newton import face_normals
 from fairing.mesh import Mesh
+from fairing.rasterize import rasterize
 from fairing.scene import Scene
 from fairing.session import Session
 
 SURFACE_SAMPLES = 20_000
+SEEN_FRACTION = 0.3
+SEEN_PIXELS = 30
 SPAN_TOLERANCE = 0.05
 """Normals that span less than this (sine of their angle) count as parallel."""
 
@@ -58,11 +61,13 @@ class VertexErrors:
         total: all of it.
         determined: the part in the span of the normals of the true surfaces that meet at the vertex.
         sliding: the rest: along a plane or an edge, where the surface moves in itself.
+        seen: the part of `determined` in the span of the normals of those true faces that at least three photos see.
     """
 
     total: Distances
     determined: Distances
     sliding: Distances
+    seen: Distances
 
 
 def vertex_errors(scene: Scene, vertices: np.ndarray) -> VertexErrors:
@@ -70,10 +75,8 @@ def vertex_errors(scene: Scene, vertices: np.ndarray) -> VertexErrors:
     error = vertices - _true_vertices(scene)
     determined = determined_part(scene, error)
     diagonal = scene.mesh.diagonal
-    total, seen, free = (
-        Distances(np.linalg.norm(e, axis=1), diagonal) for e in (error, determined, error - determined)
-    )
-    return VertexErrors(total, seen, free)
+    parts = (error, determined, error - determined, seen_part(scene, determined))
+    return VertexErrors(*(Distances(np.linalg.norm(part, axis=1), diagonal) for part in parts))
 
 
 def determined_part(scene: Scene, error: np.ndarray) -> np.ndarray:
@@ -84,6 +87,35 @@ def determined_part(scene: Scene, error: np.ndarray) -> np.ndarray:
     result = np.empty_like(error)
     for v, meeting in enumerate(normals):
         _, strength, directions = np.linalg.svd(meeting, full_matrices=False)
+        basis = directions[strength > SPAN_TOLERANCE * strength[0]]
+        result[v] = basis.T @ (basis @ error[v])
+    return result
+
+
+def seen_part(scene: Scene, error: np.ndarray) -> np.ndarray:
+    """(n, 3) float: projection of each vertex's error (n, 3) on the span of the normals of its true faces that are seen.
+
+    What lies inside a porch or behind a pillar no photo can correct. A photo sees a face when `SEEN_FRACTION` of its
+    outline, and `SEEN_PIXELS`, shows the face itself; three photos are the least that determine anything.
+    """
+    vertices, faces = _true_vertices(scene), scene.mesh.faces
+    normals = face_normals(vertices, faces)
+    photos = np.zeros(len(faces), dtype=int)
+    for view in scene.views:
+        shown = rasterize(vertices, faces, view.camera)[0]
+        pixels = np.bincount(shown[shown >= 0], minlength=len(faces))
+        uv, depth = view.camera.project(vertices)
+        a, b, c = uv[faces].transpose(1, 0, 2)
+        area = 0.5 * np.abs((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
+        front = (normals * (view.camera.center - vertices[faces[:, 0]])).sum(axis=1) > 0
+        photos += front & (depth[faces] > 0).all(axis=1) & (pixels >= np.maximum(SEEN_FRACTION * area, SEEN_PIXELS))
+    unit = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+    result = np.zeros_like(error)
+    for v, ring in enumerate(scene.mesh.one_rings):
+        seen = ring[photos[ring] >= 3]
+        if len(seen) == 0:
+            continue
+        _, strength, directions = np.linalg.svd(unit[seen], full_matrices=False)
         basis = directions[strength > SPAN_TOLERANCE * strength[0]]
         result[v] = basis.T @ (basis @ error[v])
     return result
@@ -193,7 +225,7 @@ def quality_report(scene: Scene, start: np.ndarray, end: np.ndarray) -> dict[str
     }
     if scene.truth.vertices is not None:
         errors = {name: vertex_errors(scene, vertices) for name, vertices in states.items()}
-        for part in ("total", "determined", "sliding"):
+        for part in ("total", "determined", "sliding", "seen"):
             report[f"vertices_{part}"] = {name: getattr(error, part).summary() for name, error in errors.items()}
         worse = errors["after"].determined.percent - errors["before"].determined.percent
         report["vertices_determined"]["most_worsened_percent"] = float(worse.max())
