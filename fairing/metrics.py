@@ -93,7 +93,7 @@ def determined_part(scene: Scene, error: np.ndarray) -> np.ndarray:
 
 
 def seen_part(scene: Scene, error: np.ndarray) -> np.ndarray:
-    """(n, 3) float: projection of each vertex's error (n, 3) on the span of the normals of its true faces that are seen.
+    """(n, 3) float: projection of each vertex's error (n, 3) on the span of the normals of its seen true faces.
 
     What lies inside a porch or behind a pillar no photo can correct. A photo sees a face when `SEEN_FRACTION` of its
     outline, and `SEEN_PIXELS`, shows the face itself; three photos are the least that determine anything.
