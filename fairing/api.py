@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 
-from fairing.option_check import check_options
 from fairing.options import FairingOptions
 from fairing.scene import Scene
 from fairing.session import Session
@@ -29,8 +28,6 @@ def fair(
     Raises:
         InputError: an option or the scene cannot be used.
     """
-    options = options or FairingOptions()
-    check_options(options)
     session = Session(scene, options)
     session.run(should_stop, on_step)
     return session

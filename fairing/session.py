@@ -27,6 +27,7 @@ from fairing.gauss_newton import (
 )
 from fairing.mesh import Mesh
 from fairing.mesh_check import inspect_mesh
+from fairing.option_check import check_options
 from fairing.options import FairingOptions, by_level, options_from_dict, options_to_dict
 from fairing.scale_space import ScaleSpace
 from fairing.scene import Scene
@@ -46,6 +47,8 @@ PROBE_GAIN = 0.1
 PROBE_QUANTILE = 0.5
 PROBE_MAJORITY = 0.5
 OBJECTIVE_TOLERANCE = 1e-9  # relative: below this two energies are equal
+KEPT_SWEEPS = 4  # so that stepping back and forth does not judge visibility anew
+KEPT_BYTES = 1 << 30  # of blurred photos that kept sweeps hold on to
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,6 +98,7 @@ class Session:
             _check_same_scene(scene, trace)
             options = options_from_dict(trace.header["options"])
         self.options = options or FairingOptions()
+        check_options(self.options)
         self.trace = trace or Trace(_header(scene, self.options), scene.mesh.vertices, scene.mesh.faces)
         self.moment = len(self.trace)
         self.warnings: list[str] = list(scene.warnings)
@@ -107,7 +111,7 @@ class Session:
         self._orientation = facing(scene, self.trace.start)
         if self._orientation < 0:
             self.warnings.append("mesh: its faces point away from the photos; they are taken as turned around")
-        self._sweep: SweepState | None = None
+        self._sweeps: list[SweepState] = []  # the last used comes last
         self._system: tuple[int, Unit, FaceSystem] | None = None
 
     # ------------------------------------------------------------------ where the run is
@@ -151,7 +155,21 @@ class Session:
         """A new session that shares this run's past up to the present moment and goes on with other options."""
         trace = self.trace.cut(self.moment)
         trace.header["options"] = options_to_dict(options or self.options)
-        return Session(self.scene, trace=trace)
+        branch = Session(self.scene, trace=trace)
+        if options is not None and options != self.options and not branch._goes_on_as(self):
+            trace.go_on_at(self.position._replace(unit=0, iteration=0))
+        return branch
+
+    def _goes_on_as(self, other: "Session") -> bool:
+        """Whether this run, which shares the past of another, has the other's units up to the one at hand."""
+        position = self.position
+        if self.finished or other.finished or position[2:] == (0, 0):
+            return True
+        units, others = self.sweep_state().units, other.sweep_state().units
+        return len(units) > position.unit and all(
+            np.array_equal(unit.vertices, before.vertices)
+            for unit, before in zip(units[: position.unit + 1], others, strict=False)
+        )
 
     # ------------------------------------------------------------------ moving forward
 
@@ -227,7 +245,7 @@ class Session:
             return 1.0
         first, count = self._first_level, self.options.n_levels
         sweeps = by_level(self.options.schedule.max_sweeps, position.level)
-        units = len(self._sweep.units) if self._sweep is not None else 1
+        units = len(self._sweeps[-1].units) if self._sweeps else 1
         within = (position.sweep + min(1.0, position.unit / units)) / sweeps
         return (position.level - first + min(1.0, within)) / (count - first)
 
@@ -240,9 +258,19 @@ class Session:
         if position.level >= self.options.n_levels:
             position = self.trace.steps[moment - 1].position
             began = self.trace.steps[moment - 1].sweep_moment
-        if self._sweep is None or self._sweep.moment != began or self._sweep.context.level != position.level:
-            self._sweep = self._begin_sweep(position, began)
-        return self._sweep
+            # A branch may have fewer levels than the run it comes from.
+            position = position._replace(level=min(position.level, self.options.n_levels - 1))
+        kept = [sweep for sweep in self._sweeps if (sweep.moment, sweep.context.level) == (began, position.level)]
+        sweep = kept[0] if kept else self._begin_sweep(position, began)
+        self._sweeps = [other for other in self._sweeps if other is not sweep][1 - KEPT_SWEEPS :]
+        self._sweeps.append(sweep)
+        while len(self._sweeps) > 1 and self._held_bytes() > KEPT_BYTES:
+            self._sweeps.pop(0)
+        return sweep
+
+    def _held_bytes(self) -> int:
+        planes = {id(pixels): pixels.nbytes for pixels in (sweep.context.kernel.pixels for sweep in self._sweeps)}
+        return sum(planes.values())
 
     def _begin_sweep(self, position: Position, moment: int) -> SweepState:
         level, mesh = position.level, self.scene.mesh

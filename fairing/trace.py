@@ -11,7 +11,8 @@ import io
 import json
 import os
 import zlib
-from dataclasses import dataclass, fields
+from contextlib import suppress
+from dataclasses import dataclass, fields, replace
 from enum import IntEnum
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -146,15 +147,25 @@ class Trace:
         self._keyframes: dict[int, np.ndarray] = {0: self.start}
         self._newest: tuple[int, np.ndarray] = (0, self.start.copy())
         self._file: io.BufferedWriter | None = None
+        self._unwritten: Path | None = None  # the file that writing failed on
 
     def __len__(self) -> int:
         return len(self.steps)
 
     def append(self, record: StepRecord) -> None:
-        """Add a step, and write it to the file if one is attached."""
+        """Add a step, and write it to the file if one is attached.
+
+        Raises:
+            InputError: the disk is full. The step is kept in memory; the next call tries to write all of them.
+        """
         self._index(record)
-        if self._file is not None:
-            _write_block(self._file, _pack_record(record))
+        if self._unwritten is not None:
+            self.attach(self._unwritten)
+        elif self._file is not None:
+            try:
+                _write_block(self._file, _pack_record(record))
+            except OSError as error:
+                raise self._failed(error) from None
 
     def vertices_at(self, moment: int) -> np.ndarray:
         """(n, 3) float: positions at a moment, a copy.
@@ -174,7 +185,8 @@ class Trace:
 
     def attach(self, path: Path) -> None:
         """Write the trace to `path` (replacing what is there by renaming) and keep it up to date from now on."""
-        self.detach()
+        if self._file is not None:
+            self.detach()
         aside = path.with_name(path.name + ".part")
         try:
             with aside.open("wb") as file:
@@ -184,27 +196,40 @@ class Trace:
                     _write_block(file, _pack_record(record))
             os.replace(aside, path)
             self._file = path.open("ab")
+            self._unwritten = None
         except OSError as error:
-            aside.unlink(missing_ok=True)
+            with suppress(OSError):
+                aside.unlink(missing_ok=True)
             raise InputError(
                 f"{path}: could not be written ({error.strerror}); choose another folder or free space"
             ) from None
 
     def flush(self) -> None:
         """Make sure that what was appended survives a crash of the machine."""
+        if self._unwritten is not None:
+            self.attach(self._unwritten)
         if self._file is not None:
             try:
                 self._file.flush()
                 os.fsync(self._file.fileno())
             except OSError as error:
-                raise InputError(f"{self._file.name}: could not be written ({error.strerror}); free space") from None
+                raise self._failed(error) from None
 
     def detach(self) -> None:
         """Stop writing to the file."""
+        self.flush()
         if self._file is not None:
-            self.flush()
             self._file.close()
             self._file = None
+
+    def _failed(self, error: OSError) -> InputError:
+        """Close the file, whose end is in doubt, so that nothing follows what may be half a step."""
+        assert self._file is not None
+        self._unwritten = Path(self._file.name)
+        with suppress(OSError):
+            self._file.close()
+        self._file = None
+        return InputError(f"{self._unwritten}: could not be written ({error.strerror}); free space and go on")
 
     def cut(self, moment: int) -> "Trace":
         """A new trace in memory with the steps before a moment."""
@@ -212,6 +237,11 @@ class Trace:
         for record in self.steps[:moment]:
             branch._index(record)
         return branch
+
+    def go_on_at(self, position: Position) -> None:
+        """Let the run continue elsewhere after its last step than that step had planned."""
+        assert self._file is None, "a trace on disk only grows"
+        self.steps[-1] = replace(self.steps[-1], next_position=position)
 
     @classmethod
     def load(cls, path: Path) -> "Trace":

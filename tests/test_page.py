@@ -109,6 +109,7 @@ def test_scrubbing_shows_the_recorded_vertices(visitor: Visitor):
     visitor.press("To the start")
     length = visitor.app.controller.state.length
     slider = visitor.page.get_by_role("slider").last
+    wait_for(lambda: slider.get_attribute("aria-valuemax") == str(length))
     box = visitor.box_of(slider.locator("xpath=ancestor::*[contains(@class,'Slider-track')][1]"))
     for fraction in (0.3, 0.8, 0.5):
         before = visitor.app.controller.state.serial
