@@ -88,7 +88,7 @@ class StepOptions:
     """First damping after a rejection, as a fraction of the normal matrix's diagonal."""
     max_rejections: int = 6
     """A vertex rests after this many rejections in a row."""
-    tolerance: float = 0.002
+    tolerance: float = 0.001
     """A vertex has converged when its step moves it by less than this in every photo, px."""
     prior: float = 0.1
     """Pull to the start along directions that the photos do not determine, relative to the largest eigenvalue. 0: none."""
@@ -138,7 +138,7 @@ class ScheduleOptions:
     order: Literal["joint", "independent", "sequential", "worst_first"] = "joint"
     """joint: all vertices by one sparse system. independent: sets of vertices that share no face, one set after another.
     sequential: one vertex at a time, as the paper. worst_first: the same, largest energy first."""
-    max_sweeps: tuple[int, ...] = (12, 8, 4, 2, 4, 2, 3)
+    max_sweeps: tuple[int, ...] = (12, 8, 4, 2, 4, 2, 4)
     """Gauss-Newton sweeps, by level; visibility is refreshed at the beginning of each."""
     max_iterations: tuple[int, ...] = (4, 4, 3)
     """Gauss-Newton iterations of a vertex (or of all, with joint) within a sweep, by level."""
