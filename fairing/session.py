@@ -445,6 +445,12 @@ class Session:
         after = vertices.copy()
         after[ids] = found.after
         n_views, blank = len(self.scene.views), np.zeros(len(ids))
+        moved_faces = np.zeros(len(self.scene.mesh.faces), dtype=bool)
+        moved_faces[unit.faces[moved[unit.owner]]] = True
+        # Faces of a vertex that stays keep their energy, even where a moved neighbour uncovers or hides a part of them.
+        view_energy_after = _sum_by_view(
+            found.context_before, found.system_before.pair_energy, n_views, ~moved_faces
+        ) + _sum_by_view(found.context_after, found.system_after.pair_energy, n_views, moved_faces)
         return StepRecord(
             position=position,
             next_position=self._next_position(position, sweep, True, after, moved),
@@ -463,7 +469,7 @@ class Session:
             face_energy_before=found.system_before.energy,
             face_energy_after=found.system_after.energy,
             view_energy_before=_sum_by_view(found.context_before, found.system_before.pair_energy, n_views),
-            view_energy_after=_sum_by_view(found.context_after, found.system_after.pair_energy, n_views),
+            view_energy_after=view_energy_after,
             damping_next=blank,
             rejections=np.zeros(len(ids), dtype=np.int64),
         )
@@ -720,8 +726,14 @@ def _well_seen(mesh: Mesh, takes_part: np.ndarray) -> np.ndarray:
     return seen >= WELL_SEEN * np.maximum(count, 1)
 
 
-def _sum_by_view(context: CellContext, pair_energy: np.ndarray, n_views: int) -> np.ndarray:
-    return np.bincount(context.kernel.pair_view, weights=pair_energy, minlength=n_views)
+def _sum_by_view(
+    context: CellContext, pair_energy: np.ndarray, n_views: int, faces: np.ndarray | None = None
+) -> np.ndarray:
+    """(V,) float: energy by view, of the faces of a mask (m,) or of all."""
+    data = context.kernel
+    if faces is not None:
+        pair_energy = pair_energy * np.repeat(faces, np.diff(data.pair_start))
+    return np.bincount(data.pair_view, weights=pair_energy, minlength=n_views)
 
 
 def _reasons(context: CellContext) -> list[Visibility]:

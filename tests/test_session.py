@@ -196,6 +196,53 @@ def test_a_branch_goes_on_with_other_options():
     assert session.trace.header["options"] == options_to_dict(quick())
 
 
+@pytest.mark.parametrize("before", ORDERS)
+@pytest.mark.parametrize("after", ORDERS)
+def test_a_branch_goes_on_under_another_order(before, after, tmp_path):
+    """From anywhere: where the new order has no such unit, the sweep begins anew. A resumed branch does the same."""
+    session = Session(corner_scene(), quick(before))
+    for _ in range(20):
+        session.step()
+    end = len(session.trace)
+    for moment in range(1, end + 1):
+        session.go_to(moment)
+        branch = session.branch(quick(after))
+        if before == after:
+            assert branch.position == session.position
+        assert branch.position[:2] == session.position[:2]
+        record = branch.step()
+        assert record is not None or session.finished
+    branch.trace.attach(tmp_path / "branch.trace")
+    branch.trace.detach()
+    resumed = Session(corner_scene(), trace=Trace.load(tmp_path / "branch.trace"))
+    branch.run()
+    resumed.run()
+    assert bytes_of(resumed.trace, tmp_path) == bytes_of(branch.trace, tmp_path)
+
+
+def test_a_branch_with_fewer_levels_or_other_locks_does_not_stumble():
+    session = finished(quick("independent"))
+    for moment in range(1, len(session.trace) + 1):
+        session.go_to(moment)
+        branch = session.branch(quick("independent", locked_vertices=(0, 3)))
+        kept = branch.vertices[[0, 3]]
+        branch.run()
+        assert np.array_equal(branch.vertices[[0, 3]], kept)
+        coarse = session.branch(small_options(schedule={"order": "joint", "blur": [2.0], "max_sweeps": [1]}))
+        coarse.sweep_state()
+        coarse.run()
+        assert coarse.finished
+
+
+def test_stepping_back_and_forth_keeps_what_holds_for_a_sweep():
+    session = finished(quick("independent"))
+    moments = [m for m in range(1, len(session.trace)) if session.trace.steps[m].position[2:] == (0, 0)][-2:]
+    states = [session.sweep_state(moment) for moment in moments]
+    assert states[0] is not states[1]
+    for moment, state in zip(moments, states, strict=True):
+        assert session.sweep_state(moment) is state
+
+
 def test_units_sweeps_and_levels_end_where_their_names_say():
     session = Session(corner_scene(), quick("sequential"))
     session.step_unit()
@@ -242,6 +289,14 @@ def test_a_mesh_no_photo_sees_is_one_line():
 def test_locked_vertices_that_do_not_exist_are_one_line():
     with pytest.raises(InputError, match="expected numbers 0 to 6, found 7"):
         Session(corner_scene(), small_options(locked_vertices=(7,)))
+
+
+def test_options_no_run_can_work_with_are_one_line():
+    with pytest.raises(InputError, match=r"max_sweeps: expected at least 1, found 0"):
+        Session(corner_scene(), small_options(schedule={"max_sweeps": [0]}))
+    session = Session(corner_scene(), quick())
+    with pytest.raises(InputError, match=r"threads: expected at least 0, found -1"):
+        session.branch(quick(threads=-1))
 
 
 def test_faces_turned_inside_out_are_faired_all_the_same():

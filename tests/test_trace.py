@@ -1,6 +1,7 @@
 """The file of a run: complete, compact, and readable after any crash."""
 
 import json
+import resource
 from dataclasses import fields
 
 import numpy as np
@@ -25,6 +26,12 @@ def written(trace: Trace, path) -> bytes:
     trace.attach(path)
     trace.detach()
     return path.read_bytes()
+
+
+def append_often(trace: Trace, record: StepRecord) -> None:
+    """More than fits into any buffer."""
+    for _ in range(100):
+        trace.append(record)
 
 
 def assert_same(one: StepRecord, other: StepRecord) -> None:
@@ -63,13 +70,13 @@ def test_positions_are_copies(trace):
 
 
 def test_a_file_cut_off_anywhere_loads_what_is_whole(trace, tmp_path):
-    """Within the last step each 7th byte, before it each 151st."""
-    short = trace.cut(5)
+    """Within the last step each 17th byte, before it each 151st."""
+    short = trace.cut(3)
     data = written(short, tmp_path / "run.trace")
-    last = len(written(trace.cut(4), tmp_path / "shorter.trace"))
+    last = len(written(trace.cut(2), tmp_path / "shorter.trace"))
     loaded_steps = set()
     path = tmp_path / "cut.trace"
-    for length in [*range(0, last, 151), *range(last, len(data), 7), len(data) - 1]:
+    for length in [*range(0, last, 151), *range(last, len(data), 17), len(data) - 1]:
         path.write_bytes(data[:length])
         try:
             loaded = Trace.load(path)
@@ -79,7 +86,7 @@ def test_a_file_cut_off_anywhere_loads_what_is_whole(trace, tmp_path):
         loaded_steps.add(len(loaded))
         for one, other in zip(loaded.steps, short.steps[: len(loaded)], strict=True):
             assert np.array_equal(one.after, other.after)
-    assert loaded_steps == {0, 1, 2, 3, 4}
+    assert loaded_steps == {0, 1, 2}
 
 
 def test_a_damaged_step_ends_the_trace_before_it(trace, tmp_path):
@@ -131,6 +138,29 @@ def test_what_is_no_trace_is_refused_in_one_line(tmp_path):
 def test_a_folder_that_cannot_be_written_is_one_line(trace, tmp_path):
     with pytest.raises(InputError, match="could not be written"):
         trace.attach(tmp_path / "missing" / "run.trace")
+
+
+def test_a_full_disk_is_one_line_and_loses_no_step(trace, tmp_path):
+    path = tmp_path / "run.trace"
+    growing = trace.cut(2)
+    growing.attach(path)
+    record = trace.steps[2]
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    # Python ignores the signal that goes with it, so that writing beyond the limit fails as on a full disk.
+    resource.setrlimit(resource.RLIMIT_FSIZE, (path.stat().st_size + 1000, limits[1]))
+    try:
+        for _ in range(2):
+            with pytest.raises(InputError, match=r"run\.trace: could not be written"):
+                append_often(growing, record)
+        with pytest.raises(InputError, match="could not be written"):
+            growing.detach()
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert 2 <= len(Trace.load(path)) < len(growing)
+    growing.append(record)
+    growing.detach()
+    assert len(Trace.load(path)) == len(growing)
+    assert not list(tmp_path.glob("*.part"))
 
 
 def test_a_cut_is_independent_of_its_origin(trace):
