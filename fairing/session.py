@@ -40,6 +40,7 @@ FOOTPRINT_PER_BLUR = 12.0  # a face's height over sigma_smooth at the first leve
 SEARCH_COARSENESS = 1.5
 SEARCH_CELL = 48
 REACH = 1.5
+NEAR_TRUTH_BLUR = 1.2  # px
 WELL_SEEN = 0.6  # part of the faces around a vertex
 PROBES = 48
 PROBE_RADII = (3.0, 6.0, 12.0)  # px
@@ -349,9 +350,11 @@ class Session:
 
     def _compute_step(self) -> StepRecord:
         position = self.position
+        if self.moment == 0 and position.level < self._level_near_truth:
+            return self._empty_step(position, self._level_near_truth)
         sweep = self.sweep_state()
         if not sweep.units:
-            return self._empty_step(position, sweep)
+            return self._empty_step(position, position.level + 1)
         unit = sweep.units[position.unit]
         if sweep.search_radius > 0:
             return self._search_step(position, sweep, unit)
@@ -607,6 +610,21 @@ class Session:
         fitting = [level for level, blur in enumerate(schedule.blur) if blur <= typical / FOOTPRINT_PER_BLUR]
         return fitting[0] if fitting else self.options.n_levels - 1
 
+    @property
+    def _level_near_truth(self) -> int:
+        """Where to begin when the search by trial found the start near its truth: coarser levels would only make it worse.
+
+        (castle from structure from motion, median of sparse points to surface: 0.173 % -> 0.210 from blur 2.0, 0.182 from 1.2.)
+        """
+        schedule = self.options.schedule
+        searching = [k for k in range(self.options.n_levels) if by_level(schedule.search, k) > 0]
+        probed = (
+            schedule.start == "auto" and schedule.start_error < 0 and searching and self._first_level >= searching[0]
+        )
+        if not probed or self.start_error > 0:
+            return self._first_level
+        return next((k for k, blur in enumerate(schedule.blur) if blur <= NEAR_TRUTH_BLUR), self._first_level)
+
     @cached_property
     def start_error(self) -> float:
         """How far the start's vertices lie from their places, px: as the options say, or found by trying.
@@ -647,13 +665,13 @@ class Session:
         position = self._position_at(moment)
         return moment if position.unit == 0 and position.iteration == 0 else self.trace.steps[moment - 1].sweep_moment
 
-    def _empty_step(self, position: Position, sweep: SweepState) -> StepRecord:
-        """A level at which no vertex can move (its blur is too coarse for every footprint)."""
+    def _empty_step(self, position: Position, next_level: int) -> StepRecord:
+        """Go on at a finer level: no vertex can move here (every footprint is too small), or none needs so coarse a level."""
         nothing, views = np.zeros(0), np.zeros(len(self.scene.views))
+        ids, points = nothing.astype(int), np.zeros((0, 3))
         return StepRecord(
-            position, Position(position.level + 1, 0, 0, 0), sweep.moment, nothing.astype(int), np.zeros((0, 3)),
-            np.zeros((0, 3)), np.zeros((0, 3)), nothing, nothing, np.zeros((0, 3)), nothing.astype(np.int8), 0.0, 0.0,
-            nothing.astype(int), nothing, nothing, views, views, nothing, nothing.astype(int),
+            position, Position(next_level, 0, 0, 0), self._sweep_moment_at(self.moment), ids, points, points, points, nothing,
+            nothing, points, nothing.astype(np.int8), 0.0, 0.0, ids, nothing, nothing, views, views, nothing, ids,
         )  # fmt: skip
 
     def _never_worse(self, record: StepRecord, sweep: SweepState, final: np.ndarray) -> StepRecord:
