@@ -196,8 +196,10 @@ def test_a_branch_goes_on_with_other_options():
     assert session.trace.header["options"] == options_to_dict(quick())
 
 
-@pytest.mark.parametrize("before", ORDERS)
-@pytest.mark.parametrize("after", ORDERS)
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [("joint", "sequential"), ("sequential", "joint"), ("worst_first", "independent"), ("independent", "independent")],
+)
 def test_a_branch_goes_on_under_another_order(before, after, tmp_path):
     """From anywhere: where the new order has no such unit, the sweep begins anew. A resumed branch does the same."""
     session = Session(corner_scene(), quick(before))
@@ -222,7 +224,7 @@ def test_a_branch_goes_on_under_another_order(before, after, tmp_path):
 
 def test_a_branch_with_fewer_levels_or_other_locks_does_not_stumble():
     session = finished(quick("independent"))
-    for moment in range(1, len(session.trace) + 1):
+    for moment in range(1, len(session.trace) + 1, 3):
         session.go_to(moment)
         branch = session.branch(quick("independent", locked_vertices=(0, 3)))
         kept = branch.vertices[[0, 3]]
