@@ -3,6 +3,7 @@
 import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -105,7 +106,7 @@ class Evaluator:
         total = np.cumsum(samples)
         targets = np.linspace(0, total[-1], self._threads * CHUNKS_PER_THREAD + 1)[1:-1]
         cuts = np.unique(np.concatenate([[0], np.searchsorted(total, targets), [len(samples)]]))
-        return [slice(int(a), int(b)) for a, b in zip(cuts[:-1], cuts[1:], strict=True)]
+        return [slice(int(a), int(b)) for a, b in pairwise(cuts)]
 
 
 def robust_sigma(options: RobustOptions, level: int, system: FaceSystem) -> np.ndarray:

@@ -156,7 +156,7 @@ def _load_bilinear(image, stride, index, taps):
     upper, lower = taps[0], taps[1]
     for s in range(index.shape[0]):
         i = np.int64(index[s])
-        _copy_two(upper, 2 * s, image, i)
+        _copy_two(upper, 2 * s, image, i)  # pyright: ignore[reportCallIssue]
         _copy_two(lower, 2 * s, image, i + stride)
 
 
@@ -181,7 +181,7 @@ def _load_cubic(image, stride, index, taps):
     row0, row1, row2, row3 = taps[0], taps[1], taps[2], taps[3]
     for s in range(index.shape[0]):
         i = np.int64(index[s]) - stride - 1
-        _copy_four(row0, 4 * s, image, i)
+        _copy_four(row0, 4 * s, image, i)  # pyright: ignore[reportCallIssue]
         _copy_four(row1, 4 * s, image, i + stride)
         _copy_four(row2, 4 * s, image, i + 2 * stride)
         _copy_four(row3, 4 * s, image, i + 3 * stride)
@@ -321,7 +321,7 @@ def sample_face(data, vertices, face, corner, want_gradient, cells, G, hats, str
     Returns:
         False if a corner lies behind a camera (nothing is usable then).
     """
-    _stay_one_function()
+    _stay_one_function()  # pyright: ignore[reportCallIssue]
     grid = data.face_grid[face]
     first, last = data.grid_start[grid], data.grid_start[grid + 1]
     p = last - first
@@ -425,7 +425,7 @@ def _apply_masks(data, face, p, cells, mask_weight, G, components):
 @_fast
 def _remove_means(cells, mask_weight, masked):
     """Subtract from each cell its mean over the samples that count (the bias between photos)."""
-    _stay_one_function()
+    _stay_one_function()  # pyright: ignore[reportCallIssue]
     for i in range(cells.shape[0]):
         cell = cells[i]
         total, count = 0.0, float(cell.shape[0])
@@ -514,7 +514,7 @@ def fit_face(cells, k, centered, mask_weight, masked, basis, V, singular_values,
     cells: a fixed number of rounds, so that the energy is a function of the vertices alone. Their residual is zero.
     Centred: the mean cell is taken off `cells` in place first. The last row of the basis, (k + 1, p), is scratch.
     """
-    _stay_one_function()
+    _stay_one_function()  # pyright: ignore[reportCallIssue]
     n, p = cells.shape
     if masked:
         _fill_with_mean(cells, mask_weight, residual)
@@ -574,7 +574,7 @@ def _weigh(residual, norm, scale, weights):
 
     `scale` is sigma squared (sigma itself for the printed Geman-McClure form); all norms behave as e^2 / sigma^2 near zero.
     """
-    _stay_one_function()
+    _stay_one_function()  # pyright: ignore[reportCallIssue]
     s2 = np.float32(scale)
     total = np.float32(0)
     two, one = np.float32(2), np.float32(1)

@@ -29,7 +29,7 @@ class CellOptions:
     """Smaller cells where the footprint is smaller: one sample per `spacing` of the footprint. Off: always `size`."""
     spacing: tuple[float, ...] = (1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.7)
     """Distance of samples with `adaptive`, in units of max(1 px, the level's blur), by level."""
-    inset: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 4.0)
+    inset: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 5.0)
     """Border of the face left out, photo pixels, by level: there the neighbour's texture mixes in."""
     interpolation: tuple[Literal["bilinear", "cubic"], ...] = (
         "bilinear", "bilinear", "bilinear", "bilinear", "bilinear", "bilinear", "cubic",
