@@ -397,13 +397,12 @@ class Session:
             reasons[rejections > self.options.step.max_rejections] = StepReason.RESTING
         kept = np.where(better[:, None], after[ids], vertices[ids])
         after[ids] = kept
-        face_better = self._faces_accepted(unit, better)
-        end_system = new_system if better.all() else None
+        face_better = better[unit.owner]
         face_after = np.where(face_better, new_system.energy, system.energy)
         pair_after = np.where(self._pairs_of(sweep, unit, face_better), new_system.pair_energy, system.pair_energy)
-        self._system = (self.moment + 1, unit, end_system) if end_system is not None else None
-        if not better.any():
-            self._system = (self.moment + 1, unit, system)
+        # What holds at the next moment is known where all or none was accepted.
+        known = new_system if better.all() else (None if better.any() else system)
+        self._system = None if known is None else (self.moment + 1, unit, known)
 
         floor = self.options.step.initial_damping
         raised = np.maximum(damping * 10, floor)
@@ -411,7 +410,7 @@ class Session:
         damping_next = np.where(better, lowered, raised)
         rejections = np.where(better, 0, rejections + 1)
         done = still | (rejections > self.options.step.max_rejections) | (reasons == StepReason.REJECTED_FOLD)
-        next_position = self._next_position(position, sweep, bool(done.all()), after, better)
+        next_position = self._next_position(position, sweep, bool(done.all()), after)
         record = StepRecord(
             position=position,
             next_position=next_position,
@@ -456,7 +455,7 @@ class Session:
         ) + _sum_by_view(found.context_after, found.system_after.pair_energy, n_views, moved_faces)
         return StepRecord(
             position=position,
-            next_position=self._next_position(position, sweep, True, after, moved),
+            next_position=self._next_position(position, sweep, True, after),
             sweep_moment=sweep.moment,
             vertices=ids,
             before=vertices[ids],
@@ -560,9 +559,6 @@ class Session:
         energy = np.bincount(unit.owner, weights=system.energy, minlength=len(unit.vertices))
         return energy + sweep.prior.energy(vertices, unit.vertices)
 
-    def _faces_accepted(self, unit: Unit, better: np.ndarray) -> np.ndarray:
-        return better[unit.owner] if len(better) else np.zeros(len(unit.faces), dtype=bool)
-
     def _pairs_of(self, sweep: SweepState, unit: Unit, face_mask: np.ndarray) -> np.ndarray:
         chosen = np.zeros(len(self.scene.mesh.faces), dtype=bool)
         chosen[unit.faces[face_mask]] = True
@@ -573,9 +569,7 @@ class Session:
 
     # ------------------------------------------------------------------ the schedule
 
-    def _next_position(
-        self, position: Position, sweep: SweepState, unit_done: bool, after: np.ndarray, better: np.ndarray
-    ) -> Position:
+    def _next_position(self, position: Position, sweep: SweepState, unit_done: bool, after: np.ndarray) -> Position:
         schedule = self.options.schedule
         level = position.level
         searched = int(self._search_radius(level) > 0)
