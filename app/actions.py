@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from app.controller import Back, Command, Extent, Forward, JumpTo, Pause, Restart, Run, RunBack
+from app.commands import Back, Command, Extent, Forward, JumpTo, Pause, Restart, Run, RunBack
 
 
 @dataclass(frozen=True)

@@ -8,157 +8,41 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from enum import Enum, IntEnum
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
-import numpy as np
-
-from app.breakpoints import Breakpoint, Breakpoints
+from app.breakpoints import Breakpoints
+from app.commands import (
+    Ask,
+    Back,
+    Branch,
+    Command,
+    DeleteRun,
+    Extent,
+    Forward,
+    JumpTo,
+    Pause,
+    Play,
+    Race,
+    Restart,
+    Run,
+    RunBack,
+    SwitchTo,
+    ToBeginning,
+)
 from app.outcome import step_outcome
-from fairing.errors import InputError
+from app.run_state import Activity, RunState
+from app.runs import Runs
+from fairing.errors import InputError, Interrupted
 from fairing.options import FairingOptions
 from fairing.scene import Scene
 from fairing.session import Session
-from fairing.trace import Position, StepRecord, Trace
+from fairing.trace import Position, StepRecord
 
 PUBLISH_EVERY = 0.08  # s: at most 12.5 states a second while something runs
 LOG_LINES = 50
 SLOW_STEP = 0.15  # s: longer than this, a step says that it is at work
-
-
-class Extent(IntEnum):
-    """How far a step goes. The value is the number of leading fields of `Position` that stay the same within it."""
-
-    LEVEL = 1
-    SWEEP = 2
-    UNIT = 3
-    ITERATION = 4
-
-
-class Activity(Enum):
-    """What the engine is doing."""
-
-    PAUSED = "paused"
-    STEPPING = "stepping"
-    RUNNING = "running"
-
-
-@dataclass(frozen=True)
-class Forward:
-    """On to the end of the present iteration, unit, sweep or level."""
-
-    extent: Extent
-
-
-@dataclass(frozen=True)
-class Back:
-    """To the beginning of the iteration, unit, sweep or level that the last step belongs to."""
-
-    extent: Extent
-
-
-@dataclass(frozen=True)
-class Run:
-    """On until somebody pauses or the schedule is worked off."""
-
-
-@dataclass(frozen=True)
-class RunBack:
-    """Back through the record to the last step that a breakpoint holds for, else to the start."""
-
-
-@dataclass(frozen=True)
-class Pause:
-    """Stop after the step in hand."""
-
-
-@dataclass(frozen=True)
-class JumpTo:
-    """To a recorded moment; -1 is the last one."""
-
-    moment: int
-
-
-@dataclass(frozen=True)
-class Restart:
-    """To the start, forgetting the record; with other options if given."""
-
-    options: FairingOptions | None = None
-
-
-@dataclass(frozen=True)
-class Branch:
-    """Forget what was recorded after the present moment and go on from here with other options."""
-
-    options: FairingOptions
-
-
-@dataclass(frozen=True)
-class Ask:
-    """Look something up in the session, on its own thread. Changes nothing; a newer question of the same asker
-    replaces it.
-
-    Attributes:
-        asker: who wants to know.
-        question: reads the session; what it raises is its answer, too.
-        answer: told the result on the engine's thread, so it only keeps it.
-    """
-
-    asker: object
-    question: Callable[[Session], Any]
-    answer: Callable[[Any], None]
-
-
-Command = Forward | Back | Run | RunBack | Pause | JumpTo | Restart | Branch | Ask
-
-
-@dataclass(frozen=True, eq=False)
-class RunState:
-    """What there is to show, consistent in itself and never changed afterwards.
-
-    Attributes:
-        serial: grows with every state.
-        run_id: changes when the record is replaced (restart, branch).
-        trace: the record. It may grow; what belongs to this state are its first `length` steps.
-        moment: where the run stands, 0 to `length`.
-        length: recorded steps.
-        vertices: (n, 3) float, positions at `moment`, world units.
-        position: where the next step belongs.
-        options: of this run.
-        activity: what the engine is doing.
-        finished: whether the schedule is worked off at `moment`.
-        reason: why it stopped, one line.
-        problem: what went wrong with the last command, else empty.
-        progress: fraction of the schedule, 0 to 1.
-        step_seconds: computing time of a step, mean over the last ones; 0 before the first.
-        breakpoints: what stops a run.
-        log: what breakpoints that only report had to say, the newest last.
-    """
-
-    serial: int
-    run_id: int
-    trace: Trace
-    moment: int
-    length: int
-    vertices: np.ndarray
-    position: Position
-    options: FairingOptions
-    activity: Activity
-    finished: bool
-    reason: str
-    problem: str
-    progress: float
-    step_seconds: float
-    breakpoints: tuple[Breakpoint, ...]
-    log: tuple[str, ...]
-
-    @property
-    def record(self) -> StepRecord | None:
-        """The step that led here; None at the start."""
-        return self.trace.steps[self.moment - 1] if self.moment else None
-
+MAX_PLAY_RATE = 1000.0  # moments a second
 
 Listener = Callable[[RunState], None]
 
@@ -176,17 +60,15 @@ class Controller:
 
     def __init__(self, session: Session, save_to: Path | None = None) -> None:
         self.scene: Scene = session.scene
-        self._session = session
-        self._save_to = save_to
-        if save_to is not None:
-            session.trace.attach(save_to)
+        self._runs = Runs(session, save_to)
+        self._rival: int | None = None
         self._commands: deque[Command] = deque()
         self._changed = threading.Condition()
         self._interrupt = threading.Event()
         self._closing = False
         self._listeners: list[Listener] = []
-        self._run_id = 0
         self._activity = Activity.PAUSED
+        self._at_work_since = 0.0
         self._reason = session.stop_reason if session.finished else "ready"
         self._problem = ""
         self._step_seconds: deque[float] = deque(maxlen=8)
@@ -195,6 +77,7 @@ class Controller:
         self._published = 0.0
         self._serial = 0
         self._untold = False
+        session.is_unwanted = self._interrupt.is_set
         self._state = self._snapshot()
         self._worker = threading.Thread(target=self._work, name="engine", daemon=True)
         self._teller = threading.Thread(target=self._tell, name="publisher", daemon=True)
@@ -221,7 +104,7 @@ class Controller:
                 self._commands = deque(c for c in self._commands if not isinstance(c, JumpTo))
             if command not in self._commands and not (isinstance(command, Run) and self._activity is Activity.RUNNING):
                 self._commands.append(command)
-                is_busy = self._activity is Activity.RUNNING and not isinstance(command, Ask)
+                is_busy = self._activity in (Activity.RUNNING, Activity.PLAYING) and not isinstance(command, Ask)
                 if is_busy or isinstance(command, Pause | JumpTo):
                     self._interrupt.set()
             self._changed.notify_all()
@@ -264,7 +147,7 @@ class Controller:
         return self._state
 
     def close(self) -> None:
-        """Stop after the step in hand and close the record's file."""
+        """Drop the step in hand and close the records' files."""
         with self._changed:
             self._closing = True
             self._commands.clear()
@@ -272,9 +155,13 @@ class Controller:
             self._changed.notify_all()
         self._worker.join(timeout=30)
         self._teller.join(timeout=5)
-        self._session.trace.detach()
+        self._runs.close()
 
     # ------------------------------------------------------------------ the thread that owns the session
+
+    @property
+    def _session(self) -> Session:
+        return self._runs.session
 
     def _work(self) -> None:
         while True:
@@ -285,15 +172,18 @@ class Controller:
                 command = self._commands.popleft()
                 if not isinstance(command, Ask):
                     self._interrupt.clear()
-                    self._activity = Activity.RUNNING if isinstance(command, Run) else Activity.STEPPING
+                    self._activity = _activity_of(command)
+                    self._at_work_since = time.monotonic()
                     self._problem = ""
             if isinstance(command, Ask):
                 self._answer(command)
                 continue
             try:
-                if isinstance(command, Run) or self._mean_step_seconds() > SLOW_STEP:
+                if self._activity is not Activity.STEPPING:
                     self._publish()
                 self._reason = self._execute(command)
+            except Interrupted:
+                self._reason = "paused"
             except InputError as error:
                 self._problem = str(error)
             except Exception as error:  # whatever a step throws must not end the debugger
@@ -302,12 +192,17 @@ class Controller:
             if self._problem:
                 self._reason = f"stopped by a problem: {self._problem}"
             with self._changed:
-                self._activity = Activity.PAUSED
+                self._activity, self._rival = Activity.PAUSED, None
                 self._publish()
 
     def _answer(self, ask: Ask) -> None:
         try:
             answer = ask.question(self._session)
+        except Interrupted:  # a command is waiting; the question comes after it
+            with self._changed:
+                if not any(isinstance(c, Ask) and c.asker is ask.asker for c in self._commands):
+                    self._commands.append(ask)
+            return
         except Exception as error:
             answer = error
         try:
@@ -316,7 +211,7 @@ class Controller:
             logging.getLogger(__name__).exception("an answer could not be taken")
         self.republish()
 
-    def _execute(self, command: Forward | Back | Run | RunBack | Pause | JumpTo | Restart | Branch) -> str:
+    def _execute(self, command: Command) -> str:
         """Do it; returns why it stopped."""
         session = self._session
         match command:
@@ -335,14 +230,28 @@ class Controller:
                 last = len(session.trace)
                 session.go_to(last if moment < 0 else min(moment, last))
                 return f"jumped to moment {session.moment}"
+            case ToBeginning(extent):
+                session.go_to(beginning_of(session.trace.steps, session.moment, session.position, extent))
+                return f"at the beginning of the {extent.name.lower()}"
+            case Play(rate):
+                return self._play(rate)
             case Restart(options):
-                session.go_to(0)
-                self._replace(session.branch(options))
-                return "restarted: the record is empty"
+                self._keep(self._from_start(options or session.options), 0)
+                return "restarted; the record so far is kept among the runs"
             case Branch(options):
-                self._replace(session.branch(options))
-                return f"goes on from moment {session.moment} with other options"
-            case Pause():
+                self._keep(session.branch(options), session.moment)
+                return f"goes on from moment {session.moment} with other options; the record so far is kept"
+            case SwitchTo(run_id, moment):
+                self._runs.switch(run_id)
+                if moment is not None:
+                    self._session.go_to(min(moment, len(self._session.trace)))
+                return f"run {run_id} is at hand"
+            case DeleteRun(run_id):
+                self._runs.delete(run_id)
+                return f"run {run_id} is deleted"
+            case Race(first, second):
+                return self._race(first, second)
+            case Pause() | Ask():
                 return self._reason
 
     def _advance(self, extent: Extent | None) -> str:
@@ -391,12 +300,57 @@ class Controller:
         session.go_to(0)
         return "at the start"
 
-    def _replace(self, session: Session) -> None:
-        self._session.trace.detach()
-        if self._save_to is not None:
-            session.trace.attach(self._save_to)
-        self._session = session
-        self._run_id += 1
+    def _play(self, rate: float) -> str:
+        """A film of what is recorded; breakpoints are for what happens, not for films."""
+        session, rate = self._session, min(max(rate, 1 / MAX_PLAY_RATE), MAX_PLAY_RATE)
+        last = len(session.trace)
+        if session.moment == last:
+            session.go_to(0)
+        began, first = time.monotonic(), session.moment
+        while session.moment < last:
+            self._publish()
+            due = began + (session.moment + 1 - first) / rate - time.monotonic()
+            if self._interrupt.wait(max(due, PUBLISH_EVERY)):
+                return "paused"
+            session.go_to(min(last, max(session.moment + 1, first + int((time.monotonic() - began) * rate))))
+        return "at the end of the record"
+
+    def _race(self, first: FairingOptions, second: FairingOptions) -> str:
+        if first == second:
+            raise InputError("a race needs two runs with different options")
+        racing = []
+        for options in (first, second):
+            run_id = self._runs.from_start_with(options)
+            racing.append(self._keep(self._from_start(options), 0) if run_id is None else run_id)
+        self._rival = racing[0]
+        self._runs.switch(racing[1])
+        sessions = [self._runs.of(run_id) for run_id in racing]
+        for session in sessions:
+            session.go_to(len(session.trace))
+        try:
+            while behind := [session for session in sessions if not session.finished]:
+                min(behind, key=lambda session: session.seconds["steps"]).step()
+                if self._interrupt.is_set():
+                    return "paused; race again to go on"
+                if time.monotonic() - self._published > PUBLISH_EVERY:
+                    self._publish()
+        finally:
+            sessions[0].forget_computed()
+        return f"both runs are at their ends: {sessions[0].moment} and {sessions[1].moment} steps"
+
+    def _from_start(self, options: FairingOptions) -> Session:
+        session = self._session
+        moment = session.moment
+        session.go_to(0)
+        try:
+            return session.branch(options)
+        finally:
+            session.go_to(moment)
+
+    def _keep(self, session: Session, forked_at: int) -> int:
+        """Take a new run to hand; those there are stay."""
+        session.is_unwanted = self._interrupt.is_set
+        return self._runs.add(session, forked_at)
 
     # ------------------------------------------------------------------ telling about it
 
@@ -408,7 +362,9 @@ class Controller:
         self._serial += 1
         return RunState(
             serial=self._serial,
-            run_id=self._run_id,
+            run_id=self._runs.run_id,
+            runs=self._runs.infos(),
+            rival=self._rival,
             trace=session.trace,
             moment=session.moment,
             length=len(session.trace),
@@ -432,12 +388,23 @@ class Controller:
             self._published = time.monotonic()
             self._changed.notify_all()
 
+    def _say_at_work(self) -> None:
+        """A step that takes long has not published anything yet: say at least that it is at work."""
+        working = self._activity is not Activity.PAUSED and self._state.activity is Activity.PAUSED
+        if working and time.monotonic() - self._at_work_since > SLOW_STEP:
+            self._serial += 1
+            self._state = replace(self._state, serial=self._serial, activity=self._activity)
+            self._untold = True
+
     def _tell(self) -> None:
         while True:
             with self._changed:
-                self._changed.wait_for(lambda: self._untold or self._closing)
+                self._changed.wait_for(lambda: self._untold or self._closing, timeout=SLOW_STEP)
                 if self._closing:
                     return
+                self._say_at_work()
+                if not self._untold:
+                    continue
                 state, listeners = self._state, list(self._listeners)
                 self._untold = False
             for listener in listeners:
@@ -445,6 +412,19 @@ class Controller:
                     listener(state)
                 except Exception:  # one page's trouble is not another's
                     logging.getLogger(__name__).exception("a listener failed")
+
+
+def _activity_of(command: Command) -> Activity:
+    if isinstance(command, Play):
+        return Activity.PLAYING
+    return Activity.RUNNING if isinstance(command, Run | Race) else Activity.STEPPING
+
+
+def beginning_of(steps: list[StepRecord], moment: int, position: Position, extent: Extent) -> int:
+    """The moment at which the unit, sweep or level of `position`, where the step after `moment` belongs, began."""
+    while moment > 0 and steps[moment - 1].position[:extent] == position[:extent]:
+        moment -= 1
+    return moment
 
 
 def boundary_before(steps: list[StepRecord], moment: int, extent: Extent) -> int:

@@ -4,9 +4,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from app.controller import RunState
 from app.outcome import slot_of
 from app.palette import BACKGROUND, REJECTED, START
+from app.run_state import RunState
 from fairing.trace import StepReason, StepRecord
 
 REJECTIONS = [StepReason.REJECTED_ENERGY, StepReason.REJECTED_FOLD]

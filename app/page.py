@@ -12,7 +12,8 @@ import viser
 from app.actions import ACTIONS, key_list
 from app.breakpoints import Breakpoints
 from app.bridge import Bridge, whole_number
-from app.controller import Activity, Controller, JumpTo, RunState
+from app.commands import JumpTo
+from app.controller import Controller
 from app.history import EnergyHistory, PathHistory, next_move
 from app.html import STYLE, button, icon, text
 from app.layers import Layer
@@ -35,6 +36,7 @@ from app.panels.options_panel import OptionButtons, OptionsPanel
 from app.panels.status import Status
 from app.panels.timeline import Timeline
 from app.panels.variables import Variables
+from app.run_state import RunState
 from app.stage import FIELD_OF_VIEW, Stage
 from app.texturer import Texturer
 from app.view import MAX_MAGNIFICATION, View
@@ -89,7 +91,7 @@ class Page:
         for layer in self._layers:
             layer.show(state, self.view)
         now = time.monotonic()
-        if state.activity is not Activity.RUNNING or now - self._panels_shown > PANELS_EVERY:
+        if not state.is_moving or now - self._panels_shown > PANELS_EVERY:
             self._panels_shown = now
             for panel in self._panels:
                 panel.show(state, self.view)

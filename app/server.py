@@ -11,11 +11,12 @@ from pathlib import Path
 
 import viser
 
-from app.controller import Controller, RunState
+from app.controller import Controller
 from app.hardening import start_server
 from app.history import EnergyHistory, PathHistory
 from app.layers.cameras import Thumbnails
 from app.page import Page, Shared
+from app.run_state import RunState
 from app.stage import FIELD_OF_VIEW, Stage
 from app.texturer import Texturer
 from app.view import View

@@ -1,4 +1,4 @@
-"""The one exception a user's mistake raises."""
+"""The exception that a user's mistake raises, and the one that ends a step nobody wants any more."""
 
 
 class InputError(ValueError):
@@ -11,3 +11,7 @@ class InputError(ValueError):
     def __init__(self, message: str) -> None:
         # Names of files may hold line breaks, and so may what other libraries say.
         super().__init__(" ".join(message.splitlines()))
+
+
+class Interrupted(Exception):  # noqa: N818 - nothing is wrong
+    """A step was dropped as if it had never begun, because `Session.is_unwanted` said so."""

@@ -16,7 +16,7 @@ import numpy as np
 
 from fairing.cells import CellContext, build_context, facing
 from fairing.energy import Evaluator, FaceSystem, robust_scale, robust_sigma
-from fairing.errors import InputError
+from fairing.errors import InputError, Interrupted
 from fairing.gauss_newton import (
     Prior,
     folded_faces,
@@ -112,6 +112,8 @@ class Session:
         self._orientation = facing(scene, self.trace.start)
         if self._orientation < 0:
             self.warnings.append("mesh: its faces point away from the photos; they are taken as turned around")
+        # Asked within long steps; where it holds, the step in hand is dropped and `step` raises `Interrupted`.
+        self.is_unwanted: Callable[[], bool] = lambda: False
         self._sweeps: list[SweepState] = []  # the last used comes last
         self._system: tuple[int, Unit, FaceSystem] | None = None
 
@@ -152,6 +154,11 @@ class Session:
             raise IndexError(f"moment {moment}: this run has moments 0 to {len(self.trace)}")
         self.moment = moment
 
+    def forget_computed(self) -> None:
+        """Free what can be computed again: blurred photos, visibility, equations. For a run that is put aside."""
+        self._sweeps, self._system = [], None
+        self._photos = ScaleSpace(self.scene, self.options.cells.color)
+
     def branch(self, options: FairingOptions | None = None) -> "Session":
         """A new session that shares this run's past up to the present moment and goes on with other options."""
         trace = self.trace.cut(self.moment)
@@ -178,6 +185,9 @@ class Session:
         """One iteration: of a vertex, a set of vertices or all vertices, as the order has it. None when finished.
 
         At a past moment the recorded step is repeated (a run is deterministic), later ones are computed.
+
+        Raises:
+            Interrupted: `is_unwanted` held while it computed; nothing has changed.
         """
         if self.finished:
             return None
@@ -338,12 +348,18 @@ class Session:
     def _build_context(
         self, level: int, vertices: np.ndarray, judged_faces: np.ndarray, options: FairingOptions | None = None
     ) -> CellContext:
+        self._stop_if_unwanted()
         return build_context(
             self.scene, self._photos, options or self.options, level, vertices, self._orientation, judged_faces,
             self._evaluator.pool,
         )  # fmt: skip
 
+    def _stop_if_unwanted(self) -> None:
+        if self.is_unwanted():
+            raise Interrupted
+
     def _linearise(self, context, vertices, faces, corners, scale) -> FaceSystem:
+        self._stop_if_unwanted()
         return self._evaluator.linearise(context, vertices, faces, corners, scale, self.options.step.solver)
 
     # ------------------------------------------------------------------ one step

@@ -267,7 +267,7 @@ class Trace:
 
     def _index(self, record: StepRecord) -> None:
         self.steps.append(record)
-        vertices = self._newest[1]
+        vertices = self._newest[1].copy()  # another thread may be reading the present ones
         vertices[record.vertices] = record.after
         self._newest = (len(self.steps), vertices)
         if len(self.steps) % KEYFRAME_EVERY == 0:

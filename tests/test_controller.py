@@ -7,24 +7,28 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.controller import (
-    Activity,
+from app.commands import (
     Ask,
     Back,
     Branch,
-    Controller,
+    DeleteRun,
     Extent,
     Forward,
     JumpTo,
     Pause,
+    Play,
+    Race,
     Restart,
     Run,
     RunBack,
-    RunState,
-    boundary_before,
+    SwitchTo,
+    ToBeginning,
 )
+from app.controller import Controller, boundary_before
 from app.history import EnergyHistory, PathHistory
+from app.run_state import Activity, RunState
 from demo_scenes import Photography, load_demo
+from fairing.errors import Interrupted
 from fairing.options import FairingOptions, ScheduleOptions
 from fairing.scene import Scene
 from fairing.session import Session
@@ -140,12 +144,18 @@ def test_jumps_beyond_the_record_end_at_its_end(controller: Controller):
     assert do(controller, JumpTo(0), JumpTo(-1)).moment == length
 
 
-def test_restart_forgets_the_record(controller: Controller):
+def test_restart_begins_a_new_run_and_keeps_the_old(controller: Controller):
     before = do(controller, Forward(Extent.SWEEP))
     after = do(controller, Restart())
     assert (after.moment, after.length) == (0, 0)
     assert after.run_id != before.run_id
     np.testing.assert_array_equal(after.vertices, before.trace.start)
+    again = do(controller, SwitchTo(before.run_id))
+    assert (again.moment, again.length, again.trace) == (before.moment, before.length, before.trace)
+
+
+def test_restarting_an_empty_run_leaves_one_run(controller: Controller):
+    assert len(do(controller, Restart(), Restart()).runs) == 1
 
 
 def test_a_branch_shares_the_past_and_takes_the_new_options(controller: Controller):
@@ -156,6 +166,143 @@ def test_a_branch_shares_the_past_and_takes_the_new_options(controller: Controll
     assert after.options.eigenspace.dimensions == (1,)
     assert after.moment == after.length == before.moment
     np.testing.assert_array_equal(after.vertices, before.vertices)
+
+
+def test_a_branch_leaves_the_other_record_and_says_where_it_forked_and_how_it_differs(controller: Controller):
+    before = do(controller, Forward(Extent.SWEEP))
+    forked = do(controller, Back(Extent.UNIT)).moment
+    options = replace(OPTIONS, eigenspace=replace(OPTIONS.eigenspace, dimensions=(1,)))
+    after = do(controller, Branch(options), Forward(Extent.UNIT))
+    old, new = after.runs
+    assert (old.length, old.moment) == (before.length, forked)
+    assert (new.parent, new.forked_at, new.length) == (before.run_id, forked, after.length)
+    assert "dimensions" in new.differs
+    back = do(controller, SwitchTo(old.run_id, before.moment))
+    np.testing.assert_array_equal(back.vertices, before.vertices)
+
+
+def test_a_run_that_was_put_aside_goes_on_as_if_it_had_not_been(controller: Controller, scene: Scene):
+    began = do(controller, Forward(Extent.UNIT)).run_id
+    do(controller, Restart(), Forward(Extent.ITERATION), SwitchTo(began))
+    state = do(controller, Run())
+    alone = Session(scene, OPTIONS)
+    alone.run()
+    assert state.length == len(alone.trace)
+    np.testing.assert_array_equal(state.vertices, alone.vertices)
+
+
+def test_deleting_the_run_at_hand_leads_to_the_one_it_came_from_and_the_last_one_stays(controller: Controller):
+    first = do(controller, Forward(Extent.SWEEP)).run_id
+    branch = do(controller, Branch(replace(OPTIONS, lock_boundary=True))).run_id
+    state = do(controller, DeleteRun(branch))
+    assert state.run_id == first
+    assert [run.run_id for run in state.runs] == [first]
+    assert "only run" in do(controller, DeleteRun(first)).problem
+    assert "not there" in do(controller, SwitchTo(branch)).problem
+
+
+def test_every_run_is_saved_in_a_file_of_its_own(scene: Scene, tmp_path):
+    controller = Controller(Session(scene, OPTIONS), save_to=tmp_path / "run.trace")
+    first = do(controller, Forward(Extent.SWEEP))
+    second = do(controller, Branch(replace(OPTIONS, lock_boundary=True)), Forward(Extent.ITERATION))
+    do(controller, SwitchTo(first.run_id), JumpTo(-1), Forward(Extent.ITERATION))
+    controller.close()
+    assert len(Trace.load(tmp_path / "run.trace")) == first.length + 1
+    assert len(Trace.load(tmp_path / "run-2.trace")) == second.length
+
+
+def test_a_race_ends_both_runs_as_each_would_alone(controller: Controller, scene: Scene):
+    other = replace(OPTIONS, step=replace(OPTIONS.step, solver="alternating"))
+    do(controller, Forward(Extent.UNIT))
+    state = do(controller, Race(OPTIONS, other))
+    assert len(state.runs) == 2, "the run that was there takes part"
+    for info in state.runs:
+        alone = Session(scene, info.options)
+        alone.run()
+        assert info.finished
+        np.testing.assert_array_equal(info.vertices, alone.vertices)
+
+
+def test_a_step_that_is_interrupted_has_never_begun(controller: Controller, scene: Scene):
+    alone = Session(scene, OPTIONS)
+    alone.run()
+    asked = 0
+    session = Session(scene, OPTIONS)
+
+    def is_unwanted() -> bool:
+        nonlocal asked
+        asked += 1
+        return asked % 7 == 0
+
+    session.is_unwanted = is_unwanted
+    dropped = 0
+    while not session.finished:
+        before = session.moment
+        try:
+            session.step()
+        except Interrupted:
+            dropped += 1
+            assert (session.moment, len(session.trace)) == (before, before)
+    assert dropped > 5
+    assert len(session.trace) == len(alone.trace)
+    np.testing.assert_array_equal(session.vertices, alone.vertices)
+
+
+def test_pause_does_not_wait_for_a_long_step(controller: Controller, monkeypatch: pytest.MonkeyPatch):
+    began = threading.Event()
+    measure = Session._begin_sweep
+
+    def endless(self: Session, *args):
+        began.set()
+        while True:
+            self._stop_if_unwanted()
+            time.sleep(0.001)
+
+    monkeypatch.setattr(Session, "_begin_sweep", endless)
+    controller.post(Run())
+    began.wait(5)
+    controller.post(Pause())
+    state = controller.wait_until_idle(5)
+    assert (state.moment, state.reason) == (0, "paused")
+    monkeypatch.setattr(Session, "_begin_sweep", measure)
+    assert do(controller, Forward(Extent.ITERATION)).moment == 1
+
+
+def test_a_long_step_says_that_it_is_at_work(controller: Controller, monkeypatch: pytest.MonkeyPatch):
+    go_on = threading.Event()
+    step = Session.step
+    monkeypatch.setattr(Session, "step", lambda self: go_on.wait(10) and step(self))
+    heard: list[RunState] = []
+    controller.subscribe(heard.append)
+    controller.post(Forward(Extent.ITERATION))
+    wait_for(lambda: any(state.activity is Activity.STEPPING for state in heard))
+    go_on.set()
+    assert controller.wait_until_idle().moment == 1
+
+
+def test_playing_shows_the_record_in_order_and_can_be_paused(controller: Controller):
+    length = do(controller, Forward(Extent.SWEEP)).length
+    heard: list[RunState] = []
+    controller.subscribe(heard.append)
+    state = do(controller, JumpTo(0), Play(50.0))
+    assert state.moment == state.length == length
+    wait_for(lambda: heard[-1].serial == state.serial)
+    played = [state.moment for state in heard if state.activity is Activity.PLAYING]
+    assert played == sorted(played)
+    assert len(set(played)) > 1
+    controller.post(Play(0.1))
+    wait_for(lambda: controller.state.activity is Activity.PLAYING)
+    controller.post(Pause())
+    assert controller.wait_until_idle().moment == 0, "from the end it plays from the start"
+
+
+def test_a_click_on_a_part_of_the_position_goes_to_its_beginning(controller: Controller):
+    do(controller, Forward(Extent.LEVEL), Forward(Extent.SWEEP), Forward(Extent.UNIT), Forward(Extent.ITERATION))
+    began = controller.state.position
+    for extent in (Extent.UNIT, Extent.SWEEP, Extent.LEVEL):
+        state = do(controller, ToBeginning(extent))
+        assert state.position[:extent] == began[:extent]
+        assert state.moment == 0 or state.trace.steps[state.moment - 1].position[:extent] != began[:extent]
 
 
 def test_a_failure_becomes_a_message_and_the_next_command_works(

@@ -7,7 +7,8 @@ import time
 import numpy as np
 import pytest
 
-from app.controller import Activity, JumpTo
+from app.commands import JumpTo
+from app.run_state import Activity
 from app.server import App, start
 from demo_scenes import load_demo
 from fairing.errors import InputError

@@ -7,8 +7,8 @@ import numpy as np
 import viser
 import viser.transforms
 
-from app.controller import RunState
 from app.palette import CAMERA
+from app.run_state import RunState
 from app.stage import Stage
 from app.view import View
 from fairing.camera import Camera

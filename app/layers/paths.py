@@ -3,9 +3,9 @@
 import numpy as np
 import viser
 
-from app.controller import RunState
 from app.history import PathHistory
 from app.palette import NOW, START
+from app.run_state import RunState
 from app.stage import Stage
 from app.view import View
 

@@ -2,7 +2,7 @@
 
 import viser
 
-from app.controller import RunState
+from app.run_state import RunState
 from app.stage import SIZE, Stage
 from app.view import View
 from fairing.scene import SparsePoints

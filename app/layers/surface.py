@@ -5,8 +5,8 @@ import threading
 import numpy as np
 import viser
 
-from app.controller import Activity, RunState
 from app.palette import SURFACE
+from app.run_state import Activity, RunState
 from app.stage import Stage
 from app.texturer import TexturedMesh, Texturer
 from app.view import View
@@ -43,7 +43,7 @@ class SurfaceLayer:
     def show(self, state: RunState, view: View) -> None:
         self._plain.vertices = self._stage.page_from_world(state.vertices)
         outside = view.entered is None
-        resting = state.activity is not Activity.RUNNING
+        resting = not state.is_moving
         with self._lock:
             self._wants_texture = view.shows("textured") and outside and resting
             self._wants_surface = outside and (view.shows("surface") or view.shows("textured"))
@@ -53,7 +53,7 @@ class SurfaceLayer:
             newest = self._texturer.newest
             if newest is not None and newest is not self._shown and self._unpacking is None:
                 self._send(newest)
-        if state.activity is Activity.RUNNING:
+        if state.is_moving:
             self._shown = None  # what is painted is of the past
         self._apply()
 

@@ -6,9 +6,9 @@ import numpy as np
 import trimesh.creation
 import viser
 
-from app.controller import RunState
 from app.history import REJECTIONS
 from app.palette import LOCKED, NOW, REJECTED, SELECTED, START
+from app.run_state import RunState
 from app.stage import SIZE, Stage
 from app.view import View
 from fairing.mesh import Mesh

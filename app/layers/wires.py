@@ -3,8 +3,8 @@
 import numpy as np
 import viser
 
-from app.controller import Activity, RunState
 from app.palette import NOW, RGB, START, TRUTH
+from app.run_state import RunState
 from app.stage import SIZE, Stage
 from app.view import View
 from fairing.mesh import Mesh
@@ -58,7 +58,7 @@ class WiresLayer:
         )
 
     def show(self, state: RunState, view: View) -> None:
-        follows = self._follows_a_run or state.activity is not Activity.RUNNING
+        follows = self._follows_a_run or not state.is_moving
         if follows:
             self._start.move(state.trace.start, unless_at=state.vertices)
             self._now.move(state.vertices)

@@ -2,7 +2,7 @@
 
 from typing import Protocol
 
-from app.controller import RunState
+from app.run_state import RunState
 from app.view import View
 
 

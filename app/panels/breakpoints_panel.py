@@ -6,9 +6,10 @@ from dataclasses import replace
 import viser
 
 from app.breakpoints import FUNCTIONS, VALUES, Breakpoint, Breakpoints
-from app.controller import Controller, RunState
+from app.controller import Controller
 from app.html import button, icon, text
 from app.panels.html_panel import HtmlPanel
+from app.run_state import RunState
 from app.view import View
 
 READY_MADE: dict[str, str] = {

@@ -7,9 +7,11 @@ import numpy as np
 import viser
 
 from app.cell_images import KINDS, TILE, strip_of_basis, strip_of_view
-from app.controller import Activity, Ask, Controller, RunState
+from app.commands import Ask
+from app.controller import Controller
 from app.html import STYLE, button, number, text
 from app.panels.html_panel import HtmlPanel
+from app.run_state import Activity, RunState
 from app.view import View
 from fairing.inspect import FaceCells, face_cells
 from fairing.scene import Scene

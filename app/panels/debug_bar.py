@@ -4,9 +4,9 @@ import viser
 
 from app.actions import ACTIONS
 from app.bridge import Bridge
-from app.controller import Activity, RunState
 from app.html import STYLE, button, icon
 from app.panels.html_panel import HtmlPanel
+from app.run_state import RunState
 from app.view import View
 
 UNIT_NAMES = {"sequential": "vertex", "worst_first": "vertex", "independent": "set", "joint": "vertices"}
@@ -21,7 +21,7 @@ class DebugBar:
         self._actions = {action.name: action for action in ACTIONS}
 
     def show(self, state: RunState, view: View) -> None:
-        running = state.activity is Activity.RUNNING
+        running = state.is_moving
         unit = UNIT_NAMES.get(state.options.schedule.order, "vertex")
         forward, back = not state.finished, state.moment > 0
         main = (

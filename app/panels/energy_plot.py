@@ -8,11 +8,11 @@ from collections.abc import Callable
 import numpy as np
 import viser
 
-from app.controller import RunState
 from app.history import EnergyHistory
 from app.html import number, text
 from app.palette import NOW, SELECTED, css
 from app.panels.html_panel import HtmlPanel
+from app.run_state import RunState
 from app.view import View
 
 WIDTH, HEIGHT = 312, 138

@@ -2,10 +2,10 @@
 
 import viser
 
-from app.controller import RunState
 from app.html import button, text
 from app.palette import CAMERA, NOW, POINTS, RGB, SELECTED, START, SURFACE, TRUTH, css
 from app.panels.html_panel import HtmlPanel
+from app.run_state import RunState
 from app.view import LAYERS, View
 from fairing.scene import Scene
 

@@ -5,10 +5,12 @@ from typing import Any
 
 import viser
 
-from app.controller import Branch, Controller, Restart, RunState
+from app.commands import Branch, Restart
+from app.controller import Controller
 from app.html import button, text
 from app.option_fields import OptionField, changed_options, option_fields
 from app.panels.html_panel import HtmlPanel
+from app.run_state import RunState
 from app.view import View
 from fairing.errors import InputError
 from fairing.option_check import check_options

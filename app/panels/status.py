@@ -2,11 +2,11 @@
 
 import viser
 
-from app.controller import Activity, RunState
 from app.history import EnergyHistory
 from app.html import number, text
 from app.outcome import step_outcome
 from app.panels.html_panel import HtmlPanel
+from app.run_state import Activity, RunState
 from app.view import View
 
 
@@ -20,7 +20,7 @@ class Status:
     def show(self, state: RunState, view: View) -> None:
         record = state.record
         outcome = "no step yet" if record is None else step_outcome(record)
-        reason = "\u00a0" if state.activity is Activity.RUNNING or state.reason == outcome else _sentence(state.reason)
+        reason = "\u00a0" if state.is_moving or state.reason == outcome else _sentence(state.reason)
         color = "selected" if state.reason.startswith("breakpoint") else "rejected" if state.problem else "dim"
         self._panel.set(
             f"<div class='row'><span class='big'>{_headline(state)}</span><span class='grow'></span>"
@@ -46,6 +46,8 @@ class Status:
 def _headline(state: RunState) -> str:
     if state.activity is Activity.RUNNING:
         return "Running"
+    if state.activity is Activity.PLAYING:
+        return "Playing"
     if state.activity is Activity.STEPPING:
         return "Stepping"
     return "Finished" if state.finished else "Paused"

@@ -8,10 +8,10 @@ import viser
 from viser._messages import GuiSliderMark
 
 from app.cell_images import data_uri
-from app.controller import RunState
 from app.history import StepHistory
 from app.html import STYLE, button, icon, text
 from app.panels.html_panel import HtmlPanel
+from app.run_state import RunState
 from app.view import View
 
 SETTLE = 0.5  # s: after the user moved the slider it is not moved back by states that are on their way

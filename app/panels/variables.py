@@ -5,10 +5,10 @@ from collections.abc import Callable
 import numpy as np
 import viser
 
-from app.controller import RunState
 from app.html import number, table, text
 from app.outcome import short_reason, slot_of
 from app.panels.html_panel import HtmlPanel
+from app.run_state import RunState
 from app.view import View
 from fairing.mesh import Mesh
 from fairing.trace import StepReason, StepRecord
