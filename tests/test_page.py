@@ -91,13 +91,17 @@ def test_steps_by_key_and_keys_live_on_after_a_click_on_a_button(visitor: Visito
     visitor.button("Show cameras").click()
 
 
-def test_runs_to_the_end_and_pauses_on_request(visitor: Visitor):
+def test_runs_to_the_end_and_pauses_on_request(visitor: Visitor, monkeypatch: pytest.MonkeyPatch):
     controller = visitor.app.controller
     visitor.press("Restart")
-    visitor.button("Run").click()
-    wait_for(lambda: controller.state.moment > 1)
-    visitor.page.keyboard.press("p")
-    paused = controller.wait_until_idle()
+    step = Session.step
+    with monkeypatch.context() as patch:
+        patch.setattr(Session, "step", lambda self: time.sleep(0.2) or step(self))
+        visitor.button("Run").click()
+        wait_for(lambda: controller.state.moment > 1)
+        visitor.page.keyboard.press("p")
+        paused = controller.wait_until_idle()
+    assert not paused.finished
     visitor.sees_vertices(page_vertices(visitor.app, paused.moment))
     visitor.button("Run").click()
     wait_for(lambda: controller.state.finished and controller.state.activity is Activity.PAUSED)
