@@ -14,6 +14,8 @@ from fairing.errors import InputError
 
 # Newton-like iterations of cv2.undistortPoints; the default of 5 leaves 0.01 px on a phone's wide lens.
 _CONVERGED = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 200, 1e-13)
+DISTORTION = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
+"""The order of the parameters of `Lens.distortion`, which is OpenCV's."""
 _MISSED = 1e-3
 """Pixels: a ray that comes out this far from where it should has not been found."""
 
@@ -24,12 +26,13 @@ class Lens:
 
     A ray (x, y, 1) with r^2 = x^2 + y^2 meets the photo at K [x', y', 1] with
 
-        x' = x (1 + k1 r^2 + k2 r^4) + 2 p1 x y + p2 (r^2 + 2 x^2)
-        y' = y (1 + k1 r^2 + k2 r^4) + 2 p2 x y + p1 (r^2 + 2 y^2)
+        x' = x s + 2 p1 x y + p2 (r^2 + 2 x^2)
+        y' = y s + 2 p2 x y + p1 (r^2 + 2 y^2)
+        s = (1 + k1 r^2 + k2 r^4 + k3 r^6) / (1 + k4 r^2 + k5 r^4 + k6 r^6)
 
     Attributes:
         K: (3, 3) float, pixels: intrinsics of the distorted photo.
-        distortion: (4,) float: k1, k2, p1, p2.
+        distortion: (8,) float: k1, k2, p1, p2, k3, k4, k5, k6; given shorter, zeros are added.
         width, height: size of the photo in pixels.
 
     Raises:
@@ -42,6 +45,8 @@ class Lens:
     height: int
 
     def __post_init__(self) -> None:
+        given = np.asarray(self.distortion, dtype=np.float64)
+        object.__setattr__(self, "distortion", np.pad(given, (0, 8 - len(given))))
         if not (np.isfinite(self.K).all() and np.isfinite(self.distortion).all() and np.diag(self.K).min() > 0):
             raise InputError(
                 "lens: expected finite parameters and positive focal lengths, "
@@ -57,15 +62,15 @@ class Lens:
             )
         columns, rows = np.meshgrid(np.linspace(0, self.width - 1, 65), np.linspace(0, self.height - 1, 65))
         rays = (np.stack([columns, rows], axis=-1) - (cx, cy)) / np.diag(self.K)[:2]
-        with np.errstate(over="ignore", invalid="ignore"):
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             distorted = self._distort(rays)
             along_row = np.diff(distorted, axis=1)[:-1]
             along_column = np.diff(distorted, axis=0)[:, :-1]
             area = along_row[..., 0] * along_column[..., 1] - along_row[..., 1] * along_column[..., 0]
         if not (area > 0).all():
             raise InputError(
-                f"lens: the distortion k1, k2, p1, p2 = {', '.join(f'{d:g}' for d in self.distortion)} folds the photo "
-                "over itself; run COLMAP's image_undistorter and use its output"
+                f"lens: the distortion k1, k2, p1, p2, k3 to k6 = {', '.join(f'{d:g}' for d in self.distortion)} folds "
+                "the photo over itself; undistort the photos with the program that calibrated them"
             )
 
     @property
@@ -90,6 +95,12 @@ class Lens:
                 needed = abs(border - self.K[axis, 2]) / self.K[axis, axis]
                 zoom = max(zoom, needed / np.nanmin(np.abs(self._rays(pixels)[:, axis]), initial=np.inf))
         return self.K * np.array([[zoom, zoom, 1], [zoom, zoom, 1], [1, 1, 1]])
+
+    def resized(self, width: int, height: int) -> "Lens":
+        """The lens of the same photo at another size (width, height), the outer borders of its pixels unmoved."""
+        sx, sy = width / self.width, height / self.height
+        scale = np.array([[sx, 0, (sx - 1) / 2], [0, sy, (sy - 1) / 2], [0, 0, 1]])
+        return Lens(scale @ self.K, self.distortion, width, height)
 
     def undistort(self, pixels: np.ndarray) -> np.ndarray:
         """Pixels (n, 2) of the undistorted photo from pixels (n, 2) of the photo as taken.
@@ -116,17 +127,17 @@ class Lens:
             return np.zeros((0, 2))
         points = np.ascontiguousarray(pixels, dtype=np.float64)[:, None]
         rays = cv2.undistortPoints(points, self.K, self.distortion, criteria=_CONVERGED)[:, 0]
-        with np.errstate(over="ignore", invalid="ignore"):
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             missed = (self._distort(rays) * np.diag(self.K)[:2] + self.K[:2, 2] - points[:, 0]) ** 2
         rays[~(missed.sum(axis=1) < _MISSED**2)] = np.nan
         return rays
 
     def _distort(self, rays: np.ndarray) -> np.ndarray:
         """Rays (..., 2) behind the lens from rays (..., 2) in front of it: the formula above."""
-        k1, k2, p1, p2 = self.distortion
+        k1, k2, p1, p2, k3, k4, k5, k6 = self.distortion
         x, y = rays[..., 0], rays[..., 1]
         r2 = x * x + y * y
-        radial = 1 + r2 * (k1 + k2 * r2)
+        radial = (1 + r2 * (k1 + r2 * (k2 + r2 * k3))) / (1 + r2 * (k4 + r2 * (k5 + r2 * k6)))
         return np.stack(
             [
                 x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x),

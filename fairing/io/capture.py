@@ -33,6 +33,11 @@ class Reader(Protocol):
         """One line for the list of supported formats."""
         ...
 
+    @property
+    def HOLDS_POINTS(self) -> bool:
+        """Whether files of the format can hold sparse points beside cameras."""
+        ...
+
     def recognises(self, path: Path) -> bool:
         """Whether the folder or file is in this format, judged without reading all of it."""
         ...

@@ -19,11 +19,12 @@ from fairing.io.capture import PHOTO_SUFFIXES, Capture, files_below, listed, nam
 from fairing.io.colmap_binary import read_binary_model
 from fairing.io.colmap_model import ColmapCamera, ColmapImage, ColmapModel
 from fairing.io.colmap_text import read_text_model
-from fairing.lens import Lens
+from fairing.lens import DISTORTION, Lens
 from fairing.photo import FilePhoto
 from fairing.scene import SparsePoints, View
 
 FORMAT = "COLMAP model (cameras and images, .txt or .bin, in the folder, sparse/ or sparse/0/)"
+HOLDS_POINTS = True
 
 _HALF_PIXEL = 0.5
 
@@ -93,7 +94,7 @@ def _intrinsics(camera: ColmapCamera) -> Lens:
     p = camera.parameters
     fx, fy = p.get("fx", p.get("f", 0.0)), p.get("fy", p.get("f", 0.0))
     K = np.array([[fx, 0, p["cx"] - _HALF_PIXEL], [0, fy, p["cy"] - _HALF_PIXEL], [0, 0, 1]])
-    distortion = np.array([p.get(name, 0.0) for name in ("k1", "k2", "p1", "p2")])
+    distortion = np.array([p.get(name, 0.0) for name in DISTORTION])
     return Lens(K, distortion, camera.width, camera.height)
 
 

@@ -6,7 +6,17 @@ from pathlib import Path
 import numpy as np
 
 from fairing.errors import InputError
-from fairing.io import colmap, matrices, scene_json
+from fairing.io import (
+    alicevision,
+    bundler,
+    colmap,
+    matrices,
+    middlebury,
+    openmvg,
+    scene_json,
+    strecha,
+    transforms_json,
+)
 from fairing.io.capture import Capture, Reader, files_in, listed, naming, reading
 from fairing.io.in_view import check_mesh_in_view
 from fairing.io.mesh_file import MESH_SUFFIXES, read_mesh
@@ -14,8 +24,10 @@ from fairing.mesh import Mesh
 from fairing.mesh_check import inspect_mesh
 from fairing.scene import Scene
 
-READERS: tuple[Reader, ...] = (colmap, matrices, scene_json)
-"""Supported formats. A new one is a module with FORMAT, `recognises` and `read`, added here."""
+READERS: tuple[Reader, ...] = (
+    colmap, bundler, openmvg, alicevision, transforms_json, middlebury, strecha, matrices, scene_json
+)  # fmt: skip
+"""Supported formats. A new one is a module with the names of `Reader`, added here."""
 
 
 def load_scene(path: str | Path, mesh: str | Path | None = None) -> Scene:
@@ -45,6 +57,9 @@ def load_scene(path: str | Path, mesh: str | Path | None = None) -> Scene:
 def read_capture(path: str | Path) -> Capture:
     """The photos and cameras in a folder or file, without a mesh.
 
+    Where cameras of one reconstruction lie in several formats, the one that holds sparse points, too, is read, and the
+    others are named in a warning.
+
     Raises:
         InputError: no such path, no supported format or several, or whatever the reader finds wrong.
     """
@@ -53,8 +68,15 @@ def read_capture(path: str | Path) -> Capture:
         if not path.exists():
             raise FileNotFoundError
         matching = [reader for reader in READERS if reader.recognises(path)]
-        if len(matching) == 1:
-            return matching[0].read(path)
+        with_points = [reader for reader in matching if reader.HOLDS_POINTS]
+        chosen = with_points if len(with_points) == 1 else matching
+        if len(chosen) == 1:
+            capture = chosen[0].read(path)
+            others = "; ".join(reader.FORMAT for reader in matching if reader is not chosen[0])
+            if not others:
+                return capture
+            note = f"read as {chosen[0].FORMAT}; it also holds {others}: give one of those files to read it instead"
+            return capture._replace(warnings=(*capture.warnings, note))
     if matching:
         found = "; ".join(reader.FORMAT for reader in matching)
         raise InputError(f"{path}: expected one scene, found several: {found}; move all but one elsewhere")

@@ -20,19 +20,19 @@
 Paths are relative to the json file. Anything else in the file is an error, so that no misspelt name goes unnoticed.
 """
 
-import json
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from fairing.camera import Camera
 from fairing.errors import InputError
-from fairing.io.capture import Capture, listed, naming, read_text
+from fairing.io.capture import Capture, listed, naming
+from fairing.io.json_file import Item, read_json
 from fairing.photo import FilePhoto
 from fairing.scene import View
 
 FORMAT = "scene.json (EigenFairing's own: mesh, photos and cameras in one file)"
+HOLDS_POINTS = True
 
 _MATRIX_KEYS = ("image_from_world",)
 _POSE_KEYS = ("K", "R", "t")
@@ -44,77 +44,40 @@ def recognises(path: Path) -> bool:
 
 def read(path: Path) -> Capture:
     file = path if path.is_file() else path / "scene.json"
-    text = read_text(file, "a scene")
+    content = read_json(file, "a scene")
     with naming(file):
-        try:
-            content = json.loads(text)
-        except json.JSONDecodeError as error:
-            raise InputError(f"line {error.lineno}: expected JSON ({error.msg.lower()})") from None
-        except RecursionError:
-            raise InputError("expected a scene, found JSON nested too deeply") from None
-        _expect_keys(content, "the file", required=("views",), optional=("mesh",))
-        mesh = file.parent / _text(content, "mesh", "mesh") if "mesh" in content else None
-        items = content["views"]
-        if not isinstance(items, list):
-            raise InputError(f"views: expected a list, found {_kind(items)}")
-        return Capture(tuple(_view(item, f"views[{i}]", file.parent) for i, item in enumerate(items)), mesh=mesh)
+        _expect_keys(content, required=("views",), optional=("mesh",))
+        mesh = file.parent / content["mesh"].text() if "mesh" in content else None
+        return Capture(tuple(_view(item, file.parent) for item in content["views"]), mesh=mesh)
 
 
-def _view(item: Any, where: str, folder: Path) -> View:
-    has_matrix = isinstance(item, dict) and "image_from_world" in item
+def _view(item: Item, folder: Path) -> View:
+    has_matrix = "image_from_world" in item
     camera_keys = _MATRIX_KEYS if has_matrix else _POSE_KEYS
-    _expect_keys(item, where, required=("photo", "width", "height", *camera_keys), optional=("name",))
-    photo = _text(item, "photo", f"{where}.photo")
-    name = _text(item, "name", f"{where}.name") if "name" in item else photo
-    width, height = (_size(item[key], f"{where}.{key}") for key in ("width", "height"))
-    with naming(where):
-        if has_matrix:
-            camera = Camera(_numbers(item, "image_from_world", (3, 4)), width, height)
-        else:
-            K, R, t = (_numbers(item, key, shape) for key, shape in (("K", (3, 3)), ("R", (3, 3)), ("t", (3,))))
-            if np.any(np.tril(K, -1)):
-                raise InputError("K: expected an upper triangular matrix, found numbers below its diagonal")
+    _expect_keys(item, required=("photo", "width", "height", *camera_keys), optional=("name",))
+    photo = item["photo"].text()
+    name = item["name"].text() if "name" in item else photo
+    width, height = (item[key].whole(lowest=1) for key in ("width", "height"))
+    if has_matrix:
+        image_from_world = item["image_from_world"].numbers(3, 4)
+        with naming(item.where):
+            camera = Camera(image_from_world, width, height)
+    else:
+        K, R, t = item["K"].numbers(3, 3), item["R"].numbers(3, 3), item["t"].numbers(3)
+        if np.any(np.tril(K, -1)):
+            raise InputError(f"{item.where}.K: expected an upper triangular matrix, found numbers below its diagonal")
+        with naming(item.where):
             camera = Camera.from_krt(K, R, t, width, height)
+    with naming(item.where):
         return View(name, camera, FilePhoto(folder / photo))
 
 
-def _expect_keys(item: Any, where: str, required: tuple[str, ...], optional: tuple[str, ...]) -> None:
-    if not isinstance(item, dict):
-        raise InputError(f"{where}: expected an object with {', '.join(required)}, found {_kind(item)}")
+def _expect_keys(item: Item, required: tuple[str, ...], optional: tuple[str, ...]) -> None:
+    where = item.where or "the file"
     for key in required:
         if key not in item:
             hint = " (or image_from_world)" if key in _POSE_KEYS else ""
-            raise InputError(f"{where}: expected {key}{hint}, found only {listed(item) or 'nothing'}")
-    for key in item:
+            raise InputError(f"{where}: expected {key}{hint}, found only {listed(item.names) or 'nothing'}")
+    for key in item.names:
         if key not in required and key not in optional:
             raise InputError(f"{where}: expected only {', '.join(required + optional)}, found {key}")
-
-
-def _text(item: dict[str, Any], key: str, where: str) -> str:
-    if not isinstance(item[key], str) or not item[key]:
-        raise InputError(f"{where}: expected a text, found {_kind(item[key])}")
-    return item[key]
-
-
-def _size(value: Any, where: str) -> int:
-    if not isinstance(value, int) or isinstance(value, bool) or value < 1:
-        raise InputError(f"{where}: expected a positive whole number, found {_kind(value)}")
-    return value
-
-
-def _numbers(item: dict[str, Any], key: str, shape: tuple[int, ...]) -> np.ndarray:
-    """An array of exactly this shape."""
-    expected = f"{'x'.join(map(str, shape))} numbers"
-    try:
-        array = np.array(item[key])
-    except ValueError:
-        raise InputError(f"{key}: expected {expected}, found rows of different lengths") from None
-    if array.shape != shape or array.dtype.kind not in "if":
-        raise InputError(f"{key}: expected {expected}, found {_kind(item[key])}")
-    return array.astype(np.float64)
-
-
-def _kind(value: Any) -> str:
-    """A short form of a JSON value, for messages."""
-    text = json.dumps(value)
-    return text if len(text) <= 40 else f"{text[:37]}..."

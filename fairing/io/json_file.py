@@ -1,0 +1,142 @@
+"""JSON files, read item by item: whatever is missing or of another kind is said with its place in the file."""
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fairing.errors import InputError
+from fairing.io.capture import listed, naming, read_text
+
+
+@dataclass(frozen=True)
+class Item:
+    """A value of a JSON file.
+
+    Attributes:
+        where: its place, such as `views[3].camera`; empty for the whole file.
+        quoted: numbers may be written as texts ("1.5").
+    """
+
+    value: Any
+    where: str = ""
+    quoted: bool = False
+
+    def __contains__(self, key: str) -> bool:
+        return key in self._object()
+
+    def __getitem__(self, key: str) -> "Item":
+        """The value of a key of an object."""
+        content = self._object()
+        if key not in content:
+            raise InputError(f"{self.where or 'the file'}: expected {key}, found only {listed(content) or 'nothing'}")
+        return Item(content[key], f"{self.where}.{key}" if self.where else key, self.quoted)
+
+    def __iter__(self) -> Iterator["Item"]:
+        """The values of a list."""
+        if not isinstance(self.value, list):
+            raise InputError(f"{self.where}: expected a list, found {self.kind}")
+        for i, value in enumerate(self.value):
+            yield Item(value, f"{self.where}[{i}]", self.quoted)
+
+    @property
+    def names(self) -> list[str]:
+        """The keys of an object."""
+        return list(self._object())
+
+    def text(self) -> str:
+        """A text that is not empty."""
+        if not isinstance(self.value, str) or not self.value:
+            raise InputError(f"{self.where}: expected a text, found {self.kind}")
+        return self.value
+
+    def whole(self, lowest: int = 0) -> int:
+        """A whole number; also written as 3.0."""
+        number = self._unquoted()
+        if isinstance(number, float) and number.is_integer():
+            number = int(number)
+        if not isinstance(number, int) or isinstance(number, bool) or number < lowest:
+            raise InputError(f"{self.where}: expected a {_WHOLE[lowest]} number, found {self.kind}")
+        return number
+
+    def number(self) -> float:
+        """A finite number."""
+        number = self._unquoted()
+        if not isinstance(number, int | float) or isinstance(number, bool):
+            raise InputError(f"{self.where}: expected a number, found {self.kind}")
+        if not abs(number) < 1e300:
+            raise InputError(f"{self.where}: expected a finite number, found {self.kind}")
+        return float(number)
+
+    def numbers(self, *shape: int) -> np.ndarray:
+        """An array of exactly this shape; finite or not is for the caller to judge."""
+        expected = f"{'x'.join(map(str, shape))} numbers"
+        try:
+            array = np.array(self.value)
+        except ValueError:
+            raise InputError(f"{self.where}: expected {expected}, found rows of different lengths") from None
+        if array.dtype.kind == "U" and self.quoted:
+            try:
+                array = array.astype(np.float64)
+            except ValueError:
+                raise InputError(f"{self.where}: expected {expected}, found {self.kind}") from None
+        if array.shape != shape or array.dtype.kind not in "iuf":
+            raise InputError(f"{self.where}: expected {expected}, found {self.kind}")
+        return array.astype(np.float64)
+
+    @property
+    def kind(self) -> str:
+        """A short form of the value, for messages."""
+        text = json.dumps(self.value)
+        return text if len(text) <= 40 else f"{text[:37]}..."
+
+    def _object(self) -> dict[str, Any]:
+        if not isinstance(self.value, dict):
+            raise InputError(f"{self.where or 'the file'}: expected an object, found {self.kind}")
+        return self.value
+
+    def _unquoted(self) -> Any:
+        if not (self.quoted and isinstance(self.value, str)):
+            return self.value
+        for number in (int, float):
+            try:
+                return number(self.value)
+            except ValueError:
+                continue
+        return None
+
+
+_WHOLE = {0: "whole", 1: "positive whole"}
+
+
+def read_json(path: Path, expected: str, quoted: bool = False) -> Item:
+    """The content of a JSON file.
+
+    Raises:
+        InputError: it cannot be read or is no JSON.
+    """
+    text = read_text(path, expected)
+    with naming(path):
+        try:
+            return Item(json.loads(text), quoted=quoted)
+        except json.JSONDecodeError as error:
+            raise InputError(f"line {error.lineno}: expected JSON ({error.msg.lower()})") from None
+        except RecursionError:
+            raise InputError(f"expected {expected}, found JSON nested too deeply") from None
+        except ValueError:  # a number of more digits than Python converts
+            raise InputError("expected JSON, found a number of thousands of digits") from None
+
+
+def holds(path: Path, *words: str) -> bool:
+    """Whether a JSON file begins like one that has all these keys; damaged files are recognised, too."""
+    if path.suffix.lower() not in (".json", ".sfm") or not path.is_file():
+        return False
+    try:
+        with path.open("rb") as file:
+            beginning = file.read(1 << 16)
+    except OSError:
+        return False
+    return all(f'"{word}"'.encode() in beginning for word in words)
