@@ -12,7 +12,8 @@ import tyro
 from rich.console import Console
 
 from app.check_command import check_to_console
-from app.headless import TRACE, fair_to_folder, load_with_progress
+from app.headless import TRACE, fair_to_folder, load_with_progress, run_to
+from app.moment_id import START, find_moment, parse_moment_id
 from app.scene_source import SceneSource
 from demo_scenes import DEMOS
 from fairing.errors import InputError
@@ -32,8 +33,9 @@ def view(
     host: str = "127.0.0.1",
     browser: bool = True,
     save_to: Path | None = None,
+    at: str = "start",
 ) -> int:
-    """Open the debugger on a scene, paused before the first step.
+    """Open the debugger on a scene, paused.
 
     Args:
         scene: A demo's name (see `eigenfairing demos`) or a folder or file with photos and cameras.
@@ -43,12 +45,16 @@ def view(
         host: Address to listen on. 0.0.0.0 lets other machines in.
         browser: Open the page in the browser.
         save_to: Keep the record of all steps in this file, for `eigenfairing replay`.
+        at: The moment to open at, after running up to there: level:sweep:vertex:iteration from 1, `start` or `end`.
     """
     console = Console(stderr=True)
     source = SceneSource.typed(scene, mesh)
+    wanted = parse_moment_id(at, PRESETS[preset].n_levels)
     session = Session(load_with_progress(source, console), PRESETS[preset])
     source.note_in(session.trace.header)
-    return _serve(session, host, port, browser, save_to)
+    if at.strip() != START:
+        run_to(session, wanted, console)
+    return _serve(session, host, port, browser, save_to, None)
 
 
 def check(scene: SceneArgument, mesh: Path | None = None, out: Path | None = None) -> int:
@@ -77,8 +83,9 @@ def replay(
     port: int = 8080,
     host: str = "127.0.0.1",
     browser: bool = True,
+    at: str = "start",
 ) -> int:
-    """Open the debugger on a recorded run, at its start.
+    """Open the debugger on a recorded run.
 
     Args:
         run: The folder `fair` wrote, or its run.trace.
@@ -87,13 +94,14 @@ def replay(
         port: Port of the page; the next free one is taken if it is in use.
         host: Address to listen on. 0.0.0.0 lets other machines in.
         browser: Open the page in the browser.
+        at: The moment to open at: level:sweep:vertex:iteration from 1, `start` or `end`.
     """
     path = run / TRACE if run.is_dir() else run
     trace = Trace.load(path)
     source = SceneSource.typed(scene, mesh) if scene else SceneSource.of_run(trace.header, path)
     session = Session(load_with_progress(source, Console(stderr=True)), trace=trace)
-    session.go_to(0)
-    return _serve(session, host, port, browser, None)
+    session.go_to(find_moment(trace, parse_moment_id(at, session.options.n_levels)))
+    return _serve(session, host, port, browser, None, path)
 
 
 def _fair_command(default: FairingOptions) -> Callable[..., int]:
@@ -122,10 +130,12 @@ def _fair_command(default: FairingOptions) -> Callable[..., int]:
     return fair
 
 
-def _serve(session: Session, host: str, port: int, browser: bool, save_to: Path | None) -> int:
+def _serve(
+    session: Session, host: str, port: int, browser: bool, save_to: Path | None, recorded_in: Path | None
+) -> int:
     from app.server import serve  # the page's packages take a second to import; only this needs them
 
-    serve(session, host=host, port=port, open_browser=browser, save_to=save_to)
+    serve(session, host=host, port=port, open_browser=browser, save_to=save_to, recorded_in=recorded_in)
     return 0
 
 

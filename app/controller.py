@@ -11,6 +11,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+from app.bookmarks import Bookmarks, file_beside, read_bookmarks, write_bookmarks
 from app.breakpoints import Breakpoints
 from app.commands import (
     Ask,
@@ -56,11 +57,18 @@ class Controller:
     Args:
         session: the run; nobody else may touch it from now on.
         save_to: keep the record in this file.
+        recorded_in: the file the record was read from; bookmarks are read from beside it, and kept there.
+
+    Raises:
+        InputError: `save_to` cannot be written, or the bookmarks cannot be read.
     """
 
-    def __init__(self, session: Session, save_to: Path | None = None) -> None:
+    def __init__(self, session: Session, save_to: Path | None = None, recorded_in: Path | None = None) -> None:
         self.scene: Scene = session.scene
-        self._runs = Runs(session, save_to)
+        self._runs = Runs(session, save_to, recorded_in)
+        self._bookmarks = Bookmarks()
+        if recorded_in is not None:
+            self._bookmarks = read_bookmarks(file_beside(recorded_in), len(session.trace))
         self._rival: int | None = None
         self._commands: deque[Command] = deque()
         self._changed = threading.Condition()
@@ -135,6 +143,24 @@ class Controller:
             self._serial += 1
             self._state = replace(self._state, serial=self._serial, breakpoints=self._breakpoints.items)
         self.republish()
+
+    def edit_bookmarks(self, edit: Callable[[Bookmarks], Bookmarks]) -> None:
+        """Replace the bookmarks by what `edit` makes of them, and write the files of runs whose bookmarks changed.
+
+        Raises:
+            InputError: a file cannot be written; the bookmarks are changed all the same. Or what `edit` raises.
+        """
+        with self._changed:
+            before = self._bookmarks
+            self._bookmarks = edit(before)
+            self._serial += 1
+            self._state = replace(self._state, serial=self._serial, bookmarks=self._bookmarks.items)
+            after = self._bookmarks
+        self.republish()
+        for run in self._state.runs:
+            file = self._runs.file_of(run.run_id)
+            if file is not None and before.of_run(run.run_id) != after.of_run(run.run_id):
+                write_bookmarks(file_beside(file), after.of_run(run.run_id))
 
     def wait_until_idle(self, timeout: float = 60.0) -> RunState:
         """The state once all commands are done. Raises TimeoutError."""
@@ -248,6 +274,8 @@ class Controller:
                 return f"run {run_id} is at hand"
             case DeleteRun(run_id):
                 self._runs.delete(run_id)
+                with self._changed:
+                    self._bookmarks = self._bookmarks.without_run(run_id)
                 return f"run {run_id} is deleted"
             case Race(first, second):
                 return self._race(first, second)
@@ -378,6 +406,7 @@ class Controller:
             progress=session.progress,
             step_seconds=self._mean_step_seconds(),
             breakpoints=self._breakpoints.items,
+            bookmarks=self._bookmarks.items,
             log=tuple(self._log),
         )
 

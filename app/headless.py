@@ -21,7 +21,7 @@ from fairing.options import FairingOptions, options_from_dict
 from fairing.report import EnergyTally, run_report
 from fairing.scene import Scene
 from fairing.session import Session
-from fairing.trace import StepRecord, Trace
+from fairing.trace import Position, StepRecord, Trace
 
 MESH, REPORT, TRACE = "mesh.ply", "report.json", "run.trace"
 
@@ -90,6 +90,15 @@ def load_with_progress(source: SceneSource, console: Console) -> Scene:
     with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task(f"opening {source.scene}", total=1.0)
         return source.load(lambda fraction, line: bar.update(task, completed=fraction, description=line))
+
+
+def run_to(session: Session, wanted: Position, console: Console) -> None:
+    """Run up to a position of the schedule, with a bar; where the run passes it by, to the next moment after it."""
+    with RunProgress(console, session) as progress:
+        while not session.finished and session.position < wanted:
+            record = session.step()
+            if record is not None:
+                progress.show(record)
 
 
 def fair_to_folder(

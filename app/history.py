@@ -1,13 +1,26 @@
 """What the record says over time, gathered once for all pages: energies and paths. Both only ever read new steps."""
 
 from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 
 from app.outcome import slot_of
 from app.palette import BACKGROUND, REJECTED, START
 from app.run_state import RunState
-from fairing.trace import StepReason, StepRecord
+from fairing.trace import StepReason, StepRecord, Trace
+
+
+class Recorded(Protocol):
+    """A record that may grow: a state, or what is known of a run."""
+
+    @property
+    def run_id(self) -> int: ...
+    @property
+    def trace(self) -> Trace: ...
+    @property
+    def length(self) -> int: ...
+
 
 REJECTIONS = [StepReason.REJECTED_ENERGY, StepReason.REJECTED_FOLD]
 MAX_STRIP = 2000  # pixels of the timeline's strip
@@ -35,7 +48,7 @@ class EnergyHistory:
         self._sweeps = np.zeros(0, dtype=int)
         self._known = 0
 
-    def update(self, state: RunState) -> None:
+    def update(self, state: Recorded) -> None:
         """Take in the steps that are new."""
         if state.run_id != self._run_id:
             self._clear()

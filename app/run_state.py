@@ -5,6 +5,7 @@ from enum import Enum
 
 import numpy as np
 
+from app.bookmarks import Bookmark
 from app.breakpoints import Breakpoint
 from app.runs import RunInfo
 from fairing.options import FairingOptions
@@ -42,6 +43,7 @@ class RunState:
         progress: fraction of the schedule, 0 to 1.
         step_seconds: computing time of a step, mean over the last ones; 0 before the first.
         breakpoints: what stops a run.
+        bookmarks: moments with a note, of all runs.
         log: what breakpoints that only report had to say, the newest last.
     """
 
@@ -62,6 +64,7 @@ class RunState:
     progress: float
     step_seconds: float
     breakpoints: tuple[Breakpoint, ...]
+    bookmarks: tuple[Bookmark, ...]
     log: tuple[str, ...]
 
     @property

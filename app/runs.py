@@ -54,6 +54,7 @@ class _Kept:
     parent: int | None
     forked_at: int
     differs: str
+    file: Path | None
     info: RunInfo | None = None
 
 
@@ -63,11 +64,13 @@ class Runs:
     Args:
         session: the first run.
         save_to: the file that keeps its record; those of others are put beside it.
+        recorded_in: the file that it was read from and that is not written to.
     """
 
-    def __init__(self, session: Session, save_to: Path | None) -> None:
+    def __init__(self, session: Session, save_to: Path | None, recorded_in: Path | None = None) -> None:
         self._save_to = save_to
-        self._kept: dict[int, _Kept] = {1: _Kept(session, None, 0, run_title(session.options))}
+        title = run_title(session.options)
+        self._kept: dict[int, _Kept] = {1: _Kept(session, None, 0, title, save_to or recorded_in)}
         self._following = 2
         self.run_id = 1
         if save_to is not None:
@@ -87,6 +90,11 @@ class Runs:
         if run_id not in self._kept:
             raise InputError(f"run {run_id}: is not there any more")
         return self._kept[run_id].session
+
+    def file_of(self, run_id: int) -> Path | None:
+        """The file that has a run's record, if one does."""
+        kept = self._kept.get(run_id)
+        return None if kept is None else kept.file
 
     def from_start_with(self, options: FairingOptions) -> int | None:
         """The number of a run that has had these options all along, if there is one."""
@@ -109,12 +117,14 @@ class Runs:
         is_empty = len(before.session.trace) == 0
         if not is_empty and len(self._kept) >= MAX_RUNS:
             raise InputError(f"expected at most {MAX_RUNS} runs; delete some first")
+        file = None
         if self._save_to is not None:
-            session.trace.attach(self._save_to if is_empty and self.run_id == 1 else self._free_file())
+            file = before.file if is_empty and before.file else self._free_file()
+            session.trace.attach(file)
         differs = note or (
             options_differing(before.session.options, session.options) if forked_at else run_title(session.options)
         )
-        added = _Kept(session, self.run_id if forked_at else None, forked_at, differs)
+        added = _Kept(session, self.run_id if forked_at else None, forked_at, differs, file)
         if is_empty:
             before.session.trace.detach()
             del self._kept[self.run_id]

@@ -29,7 +29,7 @@ SWITCH_SECONDS = 0.001
 class App:
     """A running debugger: one engine, any number of browsers."""
 
-    def __init__(self, session: Session, host: str, port: int, save_to: Path | None) -> None:
+    def __init__(self, session: Session, host: str, port: int, save_to: Path | None, recorded_in: Path | None) -> None:
         # The engine computes in Python, too: others would wait 5 ms for every word they put in.
         sys.setswitchinterval(SWITCH_SECONDS)
         # A browser may go while it is being shown something; nothing is lost by that.
@@ -38,7 +38,7 @@ class App:
         stage = Stage.of(scene)
         self._server = start_server(host, port)
         self.host, self.port = host, self._server.get_port()
-        self.controller = Controller(session, save_to)
+        self.controller = Controller(session, save_to, recorded_in)
         self._shared = Shared(
             scene,
             stage,
@@ -121,13 +121,16 @@ class App:
                 logging.getLogger(__name__).exception("a page could not be brought up to date")
 
 
-def start(session: Session, *, host: str = "127.0.0.1", port: int = 8080, save_to: Path | None = None) -> App:
-    """Open the debugger and return at once.
-
-    Raises:
-        InputError: the address cannot be used, or `save_to` cannot be written.
-    """
-    return App(session, host, port, save_to)
+def start(
+    session: Session,
+    *,
+    host: str = "127.0.0.1",
+    port: int = 8080,
+    save_to: Path | None = None,
+    recorded_in: Path | None = None,
+) -> App:
+    """Open the debugger and return at once. See `serve`."""
+    return App(session, host, port, save_to, recorded_in)
 
 
 def serve(
@@ -137,6 +140,7 @@ def serve(
     port: int = 8080,
     open_browser: bool = True,
     save_to: Path | None = None,
+    recorded_in: Path | None = None,
 ) -> None:
     """Open the debugger, paused, and stay until Ctrl-C.
 
@@ -144,11 +148,12 @@ def serve(
         port: 0 for any free one.
         open_browser: also open the page in the user's browser.
         save_to: keep the record in this file.
+        recorded_in: the file the record was read from; its bookmarks are beside it.
 
     Raises:
-        InputError: the address cannot be used, or `save_to` cannot be written.
+        InputError: the address cannot be used, `save_to` cannot be written, or the bookmarks cannot be read.
     """
-    app = start(session, host=host, port=port, save_to=save_to)
+    app = start(session, host=host, port=port, save_to=save_to, recorded_in=recorded_in)
     print(f"EigenFairing is at {app.url} - Ctrl-C ends it.", flush=True)  # noqa: T201 - the one line a user needs
     if open_browser:
         webbrowser.open(app.url)
