@@ -159,10 +159,11 @@ def test_view_runs_up_to_the_moment_it_is_told(monkeypatch: pytest.MonkeyPatch, 
     write_corner(tmp_path / "corner")
     at_start = opened(monkeypatch, "view", str(tmp_path / "corner"))
     assert at_start.moment == 0
-    level = at_start.position.level
-    session = opened(monkeypatch, "view", str(tmp_path / "corner"), "--at", f"{level + 1}:1:1:3")
-    assert session.moment == len(session.trace) == 2
-    assert session.position == Position(level, 0, 0, 2)
+    at_start.step_sweep()
+    name = moment_id(at_start.position, at_start.moment, at_start.options.n_levels)
+    session = opened(monkeypatch, "view", str(tmp_path / "corner"), "--at", name)
+    assert session.moment == len(session.trace) == at_start.moment
+    assert session.position == at_start.position
 
 
 def test_replay_opens_at_the_moment_it_is_told(
