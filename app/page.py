@@ -14,6 +14,8 @@ from app.breakpoints import Breakpoints
 from app.bridge import Bridge, whole_number
 from app.commands import JumpTo
 from app.controller import Controller
+from app.focus import release_focus_after_use
+from app.hands import Hands
 from app.history import EnergyHistory, PathHistory, next_move
 from app.html import STYLE, button, icon, text
 from app.layers import Layer
@@ -33,6 +35,7 @@ from app.panels.energy_plot import EnergyPlot
 from app.panels.html_panel import HtmlPanel
 from app.panels.layers_panel import LayersPanel, available_layers
 from app.panels.options_panel import OptionButtons, OptionsPanel
+from app.panels.selection_panel import SelectionPanel
 from app.panels.status import Status
 from app.panels.timeline import Timeline
 from app.panels.variables import Variables
@@ -70,20 +73,22 @@ class Page:
         self._problem = (0, "")
         self._panels_shown = 0.0
         self._look_through = LookThrough(client, shared.stage, shared.scene)
+        self._hands = Hands(client, shared.stage, shared.scene.mesh, shared.controller, view, self._guarded_with)
         client.gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False, brand_color=BRAND)
         client.gui.set_panel_label(f"EigenFairing · {shared.scene.name}")
         self._panels: list[Panel] = self._build_panels()
         self._surface = SurfaceLayer(client, shared.stage, shared.scene.mesh, shared.texturer)
-        stage, scene = shared.stage, shared.scene
+        stage, scene, hands = shared.stage, shared.scene, self._hands
         self._layers: list[Layer] = [
             self._surface,
             WiresLayer(client, stage, scene),
-            VerticesLayer(client, stage, scene.mesh, self._guarded_with(self._select)),
+            VerticesLayer(client, stage, scene.mesh, self._guarded_with(hands.click), hands.watch),
             PathsLayer(client, stage, shared.paths),
             PointsLayer(client, stage, scene.sparse_points),
-            CamerasLayer(client, stage, scene, shared.thumbnails, self._guarded_with(self._enter)),
+            CamerasLayer(client, stage, scene, shared.thumbnails, self._guarded_with(self._enter), hands.watch),
         ]
         self._add_commands()
+        release_focus_after_use(client)
         client.camera.on_update(lambda _: self._guarded(self._follow_camera)())
 
     def show(self, state: RunState) -> None:
@@ -130,7 +135,9 @@ class Page:
         option_buttons = OptionButtons(bridge.button)
         tabs = gui.add_tab_group()
         with tabs.add_tab("Vertex"):
-            panels.append(Variables(gui, shared.scene.mesh, self._guarded_with(self._select)))
+            last = len(shared.scene.mesh.vertices) - 1
+            panels.append(SelectionPanel(gui, last, self._guarded_with, self._hands.choose))
+            panels.append(Variables(gui, shared.scene.mesh))
         with tabs.add_tab("Breakpoints"):
             panels.append(BreakpointsPanel(gui, shared.controller, self._guarded_with, breakpoint_buttons))
         with tabs.add_tab("Layers"):
@@ -203,9 +210,7 @@ class Page:
         return lambda: self._shared.controller.post(command)
 
     def _select(self, vertex: object) -> None:
-        last = len(self._shared.scene.mesh.vertices) - 1
-        self.view.selected = whole_number(vertex, 0, last, "vertex")
-        self._shared.controller.republish()
+        self._hands.select(vertex)
 
     def _choose_face(self, face: object) -> None:
         self.view.face = whole_number(face, 0, len(self._shared.scene.mesh.faces) - 1, "face")

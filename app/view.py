@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass, field
 
+from app.selection import Selection
+
 LAYERS: dict[str, str] = {
     "textured": "Textured surface",
     "surface": "Flat surface",
@@ -19,14 +21,14 @@ MAX_MAGNIFICATION = 50
 @dataclass
 class View:
     """Attributes:
-    selected: the vertex whose variables are shown.
+    selection: the vertices chosen.
     face: the face of it whose cells are shown; None for any.
     entered: the camera looked through, None outside.
     magnification: of displacements, 1 to 50.
     shown: which layers are switched on.
     """
 
-    selected: int | None = None
+    selection: Selection = field(default_factory=Selection)
     face: int | None = None
     entered: int | None = None
     magnification: float = 1.0
@@ -34,7 +36,12 @@ class View:
 
     def copy(self) -> "View":
         """The same for another browser, outside of any camera."""
-        return View(self.selected, self.face, None, self.magnification, dict(self.shown))
+        return View(self.selection, self.face, None, self.magnification, dict(self.shown))
 
     def shows(self, layer: str) -> bool:
         return self.shown[layer]
+
+    @property
+    def selected(self) -> int | None:
+        """The vertex whose cells and variables are shown: the current one of the selection."""
+        return self.selection.current

@@ -142,7 +142,7 @@ def test_a_click_selects_a_vertex_and_shows_its_variables(visitor: Visitor):
     visitor.click_vertex(0)
     visitor.page.get_by_text("moved from the start").wait_for()
     visitor.page.get_by_text("step in the photos").wait_for()
-    assert visitor.page.get_by_label("Vertex", exact=True).last.input_value() == "0"
+    assert visitor.input_of("Vertices").input_value() == "0"
 
 
 def test_the_cells_of_the_selected_vertex_are_shown_and_lead_into_their_photo(visitor: Visitor, scene):
@@ -163,9 +163,7 @@ def test_the_cells_of_the_selected_vertex_are_shown_and_lead_into_their_photo(vi
 def test_a_breakpoint_that_is_typed_in_stops_the_run(visitor: Visitor):
     controller = visitor.app.controller
     visitor.page.get_by_role("tab", name="Breakpoints").click()
-    entry = visitor.page.get_by_text("Stop when", exact=True).locator(
-        "xpath=ancestor::div[contains(@class,'Flex-root')][1]//input"
-    )
+    entry = visitor.input_of("Stop when")
     entry.fill("moment == ")
     entry.press("Enter")
     visitor.page.get_by_text("condition, column 11").first.wait_for()
@@ -184,9 +182,7 @@ def test_another_k_makes_a_branch_from_here(visitor: Visitor):
     began = visitor.press("Step one sweep")
     visitor.page.get_by_role("tab", name="Options").click()
     visitor.page.get_by_text("Eigenspace", exact=True).click()
-    entry = visitor.page.get_by_text("dimensions", exact=True).locator(
-        "xpath=ancestor::div[contains(@class,'Flex-root')][1]//input"
-    )
+    entry = visitor.input_of("dimensions")
     entry.fill("none")
     visitor.button("Keep the past, go on with these").click()
     visitor.page.get_by_text("option eigenspace.dimensions").first.wait_for()
@@ -250,7 +246,7 @@ def test_two_browsers_share_the_run_but_not_the_selection(browser, visitor: Visi
 def test_reload_and_reconnect_keep_the_state(visitor: Visitor):
     state = visitor.press("Step one sweep")
     page = next(iter(visitor.app._pages.values()))
-    page.view.selected = 3
+    page._select(3)
     visitor.open()
     visitor.sees_vertices(page_vertices(visitor.app, state.moment))
     wait_for(lambda: [page.view.selected for page in visitor.app._pages.values()] == [3])

@@ -56,6 +56,7 @@ class CamerasLayer:
         scene: Scene,
         thumbnails: Thumbnails,
         on_enter: Callable[[int], None],
+        watch: Callable[[viser.CameraFrustumHandle], None],
     ) -> None:
         self._root = client.scene.add_frame("/cameras", show_axes=False)
         for view_id, view in enumerate(scene.views):
@@ -81,6 +82,8 @@ class CamerasLayer:
             @frustum.on_click
             def _(_event: viser.SceneNodePointerEvent, view_id: int = view_id) -> None:
                 on_enter(view_id)
+
+            watch(frustum)
 
     def show(self, state: RunState, view: View) -> None:
         self._root.visible = view.shows("cameras") and view.entered is None

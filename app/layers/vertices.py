@@ -16,9 +16,19 @@ from fairing.trace import StepReason
 
 
 class VerticesLayer:
-    """One sphere a vertex: green at its start, red once it moved, violet if just rejected, yellow if selected."""
+    """One sphere a vertex: green at its start, red once it moved, violet if just rejected, yellow if selected.
 
-    def __init__(self, client: viser.ClientHandle, stage: Stage, mesh: Mesh, on_select: Callable[[int], None]) -> None:
+    The current vertex of the selection is larger than the others.
+    """
+
+    def __init__(
+        self,
+        client: viser.ClientHandle,
+        stage: Stage,
+        mesh: Mesh,
+        on_click: Callable[[int, bool], None],
+        watch: Callable[[viser.BatchedMeshHandle], None],
+    ) -> None:
         self._stage = stage
         ball_vertices, ball_faces = _icosphere()
         edges = stage.page_from_world(mesh.vertices)[mesh.edges]
@@ -38,22 +48,26 @@ class VerticesLayer:
             receive_shadow=False,
         )
 
-        @self._handle.on_click
-        def _(event: viser.SceneNodePointerEvent) -> None:
+        def clicked(event: viser.SceneNodePointerEvent) -> None:
             if event.instance_index is not None and 0 <= event.instance_index < n:
-                on_select(int(event.instance_index))
+                on_click(int(event.instance_index), event.modifier == "shift")
+
+        self._handle.on_click(clicked)
+        self._handle.on_click(modifier="shift")(clicked)
+        watch(self._handle)
 
     def show(self, state: RunState, view: View) -> None:
         self._handle.batched_positions = self._stage.page_from_world(state.vertices)
-        self._handle.batched_colors = vertex_colors(state, view.selected)
+        self._handle.batched_colors = vertex_colors(state, view.selection.vertices)
         scales = np.full(len(state.vertices), self._radius * (0.6 if view.entered is not None else 1), dtype=np.float32)
+        scales[list(view.selection.vertices)] *= 1.4
         if view.selected is not None:
-            scales[view.selected] *= 1.6
+            scales[view.selected] *= 1.25
         self._handle.batched_scales = scales
         self._handle.visible = view.shows("vertices")
 
 
-def vertex_colors(state: RunState, selected: int | None) -> np.ndarray:
+def vertex_colors(state: RunState, selected: tuple[int, ...]) -> np.ndarray:
     """(n, 3) uint8: what the colour of a sphere says about its vertex."""
     colors = np.tile(np.array(START, dtype=np.uint8), (len(state.vertices), 1))
     colors[(state.vertices != state.trace.start).any(axis=1)] = NOW
@@ -61,8 +75,7 @@ def vertex_colors(state: RunState, selected: int | None) -> np.ndarray:
     if record is not None:
         colors[record.vertices[np.isin(record.reasons, REJECTIONS)]] = REJECTED
         colors[record.vertices[record.reasons == StepReason.LOCKED]] = LOCKED
-    if selected is not None:
-        colors[selected] = SELECTED
+    colors[list(selected)] = SELECTED
     return colors
 
 

@@ -1,7 +1,5 @@
 """Everything that is known of the selected vertex."""
 
-from collections.abc import Callable
-
 import numpy as np
 import viser
 
@@ -15,25 +13,17 @@ from fairing.trace import StepReason, StepRecord
 
 
 class Variables:
-    """A vertex is chosen by a click in the scene or by its number."""
+    """Of the current vertex of the selection."""
 
-    def __init__(self, gui: viser.GuiApi, mesh: Mesh, on_select: Callable[[object], None]) -> None:
+    def __init__(self, gui: viser.GuiApi, mesh: Mesh) -> None:
         self._mesh = mesh
-        self._number = gui.add_number("Vertex", 0, min=0, max=len(mesh.vertices) - 1, step=1)
         self._panel = HtmlPanel(gui)
-
-        @self._number.on_update
-        def _(event: viser.GuiEvent) -> None:
-            if event.client is not None:
-                on_select(self._number.value)
 
     def show(self, state: RunState, view: View) -> None:
         vertex = view.selected
         if vertex is None:
-            self._panel.set("<span class='dim'>Click a vertex in the scene, or type its number.</span>")
+            self._panel.set("")
             return
-        if self._number.value != vertex:
-            self._number.value = vertex
         here, start = state.vertices[vertex], state.trace.start[vertex]
         moved = float(np.linalg.norm(here - start))
         content = table(

@@ -109,11 +109,39 @@ class Visitor:
         width, height = found["size"]
         return np.array([(x / w + 1) / 2 * width, (1 - y / w) / 2 * height])
 
+    def photo_drawn_at(self, view_id: int) -> np.ndarray:
+        """Where the middle of a camera's photo is drawn within the canvas, pixels."""
+        found = self.page.wait_for_function(
+            """name => {
+                const {camera, canvas, nodeRefFromName} = window.__viserMutable;
+                let photo = null;
+                nodeRefFromName[name]?.traverse(node => { if (node.isMesh && node.material?.map) photo = node; });
+                if (!photo) return null;
+                camera.updateMatrixWorld();
+                photo.updateWorldMatrix(true, false);
+                const box = canvas.getBoundingClientRect();
+                const place = photo.position.clone().setFromMatrixPosition(photo.matrixWorld).project(camera);
+                return [(place.x + 1) / 2 * box.width, (1 - place.y) / 2 * box.height];
+            }""",
+            arg=f"/cameras/{view_id}",
+        )
+        return np.array(found.json_value())
+
     def click_vertex(self, vertex: int) -> None:
         """Click where the vertex is drawn."""
-        canvas = self.box_of(self.page.locator("canvas[data-engine]").first)
+        canvas = self.canvas_box()
         x, y = self.drawn_at(vertex)
         self.page.mouse.click(canvas["x"] + x, canvas["y"] + y)
+
+    def canvas_box(self) -> dict[str, float]:
+        """Where the 3D view is in the window."""
+        return self.box_of(self.page.locator("canvas[data-engine]").first)
+
+    def input_of(self, label: str) -> Locator:
+        """The line to type into that has this label; the viewer does not link them."""
+        return self.page.get_by_text(label, exact=True).locator(
+            "xpath=ancestor::div[contains(@class,'Flex-root')][1]//input"
+        )
 
     def box_of(self, element: Locator) -> dict[str, float]:
         """Where an element is, which the page may be about to replace."""

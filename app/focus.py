@@ -1,0 +1,35 @@
+"""Keeps the keys alive: the focus stays in a field only while somebody types there.
+
+The browser gives no hotkeys while a text line, a checkbox or a dropdown has the focus, and a click leaves it there. So
+a few lines run in the page that take the focus away once a widget has been used. viser 1.1.1 can run them but offers
+that only to itself; a test holds it.
+"""
+
+import viser
+from viser._messages import RunJavascriptMessage
+
+_SCRIPT = """
+if (!window.eigenfairingFocus) {
+  window.eigenfairingFocus = true;
+  // The window hears of an event last, when the widget has done its part.
+  const isField = e => e?.matches?.('input, textarea, select');
+  const isTyped = e => e?.matches?.('textarea, input:not([type=checkbox]):not([type=radio]):not([type=range])');
+  const release = () => { if (isField(document.activeElement)) document.activeElement.blur(); };
+  // A click that ends anywhere but in a line to type into, or on its label, is done with the widget.
+  window.addEventListener('click', event => {
+    const label = event.target.closest?.('label');
+    if (!isTyped(event.target) && !isTyped(label?.control)) release();
+  });
+  window.addEventListener('keydown', event => {
+    const field = event.target;
+    if (!isField(field)) return;
+    const opensOnEnter = field.matches('[aria-haspopup=listbox]') && !field.matches('[aria-expanded=true]');
+    if (event.key === 'Escape' || (event.key === 'Enter' && field.tagName !== 'TEXTAREA' && !opensOnEnter)) release();
+  });
+}
+"""
+
+
+def release_focus_after_use(client: viser.ClientHandle) -> None:
+    """Make it so in this browser."""
+    client.gui._websock_interface.queue_message(RunJavascriptMessage(source=_SCRIPT))

@@ -1,0 +1,83 @@
+"""What a user does to vertices with the mouse: choose them, one or many."""
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import viser
+
+from app.bridge import whole_number
+from app.controller import Controller
+from app.picking import camera_of, vertices_within
+from app.selection import Selection
+from app.stage import Stage
+from app.view import View
+from fairing.mesh import Mesh
+
+ClickableNode = viser.BatchedMeshHandle | viser.CameraFrustumHandle
+
+SAME_CLICK = 0.3  # s: a click on a node is reported twice, for the node and then for the scene
+
+
+class Hands:
+    """Chooses vertices for one browser.
+
+    Args:
+        guarded: turns what a call throws into a note in the page.
+    """
+
+    def __init__(
+        self,
+        client: viser.ClientHandle,
+        stage: Stage,
+        mesh: Mesh,
+        controller: Controller,
+        view: View,
+        guarded: Callable[[Callable[..., None]], Callable[..., None]],
+    ) -> None:
+        self._client, self._stage, self._mesh = client, stage, mesh
+        self._controller, self._view = controller, view
+        self._node_clicked = 0.0
+        rectangle = guarded(self._choose_rectangle)
+        client.scene.on_rect_select(modifier="shift")(lambda event: rectangle(event.screen_min, event.screen_max))
+
+        # Coroutines run in the order of the clicks; plain functions would run at the same time on several threads.
+        async def click_beside(_event: viser.SceneClickEvent) -> None:
+            self._click_beside()
+
+        listen: Any = client.scene.on_click()  # whose type does not name coroutines
+        listen(click_beside)
+
+    def choose(self, selection: Selection) -> None:
+        """Select these and no others."""
+        self._view.selection = selection
+        self._controller.republish()
+
+    def select(self, vertex: object) -> None:
+        """Select one vertex and no others."""
+        last = len(self._mesh.vertices) - 1
+        self.choose(Selection((whole_number(vertex, 0, last, "vertex"),)))
+
+    def click(self, vertex: int, adds: bool) -> None:
+        """A click on a vertex in the scene."""
+        self.choose(self._view.selection.toggled(vertex) if adds else Selection((vertex,)))
+
+    def watch(self, node: ClickableNode) -> None:
+        """A click on this node is no click beside the mesh. To be called for every node that can be clicked."""
+
+        async def note(_event: viser.SceneNodePointerEvent) -> None:
+            self._node_clicked = time.monotonic()
+
+        node.on_click(note)
+
+    def _click_beside(self) -> None:
+        if time.monotonic() - self._node_clicked > SAME_CLICK and self._view.selection.vertices:
+            self.choose(Selection())
+
+    def _choose_rectangle(self, low: tuple[float, float], high: tuple[float, float]) -> None:
+        vertices = self._stage.page_from_world(self._controller.state.vertices).astype(np.float64)
+        view = self._view
+        covered = view.entered is None and (view.shows("textured") or view.shows("surface"))
+        found = vertices_within(vertices, self._mesh, camera_of(self._client), low, high, see_through=not covered)
+        self.choose(view.selection.extended(found.tolist()))

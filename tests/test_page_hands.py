@@ -1,0 +1,148 @@
+"""What a user does with hands, in a real browser: choose vertices, move them, and go on with the keys."""
+
+import pytest
+
+from app.commands import JumpTo
+from app.selection import Selection
+from app.server import start
+from demo_scenes import load_demo
+from fairing.options import FairingOptions, ScheduleOptions
+from fairing.session import Session
+from tests.browser.driver import CHROMIUM, Visitor, chromium, wait_for
+
+pytestmark = [
+    pytest.mark.browser,
+    pytest.mark.skipif(CHROMIUM is None, reason="no chromium on the PATH; install it to test the page"),
+]
+
+OPTIONS = FairingOptions(
+    schedule=ScheduleOptions(blur=(3.6, 2.0), order="sequential", max_sweeps=(2,), max_iterations=(3,), start="first")
+)
+
+
+@pytest.fixture(scope="module")
+def visitor_for_all():
+    app = start(Session(load_demo("cube"), OPTIONS), port=0)
+    with chromium() as browser:
+        yield Visitor(browser, app)
+    app.stop()
+
+
+@pytest.fixture
+def visitor(visitor_for_all: Visitor):
+    """A page at the start of the recorded run, nothing selected; fails a test that left trouble behind."""
+    visitor_for_all.app.controller.post(JumpTo(0))
+    visitor_for_all.app.controller.wait_until_idle()
+    page_of(visitor_for_all)._hands.choose(Selection())
+    wait_for(lambda: visitor_for_all.input_of("Vertices").input_value() == "")
+    yield visitor_for_all
+    assert visitor_for_all.troubles == []
+
+
+def page_of(visitor: Visitor):
+    return next(iter(visitor.app._pages.values()))
+
+
+def selected(visitor: Visitor) -> list[int]:
+    return sorted(page_of(visitor).view.selection.vertices)
+
+
+def test_clicks_choose_one_and_with_shift_more(visitor: Visitor):
+    view = page_of(visitor).view
+    visitor.click_vertex(0)
+    wait_for(lambda: view.selection.vertices == (0,))
+    visitor.page.keyboard.down("Shift")
+    visitor.click_vertex(4)
+    wait_for(lambda: view.selection.vertices == (0, 4))
+    visitor.click_vertex(0)
+    wait_for(lambda: view.selection.vertices == (4,))
+    visitor.click_vertex(0)
+    visitor.page.keyboard.up("Shift")
+    visitor.page.get_by_text("and 1 more selected").wait_for()
+    visitor.click_vertex(4)
+    wait_for(lambda: view.selection.vertices == (4,))
+
+
+def test_a_rectangle_chooses_what_is_in_it_and_a_click_beside_nothing(visitor: Visitor):
+    canvas = visitor.canvas_box()
+    mouse = visitor.page.mouse
+    x, y = visitor.drawn_at(0)
+    visitor.page.keyboard.down("Shift")
+    mouse.move(canvas["x"] + x - 25, canvas["y"] + y - 25)
+    mouse.down()
+    mouse.move(canvas["x"] + x + 10, canvas["y"] + y + 10)
+    mouse.move(canvas["x"] + x + 25, canvas["y"] + y + 25)
+    mouse.up()
+    visitor.page.keyboard.up("Shift")
+    wait_for(lambda: selected(visitor) == [0])
+    mouse.click(canvas["x"] + 30, canvas["y"] + canvas["height"] / 2)
+    wait_for(lambda: selected(visitor) == [])
+
+
+def test_numbers_choose_and_show_what_the_mouse_chose(visitor: Visitor):
+    entry = visitor.input_of("Vertices")
+    entry.fill("2, 4-6")
+    entry.press("Enter")
+    wait_for(lambda: selected(visitor) == [2, 4, 5, 6])
+    assert page_of(visitor).view.selected == 2
+    entry.fill("2, 400")
+    entry.press("Enter")
+    visitor.page.get_by_text("expected numbers 0 to 6, found 400").wait_for()
+    visitor.click_vertex(0)
+    wait_for(lambda: entry.input_value() == "0")
+
+
+def test_a_click_on_a_camera_keeps_the_selection(visitor: Visitor):
+    """One click is reported for the node and for the scene; only the first may count."""
+    page = page_of(visitor)
+    page._hands.choose(Selection((3,)))
+    visitor.page.keyboard.press("v")
+    canvas = visitor.canvas_box()
+    wait_for(lambda: 0 < visitor.photo_drawn_at(2)[1] < canvas["height"])
+    x, y = visitor.photo_drawn_at(2)
+    visitor.page.mouse.click(canvas["x"] + x, canvas["y"] + y)
+    wait_for(lambda: page.view.entered is not None)
+    assert page.view.selected == 3
+    visitor.page.keyboard.press("0")
+    wait_for(lambda: page.view.entered is None)
+    visitor.page.keyboard.press("m")
+
+
+def test_keys_live_on_after_every_kind_of_widget(visitor: Visitor):
+    """The browser gives no hotkeys while a text line, a checkbox or a dropdown has the focus."""
+    page, slider = visitor.page, visitor.page.get_by_role("slider")
+
+    def key_advances() -> None:
+        visitor.app.controller.post(JumpTo(0))
+        visitor.app.controller.wait_until_idle()
+        assert visitor.key("n").moment > 0
+
+    entry = visitor.input_of("Vertices")
+    for ending in ("Enter", "Escape"):
+        entry.fill("3")
+        page.keyboard.type("n")  # while somebody types it is a letter
+        assert entry.input_value() == "3n"
+        entry.fill("3")
+        page.keyboard.press(ending)
+        key_advances()
+    page.get_by_role("tab", name="Layers").click()
+    key_advances()
+    slider.first.click()
+    key_advances()
+    visitor.button("Hide vertices").click()
+    key_advances()
+    visitor.button("Show vertices").click()
+    page.get_by_role("tab", name="Options").click()
+    page.get_by_text("Robust", exact=True).click()
+    key_advances()
+    page.get_by_role("combobox", name="norm").click()
+    page.get_by_role("option", name="huber").click()
+    key_advances()
+    page.get_by_text("Step", exact=True).click()
+    page.get_by_label("damping always").click()
+    key_advances()
+    visitor.input_of("max rejections").click()
+    canvas = visitor.canvas_box()
+    page.mouse.click(canvas["x"] + 30, canvas["y"] + canvas["height"] / 2)
+    key_advances()
+    page.get_by_role("tab", name="Vertex").click()
