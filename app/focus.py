@@ -20,12 +20,14 @@ if (!window.eigenfairingFocus) {
     const label = event.target.closest?.('label');
     if (!isTyped(event.target) && !isTyped(label?.control)) release();
   });
+  // Enter sends a form between key down and key up, and opens a dropdown that is closed.
+  let isDone = false;
   window.addEventListener('keydown', event => {
     const field = event.target;
-    if (!isField(field)) return;
-    const opensOnEnter = field.matches('[aria-haspopup=listbox]') && !field.matches('[aria-expanded=true]');
-    if (event.key === 'Escape' || (event.key === 'Enter' && field.tagName !== 'TEXTAREA' && !opensOnEnter)) release();
-  });
+    const opens = field.matches?.('textarea, [aria-haspopup=listbox]:not([aria-expanded=true])');
+    isDone = isField(field) && (event.key === 'Escape' || (event.key === 'Enter' && !opens));
+  }, true);
+  window.addEventListener('keyup', () => { if (isDone) release(); isDone = false; });
 }
 """
 
