@@ -55,6 +55,8 @@ VERTEX_KEYS = (
     (";", "Previous move of the selected vertex"),
     ("'", "Next move of the selected vertex"),
     ("B", "Breakpoint on the selected vertex"),
+    ("K", "Bookmark this moment"),
+    ("C", "Compare with this moment from now on"),
     ("M", "Show the mesh"),
     ("V", "Show mesh and cameras"),
     ("Ctrl+K", "All commands"),

@@ -1,8 +1,9 @@
 """Small pieces of HTML for the panels. Whatever comes from outside goes through `text`."""
 
 import html
+import json
 
-from app.palette import BRAND, NOW, REJECTED, SELECTED, START, css
+from app.palette import BRAND, NOW, REFERENCE, REJECTED, SELECTED, START, css
 
 STYLE = f"""<style>
 .ef {{ font-size: 12.5px; line-height: 1.45; color: #d5d9df; padding: 0 14px 8px 10px;
@@ -51,6 +52,15 @@ STYLE = f"""<style>
 .ef button.dot {{ height: 22px; width: 22px; padding: 0; color: {css(NOW)}; }}
 .ef button.dot.off {{ color: #59626c; }}
 .ef .words td {{ color: #8d96a1; padding-left: 10px; }} .ef .words th {{ color: #d5d9df; white-space: nowrap; }}
+.ef .scroll {{ max-height: 112px; overflow-y: auto; margin-top: 6px; }}
+.ef .runs td, .ef .runs th {{ padding: 2px 10px 2px 0; vertical-align: middle; }}
+.ef .runs td:last-child {{ padding-right: 2px; }} .ef .runs th.n {{ text-align: right; }}
+.ef .runs button, .ef .runs td:first-child {{ white-space: nowrap; }}
+.ef .tools {{ gap: 4px; }}
+.ef .runs .what {{ width: 99%; overflow-wrap: anywhere; line-height: 1.3; }}
+.ef button.small.on {{ border-color: {css(SELECTED)}; color: {css(SELECTED)}; }}
+.ef button.small.a {{ background: {css(REFERENCE)}; border-color: {css(REFERENCE)}; color: #16181c; }}
+.ef .tag {{ border-radius: 3px; padding: 0 5px; color: #16181c; }}
 .ef .faces {{ flex-wrap: wrap; }}
 .ef button.face {{ height: 24px; padding: 0 7px; }}
 .ef button.face.on {{ border-color: {css(SELECTED)}; color: {css(SELECTED)}; }}
@@ -96,6 +106,15 @@ def button(label: str, press: str, *, hint: str, icon: str = "", css_class: str 
     )
 
 
+def copy_button(what: str, hint: str) -> str:
+    """A button that puts a word into the clipboard, and says so."""
+    press = (
+        f"navigator.clipboard.writeText({json.dumps(what)});this.classList.add('on');"
+        "setTimeout(()=>this.classList.remove('on'),800)"
+    )
+    return button("", press, hint=hint, icon=icon("copy"), css_class="small")
+
+
 def table(rows: list[tuple[str, str]]) -> str:
     """Names and values; values may be markup made here, names are escaped."""
     return (
@@ -127,9 +146,14 @@ _SHAPES = {
     "restart": '<path d="M8 2.6a5.4 5.4 0 1 1-5.2 3.9l1.5.4a3.9 3.9 0 1 0 3.7-2.8v2.1l-3.6-2.8 3.6-2.9z"/>',
     "start": '<path d="M13 3v10l-6-5zM3.5 3h2v10h-2z"/>',
     "end": '<path d="M3 3v10l6-5zM10.5 3h2v10h-2z"/>',
+    "go": '<path d="M2 7h7V3.5L14 8l-5 4.5V9H2z"/>',
     "eye": (
         '<path d="M8 3.5C4.6 3.5 2 6 1 8c1 2 3.6 4.5 7 4.5S14 10 15 8c-1-2-3.6-4.5-7-4.5z'
         'm0 7.2A2.7 2.7 0 1 1 8 5.3a2.7 2.7 0 0 1 0 5.4z"/>'
+    ),
+    "copy": (
+        '<path d="M5.5 1.5h7a1 1 0 0 1 1 1v8h-1.5V3H5.5zM3.5 4.5h6a1 1 0 0 1 1 1v8a1 1 0 0 1-1 1h-6a1 1 0 0 1-1-1v-8'
+        'a1 1 0 0 1 1-1zM4 6v7h5V6z"/>'
     ),
     "leave": '<path d="M4.2 3 3 4.2 6.8 8 3 11.8 4.2 13 8 9.2 11.8 13 13 11.8 9.2 8 13 4.2 11.8 3 8 6.8z"/>',
 }

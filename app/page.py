@@ -13,6 +13,7 @@ from app.actions import ACTIONS, key_list
 from app.breakpoints import Breakpoints
 from app.bridge import Bridge, whole_number
 from app.commands import JumpTo
+from app.compare import Reference, RunEnergies
 from app.controller import Controller
 from app.focus import release_focus_after_use
 from app.hands import Hands
@@ -20,6 +21,7 @@ from app.history import EnergyHistory, PathHistory, next_move
 from app.html import STYLE, button, icon, text
 from app.layers import Layer
 from app.layers.cameras import CamerasLayer, Thumbnails
+from app.layers.ghost import GhostLayer
 from app.layers.paths import PathsLayer
 from app.layers.points import PointsLayer
 from app.layers.surface import SurfaceLayer
@@ -28,6 +30,7 @@ from app.layers.wires import WiresLayer
 from app.look_through import LookThrough
 from app.palette import BRAND
 from app.panels import Panel
+from app.panels.bookmarks_panel import BookmarkButtons, BookmarksPanel
 from app.panels.breakpoints_panel import BreakpointButtons, BreakpointsPanel
 from app.panels.cells_panel import CellsPanel
 from app.panels.debug_bar import DebugBar
@@ -35,6 +38,7 @@ from app.panels.energy_plot import EnergyPlot
 from app.panels.html_panel import HtmlPanel
 from app.panels.layers_panel import LayersPanel, available_layers
 from app.panels.options_panel import OptionButtons, OptionsPanel
+from app.panels.runs_panel import RunButtons, RunsPanel
 from app.panels.selection_panel import SelectionPanel
 from app.panels.status import Status
 from app.panels.timeline import Timeline
@@ -59,6 +63,7 @@ class Shared:
     stage: Stage
     controller: Controller
     energies: EnergyHistory
+    run_energies: RunEnergies
     paths: PathHistory
     thumbnails: Thumbnails
     texturer: Texturer
@@ -83,6 +88,7 @@ class Page:
             self._surface,
             WiresLayer(client, stage, scene),
             VerticesLayer(client, stage, scene.mesh, self._guarded_with(hands.click), hands.watch),
+            GhostLayer(client, stage, scene.mesh),
             PathsLayer(client, stage, shared.paths),
             PointsLayer(client, stage, scene.sparse_points),
             CamerasLayer(client, stage, scene, shared.thumbnails, self._guarded_with(self._enter), hands.watch),
@@ -93,6 +99,8 @@ class Page:
 
     def show(self, state: RunState) -> None:
         """Bring the browser up to date."""
+        if state.rival is not None and self.view.reference is None:
+            self.view.reference = Reference(state.rival)
         for layer in self._layers:
             layer.show(state, self.view)
         now = time.monotonic()
@@ -133,6 +141,8 @@ class Page:
         }
         breakpoint_buttons = BreakpointButtons(shared.controller, bridge.button, bridge.number)
         option_buttons = OptionButtons(bridge.button)
+        self._runs = RunButtons(shared.controller, self.view, bridge.button, bridge.number)
+        self._bookmarks = BookmarkButtons(shared.controller, self.view, bridge.button, bridge.number)
         tabs = gui.add_tab_group()
         with tabs.add_tab("Vertex"):
             last = len(shared.scene.mesh.vertices) - 1
@@ -161,6 +171,10 @@ class Page:
         self._timeline = gui.add_panel()
         with self._timeline.add_tab("Timeline", viser.Icon.CLOCK):
             panels.append(Timeline(gui, self._guarded_with(self._jump), jump, around))
+        with self._timeline.add_tab("Runs", viser.Icon.GIT_FORK):
+            panels.append(RunsPanel(gui, shared.scene, shared.run_energies, self._runs))
+        with self._timeline.add_tab("Bookmarks", viser.Icon.BOOKMARK):
+            panels.append(BookmarksPanel(gui, self._guarded_with, self._bookmarks))
         self._window = (0, 0)
         self._place_timeline()
         self._leave_box = gui.add_panel(visible=False)
@@ -192,6 +206,8 @@ class Page:
         self._command("Next move of the selected vertex", lambda: self._to_move_of_selected(1), "'")
         self._command("Show the mesh", lambda: self._look_from(self._shared.stage.eye), "M")
         self._command("Show mesh and cameras", lambda: self._look_from(self._shared.stage.overview()), "V")
+        self._command("Compare with this moment", self._runs.mark_now, "C")
+        self._command("Bookmark this moment", self._bookmarks.keep_now, "K")
         self._command("Keys", self._help, "?", "shift")
         self._command("Breakpoint on the selected vertex", self._toggle_breakpoint, "B")
         gui.set_panel_label(f"EigenFairing · {self._shared.scene.name}")

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import viser
 
+from app.compare import RunEnergies
 from app.controller import Controller
 from app.hardening import start_server
 from app.history import EnergyHistory, PathHistory
@@ -44,6 +45,7 @@ class App:
             stage,
             self.controller,
             EnergyHistory(len(scene.mesh.faces)),
+            RunEnergies(len(scene.mesh.faces)),
             PathHistory(len(scene.mesh.vertices)),
             Thumbnails(scene),
             Texturer(scene, stage, self.controller.republish),

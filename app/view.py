@@ -1,7 +1,8 @@
 """What one browser looks at: its selection, its layers. The engine is shared, this is not."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
+from app.compare import Reference
 from app.selection import Selection
 
 LAYERS: dict[str, str] = {
@@ -25,6 +26,7 @@ class View:
     face: the face of it whose cells are shown; None for any.
     entered: the camera looked through, None outside.
     magnification: of displacements, 1 to 50.
+    reference: what is compared with; None for nothing.
     shown: which layers are switched on.
     """
 
@@ -32,11 +34,12 @@ class View:
     face: int | None = None
     entered: int | None = None
     magnification: float = 1.0
+    reference: Reference | None = None
     shown: dict[str, bool] = field(default_factory=lambda: {name: name not in ("truth", "points") for name in LAYERS})
 
     def copy(self) -> "View":
         """The same for another browser, outside of any camera."""
-        return View(self.selection, self.face, None, self.magnification, dict(self.shown))
+        return replace(self, entered=None, shown=dict(self.shown))
 
     def shows(self, layer: str) -> bool:
         return self.shown[layer]

@@ -1,0 +1,26 @@
+"""The mesh that is compared with, as lines."""
+
+import viser
+
+from app.compare import look_up
+from app.layers.wires import COARSE, MAX_RUNNING_EDGES, Wire
+from app.palette import REFERENCE
+from app.run_state import RunState
+from app.stage import Stage
+from app.view import View
+from fairing.mesh import Mesh
+
+
+class GhostLayer:
+    """A's edges; those that lie where they are now are left out."""
+
+    def __init__(self, client: viser.ClientHandle, stage: Stage, mesh: Mesh) -> None:
+        self._follows_a_run = len(mesh.edges) <= MAX_RUNNING_EDGES
+        self._wire = Wire(client, stage, "/mesh/reference", mesh, REFERENCE, 2.5 if len(mesh.edges) < COARSE else 1.4)
+
+    def show(self, state: RunState, view: View) -> None:
+        compared = look_up(view.reference, state)
+        follows = self._follows_a_run or not state.is_moving
+        if compared is not None and follows:
+            self._wire.move(compared.vertices, unless_at=state.vertices)
+        self._wire.set_visible(compared is not None and follows)

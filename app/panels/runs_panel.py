@@ -1,0 +1,162 @@
+"""The runs that are kept, and what is compared: A, a run or a moment, against now."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import viser
+
+from app.bridge import whole_number
+from app.commands import DeleteRun, Pause, Race, SwitchTo
+from app.compare import Reference, RunEnergies, distances, look_up
+from app.controller import Controller
+from app.html import STYLE, button, icon, number, text
+from app.palette import REFERENCE, css
+from app.panels.html_panel import HtmlPanel
+from app.run_state import RunState
+from app.runs import RunInfo
+from app.view import View
+from fairing.metrics import vertex_errors
+from fairing.options import PRESETS
+from fairing.scene import Scene
+
+MAX_RUN_ID = 10**6
+A = f"<b class='tag' style='background:{css(REFERENCE)}'>A</b>"
+
+
+class RunsPanel:
+    """A row a run; a click on its name takes it to hand, A makes it what the others are compared with."""
+
+    def __init__(self, gui: viser.GuiApi, scene: Scene, energies: RunEnergies, press: "RunButtons") -> None:
+        self._scene, self._energies, self._press = scene, energies, press
+        self._errors: dict[int, tuple[int, str]] = {}
+        self._panel = HtmlPanel(gui)
+
+    def show(self, state: RunState, view: View) -> None:
+        knows_truth = self._scene.truth is not None and self._scene.truth.vertices is not None
+        error = (
+            "<th class='n' title='Distance to the truth, of what photos determine: rms in % of the diagonal'>error</th>"
+        )
+        rows = "".join(self._row(run, state, view, knows_truth) for run in state.runs)
+        self._panel.set(
+            f"{STYLE}<div class='row'>{self._comparison(state, view)}</div>"
+            f"<div class='scroll'><table class='runs'><tr><th>run</th><th>options</th><th class='n'>steps</th>"
+            "<th class='n' title='Energies of runs with other cells or dimensions do not compare'>energy</th>"
+            f"{error if knows_truth else ''}<th></th></tr>{rows}</table></div>"
+        )
+
+    def _comparison(self, state: RunState, view: View) -> str:
+        race = button(
+            "Race the presets",
+            self._press.race,
+            hint="Paper against accurate, both from the start, in turn",
+            css_class="small",
+        )
+        mark = button(
+            "Now is A", self._press.mark, hint="Compare with the present moment from now on (C)", css_class="small"
+        )
+        compared = look_up(view.reference, state)
+        if compared is None:
+            return f"<span class='grow dim'>Choose {A} to compare with.</span>{mark}{race}"
+        apart = 100 * distances(compared, state.vertices) / self._scene.mesh.diagonal
+        clear = button("", self._press.clear, hint="Compare no more", icon=icon("leave"), css_class="small")
+        back = button("", self._press.visit, hint="Go to A", icon=icon("go"), css_class="small")
+        return (
+            f"<span class='grow one'>{A} {text(compared.name)} <span class='dim' title='Distance of the vertices from "
+            f"where A has them, in % of the diagonal; vertex {int(apart.argmax())} is farthest'>apart {_percent(apart.mean())}, "
+            f"most {_percent(apart.max())}</span></span>{back}{clear}{mark}{race}"
+        )
+
+    def _row(self, run: RunInfo, state: RunState, view: View, knows_truth: bool) -> str:
+        at_hand = run.run_id == state.run_id
+        is_reference = view.reference is not None and view.reference.run_id == run.run_id
+        number_of = str(run.run_id)
+        name = button(
+            run.name,
+            self._press.switch(number_of),
+            hint=f"{run.name} is at hand" if at_hand else f"Take {run.name} to hand",
+            css_class="small on" if at_hand else "small",
+        )
+        compare = button(
+            "A",
+            self._press.compare(number_of),
+            hint=f"Compare with {run.name}",
+            css_class="small a" if is_reference else "small",
+        )
+        remove = button(
+            "",
+            self._press.delete(number_of),
+            hint=f"Delete {run.name}",
+            icon=icon("leave"),
+            css_class="small",
+            enabled=len(state.runs) > 1,
+        )
+        fork = (
+            "" if run.parent is None else f"<span class='dim'>from run {run.parent} at moment {run.forked_at}: </span>"
+        )
+        energies = self._energies.of(run)
+        energy = number(float(energies.after[-1]), 5) if run.length else "–"
+        error = f"<td class='n'>{self._error(run, state)}</td>" if knows_truth else ""
+        return (
+            f"<tr><td>{name}</td><td class='what'>{fork}{text(run.differs)}</td>"
+            f"<td class='n'>{run.length}{'' if run.finished else '<span class=dim> …</span>'}</td>"
+            f"<td class='n'>{energy}</td>{error}<td><div class='row tools'>{compare}{remove}</div></td></tr>"
+        )
+
+    def _error(self, run: RunInfo, state: RunState) -> str:
+        """Of the last recorded mesh; not while it moves, because it takes its time on large meshes."""
+        known = self._errors.get(run.run_id)
+        if (known is None or known[0] != run.length) and not state.is_moving:
+            vertices = run.vertices if run.moment == run.length else run.trace.vertices_at(run.length)
+            percent = vertex_errors(self._scene, vertices).determined.percent
+            known = (run.length, _percent(np.sqrt((percent**2).mean())))
+            self._errors[run.run_id] = known
+        return known[1] if known else "…"
+
+
+class RunButtons:
+    """What the panel's buttons do; made where they stay on the page when the panel is not."""
+
+    def __init__(
+        self,
+        controller: Controller,
+        view: View,
+        button_for: Callable[[Callable[[], None]], str],
+        number_for: Callable[[Callable[[object], None]], Callable[[str], str]],
+    ) -> None:
+        self._controller, self._view = controller, view
+        self.switch = number_for(lambda n: controller.post(SwitchTo(_run_id(n))))
+        self.delete = number_for(lambda n: controller.post(DeleteRun(_run_id(n))))
+        self.compare = number_for(lambda n: self._refer_to(Reference(_run_id(n))))
+        self.mark = button_for(self.mark_now)
+        self.clear = button_for(lambda: self._refer_to(None))
+        self.visit = button_for(self._visit)
+        self.race = button_for(self._race)
+
+    def mark_now(self) -> None:
+        """Compare with the present moment from now on."""
+        state = self._controller.state
+        self._refer_to(Reference(state.run_id, state.moment))
+
+    def _visit(self) -> None:
+        compared = look_up(self._view.reference, self._controller.state)
+        if compared is not None:
+            self._controller.post(SwitchTo(compared.run.run_id, compared.moment))
+
+    def _race(self) -> None:
+        locked = self._controller.state.options.locked_vertices
+        first, second = (replace(PRESETS[name], locked_vertices=locked) for name in ("paper", "accurate"))
+        self._controller.post(Pause())
+        self._controller.post(Race(first, second))
+
+    def _refer_to(self, reference: Reference | None) -> None:
+        self._view.reference = reference
+        self._controller.republish()
+
+
+def _percent(value: float) -> str:
+    return f"{number(float(value), 3)} %"
+
+
+def _run_id(value: object) -> int:
+    return whole_number(value, 1, MAX_RUN_ID, "run")
