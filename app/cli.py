@@ -12,16 +12,20 @@ import tyro
 from rich.console import Console
 
 from app.check_command import check_to_console
+from app.convert_command import convert_to_folder
 from app.headless import TRACE, fair_to_folder, load_with_progress, run_to
 from app.moment_id import START, find_moment, parse_moment_id
 from app.scene_source import SceneSource
 from demo_scenes import DEMOS
 from fairing.errors import InputError
+from fairing.io import PhotoChoice
 from fairing.options import PRESETS, FairingOptions
 from fairing.session import Session
 from fairing.trace import Trace
 
+_ALL_PHOTOS = PhotoChoice()
 SceneArgument = Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="SCENE")]
+PhotosArgument = Annotated[PhotoChoice, tyro.conf.arg(name="")]
 Preset = Literal["accurate", "paper"]
 
 
@@ -34,6 +38,7 @@ def view(
     browser: bool = True,
     save_to: Path | None = None,
     at: str = "start",
+    photos: PhotosArgument = _ALL_PHOTOS,
 ) -> int:
     """Open the debugger on a scene, paused.
 
@@ -48,7 +53,7 @@ def view(
         at: The moment to open at, after running up to there: level:sweep:vertex:iteration from 1, `start` or `end`.
     """
     console = Console(stderr=True)
-    source = SceneSource.typed(scene, mesh)
+    source = SceneSource.typed(scene, mesh, photos)
     wanted = parse_moment_id(at, PRESETS[preset].n_levels)
     session = Session(load_with_progress(source, console), PRESETS[preset])
     source.note_in(session.trace.header)
@@ -57,7 +62,9 @@ def view(
     return _serve(session, host, port, browser, save_to, None)
 
 
-def check(scene: SceneArgument, mesh: Path | None = None, out: Path | None = None) -> int:
+def check(
+    scene: SceneArgument, mesh: Path | None = None, out: Path | None = None, photos: PhotosArgument = _ALL_PHOTOS
+) -> int:
     """Say whether a scene can be faired: cameras, coverage, sizes, and what to do.
 
     Args:
@@ -65,7 +72,25 @@ def check(scene: SceneArgument, mesh: Path | None = None, out: Path | None = Non
         mesh: The mesh to fair. Default: the one the scene names, or the only one in its folder.
         out: Folder for the mesh drawn over every photo and for check.json.
     """
-    return check_to_console(SceneSource.typed(scene, mesh), out, Console())
+    return check_to_console(SceneSource.typed(scene, mesh, photos), out, Console())
+
+
+def convert(
+    scene: SceneArgument,
+    out: Path,
+    mesh: Path | None = None,
+    format: Literal["colmap", "scene.json"] = "colmap",
+    photos: PhotosArgument = _ALL_PHOTOS,
+) -> int:
+    """Write a scene in another format, with its photos straightened, sparse points, masks and mesh.
+
+    Args:
+        scene: A demo's name or a folder or file with photos and cameras.
+        out: Folder for the copy: new, empty, or of an earlier conversion.
+        mesh: The mesh to put beside. Default: the one the scene names, or the only one in its folder, if any.
+        format: colmap: a COLMAP text model, sparse/ and images/. scene.json: EigenFairing's own.
+    """
+    return convert_to_folder(SceneSource.typed(scene, mesh, photos), out, format, Console(stderr=True))
 
 
 def demos() -> int:
@@ -113,6 +138,7 @@ def _fair_command(default: FairingOptions) -> Callable[..., int]:
         mesh: Path | None = None,
         preset: Preset = "accurate",
         resume: bool = False,
+        photos: PhotosArgument = _ALL_PHOTOS,
         options: Annotated[FairingOptions, tyro.conf.arg(name="")] = default,
     ) -> int:
         """Fair a scene's mesh without a browser; writes mesh.ply, report.json and run.trace.
@@ -125,7 +151,7 @@ def _fair_command(default: FairingOptions) -> Callable[..., int]:
             resume: Go on with the run in `out`, recorded on the same scene with the same options.
         """
         console = Console(stderr=True)
-        return fair_to_folder(SceneSource.typed(scene, mesh), out, preset, options, resume, console)
+        return fair_to_folder(SceneSource.typed(scene, mesh, photos), out, preset, options, resume, console)
 
     return fair
 
@@ -162,6 +188,7 @@ def run(arguments: Sequence[str]) -> int:
         "view": view,
         "fair": _fair_command(_chosen_preset(arguments)),
         "check": check,
+        "convert": convert,
         "replay": replay,
         "demos": demos,
     }

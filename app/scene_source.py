@@ -1,16 +1,17 @@
 """Where a scene comes from: what the user typed, kept in a run so that it can be found again."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from demo_scenes import DEMOS, load_demo
 from fairing.errors import InputError
-from fairing.io import load_scene
+from fairing.io import PhotoChoice, load_scene
 from fairing.scene import Scene
 
 _KEY = "source"
+_ALL_PHOTOS = PhotoChoice()
 
 
 @dataclass(frozen=True)
@@ -20,21 +21,29 @@ class SceneSource:
     Attributes:
         scene: name of a demo, else an absolute path.
         mesh: absolute path of a mesh file, or None for the scene's own.
+        choice: photos left out, masks (an absolute path) and weights.
     """
 
     scene: str
     mesh: str | None = None
+    choice: PhotoChoice = _ALL_PHOTOS
 
     @classmethod
-    def typed(cls, scene: str, mesh: Path | None) -> "SceneSource":
+    def typed(cls, scene: str, mesh: Path | None, choice: PhotoChoice = _ALL_PHOTOS) -> "SceneSource":
         """From the command line. A demo's name wins over a folder of that name (`./cube` is the folder)."""
         if scene in DEMOS:
             if mesh is not None:
                 raise InputError(f"--mesh {mesh}: the demo {scene} has its own mesh; leave --mesh out")
+            if choice != _ALL_PHOTOS:
+                raise InputError(
+                    f"the demo {scene} takes all its photos; leave --leave-out, --masks and --photo-weights out"
+                )
             return cls(scene)
         if not Path(scene).exists():
             raise InputError(f"{scene}: expected a demo ({', '.join(DEMOS)}) or a path, found no such file or folder")
-        return cls(str(Path(scene).resolve()), None if mesh is None else str(mesh.resolve()))
+        if choice.masks is not None:
+            choice = replace(choice, masks=choice.masks.resolve())
+        return cls(str(Path(scene).resolve()), None if mesh is None else str(mesh.resolve()), choice)
 
     @classmethod
     def of_run(cls, header: dict[str, Any], where: Path) -> "SceneSource":
@@ -46,11 +55,22 @@ class SceneSource:
         found = header.get(_KEY)
         if not isinstance(found, dict) or not isinstance(found.get("scene"), str):
             raise InputError(f"{where}: does not say which scene it was recorded on; give it with --scene")
-        return cls(found["scene"], found.get("mesh"))
+        photos = found.get("photos") or {}
+        masks = photos.get("masks")
+        choice = PhotoChoice(
+            tuple(photos.get("leave_out", ())), None if masks is None else Path(masks), tuple(photos.get("weights", ()))
+        )
+        return cls(found["scene"], found.get("mesh"), choice)
 
     def note_in(self, header: dict[str, Any]) -> None:
         """Write it into the header of a trace."""
-        header[_KEY] = {"scene": self.scene, "mesh": self.mesh}
+        masks = self.choice.masks
+        photos = {
+            "leave_out": list(self.choice.leave_out),
+            "masks": None if masks is None else str(masks),
+            "weights": list(self.choice.photo_weights),
+        }
+        header[_KEY] = {"scene": self.scene, "mesh": self.mesh, "photos": photos}
 
     def load(self, progress: Callable[[float, str], None] | None = None) -> Scene:
         """The scene; `progress` is told a fraction and a line while a demo's photos are taken.
@@ -58,4 +78,6 @@ class SceneSource:
         Raises:
             InputError: whatever is wrong with it.
         """
-        return load_demo(self.scene, progress=progress) if self.scene in DEMOS else load_scene(self.scene, self.mesh)
+        if self.scene in DEMOS:
+            return load_demo(self.scene, progress=progress)
+        return load_scene(self.scene, self.mesh, self.choice)

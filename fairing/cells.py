@@ -140,7 +140,8 @@ def build_context(
         chosen = np.flatnonzero(candidate[:, v])
         if len(chosen) == 0:
             return []
-        depths = depth_map(vertices, faces, cameras[v], options.visibility.reduction)
+        reduction = options.visibility.reduction
+        depths = depth_map(vertices, faces, cameras[v], reduction, photos.mask(v, reduction))
         starts = np.concatenate([[0], np.cumsum(samples[chosen])])
         masks, seen = np.empty(starts[-1], dtype=np.uint8), np.empty(len(chosen), dtype=np.int64)
         mask_samples(
@@ -178,6 +179,7 @@ def build_context(
     weight = np.ones(len(pair_face))
     if options.cells.weighting == "photo_area":
         weight = area[pair_face, pair_view] / samples[pair_face]
+    weight *= np.array([view.weight for view in scene.views])[pair_view]
     cubic = by_level(options.cells.interpolation, level) == "cubic"
     sample_spacing = longest[pair_face, pair_view] / np.asarray(grid_sizes)[face_grid[pair_face]]
     pixels, base = _photos_for_pairs(photos, blur, cubic, sample_spacing, pair_view)

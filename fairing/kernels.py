@@ -67,7 +67,7 @@ class KernelData(NamedTuple):
         pair_start: (m + 1,) int64: the pairs of face f are pair_start[f] : pair_start[f + 1].
         pair_view: (P,) int64.
         pair_base: (P,) int64: where the photo of the pair starts in `pixels`.
-        pair_weight: (P,) float64: photo pixels a cell sample stands for.
+        pair_weight: (P,) float64: photo pixels a cell sample stands for, times the photo's weight.
         pair_mask: (P,) int64: where the samples' mask starts in `masks`, or -1 if every sample counts.
         masks: flat uint8.
         face_dimensions: (m,) int64: k; 0 for a face that takes no part.

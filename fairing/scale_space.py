@@ -18,6 +18,7 @@ class ScaleSpace:
         self._color = color
         self._photos: list[np.ndarray] | None = None
         self._planes: dict[tuple[tuple[float, ...], bool], np.ndarray] = {}
+        self._masks: dict[tuple[int, int], np.ndarray] = {}
 
     @property
     def channels(self) -> int:
@@ -42,6 +43,19 @@ class ScaleSpace:
                 [self._filtered(photo, blur, cubic).ravel() for blur in blurs for photo in self._load()]
             )
         return self._planes[key]
+
+    def mask(self, view: int, reduction: int) -> np.ndarray | None:
+        """(h, w) bool at 1 / `reduction` of the photo's size: True where all its pixels count; None without a mask."""
+        mask = self._views[view].mask
+        if mask is None:
+            return None
+        if (view, reduction) not in self._masks:
+            counts = mask.load()
+            padding = [(0, -size % reduction) for size in counts.shape]
+            padded = np.pad(counts, padding, mode="edge")
+            h, w = (size // reduction for size in padded.shape)
+            self._masks[view, reduction] = padded.reshape(h, reduction, w, reduction).all(axis=(1, 3))
+        return self._masks[view, reduction]
 
     def forget_all_but(self, blur: float) -> None:
         """Free the planes made for other levels: those whose finest blur is another."""

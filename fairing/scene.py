@@ -7,23 +7,38 @@ import numpy as np
 from fairing.camera import Camera
 from fairing.errors import InputError
 from fairing.mesh import Mesh, weld
-from fairing.photo import Photo
+from fairing.photo import Mask, Photo
 
 
 @dataclass(frozen=True, eq=False)
 class View:
     """One calibrated photo.
 
+    Attributes:
+        mask: what of the photo counts; None: all of it.
+        weight: how much the photo counts beside the others, more than 0.
+
     Raises:
-        InputError: the photo cannot be read or its size contradicts the camera's.
+        InputError: photo or mask cannot be read, or a size contradicts the camera's; the weight is not positive.
     """
 
     name: str
     camera: Camera
     photo: Photo
+    mask: Mask | None = None
+    weight: float = 1.0
 
     def __post_init__(self) -> None:
         expected, found = (self.camera.width, self.camera.height), self.photo.size
+        if self.mask is not None and self.mask.size != expected:
+            width, height = self.mask.size
+            raise InputError(
+                f"mask {self.mask.path}: expected the photo's {expected[0]}x{expected[1]} pixels, found {width}x{height}"
+            )
+        if not 0 < self.weight < float("inf"):
+            raise InputError(
+                f"photo {self.name}: expected a weight of more than 0, found {self.weight:g}; to ignore it, leave it out"
+            )
         if expected != found:
             raise InputError(
                 f"photo {self.name}: its camera expects {expected[0]}x{expected[1]} pixels, "

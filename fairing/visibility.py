@@ -27,7 +27,7 @@ class Visibility(IntEnum):
     GRAZING = 4
     OUTSIDE_PHOTO = 5
     TOO_SMALL = 6
-    HIDDEN = 7
+    HIDDEN = 7  # by other faces, or by the photo's mask
     SURPLUS = 8
     DEGENERATE = 9
 
@@ -90,7 +90,7 @@ class DepthMap:
 
     Attributes:
         inverse_depth: (h, w) float32, 1 / world units, 0 where there is no face.
-        edge_distance: (h, w) float32, photo px to the nearest depth edge.
+        edge_distance: (h, w) float32, photo px to the nearest depth edge or masked pixel.
         focal_length: photo px.
         reduction: photo px per pixel of the maps.
         face_id: (h, w) int32, the face seen, -1 for none.
@@ -103,8 +103,15 @@ class DepthMap:
     face_id: np.ndarray
 
 
-def depth_map(vertices: np.ndarray, faces: np.ndarray, camera: Camera, reduction: int = 1) -> DepthMap:
-    """Depth and depth edges of the mesh in a photo."""
+def depth_map(
+    vertices: np.ndarray, faces: np.ndarray, camera: Camera, reduction: int = 1, mask: np.ndarray | None = None
+) -> DepthMap:
+    """Depth and depth edges of the mesh in a photo.
+
+    Args:
+        mask: (h, w) bool at the same reduction, True where the photo counts. What is masked is kept away from like a
+            depth edge: the blurred photo mixes it in.
+    """
     shift = (1 / reduction - 1) / 2
     coarser = np.array([[1 / reduction, 0, shift], [0, 1 / reduction, shift], [0, 0, 1]])
     small = Camera(coarser @ camera.image_from_world, -(-camera.width // reduction), -(-camera.height // reduction))
@@ -114,6 +121,8 @@ def depth_map(vertices: np.ndarray, faces: np.ndarray, camera: Camera, reduction
     edges = np.zeros(face_id.shape, dtype=np.uint8)
     inverse = 1 / np.where(corner_depth > 0, corner_depth, np.inf)[faces]
     _mark_depth_edges(uv[faces], inverse, face_id, depth, focal / reduction, edges)
+    if mask is not None:
+        edges[~mask] = 1
     # Distance to the nearest marked pixel; everything is far away where nothing is marked.
     distance = (
         cv2.distanceTransform(1 - edges, cv2.DIST_L2, cv2.DIST_MASK_PRECISE) * np.float32(reduction)

@@ -5,8 +5,10 @@ from fairing.io.in_view import check_mesh_in_view
 from fairing.io.load import load_scene, read_capture
 from fairing.io.mesh_file import read_mesh, write_mesh
 from fairing.io.output_folder import prepare_output_folder
+from fairing.io.photo_choice import PhotoChoice
 
 __all__ = [
+    "PhotoChoice",
     "check_mesh_in_view",
     "load_scene",
     "prepare_output_folder",

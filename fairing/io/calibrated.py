@@ -15,7 +15,7 @@ from fairing.camera import Camera
 from fairing.errors import InputError
 from fairing.io.capture import Capture, listed, naming
 from fairing.lens import Lens
-from fairing.photo import FilePhoto
+from fairing.photo import FilePhoto, Mask
 from fairing.scene import SparsePoints, View
 
 _RESIZED = 0.9
@@ -28,12 +28,14 @@ class CalibratedPhoto:
 
     Attributes:
         R, t: camera from world, axes x right, y down, z forward: (3, 3) and (3,) float, world units.
+        mask: an image of the photo as taken, black where it does not count.
     """
 
     path: Path
     lens: Lens
     R: np.ndarray
     t: np.ndarray
+    mask: Path | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,12 +92,13 @@ def build_capture(
     for i in order:
         photo = photos[i]
         with naming(f"photo {names[i]}"):
-            file = FilePhoto(photo.path)
-            lens = _at_size(photo.lens, *file.size)
+            lens = _at_size(photo.lens, *FilePhoto(photo.path).size)
             if lens is not photo.lens:
                 resized.append(names[i])
             camera = Camera.from_krt(lens.pinhole_K, photo.R, photo.t, lens.width, lens.height)
-            views.append(View(names[i], camera, FilePhoto(photo.path, lens) if lens.is_distorted else file))
+            bent = lens if lens.is_distorted else None
+            mask = None if photo.mask is None else Mask(photo.mask, bent)
+            views.append(View(names[i], camera, FilePhoto(photo.path, bent), mask))
     if resized:
         warnings = (
             *warnings,

@@ -20,6 +20,7 @@ from fairing.io import (
 from fairing.io.capture import Capture, Reader, files_in, listed, naming, reading
 from fairing.io.in_view import check_mesh_in_view
 from fairing.io.mesh_file import MESH_SUFFIXES, read_mesh
+from fairing.io.photo_choice import PhotoChoice, apply_choice
 from fairing.mesh import Mesh
 from fairing.mesh_check import inspect_mesh
 from fairing.scene import Scene
@@ -30,18 +31,19 @@ READERS: tuple[Reader, ...] = (
 """Supported formats. A new one is a module with the names of `Reader`, added here."""
 
 
-def load_scene(path: str | Path, mesh: str | Path | None = None) -> Scene:
+def load_scene(path: str | Path, mesh: str | Path | None = None, choice: PhotoChoice | None = None) -> Scene:
     """The scene in a folder (or a file of it), in any supported format, recognised by content.
 
     Args:
         path: the folder, or the file that describes the scene.
         mesh: a mesh file; without it the one that the format names, or the only one in the folder.
+        choice: photos left out, masks and weights.
 
     Raises:
         InputError: whatever is wrong with the input, in one line.
     """
-    capture, path = read_capture(path), Path(path)
-    mesh_path = Path(mesh) if mesh is not None else capture.mesh or _only_mesh(path if path.is_dir() else path.parent)
+    capture, path = read_capture(path, choice), Path(path)
+    mesh_path = Path(mesh) if mesh is not None else capture.mesh or only_mesh(path if path.is_dir() else path.parent)
     vertices, faces = read_mesh(mesh_path)
     with naming(mesh_path):
         Mesh(vertices, faces)  # whatever is wrong with it is said with the file's name
@@ -54,7 +56,7 @@ def load_scene(path: str | Path, mesh: str | Path | None = None) -> Scene:
     return replace(scene, warnings=capture.warnings + facts.warnings(input_vertices))
 
 
-def read_capture(path: str | Path) -> Capture:
+def read_capture(path: str | Path, choice: PhotoChoice | None = None) -> Capture:
     """The photos and cameras in a folder or file, without a mesh.
 
     Where cameras of one reconstruction lie in several formats, the one that holds sparse points, too, is read, and the
@@ -64,6 +66,11 @@ def read_capture(path: str | Path) -> Capture:
         InputError: no such path, no supported format or several, or whatever the reader finds wrong.
     """
     path = Path(path)
+    capture = _read(path)
+    return apply_choice(capture, choice or PhotoChoice(), path if path.is_dir() else path.parent)
+
+
+def _read(path: Path) -> Capture:
     with reading(path, "a scene (a folder or a file of it)"):
         if not path.exists():
             raise FileNotFoundError
@@ -92,7 +99,12 @@ def _contents(path: Path) -> str:
     return listed(names) if names else "an empty folder"
 
 
-def _only_mesh(folder: Path) -> Path:
+def only_mesh(folder: Path) -> Path:
+    """The mesh file in a folder.
+
+    Raises:
+        InputError: there is none, or several.
+    """
     meshes = files_in(folder, MESH_SUFFIXES)
     if len(meshes) == 1:
         return meshes[0]

@@ -8,53 +8,95 @@
         {"photo": "images/right.jpg", "width": 640, "height": 480,
          "K": [[700, 0, 320], [0, 700, 240], [0, 0, 1]],
          "R": [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
-         "t": [0, 0, 5]}
-      ]
+         "t": [0, 0, 5], "mask": "masks/right.jpg.png", "weight": 0.5}
+      ],
+      "points": "points.npz"
     }
 
 - `mesh` (optional): a mesh file.
 - `views`: at least three. Each has `photo` (undistorted), `width` and `height` in pixels, and its camera: either the
   3x4 projection matrix `image_from_world`, or `K`, `R`, `t` with pixels = K (R x + t), axes x right, y down, z forward.
   Pixel centres lie at integers: the top-left pixel's centre is (0, 0). Without `name` a view is named as its photo.
+  `mask` (optional) is an image of the same size, black where the photo does not count; `weight` (optional, 1) is how much
+  it counts beside the others.
+- `points` (optional): sparse points as a NumPy file of the arrays `positions` (n, 3), `colors` (n, 3) uint8,
+  `observations` (o, 2) of a point's and a view's index, and `pixels` (o, 2), see `fairing.scene.SparsePoints`.
 
 Paths are relative to the json file. Anything else in the file is an error, so that no misspelt name goes unnoticed.
 """
 
+import json
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from fairing.camera import Camera
 from fairing.errors import InputError
+from fairing.io.atomic import write_atomically
 from fairing.io.capture import Capture, listed, naming
 from fairing.io.json_file import Item, read_json
-from fairing.photo import FilePhoto
-from fairing.scene import View
+from fairing.io.points_file import read_points, write_points
+from fairing.photo import FilePhoto, Mask
+from fairing.scene import SparsePoints, View
 
 FORMAT = "scene.json (EigenFairing's own: mesh, photos and cameras in one file)"
 HOLDS_POINTS = True
+FILE = "scene.json"
 
+_POINTS = "points.npz"
 _MATRIX_KEYS = ("image_from_world",)
 _POSE_KEYS = ("K", "R", "t")
 
 
 def recognises(path: Path) -> bool:
-    return path.name == "scene.json" if path.is_file() else (path / "scene.json").is_file()
+    return path.name == FILE if path.is_file() else (path / FILE).is_file()
 
 
 def read(path: Path) -> Capture:
-    file = path if path.is_file() else path / "scene.json"
+    file = path if path.is_file() else path / FILE
     content = read_json(file, "a scene")
     with naming(file):
-        _expect_keys(content, required=("views",), optional=("mesh",))
+        _expect_keys(content, required=("views",), optional=("mesh", "points"))
         mesh = file.parent / content["mesh"].text() if "mesh" in content else None
-        return Capture(tuple(_view(item, file.parent) for item in content["views"]), mesh=mesh)
+        views = tuple(_view(item, file.parent) for item in content["views"])
+        points = file.parent / content["points"].text() if "points" in content else None
+    return Capture(views, None if points is None else read_points(points, len(views)), mesh=mesh)
+
+
+def write(folder: Path, views: Sequence[View], sparse: SparsePoints | None, mesh: str | None) -> None:
+    """Write scene.json and the sparse points to a folder that holds the photos in images/ and the masks in masks/.
+
+    Cameras are written as matrices: any camera is one, and no digit is lost.
+
+    Args:
+        mesh: the mesh's file name, or None.
+    """
+    content: dict[str, Any] = {} if mesh is None else {"mesh": mesh}
+    content["views"] = [_description(view) for view in views]
+    if sparse is not None:
+        write_points(folder / _POINTS, sparse)
+        content["points"] = _POINTS
+    text = json.dumps(content, indent=1, allow_nan=False)
+    write_atomically(folder / FILE, lambda file: file.write(text.encode()))
+
+
+def _description(view: View) -> dict[str, Any]:
+    camera = view.camera
+    description = {"name": view.name, "photo": f"images/{view.name}", "width": camera.width, "height": camera.height,
+                   "image_from_world": camera.image_from_world.tolist()}  # fmt: skip
+    if view.mask is not None:
+        description["mask"] = f"masks/{view.name}.png"
+    if view.weight != 1:
+        description["weight"] = view.weight
+    return description
 
 
 def _view(item: Item, folder: Path) -> View:
     has_matrix = "image_from_world" in item
     camera_keys = _MATRIX_KEYS if has_matrix else _POSE_KEYS
-    _expect_keys(item, required=("photo", "width", "height", *camera_keys), optional=("name",))
+    _expect_keys(item, required=("photo", "width", "height", *camera_keys), optional=("name", "mask", "weight"))
     photo = item["photo"].text()
     name = item["name"].text() if "name" in item else photo
     width, height = (item[key].whole(lowest=1) for key in ("width", "height"))
@@ -68,8 +110,10 @@ def _view(item: Item, folder: Path) -> View:
             raise InputError(f"{item.where}.K: expected an upper triangular matrix, found numbers below its diagonal")
         with naming(item.where):
             camera = Camera.from_krt(K, R, t, width, height)
+    mask = Mask(folder / item["mask"].text()) if "mask" in item else None
+    weight = item["weight"].number() if "weight" in item else 1.0
     with naming(item.where):
-        return View(name, camera, FilePhoto(folder / photo))
+        return View(name, camera, FilePhoto(folder / photo), mask, weight)
 
 
 def _expect_keys(item: Item, required: tuple[str, ...], optional: tuple[str, ...]) -> None:

@@ -3,7 +3,7 @@
 Axes of a camera are OpenGL's: x right, y up, z backwards. Pixels are COLMAP's: the centre of the top-left pixel is
 (0.5, 0.5); without `cx`, `cy` the principal point is the photo's centre. The world is the file's: `applied_transform`
 and `applied_scale` tell where it came from and are not undone, so a mesh must be in the same world as the cameras.
-Intrinsics of a frame win over those of the file.
+Intrinsics of a frame win over those of the file. `mask_path` names a frame's mask.
 
 Sources: nerfstudio's nerfstudio_dataparser.py and camera_utils.py (radial distortion to k4 r^8, of which we know k1 to
 k3), instant-ngp's colmap2nerf.py, the NeRF paper's synthetic scenes (camera_angle_x only, photos without suffix).
@@ -60,10 +60,11 @@ def _photo(content: Item, frame: Item, folder: Path) -> CalibratedPhoto:
     with naming(frame.where):
         path = _find(written, folder)
         lens = _lens(content, frame, path)
+        mask = find_photo(frame["mask_path"].text(), [folder]) if "mask_path" in frame else None
     pose = frame["transform_matrix"]
     world_from_camera = pose.numbers(4, 4) if np.shape(pose.value)[:1] != (3,) else pose.numbers(3, 4)
     R = (world_from_camera[:3, :3] @ _OPENCV_FROM_OPENGL).T
-    return CalibratedPhoto(path, lens, R, -R @ world_from_camera[:3, 3])
+    return CalibratedPhoto(path, lens, R, -R @ world_from_camera[:3, 3], mask)
 
 
 def _find(written: str, folder: Path) -> Path:

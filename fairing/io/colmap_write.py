@@ -1,0 +1,98 @@
+"""Writes a COLMAP text model: PINHOLE cameras, pixel centres at 0.5 (see `colmap.py` for the reader)."""
+
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from fairing.errors import InputError
+from fairing.io.atomic import write_atomically
+from fairing.scene import SparsePoints, View
+
+FILES = ("cameras.txt", "images.txt", "points3D.txt")
+"""In the order of their ids; written with cameras.txt last, by which the model is recognised."""
+
+_HALF_PIXEL = 0.5
+_LARGEST_SKEW = 1e-7
+"""Pixels across the photo: less than this comes from taking a matrix apart."""
+
+
+def check_cameras(views: Iterable[View]) -> None:
+    """Raises InputError where a camera's axes are skew: COLMAP has no model for that."""
+    for view in views:
+        K = view.camera.K
+        skew = K[0, 1] / K[1, 1] * view.camera.height
+        if abs(skew) > _LARGEST_SKEW:
+            raise InputError(
+                f"photo {view.name}: its pixels' axes are skew by {skew:.2g} px across the photo, which a COLMAP camera "
+                "cannot say; convert to scene.json"
+            )
+
+
+def write_text_model(folder: Path, views: Sequence[View], sparse: SparsePoints | None = None) -> None:
+    """Write cameras.txt, images.txt and points3D.txt; views of the same intrinsics share a camera.
+
+    Raises:
+        InputError: a file cannot be written, or a camera is skew.
+    """
+    check_cameras(views)
+    folder.mkdir(parents=True, exist_ok=True)
+    cameras: dict[str, int] = {}
+    images = ["# Image list with two lines of data per image:", "#   IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME",
+              "#   POINTS2D[] as (X, Y, POINT3D_ID)"]  # fmt: skip
+    tracks: dict[int, list[tuple[int, int]]] = defaultdict(list)
+    for v, view in enumerate(views):
+        K, Rt = view.camera.K, view.camera.camera_from_world
+        # Rounded, so that what taking a matrix apart leaves in the last digits does not give each photo a camera.
+        intrinsics = np.round((K[0, 0], K[1, 1], K[0, 2] + _HALF_PIXEL, K[1, 2] + _HALF_PIXEL), 9)
+        line = f"PINHOLE {view.camera.width} {view.camera.height} {_numbers(intrinsics)}"
+        camera_id = cameras.setdefault(line, len(cameras) + 1)
+        x, y, z, w = Rotation.from_matrix(Rt[:, :3]).as_quat()
+        images.append(f"{v + 1} {_numbers((w, x, y, z, *Rt[:, 3]))} {camera_id} {view.name}")
+        images.append(" ".join(_features(v, sparse, tracks)))
+    points = ["# 3D point list with one line of data per point:",
+              "#   POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[] as (IMAGE_ID, POINT2D_IDX)"]  # fmt: skip
+    if sparse is not None:
+        errors = _errors(views, sparse)
+        for i, (position, color) in enumerate(zip(sparse.positions.tolist(), sparse.colors.tolist(), strict=True)):
+            track = " ".join(f"{image} {index}" for image, index in tracks[i])
+            points.append(f"{i + 1} {_numbers(position)} {color[0]} {color[1]} {color[2]} {errors[i]!r} {track}")
+    lines = ["# Camera list with one line of data per camera:", "#   CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]"]
+    lines += [f"{camera_id} {line}" for line, camera_id in cameras.items()]
+    for name, content in (("points3D.txt", points), ("images.txt", images), ("cameras.txt", lines)):
+        data = ("\n".join(content) + "\n").encode()
+        write_atomically(folder / name, lambda file, data=data: file.write(data))
+
+
+def _features(v: int, sparse: SparsePoints | None, tracks: dict[int, list[tuple[int, int]]]) -> list[str]:
+    """The observations of a view as words, and each noted in its point's track (image id, index in the image)."""
+    if sparse is None:
+        return []
+    mine = np.flatnonzero(sparse.observations[:, 1] == v)
+    words = []
+    for index, (point, (x, y)) in enumerate(
+        zip(sparse.observations[mine, 0].tolist(), sparse.pixels[mine].tolist(), strict=True)
+    ):
+        words.append(f"{x + _HALF_PIXEL!r} {y + _HALF_PIXEL!r} {point + 1}")
+        tracks[point].append((v + 1, index))
+    return words
+
+
+def _errors(views: Sequence[View], sparse: SparsePoints) -> list[float]:
+    """(n,) mean reprojection error of each point, pixels; -1 where no photo saw it, as COLMAP writes unknown errors."""
+    distance = np.zeros(len(sparse.pixels))
+    for v, view in enumerate(views):
+        mine = sparse.observations[:, 1] == v
+        uv, _ = view.camera.project(sparse.positions[sparse.observations[mine, 0]])
+        distance[mine] = np.linalg.norm(uv - sparse.pixels[mine], axis=1)
+    n = len(sparse.positions)
+    count = np.bincount(sparse.observations[:, 0], minlength=n)
+    total = np.bincount(sparse.observations[:, 0], distance, minlength=n)
+    return np.where(count > 0, total / np.maximum(count, 1), -1.0).tolist()
+
+
+def _numbers(values: Iterable[float]) -> str:
+    """Each as the shortest text that reads back as the same number."""
+    return " ".join(repr(float(value)) for value in values)

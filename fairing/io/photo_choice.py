@@ -1,0 +1,126 @@
+"""What of a capture's photos counts: photos left out, masks, and weights."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from fnmatch import fnmatchcase
+from pathlib import Path
+
+import numpy as np
+
+from fairing.errors import InputError
+from fairing.io.capture import Capture, files_below, listed, reading
+from fairing.photo import FilePhoto, Mask
+from fairing.scene import SparsePoints, View
+
+MASK_FOLDER = "masks"
+_PNG = frozenset({".png"})
+
+
+@dataclass(frozen=True)
+class PhotoChoice:
+    """Photos are named as in the list that `eigenfairing check` prints; * and ? stand for any characters."""
+
+    leave_out: tuple[str, ...] = ()
+    """Photos to leave out, by name: `--leave-out 0003.jpg "night/*"`."""
+    masks: Path | None = None
+    """Folder of masks: of photo a.jpg the image a.jpg.png, black where the photo does not count (as COLMAP). Default:
+    the folder `masks` beside the cameras, where there is one."""
+    photo_weights: tuple[str, ...] = ()
+    """How much photos count beside the others: `--photo-weights 0003.jpg=0.5 "night/*=0.1"`. Default: 1 each."""
+
+
+def apply_choice(capture: Capture, choice: PhotoChoice, folder: Path) -> Capture:
+    """The capture with what was chosen of it.
+
+    Args:
+        folder: where the cameras lie.
+
+    Raises:
+        InputError: a name that no photo has, a weight that is none, a mask that cannot be read or is of another size.
+    """
+    names = [view.name for view in capture.views]
+    left_out = _matching(choice.leave_out, names, "--leave-out")
+    weights = {view.name: view.weight for view in capture.views}
+    for text in choice.photo_weights:
+        pattern, _, number = text.rpartition("=")
+        weight = _weight(number, text)
+        for name in _matching((pattern,), names, "--photo-weights"):
+            weights[name] = weight
+    if choice.masks is not None and not choice.masks.is_dir():
+        raise InputError(f"--masks {choice.masks}: expected a folder, found none")
+    # Masks a format names itself stay, where no folder has one.
+    own = {view.mask.path for view in capture.views if view.mask is not None}
+    masks, warnings = _masks(choice.masks or folder / MASK_FOLDER, names, own)
+    kept = [i for i, name in enumerate(names) if name not in left_out]
+    views = tuple(
+        replace(view, weight=weights[view.name], mask=_mask_of(view, masks))
+        for view in (capture.views[i] for i in kept)
+    )
+    if left_out:
+        warnings = (f"photos left out on request: {len(left_out)} ({listed(sorted(left_out))})", *warnings)
+    sparse = capture.sparse_points
+    if sparse is not None and left_out:
+        sparse = _of_views(sparse, kept, len(names))
+    return capture._replace(views=views, sparse_points=sparse, warnings=(*capture.warnings, *warnings))
+
+
+def _matching(patterns: Iterable[str], names: Sequence[str], flag: str) -> set[str]:
+    found: set[str] = set()
+    for pattern in patterns:
+        matching = {name for name in names if name == pattern or fnmatchcase(name, pattern)}
+        if not matching:
+            raise InputError(f"{flag} {pattern}: no photo is named so; the photos are {listed(names)}")
+        found |= matching
+    return found
+
+
+def _weight(number: str, text: str) -> float:
+    try:
+        weight = float(number)
+    except ValueError:
+        weight = float("nan")
+    if not 0 < weight < float("inf"):
+        raise InputError(f"--photo-weights {text}: expected a photo's name, =, and a number of more than 0")
+    return weight
+
+
+def _masks(folder: Path, names: Sequence[str], own: set[Path]) -> tuple[dict[str, Path], tuple[str, ...]]:
+    """Masks by photo. A photo images/a.jpg may have its mask as a.jpg.png, too.
+
+    Args:
+        own: masks that the capture's format names itself.
+    """
+    if not folder.is_dir():
+        return {}, ()
+    with reading(folder, "a folder of masks"):
+        files = {path.relative_to(folder).as_posix(): path for path in files_below(folder, _PNG)}
+    masks = {}
+    for name in names:
+        for file in (f"{name}.png", f"{name.removeprefix('images/')}.png"):
+            if file in files:
+                masks[name] = files[file]
+    warnings = []
+    if masks:
+        warnings.append(f"masks: {len(masks)} of {len(names)} photos have one in {folder}")
+    unused = [file for file, path in files.items() if path not in masks.values() and path not in own]
+    if unused:
+        warnings.append(
+            f"masks that belong to no photo: {len(unused)} ({listed(unused)}); a mask is named as its photo with .png behind"
+        )
+    return masks, tuple(warnings)
+
+
+def _mask_of(view: View, masks: dict[str, Path]) -> Mask | None:
+    if view.name not in masks:
+        return view.mask
+    return Mask(masks[view.name], view.photo.lens if isinstance(view.photo, FilePhoto) else None)
+
+
+def _of_views(sparse: SparsePoints, kept: list[int], n_views: int) -> SparsePoints:
+    """The points as the kept views saw them; those that none saw stay, as places without observations."""
+    new_index = np.full(n_views, -1)
+    new_index[kept] = np.arange(len(kept))
+    seen = new_index[sparse.observations[:, 1]] >= 0
+    observations = sparse.observations[seen].copy()
+    observations[:, 1] = new_index[observations[:, 1]]
+    return SparsePoints(sparse.positions, sparse.colors, observations, sparse.pixels[seen])

@@ -1,0 +1,56 @@
+"""Sparse points as a NumPy file (.npz) of the arrays of `SparsePoints`."""
+
+import zipfile
+from pathlib import Path
+
+import numpy as np
+
+from fairing.errors import InputError
+from fairing.io.atomic import write_atomically
+from fairing.io.capture import naming, reading
+from fairing.scene import SparsePoints
+
+_COLUMNS = {"positions": (3, "f"), "colors": (3, "u"), "observations": (2, "iu"), "pixels": (2, "f")}
+
+
+def write_points(path: Path, points: SparsePoints) -> None:
+    """Write the points, complete or not at all."""
+    arrays = {name: getattr(points, name) for name in _COLUMNS}
+    write_atomically(path, lambda file: np.savez_compressed(file, **arrays))
+
+
+def read_points(path: Path, n_views: int) -> SparsePoints:
+    """The points of a file.
+
+    Args:
+        n_views: views that the observations may name.
+
+    Raises:
+        InputError: no such file, or its arrays do not make sense.
+    """
+    with reading(path, "sparse points"), path.open("rb"):
+        pass
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            arrays = {name: file[name] for name in _COLUMNS}
+    except KeyError:
+        raise InputError(f"{path}: expected the arrays {', '.join(_COLUMNS)}; convert the capture again") from None
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile, AttributeError, TypeError) as error:
+        raise InputError(
+            f"{path}: expected sparse points, cannot be read ({error}); convert the capture again"
+        ) from None
+    with naming(path):
+        for name, (columns, kinds) in _COLUMNS.items():
+            array = arrays[name]
+            if array.ndim != 2 or array.shape[1] != columns or array.dtype.kind not in kinds:
+                raise InputError(f"{name}: expected {columns} columns, found shape {array.shape} of {array.dtype}")
+            if not np.isfinite(array).all():
+                raise InputError(f"{name}: expected finite numbers, found NaN or infinity")
+        observations = arrays["observations"].astype(np.int64)
+        if len(observations) != len(arrays["pixels"]) or len(arrays["positions"]) != len(arrays["colors"]):
+            raise InputError("expected as many observations as pixels, and as many positions as colors")
+        if (observations < 0).any() or (observations >= [len(arrays["positions"]), n_views]).any():
+            raise InputError(
+                f"observations: expected points and views that exist, found {observations.max(0).tolist()}"
+            )
+    return SparsePoints(arrays["positions"], arrays["colors"].astype(np.uint8), observations, arrays["pixels"])
