@@ -54,7 +54,7 @@ class ScaleSpace:
             padding = [(0, -size % reduction) for size in counts.shape]
             padded = np.pad(counts, padding, mode="edge")
             h, w = (size // reduction for size in padded.shape)
-            self._masks[view, reduction] = padded.reshape(h, reduction, w, reduction).all(axis=(1, 3))
+            self._masks[view, reduction] = padded.reshape(h, reduction, w, reduction).min(axis=(1, 3))
         return self._masks[view, reduction]
 
     def forget_all_but(self, blur: float) -> None:
