@@ -83,6 +83,34 @@ class Branch:
 
 
 @dataclass(frozen=True)
+class Place:
+    """Put vertices elsewhere by hand and go on from there. At a past moment this forks a new run.
+
+    Attributes:
+        vertices: ids.
+        positions: world units, one a vertex.
+    """
+
+    vertices: tuple[int, ...]
+    positions: tuple[tuple[float, float, float], ...]
+
+
+@dataclass(frozen=True)
+class Reset:
+    """Put vertices back to their start by hand."""
+
+    vertices: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Lock:
+    """Lock vertices, or unlock them: an option, from the present moment on."""
+
+    vertices: tuple[int, ...]
+    locked: bool
+
+
+@dataclass(frozen=True)
 class SwitchTo:
     """To another run, where it stands or at a moment of it."""
 
@@ -132,6 +160,9 @@ Command = (
     | JumpTo
     | Restart
     | Branch
+    | Place
+    | Reset
+    | Lock
     | SwitchTo
     | DeleteRun
     | Race

@@ -11,8 +11,11 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from app.bookmarks import Bookmarks, file_beside, read_bookmarks, write_bookmarks
 from app.breakpoints import Breakpoints
+from app.by_hand import lock_by_hand, step_by_hand
 from app.commands import (
     Ask,
     Back,
@@ -22,9 +25,12 @@ from app.commands import (
     Extent,
     Forward,
     JumpTo,
+    Lock,
     Pause,
+    Place,
     Play,
     Race,
+    Reset,
     Restart,
     Run,
     RunBack,
@@ -267,6 +273,12 @@ class Controller:
             case Branch(options):
                 self._keep(session.branch(options), session.moment)
                 return f"goes on from moment {session.moment} with other options; the record so far is kept"
+            case Place(vertices, positions):
+                return step_by_hand(session, vertices, lambda s, ids: s.place(ids, np.array(positions)), self._keep)
+            case Reset(vertices):
+                return step_by_hand(session, vertices, lambda s, ids: s.reset(ids), self._keep)
+            case Lock(vertices, locked):
+                return lock_by_hand(self._runs, vertices, locked, self._keep)
             case SwitchTo(run_id, moment):
                 self._runs.switch(run_id)
                 if moment is not None:
@@ -375,10 +387,10 @@ class Controller:
         finally:
             session.go_to(moment)
 
-    def _keep(self, session: Session, forked_at: int) -> int:
+    def _keep(self, session: Session, forked_at: int, note: str = "") -> int:
         """Take a new run to hand; those there are stay."""
         session.is_unwanted = self._interrupt.is_set
-        return self._runs.add(session, forked_at)
+        return self._runs.add(session, forked_at, note)
 
     # ------------------------------------------------------------------ telling about it
 

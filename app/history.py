@@ -6,7 +6,7 @@ from typing import Protocol
 import numpy as np
 
 from app.outcome import slot_of
-from app.palette import BACKGROUND, REJECTED, START
+from app.palette import BACKGROUND, HAND, REJECTED, START
 from app.run_state import RunState
 from fairing.trace import StepReason, StepRecord, Trace
 
@@ -144,7 +144,8 @@ class PathHistory:
 
 
 class StepHistory:
-    """What happened at each moment, as colours: green the more the energy fell, violet where steps were rejected."""
+    """What happened at each moment, as colours: green the more the energy fell, violet where steps were rejected, white
+    where a hand moved vertices."""
 
     def __init__(self) -> None:
         self._run_id = -1
@@ -170,6 +171,8 @@ class StepHistory:
 
 
 def _color_of(record: StepRecord) -> np.ndarray:
+    if record.is_by_hand:
+        return np.array(HAND)
     before, after = record.energy_before, record.energy_after
     fall = max(0.0, (before - after) / before) if before > 0 else 0.0
     # Falls of 0.001 % to 10 % and more span the scale.

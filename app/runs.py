@@ -99,7 +99,8 @@ class Runs:
     def from_start_with(self, options: FairingOptions) -> int | None:
         """The number of a run that has had these options all along, if there is one."""
         for run_id, kept in self._kept.items():
-            if kept.parent is None and kept.session.options == options:
+            by_hand = kept.session.trace.hand_moments
+            if kept.parent is None and kept.session.options == options and not by_hand:
                 return run_id
         return None
 
@@ -134,6 +135,17 @@ class Runs:
         self._kept[self.run_id] = added
         self._following += 1
         return self.run_id
+
+    def replace(self, session: Session) -> None:
+        """Let the run at hand go on as this one, which shares all of its past but has other options."""
+        kept = self._kept[self.run_id]
+        kept.session.trace.detach()
+        if self._save_to is not None and kept.file is not None:
+            session.trace.attach(kept.file)
+        session.is_unwanted = kept.session.is_unwanted
+        if kept.parent is None:
+            kept.differs = run_title(session.options)
+        kept.session, kept.info = session, None
 
     def switch(self, run_id: int) -> None:
         """Take another to hand.

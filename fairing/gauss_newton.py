@@ -18,9 +18,9 @@ RIDGE = 1e-9
 class Prior:
     """Weak pulls of vertices along what the photos leave open: (x - a)^T B (x - a) / 2, summed over two kinds.
 
-    Sliding (directions in which the surface moves in itself) is pulled to the run's start. Weakly seen directions are
-    pulled to the sweep's start only: that slows a vertex where it could run off, but leaves the minimum where it is
-    (pulled to the run's start, corner A of the cube ended 5 % off).
+    Sliding (directions in which the surface moves in itself) is pulled to the run's start, or to where a hand put the
+    vertex. Weakly seen directions are pulled to the sweep's start only: that slows a vertex where it could run off, but
+    leaves the minimum where it is (pulled to the run's start, corner A of the cube ended 5 % off).
 
     Attributes:
         sliding, weak: (n, 3, 3) float, B of each kind.

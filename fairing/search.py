@@ -73,7 +73,7 @@ def search_unit(
     """Try places around the vertices of an independent unit, each polished by two Gauss-Newton steps.
 
     Args:
-        vertices, start: (n, 3) float: positions now and at the start of the run, world units.
+        vertices, start: (n, 3) float: positions now and at the start of the run (or where a hand put them), world units.
         radius: (u,) float: how far away the places lie, world units.
         bound: (u,) float: how far from its start a vertex may end, world units.
         mean_loss: what a face costs per photo pixel that no three photos see: as much as the mesh's average.

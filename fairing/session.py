@@ -25,6 +25,7 @@ from fairing.gauss_newton import (
     undetermined_directions,
     vertex_systems,
 )
+from fairing.hand import check_places
 from fairing.mesh import Mesh
 from fairing.mesh_check import inspect_mesh
 from fairing.option_check import check_options
@@ -164,6 +165,10 @@ class Session:
         trace = self.trace.cut(self.moment)
         trace.header["options"] = options_to_dict(options or self.options)
         branch = Session(self.scene, trace=trace)
+        if branch.options.cells.color == self.options.cells.color:
+            branch._photos = self._photos
+        if branch.options == self.options:
+            branch._sweeps = [sweep for sweep in self._sweeps if sweep.moment <= self.moment]
         if options is not None and options != self.options and not branch._goes_on_as(self):
             trace.go_on_at(self.position._replace(unit=0, iteration=0))
         return branch
@@ -235,6 +240,73 @@ class Session:
                 on_step(record)
         return self.stop_reason
 
+    def place(
+        self, vertices: np.ndarray, positions: np.ndarray, reason: StepReason = StepReason.MOVED_BY_HAND
+    ) -> StepRecord:
+        """Put vertices elsewhere by hand, as a step of its own after the last one; the present sweep begins anew.
+
+        From then on a placed vertex counts as having started there; a finished run goes on at its last level.
+
+        Args:
+            vertices: (u,) int, ids.
+            positions: (u, 3) float, world units.
+            reason: one of `BY_HAND`.
+
+        Raises:
+            InputError: a vertex is locked or would come behind a camera that sees it, or a face would be flipped or
+                collapsed; nothing is moved.
+        """
+        assert self.moment == len(self.trace), "a record only grows at its end; branch first"
+        before = self.vertices
+        after = before.copy()
+        after[vertices] = positions
+        check_places(self.scene, before, after, self.trace.start, self._locked, vertices, self.options.step)
+        sweep = self.sweep_state()
+        faces = np.flatnonzero(np.isin(self.scene.mesh.faces, vertices).any(axis=1))
+        here, there = (
+            self._linearise(sweep.context, places, faces, np.full(len(faces), -1), sweep.scale)
+            for places in (before, after)
+        )
+        if not np.isfinite(there.energy).all():
+            raise InputError(f"vertex {int(vertices[0])}: there it would be behind a camera; nothing was moved")
+        position, last_level = self.position, self.options.n_levels - 1
+        goes_on = position._replace(unit=0, iteration=0)
+        if self.finished and self.moment:
+            position = self.trace.steps[self.moment - 1].position
+            goes_on = Position(last_level, 0, 0, 0)
+        H, _ = vertex_systems(self.scene.mesh, there)
+        blank = np.zeros(len(vertices))
+        record = StepRecord(
+            position=position,
+            next_position=goes_on,
+            sweep_moment=sweep.moment,
+            vertices=vertices,
+            before=before[vertices],
+            proposed=after[vertices] - before[vertices],
+            after=after[vertices],
+            step_px=self._pixels(sweep.context, before, vertices, after[vertices] - before[vertices]),
+            damping=blank,
+            eigenvalues=np.linalg.eigvalsh(H[vertices]),
+            reasons=np.full(len(vertices), reason, dtype=np.int8),
+            objective_before=float(here.energy.sum()),
+            objective_after=float(there.energy.sum()),
+            faces=faces,
+            face_energy_before=here.energy,
+            face_energy_after=there.energy,
+            view_energy_before=self._by_view(sweep, here.pair_energy),
+            view_energy_after=self._by_view(sweep, there.pair_energy),
+            damping_next=blank,
+            rejections=blank.astype(np.int64),
+        )
+        self.trace.append(record)
+        self.moment += 1
+        self.trace.flush()
+        return record
+
+    def reset(self, vertices: np.ndarray) -> StepRecord:
+        """Put vertices (u,) back to their start by hand; see `place`."""
+        return self.place(vertices, self.trace.start[vertices], StepReason.RESET_BY_HAND)
+
     @property
     def stop_reason(self) -> str:
         """Why the run stopped, as one sentence."""
@@ -244,7 +316,8 @@ class Session:
             return "finished: there was nothing to do"
         last = self.trace.steps[self.moment - 1]
         if (last.reasons == StepReason.RETURNED).all():
-            return "finished: the energy at the finest level was lower at the start, so every vertex was returned"
+            when = "after the last move by hand" if self.trace.hand_moments else "at the start"
+            return f"finished: the energy at the finest level was lower {when}, so every vertex was returned"
         moved = np.linalg.norm(self.vertices - self.trace.start, axis=1) > 0
         return f"finished: all {self.options.n_levels} levels done, {int(moved.sum())} of {len(moved)} vertices moved"
 
@@ -303,7 +376,7 @@ class Session:
         if radius > 0:
             movable &= _well_seen(mesh, context.takes_part)
         units = plan_units(mesh, movable, order, system.energy)
-        prior = Prior(sliding, weak, self.trace.start, vertices)
+        prior = Prior(sliding, weak, self.trace.origin_at(moment), vertices)
         area = float((context.footprint_area * context.n_views)[context.takes_part].sum())
         mean_loss = float(system.energy.sum()) / area if area > 0 else 0.0
         return SweepState(moment, context, sigma, scale, prior, free, units, radius, pixels, mean_loss)
@@ -366,7 +439,8 @@ class Session:
 
     def _compute_step(self) -> StepRecord:
         position = self.position
-        if self.moment == 0 and position.level < self._level_near_truth:
+        untouched = sum(made <= self.moment for made in self.trace.hand_moments) == self.moment
+        if untouched and position.level < self._level_near_truth:
             return self._empty_step(position, self._level_near_truth)
         sweep = self.sweep_state()
         if not sweep.units:
@@ -456,7 +530,7 @@ class Session:
     def _search_step(self, position: Position, sweep: SweepState, unit: Unit) -> StepRecord:
         """Look for better places of all vertices of an independent unit."""
         ids, vertices = unit.vertices, self.vertices
-        found = self._search(sweep, unit, vertices, sweep.search_radius, self._reach)
+        found = self._search(sweep, unit, vertices, sweep.prior.run_start, sweep.search_radius, self._reach)
         moved = (found.after != vertices[ids]).any(axis=1)
         reasons = np.where(moved, StepReason.FOUND_PLACE, StepReason.NO_BETTER_PLACE).astype(np.int8)
         reasons[found.folds] = StepReason.REJECTED_FOLD
@@ -492,7 +566,9 @@ class Session:
             rejections=np.zeros(len(ids), dtype=np.int64),
         )
 
-    def _search(self, sweep: SweepState, unit: Unit, vertices: np.ndarray, radius: float, reach: float) -> Found:
+    def _search(
+        self, sweep: SweepState, unit: Unit, vertices: np.ndarray, origin: np.ndarray, radius: float, reach: float
+    ) -> Found:
         pixels, level = sweep.pixels_per_unit[unit.vertices], sweep.context.level
         # A search compares places pixels apart: coarser cells and depth maps do, at a third of the time.
         cells = self.options.cells
@@ -507,7 +583,7 @@ class Session:
             visibility=replace(self.options.visibility, reduction=self.options.visibility.reduction * 2),
         )
         return search_unit(
-            unit, vertices, self.trace.start, radius / pixels, reach / pixels, sweep.mean_loss, sweep.scale,
+            unit, vertices, origin, radius / pixels, reach / pixels, sweep.mean_loss, sweep.scale,
             self.scene.mesh, self.options, self._evaluator,
             lambda places, judged: self._build_context(level, places, judged, coarse), self._shorten,
         )  # fmt: skip
@@ -533,7 +609,7 @@ class Session:
         tried = self._shorten(sweep.context, vertices, ids, proposed)
         if self.start_error > 0:
             # What lies so far off is not refined but lost: a vertex stays within the reach of the searches.
-            start = self.trace.start[ids]
+            start = sweep.prior.run_start[ids]
             offset = vertices[ids] + tried - start
             reach = self._reach / np.maximum(sweep.pixels_per_unit[ids], 1e-300)
             far = np.maximum(reach, np.linalg.norm(vertices[ids] - start, axis=1))
@@ -659,7 +735,7 @@ class Session:
         unit = independent_unit(self.scene.mesh, group[:: -(-len(group) // PROBES)])
         distance, best = np.zeros(len(unit.vertices)), np.full(len(unit.vertices), 1 - PROBE_GAIN)
         for radius in PROBE_RADII:
-            found = self._search(sweep, unit, self.trace.start, radius, 2 * radius)
+            found = self._search(sweep, unit, self.trace.start, self.trace.start, radius, 2 * radius)
             gain = found.score_after / np.maximum(found.score_before, 1e-300)
             moved = np.linalg.norm(found.after - self.trace.start[unit.vertices], axis=1)
             improved = gain < best
@@ -685,10 +761,11 @@ class Session:
         )  # fmt: skip
 
     def _never_worse(self, record: StepRecord, sweep: SweepState, final: np.ndarray) -> StepRecord:
-        """Return every vertex to the start if the finest level's energy was lower there."""
+        """Return every vertex to the start, or to the last move by hand, if the finest level's energy was lower there."""
         everything = np.arange(len(self.scene.mesh.faces))
+        begun = self.trace.vertices_at(max((m for m in self.trace.hand_moments if m <= self.moment), default=0))
         here = self._evaluator.measure(sweep.context, final, everything, sweep.scale)
-        there = self._evaluator.measure(sweep.context, self.trace.start, everything, sweep.scale)
+        there = self._evaluator.measure(sweep.context, begun, everything, sweep.scale)
         if here.energy.sum() <= there.energy.sum():
             return record
         ids = np.arange(len(final))
@@ -699,8 +776,8 @@ class Session:
             sweep_moment=record.sweep_moment,
             vertices=ids,
             before=self.vertices,
-            proposed=self.trace.start - self.vertices,
-            after=self.trace.start,
+            proposed=begun - self.vertices,
+            after=begun,
             step_px=blank,
             damping=blank,
             eigenvalues=np.zeros((len(ids), 3)),

@@ -38,6 +38,8 @@ class StepReason(IntEnum):
     RETURNED = 7
     FOUND_PLACE = 8
     NO_BETTER_PLACE = 9
+    MOVED_BY_HAND = 10
+    RESET_BY_HAND = 11
 
     @property
     def text(self) -> str:
@@ -52,10 +54,13 @@ _REASON_TEXTS = {
     StepReason.UNSEEN: "not moved: fewer than three photos see its faces",
     StepReason.LOCKED: "not moved: locked",
     StepReason.RESTING: "rests: its steps were rejected too often in this sweep",
-    StepReason.RETURNED: "returned: the fine-level energy was lower at the start",
+    StepReason.RETURNED: "returned: the fine-level energy had been lower",
     StepReason.FOUND_PLACE: "searched: a better place was found near by",
     StepReason.NO_BETTER_PLACE: "searched: no place near by is better",
+    StepReason.MOVED_BY_HAND: "moved by hand",
+    StepReason.RESET_BY_HAND: "put back to its start by hand",
 }
+BY_HAND = (StepReason.MOVED_BY_HAND, StepReason.RESET_BY_HAND)
 
 
 class Position(NamedTuple):
@@ -121,6 +126,11 @@ class StepRecord:
         return bool((self.before != self.after).any())
 
     @property
+    def is_by_hand(self) -> bool:
+        """Whether a user made this step."""
+        return len(self.reasons) > 0 and int(self.reasons[0]) in BY_HAND
+
+    @property
     def energy_before(self) -> float:
         return float(self.face_energy_before.sum())
 
@@ -137,6 +147,7 @@ class Trace:
         start: (n, 3) float, vertices at moment 0.
         faces: (m, 3) int.
         steps: the records.
+        hand_moments: the moments after steps that a user made.
     """
 
     def __init__(self, header: dict[str, Any], start: np.ndarray, faces: np.ndarray) -> None:
@@ -144,6 +155,7 @@ class Trace:
         self.start = np.array(start, dtype=np.float64)
         self.faces = np.array(faces, dtype=np.int64)
         self.steps: list[StepRecord] = []
+        self.hand_moments: list[int] = []
         self._keyframes: dict[int, np.ndarray] = {0: self.start}
         self._newest: tuple[int, np.ndarray] = (0, self.start.copy())
         self._file: io.BufferedWriter | None = None
@@ -182,6 +194,15 @@ class Trace:
         for record in self.steps[key:moment]:
             vertices[record.vertices] = record.after
         return vertices
+
+    def origin_at(self, moment: int) -> np.ndarray:
+        """(n, 3) float: from where the engine moved each vertex: its start, or where a hand had last put it."""
+        origin = self.start.copy()
+        for made in self.hand_moments:
+            if made <= moment:
+                record = self.steps[made - 1]
+                origin[record.vertices] = record.after
+        return origin
 
     def attach(self, path: Path) -> None:
         """Write the trace to `path` (replacing what is there by renaming) and keep it up to date from now on."""
@@ -270,6 +291,8 @@ class Trace:
         vertices = self._newest[1].copy()  # another thread may be reading the present ones
         vertices[record.vertices] = record.after
         self._newest = (len(self.steps), vertices)
+        if record.is_by_hand:
+            self.hand_moments.append(len(self.steps))
         if len(self.steps) % KEYFRAME_EVERY == 0:
             self._keyframes[len(self.steps)] = vertices.copy()
 

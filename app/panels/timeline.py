@@ -76,7 +76,7 @@ class Timeline:
             )
             strip = (
                 f"<div class='strip' role='img' aria-label='What happened' onpointerdown=\"{text(press)}\" "
-                f"title='Brighter green: the energy fell more. Violet: rejected steps. Click to go there.'>"
+                f"title='Brighter green: the energy fell more. Violet: rejected steps. White: moved by hand. Click to go there.'>"
                 f"<img src='{data_uri(self._history.picture())}' alt=''>"
                 f"<i style='left:{cursor:.2f}%'></i></div>"
             )
