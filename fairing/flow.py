@@ -12,7 +12,7 @@ the paper says. It shows best with few eigenspace dimensions; more of them expla
 flows are for display; the engine uses neither.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.ndimage import gaussian_filter
@@ -45,7 +45,13 @@ class ModelFlow:
 
 
 def model_flow(
-    scene: Scene, vertices: np.ndarray, cells: FaceCells, vertex: int, displacement: np.ndarray, affine: bool = False
+    scene: Scene,
+    vertices: np.ndarray,
+    cells: FaceCells,
+    vertex: int,
+    displacement: np.ndarray,
+    affine: bool = False,
+    spacing: int = 1,
 ) -> ModelFlow:
     """Cell-pixel displacements induced by a small displacement eta of a vertex.
 
@@ -58,6 +64,7 @@ def model_flow(
         vertex: one of the face's corners.
         displacement: (3,) float, eta, world units.
         affine: as in the options of the run.
+        spacing: every how many cell pixels to give a vector.
 
     Raises:
         ValueError: the vertex is no corner of the face.
@@ -66,6 +73,8 @@ def model_flow(
     if vertex not in face:
         raise ValueError(f"vertex {vertex}: expected a corner of face {cells.face}, one of {face.tolist()}")
     rows, columns = cells.rows_and_columns
+    chosen = (rows % spacing == 0) & (columns % spacing == 0)
+    rows, columns = rows[chosen], columns[chosen]
     ramp = np.stack([columns + 1 / 3, rows + 1 / 3], axis=1) / cells.size
     bary = np.column_stack([ramp, 1 - ramp.sum(axis=1)])
     hat = bary[:, int(np.flatnonzero(face == vertex)[0])]
@@ -77,6 +86,26 @@ def model_flow(
     vectors = cells.size * np.linalg.solve(image_from_ramp, photo_vectors[..., None])[..., 0]
     places = np.stack([columns, rows], axis=1).astype(float)
     return ModelFlow(places, vectors, photo_places, photo_vectors, of_vertex)
+
+
+def step_flow(
+    scene: Scene, before: np.ndarray, after: np.ndarray, cells: FaceCells, affine: bool = False, spacing: int = 1
+) -> ModelFlow | None:
+    """Cell-pixel displacements of a step: the sum over the face's corners that it moved. None if it moved none.
+
+    Args:
+        before, after: (n, 3) float: positions of all vertices; the cells belong to those before.
+        affine, spacing: as in `model_flow`.
+    """
+    moved = [int(v) for v in scene.mesh.faces[cells.face] if (before[v] != after[v]).any()]
+    flows = [model_flow(scene, before, cells, v, after[v] - before[v], affine, spacing) for v in moved]
+    if not flows:
+        return None
+    return replace(
+        flows[0],
+        vectors=np.sum([flow.vectors for flow in flows], axis=0),
+        photo_vectors=np.sum([flow.photo_vectors for flow in flows], axis=0),
+    )
 
 
 def _in_photo(
@@ -117,25 +146,37 @@ class OpticalFlow:
     confidence: np.ndarray
 
 
-def optical_flow(cells: FaceCells, window: float = 4.0, spacing: int = 1) -> OpticalFlow:
+def optical_flow(cells: FaceCells, window: float = 4.0, spacing: int = 1, reduction: int = 1) -> OpticalFlow:
     """Flow from each cell to its reconstruction.
 
     Args:
         window: sigma of the Gaussian window, cell pixels.
         spacing: every how many cell pixels to give a vector.
+        reduction: average blocks of so many cell pixels first: faster by its square; what is smaller is lost.
     """
     one, other = cells.as_images(cells.observed), cells.as_images(cells.reconstruction)
     valid = cells.as_images(cells.counts.astype(float))
     if cells.channels > 1:
         one, other, valid = one.mean(axis=-1), other.mean(axis=-1), valid[..., 0]
+    if reduction > 1:
+        one, other, valid = (_reduced(images, reduction) for images in (one, other, valid))
     rows, columns = cells.rows_and_columns
-    chosen = (rows % spacing == 0) & (columns % spacing == 0)
+    last = one.shape[1] * reduction  # what is left over at the ends of a reduced cell has no flow
+    chosen = (rows % spacing == 0) & (columns % spacing == 0) & (rows < last) & (columns < last)
     rows, columns = rows[chosen], columns[chosen]
-    flows = [lucas_kanade(a, b, v == 1, window) for a, b, v in zip(one, other, valid, strict=True)]
+    at = rows // reduction, columns // reduction
+    flows = [lucas_kanade(a, b, v == 1, window / reduction) for a, b, v in zip(one, other, valid, strict=True)]
     shape = (len(flows), len(rows))
-    vectors = np.array([flow[rows, columns] for flow, _ in flows]).reshape(*shape, 2)
-    confidence = np.array([belief[rows, columns] for _, belief in flows]).reshape(shape)
+    vectors = reduction * np.array([flow[at] for flow, _ in flows]).reshape(*shape, 2)
+    confidence = np.array([belief[at] for _, belief in flows]).reshape(shape)
     return OpticalFlow(np.stack([columns, rows], axis=1).astype(float), vectors, confidence)
+
+
+def _reduced(images: np.ndarray, reduction: int) -> np.ndarray:
+    """(n, N // r, N // r): means of blocks; NaN where a block reaches out of the triangle."""
+    size = images.shape[1] // reduction
+    blocks = images[:, : size * reduction, : size * reduction].reshape(-1, size, reduction, size, reduction)
+    return blocks.mean(axis=(2, 4))
 
 
 def lucas_kanade(

@@ -4,7 +4,7 @@ Nothing of this is stored. A trace holds the vertices to the bit, a sweep's visi
 them, and the same compiled functions as in the run give the same cells, residuals and energies, to the last bit.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -92,7 +92,7 @@ class FaceCells:
         return images[..., 0] if self.channels == 1 else images
 
 
-def face_cells(session: Session, face: int, moment: int | None = None) -> FaceCells:
+def face_cells(session: Session, face: int, moment: int | None = None, dimensions: int | None = None) -> FaceCells:
     """Cells of a face at a moment, under the visibility and robust scale of the sweep of the moment's next step.
 
     Their energy is the `face_energy_before` of that step, if it is a Gauss-Newton step that looks at the face
@@ -101,19 +101,44 @@ def face_cells(session: Session, face: int, moment: int | None = None) -> FaceCe
     Args:
         face: id.
         moment: default: the session's present one.
+        dimensions: k to look at instead of the run's own; the run is not changed by it.
 
     Raises:
         IndexError: no such face or moment.
-        InputError: a corner of the face lies behind a camera at that moment.
+        InputError: a corner of the face lies behind a camera at that moment, or k does not fit the views.
     """
     moment = session.moment if moment is None else moment
     if not 0 <= face < len(session.scene.mesh.faces):
         raise IndexError(f"face {face}: this mesh has faces 0 to {len(session.scene.mesh.faces) - 1}")
     vertices = session.trace.vertices_at(moment)
     sweep = session.sweep_state(moment)
+    context = sweep.context if dimensions is None else _with_dimensions(sweep.context, face, dimensions)
     return cells_in_context(
-        session, sweep.context, vertices, face, moment, float(sweep.sigma[face]), float(sweep.scale[face])
+        session, context, vertices, face, moment, float(sweep.sigma[face]), float(sweep.scale[face])
     )
+
+
+def energies_by_dimension(session: Session, face: int, moment: int | None = None) -> np.ndarray:
+    """(n - 2,) float: the face's energy E with k = 1, 2 ... n - 2, n views; empty where fewer than three see it.
+
+    sigma stays the run's. To first order the misalignment of the cells spans three dimensions, so the first few k take
+    up most of a misplaced face's energy: the eigenspace absorbs what should move the vertex.
+    """
+    moment = session.moment if moment is None else moment
+    largest = int(session.sweep_state(moment).context.n_views[face]) - 2
+    return np.array([face_cells(session, face, moment, k).energy for k in range(1, largest + 1)])
+
+
+def _with_dimensions(context: CellContext, face: int, dimensions: int) -> CellContext:
+    """The context with another k for one face."""
+    largest = max(0, int(context.n_views[face]) - 2)
+    if not 1 <= dimensions <= largest:
+        raise InputError(
+            f"k = {dimensions}: face {face} is seen by {context.n_views[face]} photos, so k is 1 to {largest}"
+        )
+    k = context.kernel.face_dimensions.copy()
+    k[face] = dimensions
+    return replace(context, kernel=context.kernel._replace(face_dimensions=k))
 
 
 def cells_in_context(

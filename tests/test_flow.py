@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter, shift
 
-from fairing.flow import lucas_kanade, model_flow, optical_flow
+from fairing.flow import lucas_kanade, model_flow, optical_flow, step_flow
 from fairing.inspect import face_cells
 from fairing.session import Session
 from tests.small_scene import FACES, START, VERTICES, corner_scene, small_options
@@ -128,3 +128,34 @@ def test_flow_vectors_come_at_the_asked_spacing():
     assert (flow.places % 4 == 0).all()
     assert flow.vectors.shape == (len(cells.views), len(flow.places), 2)
     assert len(flow.places) == pytest.approx(cells.size**2 / 32, rel=0.3)
+
+
+def test_the_flow_of_a_step_is_the_sum_over_the_corners_it_moved():
+    session = Session(corner_scene(), small_options())
+    cells, before = face_cells(session, 1), session.vertices
+    after = before.copy()
+    after[[0, 3]] += [[1e-3, 0, 2e-3], [0, -1e-3, 1e-3]]
+    after[6] += 1  # no corner of face 1
+    parts = [model_flow(session.scene, before, cells, v, after[v] - before[v]) for v in (0, 3)]
+    flow = step_flow(session.scene, before, after, cells)
+    assert flow is not None
+    assert flow.vectors == pytest.approx(parts[0].vectors + parts[1].vectors)
+    assert step_flow(session.scene, before, before, cells) is None
+    sparse = step_flow(session.scene, before, after, cells, spacing=5)
+    assert sparse is not None
+    chosen = (flow.places % 5 == 0).all(axis=1)
+    assert sparse.vectors == pytest.approx(flow.vectors[:, chosen])
+    assert np.array_equal(sparse.places, optical_flow(cells, spacing=5).places)
+
+
+def test_a_reduced_optical_flow_is_nearly_the_full_one():
+    options = small_options(schedule={"blur": [2.0]}, cells={"spacing": [0.3]})
+    session = Session(corner_scene((0.02, -0.015, 0.02)), options)
+    cells = face_cells(session, 0)
+    full, reduced = (optical_flow(cells, window=8.0, spacing=8, reduction=r) for r in (1, 2))
+    assert np.array_equal(full.places[: len(reduced.places)], reduced.places)
+    trust = np.minimum(full.confidence, reduced.confidence)[..., None]
+    a, b = (trust * full.vectors).ravel(), (trust * reduced.vectors).ravel()
+    assert a @ b / np.linalg.norm(a) / np.linalg.norm(b) > 0.95
+    # Central differences over wider pixels are smaller, so the flow is longer: found 1.26 times.
+    assert np.linalg.norm(b) == pytest.approx(np.linalg.norm(a), rel=0.35)

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from fairing.inspect import face_cells
+from fairing.errors import InputError
+from fairing.inspect import energies_by_dimension, face_cells
 from fairing.options import FairingOptions
 from fairing.session import Session
 from fairing.trace import Trace
@@ -111,3 +112,19 @@ def test_there_is_no_face_or_moment_beyond_the_last():
         face_cells(session, 6)
     with pytest.raises(IndexError, match="moments 0 to 1"):
         face_cells(session, 0, 2)
+
+
+def test_another_k_is_looked_at_without_changing_the_run():
+    session = run(2, small_options(eigenspace={"dimensions": [2]}))
+    own, energies = face_cells(session, 1), energies_by_dimension(session, 1)
+    assert len(energies) == len(own.views) - 2
+    assert energies[1] == own.energy
+    assert (np.diff(energies) < 0).all()
+    other = face_cells(session, 1, dimensions=4)
+    assert len(other.basis) == 4
+    assert other.energy == energies[3]
+    assert other.sigma == own.sigma
+    assert face_cells(session, 1).energy == own.energy
+    for k in (0, len(own.views) - 1):
+        with pytest.raises(InputError, match=f"k = {k}: face 1"):
+            face_cells(session, 1, dimensions=k)
