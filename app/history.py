@@ -183,6 +183,16 @@ def _color_of(record: StepRecord) -> np.ndarray:
     return color + rejected * (np.array(REJECTED) - color)
 
 
+def last_step_about(steps: list[StepRecord], moment: int, vertex: int) -> tuple[int, StepRecord, int] | None:
+    """The last step up to a moment that was about a vertex: the moment it led to, the record, the vertex's place in it."""
+    for led_to in range(moment, 0, -1):
+        record = steps[led_to - 1]
+        slot = slot_of(record, vertex)
+        if slot is not None:
+            return led_to, record, slot
+    return None
+
+
 def next_move(state: RunState, vertex: int, direction: int) -> int | None:
     """The moment after the next recorded step, forward (1) or back (-1), that moved a vertex."""
     moments = range(state.moment + 1, state.length + 1) if direction > 0 else range(state.moment - 1, 0, -1)

@@ -3,7 +3,7 @@
 import html
 import json
 
-from app.palette import BRAND, NOW, REFERENCE, REJECTED, SELECTED, START, css
+from app.palette import BRAND, CAMERA_ENTERED, NOW, REFERENCE, REJECTED, SELECTED, START, css
 
 STYLE = f"""<style>
 .ef {{ font-size: 12.5px; line-height: 1.45; color: #d5d9df; padding: 0 14px 8px 10px;
@@ -66,8 +66,19 @@ STYLE = f"""<style>
 .ef button.face.on {{ border-color: {css(SELECTED)}; color: {css(SELECTED)}; }}
 .ef .kinds {{ gap: 0; font-size: 11.5px; color: #8d96a1; }}
 .ef .kinds span {{ flex: none; }}
-.ef .cell {{ cursor: pointer; padding: 3px 0 4px; border-top: 1px solid #31363c; }}
-.ef .cell:hover {{ background: #2b3036; }}
+.ef .cell {{ padding: 3px 0 4px; border-top: 1px solid #31363c; }}
+.ef .chips {{ gap: 4px; margin: 2px 0; flex-wrap: wrap; }}
+.ef button.chip {{ height: 22px; padding: 0 7px; font-size: 11.5px; color: #8d96a1; }}
+.ef button.chip.on {{ color: #f1f3f5; border-color: {css(BRAND)}; background: {css(BRAND, 0.28)}; }}
+.ef button.link {{ background: none; border: none; height: 20px; padding: 0; color: #d5d9df; }}
+.ef button.link:hover {{ color: {css(CAMERA_ENTERED)}; text-decoration: underline; background: none; }}
+.ef .tiles {{ position: relative; cursor: zoom-in; }}
+.ef .tiles img {{ width: 100%; height: 100%; }} .ef img.pixels {{ image-rendering: pixelated; }}
+.ef svg.over {{ position: absolute; inset: 0; width: 100%; height: 100%; pointer-events: none; }}
+.ef svg.over path {{ fill: none; stroke-width: 1.2; stroke-linecap: round; stroke-linejoin: round; }}
+.ef .charts {{ display: grid; grid-template-columns: 1fr 1fr; gap: 10px; margin-top: 4px; }}
+.ef .bars .value {{ fill: #59626c; }} .ef .bars .on {{ fill: #d5d9df; }}
+.ef .bars .own {{ fill: #d5d9df; }} .ef .bars .chosen {{ fill: {css(SELECTED)}; }}
 .ef img {{ display: block; }}
 .ef .note {{ margin-top: 4px; }}
 .ef h4 {{ font-size: 12.5px; font-weight: 600; color: #f1f3f5; margin: 10px 0 2px; }}

@@ -10,8 +10,10 @@ import numpy as np
 import viser
 
 from app.actions import ACTIONS, key_list
+from app.background import Background
 from app.breakpoints import Breakpoints
 from app.bridge import Bridge, whole_number
+from app.cells_controls import CellsControls
 from app.commands import JumpTo
 from app.compare import Reference, RunEnergies
 from app.controller import Controller
@@ -32,6 +34,8 @@ from app.palette import BRAND
 from app.panels import Panel
 from app.panels.bookmarks_panel import BookmarkButtons, BookmarksPanel
 from app.panels.breakpoints_panel import BreakpointButtons, BreakpointsPanel
+from app.panels.cell_lens import CellLens
+from app.panels.cell_source import CellSource
 from app.panels.cells_panel import CellsPanel
 from app.panels.debug_bar import DebugBar
 from app.panels.energy_plot import EnergyPlot
@@ -67,6 +71,7 @@ class Shared:
     paths: PathHistory
     thumbnails: Thumbnails
     texturer: Texturer
+    background: Background
 
 
 class Page:
@@ -143,6 +148,8 @@ class Page:
         option_buttons = OptionButtons(bridge.button)
         self._runs = RunButtons(shared.controller, self.view, bridge.button, bridge.number)
         self._bookmarks = BookmarkButtons(shared.controller, self.view, bridge.button, bridge.number)
+        scene, source = shared.scene, CellSource(shared.controller, shared.scene.mesh)
+        controls = CellsControls(bridge, self.view, scene, shared.controller.republish)
         tabs = gui.add_tab_group()
         with tabs.add_tab("Vertex"):
             last = len(shared.scene.mesh.vertices) - 1
@@ -165,9 +172,12 @@ class Page:
             panels.append(OptionsPanel(gui, shared.controller, self._guarded_with, option_buttons))
         cells = gui.add_panel()
         with cells.add_tab("Cells", viser.Icon.TRIANGLE):
-            panels.append(CellsPanel(gui, shared.controller, shared.scene, choose_face, enter))
+            panels.append(
+                CellsPanel(gui, scene, source, shared.background, controls, choose_face, enter, self._guarded_with)
+            )
         cells.dock_left()
         cells.set_width(CELLS_WIDTH)
+        panels.append(CellLens(gui, scene, source, controls, enter, MARGIN))
         self._timeline = gui.add_panel()
         with self._timeline.add_tab("Timeline", viser.Icon.CLOCK):
             panels.append(Timeline(gui, self._guarded_with(self._jump), jump, around))

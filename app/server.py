@@ -11,6 +11,7 @@ from pathlib import Path
 
 import viser
 
+from app.background import Background
 from app.compare import RunEnergies
 from app.controller import Controller
 from app.hardening import start_server
@@ -49,6 +50,7 @@ class App:
             PathHistory(len(scene.mesh.vertices)),
             Thumbnails(scene),
             Texturer(scene, stage, self.controller.republish),
+            Background(self.controller.republish),
         )
         self._pages: dict[int, Page] = {}
         self._pages_lock = threading.Lock()
@@ -68,6 +70,7 @@ class App:
         """Ends the engine, closes the record's file, lets the browsers go."""
         self.controller.close()
         self._shared.texturer.close()
+        self._shared.background.close()
         with self._pages_lock:
             for page in self._pages.values():
                 page.close()

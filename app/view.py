@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field, replace
 
+from app.cells_view import CellsView
 from app.compare import Reference
 from app.selection import Selection
 
@@ -27,6 +28,7 @@ class View:
     entered: the camera looked through, None outside.
     magnification: of displacements, 1 to 50.
     reference: what is compared with; None for nothing.
+    cells: how the cells are looked at.
     shown: which layers are switched on.
     """
 
@@ -35,6 +37,7 @@ class View:
     entered: int | None = None
     magnification: float = 1.0
     reference: Reference | None = None
+    cells: CellsView = field(default_factory=CellsView)
     shown: dict[str, bool] = field(default_factory=lambda: {name: name not in ("truth", "points") for name in LAYERS})
 
     def copy(self) -> "View":

@@ -150,11 +150,13 @@ def test_the_cells_of_the_selected_vertex_are_shown_and_lead_into_their_photo(vi
     page._select(0)
     visitor.press("Step one iteration")
     visitor.page.get_by_role("button", name="Cells of face 3").click()
-    row = visitor.page.get_by_role("button", name=f"cells in {scene.views[1].name}")
-    row.wait_for()
-    image = row.get_by_role("img")
-    assert image.evaluate("image => image.complete && image.naturalWidth > 200")
-    row.click()
+    name = scene.views[1].name
+    strip = visitor.page.get_by_role("button", name=f"Enlarge a cell in {name}", exact=True)
+    strip.wait_for()
+    assert visitor.page.get_by_alt_text(f"cells in {name}").evaluate(
+        "image => image.complete && image.naturalWidth > 200"
+    )
+    visitor.button(f"Look through {name}").first.click()
     wait_for(lambda: page.view.entered == 1)
     visitor.button("Leave the camera").click()
     wait_for(lambda: page.view.entered is None)

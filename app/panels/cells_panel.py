@@ -1,154 +1,121 @@
-"""The cells of a face of the selected vertex: the paper's figure 3, live."""
+"""What the photos show of the selected vertex: its cells, its place in the photos, pairs of photos."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
-import numpy as np
 import viser
 
-from app.cell_images import KINDS, TILE, strip_of_basis, strip_of_view
-from app.commands import Ask
-from app.controller import Controller
-from app.html import STYLE, button, number, text
+from app.background import Background
+from app.cells_controls import CellsControls
+from app.cells_view import PAGES
+from app.html import STYLE, button, text
+from app.lookup import Lookup
+from app.panels.cell_source import CellSource, chosen_face
+from app.panels.cell_table import cell_table
 from app.panels.html_panel import HtmlPanel
-from app.run_state import Activity, RunState
+from app.run_state import RunState
 from app.view import View
-from fairing.inspect import FaceCells, face_cells
 from fairing.scene import Scene
-from fairing.session import Session
-
-
-@dataclass(frozen=True)
-class Wanted:
-    """The cells of one face at one moment of one run."""
-
-    run_id: int
-    moment: int
-    face: int
 
 
 class CellsPanel:
-    """Asks the engine for cells whenever it rests and something else is looked at. A click on a photo's row looks
-    through it."""
+    """Faces and pages to choose from, and the page chosen. A click on a photo's name looks through it, one on a
+    picture enlarges it."""
 
     def __init__(
         self,
         gui: viser.GuiApi,
-        controller: Controller,
         scene: Scene,
+        source: CellSource,
+        background: Background,
+        controls: CellsControls,
         choose_face: Callable[[str], str],
         enter: Callable[[str], str],
+        guarded: Callable[[Callable[..., None]], Callable[..., None]],
     ) -> None:
-        self._controller, self._scene = controller, scene
+        self._scene, self._source, self._controls = scene, source, controls
         self._choose_face, self._enter = choose_face, enter
         self._head = HtmlPanel(gui, STYLE)
+        self._k = gui.add_slider(
+            "k",
+            min=1,
+            max=2,
+            step=1,
+            initial_value=1,
+            visible=False,
+            hint="Look at the same cells with more or fewer eigenspace dimensions. The run keeps its own.",
+        )
+        look = guarded(controls.look_at_k)
+
+        @self._k.on_update
+        def _(event: viser.GuiEvent) -> None:
+            if event.client is not None:
+                look(self._k.value)
+
         self._body = HtmlPanel(gui)
-        self._wanted: Wanted | None = None
-        self._answer: tuple[Wanted, FaceCells | Exception] | None = None
-        self._drawn: Wanted | None = None
+        self._drawing: Lookup[object, str] = Lookup(background.post)
 
     def show(self, state: RunState, view: View) -> None:
-        if view.selected is None:
-            self._head.set(f"{STYLE}<span class='dim'>Click a vertex to see the cells of its faces.</span>")
+        face = chosen_face(self._scene.mesh, view)
+        if face is None or view.selected is None:
+            note = "Click a vertex to see the cells of its faces."
+            if view.selected is not None:
+                note = f"No face uses vertex {view.selected}."
+            self._head.set(f"{STYLE}<span class='dim'>{note}</span>")
             self._body.set("")
-            self._wanted = self._drawn = None
+            self._k.visible = False
             return
-        faces: list[int] = self._scene.mesh.one_rings[view.selected].tolist()
-        if not faces:
-            self._head.set(f"{STYLE}<span class='dim'>No face uses vertex {view.selected}.</span>")
-            self._body.set("")
-            return
-        face = view.face if view.face is not None and view.face in faces else faces[0]
-        chosen = "".join(
+        self._head.set(STYLE + self._choices(view, view.selected, face))
+        self._source.want(state, view)
+        self._show_cells(state, view)
+
+    def _choices(self, view: View, vertex: int, face: int) -> str:
+        faces = "".join(
             button(
                 str(f),
                 self._choose_face(str(f)),
                 hint=f"Cells of face {f}",
                 css_class="face on" if f == face else "face",
             )
-            for f in faces
+            for f in self._scene.mesh.one_rings[vertex].tolist()
         )
-        self._head.set(f"{STYLE}<div class='row faces'><span class='dim'>Face</span>{chosen}</div>")
-        wanted = Wanted(state.run_id, state.moment, face)
-        if state.activity is Activity.PAUSED and wanted != self._wanted:
-            self._ask(wanted)
-            if self._drawn is None:
-                self._body.set("<div class='note dim'>Computing the cells…</div>")
-        if self._answer is not None and self._answer[0] == wanted and self._drawn != wanted:
-            self._drawn = wanted
-            self._draw(self._answer[1])
-
-    def _ask(self, wanted: Wanted) -> None:
-        self._wanted = wanted
-
-        def question(session: Session) -> FaceCells:
-            return face_cells(session, wanted.face, wanted.moment)
-
-        def keep(answer: FaceCells | Exception) -> None:
-            self._answer = (wanted, answer)
-
-        self._controller.post(Ask(self, question, keep))
-
-    def _draw(self, cells: FaceCells | Exception) -> None:
-        if isinstance(cells, Exception):
-            self._body.set(f"<div class='note rejected'>{text(cells)}</div>")
-            return
-        if not cells.takes_part:
-            self._body.set(
-                f"<div class='note'>Face {cells.face} takes no part: {len(cells.views)} photos see it well enough, "
-                "three are needed.</div>"
+        pages = "".join(
+            button(
+                title,
+                self._controls.page(str(n)),
+                hint=f"Page: {title}",
+                css_class="chip on" if page == view.cells.page else "chip",
             )
+            for n, (page, title) in enumerate(PAGES.items())
+        )
+        return f"<div class='row chips'>{pages}</div><div class='row faces'><span class='dim'>Face</span>{faces}</div>"
+
+    def _show_cells(self, state: RunState, view: View) -> None:
+        found = self._source.newest(state, view)
+        if found is None:
+            self._body.set("<div class='note dim'>Computing the cells…</div>")
+            self._k.visible = False
             return
-        heads = "".join(f"<span style='width:{TILE + 2}px'>{text(kind)}</span>" for kind in KINDS)
-        rows = "".join(self._row(cells, row) for row in range(len(cells.views)))
-        self._body.set(
-            f"{self._facts(cells)}<h4>Basis images</h4>{_basis(cells)}"
-            f"<h4>Cells by photo</h4><div class='row kinds'>{heads}</div>{rows}"
+        question, facts = found
+        if isinstance(facts, Exception):
+            self._body.set(f"<div class='note rejected'>{text(facts)}</div>")
+            return
+        self._show_k(len(facts.cells.basis), len(facts.energies))
+        cells_view = view.cells
+        self._drawing.want(
+            (question, cells_view.columns, cells_view.arrow_scale),
+            lambda: cell_table(facts, cells_view, self._scene, self._controls, self._enter),
         )
+        self._show_drawing()
 
-    def _facts(self, cells: FaceCells) -> str:
-        threshold = (
-            f" · outliers beyond e<sub>T</sub> = {number(cells.outlier_threshold, 3)}"
-            if np.isfinite(cells.outlier_threshold)
-            else ""
-        )
-        return (
-            f"<div class='dim'>{len(cells.views)} photos · {cells.size} × {cells.size} samples · "
-            f"k = {len(cells.basis)}</div>"
-            f"<div class='dim'>Energy <b>{number(cells.energy)}</b> · σ = {number(cells.sigma, 3)} grey levels"
-            f"{threshold}</div>"
-        )
+    def _show_drawing(self) -> None:
+        if self._drawing.newest is not None:
+            drawn = self._drawing.newest[1]
+            self._body.set(f"<div class='note rejected'>{text(drawn)}</div>" if isinstance(drawn, Exception) else drawn)
 
-    def _row(self, cells: FaceCells, row: int) -> str:
-        view_id = int(cells.views[row])
-        name = text(self._scene.views[view_id].name)
-        seen = f"{100 * float(cells.counts[row].mean()):.0f} % seen"
-        energy = number(float(cells.view_energy[row]), 3)
-        coefficients = text(" ".join(number(float(value), 3) for value in cells.coefficients[row]))
-        return (
-            f"<div class='cell' role='button' tabindex='0' title='Look through {name}; c = {coefficients}' "
-            f"onclick=\"{text(self._enter(str(view_id)))}\"><div class='row'><span class='grow'>{name}</span>"
-            f"<span class='dim'>E {energy} · {seen}</span></div>"
-            f"<img src='{strip_of_view(cells, row)}' alt='cells in {name}'></div>"
-        )
-
-
-def _basis(cells: FaceCells) -> str:
-    """The basis images and the singular values as bars; those within the eigenspace are bright."""
-    values = cells.singular_values
-    width, height = 100, TILE
-    step = width / max(len(values), 1)
-    scale = height / np.log1p(max(float(values[0]), 1e-9))
-    bars = []
-    for i, value in enumerate(values):
-        tall = max(1.0, float(scale * np.log1p(value)))
-        color = "#d5d9df" if i < len(cells.basis) else "#59626c"
-        bars.append(
-            f'<rect x="{i * step:.1f}" y="{height - tall:.1f}" width="{max(step - 1.5, 1):.1f}" height="{tall:.1f}" '
-            f'fill="{color}"><title>singular value {i + 1}: {number(float(value))}</title></rect>'
-        )
-    return (
-        f"<div class='row'><img src='{strip_of_basis(cells)}' alt='basis images'>"
-        f"<svg viewBox='0 0 {width} {height}' style='width:{width}px;height:{height}px' role='img' "
-        f"aria-label='singular values'>{''.join(bars)}</svg></div>"
-    )
+    def _show_k(self, k: int, largest: int) -> None:
+        self._k.visible = largest > 1
+        if largest > 1:
+            if self._k.max != largest:
+                self._k.max = largest
+            if self._k.value != k:
+                self._k.value = k

@@ -1,0 +1,114 @@
+"""One picture of the cells panel enlarged, with its scale and the values under the pointer."""
+
+from collections.abc import Callable
+
+import viser
+
+from app.cell_images import FLOW_COLORS, CellPictures, data_uri
+from app.cells_controls import CellsControls
+from app.cells_view import ARROW_KINDS, CROP, HEADS, KINDS
+from app.html import button, icon, text
+from app.palette import css
+from app.panels.cell_source import CellSource
+from app.panels.html_panel import HtmlPanel
+from app.run_state import RunState
+from app.view import View
+from fairing.scene import Scene
+
+SIDE = 332  # px of the picture
+FRAME = 362  # px of the lens
+
+
+class CellLens:
+    """Floats beside the panel while something is enlarged."""
+
+    def __init__(
+        self,
+        gui: viser.GuiApi,
+        scene: Scene,
+        source: CellSource,
+        controls: CellsControls,
+        enter: Callable[[str], str],
+        margin: int,
+    ) -> None:
+        self._scene, self._source, self._controls, self._enter = scene, source, controls, enter
+        self._frame = gui.add_panel(visible=False)
+        with self._frame.add_tab("Lens", viser.Icon.ZOOM_IN):
+            self._panel = HtmlPanel(gui)
+        self._frame.float(x=margin, y=margin, width=FRAME)
+        self._drawn: object = None
+
+    def show(self, state: RunState, view: View) -> None:
+        enlarged = view.cells.enlarged
+        is_cell = enlarged is not None and enlarged[1] != CROP
+        found = self._source.newest(state, view) if is_cell else None
+        visible = found is not None and not isinstance(found[1], Exception) and found[1].cells.takes_part
+        if self._frame.visible != visible:
+            self._frame.visible = visible
+        if not visible or found is None or isinstance(found[1], Exception) or enlarged is None:
+            return
+        key = (found[0], view.cells)
+        if key != self._drawn:
+            self._drawn = key
+            self._panel.set(self._content(found[1], *enlarged, view))
+
+    def _content(self, facts, view_id: int, kind: str, view: View) -> str:
+        cells = facts.cells
+        views = cells.views.tolist()
+        name = self._scene.views[view_id].name
+        close = button("", self._controls.close, hint="Close the lens", icon=icon("leave"), css_class="small")
+        if view_id not in views:
+            return (
+                f"<div class='row'><span class='grow'>{text(name)} does not see face {cells.face}.</span>{close}</div>"
+            )
+        row = views.index(view_id)
+        pictures = CellPictures(cells, facts.flows)
+        around = "".join(
+            button(
+                "",
+                self._controls.lens_of(views[(row + step) % len(views)], kind),
+                hint=f"{word} photo",
+                icon=icon("one", mirrored=step < 0),
+                css_class="small",
+            )
+            for step, word in ((-1, "Previous"), (1, "Next"))
+        )
+        go = button(name, self._enter(str(view_id)), hint=f"Look through {name}", css_class="link")
+        kinds = "".join(
+            button(
+                HEADS[other],
+                self._controls.lens_of(view_id, other),
+                hint=KINDS[other],
+                css_class="chip on" if other == kind else "chip",
+            )
+            for other in KINDS
+        )
+        arrows = ""
+        if kind in ARROW_KINDS:
+            path = pictures.arrows(row, kind, SIDE, view.cells.arrow_scale)
+            arrows = f'<path stroke="{css(FLOW_COLORS[kind])}" style="stroke-width:1.6" d="{path}"/>'
+        return (
+            f"<div class='row'><span class='grow one'>{go} <span class='dim'>face {cells.face}</span></span>"
+            f"{around}{close}</div><div class='row chips'>{kinds}</div>"
+            f"<div class='tiles' style='width:{SIDE}px;height:{SIDE}px;cursor:crosshair' "
+            f"data-values='{pictures.values(row)}' onpointermove=\"{text(_read_out(cells.size, pictures))}\">"
+            f"<img class='pixels' src='{data_uri(pictures.picture(row, kind))}' alt='enlarged cell'>"
+            f"<svg class='over' viewBox='0 0 {SIDE} {SIDE}'>{arrows}</svg></div>"
+            f"<div class='note dim'>{text(KINDS[kind])}</div>"
+            f"<div>&nbsp;</div>{pictures.legend(kind)}"
+        )
+
+
+def _read_out(size: int, pictures: CellPictures) -> str:
+    """JavaScript for the picture: what its sample under the pointer says goes into the line two below."""
+    return (
+        "var t=this,v=t.v||(t.v=new Int16Array(Uint8Array.from(atob(t.dataset.values),c=>c.charCodeAt(0)).buffer)),"
+        f"n={size},r=t.getBoundingClientRect(),c=Math.floor((event.clientX-r.left)/r.width*n),"
+        "l=Math.floor((event.clientY-r.top)/r.height*n),p=v.length/3,k=l*n-l*(l-1)/2+c,"
+        "o=t.nextElementSibling.nextElementSibling;"
+        "if(c<0||l<0||c+l>=n){o.textContent='\\u00a0'}else{var I=v[k]/64,U=v[p+k]/64,w=v[2*p+k],e=I-U,"
+        "s=x=>(x<0?'\\u2212':'+')+Math.abs(x).toFixed(1);"
+        "o.textContent=l+', '+c+'\\u2003I '+I.toFixed(1)+'\\u2003U c '+U.toFixed(1)+"
+        f"(w<0?'\\u2003not seen here':'\\u2003e '+s(e)+'\\u2003weight '+(w/1e4).toFixed(2)"
+        f"+(Math.abs(e)>{pictures.threshold:.4f}?' \u25a0 outlier':''))}}"
+    )

@@ -1,0 +1,186 @@
+"""The cells of a face, a row a photo: the paper's figures 3, 4b and 4c, live."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from app.cell_facts import CellFacts
+from app.cell_images import FLOW_COLORS, GAP, CellPictures, strip_of_basis
+from app.cells_controls import CellsControls
+from app.cells_view import ARROW_KINDS, ARROW_SCALES, HEADS, KINDS, CellsView
+from app.html import button, number, text
+from app.palette import css
+from fairing.inspect import FaceCells
+from fairing.scene import Scene
+
+WIDTH = 326  # px within the panel
+MAX_TILE = 106
+CHART = (158, 54)
+
+
+def cell_table(
+    facts: CellFacts, view: CellsView, scene: Scene, controls: CellsControls, enter: Callable[[str], str]
+) -> str:
+    """Markup of the whole page."""
+    cells = facts.cells
+    if not cells.takes_part:
+        return (
+            f"<div class='note'>Face {cells.face} takes no part: {len(cells.views)} photos see it well enough, "
+            "three are needed.</div>"
+        )
+    tile = min(MAX_TILE, (WIDTH - GAP * (len(view.columns) - 1)) // len(view.columns))
+    pictures = CellPictures(cells, facts.flows)
+    heads = "".join(
+        f"<span style='width:{tile + GAP}px' title='{text(KINDS[kind])}'>{text(HEADS[kind])}</span>"
+        for kind in view.columns
+    )
+    rows = "".join(_row(facts, pictures, row, view, tile, scene, controls, enter) for row in range(len(cells.views)))
+    return (
+        f"{_facts(facts, controls)}{_basis(facts, controls)}<h4>Cells by photo</h4>{_chips(facts, view, controls)}"
+        f"<div class='row kinds'>{heads}</div>{rows}"
+    )
+
+
+def _facts(facts: CellFacts, controls: CellsControls) -> str:
+    cells = facts.cells
+    threshold = f" · e<sub>T</sub> {number(cells.outlier_threshold, 3)}" if np.isfinite(cells.outlier_threshold) else ""
+    k = len(cells.basis)
+    own = ""
+    if k != facts.own_dimensions:
+        back = button(f"the run's {facts.own_dimensions}", controls.dimensions("0"), hint="Back to the run's own k",
+                      css_class="small")  # fmt: skip
+        before = float(facts.energies[facts.own_dimensions - 1])
+        own = f"<div class='row'><span class='selected'>k = {k} instead of</span>{back}<span class='dim'>energy " \
+              f"{number(before)} → {number(cells.energy)}</span></div>"  # fmt: skip
+    return (
+        f"<div class='dim'>Energy <b>{number(cells.energy)}</b> with k = {k} · {len(cells.views)} photos · "
+        f"{cells.size} × {cells.size}</div>"
+        f"<div class='dim'>σ {number(cells.sigma, 3)}{threshold} grey levels</div>{own}"
+    )
+
+
+def _basis(facts: CellFacts, controls: CellsControls) -> str:
+    """Basis images, singular values, and the energy that would be left with every k."""
+    cells, k = facts.cells, len(facts.cells.basis)
+    tile = min(60, WIDTH // k - GAP)
+    values = np.log1p(cells.singular_values)
+    scree = _bars(
+        values / max(float(values.max(initial=0)), 1e-12),
+        [f"singular value {i + 1}: {number(float(value))}" for i, value in enumerate(cells.singular_values)],
+        lambda i: "on" if i < k else "",
+    )
+    # A scale of four decades: what is left with all but one of the dimensions is small.
+    left = facts.energies / max(float(facts.energies.max(initial=0)), 1e-12)
+    fall = _bars(
+        1 + np.log10(np.clip(left, 1e-4, 1)) / 4,
+        [
+            f"k = {i + 1}: energy {number(float(energy))}; click to look at it"
+            for i, energy in enumerate(facts.energies)
+        ],
+        lambda i: "chosen" if i + 1 == k else "own" if i + 1 == facts.own_dimensions else "",
+        lambda i: controls.dimensions(str(i + 1)),
+    )
+    return (
+        f"<h4>Eigenspace</h4><img src='{strip_of_basis(cells, tile)}' alt='basis images'>"
+        f"<div class='charts'><div>{scree}<span class='dim'>singular values</span></div>"
+        f"<div>{fall}<span class='dim'>energy left, by k</span></div></div>"
+    )
+
+
+def _bars(
+    heights: np.ndarray,
+    names: list[str],
+    css_class: Callable[[int], str],
+    press: Callable[[int], str] | None = None,
+) -> str:
+    """A bar chart, heights 0 to 1; with `press`, bars can be clicked over the whole height."""
+    width, height = CHART
+    step = width / max(len(heights), 1)
+    parts = []
+    for i, value in enumerate(heights.tolist()):
+        tall, left = max(1.0, height * value), i * step
+        act = "" if press is None else f' onclick="{text(press(i))}" style="cursor:pointer"'
+        parts.append(
+            f"<g{act}><title>{text(names[i])}</title>"
+            f'<rect x="{left:.1f}" width="{step:.1f}" height="{height}" fill="transparent"/>'
+            f'<rect class="value {css_class(i)}" x="{left:.1f}" y="{height - tall:.1f}" '
+            f'width="{max(step - 2, 1):.1f}" height="{tall:.1f}"/></g>'
+        )
+    size = f"width:{width}px;height:{height}px"
+    return f'<svg class="bars" viewBox="0 0 {width} {height}" style="{size}">{"".join(parts)}</svg>'
+
+
+def _chips(facts: CellFacts, view: CellsView, controls: CellsControls) -> str:
+    """Which columns, and how long the arrows."""
+    columns = "".join(
+        button(
+            HEADS[kind],
+            controls.column(str(n)),
+            hint=f"{'Hide' if kind in view.columns else 'Show'} {KINDS[kind]}",
+            css_class="chip on" if kind in view.columns else "chip",
+        )
+        for n, kind in enumerate(KINDS)
+    )
+    arrows = ""
+    if any(kind in ARROW_KINDS for kind in view.columns):
+        scales = "".join(
+            button(
+                f"×{scale}",
+                controls.scale(str(n)),
+                hint=f"Arrows {scale} times longer than the flow",
+                css_class="chip on" if scale == view.arrow_scale else "chip",
+            )
+            for n, scale in enumerate(ARROW_SCALES)
+        )
+        arrows = f"<div class='row chips'><span class='dim'>Arrows</span>{scales}</div>{_flow_note(facts)}"
+    return f"<div class='row chips'>{columns}</div>{arrows}"
+
+
+def _flow_note(facts: CellFacts) -> str:
+    if facts.flows is None:
+        note = "the face took no part before that step"
+    elif facts.flows.moment is None:
+        note = "no step yet: f of the present cells"
+    else:
+        note = f"of the step to moment {facts.flows.moment}"
+        note += "; it moved no corner of this face" if facts.flows.model is None else ""
+    return f"<div class='dim'>υ, f: {note}</div>"
+
+
+def _row(
+    facts: CellFacts,
+    pictures: CellPictures,
+    row: int,
+    view: CellsView,
+    tile: int,
+    scene: Scene,
+    controls: CellsControls,
+    enter: Callable[[str], str],
+) -> str:
+    cells: FaceCells = facts.cells
+    view_id = int(cells.views[row])
+    name = scene.views[view_id].name
+    seen = 100 * float(cells.counts[row].mean())
+    energy = number(float(cells.view_energy[row]), 3)
+    coefficients = " ".join(number(float(value), 3) for value in cells.coefficients[row])
+    width = (tile + GAP) * len(view.columns) - GAP
+    paths = "".join(
+        f'<path transform="translate({n * (tile + GAP)} 0)" stroke="{css(FLOW_COLORS[kind])}" '
+        f'd="{pictures.arrows(row, kind, tile, view.arrow_scale, every=2)}"/>'
+        for n, kind in enumerate(view.columns)
+        if kind in ARROW_KINDS
+    )
+    codes = str([controls.code(view_id, kind) for kind in view.columns])
+    column = f"Math.max(0,Math.min({len(view.columns) - 1},Math.floor((event.clientX-r.left)/{tile + GAP})))"
+    press = "var r=this.getBoundingClientRect();" + controls.enlarge(f"{codes}[{column}]")
+    facts_line = f"c = {coefficients} · {seen:.0f} % of the cell seen"
+    shown = f"<span class='dim one grow' title='{text(facts_line)}'>c {text(coefficients)}</span>"
+    shown += f"<span class='dim'>E {energy}</span>"
+    go = button(name, enter(str(view_id)), hint=f"Look through {name}", css_class="link")
+    return (
+        f"<div class='cell'><div class='row'>{go}{shown}</div>"
+        f"<div class='tiles' role='button' tabindex='0' aria-label='Enlarge a cell in {text(name)}' "
+        f"title='Click a cell to enlarge it' style='width:{width}px;height:{tile}px' onclick=\"{text(press)}\">"
+        f"<img src='{pictures.strip(row, view.columns, tile)}' alt='cells in {text(name)}'>"
+        f"<svg class='over' viewBox='0 0 {width} {tile}'>{paths}</svg></div></div>"
+    )
