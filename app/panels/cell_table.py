@@ -81,7 +81,7 @@ def _basis(facts: CellFacts, controls: CellsControls) -> str:
         lambda i: controls.dimensions(str(i + 1)),
     )
     return (
-        f"<h4>Eigenspace</h4><img src='{strip_of_basis(cells, tile)}' alt='basis images'>"
+        f"<h4>Basis images</h4><img src='{strip_of_basis(cells, tile)}' alt='basis images'>"
         f"<div class='charts'><div>{scree}<span class='dim'>singular values</span></div>"
         f"<div>{fall}<span class='dim'>energy left, by k</span></div></div>"
     )
