@@ -33,7 +33,7 @@ class Action:
 ACTIONS: tuple[Action, ...] = (
     Action("run", "Run", Run(), (("F5", None), ("G", None)), "run"),
     Action("run_back", "Run back to a breakpoint", RunBack(), (("F5", "shift"), ("G", "shift")), "run", True),
-    Action("pause", "Pause", Pause(), (("P", None),), "pause"),
+    Action("pause", "Pause", Pause(), (("P", None), ("space", None)), "pause"),
     Action(
         "iteration", "Step one iteration", Forward(Extent.ITERATION), (("F11", None), ("I", None), (".", None)), "one"
     ),
@@ -55,6 +55,7 @@ VERTEX_KEYS = (
     (";", "Previous move of the selected vertex"),
     ("'", "Next move of the selected vertex"),
     ("B", "Breakpoint on the selected vertex"),
+    ("T", "Play the record, or stop"),
     ("K", "Bookmark this moment"),
     ("C", "Compare with this moment from now on"),
     ("M", "Show the mesh"),
@@ -72,4 +73,5 @@ def key_list() -> list[tuple[str, str]]:
 
 def key_text(key: str, modifier: str | None) -> str:
     """How a key is written for people."""
+    key = "Space" if key == "space" else key
     return f"{modifier.capitalize()}+{key}" if modifier else key

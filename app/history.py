@@ -6,7 +6,6 @@ from typing import Protocol
 import numpy as np
 
 from app.outcome import slot_of
-from app.palette import BACKGROUND, HAND, REJECTED, START
 from app.run_state import RunState
 from fairing.trace import StepReason, StepRecord, Trace
 
@@ -23,7 +22,6 @@ class Recorded(Protocol):
 
 
 REJECTIONS = [StepReason.REJECTED_ENERGY, StepReason.REJECTED_FOLD]
-MAX_STRIP = 2000  # pixels of the timeline's strip
 PATH_SEGMENTS = 6000  # about as many line segments as a page draws smoothly
 
 
@@ -141,46 +139,6 @@ class PathHistory:
         moved = (pieces[:, :, 0] != pieces[:, :, 1]).any(axis=-1)
         when = np.broadcast_to(np.stack([at[:-1], at[1:]], axis=1)[:, None], (*pieces.shape[:2], 2))
         return pieces[moved], when[moved], np.nonzero(moved)[1]
-
-
-class StepHistory:
-    """What happened at each moment, as colours: green the more the energy fell, violet where steps were rejected, white
-    where a hand moved vertices."""
-
-    def __init__(self) -> None:
-        self._run_id = -1
-        self._colors = np.zeros((0, 3), dtype=np.uint8)
-
-    def update(self, state: RunState) -> None:
-        """Take in the steps that are new."""
-        if state.run_id != self._run_id:
-            self._run_id = state.run_id
-            self._colors = np.zeros((0, 3), dtype=np.uint8)
-        new = [_color_of(record) for record in state.trace.steps[len(self._colors) : state.length]]
-        if new:
-            self._colors = np.concatenate([self._colors, np.array(new, dtype=np.uint8)])
-
-    def picture(self) -> np.ndarray:
-        """(1, w, 3) uint8: a pixel a moment; of very long records a pixel a group, the strongest of it."""
-        count = len(self._colors)
-        if count <= MAX_STRIP:
-            return self._colors[None]
-        group = -(-count // MAX_STRIP)
-        padded = np.concatenate([self._colors, np.repeat(self._colors[-1:], -count % group, axis=0)])
-        return padded.reshape(-1, group, 3).max(axis=1)[None]
-
-
-def _color_of(record: StepRecord) -> np.ndarray:
-    if record.is_by_hand:
-        return np.array(HAND)
-    before, after = record.energy_before, record.energy_after
-    fall = max(0.0, (before - after) / before) if before > 0 else 0.0
-    # Falls of 0.001 % to 10 % and more span the scale.
-    strength = float(np.clip((np.log10(max(fall, 1e-9)) + 5) / 4, 0, 1))
-    rejected = float(np.isin(record.reasons, REJECTIONS).mean()) if len(record.reasons) else 0.0
-    base = np.array(BACKGROUND, dtype=float) + 14
-    color = base + (0.15 + 0.85 * strength) * (np.array(START) - base)
-    return color + rejected * (np.array(REJECTED) - color)
 
 
 def last_step_about(steps: list[StepRecord], moment: int, vertex: int) -> tuple[int, StepRecord, int] | None:

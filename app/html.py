@@ -45,6 +45,13 @@ STYLE = f"""<style>
 .ef .strip img {{ width: 100%; height: 100%; image-rendering: pixelated; border-radius: 3px; pointer-events: none; }}
 .ef .strip i {{ position: absolute; top: -2px; bottom: -2px; width: 2px; margin-left: -1px;
   background: {css(SELECTED)}; }}
+.ef .tools + .strip {{ margin-top: 6px; }}
+.ef .strip s {{ position: absolute; bottom: 0; width: 1px; background: #f1f3f5; pointer-events: none; }}
+.ef .strip s.level {{ height: 100%; opacity: .75; }} .ef .strip s.sweep {{ height: 28%; opacity: .5; }}
+.ef .crumbs {{ gap: 1px; margin: 0 0 1px -3px; white-space: nowrap; }}
+.ef .crumbs button {{ height: auto; padding: 0 2px; background: none; border-color: transparent; gap: 4px; }}
+.ef .crumbs .part {{ padding: 0 3px; }}
+.ef .crumbs button.small {{ padding: 0 5px; }}
 .ef .stack {{ display: grid; gap: 4px; }}
 .ef code {{ font: 12px ui-monospace, "DejaVu Sans Mono", monospace; color: #f1f3f5; overflow-wrap: anywhere; }}
 .ef .breakpoint {{ border-bottom: 1px solid #31363c; padding: 4px 0; }}

@@ -14,7 +14,7 @@ from app.background import Background
 from app.breakpoints import Breakpoints
 from app.bridge import Bridge, whole_number
 from app.cells_controls import CellsControls
-from app.commands import JumpTo
+from app.commands import Extent, JumpTo, ToBeginning
 from app.compare import Reference, RunEnergies
 from app.controller import Controller
 from app.focus import release_focus_after_use
@@ -29,6 +29,7 @@ from app.layers.points import PointsLayer
 from app.layers.surface import SurfaceLayer
 from app.layers.vertices import VerticesLayer
 from app.layers.wires import WiresLayer
+from app.look_back import look_back
 from app.look_through import LookThrough
 from app.palette import BRAND
 from app.panels import Panel
@@ -45,9 +46,9 @@ from app.panels.options_panel import OptionButtons, OptionsPanel
 from app.panels.runs_panel import RunButtons, RunsPanel
 from app.panels.selection_panel import SelectionPanel
 from app.panels.status import Status
-from app.panels.timeline import Timeline
+from app.panels.timeline import Timeline, TimelineButtons
 from app.panels.variables import Variables
-from app.run_state import RunState
+from app.run_state import Activity, RunState
 from app.stage import FIELD_OF_VIEW, Stage
 from app.texturer import Texturer
 from app.view import MAX_MAGNIFICATION, View
@@ -104,6 +105,7 @@ class Page:
 
     def show(self, state: RunState) -> None:
         """Bring the browser up to date."""
+        state = look_back(state, self.view)
         if state.rival is not None and self.view.reference is None:
             self.view.reference = Reference(state.rival)
         for layer in self._layers:
@@ -135,7 +137,7 @@ class Page:
         leave = bridge.button(self._leave)
         panels: list[Panel] = [
             DebugBar(gui, bridge, press),
-            Status(gui, shared.energies),
+            Status(gui, shared.energies, bridge.number(self._to_beginning)),
             EnergyPlot(gui, shared.energies, bridge.number(self._jump)),
         ]
         choose_face, enter = bridge.number(self._choose_face), bridge.number(self._enter)
@@ -146,6 +148,7 @@ class Page:
         }
         breakpoint_buttons = BreakpointButtons(shared.controller, bridge.button, bridge.number)
         option_buttons = OptionButtons(bridge.button)
+        self._play = TimelineButtons(shared.controller, self.view, bridge.button, bridge.number)
         self._runs = RunButtons(shared.controller, self.view, bridge.button, bridge.number)
         self._bookmarks = BookmarkButtons(shared.controller, self.view, bridge.button, bridge.number)
         scene, source = shared.scene, CellSource(shared.controller, shared.scene.mesh)
@@ -180,7 +183,7 @@ class Page:
         panels.append(CellLens(gui, scene, source, controls, enter, MARGIN))
         self._timeline = gui.add_panel()
         with self._timeline.add_tab("Timeline", viser.Icon.CLOCK):
-            panels.append(Timeline(gui, self._guarded_with(self._jump), jump, around))
+            panels.append(Timeline(gui, shared.energies, self._guarded_with(self._jump), jump, around, self._play))
         with self._timeline.add_tab("Runs", viser.Icon.GIT_FORK):
             panels.append(RunsPanel(gui, shared.scene, shared.run_energies, self._runs))
         with self._timeline.add_tab("Bookmarks", viser.Icon.BOOKMARK):
@@ -216,6 +219,7 @@ class Page:
         self._command("Next move of the selected vertex", lambda: self._to_move_of_selected(1), "'")
         self._command("Show the mesh", lambda: self._look_from(self._shared.stage.eye), "M")
         self._command("Show mesh and cameras", lambda: self._look_from(self._shared.stage.overview()), "V")
+        self._command("Play the record, or stop", self._play.play_or_stop, "T")
         self._command("Compare with this moment", self._runs.mark_now, "C")
         self._command("Bookmark this moment", self._bookmarks.keep_now, "K")
         self._command("Keys", self._help, "?", "shift")
@@ -288,7 +292,15 @@ class Page:
 
     def _jump(self, moment: object) -> None:
         last = max(1, self._shared.controller.state.length)
-        self._shared.controller.post(JumpTo(whole_number(moment, 0, last, "moment")))
+        wanted = whole_number(moment, 0, last, "moment")
+        if self._shared.controller.state.activity is Activity.RUNNING:
+            self.view.looks_at = wanted
+            self._shared.controller.republish()
+        else:
+            self._shared.controller.post(JumpTo(wanted))
+
+    def _to_beginning(self, extent: object) -> None:
+        self._shared.controller.post(ToBeginning(Extent(whole_number(extent, Extent.LEVEL, Extent.UNIT, "extent"))))
 
     def _enter(self, view_id: object) -> None:
         found = whole_number(view_id, 0, len(self._shared.scene.views) - 1, "camera")

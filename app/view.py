@@ -29,6 +29,9 @@ class View:
     magnification: of displacements, 1 to 50.
     reference: what is compared with; None for nothing.
     cells: how the cells are looked at.
+    looks_at: a past moment shown while the run goes on; None follows it.
+    speed: of playing the record; 1 is four moments a second.
+    strip: what the timeline's strip shows, of `app.strip.KINDS`.
     shown: which layers are switched on.
     """
 
@@ -38,11 +41,14 @@ class View:
     magnification: float = 1.0
     reference: Reference | None = None
     cells: CellsView = field(default_factory=CellsView)
+    looks_at: int | None = None
+    speed: float = 1.0
+    strip: str = "energy"
     shown: dict[str, bool] = field(default_factory=lambda: {name: name not in ("truth", "points") for name in LAYERS})
 
     def copy(self) -> "View":
         """The same for another browser, outside of any camera."""
-        return replace(self, entered=None, shown=dict(self.shown))
+        return replace(self, entered=None, looks_at=None, shown=dict(self.shown))
 
     def shows(self, layer: str) -> bool:
         return self.shown[layer]

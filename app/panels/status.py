@@ -1,9 +1,13 @@
 """Where the run is, what the last step did, and how the energy stands."""
 
+from collections.abc import Callable
+
 import viser
 
+from app.commands import Extent
 from app.history import EnergyHistory
-from app.html import number, text
+from app.html import copy_button, number, text
+from app.moment_id import moment_id
 from app.outcome import step_outcome
 from app.panels.html_panel import HtmlPanel
 from app.run_state import Activity, RunState
@@ -13,9 +17,13 @@ from app.view import View
 class Status:
     """A few lines that are always in sight."""
 
-    def __init__(self, gui: viser.GuiApi, energies: EnergyHistory) -> None:
+    def __init__(self, gui: viser.GuiApi, energies: EnergyHistory, to_beginning: Callable[[str], str]) -> None:
+        """
+        Args:
+            to_beginning: JavaScript that goes to the beginning of an extent, from its number.
+        """
         self._panel = HtmlPanel(gui)
-        self._energies = energies
+        self._energies, self._to_beginning = energies, to_beginning
 
     def show(self, state: RunState, view: View) -> None:
         record = state.record
@@ -23,12 +31,40 @@ class Status:
         reason = "\u00a0" if state.is_moving or state.reason == outcome else _sentence(state.reason)
         color = "selected" if state.reason.startswith("breakpoint") else "rejected" if state.problem else "dim"
         self._panel.set(
-            f"<div class='row'><span class='big'>{_headline(state)}</span><span class='grow'></span>"
+            f"<div class='row'><span class='big'>{_headline(state, view)}</span><span class='grow'></span>"
             f"<span class='dim'>{_speed(state)}</span></div>"
-            f"<div class='crumbs'>{_crumbs(state)}</div>"
+            f"<div class='crumbs row'>{self._crumbs(state)}</div>"
             f"<div>{self._energy(state)}</div>"
             f"<div class='dim one'>Last step: {text(outcome)}</div><div class='{color} one'>{text(reason)}</div>"
             f"<div class='bar'><div style='width:{100 * state.progress:.1f}%'></div></div>"
+        )
+
+    def _crumbs(self, state: RunState) -> str:
+        """Where the next step belongs; when finished, where the last one did. A click goes to a part's beginning."""
+        levels = state.options.n_levels
+        at = state.position
+        if at.level >= levels:
+            if state.record is None:
+                return "nothing to do"
+            at = state.record.position
+        blur = state.options.schedule.blur[at.level]
+        parts = [
+            self._crumb(Extent.LEVEL, "level", f"{at.level + 1}/{levels}", f" <span class='dim'>σ {blur:g} px</span>"),
+            self._crumb(Extent.SWEEP, "sweep", str(at.sweep + 1)),
+        ]
+        if state.options.schedule.order != "joint":
+            parts.append(self._crumb(Extent.UNIT, "unit", str(at.unit + 1)))
+        parts.append(f"<span class='part'>iteration <b>{at.iteration + 1}</b></span>")
+        here = moment_id(state.position, state.moment, levels)
+        copy = copy_button(here, f"Copy the name of this moment, {here}, for --at")
+        return f"{'<i>›</i>'.join(parts)}<span class='grow'></span>{copy}"
+
+    def _crumb(self, extent: Extent, name: str, count: str, more: str = "") -> str:
+        press = text(self._to_beginning(str(int(extent))))
+        hint = f"To the beginning of this {name}"
+        return (
+            f'<button type="button" title="{hint}" aria-label="{hint}" onclick="{press}">'
+            f"{name} <b>{count}</b>{more}</button>"
         )
 
     def _energy(self, state: RunState) -> str:
@@ -43,33 +79,12 @@ class Status:
         )
 
 
-def _headline(state: RunState) -> str:
-    if state.activity is Activity.RUNNING:
-        return "Running"
-    if state.activity is Activity.PLAYING:
-        return "Playing"
-    if state.activity is Activity.STEPPING:
-        return "Stepping"
-    return "Finished" if state.finished else "Paused"
-
-
-def _crumbs(state: RunState) -> str:
-    """Where the next step belongs; when finished, where the last one did."""
-    levels = len(state.options.schedule.blur)
-    at = state.position
-    if at.level >= levels:
-        if state.record is None:
-            return "nothing to do"
-        at = state.record.position
-    blur = state.options.schedule.blur[at.level]
-    parts = [
-        f"level <b>{at.level + 1}/{levels}</b> <span class='dim'>σ {blur:g} px</span>",
-        f"sweep <b>{at.sweep + 1}</b>",
-    ]
-    if state.options.schedule.order != "joint":
-        parts.append(f"unit <b>{at.unit + 1}</b>")
-    parts.append(f"iteration <b>{at.iteration + 1}</b>")
-    return "<i>›</i>".join(parts)
+def _headline(state: RunState, view: View) -> str:
+    if view.looks_at is not None:
+        return f"Running · a look at moment {view.looks_at}"
+    if state.activity is Activity.PAUSED and state.finished:
+        return "Finished"
+    return state.activity.value.capitalize()
 
 
 def _speed(state: RunState) -> str:

@@ -1,4 +1,4 @@
-"""A slider over every recorded moment, and a strip that shows what happened at each."""
+"""A slider over every recorded moment, a strip that shows what happened at each, and a player."""
 
 import time
 from collections.abc import Callable
@@ -7,27 +7,37 @@ import numpy as np
 import viser
 from viser._messages import GuiSliderMark
 
+from app.bridge import whole_number
 from app.cell_images import data_uri
-from app.history import StepHistory
+from app.commands import Pause, Play
+from app.controller import Controller
+from app.history import EnergyHistory
 from app.html import STYLE, button, icon, text
 from app.panels.html_panel import HtmlPanel
-from app.run_state import RunState
+from app.run_state import Activity, RunState
+from app.strip import KINDS, StepHistory
 from app.view import View
 
 SETTLE = 0.5  # s: after the user moved the slider it is not moved back by states that are on their way
+SPEEDS = (0.5, 1.0, 5.0, 20.0, 50.0)
+MOMENTS_PER_SECOND = 4.0  # at speed 1
+MAX_TICKS = 80
+MARKS_APART = 0.07  # of the slider: nearer than this, their words would overlap
 
 
 class Timeline:
-    """Moves the run to any moment; ticks where levels begin. The strip is as wide as the window and can be clicked."""
+    """Moves the run to any moment. Strip and slider have ticks where sweeps and levels begin."""
 
     def __init__(
         self,
         gui: viser.GuiApi,
+        energies: EnergyHistory,
         on_jump: Callable[[object], None],
         jump: Callable[[str], str],
         around: dict[str, str],
+        press: "TimelineButtons",
     ) -> None:
-        self._jump, self._around = jump, around
+        self._energies, self._jump, self._around, self._press = energies, jump, around, press
         self._slider = gui.add_slider("Moment", min=0, max=1, step=1, initial_value=0)
         self._strip = HtmlPanel(gui)
         self._moved = 0.0
@@ -47,44 +57,142 @@ class Timeline:
         self._slider.disabled = state.length == 0
         if time.monotonic() - self._moved > SETTLE and self._slider.value != state.moment:
             self._slider.value = state.moment
-        marks = level_marks(state)
+        marks = _level_marks(self._energies.levels[: state.length])
         if marks != self._marks:
             self._marks = marks
             self._slider._marks = marks
         self._history.update(state)
-        self._strip.set(STYLE + self._picture(state, view))
+        self._strip.set(f"{STYLE}<div class='row tools'>{self._tools(state, view)}</div>{self._picture(state, view)}")
+
+    def _tools(self, state: RunState, view: View) -> str:
+        if view.looks_at is not None:
+            player = button(
+                "Follow live",
+                self._press.follow,
+                hint="Back to where the run is",
+                icon=icon("end"),
+                css_class="small on",
+            )
+        elif state.activity is Activity.PLAYING:
+            player = button("", self._press.play, hint="Stop playing (T)", icon=icon("pause"), css_class="small on")
+        else:
+            enabled = state.length > 0 and state.activity is Activity.PAUSED
+            player = button(
+                "", self._press.play, hint="Play the record (T)", icon=icon("run"), css_class="small", enabled=enabled
+            )
+        speeds = "".join(
+            button(
+                f"×{'½' if speed == 0.5 else f'{speed:g}'}",
+                self._press.speed(str(k)),
+                hint=f"Play {speed * MOMENTS_PER_SECOND:g} moments a second",
+                css_class="small on" if speed == view.speed else "small",
+            )
+            for k, speed in enumerate(SPEEDS)
+        )
+        kinds = "".join(
+            button(kind, self._press.kind(str(k)), hint=hint, css_class="small on" if kind == view.strip else "small")
+            for k, (kind, hint) in enumerate(KINDS.items())
+        )
+        return f"{player}{speeds}<span class='grow'></span>{self._moves(state, view)}<span class='grow'></span>{kinds}"
+
+    def _moves(self, state: RunState, view: View) -> str:
+        enabled = view.selected is not None and state.length > 0
+        moves = "Moves" if view.selected is None else f"Moves of {view.selected}"
+        before, after = (
+            button(
+                "",
+                self._around[way],
+                hint=hint,
+                icon=icon("one", mirrored=mirrored),
+                css_class="small",
+                enabled=enabled,
+            )
+            for way, hint, mirrored in (
+                ("before", "Previous move of the selected vertex (;)", True),
+                ("after", "Next move of the selected vertex (')", False),
+            )
+        )
+        return f"<span class='dim'>{moves}</span>{before}{after}"
 
     def _picture(self, state: RunState, view: View) -> str:
-        selected = "" if view.selected is None else f" of vertex {view.selected}"
-        enabled = view.selected is not None and state.length > 0
-        before = button(
-            "",
-            self._around["before"],
-            hint=f"Previous move{selected} (;)",
-            icon=icon("one", mirrored=True),
-            enabled=enabled,
-        )
-        after = button("", self._around["after"], hint=f"Next move{selected} (')", icon=icon("one"), enabled=enabled)
         if state.length == 0:
-            strip = "<div class='strip'></div>"
-        else:
-            cursor = 100 * state.moment / state.length
-            press = (
-                "var r=this.getBoundingClientRect();"
-                f"var m=Math.max(1,Math.min({state.length},Math.ceil((event.clientX-r.left)/r.width*{state.length})));"
-                + self._jump("m")
-            )
-            strip = (
-                f"<div class='strip' role='img' aria-label='What happened' onpointerdown=\"{text(press)}\" "
-                f"title='Brighter green: the energy fell more. Violet: rejected steps. White: moved by hand. Click to go there.'>"
-                f"<img src='{data_uri(self._history.picture())}' alt=''>"
-                f"<i style='left:{cursor:.2f}%'></i></div>"
-            )
-        return f"<div class='row'>{before}{after}{strip}</div>"
+            return "<div class='strip'></div>"
+        cursor = 100 * state.moment / state.length
+        press = (
+            "var r=this.getBoundingClientRect();"
+            f"var m=Math.max(1,Math.min({state.length},Math.ceil((event.clientX-r.left)/r.width*{state.length})));"
+            + self._jump("m")
+        )
+        return (
+            f"<div class='strip' role='img' aria-label='What happened' onpointerdown=\"{text(press)}\" "
+            f"title='{text(KINDS[view.strip])} Click to go there.'>"
+            f"<img src='{data_uri(self._history.picture(view.strip))}' alt=''>{self._ticks(state)}"
+            f"<i style='left:{cursor:.2f}%'></i></div>"
+        )
+
+    def _ticks(self, state: RunState) -> str:
+        """Long ones where levels begin, short ones where sweeps do, as long as there is room."""
+        levels = _begins(self._energies.levels[: state.length])
+        sweeps = np.setdiff1d(_begins(self._energies.sweeps[: state.length]), levels)
+        ticks = [(moment, "level") for moment in levels]
+        if len(sweeps) <= MAX_TICKS:
+            ticks += [(moment, "sweep") for moment in sweeps]
+        return "".join(
+            f"<s class='{name}' style='left:{100 * moment / state.length:.2f}%'></s>"
+            for moment, name in ticks
+            if moment
+        )
 
 
-def level_marks(state: RunState) -> tuple[GuiSliderMark, ...]:
-    """A tick where each level begins."""
-    levels = np.array([record.position.level for record in state.trace.steps[: state.length]])
-    begins = np.flatnonzero(np.diff(levels, prepend=-1)) if len(levels) else []
-    return tuple(GuiSliderMark(float(moment), f"level {levels[moment] + 1}") for moment in begins)
+class TimelineButtons:
+    """What the timeline's buttons do; made where they stay on the page when the timeline is not."""
+
+    def __init__(
+        self,
+        controller: Controller,
+        view: View,
+        button_for: Callable[[Callable[[], None]], str],
+        number_for: Callable[[Callable[[object], None]], Callable[[str], str]],
+    ) -> None:
+        self._controller, self._view = controller, view
+        self.play = button_for(self.play_or_stop)
+        self.follow = button_for(self._follow)
+        self.speed = number_for(self._set_speed)
+        self.kind = number_for(self._set_kind)
+
+    def play_or_stop(self) -> None:
+        """Play from here, or stop playing."""
+        playing = self._controller.state.activity is Activity.PLAYING
+        self._controller.post(Pause() if playing else self._play())
+
+    def _play(self) -> Play:
+        return Play(self._view.speed * MOMENTS_PER_SECOND)
+
+    def _follow(self) -> None:
+        self._view.looks_at = None
+        self._controller.republish()
+
+    def _set_speed(self, value: object) -> None:
+        self._view.speed = SPEEDS[whole_number(value, 0, len(SPEEDS) - 1, "speed")]
+        if self._controller.state.activity is Activity.PLAYING:
+            self._controller.post(self._play())
+        self._controller.republish()
+
+    def _set_kind(self, value: object) -> None:
+        self._view.strip = list(KINDS)[whole_number(value, 0, len(KINDS) - 1, "strip")]
+        self._controller.republish()
+
+
+def _begins(values: np.ndarray) -> np.ndarray:
+    """Where runs of equal values begin."""
+    return np.flatnonzero(np.diff(values, prepend=values[:1] - 1))
+
+
+def _level_marks(levels: np.ndarray) -> tuple[GuiSliderMark, ...]:
+    """A tick where each level begins; with its name where there is room."""
+    marks, named = [], -1.0
+    for moment in _begins(levels):
+        has_room = moment >= named + MARKS_APART * len(levels)
+        named = float(moment) if has_room or not marks else named
+        marks.append(GuiSliderMark(float(moment), f"L{levels[moment] + 1}" if named == moment else None))
+    return tuple(marks)

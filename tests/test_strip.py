@@ -1,0 +1,72 @@
+"""The timeline's strip, and looks at the past, without a browser."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from app.commands import Extent, Forward
+from app.controller import Controller
+from app.look_back import look_back
+from app.palette import NOW, REJECTED, START
+from app.run_state import Activity, RunState
+from app.strip import KINDS, MAX_PIXELS, StepHistory, _log_part
+from app.view import View
+from demo_scenes import Photography, load_demo
+from fairing.options import FairingOptions, ScheduleOptions
+from fairing.session import Session
+
+OPTIONS = FairingOptions(
+    schedule=ScheduleOptions(blur=(3.6, 2.0), order="sequential", max_sweeps=(2,), max_iterations=(3,), start="first")
+)
+
+
+@pytest.fixture(scope="module")
+def state() -> RunState:
+    controller = Controller(Session(load_demo("cube", Photography()), OPTIONS))
+    controller.post(Forward(Extent.LEVEL))
+    found = controller.wait_until_idle()
+    controller.close()
+    return found
+
+
+def test_the_strip_has_a_pixel_a_moment_and_the_colour_of_what_happened(state: RunState):
+    history = StepHistory()
+    history.update(state)
+    energy, step, rejected = (history.picture(kind)[0].astype(int) for kind in KINDS)
+    assert len(energy) == len(step) == len(rejected) == state.length
+    falls = [(r.energy_before - r.energy_after) / r.energy_before for r in state.trace.steps]
+    assert np.linalg.norm(energy[int(np.argmax(falls))] - START) < 60
+    for k, record in enumerate(state.trace.steps):
+        if not record.accepted:
+            assert np.array_equal(step[k], step.min(axis=0)), "no step, no colour"
+    lengths = [record.step_px.max() if record.accepted else 0 for record in state.trace.steps]
+    closest = np.linalg.norm(step - NOW, axis=1).argmin()
+    assert lengths[closest] == max(lengths)
+
+
+def test_a_long_strip_keeps_the_strongest_of_each_group(state: RunState):
+    history = StepHistory()
+    history.update(state)
+    count = 2 * MAX_PIXELS + 7
+    history._values = np.zeros((count, 4), dtype=np.float32)
+    history._values[1001, 2] = 1
+    picture = history.picture("rejected")[0]
+    assert len(picture) <= MAX_PIXELS
+    assert np.flatnonzero((picture == REJECTED).all(axis=1)).tolist() == [1001 // 3]
+
+
+@pytest.mark.parametrize(("value", "part"), [(0.0, 0.0), (1e-5, 0.0), (1e-3, 0.5), (0.1, 1.0), (5.0, 1.0)])
+def test_the_scale_of_a_strip_is_logarithmic(value: float, part: float):
+    assert _log_part(value, 1e-5, 1e-1) == pytest.approx(part)
+
+
+def test_a_look_back_shows_the_past_only_while_the_run_goes_on(state: RunState):
+    view = View(looks_at=3)
+    running = replace(state, activity=Activity.RUNNING)
+    past = look_back(running, view)
+    assert (past.moment, past.length) == (3, state.length)
+    np.testing.assert_array_equal(past.vertices, state.trace.vertices_at(3))
+    assert past.position == state.trace.steps[3].position
+    assert look_back(state, view) is state
+    assert view.looks_at is None
