@@ -3,19 +3,20 @@
 import html
 import json
 
-from app.palette import BRAND, CAMERA_ENTERED, NOW, REFERENCE, REJECTED, SELECTED, START, css
+from app.palette import BRAND, CAMERA_ENTERED, NOW, REFERENCE, REJECTED, SELECTED, START, css, variables
 
 STYLE = f"""<style>
-.ef {{ font-size: 12.5px; line-height: 1.45; color: #d5d9df; padding: 0 14px 8px 10px;
+{variables()}
+.ef {{ font-size: 12.5px; line-height: 1.45; color: var(--text); padding: 0 14px 8px 10px;
   font-variant-numeric: tabular-nums; }}
-.ef .dim {{ color: #8d96a1; }}
-.ef .big {{ font-size: 14px; font-weight: 600; color: #f1f3f5; }}
-.ef button {{ font: inherit; color: #d5d9df; background: #2e333a; border: 1px solid #3d444d; border-radius: 4px;
+.ef .dim {{ color: var(--dim); }}
+.ef .big {{ font-size: 14px; font-weight: 600; color: var(--strong); }}
+.ef button {{ font: inherit; color: var(--text); background: var(--button); border: 1px solid var(--edge); border-radius: 4px;
   cursor: pointer; height: 28px; padding: 0 8px; display: inline-flex; align-items: center; justify-content: center;
   gap: 6px; }}
-.ef button:hover:not(:disabled) {{ background: #3a4149; border-color: #59636f; }}
-.ef button:active:not(:disabled) {{ background: #242930; }}
-.ef button:disabled {{ color: #59626c; background: #26292e; border-color: #31363c; cursor: default; }}
+.ef button:hover:not(:disabled) {{ background: var(--hover); border-color: var(--hover-edge); }}
+.ef button:active:not(:disabled) {{ background: var(--pressed); }}
+.ef button:disabled {{ color: var(--faint); background: var(--off); border-color: var(--line); cursor: default; }}
 .ef button:focus-visible {{ outline: 2px solid {css(BRAND)}; outline-offset: 1px; }}
 .ef button.main {{ background: {css(BRAND)}; border-color: {css(BRAND)}; color: #fff; font-weight: 600; }}
 .ef button.main:hover:not(:disabled) {{ background: #5495e6; }}
@@ -24,24 +25,25 @@ STYLE = f"""<style>
 .ef table {{ width: 100%; border-collapse: collapse; }}
 .ef td, .ef th {{ padding: 2px 0; text-align: left; font-weight: 400; vertical-align: top; }}
 .ef td.n {{ text-align: right; white-space: nowrap; }}
-.ef th {{ color: #8d96a1; }}
+.ef th {{ color: var(--dim); }}
 .ef .grid {{ display: grid; grid-template-columns: 60px repeat(4, 1fr); gap: 4px; align-items: center; }}
-.ef .grid span {{ text-align: center; font-size: 11.5px; color: #8d96a1; }}
+.ef .grid span {{ text-align: center; font-size: 11.5px; color: var(--dim); }}
 .ef .grid span.left {{ text-align: left; }}
 .ef .grid button {{ padding: 0; }}
 .ef .row {{ display: flex; gap: 6px; align-items: center; }}
 .ef .grow {{ flex: 1; }}
-.ef .crumbs b {{ color: #f1f3f5; font-weight: 600; }}
-.ef .crumbs i {{ font-style: normal; color: #59626c; padding: 0 3px; }}
+.ef .crumbs b {{ color: var(--strong); font-weight: 600; }}
+.ef .crumbs i {{ font-style: normal; color: var(--faint); padding: 0 3px; }}
+.ef .wide {{ width: 100%; }}
 .ef .start {{ color: {css(START)}; }} .ef .now {{ color: {css(NOW)}; }}
 .ef .selected {{ color: {css(SELECTED)}; }} .ef .rejected {{ color: {css(REJECTED)}; }}
 .ef .layers {{ display: grid; grid-template-columns: 1fr 1fr; gap: 4px; }}
 .ef .layer {{ justify-content: flex-start; }}
-.ef .layer.off {{ color: #7a838d; background: #24272b; }}
+.ef .layer.off {{ color: var(--off-text); background: var(--off); }}
 .ef .swatch {{ width: 10px; height: 10px; border-radius: 3px; flex: none; }}
 .ef .layer.off .swatch {{ opacity: .35; }}
 .ef .one {{ white-space: nowrap; overflow: hidden; text-overflow: ellipsis; }}
-.ef .strip {{ position: relative; flex: 1; height: 22px; background: #1f2226; border-radius: 3px; cursor: pointer; }}
+.ef .strip {{ position: relative; flex: 1; height: 22px; background: var(--well); border-radius: 3px; cursor: pointer; }}
 .ef .strip img {{ width: 100%; height: 100%; image-rendering: pixelated; border-radius: 3px; pointer-events: none; }}
 .ef .strip i {{ position: absolute; top: -2px; bottom: -2px; width: 2px; margin-left: -1px;
   background: {css(SELECTED)}; }}
@@ -53,12 +55,12 @@ STYLE = f"""<style>
 .ef .crumbs .part {{ padding: 0 3px; }}
 .ef .crumbs button.small {{ padding: 0 5px; }}
 .ef .stack {{ display: grid; gap: 4px; }}
-.ef code {{ font: 12px ui-monospace, "DejaVu Sans Mono", monospace; color: #f1f3f5; overflow-wrap: anywhere; }}
-.ef .breakpoint {{ border-bottom: 1px solid #31363c; padding: 4px 0; }}
+.ef code {{ font: 12px ui-monospace, "DejaVu Sans Mono", monospace; color: var(--strong); overflow-wrap: anywhere; }}
+.ef .breakpoint {{ border-bottom: 1px solid var(--line); padding: 4px 0; }}
 .ef button.small {{ height: 22px; padding: 0 6px; font-size: 11.5px; }}
 .ef button.dot {{ height: 22px; width: 22px; padding: 0; color: {css(NOW)}; }}
-.ef button.dot.off {{ color: #59626c; }}
-.ef .words td {{ color: #8d96a1; padding-left: 10px; }} .ef .words th {{ color: #d5d9df; white-space: nowrap; }}
+.ef button.dot.off {{ color: var(--faint); }}
+.ef .words td {{ color: var(--dim); padding-left: 10px; }} .ef .words th {{ color: var(--text); white-space: nowrap; }}
 .ef .scroll {{ max-height: 112px; overflow-y: auto; margin-top: 6px; }}
 .ef .runs td, .ef .runs th {{ padding: 2px 10px 2px 0; vertical-align: middle; }}
 .ef .runs td:last-child {{ padding-right: 2px; }} .ef .runs th.n {{ text-align: right; }}
@@ -66,34 +68,34 @@ STYLE = f"""<style>
 .ef .tools {{ gap: 4px; }}
 .ef .runs .what {{ width: 99%; overflow-wrap: anywhere; line-height: 1.3; }}
 .ef button.small.on {{ border-color: {css(SELECTED)}; color: {css(SELECTED)}; }}
-.ef button.small.a {{ background: {css(REFERENCE)}; border-color: {css(REFERENCE)}; color: #16181c; }}
-.ef .tag {{ border-radius: 3px; padding: 0 5px; color: #16181c; }}
+.ef button.small.a {{ background: {css(REFERENCE)}; border-color: {css(REFERENCE)}; color: var(--ink); }}
+.ef .tag {{ border-radius: 3px; padding: 0 5px; color: var(--ink); }}
 .ef .faces {{ flex-wrap: wrap; }}
 .ef button.face {{ height: 24px; padding: 0 7px; }}
 .ef button.face.on {{ border-color: {css(SELECTED)}; color: {css(SELECTED)}; }}
-.ef .kinds {{ gap: 0; font-size: 11.5px; color: #8d96a1; }}
+.ef .kinds {{ gap: 0; font-size: 11.5px; color: var(--dim); }}
 .ef .kinds span {{ flex: none; }}
-.ef .cell {{ padding: 3px 0 4px; border-top: 1px solid #31363c; }}
+.ef .cell {{ padding: 3px 0 4px; border-top: 1px solid var(--line); }}
 .ef .chips {{ gap: 4px; margin: 2px 0; flex-wrap: wrap; }}
-.ef button.chip {{ height: 22px; padding: 0 7px; font-size: 11.5px; color: #8d96a1; }}
-.ef button.chip.on {{ color: #f1f3f5; border-color: {css(BRAND)}; background: {css(BRAND, 0.28)}; }}
-.ef button.link {{ background: none; border: none; height: 20px; padding: 0; color: #d5d9df; }}
+.ef button.chip {{ height: 22px; padding: 0 7px; font-size: 11.5px; color: var(--dim); }}
+.ef button.chip.on {{ color: var(--strong); border-color: {css(BRAND)}; background: {css(BRAND, 0.28)}; }}
+.ef button.link {{ background: none; border: none; height: 20px; padding: 0; color: var(--text); }}
 .ef button.link:hover {{ color: {css(CAMERA_ENTERED)}; text-decoration: underline; background: none; }}
 .ef .tiles {{ position: relative; cursor: zoom-in; }}
 .ef .tiles img {{ width: 100%; height: 100%; }} .ef img.pixels {{ image-rendering: pixelated; }}
 .ef svg.over {{ position: absolute; inset: 0; width: 100%; height: 100%; pointer-events: none; }}
 .ef svg.over path {{ fill: none; stroke-width: 1.2; stroke-linecap: round; stroke-linejoin: round; }}
 .ef .charts {{ display: grid; grid-template-columns: 1fr 1fr; gap: 10px; margin-top: 4px; }}
-.ef .bars .value {{ fill: #59626c; }} .ef .bars .on {{ fill: #d5d9df; }}
-.ef .bars .own {{ fill: #d5d9df; }} .ef .bars .chosen {{ fill: {css(SELECTED)}; }}
+.ef .bars .value {{ fill: var(--faint); }} .ef .bars .on {{ fill: var(--text); }}
+.ef .bars .own {{ fill: var(--text); }} .ef .bars .chosen {{ fill: {css(SELECTED)}; }}
 .ef img {{ display: block; }}
 .ef .note {{ margin-top: 4px; }}
-.ef h4 {{ font-size: 12.5px; font-weight: 600; color: #f1f3f5; margin: 10px 0 2px; }}
-.ef .plot {{ width: 100%; height: auto; background: #1f2226; border: 1px solid #31363c; border-radius: 4px;
+.ef h4 {{ font-size: 12.5px; font-weight: 600; color: var(--strong); margin: 10px 0 2px; }}
+.ef .plot {{ width: 100%; height: auto; background: var(--well); border: 1px solid var(--line); border-radius: 4px;
   cursor: pointer; display: block; }}
 .ef div.plot {{ display: flex; align-items: center; justify-content: center; cursor: default; }}
-.ef .plot text {{ font-size: 10.5px; fill: #8d96a1; }}
-.ef .bar {{ height: 3px; background: #31363c; border-radius: 2px; margin-top: 6px; }}
+.ef .plot text {{ font-size: 10.5px; fill: var(--dim); }}
+.ef .bar {{ height: 3px; background: var(--line); border-radius: 2px; margin-top: 6px; }}
 .ef .bar div {{ height: 3px; background: {css(BRAND)}; border-radius: 2px; }}
 </style>"""
 

@@ -7,7 +7,7 @@ import numpy as np
 import viser
 
 from app.layers.cameras import pose
-from app.palette import BACKGROUND
+from app.palette import GROUND, RGB
 from app.stage import SIZE, Stage
 from fairing.camera import Camera
 from fairing.scene import Scene
@@ -43,8 +43,8 @@ def fit_photo(camera: Camera, width: int, height: int) -> Fit:
     return Fit(float(2 * np.arctan(height / 2 / focal)), np.column_stack([A, K[:2, 2] - A @ middle]))
 
 
-def photo_behind(photo: np.ndarray, fit: Fit, width: int, height: int) -> np.ndarray:
-    """(height, width, 3) uint8: the photo as the window's background."""
+def photo_behind(photo: np.ndarray, fit: Fit, width: int, height: int, ground: RGB) -> np.ndarray:
+    """(height, width, 3) uint8: the photo as the window's background, `ground` around it."""
     shrink = 1 / max(1.0, float(np.linalg.norm(fit.photo_from_window[:, 0])))
     M = fit.photo_from_window.copy()
     if shrink < 0.75:  # the affine map reads single pixels; average first
@@ -59,14 +59,15 @@ def photo_behind(photo: np.ndarray, fit: Fit, width: int, height: int) -> np.nda
         (width, height),
         flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
         borderMode=cv2.BORDER_CONSTANT,
-        borderValue=BACKGROUND,
+        borderValue=ground,
     )
 
 
 class LookThrough:
     """Takes one browser into a camera and back."""
 
-    def __init__(self, client: viser.ClientHandle, stage: Stage, scene: Scene) -> None:
+    def __init__(self, client: viser.ClientHandle, stage: Stage, scene: Scene, is_dark: bool) -> None:
+        self._is_dark = is_dark
         self._client, self._stage, self._scene = client, stage, scene
         self._inside: int | None = None
         self._outside: tuple[np.ndarray, np.ndarray, np.ndarray, float] | None = None
@@ -77,6 +78,12 @@ class LookThrough:
     def inside(self) -> int | None:
         """The camera looked through."""
         return self._inside
+
+    def set_theme(self, is_dark: bool) -> None:
+        """The ground around a photo is dark or light."""
+        self._is_dark = is_dark
+        if self._inside is not None:
+            self._place()
 
     def enter(self, view_id: int) -> None:
         """Look through a camera."""
@@ -138,7 +145,8 @@ class LookThrough:
         self._window = (width, height)
         self._arrived = False
         fit = fit_photo(view.camera, width, height)
-        behind = photo_behind(view.photo.load(), fit, width, height)
+        ground = GROUND[0 if self._is_dark else 1]
+        behind = photo_behind(view.photo.load(), fit, width, height, ground)
         wxyz, position = pose(view.camera, self._stage)
         with self._client.atomic():
             self._client.camera.wxyz = wxyz

@@ -31,7 +31,6 @@ from app.layers.vertices import VerticesLayer
 from app.layers.wires import WiresLayer
 from app.look_back import look_back
 from app.look_through import LookThrough
-from app.palette import BRAND
 from app.panels import Panel
 from app.panels.bookmarks_panel import BookmarkButtons, BookmarksPanel
 from app.panels.breakpoints_panel import BreakpointButtons, BreakpointsPanel
@@ -51,6 +50,7 @@ from app.panels.variables import Variables
 from app.run_state import Activity, RunState
 from app.stage import FIELD_OF_VIEW, Stage
 from app.texturer import Texturer
+from app.theme import Theme
 from app.view import MAX_MAGNIFICATION, View
 from fairing.errors import InputError
 from fairing.scene import Scene
@@ -83,9 +83,9 @@ class Page:
         self._client, self._shared = client, shared
         self._problem = (0, "")
         self._panels_shown = 0.0
-        self._look_through = LookThrough(client, shared.stage, shared.scene)
         self._hands = Hands(client, shared.stage, shared.scene.mesh, shared.controller, view, self._guarded_with)
-        client.gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False, brand_color=BRAND)
+        self._theme = Theme(client)
+        self._look_through = LookThrough(client, shared.stage, shared.scene, self._theme.is_dark)
         client.gui.set_panel_label(f"EigenFairing · {shared.scene.name}")
         self._panels: list[Panel] = self._build_panels()
         self._surface = SurfaceLayer(client, shared.stage, shared.scene.mesh, shared.texturer)
@@ -119,6 +119,7 @@ class Page:
             self._notify(state.problem)
         self._problem = (state.run_id, state.problem)
         self._leave_box.visible = self.view.entered is not None
+        self._place_timeline()
         self._client.flush()
 
     def close(self) -> None:
@@ -161,7 +162,7 @@ class Page:
         with tabs.add_tab("Breakpoints"):
             panels.append(BreakpointsPanel(gui, shared.controller, self._guarded_with, breakpoint_buttons))
         with tabs.add_tab("Layers"):
-            panels.append(LayersPanel(gui, switches))
+            panels.append(LayersPanel(gui, switches, bridge.button(self._switch_theme)))
             self._magnification = gui.add_slider(
                 "Magnify paths",
                 min=1,
@@ -222,6 +223,7 @@ class Page:
         self._command("Play the record, or stop", self._play.play_or_stop, "T")
         self._command("Compare with this moment", self._runs.mark_now, "C")
         self._command("Bookmark this moment", self._bookmarks.keep_now, "K")
+        self._command("Dark or light", self._switch_theme, "T")
         self._command("Keys", self._help, "?", "shift")
         self._command("Breakpoint on the selected vertex", self._toggle_breakpoint, "B")
         gui.set_panel_label(f"EigenFairing · {self._shared.scene.name}")
@@ -285,6 +287,10 @@ class Page:
     def _toggle(self, layer: str) -> None:
         self.view.shown[layer] = not self.view.shown[layer]
         self._shared.controller.republish()
+
+    def _switch_theme(self) -> None:
+        self._theme.switch()
+        self._look_through.set_theme(self._theme.is_dark)
 
     def _magnify(self) -> None:
         self.view.magnification = whole_number(self._magnification.value, 1, MAX_MAGNIFICATION, "magnification")

@@ -1,7 +1,8 @@
 """The colours of the page, in one place; the same colour means the same thing everywhere.
 
 After Okabe and Ito's palette, which people with any kind of colour vision can tell apart. Start is green and now is
-red, as in the paper's figures.
+red, as in the paper's figures. What stands on the panels' ground (text, lines, buttons) is a CSS variable with one value
+for the dark theme and one for the light; bright colours are darker on light ground, so that they can be read as text.
 """
 
 RGB = tuple[int, int, int]
@@ -22,7 +23,63 @@ POINTS: RGB = (214, 218, 224)
 BACKGROUND: RGB = (24, 26, 30)
 BRAND: RGB = (64, 132, 214)
 
+# What lies behind the scene in the dark and in the light theme.
+GROUND: tuple[RGB, RGB] = (BACKGROUND, (232, 235, 239))
+
+_ON_LIGHT: dict[RGB, tuple[str, RGB]] = {
+    START: ("start", (0, 128, 92)),
+    NOW: ("now", (200, 58, 22)),
+    SELECTED: ("selected", (168, 122, 0)),
+    TRUTH: ("truth", (16, 110, 180)),
+    LOCKED: ("locked", (98, 106, 114)),
+    REJECTED: ("rejected", (164, 72, 122)),
+    REFERENCE: ("reference", (104, 80, 206)),
+    POINTS: ("points", (112, 120, 130)),
+}
+
+_GREYS: dict[str, tuple[str, str]] = {
+    "text": ("#d5d9df", "#2b3138"),
+    "dim": ("#8d96a1", "#5c6670"),
+    "strong": ("#f1f3f5", "#0f1317"),
+    "faint": ("#59626c", "#a3abb4"),
+    "button": ("#2e333a", "#f3f5f7"),
+    "edge": ("#3d444d", "#c5ccd4"),
+    "hover": ("#3a4149", "#e6eaee"),
+    "hover-edge": ("#59636f", "#98a2ad"),
+    "pressed": ("#242930", "#d9dfe5"),
+    "off": ("#25282c", "#ffffff"),
+    "off-text": ("#7a838d", "#77808a"),
+    "line": ("#31363c", "#dde2e7"),
+    "well": ("#1f2226", "#f3f5f7"),
+    "row": ("#2b3036", "#edf0f3"),
+    "ink": ("#16181c", "#ffffff"),
+}
+
 
 def css(color: RGB, opacity: float = 1.0) -> str:
-    """The colour as CSS text."""
-    return f"rgba({color[0]},{color[1]},{color[2]},{opacity:g})"
+    """The colour as CSS text, as the theme shows it."""
+    r, g, b = color
+    solid = f"rgb({r},{g},{b})"
+    if color in _ON_LIGHT:
+        solid = f"var(--{_ON_LIGHT[color][0]},{solid})"
+    return solid if opacity == 1 else f"color-mix(in srgb,{solid} {100 * opacity:g}%,transparent)"
+
+
+def variables() -> str:
+    """The CSS rules that give every variable its value in both themes."""
+    dark = {name: value for name, (value, _) in _GREYS.items()} | {name: solid(c) for c, (name, _) in _ON_LIGHT.items()}
+    light = {name: value for name, (_, value) in _GREYS.items()} | {name: solid(c) for name, c in _ON_LIGHT.values()}
+    rules = [".ef", "[data-mantine-color-scheme=light] .ef"]
+    blocks = [
+        f"{rule} {{ {' '.join(f'--{name}: {value};' for name, value in values.items())} }}"
+        for rule, values in zip(rules, (dark, light), strict=True)
+    ]
+    # The canvas is transparent; pure white would swallow the bright colours of points and selection.
+    return "\n".join(
+        [*blocks, f"[data-mantine-color-scheme=light] canvas[data-engine] {{ background: {solid(GROUND[1])} }}"]
+    )
+
+
+def solid(color: RGB) -> str:
+    """The colour as the 3D view has it, whatever the theme."""
+    return f"rgb({color[0]},{color[1]},{color[2]})"

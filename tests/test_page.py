@@ -213,13 +213,13 @@ def test_through_a_camera_the_mesh_lies_on_its_photo(visitor: Visitor, scene, si
         visitor.page.keyboard.press("3")
         wait_for(lambda: page.view.entered == 2)
         visitor.page.get_by_role("button", name="Leave the camera").wait_for()
-        width, height = visitor.canvas_size()
         camera = scene.views[2].camera
         vertices = visitor.app.controller.state.vertices
-        expected = [letterboxed(camera, vertex, width, height) for vertex in vertices]
         offsets = np.inf
-        deadline = time.monotonic() + 5  # the window's new size must have reached the server
+        deadline = time.monotonic() + 20  # the window's new size must have reached the server
         while offsets > 1.5 and time.monotonic() < deadline:
+            width, height = visitor.canvas_size()
+            expected = [letterboxed(camera, vertex, width, height) for vertex in vertices]
             drawn = [visitor.drawn_at(vertex) for vertex in range(len(vertices))]
             offsets = np.linalg.norm(np.subtract(drawn, expected), axis=1).max()
         assert offsets < 1.5, f"vertices are up to {offsets:.2f} px off their place in the photo"

@@ -85,7 +85,7 @@ def _frame(low: float, high: float, y: Callable[[float], np.ndarray]) -> str:
     lines = []
     for value in _ticks(low, high):
         at = float(y(value))
-        lines.append(f'<line x1="{LEFT}" x2="{WIDTH - RIGHT}" y1="{at:.1f}" y2="{at:.1f}" stroke="#3a3f46"/>')
+        lines.append(f'<line x1="{LEFT}" x2="{WIDTH - RIGHT}" y1="{at:.1f}" y2="{at:.1f}" stroke="var(--line)"/>')
         lines.append(f'<text x="{LEFT - 6}" y="{at + 3.5:.1f}" text-anchor="end">{number(value, 3)}</text>')
     return "".join(lines)
 
@@ -100,7 +100,7 @@ def _ticks(low: float, high: float) -> np.ndarray:
 
 def _band(left: float, right: float, label: str, has_border: bool) -> str:
     line = f'x1="{left:.1f}" x2="{left:.1f}" y1="{TOP}" y2="{HEIGHT - BOTTOM}"'
-    border = f'<line {line} stroke="#565e68" stroke-dasharray="2 3"/>'
+    border = f'<line {line} stroke="var(--faint)" stroke-dasharray="2 3"/>'
     name = f'<text x="{(left + right) / 2:.1f}" y="{HEIGHT - 5}" text-anchor="middle">{text(label)}</text>'
     return (border if has_border else "") + (name if right - left > 30 else "")
 

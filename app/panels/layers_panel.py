@@ -3,7 +3,7 @@
 import viser
 
 from app.html import button, text
-from app.palette import CAMERA, NOW, POINTS, RGB, SELECTED, START, SURFACE, TRUTH, css
+from app.palette import CAMERA, NOW, POINTS, RGB, SELECTED, START, SURFACE, TRUTH, solid
 from app.panels.html_panel import HtmlPanel
 from app.run_state import RunState
 from app.view import LAYERS, View
@@ -31,16 +31,17 @@ def available_layers(scene: Scene) -> list[str]:
 class LayersPanel:
     """A switch a layer; its colour is the one in the scene."""
 
-    def __init__(self, gui: viser.GuiApi, press: dict[str, str]) -> None:
+    def __init__(self, gui: viser.GuiApi, press: dict[str, str], switch_theme: str) -> None:
         self._press = press
+        self._theme = button("Dark or light", switch_theme, hint="Dark or light (T)", css_class="wide")
         self._panel = HtmlPanel(gui)
 
     def show(self, state: RunState, view: View) -> None:
         switches = "".join(self._switch(name, view.shows(name)) for name in self._press)
-        self._panel.set(f"<div class='layers'>{switches}</div>")
+        self._panel.set(f"<div class='layers'>{switches}</div><h4>Theme</h4>{self._theme}")
 
     def _switch(self, name: str, is_on: bool) -> str:
-        swatch = f'<span class="swatch" style="background:{css(SWATCHES[name])}"></span>'
+        swatch = f'<span class="swatch" style="background:{solid(SWATCHES[name])}"></span>'
         hint = f"{'Hide' if is_on else 'Show'} {LAYERS[name].lower()}"
         switch = button(
             LAYERS[name], self._press[name], hint=hint, icon=swatch, css_class="layer" if is_on else "layer off"
