@@ -1,10 +1,12 @@
 """Looking through a camera: the browser's camera takes its pose, its photo lies behind the mesh."""
 
+import threading
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 import viser
+import viser.transforms
 
 from app.layers.cameras import pose
 from app.palette import GROUND, RGB
@@ -73,6 +75,7 @@ class LookThrough:
         self._outside: tuple[np.ndarray, np.ndarray, np.ndarray, float] | None = None
         self._window = (0, 0)
         self._arrived = False
+        self._placing = threading.Lock()  # or a fit to an old window could overtake the one to the new
 
     @property
     def inside(self) -> int | None:
@@ -139,8 +142,12 @@ class LookThrough:
         self._client.scene.set_background_image(None)
 
     def _place(self) -> None:
-        assert self._inside is not None
-        view = self._scene.views[self._inside]
+        with self._placing:
+            if self._inside is not None:
+                self._fit(self._inside)
+
+    def _fit(self, view_id: int) -> None:
+        view = self._scene.views[view_id]
         width, height = int(self._client.camera.image_width), int(self._client.camera.image_height)
         self._window = (width, height)
         self._arrived = False
@@ -148,8 +155,18 @@ class LookThrough:
         ground = GROUND[0 if self._is_dark else 1]
         behind = photo_behind(view.photo.load(), fit, width, height, ground)
         wxyz, position = pose(view.camera, self._stage)
+        right, down, ahead = viser.transforms.SO3(wxyz).as_matrix().T
+        depth = max(float(-position @ ahead), 0.1 * SIZE)  # who turns the view from here turns it about the mesh
+        camera = self._client.camera
+        # viser sends only what differs from the browser's last report, and that may be older than our own last word:
+        # everything is set to something else first.
         with self._client.atomic():
-            self._client.camera.wxyz = wxyz
-            self._client.camera.position = position
-            self._client.camera.fov = fit.fov
+            for up, eye, target, fov in (
+                (right, position + SIZE, position + SIZE + right, fit.fov / 2),
+                (-down, position, position + depth * ahead, fit.fov),
+            ):
+                camera.position = eye
+                camera.look_at = target
+                camera.up_direction = up
+                camera.fov = fov
         self._client.scene.set_background_image(behind, format="jpeg", jpeg_quality=90)
