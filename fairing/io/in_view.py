@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from fairing.conventions import explain_view
 from fairing.errors import InputError
 from fairing.scene import Scene
 
@@ -30,7 +31,12 @@ def check_mesh_in_view(scene: Scene) -> None:
             )
         is_seen |= seen > 0
     if not is_seen:
+        mistake = explain_view(scene)
         raise InputError(
-            f"mesh: none of its {len(vertices)} vertices lies inside any of the {len(scene.views)} photos; mesh "
-            "and cameras differ in axes, units or frame, bring the mesh into the cameras' world"
+            f"mesh: none of its {len(vertices)} vertices lies inside any of the {len(scene.views)} photos; "
+            + (
+                f"they would if {mistake}: correct that"
+                if mistake
+                else "mesh and cameras differ in axes, units or frame, bring the mesh into the cameras' world"
+            )
         )

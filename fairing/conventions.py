@@ -1,0 +1,129 @@
+"""Which mistake in axes or pixels would explain cameras that do not fit? Each is tried on what should project well."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from fairing.camera import Camera
+from fairing.scene import Scene
+
+_AXES = np.diag([1.0, -1.0, -1.0])
+
+
+def _opengl(camera: Camera) -> np.ndarray:
+    return camera.K @ _AXES @ camera.camera_from_world
+
+
+def _inverse(camera: Camera) -> np.ndarray:
+    Rt = camera.camera_from_world
+    return camera.K @ np.column_stack([Rt[:, :3].T, -Rt[:, :3].T @ Rt[:, 3]])
+
+
+def _inverse_opengl(camera: Camera) -> np.ndarray:
+    Rt = camera.camera_from_world
+    return camera.K @ _AXES @ np.column_stack([Rt[:, :3].T, -Rt[:, :3].T @ Rt[:, 3]])
+
+
+def _image(matrix: Callable[[Camera], list[list[float]]]) -> Callable[[Camera], np.ndarray]:
+    def changed(camera: Camera) -> np.ndarray:
+        M = np.array(matrix(camera), dtype=np.float64)
+        # A mirrored matrix was turned over when it became a Camera (P and -P are the same), so turn it back.
+        return np.sign(np.linalg.det(M)) * M @ camera.image_from_world
+
+    return changed
+
+
+MISTAKES: dict[str, Callable[[Camera], np.ndarray]] = {
+    # Nearly the same as mirrored photos (but for the principal point); the likelier comes first.
+    "axes are y up, z backwards (OpenGL)": _opengl,
+    "poses are camera to world instead of world to camera": _inverse,
+    "poses are camera to world, with y up, z backwards (OpenGL)": _inverse_opengl,
+    "photos are mirrored left to right": _image(lambda c: [[-1, 0, c.width - 1], [0, 1, 0], [0, 0, 1]]),
+    "photos are upside down (y counts upwards)": _image(lambda c: [[1, 0, 0], [0, -1, c.height - 1], [0, 0, 1]]),
+    "photos are turned by 180 degrees": _image(lambda c: [[-1, 0, c.width - 1], [0, -1, c.height - 1], [0, 0, 1]]),
+    "cameras are for photos of half the size": _image(lambda _: [[2, 0, 0.5], [0, 2, 0.5], [0, 0, 1]]),
+    "cameras are for photos of twice the size": _image(lambda _: [[0.5, 0, -0.25], [0, 0.5, -0.25], [0, 0, 1]]),
+}
+"""What the truth would be, and the matrix (3, 4) of a camera then; its third row gives the depth."""
+
+
+def project(image_from_world: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Pixels (n, 2) and depths (n,) of points (n, 3) by a matrix that may be mirrored."""
+    homogeneous = points @ image_from_world[:, :3].T + image_from_world[:, 3]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return homogeneous[:, :2] / homogeneous[:, 2:], homogeneous[:, 2]
+
+
+def share_in_view(scene: Scene, matrix: Callable[[Camera], np.ndarray]) -> float:
+    """Mean over the photos of the part of the mesh's vertices that lie inside them and in front, 0 to 1."""
+    vertices = scene.mesh.vertices[np.unique(scene.mesh.faces)]
+    shares = []
+    for view in scene.views:
+        pixels, depth = project(matrix(view.camera), vertices)
+        with np.errstate(invalid="ignore"):
+            inside = ((pixels >= -0.5) & (pixels <= [view.camera.width - 0.5, view.camera.height - 0.5])).all(axis=1)
+        shares.append((inside & (depth > 0)).mean())
+    return float(np.mean(shares))
+
+
+def explain_view(scene: Scene) -> str | None:
+    """The mistake under which photos that hardly show the mesh would show it, if there is one."""
+    shares = {name: share_in_view(scene, matrix) for name, matrix in MISTAKES.items()}
+    best = max(shares, key=shares.__getitem__)
+    return best if shares[best] > 0.3 else None
+
+
+def observed_distance(scene: Scene, matrix: Callable[[Camera], np.ndarray]) -> float:
+    """Median distance of sparse points to where the photos saw them, px; infinite if most lie behind the cameras."""
+    sparse = scene.sparse_points
+    assert sparse is not None
+    distances = []
+    for v, view in enumerate(scene.views):
+        mine = sparse.observations[:, 1] == v
+        uv, depth = project(matrix(view.camera), sparse.positions[sparse.observations[mine, 0]])
+        with np.errstate(invalid="ignore"):
+            distances.append(np.where(depth > 0, np.linalg.norm(uv - sparse.pixels[mine], axis=1), np.inf))
+    return float(np.median(np.concatenate(distances)))
+
+
+def explain_reprojection(scene: Scene) -> str | None:
+    """What is likely wrong with cameras that do not project the sparse points to where the photos saw them.
+
+    A shift that all photos share tells of another place of the pixels' centres if it is half a pixel, else of another
+    principal point; far-off points tell of axes. None if nothing stands out. Cameras and points that were made together
+    under a mistake fit each other, so no mistake found is no proof.
+    """
+    sparse = scene.sparse_points
+    if sparse is None or len(sparse.observations) < 20:
+        return None
+    distance = observed_distance(scene, lambda camera: camera.image_from_world)
+    if distance > 3:
+        tried = {name: observed_distance(scene, matrix) for name, matrix in MISTAKES.items()}
+        best = min(tried, key=tried.__getitem__)
+        if tried[best] < 0.3 * distance:
+            now = "behind the cameras" if np.isinf(distance) else f"{distance:.3g} px off"
+            return f"sparse points lie {now} (median), but {tried[best]:.2g} px off if {best}"
+    shifts = np.array([shift for v in range(len(scene.views)) if (shift := median_shift(scene, v)) is not None])
+    shift = np.median(shifts, axis=0)
+    spread = np.median(np.abs(shifts - shift), axis=0).max()
+    if np.abs(shift).max() < 0.3 or spread > 0.15 or distance > 20:
+        return None
+    text = f"in all photos alike sparse points lie ({shift[0]:+.2f}, {shift[1]:+.2f}) px from where they were seen"
+    if np.abs(np.abs(shift) - 0.5).max() < 0.15 and shift[0] * shift[1] > 0:
+        return (
+            f"{text}: half a pixel, so the cameras take the centre of the top-left pixel for "
+            f"{'(0.5, 0.5)' if shift[0] > 0 else '(0, 0)'} where it is {'(0, 0)' if shift[0] > 0 else '(0.5, 0.5)'}"
+        )
+    return f"{text}: the principal point is off by that"
+
+
+def median_shift(scene: Scene, v: int) -> np.ndarray | None:
+    """(2,) px: median over its sparse points of where a camera puts them, from where the photo saw them."""
+    sparse = scene.sparse_points
+    if sparse is None:
+        return None
+    mine = sparse.observations[:, 1] == v
+    if mine.sum() < 5:
+        return None
+    uv, _ = scene.views[v].camera.project(sparse.positions[sparse.observations[mine, 0]])
+    return np.median(uv - sparse.pixels[mine], axis=0)
