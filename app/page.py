@@ -42,11 +42,13 @@ from app.panels.energy_plot import EnergyPlot
 from app.panels.html_panel import HtmlPanel
 from app.panels.layers_panel import LayersPanel, available_layers
 from app.panels.options_panel import OptionButtons, OptionsPanel
+from app.panels.photo_pages import PhotoPages
 from app.panels.runs_panel import RunButtons, RunsPanel
 from app.panels.selection_panel import SelectionPanel
 from app.panels.status import Status
 from app.panels.timeline import Timeline, TimelineButtons
 from app.panels.variables import Variables
+from app.photo_store import PhotoStore
 from app.run_state import Activity, RunState
 from app.stage import FIELD_OF_VIEW, Stage
 from app.texturer import Texturer
@@ -73,6 +75,7 @@ class Shared:
     thumbnails: Thumbnails
     texturer: Texturer
     background: Background
+    photos: PhotoStore
 
 
 class Page:
@@ -154,6 +157,7 @@ class Page:
         self._bookmarks = BookmarkButtons(shared.controller, self.view, bridge.button, bridge.number)
         scene, source = shared.scene, CellSource(shared.controller, shared.scene.mesh)
         controls = CellsControls(bridge, self.view, scene, shared.controller.republish)
+        pages = PhotoPages(shared.controller, scene, shared.photos, controls, enter)
         tabs = gui.add_tab_group()
         with tabs.add_tab("Vertex"):
             last = len(shared.scene.mesh.vertices) - 1
@@ -177,11 +181,13 @@ class Page:
         cells = gui.add_panel()
         with cells.add_tab("Cells", viser.Icon.TRIANGLE):
             panels.append(
-                CellsPanel(gui, scene, source, shared.background, controls, choose_face, enter, self._guarded_with)
+                CellsPanel(
+                    gui, scene, source, pages, shared.background, controls, choose_face, enter, self._guarded_with
+                )
             )
         cells.dock_left()
         cells.set_width(CELLS_WIDTH)
-        panels.append(CellLens(gui, scene, source, controls, enter, MARGIN))
+        panels.append(CellLens(gui, scene, source, pages, shared.background, controls, enter, MARGIN))
         self._timeline = gui.add_panel()
         with self._timeline.add_tab("Timeline", viser.Icon.CLOCK):
             panels.append(Timeline(gui, shared.energies, self._guarded_with(self._jump), jump, around, self._play))

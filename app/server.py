@@ -18,6 +18,7 @@ from app.hardening import start_server
 from app.history import EnergyHistory, PathHistory
 from app.layers.cameras import Thumbnails
 from app.page import Page, Shared
+from app.photo_store import PhotoStore
 from app.run_state import RunState
 from app.stage import FIELD_OF_VIEW, Stage
 from app.texturer import Texturer
@@ -51,6 +52,7 @@ class App:
             Thumbnails(scene),
             Texturer(scene, stage, self.controller.republish),
             Background(self.controller.republish),
+            PhotoStore(scene),
         )
         self._pages: dict[int, Page] = {}
         self._pages_lock = threading.Lock()

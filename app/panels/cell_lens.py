@@ -4,13 +4,17 @@ from collections.abc import Callable
 
 import viser
 
+from app.background import Background
+from app.cell_facts import CellFacts
 from app.cell_images import FLOW_COLORS, CellPictures, data_uri
 from app.cells_controls import CellsControls
 from app.cells_view import ARROW_KINDS, CROP, HEADS, KINDS
 from app.html import button, icon, text
+from app.lookup import Lookup
 from app.palette import css
 from app.panels.cell_source import CellSource
 from app.panels.html_panel import HtmlPanel
+from app.panels.photo_pages import PhotoPages
 from app.run_state import RunState
 from app.view import View
 from fairing.scene import Scene
@@ -27,6 +31,8 @@ class CellLens:
         gui: viser.GuiApi,
         scene: Scene,
         source: CellSource,
+        pages: PhotoPages,
+        background: Background,
         controls: CellsControls,
         enter: Callable[[str], str],
         margin: int,
@@ -36,12 +42,18 @@ class CellLens:
         with self._frame.add_tab("Lens", viser.Icon.ZOOM_IN):
             self._panel = HtmlPanel(gui)
         self._frame.float(x=margin, y=margin, width=FRAME)
+        self._pages = pages
+        self._drawing: Lookup[tuple, str] = Lookup(background.post)
         self._drawn: object = None
 
     def show(self, state: RunState, view: View) -> None:
         enlarged = view.cells.enlarged
-        is_cell = enlarged is not None and enlarged[1] != CROP
-        found = self._source.newest(state, view) if is_cell else None
+        if enlarged is not None and enlarged[1] == CROP and view.selected is not None:
+            self._show_crop(state, view, view.selected, enlarged[0])
+            return
+        if enlarged is not None:
+            self._source.want(state, view)
+        found = self._source.newest(state, view) if enlarged is not None else None
         visible = found is not None and not isinstance(found[1], Exception) and found[1].cells.takes_part
         if self._frame.visible != visible:
             self._frame.visible = visible
@@ -52,7 +64,48 @@ class CellLens:
             self._drawn = key
             self._panel.set(self._content(found[1], *enlarged, view))
 
-    def _content(self, facts, view_id: int, kind: str, view: View) -> str:
+    def _show_crop(self, state: RunState, view: View, vertex: int, view_id: int) -> None:
+        found = self._pages.newest(state, vertex)
+        if found is None:
+            return
+        key, known = found
+        if isinstance(known, Exception):
+            return
+        if not self._frame.visible:
+            self._frame.visible = True
+        cells_view = view.cells
+        self._drawing.want(
+            (key, view_id, cells_view.span, cells_view.arrow_scale),
+            lambda: self._pages.crop(known, view_id, cells_view, SIDE),
+        )
+        drawn = self._drawing.newest
+        if drawn is None or drawn == self._drawn:
+            return
+        self._drawn = drawn
+        name = self._scene.views[view_id].name
+        close = button("", self._controls.close, hint="Close the lens", icon=icon("leave"), css_class="small")
+        go = button(name, self._enter(str(view_id)), hint=f"Look through {name}", css_class="link")
+        picture = text(drawn[1]) if isinstance(drawn[1], Exception) else drawn[1]
+        self._panel.set(
+            f"<div class='row'><span class='grow one'>{go} <span class='dim'>vertex {vertex}</span></span>"
+            f"{self._around(known.views, view_id, CROP)}{close}</div><div class='note'>{picture}</div>"
+        )
+
+    def _around(self, views: list[int], view_id: int, kind: str) -> str:
+        """Buttons to the photo before and after."""
+        at = views.index(view_id) if view_id in views else 0
+        return "".join(
+            button(
+                "",
+                self._controls.lens_of(views[(at + step) % len(views)], kind),
+                hint=f"{word} photo",
+                icon=icon("one", mirrored=step < 0),
+                css_class="small",
+            )
+            for step, word in ((-1, "Previous"), (1, "Next"))
+        )
+
+    def _content(self, facts: CellFacts, view_id: int, kind: str, view: View) -> str:
         cells = facts.cells
         views = cells.views.tolist()
         name = self._scene.views[view_id].name
@@ -63,16 +116,6 @@ class CellLens:
             )
         row = views.index(view_id)
         pictures = CellPictures(cells, facts.flows)
-        around = "".join(
-            button(
-                "",
-                self._controls.lens_of(views[(row + step) % len(views)], kind),
-                hint=f"{word} photo",
-                icon=icon("one", mirrored=step < 0),
-                css_class="small",
-            )
-            for step, word in ((-1, "Previous"), (1, "Next"))
-        )
         go = button(name, self._enter(str(view_id)), hint=f"Look through {name}", css_class="link")
         kinds = "".join(
             button(
@@ -89,7 +132,7 @@ class CellLens:
             arrows = f'<path stroke="{css(FLOW_COLORS[kind])}" style="stroke-width:1.6" d="{path}"/>'
         return (
             f"<div class='row'><span class='grow one'>{go} <span class='dim'>face {cells.face}</span></span>"
-            f"{around}{close}</div><div class='row chips'>{kinds}</div>"
+            f"{self._around(views, view_id, kind)}{close}</div><div class='row chips'>{kinds}</div>"
             f"<div class='tiles' style='width:{SIDE}px;height:{SIDE}px;cursor:crosshair' "
             f"data-values='{pictures.values(row)}' onpointermove=\"{text(_read_out(cells.size, pictures))}\">"
             f"<img class='pixels' src='{data_uri(pictures.picture(row, kind))}' alt='enlarged cell'>"

@@ -12,6 +12,7 @@ from app.lookup import Lookup
 from app.panels.cell_source import CellSource, chosen_face
 from app.panels.cell_table import cell_table
 from app.panels.html_panel import HtmlPanel
+from app.panels.photo_pages import PhotoPages
 from app.run_state import RunState
 from app.view import View
 from fairing.scene import Scene
@@ -26,13 +27,14 @@ class CellsPanel:
         gui: viser.GuiApi,
         scene: Scene,
         source: CellSource,
+        pages: PhotoPages,
         background: Background,
         controls: CellsControls,
         choose_face: Callable[[str], str],
         enter: Callable[[str], str],
         guarded: Callable[[Callable[..., None]], Callable[..., None]],
     ) -> None:
-        self._scene, self._source, self._controls = scene, source, controls
+        self._scene, self._source, self._pages, self._controls = scene, source, pages, controls
         self._choose_face, self._enter = choose_face, enter
         self._head = HtmlPanel(gui, STYLE)
         self._k = gui.add_slider(
@@ -52,7 +54,7 @@ class CellsPanel:
                 look(self._k.value)
 
         self._body = HtmlPanel(gui)
-        self._drawing: Lookup[object, str] = Lookup(background.post)
+        self._drawing: Lookup[tuple, str] = Lookup(background.post)
 
     def show(self, state: RunState, view: View) -> None:
         face = chosen_face(self._scene.mesh, view)
@@ -65,8 +67,10 @@ class CellsPanel:
             self._k.visible = False
             return
         self._head.set(STYLE + self._choices(view, view.selected, face))
-        self._source.want(state, view)
-        self._show_cells(state, view)
+        if view.cells.page == "cells":
+            self._show_cells(state, view)
+        else:
+            self._show_photos(state, view, view.selected, face)
 
     def _choices(self, view: View, vertex: int, face: int) -> str:
         faces = "".join(
@@ -90,6 +94,7 @@ class CellsPanel:
         return f"<div class='row chips'>{pages}</div><div class='row faces'><span class='dim'>Face</span>{faces}</div>"
 
     def _show_cells(self, state: RunState, view: View) -> None:
+        self._source.want(state, view)
         found = self._source.newest(state, view)
         if found is None:
             self._body.set("<div class='note dim'>Computing the cells…</div>")
@@ -101,14 +106,33 @@ class CellsPanel:
             return
         self._show_k(len(facts.cells.basis), len(facts.energies))
         cells_view = view.cells
-        self._drawing.want(
-            (question, cells_view.columns, cells_view.arrow_scale),
+        self._draw(
+            ("cells", question, cells_view.columns, cells_view.arrow_scale),
             lambda: cell_table(facts, cells_view, self._scene, self._controls, self._enter),
         )
-        self._show_drawing()
 
-    def _show_drawing(self) -> None:
-        if self._drawing.newest is not None:
+    def _show_photos(self, state: RunState, view: View, vertex: int, face: int) -> None:
+        self._k.visible = False
+        found = self._pages.newest(state, vertex)
+        if found is None:
+            self._body.set("<div class='note dim'>Cutting the photos…</div>")
+            return
+        key, known = found
+        if isinstance(known, Exception):
+            self._body.set(f"<div class='note rejected'>{text(known)}</div>")
+            return
+        cells_view, pages = view.cells, self._pages
+        if cells_view.page == "photos":
+            self._draw(("photos", key, cells_view.span, cells_view.arrow_scale), lambda: pages.crops(known, cells_view))
+            return
+        slot = self._scene.mesh.one_rings[vertex].tolist().index(face)
+        affine = state.options.cells.warp == "affine"
+        self._draw(("pair", key, face, cells_view.pair), lambda: pages.pair(known, face, slot, cells_view, affine))
+
+    def _draw(self, key: tuple, work: Callable[[], str]) -> None:
+        """Show what is drawn of this page; what was drawn last stays until the new is there."""
+        self._drawing.want(key, work)
+        if self._drawing.newest is not None and self._drawing.newest[0][0] == key[0]:
             drawn = self._drawing.newest[1]
             self._body.set(f"<div class='note rejected'>{text(drawn)}</div>" if isinstance(drawn, Exception) else drawn)
 

@@ -1,0 +1,230 @@
+"""Two pages of the cells panel: the vertex in the photos (figures 4a, 4d) and a face in a pair of photos (figure 2)."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from app.cell_images import arrow_path, data_uri
+from app.cells_controls import CellsControls
+from app.cells_view import ARROW_SCALES, CROP, SPANS, CellsView
+from app.commands import Ask
+from app.controller import Controller
+from app.history import last_step_about
+from app.html import button, number, text
+from app.lookup import Lookup
+from app.outcome import slot_of
+from app.palette import NOW, RGB, SELECTED, START, css
+from app.photo_crops import FacePair, Window, face_pair
+from app.photo_store import PhotoStore
+from app.run_state import Activity, RunState
+from fairing.camera import Camera
+from fairing.scene import Scene
+from fairing.session import Session
+
+CROP_SIDE = 158  # px
+PAIR_SIDE = 158
+MAX_PATH = 200  # points
+
+
+@dataclass(frozen=True, eq=False)
+class VertexInPhotos:
+    """What the crops show of a vertex.
+
+    Attributes:
+        views: ids of the photos that see a face of it.
+        path: (n, 3) float: its positions from the start to now, world units.
+        step: (2, 3) float: before and after its last step; None if there was none.
+        ring_start, ring_now: (F, 3, 3) float: the corners of its faces.
+        face_views: views of every face, by its id.
+    """
+
+    views: list[int]
+    path: np.ndarray
+    step: np.ndarray | None
+    ring_start: np.ndarray
+    ring_now: np.ndarray
+    face_views: dict[int, list[int]]
+
+
+def vertex_in_photos(session: Session, vertex: int, moment: int) -> VertexInPhotos:
+    """Look it up."""
+    context, mesh, trace = session.sweep_state(moment).context, session.scene.mesh, session.trace
+    faces = mesh.one_rings[vertex]
+    path = [trace.start[vertex]]
+    for record in trace.steps[:moment]:
+        slot = slot_of(record, vertex)
+        if slot is not None and (record.after[slot] != path[-1]).any():
+            path.append(record.after[slot])
+    chosen = np.unique(np.linspace(0, len(path) - 1, min(len(path), MAX_PATH)).astype(int))
+    found = last_step_about(trace.steps, moment, vertex)
+    return VertexInPhotos(
+        views=np.flatnonzero(context.vertex_views[vertex]).tolist(),
+        path=np.array(path)[chosen],
+        step=None if found is None else np.stack([found[1].before[found[2]], found[1].after[found[2]]]),
+        ring_start=trace.start[mesh.faces[faces]],
+        ring_now=trace.vertices_at(moment)[mesh.faces[faces]],
+        face_views={int(f): context.kernel.pair_view[context.pairs_of(int(f))].tolist() for f in faces},
+    )
+
+
+class PhotoPages:
+    """Asks for what the pages show and draws them, where slowness does no harm."""
+
+    def __init__(
+        self, controller: Controller, scene: Scene, photos: PhotoStore, controls: CellsControls,
+        enter: Callable[[str], str],
+    ) -> None:  # fmt: skip
+        self._scene, self._photos, self._controls, self._enter = scene, photos, controls, enter
+        self._lookup: Lookup[tuple[int, int, int], VertexInPhotos] = Lookup(
+            lambda asker, work, answer: controller.post(Ask(asker, work, answer))
+        )
+
+    def newest(self, state: RunState, vertex: int) -> tuple[tuple[int, int, int], VertexInPhotos | Exception] | None:
+        """The newest there is of a vertex and its key; asks for the present one when the engine rests."""
+        if state.activity is Activity.PAUSED:
+            moment = state.moment
+            self._lookup.want((state.run_id, moment, vertex), lambda session: vertex_in_photos(session, vertex, moment))
+        found = self._lookup.newest
+        return found if found is not None and (found[0][0], found[0][2]) == (state.run_id, vertex) else None
+
+    def crops(self, known: VertexInPhotos, view: CellsView) -> str:
+        """Markup of the first page. On the background's thread."""
+        if not known.views:
+            return "<div class='note'>No photo sees a face of this vertex well enough.</div>"
+        spans = _chips(SPANS.values(), list(SPANS).index(view.span), self._controls.span, "Show {} in each photo")
+        scales = _chips(
+            [f"×{scale}" for scale in ARROW_SCALES], ARROW_SCALES.index(view.arrow_scale), self._controls.scale,
+            "Draw the step {}",
+        )  # fmt: skip
+        tiles = "".join(
+            f"<div>{self._name(view_id)}<div role='button' tabindex='0' style='cursor:zoom-in' "
+            f"aria-label='Enlarge {text(self._scene.views[view_id].name)}' "
+            f'onclick="{text(self._controls.lens_of(view_id, CROP))}">{self.crop(known, view_id, view, CROP_SIDE)}'
+            "</div></div>"
+            for view_id in known.views
+        )
+        return (
+            f"<div class='row chips'><span class='dim'>Show</span>{spans}</div>"
+            f"<div class='row chips'><span class='dim'>Step</span>{scales}</div>"
+            f"<div class='dim'><span class='start'>—</span> start <span class='now'>—</span> now and the path "
+            f"<span class='selected'>→</span> its last step, ×{view.arrow_scale}</div>"
+            f"<div class='crops'>{tiles}</div>"
+        )
+
+    def crop(self, known: VertexInPhotos, view_id: int, view: CellsView, side: int) -> str:
+        """One photo around the vertex: its faces at the start and now, its path, its last step."""
+        camera = self._scene.views[view_id].camera
+        start, now, path = (camera.project(p)[0] for p in (known.ring_start, known.ring_now, known.path))
+        arrow = np.zeros((0, 2, 2))
+        if known.step is not None:
+            tail, head = camera.project(known.step)[0]
+            arrow = np.stack([tail, tail + view.arrow_scale * (head - tail)])[None]
+        if view.span == "faces":
+            window = Window.around(np.concatenate([start.reshape(-1, 2), now.reshape(-1, 2)]), side)
+        else:
+            window = Window.around(np.concatenate([path, arrow.reshape(-1, 2)]), side, margin=0.3)
+        shown = window.cut(self._photos[view_id])
+        step = "".join(arrow_path(window.place(a[:1]), window.place(a[1:])) for a in arrow)
+        here = window.place(path[-1])
+        return _picture(
+            shown, side,
+            _lines(window.place(start), START) + _lines(window.place(now), NOW)
+            + _lines(window.place(path)[None], NOW, 2.4, closed=False)
+            + f'<circle cx="{here[0]:.1f}" cy="{here[1]:.1f}" r="3" fill="{css(NOW)}"/>'
+            + f'<path d="{step}" stroke="{css(SELECTED)}" style="stroke-width:2"/>',
+        )  # fmt: skip
+
+    def pair(self, known: VertexInPhotos, face: int, slot: int, view: CellsView, affine: bool) -> str:
+        """Markup of the second page; `slot` is the face's place in the vertex' ring. On the background's thread."""
+        views = known.face_views.get(face, [])
+        if len(views) < 2:
+            return "<div class='note'>Fewer than two photos see this face well enough.</div>"
+        first, second = chosen_pair(views, view.pair)
+        i, j = (self._scene.views[v] for v in (first, second))
+        names = [text(i.name), text(j.name)]
+        picks = "".join(
+            f"<div class='row chips'><span class='dim' style='width:14px'>{letter}</span>"
+            + "".join(
+                button(
+                    str(v),
+                    control(str(v)),
+                    hint=f"Photo {letter}: {self._scene.views[v].name}",
+                    css_class="chip tight on" if v == chosen else "chip tight",
+                )
+                for v in views
+            )
+            + "</div>"
+            for letter, control, chosen in (("i", self._controls.first, first), ("j", self._controls.second, second))
+        )
+        moments = (("At the start", known.ring_start[slot]), ("Now", known.ring_now[slot]))
+        if not all(is_in_front(photo.camera, corners) for photo in (i, j) for _, corners in moments):
+            return picks + "<div class='note'>A corner of the face lies behind one of these cameras.</div>"
+        outlines = np.concatenate([j.camera.project(corners)[0] for _, corners in moments])
+        window = Window.around(outlines, PAIR_SIDE)
+        photos = self._photos[first], self._photos[second]
+        columns = "".join(
+            self._pair_column(title, face_pair(photos, (i.camera, j.camera), corners, window, affine))
+            for title, corners in moments
+        )
+        warp = "affine" if affine else "plane's homography"
+        return (
+            f"{picks}<div class='note dim'>{names[0]} warped into {names[1]} by the {warp}. Edges that are twice in "
+            f"the average show a vertex off its place.</div>"
+            f"<div class='crops'>{columns}</div>"
+        )
+
+    def _pair_column(self, title: str, pair: FacePair) -> str:
+        color = START if title != "Now" else NOW
+        outline = _lines(pair.outline[None], color)
+        pictures = ((pair.average, "average"), (pair.warped, "i warped into j"), (pair.own, "j"))
+        return (
+            f"<div><div class='row'><b class='grow'>{title}</b>"
+            f"<span class='dim'>|i − j| {number(pair.difference, 3)}</span></div>"
+            + "".join(f"{_picture(image, PAIR_SIDE, outline)}<div class='dim'>{name}</div>" for image, name in pictures)
+            + "</div>"
+        )
+
+    def _name(self, view_id: int) -> str:
+        name = self._scene.views[view_id].name
+        return (
+            "<div class='one'>"
+            + button(name, self._enter(str(view_id)), hint=f"Look through {name}", css_class="link")
+            + "</div>"
+        )
+
+
+def chosen_pair(views: list[int], wanted: tuple[int | None, int | None]) -> tuple[int, int]:
+    """Two different views of those that see a face, as wanted where that is possible."""
+    second = wanted[1] if wanted[1] in views else None
+    first = wanted[0] if wanted[0] in views and wanted[0] != second else next(v for v in views if v != second)
+    return first, second if second is not None else next(v for v in views[len(views) // 2 :] + views if v != first)
+
+
+def is_in_front(camera: Camera, points: np.ndarray) -> bool:
+    return bool((camera.project(points)[1] > 0).all())
+
+
+def _chips(names, chosen: int, press: Callable[[str], str], hint: str) -> str:
+    return "".join(
+        button(name, press(str(n)), hint=hint.format(name), css_class="chip on" if n == chosen else "chip")
+        for n, name in enumerate(names)
+    )
+
+
+def _picture(pixels: np.ndarray, side: int, drawn: str) -> str:
+    return (
+        f"<div class='tiles' style='width:{side}px;height:{side}px;cursor:inherit'>"
+        f"<img src='{data_uri(pixels, jpeg=True)}' alt=''>"
+        f"<svg class='over' viewBox='0 0 {side} {side}'>{drawn}</svg></div>"
+    )
+
+
+def _lines(shapes: np.ndarray, color: RGB, width: float = 1.2, *, closed: bool = True) -> str:
+    """Polygons or open lines (n, p, 2), px."""
+    kind = "polygon" if closed else "polyline"
+    return "".join(
+        f'<{kind} points="{" ".join(f"{x:.1f},{y:.1f}" for x, y in shape)}" fill="none" stroke="{css(color)}" '
+        f'stroke-width="{width}" vector-effect="non-scaling-stroke"/>'
+        for shape in shapes
+    )
