@@ -47,7 +47,8 @@ def lock_by_hand(runs: Runs, vertices: tuple[int, ...], locked: bool, keep: Keep
     held = ids[branch.locked[ids]]
     if not locked and len(held):
         raise InputError(
-            f"vertex {held[0]}: stays locked; it is at the boundary (option lock_boundary) or on a face without area"
+            f"vertex {held[0]}: stays locked; it is held by an option (lock boundary, locked boxes, region) or on a face "
+            "without area"
         )
     done = f"{named(vertices)} {'locked' if locked else 'unlocked'}"
     if session.moment < len(session.trace):

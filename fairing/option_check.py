@@ -31,6 +31,8 @@ _LOWEST: dict[str, tuple[float, bool]] = {
     "schedule.sweep_tolerance": (0, True),
     "threads": (0, True),
 }
+_BOXES = ("locked_boxes", "region")
+_MAY_BE_EMPTY = ("locked_vertices", *_BOXES)
 
 
 def check_options(options: FairingOptions) -> None:
@@ -49,7 +51,9 @@ def _check(options: Any, prefix: str) -> None:
             _check(value, name + ".")
             continue
         values = value if isinstance(value, tuple) else (value,)
-        if not values and name != "locked_vertices":
+        if name in _BOXES:
+            _check_boxes(name, values)
+        if not values and name not in _MAY_BE_EMPTY:
             raise InputError(f"option {name}: expected at least one value, found none")
         for item in values:
             if isinstance(item, bool) or not isinstance(item, int | float):
@@ -61,3 +65,12 @@ def _check(options: Any, prefix: str) -> None:
                 raise InputError(
                     f"option {name}: expected {'at least' if inclusive else 'more than'} {low}, found {item}"
                 )
+
+
+def _check_boxes(name: str, values: tuple[float, ...]) -> None:
+    if len(values) % 6 or (name == "region" and len(values) > 6):
+        raise InputError(f"option {name}: expected x0 y0 z0 x1 y1 z1, found {len(values)} numbers")
+    for i in range(0, len(values), 6):
+        if any(low > high for low, high in zip(values[i : i + 3], values[i + 3 : i + 6], strict=True)):
+            found = " ".join(f"{value:g}" for value in values[i : i + 6])
+            raise InputError(f"option {name}: expected x0 <= x1, y0 <= y1, z0 <= z1, found {found}")

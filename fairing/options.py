@@ -160,6 +160,10 @@ class FairingOptions:
     """Keep the vertices at the mesh's boundary where they are."""
     locked_vertices: tuple[int, ...] = ()
     """Vertices that never move, by their number in the input mesh."""
+    locked_boxes: tuple[float, ...] = ()
+    """Vertices that start inside never move: x0 y0 z0 x1 y1 z1, world units; further boxes behind."""
+    region: tuple[float, ...] = ()
+    """Region of interest, x0 y0 z0 x1 y1 z1, world units: vertices that start outside never move."""
     threads: int = 0
     """Threads; 0: one per core. The result is the same for any number."""
 

@@ -26,6 +26,7 @@ from fairing.gauss_newton import (
     vertex_systems,
 )
 from fairing.hand import check_places
+from fairing.locks import locked_by_options
 from fairing.mesh import Mesh
 from fairing.mesh_check import inspect_mesh
 from fairing.option_check import check_options
@@ -805,15 +806,7 @@ class Session:
         return last
 
     def _find_locked(self) -> np.ndarray:
-        locked = np.zeros(len(self.scene.mesh.vertices), dtype=bool)
-        chosen = np.asarray(self.options.locked_vertices, dtype=np.int64)
-        count = len(self.scene.original_from_welded)
-        if len(chosen) and (chosen.min() < 0 or chosen.max() >= count):
-            wrong = int(chosen[(chosen < 0) | (chosen >= count)][0])
-            raise InputError(f"locked_vertices: expected numbers 0 to {count - 1}, found {wrong}")
-        locked[self.scene.original_from_welded[chosen]] = True
-        if self.options.lock_boundary:
-            locked[self.scene.mesh.boundary_vertices] = True
+        locked = locked_by_options(self.scene, self.options)
         locked[self.scene.mesh.faces[self._excluded]] = True
         return locked
 
