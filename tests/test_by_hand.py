@@ -6,10 +6,10 @@ import pytest
 from app.by_hand import named
 from app.commands import Extent, Forward, JumpTo, Lock, Place, Reset, Run
 from app.controller import Controller
-from app.history import StepHistory
 from app.palette import HAND
 from app.run_state import RunState
 from app.runs import Runs
+from app.strip import StepHistory
 from fairing.options import FairingOptions
 from fairing.session import Session
 from fairing.trace import StepReason, Trace
@@ -135,8 +135,8 @@ def test_the_timeline_shows_where_a_hand_moved_something(controller: Controller)
     state = do(controller, Forward(Extent.SWEEP), place(controller.state, 0, 0.02))
     history = StepHistory()
     history.update(state)
-    assert history.picture()[0, -1].tolist() == list(HAND)
-    assert history.picture()[0, 0].tolist() != list(HAND)
+    assert history.picture("energy")[0, -1].tolist() == list(HAND)
+    assert history.picture("energy")[0, 0].tolist() != list(HAND)
 
 
 def test_few_vertices_are_named_and_many_counted():
