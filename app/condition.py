@@ -6,6 +6,7 @@ A grammar of its own, never Python's: or, and, not; comparisons; + - * /; number
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import NamedTuple
 
 from fairing.errors import InputError
@@ -44,15 +45,20 @@ class Condition:
         return value == value and value != 0  # a quantity that does not exist is not a number: never true
 
 
-def parse_condition(text: str, values: set[str], functions: set[str]) -> Condition:
+def parse_condition(
+    text: str, values: set[str], functions: set[str], limits: Mapping[str, int] = MappingProxyType({})
+) -> Condition:
     """Understand a condition that may use these names.
+
+    Args:
+        limits: of functions that choose one of several things by number, from 0: how many there are.
 
     Raises:
         InputError: it cannot be understood; the message points at the place.
     """
     if len(text) > MAX_LENGTH:
         raise InputError(f"condition: expected at most {MAX_LENGTH} characters, found {len(text)}")
-    return Condition(text.strip(), _Parser(text, values, functions).parse())
+    return Condition(text.strip(), _Parser(text, values, functions, limits).parse())
 
 
 class _Token(NamedTuple):
@@ -64,8 +70,8 @@ class _Token(NamedTuple):
 class _Parser:
     """Recursive descent; every method returns how to compute what it has read."""
 
-    def __init__(self, text: str, values: set[str], functions: set[str]) -> None:
-        self._text, self._values, self._functions = text, values, functions
+    def __init__(self, text: str, values: set[str], functions: set[str], limits: Mapping[str, int]) -> None:
+        self._text, self._values, self._functions, self._limits = text, values, functions, limits
         self._tokens = self._split()
         self._at = 0
         self._depth = 0
@@ -165,6 +171,7 @@ class _Parser:
             self._at += 1
             if not self._take("("):
                 raise self._error(f"expected ( after {token.text}")
+            self._check_limit(token.text)
             argument = self._either()
             self._close()
             return lambda q: q.functions[token.text](argument(q))
@@ -175,6 +182,13 @@ class _Parser:
             known = ", ".join(sorted(self._values) + sorted(f"{name}()" for name in self._functions))
             raise self._error(f"{token.text!r} is not known; known are {known}")
         raise self._error("expected a number or a name")
+
+    def _check_limit(self, function: str) -> None:
+        """A number that is written out and names nothing is a mistake; what is computed may come out as anything."""
+        count, following = self._limits.get(function), self._tokens[self._at + 1 : self._at + 2]
+        is_plain = self._now.kind == "number" and following and following[0].text == ")"
+        if count is not None and is_plain and float(self._now.text) not in range(count):
+            raise self._error(f"{function}() expects a whole number from 0 to {count - 1}")
 
     def _close(self) -> None:
         if not self._take(")"):

@@ -38,6 +38,7 @@ from app.commands import (
     ToBeginning,
 )
 from app.outcome import step_outcome
+from app.quantities import Around
 from app.run_state import Activity, RunState
 from app.runs import Runs
 from fairing.errors import InputError, Interrupted
@@ -83,6 +84,7 @@ class Controller:
         self._listeners: list[Listener] = []
         self._activity = Activity.PAUSED
         self._at_work_since = 0.0
+        self._stopped = session.vertices  # when the run last stopped
         self._reason = session.stop_reason if session.finished else "ready"
         self._problem = ""
         self._step_seconds: deque[float] = deque(maxlen=8)
@@ -298,7 +300,7 @@ class Controller:
         session = self._session
         if session.finished:
             return session.stop_reason
-        began = session.position
+        began, self._stopped = session.position, session.vertices
         while not session.finished:
             is_new = session.moment == len(session.trace)
             started = time.perf_counter()
@@ -320,9 +322,14 @@ class Controller:
 
     def _ask_breakpoints(self) -> str:
         """Why to stop after the step just made; empty: go on."""
-        moment = self._session.moment
+        session, moment = self._session, self._session.moment
+        around = Around(session, self._stopped)
+        # Some questions take long: nobody waits for their answers meanwhile.
+        before = self._breakpoints
+        after, hit = before.asked(session.trace.steps[moment - 1], moment, around)
         with self._changed:
-            self._breakpoints, hit = self._breakpoints.asked(self._session.trace.steps[moment - 1], moment)
+            if self._breakpoints is before:
+                self._breakpoints = after
         for item in hit:
             if item.logs:
                 self._log.append(f"moment {moment}: {item.condition.text}")
@@ -331,6 +338,7 @@ class Controller:
 
     def _run_back(self) -> str:
         session = self._session
+        self._stopped = session.vertices
         for moment in range(session.moment - 1, 0, -1):
             session.go_to(moment)
             if stop := self._ask_breakpoints():

@@ -150,7 +150,7 @@ class Page:
             "before": bridge.button(lambda: self._to_move_of_selected(-1)),
             "after": bridge.button(lambda: self._to_move_of_selected(1)),
         }
-        breakpoint_buttons = BreakpointButtons(shared.controller, bridge.button, bridge.number)
+        breakpoint_buttons = BreakpointButtons(shared.controller, self.view, bridge.button, bridge.number)
         option_buttons = OptionButtons(bridge.button)
         self._play = TimelineButtons(shared.controller, self.view, bridge.button, bridge.number)
         self._runs = RunButtons(shared.controller, self.view, bridge.button, bridge.number)

@@ -2,8 +2,11 @@
 
 import pytest
 
-from app.breakpoints import Breakpoints, understand
+from app.breakpoints import Breakpoints
 from app.condition import Quantities, parse_condition
+from app.quantities import FUNCTIONS, VALUES, understand
+from app.selection import Selection
+from app.view import View
 from fairing.errors import InputError
 
 QUANTITIES = Quantities(
@@ -13,7 +16,8 @@ QUANTITIES = Quantities(
 
 
 def value(text: str) -> float:
-    return parse_condition(text, set(QUANTITIES.values), set(QUANTITIES.functions)).evaluate(QUANTITIES)
+    limits = {"double": 5}
+    return parse_condition(text, set(QUANTITIES.values), set(QUANTITIES.functions), limits).evaluate(QUANTITIES)
 
 
 @pytest.mark.parametrize(
@@ -25,6 +29,8 @@ def value(text: str) -> float:
         ("-a - -b", -5),
         ("abs(b) == 3", 1),
         ("double(a + 1) / 4", 1.5),
+        ("double(4)", 8),
+        ("double(4 + 9)", 26),
         ("a > 1 and b > 1", 0),
         ("a > 1 or b > 1", 1),
         ("not a > 1", 0),
@@ -57,6 +63,8 @@ def test_what_does_not_exist_is_never_true(text: str):
         ("__import__('os')", 12),
         ("a > 1; b", 6),
         ("a < b < a", 7),
+        ("1 + double(5)", 12),
+        ("double(1.5) > 1", 8),
     ],
 )
 def test_mistakes_are_pointed_at(text: str, column: int):
@@ -80,12 +88,11 @@ def test_a_breakpoint_cannot_be_added_twice():
 
 
 def test_every_word_that_is_offered_is_understood():
-    from app.breakpoints import FUNCTIONS, VALUES
-    from app.panels.breakpoints_panel import READY_MADE
+    from app.panels.breakpoints_panel import ready_made
 
     for name in VALUES:
         understand(f"{name} > 0")
     for name in FUNCTIONS:
         understand(f"{name}(1) > 0")
-    for condition in READY_MADE.values():
+    for condition in ready_made(View(Selection((3,)), entered=2)).values():
         understand(condition)

@@ -5,20 +5,40 @@ from dataclasses import replace
 
 import viser
 
-from app.breakpoints import FUNCTIONS, VALUES, Breakpoint, Breakpoints
+from app.breakpoints import Breakpoint, Breakpoints
+from app.bridge import whole_number
 from app.controller import Controller
 from app.html import button, icon, text
 from app.panels.html_panel import HtmlPanel
+from app.quantities import FUNCTIONS, VALUES, limits_of
 from app.run_state import RunState
 from app.view import View
+from fairing.errors import InputError
 
 READY_MADE: dict[str, str] = {
     "A step is rejected": "rejected > 0",
     "The energy is stuck": "abs(percent) < 0.01",
     "A vertex is under-determined": "weakest < 0.01",
     "A step is longer than 2 px": "step_px > 2",
+    "A photo sees other faces": "seen_changes > 0",
     "A level begins": "sweep == 1 and unit == 1 and iteration == 1",
 }
+
+
+def ready_made(view: View) -> dict[str, str]:
+    """Conditions by what they say: those that always fit, and those about what is selected and looked through."""
+    about = {}
+    if view.selected is not None:
+        about |= {
+            f"Vertex {view.selected} moves 1 px from here": f"travelled({view.selected}) > 1",
+            f"A step is about vertex {view.selected}": f"about({view.selected})",
+        }
+    if view.entered is not None:
+        about |= {
+            f"The energy rises in view {view.entered}": f"view({view.entered}) > 0",
+            f"View {view.entered} has 30 % outliers": f"outliers({view.entered}) > 0.3",
+        }
+    return about | READY_MADE
 
 
 class BreakpointsPanel:
@@ -32,6 +52,7 @@ class BreakpointsPanel:
         press: "BreakpointButtons",
     ) -> None:
         self._controller, self._press = controller, press
+        self._mistake = ""
         with gui.add_form(None) as form:
             self._text = gui.add_text("Stop when", "")
         add = guarded(self._add)
@@ -43,7 +64,7 @@ class BreakpointsPanel:
         rows = "".join(self._row(item) for item in state.breakpoints)
         ready = "".join(
             button(name, self._press.ready_made(str(k)), hint=f"Stop when {condition}", css_class="layer")
-            for k, (name, condition) in enumerate(READY_MADE.items())
+            for k, (name, condition) in enumerate(ready_made(view).items())
         )
         words = "".join(
             f"<tr><th>{text(name)}</th><td>{text(meaning)}</td></tr>"
@@ -52,7 +73,7 @@ class BreakpointsPanel:
         log = "".join(f"<div class='dim'>{text(line)}</div>" for line in state.log[-8:])
         add = button("Add", self._press.add, hint="Add this breakpoint (Enter)", css_class="grow")
         self._panel.set(
-            f"<div class='row'>{add}</div>"
+            f"<div class='row'>{add}</div>{_pointed_at(self._mistake)}"
             f"<div class='note'>{rows or '<span class=dim>No breakpoints yet.</span>'}</div>"
             + (f"<h4>Reported</h4>{log}" if log else "")
             + f"<h4>Ready-made</h4><div class='stack'>{ready}</div><h4>Words of a condition</h4>"
@@ -78,9 +99,22 @@ class BreakpointsPanel:
         )
 
     def _add(self) -> None:
-        written = self._text.value
-        self._controller.edit_breakpoints(lambda all_of_them: all_of_them.added(str(written)))
-        self._text.value = ""
+        written, limits = str(self._text.value), limits_of(self._controller.scene)
+        try:
+            self._controller.edit_breakpoints(lambda all_of_them: all_of_them.added(written, limits))
+        except InputError as error:
+            self._mistake = str(error)
+            self._controller.republish()
+        else:
+            self._mistake, self._text.value = "", ""
+
+
+def _pointed_at(mistake: str) -> str:
+    """A mistake, and below it what was written with a mark at the place."""
+    said, _, written = mistake.partition(" (at: ")
+    before, _, after = written.removesuffix(")").partition("⟨here⟩")
+    place = f"<code>{text(before)}<b class='rejected'>▸</b>{text(after)}</code>" if written else ""
+    return f"<div class='note rejected' role='alert'>{text(said)}</div>{place}" if mistake else ""
 
 
 class BreakpointButtons:
@@ -89,6 +123,7 @@ class BreakpointButtons:
     def __init__(
         self,
         controller: Controller,
+        view: View,
         button_for: Callable[[Callable[[], None]], str],
         number_for: Callable[[Callable[[object], None]], Callable[[str], str]],
     ) -> None:
@@ -105,5 +140,10 @@ class BreakpointButtons:
         self.switch = number_for(edit(lambda b, n: b.changed(n, lambda item: replace(item, enabled=not item.enabled))))
         self.report = number_for(edit(lambda b, n: b.changed(n, lambda item: replace(item, logs=not item.logs))))
         self.remove = number_for(edit(lambda b, n: b.removed(n)))
-        conditions = list(READY_MADE.values())
-        self.ready_made = number_for(edit(lambda b, n: b.added(conditions[n % len(conditions)])))
+
+        def add_ready_made(number: object) -> None:
+            conditions = list(ready_made(view).values())
+            chosen = conditions[whole_number(number, 0, len(conditions) - 1, "condition")]
+            controller.edit_breakpoints(lambda all_of_them: all_of_them.added(chosen))
+
+        self.ready_made = number_for(add_ready_made)

@@ -1,0 +1,113 @@
+"""What breakpoints may ask about a step, against what the engine says of it."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from app.commands import JumpTo, Run
+from app.controller import Controller
+from app.quantities import Around, limits_of, quantities_of, understand
+from demo_scenes import Photography, load_demo
+from fairing.errors import InputError
+from fairing.inspect import face_cells
+from fairing.options import FairingOptions, RobustOptions, ScheduleOptions
+from fairing.scene import Scene
+from fairing.session import Session
+from fairing.visibility import Visibility
+
+OPTIONS = FairingOptions(
+    robust=RobustOptions(sigma_rule=("fixed",), sigma=3),
+    schedule=ScheduleOptions(blur=(3.6, 2.0), order="sequential", max_sweeps=(2,), max_iterations=(3,), start="first"),
+)
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    return load_demo("cube", Photography())
+
+
+@pytest.fixture(scope="module")
+def session(scene: Scene) -> Session:
+    session = Session(scene, OPTIONS)
+    session.run()
+    return session
+
+
+def apart(scene: Scene, one: np.ndarray, other: np.ndarray) -> float:
+    """The largest distance in any photo, px; the cube is in sight of all of them."""
+    return max(
+        float(np.linalg.norm(np.diff(view.camera.project(np.stack([one, other]))[0], axis=0))) for view in scene.views
+    )
+
+
+def test_a_data_breakpoint_stops_each_time_the_vertex_has_travelled_so_far(scene: Scene):
+    controller = Controller(Session(scene, OPTIONS))
+    try:
+        controller.edit_breakpoints(lambda b: b.added("travelled(0) > 1.5"))
+        stopped = controller.state
+        for _ in range(2):
+            controller.post(Run())
+            state = controller.wait_until_idle()
+            assert state.reason == "breakpoint: travelled(0) > 1.5"
+            before = state.trace.vertices_at(state.moment - 1)
+            assert apart(scene, stopped.vertices[0], before[0]) <= 1.5
+            assert apart(scene, stopped.vertices[0], state.vertices[0]) > 1.5
+            stopped = state
+        controller.post(JumpTo(0))
+        controller.wait_until_idle()
+        controller.post(Run())
+        assert controller.wait_until_idle().moment < stopped.moment, "a jump is a stop, too"
+    finally:
+        controller.close()
+
+
+def test_quantities_around_a_step_are_those_of_the_engine(scene: Scene, session: Session):
+    moment = next(m for m, record in enumerate(session.trace.steps, 1) if record.position == (0, 1, 2, 0))
+    session.go_to(moment)
+    record = session.trace.steps[moment - 1]
+    ask = quantities_of(record, moment, Around(session, session.trace.start))
+    assert ask.functions["displaced"](0) == pytest.approx(apart(scene, session.trace.start[0], session.vertices[0]))
+    cells = [face_cells(session, int(face)) for face in record.faces]
+    kept = [(c.residual[k], c.counts[k], c.outlier_threshold) for c in cells for k in np.flatnonzero(c.views == 3)]
+    large = sum(int((np.abs(residual[counts]) > threshold).sum()) for residual, counts, threshold in kept)
+    assert ask.functions["outliers"](3) == large / sum(int(counts.sum()) for _, counts, _ in kept)
+    assert 0 < ask.functions["outliers"](3) < 0.5
+    for wrong in (-1, 99, float("nan"), 1e300):
+        assert np.isnan(ask.functions["outliers"](wrong))
+        assert np.isnan(ask.functions["displaced"](wrong))
+
+
+def test_changes_of_visibility_are_counted_where_a_sweep_begins(session: Session, monkeypatch: pytest.MonkeyPatch):
+    begins = [moment for moment, record in enumerate(session.trace.steps, 1) if record.position[2:] == (0, 0)]
+    assert len(begins) == 4
+
+    def sweep_state(moment: int) -> SimpleNamespace:
+        sweep = sum(moment >= began - 1 for began in begins)
+        reasons = np.full((12, 12), Visibility.SEEN)
+        reasons[: sweep * sweep] = Visibility.HIDDEN
+        return SimpleNamespace(context=SimpleNamespace(reasons=reasons))
+
+    monkeypatch.setattr(session, "sweep_state", sweep_state)
+    counts = [
+        quantities_of(record, moment, Around(session, session.trace.start)).values["seen_changes"]()
+        for moment, record in enumerate(session.trace.steps, 1)
+    ]
+    assert [counts[began - 1] for began in begins] == [0, 12 * 3, 12 * 5, 12 * 3]
+    assert sum(counts) == 12 * 11
+
+
+def test_what_needs_the_engine_is_not_a_number_without_it(session: Session):
+    ask = quantities_of(session.trace.steps[0], 1)
+    for name in ("travelled", "displaced", "outliers"):
+        assert np.isnan(ask.functions[name](0))
+    assert np.isnan(ask.values["seen_changes"]())
+
+
+def test_vertices_and_views_that_are_not_there_are_pointed_at(scene: Scene):
+    limits = limits_of(scene)
+    understand("about(6) and view(11) > 0", limits)
+    with pytest.raises(InputError, match=r"column 13: about\(\) expects a whole number from 0 to 6.*⟨here⟩7"):
+        understand("1 and about(7)", limits)
+    with pytest.raises(InputError, match=r"column 6: view\(\) expects a whole number from 0 to 11"):
+        understand("view(12) > 0", limits)
