@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from app.atlas import PhotoTexture
-from app.glb import write_glb
+from fairing.io.glb import write_glb
 from app.stage import SIZE, Stage
 from fairing.scene import Scene
 

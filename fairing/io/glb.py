@@ -7,8 +7,12 @@ from typing import Any
 import numpy as np
 
 
-def write_glb(vertices: np.ndarray, faces: np.ndarray, uv: np.ndarray, image: bytes, mime: str = "image/jpeg") -> bytes:
+def write_glb(
+    vertices: np.ndarray, faces: np.ndarray, uv: np.ndarray, image: bytes, mime: str = "image/jpeg"
+) -> bytes:
     """Pack a mesh whose colours are the texture's own, whatever the light.
+
+    Coordinates are kept about the middle of the mesh, which is the node's translation: glTF has only single precision.
 
     Args:
         vertices: (n, 3) float.
@@ -16,8 +20,11 @@ def write_glb(vertices: np.ndarray, faces: np.ndarray, uv: np.ndarray, image: by
         uv: (n, 2) float, texture coordinates, origin at the image's top left.
         image: the encoded texture.
     """
+    vertices = np.asarray(vertices, dtype=np.float64)
+    middle = (vertices.min(0) + vertices.max(0)) / 2
+    positions = (vertices - middle).astype("<f4")
     parts = [
-        np.ascontiguousarray(vertices, dtype="<f4").tobytes(),
+        positions.tobytes(),
         np.ascontiguousarray(uv, dtype="<f4").tobytes(),
         np.ascontiguousarray(faces, dtype="<u4").tobytes(),
         image,
@@ -27,13 +34,12 @@ def write_glb(vertices: np.ndarray, faces: np.ndarray, uv: np.ndarray, image: by
         views.append({"buffer": 0, "byteOffset": offset, "byteLength": len(part)})
         offset += len(part) + (-len(part)) % 4
     binary = b"".join(part + b"\0" * ((-len(part)) % 4) for part in parts)
-    positions = np.asarray(vertices, dtype=np.float32)
     document: dict[str, Any] = {
         "asset": {"version": "2.0", "generator": "EigenFairing"},
         "extensionsUsed": ["KHR_materials_unlit"],
         "scene": 0,
         "scenes": [{"nodes": [0]}],
-        "nodes": [{"mesh": 0}],
+        "nodes": [{"mesh": 0, "translation": middle.tolist()}],
         "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2, "material": 0}]}],
         "materials": [
             {
