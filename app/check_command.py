@@ -9,7 +9,8 @@ from rich.table import Table
 
 from app.check_page import VERDICTS, check_page
 from app.check_pictures import THUMBNAIL, contact_sheet, overlay
-from app.headless import load_with_progress, write_json
+from app.json_file import write_json
+from app.loading import load_with_progress
 from app.scene_source import SceneSource
 from fairing.check_result import SceneCheck
 from fairing.io import prepare_output_folder, write_atomically

@@ -13,9 +13,12 @@ from rich.console import Console
 
 from app.check_command import check_to_console
 from app.convert_command import convert_to_folder
-from app.headless import TRACE, fair_to_folder, load_with_progress, run_to
+from app.headless import TRACE, fair_to_folder, run_to
+from app.loading import load_with_progress
 from app.moment_id import START, find_moment, parse_moment_id
+from app.run_extras import TEXTURE_SIZE, RunExtras
 from app.scene_source import SceneSource
+from app.texture_command import texture_to_file
 from demo_scenes import DEMOS
 from fairing.errors import InputError
 from fairing.io import PhotoChoice
@@ -24,6 +27,7 @@ from fairing.session import Session
 from fairing.trace import Trace
 
 _ALL_PHOTOS = PhotoChoice()
+_NO_EXTRAS = RunExtras()
 SceneArgument = Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="SCENE")]
 PhotosArgument = Annotated[PhotoChoice, tyro.conf.arg(name="")]
 Preset = Literal["accurate", "paper"]
@@ -93,6 +97,24 @@ def convert(
     return convert_to_folder(SceneSource.typed(scene, mesh, photos), out, format, Console(stderr=True))
 
 
+def texture(
+    scene: SceneArgument,
+    out: Path,
+    mesh: Path | None = None,
+    size: int = TEXTURE_SIZE,
+    photos: PhotosArgument = _ALL_PHOTOS,
+) -> int:
+    """Write a mesh with a texture painted from the photos, for other programs.
+
+    Args:
+        scene: A demo's name or a folder or file with photos and cameras.
+        out: The model: .glb, .obj (with .mtl and .png) or .ply (with .png).
+        mesh: The mesh to paint. Default: the one the scene names, or the only one in its folder.
+        size: Width and height of the texture at most; within it a texel is about a photo's pixel.
+    """
+    return texture_to_file(SceneSource.typed(scene, mesh, photos), out, size, Console(stderr=True))
+
+
 def demos() -> int:
     """List the scenes that come with the program."""
     console = Console()
@@ -138,6 +160,7 @@ def _fair_command(default: FairingOptions) -> Callable[..., int]:
         mesh: Path | None = None,
         preset: Preset = "accurate",
         resume: bool = False,
+        extras: Annotated[RunExtras, tyro.conf.arg(name="")] = _NO_EXTRAS,
         photos: PhotosArgument = _ALL_PHOTOS,
         options: Annotated[FairingOptions, tyro.conf.arg(name="")] = default,
     ) -> int:
@@ -151,7 +174,7 @@ def _fair_command(default: FairingOptions) -> Callable[..., int]:
             resume: Go on with the run in `out`, recorded on the same scene with the same options.
         """
         console = Console(stderr=True)
-        return fair_to_folder(SceneSource.typed(scene, mesh, photos), out, preset, options, resume, console)
+        return fair_to_folder(SceneSource.typed(scene, mesh, photos), out, preset, options, resume, extras, console)
 
     return fair
 
@@ -189,6 +212,7 @@ def run(arguments: Sequence[str]) -> int:
         "fair": _fair_command(_chosen_preset(arguments)),
         "check": check,
         "convert": convert,
+        "texture": texture,
         "replay": replay,
         "demos": demos,
     }

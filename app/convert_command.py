@@ -4,7 +4,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from app.headless import load_with_progress
+from app.loading import load_with_progress
 from app.scene_source import SceneSource
 from demo_scenes import DEMOS
 from fairing.errors import InputError

@@ -1,6 +1,5 @@
 """`fair`: a run without a page, from a scene to a folder of results."""
 
-import json
 import signal
 import time
 from collections.abc import Iterator
@@ -12,14 +11,16 @@ from typing import Any
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
+from app.json_file import write_json
+from app.loading import load_with_progress
+from app.run_extras import RunExtras, prove_on_left_out, write_models
 from app.scene_source import SceneSource
 from fairing.errors import InputError
-from fairing.io import prepare_output_folder, write_atomically, write_mesh
+from fairing.io import prepare_output_folder, write_mesh
 from fairing.metrics import quality_report
 from fairing.option_check import check_options
 from fairing.options import FairingOptions, options_from_dict
 from fairing.report import EnergyTally, run_report
-from fairing.scene import Scene
 from fairing.session import Session
 from fairing.trace import Position, StepRecord, Trace
 
@@ -85,13 +86,6 @@ class RunProgress:
             self._console.print(text, highlight=False)
 
 
-def load_with_progress(source: SceneSource, console: Console) -> Scene:
-    """The scene of a source, with a bar while a demo's photos are taken."""
-    with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task(f"opening {source.scene}", total=1.0)
-        return source.load(lambda fraction, line: bar.update(task, completed=fraction, description=line))
-
-
 def run_to(session: Session, wanted: Position, console: Console) -> None:
     """Run up to a position of the schedule, with a bar; where the run passes it by, to the next moment after it."""
     with RunProgress(console, session) as progress:
@@ -102,9 +96,15 @@ def run_to(session: Session, wanted: Position, console: Console) -> None:
 
 
 def fair_to_folder(
-    source: SceneSource, out: Path, preset: str, options: FairingOptions, resume: bool, console: Console
+    source: SceneSource,
+    out: Path,
+    preset: str,
+    options: FairingOptions,
+    resume: bool,
+    extras: RunExtras,
+    console: Console,
 ) -> int:
-    """Run to the end or to Ctrl-C and write mesh, report and trace.
+    """Run to the end or to Ctrl-C and write mesh, report and trace; after the end also the extras.
 
     Returns:
         Exit code: 0, or 130 if it was interrupted.
@@ -122,23 +122,41 @@ def fair_to_folder(
     try:
         with interrupt.listening(), RunProgress(console, session) as progress:
             session.run(should_stop=lambda: interrupt.asked, on_step=progress.show)
-    finally:
+    except BaseException:
         _save(session, out, preset, loading)
+        raise
+    report = _save(session, out, preset, loading)
     for warning in session.warnings:
         console.print(f"note: {warning}", highlight=False, soft_wrap=True)
     stopped = interrupt.asked and not session.finished
     reason = f"interrupted; go on with --resume --out {out}" if stopped else session.stop_reason
     console.print(f"{reason}; wrote {out / MESH}, {REPORT}, {TRACE}", highlight=False, soft_wrap=True)
-    return 130 if stopped else 0
+    if stopped:
+        return 130
+    write_models(scene, session.trace.start, session.vertices, extras, out, console)
+    if extras.left_out:
+        report["left_out"] = prove_on_left_out(scene, session.trace.start, session.vertices, out, console)
+        write_json(out / REPORT, report)
+    return 0
 
 
-def _save(session: Session, out: Path, preset: str, loading: float) -> None:
-    """Write all that can be written; on a full disk the mesh may still find its place where the trace did not."""
+def _save(session: Session, out: Path, preset: str, loading: float) -> dict[str, Any]:
+    """Write all that can be written; on a full disk the mesh may still find its place where the trace did not.
+
+    Returns:
+        What report.json says.
+    """
+    report: dict[str, Any] = {}
     failures = []
+
+    def save_report() -> None:
+        report.update(_report(session, preset, loading))
+        write_json(out / REPORT, report)
+
     for write in (
         lambda: write_mesh(out / MESH, session.scene.unweld(session.vertices), session.scene.original_faces),
         session.trace.detach,
-        lambda: write_json(out / REPORT, _report(session, preset, loading)),
+        save_report,
     ):
         try:
             write()
@@ -146,26 +164,13 @@ def _save(session: Session, out: Path, preset: str, loading: float) -> None:
             failures.append(error)
     if failures:
         raise failures[0]
+    return report
 
 
 def _report(session: Session, preset: str, loading: float) -> dict[str, Any]:
     began = time.perf_counter()
     quality = quality_report(session.scene, session.trace.start, session.vertices)
     return run_report(session, preset, {"loading": loading, "metrics": time.perf_counter() - began}, quality)
-
-
-def write_json(path: Path, values: dict[str, Any]) -> None:
-    """Write a JSON file, complete or not at all; numbers that are not finite become null."""
-    text = json.dumps(_finite(values), indent=1, allow_nan=False)
-    write_atomically(path, lambda file: file.write(text.encode()))
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _finite(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(item) for item in value]
-    return None if isinstance(value, float) and not abs(value) < float("inf") else value
 
 
 def _earlier_run(path: Path, options: FairingOptions) -> Trace | None:

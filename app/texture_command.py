@@ -6,7 +6,7 @@ import numpy as np
 from rich.console import Console
 from rich.progress import Progress
 
-from app.headless import load_with_progress
+from app.loading import load_with_progress
 from app.scene_source import SceneSource
 from fairing.errors import InputError
 from fairing.io.textured_mesh import check_textured_suffix, write_textured

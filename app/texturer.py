@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 
 from app.atlas import PhotoTexture
-from fairing.io.glb import write_glb
 from app.stage import SIZE, Stage
+from fairing.io.glb import write_glb
 from fairing.scene import Scene
 
 JPEG_QUALITY = 92

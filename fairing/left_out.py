@@ -1,7 +1,8 @@
 """PSNR and SSIM of photos that the model was not textured from."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -31,8 +32,29 @@ class LeftOut:
     share: np.ndarray
 
 
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """One photo, and what the others make of it.
+
+    Attributes:
+        view: its id.
+        photo: (h, w, 3) float32, RGB.
+        images: for each state of the mesh (h, w, 3) float32.
+        is_known: (h, w) bool: pixels that all states predict.
+    """
+
+    view: int
+    photo: np.ndarray
+    images: tuple[np.ndarray, ...]
+    is_known: np.ndarray
+
+
 def leave_one_out(
-    scene: Scene, *states: np.ndarray, views: Sequence[int] | None = None, match_exposure: bool = True
+    scene: Scene,
+    *states: np.ndarray,
+    views: Sequence[int] | None = None,
+    match_exposure: bool = True,
+    on_view: Callable[[Prediction], None] = lambda prediction: None,
 ) -> list[LeftOut]:
     """Render photos from the others with several states of the vertices (n, 3), judged on the pixels known to all.
 
@@ -40,6 +62,7 @@ def leave_one_out(
         views: photos to leave out one at a time; default all.
         match_exposure: fit a gain and an offset a channel to the photo first, because photos of one scene differ in
             exposure and the model cannot know the one left out.
+        on_view: told of every photo as it is judged, for pictures.
     """
     views = tuple(range(len(scene.views)) if views is None else views)
     renderers = [Renderer(scene, vertices) for vertices in states]
@@ -48,15 +71,38 @@ def leave_one_out(
         photo = scene.views[view].photo.load().astype(np.float32)
         rendered = [renderer.render(view) for renderer in renderers]
         known = np.logical_and.reduce([r.is_known for r in rendered])
+        images = [_matched(r.image, photo, known) if match_exposure and known.any() else r.image for r in rendered]
+        on_view(Prediction(view, photo, tuple(images), known))
         inner = cv2.erode(known.astype(np.uint8), np.ones((WINDOW, WINDOW), np.uint8), borderValue=0) > 0
         if not inner.any():
             continue
-        for s, result in enumerate(rendered):
-            image = _matched(result.image, photo, known) if match_exposure else result.image
+        for s, image in enumerate(images):
             psnrs[s, i] = psnr(image[known], photo[known])
             ssims[s, i] = ssim_map(_luma(image), _luma(photo))[inner].mean()
             shares[s, i] = known.mean()
     return [LeftOut(views, *row) for row in zip(psnrs, ssims, shares, strict=True)]
+
+
+def left_out_summary(scene: Scene, before: LeftOut, after: LeftOut) -> dict[str, Any]:
+    """Plain numbers for a report: of each photo, and their means over the photos that could be judged."""
+    photos = [
+        {
+            "photo": scene.views[view].name,
+            "judged_share": before.share[i],
+            "psnr_before": before.psnr[i],
+            "psnr_after": after.psnr[i],
+            "ssim_before": before.ssim[i],
+            "ssim_after": after.ssim[i],
+        }
+        for i, view in enumerate(before.views)
+    ]
+    judged = [photo for photo in photos if np.isfinite(photo["psnr_before"]) and np.isfinite(photo["psnr_after"])]
+    means = {
+        key: float(np.mean([photo[key] for photo in judged])) if judged else None
+        for key in ("psnr_before", "psnr_after", "ssim_before", "ssim_after")
+    }
+    better = sum(bool(photo["psnr_after"] > photo["psnr_before"]) for photo in judged)
+    return {**means, "photos_judged": len(judged), "photos_better": better, "photos": photos}
 
 
 def psnr(image: np.ndarray, reference: np.ndarray) -> float:

@@ -7,9 +7,7 @@ from typing import Any
 import numpy as np
 
 
-def write_glb(
-    vertices: np.ndarray, faces: np.ndarray, uv: np.ndarray, image: bytes, mime: str = "image/jpeg"
-) -> bytes:
+def write_glb(vertices: np.ndarray, faces: np.ndarray, uv: np.ndarray, image: bytes, mime: str = "image/jpeg") -> bytes:
     """Pack a mesh whose colours are the texture's own, whatever the light.
 
     Coordinates are kept about the middle of the mesh, which is the node's translation: glTF has only single precision.

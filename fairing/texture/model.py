@@ -80,7 +80,9 @@ def textured_model(
             slots = np.argmax(chosen[members] == v, axis=1)
             slots = np.where((chosen[members] == v).any(axis=1), slots, -1)
             if (slots >= 0).any():
-                _sample_photo(layout, view, vertices, faces, members, starts, slots, scores[members, v], colors, weights)
+                _sample_photo(
+                    layout, view, vertices, faces, members, starts, slots, scores[members, v], colors, weights
+                )
             on_progress(0.3 + 0.65 * (group + (v + 1) / len(scene.views)) / n_groups)
         _fuse(
             members, starts, colors, weights, layout.corner, layout.legs, layout.is_turned, layout.gutter, image, log_gain
@@ -90,9 +92,7 @@ def textured_model(
     return TexturedModel(vertices, faces, layout.uv, np.clip(image + 0.5, 0, 255).astype(np.uint8))
 
 
-def _survey(
-    scene: Scene, vertices: np.ndarray, on_progress: Callable[[float], None]
-) -> tuple[np.ndarray, np.ndarray]:
+def _survey(scene: Scene, vertices: np.ndarray, on_progress: Callable[[float], None]) -> tuple[np.ndarray, np.ndarray]:
     """How well each view sees each face (m, V), pixels that show it times the sine of the angle; and the faces' edges
     (m, 3) in pixels of the photos that see them best."""
     faces = scene.mesh.faces
@@ -168,10 +168,8 @@ def _resized(camera: Camera, factor: float) -> Camera:
     return Camera(resize @ camera.image_from_world, width, height)
 
 
-def _even_out(
-    layout: AtlasLayout, chosen: np.ndarray, log_gain: np.ndarray, n_views: int, image: np.ndarray
-) -> None:
-    """Take the photos' exposures off: log c_fv = a_f + g_v in least squares, mean g 0; a face is painted with a_f."""
+def _even_out(layout: AtlasLayout, chosen: np.ndarray, log_gain: np.ndarray, n_views: int, image: np.ndarray) -> None:
+    """Take the photos' exposures off: log c_fv = a_f + g_v in least squares, median g 0; a face is painted with a_f."""
     face, slot = np.nonzero(chosen >= 0)
     view, value = chosen[face, slot], log_gain[face, slot]
     count = np.maximum(np.bincount(face, minlength=len(chosen)), 1)
@@ -183,7 +181,7 @@ def _even_out(
     mean = np.bincount(face, value, len(chosen)) / count
     right = np.bincount(view, weight[face] * count[face] * (value - mean[face]), n_views)
     exposure = np.linalg.lstsq(normal, right, rcond=1e-9)[0]
-    exposure -= exposure.mean()
+    exposure -= np.median(exposure)  # one odd photo does not shift the rest
     gain = np.exp(np.bincount(face, value - exposure[view], len(chosen)) / count)
     _multiply(layout.corner, layout.legs, layout.is_turned, layout.gutter, gain.astype(np.float32), image)
 

@@ -1,0 +1,14 @@
+"""Opening a scene, with a bar while a demo's photos are taken."""
+
+from rich.console import Console
+from rich.progress import Progress
+
+from app.scene_source import SceneSource
+from fairing.scene import Scene
+
+
+def load_with_progress(source: SceneSource, console: Console) -> Scene:
+    """The scene of a source, with a bar while a demo's photos are taken."""
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task(f"opening {source.scene}", total=1.0)
+        return source.load(lambda fraction, line: bar.update(task, completed=fraction, description=line))

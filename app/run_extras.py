@@ -1,0 +1,75 @@
+"""What `fair` makes of a finished run on request: textured models before and after, and the proof on photos left out."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.progress import Progress
+
+from app.left_out_sheet import LeftOutSheet
+from app.texture_command import paint_with_progress
+from fairing.io import write_atomically
+from fairing.io.textured_mesh import write_textured
+from fairing.left_out import leave_one_out, left_out_summary
+from fairing.scene import Scene
+
+MODEL, MODEL_BEFORE, LEFT_OUT = "model.glb", "model_before.glb", "left_out.png"
+TEXTURE_SIZE = 4096  # texels at most: what every graphics card takes
+MOST_LEFT_OUT = 40  # photos: beyond, evenly chosen ones stand for all
+
+
+@dataclass(frozen=True)
+class RunExtras:
+    """Attributes:
+    textured: Write model.glb, the mesh with a texture from the photos.
+    textured_before: Write model_before.glb, the same of the mesh as it began.
+    left_out: Predict photos from the others, before and after: PSNR and SSIM in report.json, and left_out.png.
+    """
+
+    textured: bool = False
+    textured_before: bool = False
+    left_out: bool = False
+
+    @property
+    def any(self) -> bool:
+        return self.textured or self.textured_before or self.left_out
+
+
+def write_models(
+    scene: Scene, start: np.ndarray, end: np.ndarray, extras: RunExtras, out: Path, console: Console
+) -> None:
+    """Write the textured models that are wanted, of vertices (n, 3) at the start and the end of the run."""
+    wanted = [(extras.textured, MODEL, end), (extras.textured_before, MODEL_BEFORE, start)]
+    for is_wanted, name, vertices in wanted:
+        if is_wanted:
+            write_textured(out / name, paint_with_progress(scene, vertices, TEXTURE_SIZE, console))
+            console.print(f"wrote {out / name}", highlight=False, soft_wrap=True)
+
+
+def prove_on_left_out(scene: Scene, start: np.ndarray, end: np.ndarray, out: Path, console: Console) -> dict[str, Any]:
+    """Predict photos from the others with both meshes; writes the picture and returns the figures."""
+    count = len(scene.views)
+    views = np.unique(np.linspace(0, count - 1, min(count, MOST_LEFT_OUT)).round().astype(int)).tolist()
+    sheet = LeftOutSheet(scene)
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task("predicting photos left out", total=len(views))
+
+        def on_view(prediction: Any) -> None:
+            sheet.add(prediction)
+            bar.advance(task)
+
+        before, after = leave_one_out(scene, start, end, views=views, on_view=on_view)
+    picture = sheet.picture(before, after)
+    write_atomically(out / LEFT_OUT, lambda file: picture.save(file, format="PNG"))
+    summary = left_out_summary(scene, before, after)
+    if summary["photos_judged"]:
+        console.print(
+            f"photos left out: PSNR {summary['psnr_before']:.2f} -> {summary['psnr_after']:.2f} dB, "
+            f"SSIM {summary['ssim_before']:.4f} -> {summary['ssim_after']:.4f} (mean of {summary['photos_judged']}, "
+            f"{summary['photos_better']} better); wrote {out / LEFT_OUT}",
+            highlight=False,
+            soft_wrap=True,
+        )
+    return summary
