@@ -3,6 +3,7 @@
 from pathlib import Path
 from urllib.parse import quote
 
+import numpy as np
 from PIL import Image
 from rich.console import Console
 from rich.table import Table
@@ -14,6 +15,7 @@ from app.loading import load_with_progress
 from app.scene_source import SceneSource
 from fairing.check_result import SceneCheck
 from fairing.io import prepare_output_folder, write_atomically
+from fairing.io.capture import listed
 from fairing.scene import Scene
 from fairing.scene_check import check_scene
 
@@ -70,6 +72,8 @@ def _print(scene: Scene, check: SceneCheck, console: Console) -> None:
         f"mesh: {len(scene.mesh.vertices)} vertices, {check.n_faces} faces; "
         f"{check.faces_in_part} faces are seen by at least 3 photos"
     ]
+    for reason, ids in faces.without_part().items():
+        lines.append(f"faces that take no part, {reason}: {len(ids)} ({listed(ids.tolist())})")
     if check.views_per_face:
         lines.append("photos a face: " + _spread(check.views_per_face, "{:.0f}"))
     if check.footprint:
@@ -79,6 +83,9 @@ def _print(scene: Scene, check: SceneCheck, console: Console) -> None:
             f"texture, grey levels a pixel: {_spread(check.texture, '{:.1f}')}; {int(faces.is_blank.sum())} faces are "
             f"blank, {int(faces.is_striped.sum())} striped"
         )
+    for name, is_so in (("blank", faces.is_blank), ("striped", faces.is_striped)):
+        if is_so.any():
+            lines.append(f"{name} faces: {listed(np.flatnonzero(is_so).tolist())}")
     if check.parallax is not None:
         lines.append(f"lines of sight to a face spread over {check.parallax:.0f} degrees (median)")
     lines.append("pairs of face and photo: " + ", ".join(f"{name} {n}" for name, n in check.reasons.items()))

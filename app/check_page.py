@@ -20,6 +20,7 @@ VERDICTS = {
 }
 _COLORS = {"good": START, "doubtful": SELECTED, "unusable": NOW}
 _BINS = 24
+_MOST_IDS = 500
 
 _STYLE = f"""
 :root {{ color-scheme: dark; }}
@@ -41,6 +42,9 @@ li {{ background: #212429; border-radius: 6px; padding: 8px 14px; border-left: 3
 .tile svg {{ display: block; width: 100%; height: 84px; margin-top: 8px; }}
 .tile.wide {{ grid-column: span 4; }}
 .axis {{ display: flex; justify-content: space-between; font-size: 12px; color: #8d96a1; }}
+details {{ margin-top: 8px; }}
+summary {{ cursor: pointer; }}
+details p {{ margin: 4px 0 8px 18px; overflow-wrap: anywhere; }}
 table {{ border-collapse: collapse; width: 100%; }}
 th {{ text-align: right; font-weight: 400; color: #8d96a1; padding: 4px 12px 6px; border-bottom: 1px solid #3d444d;
   vertical-align: bottom; }}
@@ -103,12 +107,10 @@ def _list(title: str, items: Sequence[str], color: str) -> str:
 def _faces(check: SceneCheck) -> str:
     faces = check.faces
     part = faces.takes_part
-    out = [reason for reason in faces.reason if reason]
-    reasons = ", ".join(
-        f"{out.count(reason)} {reason.replace('_', ' ')}" for reason in sorted(set(out), key=out.count, reverse=True)
-    )
+    without = faces.without_part()
+    reasons = ", ".join(f"{len(ids)} {reason}" for reason, ids in without.items())
     share = 100 * check.faces_in_part / check.n_faces
-    others = f"; the others: {reasons}" if out else ""
+    others = f"; the others: {reasons}" if without else ""
     parallax = "–" if check.parallax is None else f"{check.parallax:.0f}°"
     tiles = [
         _tile(f"{check.faces_in_part} of {check.n_faces}", f"faces take part ({np.floor(share):.0f} %){others}"),
@@ -119,7 +121,16 @@ def _faces(check: SceneCheck) -> str:
         _histogram("size of a face in the photos, px", faces.footprint[part], " px"),
         _histogram("texture of a face, grey levels a pixel", faces.texture[part], "", low=BLANK_TEXTURE),
     ]
-    return f"<h2>Faces</h2><div class='tiles'>{''.join(tiles)}</div>"
+    lists = {f"take no part: {reason}": ids for reason, ids in without.items()}
+    lists |= {"are blank": np.flatnonzero(faces.is_blank), "are striped": np.flatnonzero(faces.is_striped)}
+    details = "".join(_ids(name, ids) for name, ids in lists.items() if len(ids))
+    return f"<h2>Faces</h2><div class='tiles'>{''.join(tiles)}</div>{details}"
+
+
+def _ids(name: str, ids: np.ndarray) -> str:
+    shown = ", ".join(map(str, ids[:_MOST_IDS].tolist()))
+    rest = f" and {len(ids) - _MOST_IDS} more, see check.json" if len(ids) > _MOST_IDS else ""
+    return f"<details><summary>{len(ids)} {text(name)}</summary><p class='dim'>{shown}{rest}</p></details>"
 
 
 def _tile(value: str, label: str) -> str:

@@ -86,9 +86,10 @@ def find_suggestions(scene: Scene, check: SceneCheck, options: FairingOptions) -
     typical = check.footprint[2]
     blurs = options.schedule.blur
     first = next((i for i, blur in enumerate(blurs) if blur <= typical / FOOTPRINT_PER_BLUR), len(blurs) - 1)
+    coarsest = "" if first == 0 else "; --schedule.start first begins with the coarsest"
     suggestions.append(
-        f"faces measure {typical:.0f} px, so a run begins about level {first + 1} of {len(blurs)} (blur {blurs[first]:g} "
-        "px); --schedule.start first begins with the coarsest"
+        f"faces measure {typical:.0f} px, so a run begins about level {first + 1} of {len(blurs)} (blur "
+        f"{blurs[first]:g} px){coarsest}"
     )
     largest = max(options.cells.size)
     if check.footprint[4] > 1.5 * largest:

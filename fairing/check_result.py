@@ -67,6 +67,12 @@ class FaceChecks:
         """(m,) bool: faces in part that show no texture."""
         return self.takes_part & (self.texture < BLANK_TEXTURE)
 
+    def without_part(self) -> dict[str, np.ndarray]:
+        """Ids (k,) of the faces that take no part, by reason in words, most first."""
+        reasons = np.array(self.reason)
+        found = {reason: np.flatnonzero(reasons == reason) for reason in sorted(set(self.reason) - {""})}
+        return {reason.replace("_", " "): ids for reason, ids in sorted(found.items(), key=lambda item: -len(item[1]))}
+
     @property
     def is_striped(self) -> np.ndarray:
         """(m,) bool: faces in part whose texture runs in one direction only."""

@@ -1,7 +1,9 @@
 """Formats of other programs: all conventions against each other, and one clear line for whatever is wrong."""
 
 import json
+import re
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -325,6 +327,37 @@ def test_damaged_files_of_every_format_are_one_clear_line(tmp_path: Path, what: 
     with pytest.raises(InputError, match=said) as error:
         load_scene(folder)
     assert "\n" not in str(error.value)
+
+
+FILES = {
+    "nerfstudio": "transforms.json", "NeRF": "transforms.json", "Middlebury": "small_par.txt",
+    "Strecha": "b.png.camera", "Bundler": "bundle.out", "OpenMVG": "sfm_data.json", "Meshroom": "cameras.sfm",
+    "scene.json": "scene.json",
+}  # fmt: skip
+VALUES = [b"nan", b"1e400", b"-1", b"99999999999999999999", b"0", b"null", b"[]", b'"x"', b"1e308", b"1e-320"]
+
+
+@pytest.mark.parametrize("name", FILES)
+@pytest.mark.filterwarnings("error")
+def test_whatever_is_damaged_is_read_or_refused_in_one_line(tmp_path: Path, name: str):
+    capture = ForeignCapture(n_points=5, lens=(-0.1, 0.01, 0.0, 0.0, 0.0))
+    folder = write_scene(capture, tmp_path / "scene", name)
+    file = folder / FILES[name]
+    whole, rng = file.read_bytes(), np.random.default_rng(3)
+    numbers = list(re.finditer(rb"-?\d+\.?\d*(e-?\d+)?", whole))
+    for kind in range(24):
+        damaged = bytearray(whole)
+        if kind % 3 == 0:
+            damaged[rng.integers(len(damaged))] = rng.integers(256)
+        elif kind % 3 == 1:
+            start = rng.integers(len(damaged))
+            del damaged[start : start + 40]
+        else:
+            found = numbers[rng.integers(len(numbers))]
+            damaged[found.start() : found.end()] = VALUES[rng.integers(len(VALUES))]
+        file.write_bytes(damaged)
+        with suppress(InputError):  # whose message is always one line; anything else fails
+            load_scene(folder)
 
 
 @pytest.mark.captures

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from fairing.errors import InputError
-from fairing.io.calibrated import CalibratedPhoto, ObservedPoints, build_capture, find_photo
+from fairing.io.calibrated import CalibratedPhoto, ObservedPoints, build_capture, find_photo, pose_of_center
 from fairing.io.capture import Capture, files_in, listed, naming
 from fairing.io.json_file import Item, holds, read_json
 from fairing.lens import Lens
@@ -60,7 +60,7 @@ def read(path: Path) -> Capture:
             with naming(view.where):
                 photo = find_photo(written, [file.parent, file.parent.parent])
             photo_of_view[view["viewId"].whole()] = len(photos)
-            photos.append(CalibratedPhoto(photo, lens, R, -R @ C))
+            photos.append(CalibratedPhoto(photo, lens, R, pose_of_center(R, C)))
         warnings = (f"photos left out, without a pose: {len(left_out)} ({listed(left_out)})",) if left_out else ()
         return build_capture(photos, _points(content, photo_of_view), warnings)
 

@@ -55,6 +55,12 @@ class ObservedPoints:
     pixels: np.ndarray
 
 
+def pose_of_center(R: np.ndarray, C: np.ndarray) -> np.ndarray:
+    """t (3,) of a camera with rotation R (3, 3) and centre C (3,), so that x = R X + t; `Camera` judges what is finite."""
+    with np.errstate(all="ignore"):
+        return -R @ C
+
+
 def find_photo(written: str, folders: Iterable[Path]) -> Path:
     """The photo file that a file of cameras names, perhaps by a path of another machine.
 

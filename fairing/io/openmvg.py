@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from fairing.errors import InputError
-from fairing.io.calibrated import CalibratedPhoto, ObservedPoints, build_capture, find_photo
+from fairing.io.calibrated import CalibratedPhoto, ObservedPoints, build_capture, find_photo, pose_of_center
 from fairing.io.capture import Capture, files_in, listed, naming
 from fairing.io.json_file import Item, holds, read_json
 from fairing.lens import Lens
@@ -58,7 +58,7 @@ def read(path: Path) -> Capture:
             with naming(view.where):
                 photo = find_photo(f"{local}/{written}" if local else written, folders)
             photo_of_view[view["id_view"].whole()] = len(photos)
-            photos.append(CalibratedPhoto(photo, lenses[view["id_intrinsic"].whole()], R, -R @ C))
+            photos.append(CalibratedPhoto(photo, lenses[view["id_intrinsic"].whole()], R, pose_of_center(R, C)))
         points = _points(content, photo_of_view)
         warnings = (f"photos left out, without a pose: {len(left_out)} ({listed(left_out)})",) if left_out else ()
         return build_capture(photos, points, warnings)

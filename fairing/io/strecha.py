@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from fairing.errors import InputError
-from fairing.io.calibrated import CalibratedPhoto, build_capture, find_photo
+from fairing.io.calibrated import CalibratedPhoto, build_capture, find_photo, pose_of_center
 from fairing.io.capture import Capture, files_in, naming
 from fairing.io.number_file import NumberFile
 from fairing.lens import Lens
@@ -52,4 +52,4 @@ def _photo(file: Path) -> CalibratedPhoto:
         if np.any(np.tril(K, -1)) or K[2, 2] != 1 or min(width, height) < 1:
             raise InputError(f"expected an upper triangular K and a size, found K {K.tolist()}, {width}x{height}")
         photo = find_photo(file.name.removesuffix(".camera"), [file.parent, file.parent.parent])
-        return CalibratedPhoto(photo, Lens(K, np.zeros(0), width, height), R, -R @ C)
+        return CalibratedPhoto(photo, Lens(K, np.zeros(0), width, height), R, pose_of_center(R, C))

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from fairing.errors import InputError
-from fairing.io.calibrated import CalibratedPhoto, build_capture, find_photo
+from fairing.io.calibrated import CalibratedPhoto, build_capture, find_photo, pose_of_center
 from fairing.io.capture import PHOTO_SUFFIXES, Capture, files_in, listed, naming
 from fairing.io.json_file import Item, holds, read_json
 from fairing.lens import DISTORTION, Lens
@@ -25,7 +25,7 @@ FORMAT = "transforms.json (nerfstudio, instant-ngp, NeRF)"
 HOLDS_POINTS = False
 
 _MODELS = ("PERSPECTIVE", "SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV")
-_OPENCV_FROM_OPENGL = np.diag([1.0, -1.0, -1.0])
+_OPENCV_FROM_OPENGL = np.array([1.0, -1.0, -1.0])
 _SPLITS = ("transforms.json", "transforms_train.json")
 
 
@@ -63,8 +63,8 @@ def _photo(content: Item, frame: Item, folder: Path) -> CalibratedPhoto:
         mask = find_photo(frame["mask_path"].text(), [folder]) if "mask_path" in frame else None
     pose = frame["transform_matrix"]
     world_from_camera = pose.numbers(4, 4) if np.shape(pose.value)[:1] != (3,) else pose.numbers(3, 4)
-    R = (world_from_camera[:3, :3] @ _OPENCV_FROM_OPENGL).T
-    return CalibratedPhoto(path, lens, R, -R @ world_from_camera[:3, 3], mask)
+    R = (world_from_camera[:3, :3] * _OPENCV_FROM_OPENGL).T
+    return CalibratedPhoto(path, lens, R, pose_of_center(R, world_from_camera[:3, 3]), mask)
 
 
 def _find(written: str, folder: Path) -> Path:
