@@ -79,13 +79,17 @@ STYLE = f"""<style>
 .ef .chips {{ gap: 4px; margin: 2px 0; flex-wrap: wrap; }}
 .ef button.chip {{ height: 22px; padding: 0 7px; font-size: 11.5px; color: var(--dim); }}
 .ef button.chip.tight {{ padding: 0 4.5px; }} .ef .chips:has(> .tight) {{ gap: 3px; }}
-.ef button.chip.on {{ color: var(--strong); border-color: {css(BRAND)}; background: {css(BRAND, 0.28)}; }}
+.ef button.chip.on {{ border-color: {css(SELECTED)}; color: {css(SELECTED)}; }}
 .ef button.link {{ background: none; border: none; height: 20px; padding: 0; color: var(--text); }}
 .ef button.link:hover {{ color: var(--strong); text-decoration: underline; background: none; }}
 .ef .tiles {{ position: relative; cursor: zoom-in; }}
 .ef .tiles img {{ width: 100%; height: 100%; }} .ef img.pixels {{ image-rendering: pixelated; }}
 .ef svg.over {{ position: absolute; inset: 0; width: 100%; height: 100%; pointer-events: none; }}
 .ef svg.over path {{ fill: none; stroke-width: 1.2; stroke-linecap: round; stroke-linejoin: round; }}
+.ef button.value {{ height: auto; padding: 0 2px; background: none; border: none; color: inherit;
+  text-align: right; white-space: normal; }}
+.ef button.value:hover {{ text-decoration: underline dotted; background: none; }}
+.ef b.value {{ min-width: 58px; text-align: right; font-weight: 600; }}
 .ef .crops {{ display: grid; grid-template-columns: 158px 158px; gap: 6px 10px; margin-top: 6px; }}
 .ef .charts {{ display: grid; grid-template-columns: 1fr 1fr; gap: 10px; margin-top: 4px; }}
 .ef .bars .value {{ fill: var(--faint); }} .ef .bars .on {{ fill: var(--text); }}

@@ -38,17 +38,19 @@ from app.panels.cell_lens import CellLens
 from app.panels.cell_source import CellSource
 from app.panels.cells_panel import CellsPanel
 from app.panels.debug_bar import DebugBar
-from app.panels.energy_plot import EnergyPlot
 from app.panels.html_panel import HtmlPanel
 from app.panels.layers_panel import LayersPanel, available_layers
 from app.panels.options_panel import OptionButtons, OptionsPanel
 from app.panels.photo_pages import PhotoPages
+from app.panels.plot import Plot, PlotControls
 from app.panels.runs_panel import RunButtons, RunsPanel
 from app.panels.selection_panel import SelectionPanel
 from app.panels.status import Status
 from app.panels.timeline import Timeline, TimelineButtons
 from app.panels.variables import Variables
+from app.panels.watch_panel import WatchControls, WatchPanel
 from app.photo_store import PhotoStore
+from app.recorded import ITEMS, last_change
 from app.run_state import Activity, RunState
 from app.stage import FIELD_OF_VIEW, Stage
 from app.texturer import Texturer
@@ -142,7 +144,12 @@ class Page:
         panels: list[Panel] = [
             DebugBar(gui, bridge, press),
             Status(gui, shared.energies, bridge.number(self._to_beginning)),
-            EnergyPlot(gui, shared.energies, bridge.number(self._jump)),
+            Plot(
+                gui,
+                shared.scene.mesh,
+                shared.energies,
+                PlotControls(bridge, self.view, self._jump, shared.controller.republish),
+            ),
         ]
         choose_face, enter = bridge.number(self._choose_face), bridge.number(self._enter)
         jump = bridge.number(self._jump)
@@ -157,12 +164,15 @@ class Page:
         self._bookmarks = BookmarkButtons(shared.controller, self.view, bridge.button, bridge.number)
         scene, source = shared.scene, CellSource(shared.controller, shared.scene.mesh)
         controls = CellsControls(bridge, self.view, scene, shared.controller.republish)
+        to_change = bridge.number(self._to_change)
+        watch = WatchControls(bridge, self.view, self._jump, shared.controller.republish)
         pages = PhotoPages(shared.controller, scene, shared.photos, controls, enter)
         tabs = gui.add_tab_group()
         with tabs.add_tab("Vertex"):
             last = len(shared.scene.mesh.vertices) - 1
             panels.append(SelectionPanel(gui, last, self._guarded_with, self._hands.choose))
-            panels.append(Variables(gui, shared.scene.mesh))
+            panels.append(Variables(gui, shared.scene.mesh, to_change))
+            panels.append(WatchPanel(gui, scene, self.view, watch, self._guarded_with, shared.controller.republish))
         with tabs.add_tab("Breakpoints"):
             panels.append(BreakpointsPanel(gui, shared.controller, self._guarded_with, breakpoint_buttons))
         with tabs.add_tab("Layers"):
@@ -310,6 +320,16 @@ class Page:
             self._shared.controller.republish()
         else:
             self._shared.controller.post(JumpTo(wanted))
+
+    def _to_change(self, n: object) -> None:
+        """To where a recorded value of the selected vertex last changed."""
+        item, state = ITEMS[whole_number(n, 0, len(ITEMS) - 1, "value")], self._shared.controller.state
+        if self.view.selected is None:
+            return
+        moment = last_change(item, state.trace.steps, state.moment, self.view.selected)
+        if moment is None:
+            raise InputError(f"{item.name}: did not change before moment {state.moment}")
+        self._shared.controller.post(JumpTo(moment))
 
     def _to_beginning(self, extent: object) -> None:
         self._shared.controller.post(ToBeginning(Extent(whole_number(extent, Extent.LEVEL, Extent.UNIT, "extent"))))

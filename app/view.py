@@ -4,6 +4,7 @@ from dataclasses import dataclass, field, replace
 
 from app.cells_view import CellsView
 from app.compare import Reference
+from app.condition import Condition
 from app.selection import Selection
 
 LAYERS: dict[str, str] = {
@@ -20,6 +21,21 @@ LAYERS: dict[str, str] = {
 MAX_MAGNIFICATION = 50
 
 
+@dataclass(frozen=True)
+class PlotView:
+    """What the plot shows.
+
+    Attributes:
+        name: of a quantity in `app.series`.
+        of_vertex: of the selected vertex instead of the run.
+        is_log: scale by powers of ten; None: as suits the quantity.
+    """
+
+    name: str = "energy"
+    of_vertex: bool = False
+    is_log: bool | None = None
+
+
 @dataclass
 class View:
     """Attributes:
@@ -29,6 +45,8 @@ class View:
     magnification: of displacements, 1 to 50.
     reference: what is compared with; None for nothing.
     cells: how the cells are looked at.
+    plot: what the plot shows.
+    watches: expressions whose values are shown.
     looks_at: a past moment shown while the run goes on; None follows it.
     speed: of playing the record; 1 is four moments a second.
     strip: what the timeline's strip shows, of `app.strip.KINDS`.
@@ -41,6 +59,8 @@ class View:
     magnification: float = 1.0
     reference: Reference | None = None
     cells: CellsView = field(default_factory=CellsView)
+    plot: PlotView = field(default_factory=PlotView)
+    watches: tuple[Condition, ...] = ()
     looks_at: int | None = None
     speed: float = 1.0
     strip: str = "energy"

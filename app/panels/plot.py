@@ -1,0 +1,238 @@
+"""A quantity over the record as a picture that can be clicked, with a dot where the run stands.
+
+Drawn as SVG, because the plots that viser offers know no gaps between lines and report no clicks.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import viser
+
+from app.bridge import Bridge, whole_number
+from app.history import EnergyHistory
+from app.html import button, number, text
+from app.palette import NOW, SELECTED, css
+from app.panels.html_panel import HtmlPanel
+from app.run_state import RunState
+from app.series import QUANTITIES, Series, series_of, thinned
+from app.view import PlotView, View
+from fairing.mesh import Mesh
+
+WIDTH, HEIGHT = 312, 132
+LEFT, RIGHT, TOP, BOTTOM = 46, 6, 8, 18
+
+
+class PlotControls:
+    """JavaScript for the plot's chips."""
+
+    def __init__(
+        self, bridge: Bridge, view: View, jump: Callable[[object], None], republish: Callable[[], None]
+    ) -> None:
+        def change(**changes: object) -> None:
+            view.plot = replace(view.plot, **changes)
+            republish()
+
+        names = list(QUANTITIES)
+        self.jump = bridge.number(jump)
+        self.choose = bridge.number(
+            lambda n: change(name=names[whole_number(n, 0, len(names) - 1, "quantity")], is_log=None)
+        )
+        self.vertex = bridge.button(lambda: change(of_vertex=not view.plot.of_vertex))
+        self.log = bridge.button(lambda: change(is_log=not is_log(view.plot)))
+
+
+def is_log(plot: PlotView) -> bool:
+    """As the user says, else as suits the quantity."""
+    return QUANTITIES[plot.name].is_log if plot.is_log is None else plot.is_log
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """One line of a plot: moments and values (n,)."""
+
+    moments: np.ndarray
+    values: np.ndarray
+
+
+class Plot:
+    """The energy of the run has a line a sweep: every sweep has cells of its own, so energies of two sweeps do not
+    compare."""
+
+    def __init__(self, gui: viser.GuiApi, mesh: Mesh, energies: EnergyHistory, controls: PlotControls) -> None:
+        self._mesh, self._energies, self._controls = mesh, energies, controls
+        self._panel = HtmlPanel(gui)
+        self._series: tuple[object, Series] | None = None
+        self._shown: object = None
+
+    def show(self, state: RunState, view: View) -> None:
+        plot = view.plot
+        vertex = view.selected if plot.of_vertex else None
+        key = (state.run_id, state.length, state.moment, plot, vertex, view.selected)
+        if key == self._shown:
+            return
+        self._shown = key
+        chips = self._chips(plot, view.selected)
+        if state.length == 0:
+            self._panel.set(chips + _empty("It appears here with the first step."))
+            return
+        if plot.of_vertex and vertex is None:
+            self._panel.set(chips + _empty("Click a vertex to see it here."))
+            return
+        lines = self._lines(state, plot.name, vertex)
+        if not lines:
+            self._panel.set(chips + _empty("No step has known this yet."))
+            return
+        self._panel.set(chips + self._picture(state, plot, lines))
+
+    def _lines(self, state: RunState, name: str, vertex: int | None) -> list[Line]:
+        if name == "energy" and vertex is None:
+            before, after = self._energies.before[: state.length], self._energies.after[: state.length]
+            return [
+                Line(np.arange(first, end + 1), np.concatenate([[before[first]], after[first:end]]))
+                for first, end in _runs(self._energies.sweeps[: state.length])
+            ]
+        key = (name, vertex)
+        if self._series is None or self._series[0] != key:
+            ring = np.zeros(0, dtype=int) if vertex is None else self._mesh.one_rings[vertex]
+            self._series = (key, series_of(name, vertex, ring))
+        series = self._series[1]
+        series.update(state)
+        moments, values = series.moments, series.values
+        known = moments <= state.length
+        return [Line(moments[known], values[known])] if known.any() else []
+
+    def _chips(self, plot: PlotView, selected: int | None) -> str:
+        quantities = "".join(
+            button(
+                quantity.title,
+                self._controls.choose(str(n)),
+                hint=f"Plot {quantity.meaning}",
+                css_class="chip tight on" if name == plot.name else "chip tight",
+            )
+            for n, (name, quantity) in enumerate(QUANTITIES.items())
+        )
+        whose = "vertex" if selected is None else f"v {selected}"
+        vertex = button(
+            whose, self._controls.vertex, hint="Plot the selected vertex instead of the whole run",
+            css_class="chip tight on" if plot.of_vertex else "chip tight",
+        )  # fmt: skip
+        log = button(
+            "log", self._controls.log, hint="Scale by powers of ten",
+            css_class="chip tight on" if is_log(plot) else "chip tight",
+        )  # fmt: skip
+        return f"<div class='row chips'>{quantities}<span class='grow'></span>{vertex}{log}</div>"
+
+    def _picture(self, state: RunState, plot: PlotView, lines: list[Line]) -> str:
+        log = is_log(plot)
+        everything = np.concatenate([line.values for line in lines])
+        positive = everything[everything > 0]
+        floor = float(positive.min()) if len(positive) else 1e-3
+
+        def scaled(values: np.ndarray | float) -> np.ndarray:
+            """Zeros lie at the smallest positive value of a log scale."""
+            return np.log10(np.maximum(values, floor)) if log else np.asarray(values, dtype=float)
+
+        low, high = float(scaled(everything).min()), float(scaled(everything).max())
+        margin = 0.05 * (high - low) or (0.5 if log else abs(high) or 1.0)
+        low, high = (low - margin if log or low < 0 else max(0.0, low - margin)), high + margin
+
+        def x(moment: np.ndarray | float) -> np.ndarray:
+            return LEFT + (WIDTH - LEFT - RIGHT) * np.asarray(moment) / state.length
+
+        def y(values: np.ndarray | float) -> np.ndarray:
+            return HEIGHT - BOTTOM - (HEIGHT - TOP - BOTTOM) * (scaled(values) - low) / (high - low)
+
+        parts = [_frame(_log_ticks(low, high) if log else _ticks(low, high), y)]
+        levels = self._energies.levels[: state.length]
+        for first, end in _runs(levels):
+            blur = state.options.schedule.blur[levels[first]]
+            parts.append(_band(float(x(first)), float(x(end)), f"σ {blur:g}", first > 0))
+        parts.extend(_line_at(line, state.moment, x, y, state.length) for line in lines)
+        here = [line for line in lines if line.moments[0] <= state.moment]
+        if here:
+            value = here[-1].values[np.searchsorted(here[-1].moments, state.moment, side="right") - 1]
+            parts.append(f'<circle cx="{x(state.moment):.1f}" cy="{y(value):.1f}" r="4" fill="{css(SELECTED)}"/>')
+            parts.append(
+                f'<text x="{WIDTH - RIGHT - 2}" y="{TOP + 6}" text-anchor="end">{number(float(value), 4)}</text>'
+            )
+        inner = WIDTH - LEFT - RIGHT
+        fraction = f"(event.clientX-r.left)/r.width*{WIDTH}-{LEFT}"
+        press = (
+            "var r=this.getBoundingClientRect();"
+            f"var m=Math.max(0,Math.min({state.length},Math.round(({fraction})/{inner}*{state.length})));"
+            + self._controls.jump("m")
+        )
+        meaning = QUANTITIES[plot.name].meaning
+        # Not onclick: while a run redraws the plot, pressing and letting go may hit two different pictures.
+        return (
+            f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" class="plot" role="img" '
+            f'aria-label="{text(plot.name.capitalize())} plot" onpointerdown="{text(press)}">'
+            f"<title>By moment: {text(meaning)}. Click to go there</title>{''.join(parts)}</svg>"
+        )
+
+
+def _empty(note: str) -> str:
+    return f'<div class="plot dim" style="height:{HEIGHT}px">{note}</div>'
+
+
+def _frame(ticks: np.ndarray, y: Callable[[float], np.ndarray]) -> str:
+    lines = []
+    for value in ticks:
+        at = float(y(value))
+        lines.append(f'<line x1="{LEFT}" x2="{WIDTH - RIGHT}" y1="{at:.1f}" y2="{at:.1f}" stroke="var(--line)"/>')
+        lines.append(f'<text x="{LEFT - 6}" y="{at + 3.5:.1f}" text-anchor="end">{number(float(value), 3)}</text>')
+    return "".join(lines)
+
+
+def _ticks(low: float, high: float) -> np.ndarray:
+    """Two to four round numbers within an interval."""
+    rough = (high - low) / 3
+    power = 10 ** np.floor(np.log10(rough))
+    step = power * min((1, 2, 5, 10), key=lambda factor: abs(factor * power - rough))
+    return np.arange(np.ceil(low / step), np.floor(high / step) + 1) * step
+
+
+def _log_ticks(low: float, high: float) -> np.ndarray:
+    """Powers of ten, at most five, within an interval of exponents; round numbers where it holds fewer than two."""
+    powers = np.arange(np.ceil(low), np.floor(high) + 1)
+    if len(powers) >= 2:
+        return 10.0 ** powers[:: -(-len(powers) // 5)]
+    ticks = _ticks(10.0**low, 10.0**high)
+    return ticks[ticks > 0]
+
+
+def _band(left: float, right: float, label: str, has_border: bool) -> str:
+    line = f'x1="{left:.1f}" x2="{left:.1f}" y1="{TOP}" y2="{HEIGHT - BOTTOM}"'
+    border = f'<line {line} stroke="var(--faint)" stroke-dasharray="2 3"/>'
+    name = f'<text x="{(left + right) / 2:.1f}" y="{HEIGHT - 5}" text-anchor="middle">{text(label)}</text>'
+    return (border if has_border else "") + (name if right - left > 30 else "")
+
+
+def _line_at(
+    line: Line,
+    moment: int,
+    x: Callable[[np.ndarray], np.ndarray],
+    y: Callable[[np.ndarray], np.ndarray],
+    length: int,
+) -> str:
+    """The line, pale beyond the present moment."""
+    pixels = int(np.ceil((WIDTH - LEFT - RIGHT) * (line.moments[-1] - line.moments[0] + 1) / length))
+    chosen = thinned(line.moments, line.values, pixels)
+    moments, values = line.moments[chosen], line.values[chosen]
+    past = moments <= moment
+    pale = "" if past.all() else _polyline(x(moments), y(values), css(NOW, 0.35))
+    return pale + (_polyline(x(moments[past]), y(values[past]), css(NOW)) if past.any() else "")
+
+
+def _polyline(x: np.ndarray, y: np.ndarray, color: str) -> str:
+    if len(x) == 1:
+        return f'<circle cx="{x[0]:.1f}" cy="{y[0]:.1f}" r="1.5" fill="{color}"/>'
+    points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True))
+    return f'<polyline points="{points}" fill="none" stroke="{color}" stroke-width="2" stroke-linejoin="round"/>'
+
+
+def _runs(values: np.ndarray) -> list[tuple[int, int]]:
+    """First index and end of every run of equal values."""
+    begins = np.flatnonzero(np.diff(values, prepend=values[0] - 1)).tolist()
+    return list(zip(begins, [*begins[1:], len(values)], strict=True))
