@@ -58,6 +58,7 @@ VERTEX_KEYS = (
     ("T", "Play the record, or stop"),
     ("K", "Bookmark this moment"),
     ("C", "Compare with this moment from now on"),
+    ("X", "Surface before or now"),
     ("T", "Dark or light"),
     ("M", "Show the mesh"),
     ("V", "Show mesh and cameras"),

@@ -78,6 +78,6 @@ class Hands:
     def _choose_rectangle(self, low: tuple[float, float], high: tuple[float, float]) -> None:
         vertices = self._stage.page_from_world(self._controller.state.vertices).astype(np.float64)
         view = self._view
-        covered = view.entered is None and (view.shows("textured") or view.shows("surface"))
+        covered = view.entered is None and view.surface != "none"
         found = vertices_within(vertices, self._mesh, camera_of(self._client), low, high, see_through=not covered)
         self.choose(view.selection.extended(found.tolist()))

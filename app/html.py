@@ -40,6 +40,10 @@ STYLE = f"""<style>
 .ef .layers {{ display: grid; grid-template-columns: 1fr 1fr; gap: 4px; }}
 .ef .layer {{ justify-content: flex-start; }}
 .ef .layer.off {{ color: var(--off-text); background: var(--off); }}
+.ef .segments {{ display: grid; grid-template-columns: repeat(3, 1fr); gap: 4px; margin: 3px 0; }}
+.ef .legend {{ display: grid; gap: 4px; }}
+.ef .scale {{ height: 12px; border-radius: 2px; }}
+.ef .ends {{ display: flex; justify-content: space-between; }}
 .ef .swatch {{ width: 10px; height: 10px; border-radius: 3px; flex: none; }}
 .ef .layer.off .swatch {{ opacity: .35; }}
 .ef .one {{ white-space: nowrap; overflow: hidden; text-overflow: ellipsis; }}

@@ -40,12 +40,14 @@ from app.panels.cells_panel import CellsPanel
 from app.panels.debug_bar import DebugBar
 from app.panels.html_panel import HtmlPanel
 from app.panels.layers_panel import LayersPanel, available_layers
+from app.panels.legend import LegendBox
 from app.panels.options_panel import OptionButtons, OptionsPanel
 from app.panels.photo_pages import PhotoPages
 from app.panels.plot import Plot, PlotControls
 from app.panels.runs_panel import RunButtons, RunsPanel
 from app.panels.selection_panel import SelectionPanel
 from app.panels.status import Status
+from app.panels.surface_panel import SurfaceButtons, SurfacePanel
 from app.panels.timeline import Timeline, TimelineButtons
 from app.panels.variables import Variables
 from app.panels.watch_panel import WatchControls, WatchPanel
@@ -93,7 +95,7 @@ class Page:
         self._look_through = LookThrough(client, shared.stage, shared.scene, self._theme.is_dark)
         client.gui.set_panel_label(f"EigenFairing · {shared.scene.name}")
         self._panels: list[Panel] = self._build_panels()
-        self._surface = SurfaceLayer(client, shared.stage, shared.scene.mesh, shared.texturer)
+        self._surface = SurfaceLayer(client, shared.stage, shared.scene, shared.texturer, shared.controller)
         stage, scene, hands = shared.stage, shared.scene, self._hands
         self._layers: list[Layer] = [
             self._surface,
@@ -124,6 +126,7 @@ class Page:
             self._notify(state.problem)
         self._problem = (state.run_id, state.problem)
         self._leave_box.visible = self.view.entered is not None
+        self._legend.show(self._surface.legend)
         self._place_timeline()
         self._client.flush()
 
@@ -158,6 +161,8 @@ class Page:
             "after": bridge.button(lambda: self._to_move_of_selected(1)),
         }
         breakpoint_buttons = BreakpointButtons(shared.controller, self.view, bridge.button, bridge.number)
+        self._surface_buttons = SurfaceButtons(shared.scene, self.view, bridge.button, shared.controller.republish)
+        theme = bridge.button(self._switch_theme)
         option_buttons = OptionButtons(bridge.button)
         self._play = TimelineButtons(shared.controller, self.view, bridge.button, bridge.number)
         self._runs = RunButtons(shared.controller, self.view, bridge.button, bridge.number)
@@ -176,7 +181,8 @@ class Page:
         with tabs.add_tab("Breakpoints"):
             panels.append(BreakpointsPanel(gui, shared.controller, self._guarded_with, breakpoint_buttons))
         with tabs.add_tab("Layers"):
-            panels.append(LayersPanel(gui, switches, bridge.button(self._switch_theme)))
+            panels.append(SurfacePanel(gui, self._surface_buttons, self._guarded_with))
+            panels.append(LayersPanel(gui, switches, theme))
             self._magnification = gui.add_slider(
                 "Magnify paths",
                 min=1,
@@ -207,6 +213,7 @@ class Page:
             panels.append(BookmarksPanel(gui, self._guarded_with, self._bookmarks))
         self._window = (0, 0)
         self._place_timeline()
+        self._legend = LegendBox(gui)
         self._leave_box = gui.add_panel(visible=False)
         with self._leave_box.add_tab("Camera", viser.Icon.CAMERA):
             self._leave_note = HtmlPanel(gui)
@@ -239,6 +246,7 @@ class Page:
         self._command("Play the record, or stop", self._play.play_or_stop, "T")
         self._command("Compare with this moment", self._runs.mark_now, "C")
         self._command("Bookmark this moment", self._bookmarks.keep_now, "K")
+        self._command("Before or now", self._surface_buttons.before_or_now, "X")
         self._command("Dark or light", self._switch_theme, "T")
         self._command("Keys", self._help, "?", "shift")
         self._command("Breakpoint on the selected vertex", self._toggle_breakpoint, "B")

@@ -8,8 +8,6 @@ from app.condition import Condition
 from app.selection import Selection
 
 LAYERS: dict[str, str] = {
-    "textured": "Textured surface",
-    "surface": "Flat surface",
     "now": "Mesh now",
     "start": "Mesh at the start",
     "truth": "True mesh",
@@ -19,6 +17,8 @@ LAYERS: dict[str, str] = {
     "points": "Sparse points",
 }
 MAX_MAGNIFICATION = 50
+SURFACES: dict[str, str] = {"none": "None", "flat": "Flat", "textured": "Textured"}
+START_SHAPE, NOW_SHAPE, TRUE_SHAPE = 0.0, 1.0, 2.0
 
 
 @dataclass(frozen=True)
@@ -50,6 +50,8 @@ class View:
     looks_at: a past moment shown while the run goes on; None follows it.
     speed: of playing the record; 1 is four moments a second.
     strip: what the timeline's strip shows, of `app.strip.KINDS`.
+    surface: how the faces are shown: a key of `SURFACES` or of `app.coloring.COLORINGS`.
+    shape: where the surface's vertices are: 0 at the start, 1 now, 2 at the truth, and anything between.
     shown: which layers are switched on.
     """
 
@@ -64,6 +66,8 @@ class View:
     looks_at: int | None = None
     speed: float = 1.0
     strip: str = "energy"
+    surface: str = "textured"
+    shape: float = NOW_SHAPE
     shown: dict[str, bool] = field(default_factory=lambda: {name: name not in ("truth", "points") for name in LAYERS})
 
     def copy(self) -> "View":

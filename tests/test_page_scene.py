@@ -6,7 +6,7 @@ from app.server import start
 from demo_scenes import load_demo
 from fairing.options import FairingOptions, ScheduleOptions
 from fairing.session import Session
-from tests.browser.driver import CHROMIUM, Visitor, chromium
+from tests.browser.driver import CHROMIUM, Visitor, chromium, wait_for
 
 pytestmark = [
     pytest.mark.browser,
@@ -59,3 +59,41 @@ def test_the_theme_switches_and_the_browser_remembers_it(visitor: Visitor):
     visitor.page.keyboard.press("t")
     visitor.page.wait_for_selector("html[data-mantine-color-scheme=dark]")
     assert ground() == dark
+
+
+def drawn_colors(visitor: Visitor, node: str) -> bool:
+    """Whether a drawn mesh of that name is in sight."""
+    return visitor.page.evaluate(
+        """name => ['a', 'b'].some(side => {
+            let node = window.__viserMutable.nodeRefFromName[`${name}_${side}`];
+            let seen = false;
+            node?.traverse?.(part => { seen = seen || Boolean(part.isMesh); });
+            for (; node; node = node.parent) seen = seen && node.visible;
+            return seen;
+        })""",
+        node,
+    )
+
+
+def test_the_surface_is_coloured_by_a_quantity_with_a_legend(visitor: Visitor):
+    visitor.button("Coloured by: Moved").click()
+    visitor.page.get_by_text("Moved from the start", exact=True).wait_for()
+    wait_for(lambda: drawn_colors(visitor, "/mesh/colored"))
+    visitor.button("Coloured by: Last step").click()
+    visitor.page.get_by_text("Last step of each vertex", exact=True).wait_for()
+    visitor.button("Surface: Textured").click()
+    wait_for(lambda: not drawn_colors(visitor, "/mesh/colored"))
+    visitor.page.get_by_text("Last step of each vertex", exact=True).wait_for(state="hidden")
+
+
+def test_the_surface_stands_before_now_and_at_the_truth_with_textures_of_its_own(visitor: Visitor, scene):
+    stage, state = visitor.app._shared.stage, visitor.app.controller.state
+    places = {"Start": state.trace.start, "Truth": scene.truth.vertices, "Now": state.vertices}
+    for name, vertices in places.items():
+        visitor.button(f"Shape: {name}").click()
+        visitor.sees_vertices(stage.page_from_world(vertices))
+        wait_for(lambda name=name: drawn_colors(visitor, f"/mesh/textured_{name.lower()}"))
+    visitor.page.keyboard.press("x")
+    visitor.sees_vertices(stage.page_from_world(state.trace.start))
+    visitor.page.keyboard.press("x")
+    visitor.sees_vertices(stage.page_from_world(state.vertices))

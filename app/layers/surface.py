@@ -1,30 +1,47 @@
-"""The mesh as a surface: painted from the photos when the run rests, plain while it moves."""
+"""The mesh as a surface: painted from the photos or coloured by a quantity when the run rests, plain while it moves."""
 
-import threading
+from dataclasses import dataclass
 
 import numpy as np
 import viser
 
+from app.coloring import COLORINGS, Legend, color_mesh
+from app.commands import Ask
+from app.controller import Controller
+from app.layers.taking_turns import Drawn, TakingTurns
 from app.palette import SURFACE
 from app.run_state import Activity, RunState
+from app.set_back import set_back
 from app.stage import Stage
-from app.texturer import TexturedMesh, Texturer
-from app.view import View
-from fairing.mesh import Mesh
+from app.texturer import Texturer
+from app.view import NOW_SHAPE, START_SHAPE, TRUE_SHAPE, View
+from fairing.io.glb import write_glb
+from fairing.scene import Scene
 
-# A browser needs this long to unpack a new textured mesh; it stays hidden until then, so that nothing blinks.
-UNPACK_SECONDS = 0.7
+UNPACK_COLORED = 0.25  # s: without a large texture
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What the colours are of."""
+
+    run_id: int
+    moment: int
+    coloring: str
 
 
 class SurfaceLayer:
-    """One plain mesh that follows every state, and two textured ones that take turns."""
+    """A plain mesh that follows every state, and drawn ones for each of the shapes before, now, truth and between."""
 
-    def __init__(self, client: viser.ClientHandle, stage: Stage, mesh: Mesh, texturer: Texturer) -> None:
-        self._client, self._stage, self._texturer = client, stage, texturer
+    def __init__(
+        self, client: viser.ClientHandle, stage: Stage, scene: Scene, texturer: Texturer, controller: Controller
+    ) -> None:
+        self._client, self._stage, self._scene = client, stage, scene
+        self._texturer, self._controller = texturer, controller
         self._plain = client.scene.add_mesh_simple(
             "/mesh/now",
-            stage.page_from_world(mesh.vertices),
-            mesh.faces.astype(np.uint32),
+            stage.page_from_world(scene.mesh.vertices),
+            scene.mesh.faces.astype(np.uint32),
             color=SURFACE,
             flat_shading=True,
             side="double",
@@ -32,59 +49,89 @@ class SurfaceLayer:
             receive_shadow=False,
             visible=False,
         )
-        self._textured: list[viser.GlbHandle] = []
-        self._front = 0
-        self._shown: TexturedMesh | None = None
-        self._unpacking: threading.Timer | None = None
-        self._lock = threading.Lock()
-        self._wants_texture = False
-        self._wants_surface = False
+        self._textured = {
+            shape: TakingTurns(client, f"/mesh/textured_{name}")
+            for shape, name in ((START_SHAPE, "start"), (NOW_SHAPE, "now"), (TRUE_SHAPE, "truth"), (None, "between"))
+        }
+        self._colored = TakingTurns(client, "/mesh/colored", UNPACK_COLORED)
+        self._between: tuple[float, np.ndarray, np.ndarray] | None = None
+        self._wanted: Wanted | None = None
+        self._answer: tuple[Wanted, np.ndarray | Exception] | None = None
+        self._drawn: tuple[Wanted, np.ndarray, Legend] | None = None
+        self.legend: Legend | None = None
+        """What the colours in sight mean; None without."""
 
     def show(self, state: RunState, view: View) -> None:
-        self._plain.vertices = self._stage.page_from_world(state.vertices)
-        outside = view.entered is None
-        resting = not state.is_moving
-        with self._lock:
-            self._wants_texture = view.shows("textured") and outside and resting
-            self._wants_surface = outside and (view.shows("surface") or view.shows("textured"))
-        if self._wants_texture:
-            if state.activity is Activity.PAUSED:
-                self._texturer.request(state.vertices)
-            newest = self._texturer.newest
-            if newest is not None and newest is not self._shown and self._unpacking is None:
-                self._send(newest)
-        if state.is_moving:
-            self._shown = None  # what is painted is of the past
-        self._apply()
+        vertices = self._vertices(state, view.shape)
+        self._plain.vertices = self._stage.page_from_world(vertices)
+        outside, resting = view.entered is None, state.activity is Activity.PAUSED
+        front: TakingTurns | None = None
+        self.legend = None
+        if outside and not state.is_moving:
+            if view.surface in COLORINGS:
+                front = self._color(state, view.surface, vertices, resting)
+            elif view.surface == "textured":
+                front = self._texture(view.shape, vertices, resting)
+        if front is not self._colored and self.legend is None:
+            self._colored.forget()
+            self._wanted = self._drawn = None
+        if state.is_moving:  # what is painted is of the past
+            self._textured[NOW_SHAPE].forget()
+        with self._client.atomic():
+            for turns in (*self._textured.values(), self._colored):
+                turns.set_visible(turns is front)
+            self._plain.visible = outside and view.surface != "none" and front is None
 
     def close(self) -> None:
-        if self._unpacking is not None:
-            self._unpacking.cancel()
+        for turns in (*self._textured.values(), self._colored):
+            turns.close()
 
-    def _send(self, newest: TexturedMesh) -> None:
-        back = 1 - self._front
-        if len(self._textured) < 2:
-            for side in "ab":
-                name = f"/mesh/textured_{side}"
-                self._textured.append(
-                    self._client.scene.add_glb(name, newest.glb, cast_shadow=False, receive_shadow=False, visible=False)
+    def _vertices(self, state: RunState, shape: float) -> np.ndarray:
+        """(n, 3) float, world units: the shape looked at; the same array as long as it is the same shape."""
+        truth = self._scene.truth.vertices if self._scene.truth is not None else None
+        if shape == NOW_SHAPE or (shape > NOW_SHAPE and truth is None):
+            return state.vertices
+        if shape == START_SHAPE:
+            return state.trace.start
+        if shape == TRUE_SHAPE and truth is not None:
+            return truth
+        if self._between is None or self._between[0] != shape or self._between[1] is not state.vertices:
+            other = state.trace.start if shape < NOW_SHAPE or truth is None else truth
+            share = abs(shape - NOW_SHAPE)
+            self._between = (shape, state.vertices, state.vertices + share * (other - state.vertices))
+        return self._between[2]
+
+    def _texture(self, shape: float, vertices: np.ndarray, resting: bool) -> TakingTurns | None:
+        turns = self._textured.get(shape, self._textured[None])
+        painted = self._texturer.painted(self, vertices) if resting else None
+        if painted is not None:
+            turns.offer(painted)
+        # After a step the last texture stays for the second that the next one takes.
+        is_fit = turns.shown is not None and (shape == NOW_SHAPE or turns.shown is painted)
+        return turns if is_fit else None
+
+    def _color(self, state: RunState, name: str, vertices: np.ndarray, resting: bool) -> TakingTurns | None:
+        wanted = Wanted(state.run_id, state.moment, name)
+        if resting and wanted != self._wanted:
+            self._wanted = wanted
+            self._controller.post(
+                Ask(
+                    asker=(id(self), "colors"),
+                    question=lambda session: COLORINGS[name].ask(session, session.moment),
+                    answer=lambda found: self._take(wanted, found),
                 )
-        self._textured[back].glb_data = newest.glb
-        self._unpacking = threading.Timer(UNPACK_SECONDS, self._swap, args=(back, newest))
-        self._unpacking.daemon = True
-        self._unpacking.start()
+            )
+        if self._answer is not None and self._answer[0] == wanted and not isinstance(self._answer[1], Exception):
+            self._draw(wanted, self._answer[1], vertices)
+        self.legend = self._drawn[2] if self._drawn is not None else None
+        return self._colored if self._colored.shown is not None else None
 
-    def _swap(self, back: int, newest: TexturedMesh) -> None:
-        with self._lock:
-            self._front, self._shown, self._unpacking = back, newest, None
-        self._apply()
-        following = self._texturer.newest
-        if self._wants_texture and following is not None and following is not newest:
-            self._send(following)
+    def _draw(self, wanted: Wanted, values: np.ndarray, vertices: np.ndarray) -> None:
+        if self._drawn is None or self._drawn[0] != wanted or self._drawn[1] is not vertices:
+            points = set_back(vertices, self._scene, self._stage)
+            mesh = color_mesh(COLORINGS[wanted.coloring], values, points, self._scene.mesh.faces)
+            self._drawn = (wanted, vertices, mesh.legend)
+            self._colored.offer(Drawn(write_glb(mesh.vertices, mesh.faces, mesh.uv, mesh.picture, "image/png")))
 
-    def _apply(self) -> None:
-        with self._lock, self._client.atomic():
-            painted = self._wants_texture and self._shown is not None
-            for side, handle in enumerate(self._textured):
-                handle.visible = painted and side == self._front
-            self._plain.visible = self._wants_surface and not painted
+    def _take(self, wanted: Wanted, found: np.ndarray | Exception) -> None:
+        self._answer = (wanted, found)

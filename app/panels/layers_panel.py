@@ -3,15 +3,13 @@
 import viser
 
 from app.html import button, text
-from app.palette import CAMERA, NOW, POINTS, RGB, SELECTED, START, SURFACE, TRUTH, solid
+from app.palette import CAMERA, NOW, POINTS, RGB, SELECTED, START, TRUTH, solid
 from app.panels.html_panel import HtmlPanel
 from app.run_state import RunState
 from app.view import LAYERS, View
 from fairing.scene import Scene
 
 SWATCHES: dict[str, RGB] = {
-    "textured": (150, 110, 80),
-    "surface": SURFACE,
     "now": NOW,
     "start": START,
     "truth": TRUTH,

@@ -1,0 +1,103 @@
+"""How the surface is shown: plain, painted, coloured; before, now or as it truly is."""
+
+from collections.abc import Callable
+
+import viser
+
+from app.coloring import COLORINGS, available_colorings
+from app.html import button, text
+from app.panels.html_panel import HtmlPanel
+from app.run_state import RunState
+from app.view import NOW_SHAPE, START_SHAPE, SURFACES, TRUE_SHAPE, View
+from fairing.errors import InputError
+from fairing.scene import Scene
+
+SHAPES = {START_SHAPE: "Start", NOW_SHAPE: "Now", TRUE_SHAPE: "Truth"}
+STEP = 0.05
+
+
+class SurfaceButtons:
+    """What a click on the panel does."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        view: View,
+        button: Callable[[Callable[[], None]], str],
+        republish: Callable[[], None],
+    ) -> None:
+        self._view, self._republish = view, republish
+        has_truth = scene.truth is not None and scene.truth.vertices is not None
+        self.last_shape = TRUE_SHAPE if has_truth else NOW_SHAPE
+        self.press_surface = {
+            name: button(lambda name=name: self.choose_surface(name))
+            for name in (*SURFACES, *available_colorings(scene))
+        }
+        self.press_shape = {
+            shape: button(lambda shape=shape: self.choose_shape(shape)) for shape in SHAPES if shape <= self.last_shape
+        }
+
+    def choose_surface(self, name: str) -> None:
+        self._view.surface = name
+        self._republish()
+
+    def choose_shape(self, shape: object) -> None:
+        """0 to 2, see `View.shape`.
+
+        Raises:
+            InputError: it is something else.
+        """
+        if isinstance(shape, bool) or not isinstance(shape, int | float) or not 0 <= shape <= self.last_shape:
+            raise InputError(f"shape: expected a number from 0 to {self.last_shape:g}")
+        self._view.shape = round(float(shape), 3)
+        self._republish()
+
+    def before_or_now(self) -> None:
+        """From now to the start, from anything else to now."""
+        self.choose_shape(START_SHAPE if self._view.shape == NOW_SHAPE else NOW_SHAPE)
+
+
+class SurfacePanel:
+    """Rows of buttons of which one is down, and a slider through the shapes."""
+
+    def __init__(
+        self, gui: viser.GuiApi, buttons: SurfaceButtons, guarded: Callable[[Callable[..., None]], Callable[..., None]]
+    ) -> None:
+        self._buttons = buttons
+        self._panel = HtmlPanel(gui)
+        self._slider = gui.add_slider(
+            "Shape",
+            min=START_SHAPE,
+            max=buttons.last_shape,
+            step=STEP,
+            initial_value=NOW_SHAPE,
+            hint="Moves the surface from where it began to where it is now, and on to the truth where that is known.",
+        )
+        choose = guarded(buttons.choose_shape)
+
+        @self._slider.on_update
+        def _(event: viser.GuiEvent) -> None:
+            if event.client is not None:
+                choose(self._slider.value)
+
+    def show(self, state: RunState, view: View) -> None:
+        press = self._buttons.press_surface
+        how = _choice({name: (label, press[name]) for name, label in SURFACES.items()}, view.surface, "Surface")
+        colors = {name: (COLORINGS[name].label, press[name]) for name in press if name in COLORINGS}
+        shapes = {shape: (SHAPES[shape], js) for shape, js in self._buttons.press_shape.items()}
+        self._panel.set(
+            f"<h4>Surface</h4>{how}<div class='dim note'>coloured by</div>{_choice(colors, view.surface, 'Coloured by')}"
+            f"<div class='dim note'>as it is</div>{_choice(shapes, view.shape, 'Shape')}"
+        )
+        if self._slider.value != view.shape:
+            self._slider.value = view.shape
+
+
+def _choice(options: dict, chosen: object, name: str) -> str:
+    """A group of buttons of which one is down."""
+    found = []
+    for key, (label, press) in options.items():
+        is_on = key == chosen
+        one = button(label, press, hint=f"{name}: {label}", css_class="small on" if is_on else "small")
+        found.append(one.replace("<button", f'<button aria-pressed="{text(str(is_on).lower())}"', 1))
+    return f"<div class='segments' role='group' aria-label='{text(name)}'>{''.join(found)}</div>"
