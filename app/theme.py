@@ -7,7 +7,7 @@ import viser
 from app.palette import BRAND
 
 _KEY = "eigenfairing-theme"
-_PATIENCE = 1.0  # s: a browser that does not say in time gets the dark one
+_PATIENCE = 5.0  # s: a browser that does not say in time gets the dark one
 
 
 class Theme:

@@ -50,10 +50,10 @@ class SurfaceLayer:
             visible=False,
         )
         self._textured = {
-            shape: TakingTurns(client, f"/mesh/textured_{name}")
+            shape: TakingTurns(client, f"/mesh/textured_{name}", controller.republish)
             for shape, name in ((START_SHAPE, "start"), (NOW_SHAPE, "now"), (TRUE_SHAPE, "truth"), (None, "between"))
         }
-        self._colored = TakingTurns(client, "/mesh/colored", UNPACK_COLORED)
+        self._colored = TakingTurns(client, "/mesh/colored", controller.republish, UNPACK_COLORED)
         self._between: tuple[float, np.ndarray, np.ndarray] | None = None
         self._wanted: Wanted | None = None
         self._answer: tuple[Wanted, np.ndarray | Exception] | None = None

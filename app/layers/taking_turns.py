@@ -1,6 +1,7 @@
 """One GLB mesh at a time; the next one is unpacked out of sight before it takes the place of the last."""
 
 import threading
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -29,10 +30,13 @@ class Drawn:
 
 
 class TakingTurns:
-    """Two nodes, of which one is in sight."""
+    """Two nodes, of which one is in sight. `on_shown` is called when another one could be."""
 
-    def __init__(self, client: viser.ClientHandle, name: str, seconds: float = UNPACK_SECONDS) -> None:
+    def __init__(
+        self, client: viser.ClientHandle, name: str, on_shown: Callable[[], None], seconds: float = UNPACK_SECONDS
+    ) -> None:
         self._client, self._name, self._seconds = client, name, seconds
+        self._on_shown = on_shown
         self._handles: list[viser.GlbHandle] = []
         self._front = 0
         self._on_its_way: tuple[threading.Timer, HasGlb] | None = None
@@ -88,3 +92,4 @@ class TakingTurns:
             if self._next is not None:
                 following, self._next = self._next, None
                 self._send(following)
+        self._on_shown()
