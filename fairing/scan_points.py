@@ -1,0 +1,108 @@
+"""From a registered scan to the few points a start mesh is made of: where it bends or ends, and some between.
+
+The paper samples range data "at points of high curvature and discontinuity"; fairing then moves them onto the real
+corners, which the scan's rays missed.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from fairing.errors import InputError
+from fairing.scene import SparsePoints, View
+
+NEIGHBOURS = 24
+MOST_POINTS = 200_000  # looked at; of larger scans evenly chosen ones
+GAP = np.radians(120.0)  # a point whose neighbours leave such an angle free lies at an end of the surface
+BENT = 0.01  # surface variation (0 to 1/3) from which on a surface bends: two planes at 25 degrees
+FILL = 2.5  # spacings between points where nothing bends or ends
+SPLAT = 0.5  # of the spacing: how far around a point of the scan hides what lies behind
+BEHIND = 0.5  # spacings: how much farther a point may lie than what is in front of it, and still be seen
+
+
+@dataclass(frozen=True, eq=False)
+class CriticalPoints:
+    """Attributes:
+    positions: (k, 3) float: chosen points of the scan, the most critical first.
+    variation: (k,) float: surface variation, 0 in a plane.
+    is_end: (k,) bool: points where the surface ends.
+    """
+
+    positions: np.ndarray
+    variation: np.ndarray
+    is_end: np.ndarray
+
+
+def critical_points(points: np.ndarray, spacing: float) -> CriticalPoints:
+    """Points of a scan (n, 3) at least `spacing` apart where it bends or ends, and 2.5 times that elsewhere.
+
+    Raises:
+        InputError: fewer than 50 points.
+    """
+    if len(points) < 50:
+        raise InputError(f"scan: expected at least 50 points, found {len(points)}")
+    points = np.asarray(points, dtype=np.float64)[:: max(1, -(-len(points) // MOST_POINTS))]
+    variation, is_end = _shape(points)
+    # Ends come before bends: where a surface ends, its variation says nothing.
+    order = np.lexsort((np.arange(len(points)), -variation, ~is_end))
+    is_critical = is_end | (variation > BENT)
+    tree = cKDTree(points)
+    is_free = np.ones(len(points), dtype=bool)
+    chosen = []
+    for radius, candidates in ((spacing, order[is_critical[order]]), (FILL * spacing, order[~is_critical[order]])):
+        if radius > spacing:  # keep the wider distance to what is chosen, too
+            for point in chosen:
+                is_free[tree.query_ball_point(points[point], radius)] = False
+        for point in candidates:
+            if is_free[point]:
+                chosen.append(int(point))
+                is_free[tree.query_ball_point(points[point], radius)] = False
+    return CriticalPoints(points[chosen], variation[chosen], is_end[chosen])
+
+
+def _shape(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Surface variation (n,) (Pauly, Gross, Kobbelt 2002) and whether the surface ends at a point (n,)."""
+    neighbours = cKDTree(points).query(points, k=min(NEIGHBOURS, len(points)))[1]
+    variation, is_end = np.empty(len(points)), np.empty(len(points), dtype=bool)
+    for block in np.array_split(np.arange(len(points)), max(1, len(points) // 20_000)):
+        around = points[neighbours[block]]
+        centred = around - around.mean(axis=1, keepdims=True)
+        values, vectors = np.linalg.eigh(np.einsum("nki,nkj->nij", centred, centred))
+        variation[block] = np.clip(values[:, 0], 0, None) / np.maximum(values.sum(axis=1), 1e-300)
+        arms = around[:, 1:] - points[block][:, None]
+        x, y = (np.einsum("nki,ni->nk", arms, vectors[:, :, axis]) for axis in (2, 1))
+        angles = np.sort(np.arctan2(y, x), axis=1)
+        gaps = np.diff(angles, axis=1, append=angles[:, :1] + 2 * np.pi)
+        is_end[block] = gaps.max(axis=1) > GAP
+    return variation, is_end
+
+
+def seen_points(scan: np.ndarray, chosen: np.ndarray, views: Sequence[View], spacing: float) -> SparsePoints:
+    """Chosen points (k, 3) of a registered scan (n, 3) with the photos that see them, as a reconstruction has them.
+
+    A photo sees a point that lies inside of it and not behind another point of the scan, which hides a disc of half the
+    spacing around it.
+    """
+    observations, pixels = [], []
+    for v, view in enumerate(views):
+        camera = view.camera
+        uv, depth = camera.project(chosen)
+        inside = (depth > 0) & (uv >= 0).all(axis=1) & (uv <= (camera.width - 1, camera.height - 1)).all(axis=1)
+        scan_uv, scan_depth = camera.project(scan)
+        front = scan_depth > 0
+        ids = np.flatnonzero(inside)
+        if len(ids) == 0 or not front.any():
+            continue
+        tree = cKDTree(scan_uv[front])
+        reach = SPLAT * spacing * camera.K[0, 0] / depth[ids]
+        for i, near in zip(ids, tree.query_ball_point(uv[ids], reach), strict=True):
+            nearest = scan_depth[front][near].min(initial=np.inf)
+            if depth[i] <= nearest + BEHIND * spacing:
+                observations.append((i, v))
+                pixels.append(uv[i])
+    colors = np.full((len(chosen), 3), 200, dtype=np.uint8)
+    return SparsePoints(
+        chosen, colors, np.array(observations, dtype=np.int64).reshape(-1, 2), np.array(pixels).reshape(-1, 2)
+    )
