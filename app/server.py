@@ -161,11 +161,11 @@ def serve(
         InputError: the address cannot be used, `save_to` cannot be written, or the bookmarks cannot be read.
     """
     app = start(session, host=host, port=port, save_to=save_to, recorded_in=recorded_in)
-    print(f"EigenFairing is at {app.url} - Ctrl-C ends it.", flush=True)  # noqa: T201 - the one line a user needs
-    if open_browser:
-        webbrowser.open(app.url)
     try:
         with contextlib.suppress(KeyboardInterrupt):
+            print(f"EigenFairing is at {app.url} - Ctrl-C ends it.", flush=True)  # noqa: T201 - the one line a user needs
+            if open_browser:
+                webbrowser.open(app.url)
             threading.Event().wait()
     finally:
         app.stop()

@@ -239,3 +239,21 @@ def test_the_module_runs_as_a_command():
     )
     assert done.returncode == 0
     assert "Without a command" in done.stdout
+
+
+def test_ctrl_c_ends_the_debugger_cleanly_with_the_run_saved(scene, tmp_path):
+    command = [sys.executable, "-m", "app", "view", str(scene), "--no-browser", "--at", "end"]
+    process = subprocess.Popen(
+        [*command, "--port", "0", "--save-to", str(tmp_path / "run.trace")],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout is not None
+    assert "http://127.0.0.1:" in process.stdout.readline()
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 0
+    assert "Traceback" not in errors
+    session = Session(load_scene(scene), trace=Trace.load(tmp_path / "run.trace"))
+    assert session.finished
