@@ -18,7 +18,7 @@ from fairing.kernels import (
 from fairing.options import FairingOptions, by_level
 from fairing.scale_space import ScaleSpace
 from fairing.scene import Scene
-from fairing.visibility import Visibility, depth_map, footprints, mask_samples
+from fairing.visibility import DepthMap, Visibility, depth_map, footprints, mask_samples
 
 GRID_SIZES = (8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256)
 NORMS = {
@@ -75,6 +75,20 @@ class CellContext:
         return slice(int(self.kernel.pair_start[face]), int(self.kernel.pair_start[face + 1]))
 
 
+@dataclass(frozen=True, eq=False)
+class Occluders:
+    """The surface that hides cells, where it is not the one the cells' faces make up: faces that are only tried.
+
+    Attributes:
+        depth_maps: one a photo.
+        transparent: (m, 2) int: for each face of the cells those of that surface it would replace, which do not hide
+            it; -1 for none.
+    """
+
+    depth_maps: list[DepthMap]
+    transparent: np.ndarray
+
+
 def facing(scene: Scene, vertices: np.ndarray) -> int:
     """1 if the photos see mostly the counter-clockwise side of the faces, -1 if the clockwise side."""
     balance = 0
@@ -97,6 +111,7 @@ def build_context(
     orientation: int,
     judged_faces: np.ndarray,
     pool: Executor,
+    occluders: Occluders | None = None,
 ) -> CellContext:
     """Judge visibility at the given positions and lay out the cells of a level.
 
@@ -106,6 +121,7 @@ def build_context(
         orientation: see `facing`.
         judged_faces: (m,) bool: the faces wanted; the others take no part.
         pool: works on several photos at a time.
+        occluders: what hides the cells; by default the mesh itself.
     """
     faces = scene.mesh.faces
     blur = options.schedule.blur[level]
@@ -141,13 +157,17 @@ def build_context(
         if len(chosen) == 0:
             return []
         reduction = options.visibility.reduction
-        depths = depth_map(vertices, faces, cameras[v], reduction, photos.mask(v, reduction))
+        if occluders is None:
+            depths = depth_map(vertices, faces, cameras[v], reduction, photos.mask(v, reduction))
+            transparent = np.full((len(chosen), 2), -1, dtype=np.int64)
+        else:
+            depths, transparent = occluders.depth_maps[v], occluders.transparent[chosen]
         starts = np.concatenate([[0], np.cumsum(samples[chosen])])
         masks, seen = np.empty(starts[-1], dtype=np.uint8), np.empty(len(chosen), dtype=np.int64)
         mask_samples(
             vertices @ P[v, :, :3].T + P[v, :, 3], faces[chosen], face_grid[chosen], grid_start, ramp, inset[chosen],
-            depths.inverse_depth, depths.edge_distance, depths.focal_length, depths.reduction, 1.0 + blur, margin,
-            (cameras[v].width, cameras[v].height), masks, starts[:-1], seen,
+            depths.inverse_depth, depths.edge_distance, depths.face_id, transparent, depths.focal_length,
+            depths.reduction, 1.0 + blur, margin, (cameras[v].width, cameras[v].height), masks, starts[:-1], seen,
         )  # fmt: skip
         partly = seen < samples[chosen]
         reasons[chosen[partly], v] = Visibility.PARTLY_SEEN

@@ -3,15 +3,13 @@
 A *moment* is a number between two steps: moment 0 is the start, moment m the state after m steps. A trace holds
 positions exactly, so any moment comes back to the bit; cells, residuals and flows are recomputed from it on demand.
 
-File layout: the magic line, then blocks of (length, checksum, payload), the first being the header. A block that was
-cut short by a crash is dropped on reading, everything before it is kept.
+On disk it is a `block_file`: steps cut short by a crash are dropped on reading, everything before them is kept.
 """
 
-import io
+import itertools
 import json
-import os
-import zlib
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
 from enum import IntEnum
 from pathlib import Path
@@ -19,6 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fairing.block_file import BlockFile, pack, read_blocks, unpack
 from fairing.errors import InputError
 
 MAGIC = b"EIGENFAIRING TRACE 1\n"
@@ -158,7 +157,7 @@ class Trace:
         self.hand_moments: list[int] = []
         self._keyframes: dict[int, np.ndarray] = {0: self.start}
         self._newest: tuple[int, np.ndarray] = (0, self.start.copy())
-        self._file: io.BufferedWriter | None = None
+        self._file: BlockFile | None = None
         self._unwritten: Path | None = None  # the file that writing failed on
 
     def __len__(self) -> int:
@@ -174,10 +173,8 @@ class Trace:
         if self._unwritten is not None:
             self.attach(self._unwritten)
         elif self._file is not None:
-            try:
-                _write_block(self._file, _pack_record(record))
-            except OSError as error:
-                raise self._failed(error) from None
+            with self._giving_up_file():
+                self._file.append(_pack_record(record))
 
     def vertices_at(self, moment: int) -> np.ndarray:
         """(n, 3) float: positions at a moment, a copy.
@@ -208,33 +205,17 @@ class Trace:
         """Write the trace to `path` (replacing what is there by renaming) and keep it up to date from now on."""
         if self._file is not None:
             self.detach()
-        aside = path.with_name(path.name + ".part")
-        try:
-            with aside.open("wb") as file:
-                file.write(MAGIC)
-                _write_block(file, _pack({"header": json.dumps(self.header)}, start=self.start, faces=self.faces))
-                for record in self.steps:
-                    _write_block(file, _pack_record(record))
-            os.replace(aside, path)
-            self._file = path.open("ab")
-            self._unwritten = None
-        except OSError as error:
-            with suppress(OSError):
-                aside.unlink(missing_ok=True)
-            raise InputError(
-                f"{path}: could not be written ({error.strerror}); choose another folder or free space"
-            ) from None
+        header = pack({"header": json.dumps(self.header)}, start=self.start, faces=self.faces)
+        self._file = BlockFile(path, MAGIC, itertools.chain([header], map(_pack_record, self.steps)))
+        self._unwritten = None
 
     def flush(self) -> None:
         """Make sure that what was appended survives a crash of the machine."""
         if self._unwritten is not None:
             self.attach(self._unwritten)
         if self._file is not None:
-            try:
+            with self._giving_up_file():
                 self._file.flush()
-                os.fsync(self._file.fileno())
-            except OSError as error:
-                raise self._failed(error) from None
 
     def detach(self) -> None:
         """Stop writing to the file."""
@@ -243,14 +224,15 @@ class Trace:
             self._file.close()
             self._file = None
 
-    def _failed(self, error: OSError) -> InputError:
-        """Close the file, whose end is in doubt, so that nothing follows what may be half a step."""
-        assert self._file is not None
-        self._unwritten = Path(self._file.name)
-        with suppress(OSError):
-            self._file.close()
-        self._file = None
-        return InputError(f"{self._unwritten}: could not be written ({error.strerror}); free space and go on")
+    @contextmanager
+    def _giving_up_file(self) -> Iterator[None]:
+        """A file that could not be written to is let go, to be written anew."""
+        try:
+            yield
+        except InputError:
+            assert self._file is not None
+            self._unwritten, self._file = self._file.path, None
+            raise
 
     def cut(self, moment: int) -> "Trace":
         """A new trace in memory with the steps before a moment."""
@@ -271,16 +253,8 @@ class Trace:
         Raises:
             InputError: the file is missing or no trace.
         """
-        try:
-            data = path.read_bytes()
-        except OSError as error:
-            raise InputError(f"trace {path}: cannot be read ({error.strerror})") from None
-        if not data.startswith(MAGIC):
-            raise InputError(f"trace {path}: expected an EigenFairing trace (version 1), found something else")
-        blocks = _read_blocks(data)
-        if not blocks:
-            raise InputError(f"trace {path}: its header is damaged; it cannot be replayed")
-        texts, arrays = _unpack(blocks[0])
+        blocks = read_blocks(path, MAGIC, "trace")
+        texts, arrays = unpack(blocks[0])
         trace = cls(json.loads(texts["header"]), arrays["start"], arrays["faces"])
         for block in blocks[1:]:
             trace._index(_unpack_record(block))
@@ -297,27 +271,12 @@ class Trace:
             self._keyframes[len(self.steps)] = vertices.copy()
 
 
-def _pack(texts: dict[str, str], **arrays: np.ndarray) -> bytes:
-    buffer = io.BytesIO()
-    text_arrays = {f"text_{name}": np.frombuffer(text.encode(), dtype=np.uint8) for name, text in texts.items()}
-    everything: dict[str, Any] = {**text_arrays, **arrays}
-    np.savez_compressed(buffer, **everything)
-    return buffer.getvalue()
-
-
-def _unpack(block: bytes) -> tuple[dict[str, str], dict[str, np.ndarray]]:
-    with np.load(io.BytesIO(block), allow_pickle=False) as archive:
-        arrays = {name: archive[name] for name in archive.files}
-    texts = {name[5:]: bytes(arrays.pop(name)).decode() for name in list(arrays) if name.startswith("text_")}
-    return texts, arrays
-
-
 def _pack_record(record: StepRecord) -> bytes:
-    return _pack({}, **{field.name: np.asarray(getattr(record, field.name)) for field in fields(StepRecord)})
+    return pack({}, **{field.name: np.asarray(getattr(record, field.name)) for field in fields(StepRecord)})
 
 
 def _unpack_record(block: bytes) -> StepRecord:
-    _, values = _unpack(block)
+    _, values = unpack(block)
     return StepRecord(
         **{
             **values,
@@ -328,21 +287,3 @@ def _unpack_record(block: bytes) -> StepRecord:
             "objective_after": float(values["objective_after"]),
         }
     )
-
-
-def _write_block(file: io.BufferedWriter, payload: bytes) -> None:
-    file.write(len(payload).to_bytes(8, "little") + zlib.crc32(payload).to_bytes(4, "little") + payload)
-
-
-def _read_blocks(data: bytes) -> list[bytes]:
-    blocks = []
-    at = len(MAGIC)
-    while at + 12 <= len(data):
-        length, checksum = int.from_bytes(data[at : at + 8], "little"), int.from_bytes(data[at + 8 : at + 12], "little")
-        payload = data[at + 12 : at + 12 + length]
-        # Some file systems leave zeros where a crash kept the data from the disk.
-        if length == 0 or len(payload) < length or zlib.crc32(payload) != checksum:
-            break
-        blocks.append(payload)
-        at += 12 + length
-    return blocks

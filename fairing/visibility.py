@@ -170,8 +170,8 @@ def _mark_depth_edges(uv, inverse_depth, face_id, depth, focal, edges):
 
 @njit(cache=True, nogil=True)
 def mask_samples(
-    pixels, corners, grids, grid_start, ramp, insets, inverse_depth, edge_distance, focal, reduction, border, margin,
-    size, masks, starts, seen,
+    pixels, corners, grids, grid_start, ramp, insets, inverse_depth, edge_distance, face_id, transparent, focal,
+    reduction, border, margin, size, masks, starts, seen,
 ):  # fmt: skip
     """Mark the samples of cells that one photo really shows.
 
@@ -180,6 +180,8 @@ def mask_samples(
         corners: (c, 3) int64: vertices of the faces to judge.
         grids, insets: (c,): cell grid of each and the border left out, fraction of the face's height.
         grid_start, ramp: the cell grids, see `KernelData`.
+        inverse_depth, edge_distance, face_id: see `DepthMap`.
+        transparent: (c, 2) int64: faces of the depth map that do not hide the cell; -1 for none.
         border: distance to keep from the photo's border, px.
         margin: distance to keep from depth edges, px.
         size: (width, height) of the photo, px.
@@ -204,6 +206,8 @@ def mask_samples(
                 ix, iy = int((x + 0.5) / reduction), int((y + 0.5) / reduction)
                 front = inverse_depth[iy, ix]
                 is_hidden = front > 0 and w - 1 / front > HIDDEN_DEPTH * reduction * w / focal
+                if is_hidden:
+                    is_hidden = face_id[iy, ix] != transparent[f, 0] and face_id[iy, ix] != transparent[f, 1]
                 is_seen = not is_hidden and edge_distance[iy, ix] >= margin
             masks[starts[f] + s] = is_seen
             count += is_seen

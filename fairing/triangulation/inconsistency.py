@@ -1,0 +1,174 @@
+"""What the photos say of faces that are, and of faces that could be: the loss of the eigenspace, photo by photo.
+
+Morris and Kanade (CVPR 2000) compare photos with the average of all of them, warped to the face; here one eigenvector
+takes the place of the average, as in fairing, and Geman-McClure that of the square. A face's loss in a photo is a mean
+over the pixels seen there, so that photos that see little of it do not look consistent.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fairing.cells import Occluders, build_context, facing
+from fairing.energy import Evaluator
+from fairing.gauss_newton import face_normals
+from fairing.mesh import Mesh
+from fairing.options import (
+    CellOptions,
+    EigenspaceOptions,
+    FairingOptions,
+    RobustOptions,
+    ScheduleOptions,
+    VisibilityOptions,
+)
+from fairing.scale_space import ScaleSpace
+from fairing.scene import Scene
+from fairing.triangulation.options import TriangulationOptions
+from fairing.visibility import DepthMap, depth_map
+
+UNSEEN_LOSS = 0.25
+"""What a face costs per pixel that no three photos see: as residuals of 0.6 sigma would."""
+_MAP_BYTES = 12
+_MAP_MEMORY = 1.5e9
+
+
+def judging_options(options: TriangulationOptions) -> FairingOptions:
+    """The engine's options for judging faces: those of the middle levels of fairing, at one blur.
+
+    Thin faces take part down to 1 px x blur of height (fairing: 2), else no flip could remove them. 20 photos a face
+    (fairing: 12), so that the photos of neighbours are the same ones.
+    """
+    return FairingOptions(
+        cells=CellOptions(size=(64,), spacing=(1.0,), inset=(0.0,), interpolation=("bilinear",)),
+        eigenspace=EigenspaceOptions(dimensions=(1,)),
+        robust=RobustOptions(sigma_rule=("fixed",)),
+        schedule=ScheduleOptions(blur=(options.blur,)),
+        visibility=VisibilityOptions(min_footprint=1.0, max_views=20),
+        threads=options.threads,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class FaceLosses:
+    """Losses of F faces in V photos.
+
+    Attributes:
+        weight: (F, V) float: photo pixels a face covers, times the photo's weight; 0 where the photo takes no part.
+        loss: (F, V) float in 0 to 1: mean of the robust norm over the face's samples, corrected for the eigenspace's
+            freedom: few photos do not look like a good fit.
+    """
+
+    weight: np.ndarray
+    loss: np.ndarray
+
+    @property
+    def n_views(self) -> np.ndarray:
+        """(F,) int: photos that take part."""
+        return (self.weight > 0).sum(axis=1)
+
+    def mean(self) -> np.ndarray:
+        """(F,) float: loss per pixel over a face's photos; `UNSEEN_LOSS` for a face that has none."""
+        total = self.weight.sum(axis=1)
+        return np.where(total > 0, (self.weight * self.loss).sum(axis=1) / np.maximum(total, 1e-300), UNSEEN_LOSS)
+
+    def of(self, rows: np.ndarray) -> "FaceLosses":
+        """Those of some faces."""
+        return FaceLosses(self.weight[rows], self.loss[rows])
+
+
+def common_loss(pairs: list[FaceLosses]) -> tuple[np.ndarray, np.ndarray]:
+    """Loss per pixel of several pairs of faces over the same quads, in the photos that all faces of a quad take part in.
+
+    Both pairs cover the same pixels there: like is compared with like.
+
+    Args:
+        pairs: P entries, each with the losses of 2 Q faces: the first face of each quad, then the second of each.
+
+    Returns:
+        (P, Q) float losses, and (Q,) int: how many photos. Where there is none the losses are 0.
+    """
+    quads = len(pairs[0].weight) // 2
+    shape = (2, quads, -1)
+    is_common = np.logical_and.reduce([(pair.weight.reshape(shape) > 0).all(axis=0) for pair in pairs])
+    losses = []
+    for pair in pairs:
+        weight = pair.weight.reshape(shape) * is_common
+        total = (weight * pair.loss.reshape(shape)).sum(axis=(0, 2))
+        losses.append(total / np.maximum(weight.sum(axis=(0, 2)), 1e-300))
+    return np.stack(losses), is_common.sum(axis=1)
+
+
+class Judge:
+    """Measures losses of faces spanned between the fixed vertices of a scene.
+
+    Attributes:
+        orientation: 1 if faces are counter-clockwise seen from the photos, else -1.
+    """
+
+    def __init__(self, scene: Scene, options: TriangulationOptions) -> None:
+        self._scene = scene
+        self._options = judging_options(options)
+        cameras = [view.camera for view in scene.views]
+        pixels = sum(camera.width * camera.height for camera in cameras)
+        coarse = int(np.ceil(np.sqrt(_MAP_BYTES * pixels / _MAP_MEMORY)))
+        visibility = replace(self._options.visibility, reduction=max(self._options.visibility.reduction, coarse))
+        self._options = replace(self._options, visibility=visibility)
+        self._photos = ScaleSpace(scene, color=False)
+        self._evaluator = Evaluator(options.threads)
+        self.vertices = scene.mesh.vertices
+        self.orientation = facing(scene, self.vertices)
+
+    def depth_maps(self, faces: np.ndarray) -> list[DepthMap]:
+        """What hides what, in every photo, if these are the faces (m, 3)."""
+        reduction = self._options.visibility.reduction
+
+        def one(v: int) -> DepthMap:
+            camera = self._scene.views[v].camera
+            return depth_map(self.vertices, faces, camera, reduction, self._photos.mask(v, reduction))
+
+        return list(self._evaluator.pool.map(one, range(len(self._scene.views))))
+
+    def losses(self, faces: np.ndarray, depth_maps: list[DepthMap], replaced: np.ndarray) -> FaceLosses:
+        """Losses of faces.
+
+        Args:
+            faces: (F, 3) int.
+            depth_maps: of the mesh as it is.
+            replaced: (F, 2) int: the faces of that mesh whose place each would take.
+        """
+        scene = replace(self._scene, mesh=Mesh(self.vertices, faces))
+        context = build_context(
+            scene, self._photos, self._options, 0, self.vertices, self.orientation, np.ones(len(faces), dtype=bool),
+            self._evaluator.pool, Occluders(depth_maps, np.asarray(replaced, dtype=np.int64)),
+        )  # fmt: skip
+        data = context.kernel
+        everything = np.arange(len(faces))
+        scale = np.full(len(faces), self._options.robust.sigma**2)
+        measured = self._evaluator.measure(context, self.vertices, everything, scale)
+
+        n_pairs = np.diff(data.pair_start)
+        face = np.repeat(everything, n_pairs)
+        samples = np.diff(data.grid_start)[data.face_grid[face]]
+        seen = samples.astype(float)
+        masked = np.flatnonzero(data.pair_mask >= 0)
+        counts = np.concatenate([[0], np.cumsum(data.masks, dtype=np.int64)])
+        seen[masked] = counts[data.pair_mask[masked] + samples[masked]] - counts[data.pair_mask[masked]]
+        k = data.face_dimensions[face]
+        takes_part = k > 0
+        freedom = n_pairs[face] / np.maximum(n_pairs[face] - k, 1)
+        shape = (len(faces), len(scene.views))
+        weight, loss = np.zeros(shape), np.zeros(shape)
+        weight[face, data.pair_view] = np.where(takes_part, data.pair_weight * samples, 0)
+        mean = measured.pair_energy / np.maximum(data.pair_weight * seen, 1e-300)
+        loss[face, data.pair_view] = np.where(takes_part, mean * freedom, 0)
+        return FaceLosses(weight, loss)
+
+    def surface(self, faces: np.ndarray) -> np.ndarray:
+        """(F,) float, world units squared: areas."""
+        return 0.5 * np.linalg.norm(face_normals(self.vertices, faces), axis=1)
+
+    def shown_side(self, faces: np.ndarray) -> np.ndarray:
+        """(F, V) float: positive where a photo is on the outer side of a face, world units cubed."""
+        normals = self.orientation * face_normals(self.vertices, faces)
+        centers = np.stack([view.camera.center for view in self._scene.views])
+        return normals @ centers.T - (normals * self.vertices[faces[:, 0]]).sum(axis=1)[:, None]

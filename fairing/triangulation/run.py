@@ -1,0 +1,111 @@
+"""From calibrated photos with sparse points, or with a mesh, to a mesh whose edges agree with the photos."""
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fairing.errors import InputError
+from fairing.mesh import Mesh
+from fairing.scene import Scene, SparsePoints, View
+from fairing.triangulation.flips import EdgeFlipper, FlipSummary
+from fairing.triangulation.options import TriangulationOptions
+from fairing.triangulation.record import FlipTrace
+from fairing.triangulation.start import StartMesh, start_mesh
+
+
+@dataclass(frozen=True, eq=False)
+class Triangulation:
+    """A triangulation and how it came about.
+
+    Attributes:
+        scene: the photos with the mesh before any flip.
+        faces: (m, 3) int: the faces found, between the vertices of `scene.mesh`.
+        start: where the mesh before any flip came from; None if it was given.
+        trace: the flips.
+        summary: how the search went.
+    """
+
+    scene: Scene
+    faces: np.ndarray
+    start: StartMesh | None
+    trace: FlipTrace
+    summary: FlipSummary
+
+    def mesh(self) -> tuple[np.ndarray, np.ndarray]:
+        """Vertices (n, 3) in the order of the mesh given, and faces (m, 3)."""
+        scene = self.scene
+        _, input_vertex = np.unique(scene.original_from_welded, return_index=True)
+        kept = (self.faces == scene.mesh.faces).all(axis=1)
+        return scene.unweld(scene.mesh.vertices), np.where(
+            kept[:, None], scene.original_faces, input_vertex[self.faces]
+        )
+
+    def result(self) -> Scene:
+        """The photos with the mesh found."""
+        return replace(self.scene, mesh=Mesh(self.scene.mesh.vertices, self.faces), original_faces=self.mesh()[1])
+
+    def report(self) -> dict[str, Any]:
+        """Counts, energies and what was left out, as plain numbers and words."""
+        summary, start = self.summary, self.start
+        names = [view.name for view in self.scene.views]
+        return {
+            "scene": self.scene.name,
+            "options": self.trace.header.get("options"),
+            "vertices": len(self.scene.mesh.vertices),
+            "faces": len(self.faces),
+            "central_photos": None if start is None else [names[v] for v in start.central_views],
+            "points_left_out": None if start is None else start.left_out,
+            "flips": len(self.trace),
+            "rounds": summary.rounds,
+            "stop_reason": summary.stop_reason,
+            "energy": {"before": summary.energy_before, "after": summary.energy_after},
+            "inconsistent_edges": {"before": summary.inconsistent_before, "after": summary.inconsistent_after},
+            "edges_searched": {
+                name: {verdict.name.lower(): count for verdict, count in verdicts.items()}
+                for name, verdicts in zip(("first", "last"), summary.verdicts, strict=True)
+            },
+        }
+
+
+def triangulate(
+    name: str,
+    views: tuple[View, ...],
+    points: SparsePoints | None,
+    options: TriangulationOptions | None = None,
+    mesh: tuple[np.ndarray, np.ndarray] | None = None,
+    record_to: Path | None = None,
+    header: dict[str, Any] | None = None,
+    should_stop: Callable[[], bool] = lambda: False,
+    on_progress: Callable[[int, int, float], None] = lambda flips, open_edges, energy: None,
+) -> Triangulation:
+    """Triangulate sparse points, or take a mesh, and flip edges until the photos agree no better.
+
+    Args:
+        mesh: vertices (n, 3) and faces (m, 3) to begin with, instead of a triangulation of the points.
+        record_to: a file to keep the record of flips in from the first one on.
+        header: facts to put in the record.
+        should_stop, on_progress: see `EdgeFlipper.run`.
+
+    Raises:
+        InputError: there are no points to triangulate, too few, or no face is seen by three photos.
+    """
+    options = options or TriangulationOptions()
+    start = None
+    if mesh is None:
+        if points is None or len(points.positions) == 0:
+            raise InputError(f"{name}: expected sparse points to triangulate, found none; give a mesh with --mesh")
+        start = start_mesh(views, points, options)
+        mesh = start.vertices, start.faces
+    scene = Scene.build(name, *mesh, views, sparse_points=points)
+    flipper = EdgeFlipper(scene, options)
+    flipper.trace.header |= (header or {}) | {"options": asdict(options)}
+    if record_to is not None:
+        flipper.trace.attach(record_to)
+    try:
+        summary = flipper.run(should_stop, on_progress)
+    finally:
+        flipper.trace.detach()
+    return Triangulation(scene, flipper.trace.faces_at(len(flipper.trace)), start, flipper.trace, summary)
