@@ -205,7 +205,7 @@ class EdgeFlipper:
         sides_new = self._judge.shown_side(new_faces).reshape(2, len(n_views), -1)
         takes_part = (old.weight > 0).reshape(2, len(n_views), -1).all(axis=0) & (sides_old > 0).all(axis=0)
         turns_away = takes_part & (sides_new <= 0).any(axis=0)
-        # Only where more than half of those photos say so: 0.656 instead of 0.662 % of mean error on the archway, and folds.
+        # Refused only where most of these photos say so, the archway ended 0.656 % off instead of 0.662, with folds for the rest.
         verdict[np.logical_or.reduce(turns_away, axis=1)] = Verdict.TURNED_AWAY
         few = (n_views < COMMON_PHOTOS) & (verdict != Verdict.TURNED_AWAY)
         verdict[few] = Verdict.TOO_FEW_PHOTOS
