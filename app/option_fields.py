@@ -10,6 +10,20 @@ from typing import Any, Literal
 from fairing.errors import InputError
 from fairing.options import FairingOptions
 
+ENERGIES_APART = "energies before and after do not compare"
+NEXT_STEP = "from the next step on"
+# What the options of a group affect, and when with "Go on from here".
+GROUP_EFFECTS: dict[str, tuple[str, str]] = {
+    "cells": (f"what is read from the photos; {ENERGIES_APART}", NEXT_STEP),
+    "eigenspace": (f"what of the cells is explained away; {ENERGIES_APART}", NEXT_STEP),
+    "robust": (f"how much large residuals count; {ENERGIES_APART}", NEXT_STEP),
+    "step": ("how steps are made and which are accepted; the energy is measured as before", NEXT_STEP),
+    "visibility": (f"which photos and samples take part; {ENERGIES_APART}", NEXT_STEP),
+    "schedule": ("levels, sweeps and their order", "only in a new run: start over"),
+    "general": ("which vertices may move", NEXT_STEP),
+}
+SPEED_ONLY = ("speed alone; the result stays the same to the last bit", NEXT_STEP)
+
 
 @dataclass(frozen=True)
 class OptionField:
@@ -30,6 +44,17 @@ class OptionField:
     @property
     def label(self) -> str:
         return self.path[-1].replace("_", " ")
+
+    @property
+    def group(self) -> str:
+        """The stage it belongs to."""
+        return self.path[0] if len(self.path) > 1 else "general"
+
+    @property
+    def effect(self) -> str:
+        """What it affects and when, as one sentence."""
+        what, when = SPEED_ONLY if self.path == ("threads",) else GROUP_EFFECTS[self.group]
+        return f"Affects {what}. Takes effect {when}."
 
     def of(self, options: FairingOptions) -> Any:
         """This field's value."""

@@ -26,6 +26,7 @@ from app.layers.cameras import CamerasLayer, Thumbnails
 from app.layers.ghost import GhostLayer
 from app.layers.paths import PathsLayer
 from app.layers.points import PointsLayer
+from app.layers.step_arrow import StepArrowLayer
 from app.layers.surface import SurfaceLayer
 from app.layers.vertices import VerticesLayer
 from app.layers.wires import WiresLayer
@@ -103,6 +104,7 @@ class Page:
             VerticesLayer(client, stage, scene.mesh, self._guarded_with(hands.click), hands.watch),
             GhostLayer(client, stage, scene.mesh),
             PathsLayer(client, stage, shared.paths),
+            StepArrowLayer(client, stage, scene),
             PointsLayer(client, stage, scene.sparse_points),
             CamerasLayer(client, stage, scene, shared.thumbnails, self._guarded_with(self._enter), hands.watch),
         ]

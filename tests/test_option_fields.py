@@ -38,3 +38,12 @@ def test_every_field_is_explained():
 def test_what_does_not_fit_is_refused_by_name(name: str, typed: object):
     with pytest.raises(InputError, match=f"option {name}"):
         FIELDS[name].read(typed)
+
+
+def test_every_field_says_what_it_affects_and_when():
+    for field in FIELDS.values():
+        assert field.effect.startswith("Affects ")
+        assert "Takes effect " in field.effect
+    assert "start over" in FIELDS["schedule.blur"].effect
+    assert "next step" in FIELDS["eigenspace.dimensions"].effect
+    assert "the same to the last bit" in FIELDS["threads"].effect

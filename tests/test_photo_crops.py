@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from app.layers.step_arrow import pixel_arrow
 from app.panels.photo_pages import chosen_pair, vertex_in_photos
 from app.photo_crops import OUTSIDE, Window, face_pair, photo_from_photo
 from app.photo_store import PhotoStore
@@ -118,3 +119,17 @@ def test_the_store_keeps_as_many_photos_as_fit(monkeypatch: pytest.MonkeyPatch):
     for view_id in (0, 1, 0, 2):
         assert np.array_equal(store[view_id], photos()[view_id])
     assert list(store._kept) == [0, 2]
+
+
+def test_the_arrow_of_a_step_shows_its_displacement_in_the_photo_magnified():
+    camera = cameras()[3]
+    before, after = VERTICES[0] + [0.05, 0, 0], VERTICES[0] + [0.04, 0.01, -0.01]
+    arrow = pixel_arrow(camera, before, after, 10)
+    assert arrow is not None
+    pixels, depths = camera.project(arrow)
+    tail, tip = camera.project(np.stack([before, after]))[0]
+    assert pixels[0, 0] == pytest.approx(tail)
+    assert pixels[0, 1] - tail == pytest.approx(10 * (tip - tail))
+    assert (depths < camera.project(before)[1]).all()
+    assert pixel_arrow(camera, before, before, 10) is None
+    assert pixel_arrow(camera, 3 * camera.center, after, 10) is None

@@ -17,6 +17,7 @@ from fairing.option_check import check_options
 from fairing.options import PRESETS, FairingOptions
 
 FROM_WIDGETS = "as below"
+MAX_DETAILS = 6  # changed options that are explained one by one; a preset changes dozens
 
 
 class OptionsPanel:
@@ -45,7 +46,7 @@ class OptionsPanel:
         self._widgets: list[tuple[OptionField, Any]] = []
         groups: dict[str, list[OptionField]] = {}
         for field in option_fields():
-            groups.setdefault(field.path[0] if len(field.path) > 1 else "general", []).append(field)
+            groups.setdefault(field.group, []).append(field)
         for name, members in groups.items():
             with gui.add_folder(name.capitalize(), expand_by_default=False):
                 for field in members:
@@ -59,13 +60,14 @@ class OptionsPanel:
             self._fill_in(state.options)
             self._preset.value = FROM_WIDGETS
         try:
-            changed = [f for f, widget in self._widgets if f.read(widget.value) != f.of(state.options)]
-            note = f"Changed: {', '.join(f.label for f in changed)}" if changed else "As the run has them."
+            changed = [(f, w.value) for f, w in self._widgets if f.read(w.value) != f.of(state.options)]
+            note = text(f"Changed: {', '.join(f.label for f, _ in changed)}" if changed else "As the run has them.")
+            details = "".join(_change(f, value, state.options) for f, value in changed[:MAX_DETAILS])
         except InputError as error:
-            note = str(error)
+            note, details = text(error), ""
         go_on = button("Go on from here", self._press.go_on, hint="Keep the past, go on with these", css_class="grow")
         over = button("Start over", self._press.start_over, hint="A new run with these options", css_class="grow")
-        self._head.set(f"<div class='row'>{go_on}{over}</div><div class='note dim'>{text(note)}</div>")
+        self._head.set(f"<div class='row'>{go_on}{over}</div><div class='note dim'>{note}</div>{details}")
 
     def _typed(self) -> FairingOptions:
         values = {field.path: field.read(widget.value) for field, widget in self._widgets}
@@ -105,8 +107,16 @@ class OptionButtons:
         self.start_over = button_for(lambda: self.on_start_over())
 
 
+def _change(field: OptionField, value: object, options: FairingOptions) -> str:
+    """What was changed, from what to what, what it means and when it takes effect."""
+    return (
+        f"<div class='breakpoint'><b>{text(field.label)}</b> <code>{text(field.shown(options))}</code> → "
+        f"<code>{text(value)}</code><div class='dim'>{text(field.meaning)}</div><div>{text(field.effect)}</div></div>"
+    )
+
+
 def _widget(gui: viser.GuiApi, field: OptionField, options: FairingOptions) -> Any:
-    value, hint = field.shown(options), field.meaning or None
+    value, hint = field.shown(options), f"{field.meaning} {field.effect}".strip()
     if field.kind == "choice":
         return gui.add_dropdown(field.label, field.choices, initial_value=value, hint=hint)
     if field.kind == "switch":

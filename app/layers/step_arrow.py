@@ -1,0 +1,71 @@
+"""Seen through a camera: how far the selected vertex' last step moved it in the photo (the paper's figure 4a)."""
+
+import numpy as np
+import viser
+
+from app.history import last_step_about
+from app.palette import SELECTED
+from app.run_state import RunState
+from app.stage import Stage
+from app.view import View
+from fairing.camera import Camera
+from fairing.scene import Scene
+
+NEARER = 0.9  # of the vertex' depth: in front of what the camera sees there
+HEAD = 0.25  # of the arrow's length
+
+
+def pixel_arrow(camera: Camera, before: np.ndarray, after: np.ndarray, scale: float) -> np.ndarray | None:
+    """(3, 2, 3) float, world units: shaft and head of an arrow that the camera sees as the step's pixel displacement.
+
+    Args:
+        before, after: (3,) float, world units.
+        scale: the arrow is so many times longer than the displacement.
+
+    Returns:
+        None where a point lies behind the camera or the step moves no pixel.
+    """
+    (tail, tip), depths = camera.project(np.stack([before, after]))
+    along = scale * (tip - tail)
+    if (depths <= 0).any() or not np.linalg.norm(along) > 0:
+        return None
+    across = np.array([-along[1], along[0]])
+    end = tail + along
+    wings = [end - HEAD * along + side * 0.5 * HEAD * across for side in (1, -1)]
+    pixels = np.array([[tail, end], [end, wings[0]], [end, wings[1]]])
+    homogeneous = np.concatenate([pixels, np.ones((3, 2, 1))], axis=-1)
+    # P [X; 1] = depth [u; 1], solved for X at one depth.
+    P, depth = camera.image_from_world, NEARER * float(depths[0])
+    return np.linalg.solve(P[:, :3], (depth * homogeneous - P[:, 3])[..., None])[..., 0]
+
+
+class StepArrowLayer:
+    """One arrow, only while a camera is looked through."""
+
+    def __init__(self, client: viser.ClientHandle, stage: Stage, scene: Scene) -> None:
+        self._stage, self._scene = stage, scene
+        self._lines = client.scene.add_line_segments(
+            "/step_arrow",
+            np.zeros((3, 2, 3), dtype=np.float32),
+            SELECTED,
+            thickness=3.0,
+            thickness_units="screen",
+            visible=False,
+        )
+
+    def show(self, state: RunState, view: View) -> None:
+        arrow = self._arrow(state, view)
+        if arrow is not None:
+            self._lines.points = self._stage.page_from_world(arrow)
+        if self._lines.visible != (arrow is not None):
+            self._lines.visible = arrow is not None
+
+    def _arrow(self, state: RunState, view: View) -> np.ndarray | None:
+        if view.entered is None or view.selected is None:
+            return None
+        found = last_step_about(state.trace.steps, state.moment, view.selected)
+        if found is None:
+            return None
+        _, record, slot = found
+        camera = self._scene.views[view.entered].camera
+        return pixel_arrow(camera, record.before[slot], record.after[slot], view.cells.arrow_scale)

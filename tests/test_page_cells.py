@@ -1,0 +1,124 @@
+"""What the page says of a vertex: cells, photos, plots, recorded values, watches; in a real browser."""
+
+import time
+from dataclasses import replace
+
+import pytest
+
+from app.commands import JumpTo
+from app.server import start
+from demo_scenes import load_demo
+from fairing.options import FairingOptions, ScheduleOptions
+from fairing.session import Session
+from tests.browser.driver import CHROMIUM, Visitor, chromium, wait_for
+
+pytestmark = [
+    pytest.mark.browser,
+    pytest.mark.skipif(CHROMIUM is None, reason="no chromium on the PATH; install it to test the page"),
+]
+
+STEPS = 8
+
+
+@pytest.fixture(scope="module")
+def visitor():
+    schedule = ScheduleOptions(blur=(3.6, 2.0), order="sequential", max_sweeps=(2,), max_iterations=(3,), start="first")
+    session = Session(load_demo("cube"), replace(FairingOptions(), schedule=schedule))
+    for _ in range(STEPS):
+        session.step()
+    app = start(session, port=0)
+    with chromium() as browser:
+        visitor = Visitor(browser, app)
+        _page(visitor)._select(0)
+        yield visitor
+        assert visitor.troubles == []
+    app.stop()
+
+
+def _page(visitor: Visitor):
+    return next(iter(visitor.app._pages.values()))
+
+
+def test_a_cell_is_enlarged_and_says_its_values_under_the_pointer(visitor: Visitor):
+    page, view = visitor.page, _page(visitor).view
+    name = visitor.app.controller.scene.views[2].name
+    strip = page.get_by_role("button", name=f"Enlarge a cell in {name}", exact=True)
+    strip.wait_for()
+    box = visitor.box_of(strip)
+    page.mouse.click(box["x"] + 3, box["y"] + 5)
+    picture = page.get_by_alt_text("enlarged cell")
+    picture.wait_for()
+    assert view.cells.enlarged == (2, view.cells.columns[0])
+    box = visitor.box_of(picture)
+    page.mouse.move(box["x"] + 0.3 * box["width"], box["y"] + 0.3 * box["height"])
+    page.get_by_text("U c", exact=False).last.wait_for()
+    page.get_by_text("weight 0").or_(page.get_by_text("weight 1")).or_(
+        page.get_by_text("not seen here")
+    ).first.wait_for()
+    visitor.button("Close the lens").click()
+    wait_for(lambda: view.cells.enlarged is None)
+
+
+def test_columns_are_switched_and_another_k_is_looked_at_without_a_change_of_the_run(visitor: Visitor):
+    page, view = visitor.page, _page(visitor).view
+    before = visitor.app.controller.state
+    page.get_by_role("button", name="Show Robust norm").click()
+    wait_for(lambda: "norm" in view.cells.columns)
+    page.locator("svg.bars g[onclick]").nth(4).click()
+    page.get_by_text("k = 5 instead of").wait_for()
+    visitor.button("Back to the run's own k").click()
+    wait_for(lambda: view.cells.dimensions is None)
+    after = visitor.app.controller.state
+    assert (after.run_id, after.moment, after.options) == (before.run_id, before.moment, before.options)
+
+
+def test_photos_and_pairs_are_shown(visitor: Visitor):
+    page = visitor.page
+    name = visitor.app.controller.scene.views[1].name
+    visitor.button("Page: In the photos").click()
+    page.get_by_role("button", name=f"Enlarge {name}", exact=True).wait_for()
+    visitor.button("Page: Pair").click()
+    page.get_by_text("i warped into j").first.wait_for()
+    page.get_by_role("button", name=f"Photo i: {name}", exact=True).click()
+    wait_for(lambda: _page(visitor).view.cells.pair[0] == 1)
+    visitor.button("Page: Cells").click()
+
+
+def test_a_plot_of_the_vertex_is_chosen_and_clicked(visitor: Visitor):
+    page, controller = visitor.page, visitor.app.controller
+    controller.post(JumpTo(STEPS))
+    controller.wait_until_idle()
+    page.get_by_role("button", name="Plot longest step tried").click()
+    page.get_by_role("button", name="Plot the selected vertex").click()
+    plot = page.get_by_role("img", name="Step plot")
+    plot.wait_for()
+    box = visitor.box_of(plot)
+    page.mouse.click(box["x"] + 0.56 * box["width"], box["y"] + 0.5 * box["height"])
+    wait_for(lambda: 0 < controller.state.moment < STEPS)
+
+
+def test_a_recorded_value_leads_to_its_last_change(visitor: Visitor):
+    controller = visitor.app.controller
+    controller.post(JumpTo(STEPS))
+    controller.wait_until_idle()
+    entry = visitor.page.get_by_role("button", name="Last change of position", exact=True)
+    entry.click()
+    steps = controller.state.trace.steps
+    moved = [n + 1 for n in range(STEPS) if 0 in steps[n].vertices and (steps[n].before != steps[n].after).any()]
+    wait_for(lambda: controller.state.moment == moved[-1])
+
+
+def test_a_watch_is_added_shows_its_value_and_is_removed(visitor: Visitor):
+    page, view = visitor.page, _page(visitor).view
+    entry = page.get_by_text("Watch", exact=True).locator("xpath=ancestor::div[contains(@class,'Flex-root')][1]//input")
+    entry.fill("energy *")
+    entry.press("Enter")
+    page.get_by_text("column 9").first.wait_for()
+    time.sleep(0.3)  # the field is cleared of what was typed only when it was understood
+    entry.fill("moment * 2")
+    entry.press("Enter")
+    wait_for(lambda: len(view.watches) == 1)
+    moment = visitor.app.controller.state.moment
+    page.locator("b.value", has_text=f"{2 * moment}").wait_for()
+    visitor.button("Stop watching moment * 2").click()
+    wait_for(lambda: not view.watches)
