@@ -36,7 +36,8 @@ class SceneSource:
                 raise InputError(f"--mesh {mesh}: the demo {scene} has its own mesh; leave --mesh out")
             if choice != _ALL_PHOTOS:
                 raise InputError(
-                    f"the demo {scene} takes all its photos; leave --leave-out, --masks and --photo-weights out"
+                    f"the demo {scene} takes all its photos; leave --leave-out, --masks, --photo-weights and "
+                    "--photo-scale out"
                 )
             return cls(scene)
         if not Path(scene).exists():
@@ -58,7 +59,10 @@ class SceneSource:
         photos = found.get("photos") or {}
         masks = photos.get("masks")
         choice = PhotoChoice(
-            tuple(photos.get("leave_out", ())), None if masks is None else Path(masks), tuple(photos.get("weights", ()))
+            tuple(photos.get("leave_out", ())),
+            None if masks is None else Path(masks),
+            tuple(photos.get("weights", ())),
+            photos.get("scale", 1.0),
         )
         return cls(found["scene"], found.get("mesh"), choice)
 
@@ -69,6 +73,7 @@ class SceneSource:
             "leave_out": list(self.choice.leave_out),
             "masks": None if masks is None else str(masks),
             "weights": list(self.choice.photo_weights),
+            "scale": self.choice.photo_scale,
         }
         header[_KEY] = {"scene": self.scene, "mesh": self.mesh, "photos": photos}
 

@@ -10,7 +10,7 @@ from fairing.api import fair
 from fairing.camera import Camera
 from fairing.errors import InputError
 from fairing.inspect import FaceCells, face_cells
-from fairing.io import load_scene, read_mesh, write_mesh
+from fairing.io import PhotoChoice, load_scene, read_mesh, write_mesh
 from fairing.mesh import Mesh
 from fairing.options import PRESETS, FairingOptions
 from fairing.photo import ArrayPhoto, FilePhoto
@@ -27,6 +27,7 @@ __all__ = [
     "FilePhoto",
     "InputError",
     "Mesh",
+    "PhotoChoice",
     "Scene",
     "Session",
     "SparsePoints",

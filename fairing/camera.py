@@ -13,6 +13,15 @@ from scipy.linalg import rq
 from fairing.errors import InputError
 
 
+def resizing(before: tuple[int, int], after: tuple[int, int]) -> np.ndarray:
+    """(3, 3): pixels of a photo of size (width, height) `after` from pixels of the same photo of size `before`.
+
+    The photo's outer borders are the same, half a pixel beyond the centres of the outer pixels.
+    """
+    sx, sy = after[0] / before[0], after[1] / before[1]
+    return np.array([[sx, 0, (sx - 1) / 2], [0, sy, (sy - 1) / 2], [0, 0, 1]])
+
+
 @dataclass(frozen=True, eq=False)
 class Camera:
     """A 3x4 projection matrix and the size of its photo.
@@ -78,6 +87,10 @@ class Camera:
         with np.errstate(over="ignore"):
             P = K @ np.column_stack([R, t])
         return cls(P, width, height)
+
+    def resized(self, width: int, height: int) -> "Camera":
+        """The camera of the same photo at another size (width, height), the outer borders of its pixels unmoved."""
+        return Camera(resizing((self.width, self.height), (width, height)) @ self.image_from_world, width, height)
 
     @cached_property
     def center(self) -> np.ndarray:

@@ -100,11 +100,11 @@ def find_suggestions(scene: Scene, check: SceneCheck, options: FairingOptions) -
     pixels = [view.width * view.height for view in check.views]
     if typical > LARGE_FOOTPRINT and np.median(pixels) > LARGE_PHOTO:
         suggestions.append(
-            f"photos of {np.median(pixels) / 1e6:.0f} Mpx are finer than this mesh needs: half the size will do"
+            f"photos of {np.median(pixels) / 1e6:.0f} Mpx are finer than this mesh needs: try --photo-scale 0.5"
         )
     if check.memory > LARGE_MEMORY:
         suggestions.append(
-            f"the photos need about {check.memory / 1e9:.0f} GB of memory: use smaller ones, or --leave-out some"
+            f"the photos need about {check.memory / 1e9:.0f} GB of memory: try --photo-scale 0.5, or --leave-out some"
         )
     border = len(inspect_mesh(scene.mesh).boundary_vertices)
     if 0 < border < 0.5 * len(scene.mesh.vertices):

@@ -10,6 +10,7 @@ from functools import cached_property
 import cv2
 import numpy as np
 
+from fairing.camera import resizing
 from fairing.errors import InputError
 
 # Newton-like iterations of cv2.undistortPoints; the default of 5 leaves 0.01 px on a phone's wide lens.
@@ -98,9 +99,7 @@ class Lens:
 
     def resized(self, width: int, height: int) -> "Lens":
         """The lens of the same photo at another size (width, height), the outer borders of its pixels unmoved."""
-        sx, sy = width / self.width, height / self.height
-        scale = np.array([[sx, 0, (sx - 1) / 2], [0, sy, (sy - 1) / 2], [0, 0, 1]])
-        return Lens(scale @ self.K, self.distortion, width, height)
+        return Lens(resizing((self.width, self.height), (width, height)) @ self.K, self.distortion, width, height)
 
     def undistort(self, pixels: np.ndarray) -> np.ndarray:
         """Pixels (n, 2) of the undistorted photo from pixels (n, 2) of the photo as taken.

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
+import cv2
 import numpy as np
 from PIL import Image, UnidentifiedImageError
 
@@ -104,20 +105,33 @@ _STRAIGHT = StraightPhotos(room=500_000_000)
 
 
 @dataclass(frozen=True, eq=False)
+class ResizedPhoto:
+    """Another photo at another size (width, height), its outer borders unmoved; what is finer than its pixels is averaged."""
+
+    whole: Photo
+    size: tuple[int, int]
+
+    def load(self) -> np.ndarray:
+        return cv2.resize(self.whole.load(), self.size, interpolation=cv2.INTER_AREA)
+
+
+@dataclass(frozen=True, eq=False)
 class Mask:
     """An image of the photo's size: what is black (0) does not count, as in COLMAP.
 
     Attributes:
         lens: what bent the photo, and so the mask; None for a pinhole camera.
+        resized: (width, height) that photo and mask are shown at; None for the file's.
     """
 
     path: Path
     lens: Lens | None = None
+    resized: tuple[int, int] | None = None
 
     @property
     def size(self) -> tuple[int, int]:
         """(width, height) in pixels, without decoding the mask."""
-        return FilePhoto(self.path).size
+        return self.resized or FilePhoto(self.path).size
 
     def load(self) -> np.ndarray:
         """(height, width) bool: True where the photo counts."""
@@ -125,6 +139,8 @@ class Mask:
             counts = (np.asarray(image.convert("L")) > 0).astype(np.uint8)
         if self.lens is not None:
             counts = self.lens.undistort_mask(counts)
+        if self.resized is not None:  # a pixel counts if all of it does
+            return cv2.resize(counts.astype(np.float32), self.resized, interpolation=cv2.INTER_AREA) > 1 - 1e-4
         return counts > 0
 
 

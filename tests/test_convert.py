@@ -189,7 +189,40 @@ def test_weights_survive_in_scene_json_and_are_said_to_be_lost_in_colmap(tmp_pat
     assert read_capture(tmp_path / "scene.json").views[0].weight == 0.5
 
 
+@pytest.mark.parametrize("name", ["COLMAP", "OpenMVG"])
+def test_photos_at_half_their_size_show_points_at_the_same_places(tmp_path: Path, name: str):
+    source = write_scene(BROWN, tmp_path / "scene", name)
+    write_mask(source / "masks" / "b.png.png", np.s_[10:21, :30])
+    whole, half = read_capture(source), read_capture(source, PhotoChoice(photo_scale=0.5))
+    for view, small in zip(whole.views, half.views, strict=True):
+        assert (small.camera.width, small.camera.height) == (WIDTH // 2, HEIGHT // 2) == small.photo.size
+        uv, _ = view.camera.project(BROWN.points)
+        np.testing.assert_allclose(small.camera.project(BROWN.points)[0], (uv + 0.5) / 2 - 0.5, atol=1e-9)
+        squares = view.photo.load().reshape(HEIGHT // 2, 2, WIDTH // 2, 2, 3).mean(axis=(1, 3))
+        assert np.abs(small.photo.load() - squares).max() <= 0.51
+    masks = whole.views[1].mask, half.views[1].mask
+    assert masks[0] is not None
+    assert masks[1] is not None
+    squares = masks[0].load().reshape(HEIGHT // 2, 2, WIDTH // 2, 2).all(axis=(1, 3))
+    np.testing.assert_array_equal(masks[1].load(), squares)
+    points = half.sparse_points
+    assert points is not None
+    for v, view in enumerate(half.views):
+        mine = points.observations[:, 1] == v
+        pixels, _ = view.camera.project(points.positions[points.observations[mine, 0]])
+        assert np.abs(pixels - points.pixels[mine]).max() < 1e-6
+
+
+def test_an_odd_size_is_rounded_and_its_camera_scaled_to_match(tmp_path: Path):
+    source = write_scene(PLAIN, tmp_path / "scene", "COLMAP")
+    view = read_capture(source, PhotoChoice(photo_scale=0.33)).views[0]
+    assert view.photo.load().shape == (24, 32, 3)
+    np.testing.assert_allclose(np.diag(view.camera.K)[:2], [PLAIN.focal * 32 / 96, PLAIN.focal * 24 / 72])
+
+
 CHOICES = {
+    "scale of nothing": (PhotoChoice(photo_scale=0.0), r"--photo-scale: expected 0\.05 to 1, found 0"),
+    "enlarged": (PhotoChoice(photo_scale=2.0), r"--photo-scale: expected 0\.05 to 1, found 2"),
     "unknown photo": (PhotoChoice(leave_out=("z.png",)), r"--leave-out z\.png: no photo is named so.*a\.png"),
     "too many": (PhotoChoice(leave_out=("*",)), "expected at least 3 photos, found 0"),
     "unknown weight": (PhotoChoice(photo_weights=("z=1",)), "--photo-weights z: no photo is named so"),
@@ -219,13 +252,14 @@ def test_a_mask_of_another_size_or_of_no_photo_is_said(tmp_path: Path):
 def test_a_run_remembers_what_of_its_photos_counted(tmp_path: Path):
     source = write_scene(PLAIN, tmp_path / "scene", "COLMAP")
     write_mask(source / "other" / "b.png.png", np.s_[:9, :])
-    choice = PhotoChoice(leave_out=("a.png",), masks=source / "other", photo_weights=("b.png=2",))
+    choice = PhotoChoice(leave_out=("a.png",), masks=source / "other", photo_weights=("b.png=2",), photo_scale=0.5)
     header: dict = {}
     SceneSource.typed(str(source), None, choice).note_in(header)
     scene = SceneSource.of_run(json.loads(json.dumps(header)), tmp_path).load()
     assert [(v.name, v.weight, v.mask is not None) for v in scene.views] == [
         ("b.png", 2.0, True), ("c.png", 1.0, False), ("d.png", 1.0, False),
     ]  # fmt: skip
+    assert scene.views[0].camera.width == WIDTH // 2
 
 
 @pytest.mark.parametrize(

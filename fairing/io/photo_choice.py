@@ -1,4 +1,4 @@
-"""What of a capture's photos counts: photos left out, masks, and weights."""
+"""What of a capture's photos counts: photos left out, masks, weights, and the resolution to work at."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -9,10 +9,11 @@ import numpy as np
 
 from fairing.errors import InputError
 from fairing.io.capture import Capture, files_below, listed, reading
-from fairing.photo import FilePhoto, Mask
+from fairing.photo import FilePhoto, Mask, ResizedPhoto
 from fairing.scene import SparsePoints, View
 
 MASK_FOLDER = "masks"
+_SMALLEST_SCALE = 0.05
 _PNG = frozenset({".png"})
 
 
@@ -27,6 +28,8 @@ class PhotoChoice:
     the folder `masks` beside the cameras, where there is one."""
     photo_weights: tuple[str, ...] = ()
     """How much photos count beside the others: `--photo-weights 0003.jpg=0.5 "night/*=0.1"`. Default: 1 each."""
+    photo_scale: float = 1.0
+    """Work on photos of this part of their width and height, 0.05 to 1: less memory and time, less accuracy."""
 
 
 def apply_choice(capture: Capture, choice: PhotoChoice, folder: Path) -> Capture:
@@ -39,6 +42,8 @@ def apply_choice(capture: Capture, choice: PhotoChoice, folder: Path) -> Capture
         InputError: a name that no photo has, a weight that is none, a mask that cannot be read or is of another size.
     """
     names = [view.name for view in capture.views]
+    if not _SMALLEST_SCALE <= choice.photo_scale <= 1:
+        raise InputError(f"--photo-scale: expected {_SMALLEST_SCALE:g} to 1, found {choice.photo_scale:g}")
     left_out = _matching(choice.leave_out, names, "--leave-out")
     weights = {view.name: view.weight for view in capture.views}
     for text in choice.photo_weights:
@@ -61,6 +66,10 @@ def apply_choice(capture: Capture, choice: PhotoChoice, folder: Path) -> Capture
     sparse = capture.sparse_points
     if sparse is not None and left_out:
         sparse = _of_views(sparse, kept, len(names))
+    if choice.photo_scale != 1:
+        resized = tuple(_resized(view, choice.photo_scale) for view in views)
+        sparse = None if sparse is None else _at_sizes(sparse, views, resized)
+        views = resized
     return capture._replace(views=views, sparse_points=sparse, warnings=(*capture.warnings, *warnings))
 
 
@@ -124,3 +133,24 @@ def _of_views(sparse: SparsePoints, kept: list[int], n_views: int) -> SparsePoin
     observations = sparse.observations[seen].copy()
     observations[:, 1] = new_index[observations[:, 1]]
     return SparsePoints(sparse.positions, sparse.colors, observations, sparse.pixels[seen])
+
+
+def _resized(view: View, scale: float) -> View:
+    width, height = (max(1, round(scale * size)) for size in (view.camera.width, view.camera.height))
+    mask = None if view.mask is None else replace(view.mask, resized=(width, height))
+    photo = ResizedPhoto(view.photo, (width, height))
+    return replace(view, camera=view.camera.resized(width, height), photo=photo, mask=mask)
+
+
+def _at_sizes(sparse: SparsePoints, before: Sequence[View], after: Sequence[View]) -> SparsePoints:
+    """The points as views of other sizes see them."""
+    if not before:
+        return sparse
+    factors = np.array(
+        [
+            (b.camera.width / a.camera.width, b.camera.height / a.camera.height)
+            for a, b in zip(before, after, strict=True)
+        ]
+    )
+    pixels = (sparse.pixels + 0.5) * factors[sparse.observations[:, 1]] - 0.5
+    return replace(sparse, pixels=pixels)
