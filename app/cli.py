@@ -19,14 +19,17 @@ from app.moment_id import START, find_moment, parse_moment_id
 from app.run_extras import TEXTURE_SIZE, RunExtras
 from app.scene_source import SceneSource
 from app.texture_command import texture_to_file
+from app.triangulate_command import triangulate_to_file
 from demo_scenes import DEMOS
 from fairing.errors import InputError
 from fairing.io import PhotoChoice
 from fairing.options import PRESETS, FairingOptions
 from fairing.session import Session
 from fairing.trace import Trace
+from fairing.triangulation import TriangulationOptions
 
 _ALL_PHOTOS = PhotoChoice()
+_TRIANGULATION = TriangulationOptions()
 _NO_EXTRAS = RunExtras()
 SceneArgument = Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="SCENE")]
 PhotosArgument = Annotated[PhotoChoice, tyro.conf.arg(name="")]
@@ -48,7 +51,7 @@ def view(
 
     Args:
         scene: A demo's name (see `eigenfairing demos`) or a folder or file with photos and cameras.
-        mesh: The mesh to fair. Default: the one the scene names, or the only one in its folder.
+        mesh: The mesh to fair. Default: the one the scene names, or the only one in its folder, or sparse points triangulated.
         preset: Options to begin with.
         port: Port of the page; the next free one is taken if it is in use.
         host: Address to listen on. 0.0.0.0 lets other machines in.
@@ -73,7 +76,7 @@ def check(
 
     Args:
         scene: A demo's name or a folder or file with photos and cameras.
-        mesh: The mesh to fair. Default: the one the scene names, or the only one in its folder.
+        mesh: The mesh to fair. Default: the one the scene names, or the only one in its folder, or sparse points triangulated.
         out: Folder for the mesh drawn over every photo and for check.json.
     """
     return check_to_console(SceneSource.typed(scene, mesh, photos), out, Console())
@@ -109,10 +112,31 @@ def texture(
     Args:
         scene: A demo's name or a folder or file with photos and cameras.
         out: The model: .glb, .obj (with .mtl and .png) or .ply (with .png).
-        mesh: The mesh to paint. Default: the one the scene names, or the only one in its folder.
+        mesh: The mesh to paint. Default: the one the scene names, or the only one in its folder, or sparse points triangulated.
         size: Width and height of the texture at most; within it a texel is about a photo's pixel.
     """
     return texture_to_file(SceneSource.typed(scene, mesh, photos), out, size, Console(stderr=True))
+
+
+def triangulate(
+    scene: SceneArgument,
+    out: Path,
+    mesh: Path | None = None,
+    max_vertices: int | None = None,
+    spacing: float = _TRIANGULATION.spacing,
+    photos: PhotosArgument = _ALL_PHOTOS,
+) -> int:
+    """Make a start mesh from sparse points: a Delaunay triangulation, then edges flipped where photos agree better.
+
+    Args:
+        scene: A demo's name or a folder or file with photos, cameras and sparse points.
+        out: The mesh (.ply or .obj); beside it go the record of flips (.flips) and a report (.report.json).
+        mesh: Flip the edges of this mesh instead.
+        max_vertices: At most so many points become vertices: those that most photos see, well spread.
+        spacing: Smallest distance of two vertices in the central photo, pixels.
+    """
+    options = TriangulationOptions(max_vertices=max_vertices, spacing=spacing)
+    return triangulate_to_file(SceneSource.typed(scene, mesh, photos), out, options, Console(stderr=True))
 
 
 def demos() -> int:
@@ -169,7 +193,7 @@ def _fair_command(default: FairingOptions) -> Callable[..., int]:
         Args:
             scene: A demo's name or a folder or file with photos and cameras.
             out: Folder for the results: new, empty, or of an earlier run.
-            mesh: The mesh to fair. Default: the one the scene names, or the only one in its folder.
+            mesh: The mesh to fair. Default: the one the scene names, or the only one in its folder, or sparse points triangulated.
             preset: Options to begin with; further flags change single ones.
             resume: Go on with the run in `out`, recorded on the same scene with the same options.
         """
@@ -213,6 +237,7 @@ def run(arguments: Sequence[str]) -> int:
         "check": check,
         "convert": convert,
         "texture": texture,
+        "triangulate": triangulate,
         "replay": replay,
         "demos": demos,
     }

@@ -4,7 +4,7 @@ import signal
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import fields, is_dataclass
+from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +25,7 @@ from fairing.session import Session
 from fairing.trace import Position, StepRecord, Trace
 
 MESH, REPORT, TRACE = "mesh.ply", "report.json", "run.trace"
+START_MESH = "start.ply"
 
 
 class Interrupt:
@@ -111,8 +112,15 @@ def fair_to_folder(
     """
     check_options(options)
     began = time.perf_counter()
+    if resume and source.mesh is None and (out / START_MESH).exists():
+        source = replace(source, mesh=str((out / START_MESH).resolve()))
     scene = load_with_progress(source, console)
     prepare_output_folder(out)
+    if scene.triangulated:  # kept, so that the run can be opened without triangulating again
+        write_mesh(out / START_MESH, scene.unweld(scene.mesh.vertices), scene.original_faces)
+        source = replace(source, mesh=str((out / START_MESH).resolve()))
+    elif not resume:
+        (out / START_MESH).unlink(missing_ok=True)  # of an earlier run
     trace = _earlier_run(out / TRACE, options) if resume else None
     session = Session(scene, options, trace)
     source.note_in(session.trace.header)

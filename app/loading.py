@@ -1,4 +1,4 @@
-"""Opening a scene, with a bar while a demo's photos are taken."""
+"""Opening a scene, with a bar while a demo's photos are taken or sparse points triangulated."""
 
 from rich.console import Console
 from rich.progress import Progress
@@ -8,7 +8,7 @@ from fairing.scene import Scene
 
 
 def load_with_progress(source: SceneSource, console: Console) -> Scene:
-    """The scene of a source, with a bar while a demo's photos are taken."""
+    """The scene of a source, with a bar while a demo's photos are taken or sparse points triangulated."""
     with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task(f"opening {source.scene}", total=1.0)
         return source.load(lambda fraction, line: bar.update(task, completed=fraction, description=line))

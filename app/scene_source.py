@@ -8,7 +8,9 @@ from typing import Any
 from demo_scenes import DEMOS, load_demo
 from fairing.errors import InputError
 from fairing.io import PhotoChoice, load_scene
+from fairing.io.capture import Capture
 from fairing.scene import Scene
+from fairing.triangulation import flip_progress, triangulate
 
 _KEY = "source"
 _ALL_PHOTOS = PhotoChoice()
@@ -78,11 +80,20 @@ class SceneSource:
         header[_KEY] = {"scene": self.scene, "mesh": self.mesh, "photos": photos}
 
     def load(self, progress: Callable[[float, str], None] | None = None) -> Scene:
-        """The scene; `progress` is told a fraction and a line while a demo's photos are taken.
+        """The scene; `progress` is told a fraction and a line while a demo's photos are taken, or sparse points
+        triangulated for want of a mesh.
 
         Raises:
             InputError: whatever is wrong with it.
         """
         if self.scene in DEMOS:
             return load_demo(self.scene, progress=progress)
-        return load_scene(self.scene, self.mesh, self.choice)
+        tell = progress or (lambda fraction, line: None)
+
+        def without_mesh(name: str, capture: Capture) -> Scene:
+            def show(flips: int, open_edges: int, _: float) -> None:
+                tell(flip_progress(flips, open_edges), f"triangulating sparse points: {flips} flips")
+
+            return triangulate(name, capture.views, capture.sparse_points, on_progress=show).result()
+
+        return load_scene(self.scene, self.mesh, self.choice, without_mesh)

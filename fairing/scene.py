@@ -98,6 +98,8 @@ class Scene:
     truth: Truth | None = None
     sparse_points: SparsePoints | None = None
     warnings: tuple[str, ...] = field(default=())
+    triangulated: bool = False
+    """The mesh is no file's: it was made of the sparse points."""
 
     def __post_init__(self) -> None:
         if len(self.views) < 3:

@@ -1,5 +1,6 @@
 """From a folder of photos, cameras and a mesh to a Scene."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -31,19 +32,31 @@ READERS: tuple[Reader, ...] = (
 """Supported formats. A new one is a module with the names of `Reader`, added here."""
 
 
-def load_scene(path: str | Path, mesh: str | Path | None = None, choice: PhotoChoice | None = None) -> Scene:
+def load_scene(
+    path: str | Path,
+    mesh: str | Path | None = None,
+    choice: PhotoChoice | None = None,
+    without_mesh: Callable[[str, Capture], Scene] | None = None,
+) -> Scene:
     """The scene in a folder (or a file of it), in any supported format, recognised by content.
 
     Args:
         path: the folder, or the file that describes the scene.
         mesh: a mesh file; without it the one that the format names, or the only one in the folder.
         choice: photos left out, masks and weights.
+        without_mesh: makes the scene, of its name and the capture, where no mesh is named or found but sparse points are.
 
     Raises:
         InputError: whatever is wrong with the input, in one line.
     """
     capture, path = read_capture(path, choice), Path(path)
-    mesh_path = Path(mesh) if mesh is not None else capture.mesh or only_mesh(path if path.is_dir() else path.parent)
+    folder = path if path.is_dir() else path.parent
+    found = Path(mesh) if mesh is not None else capture.mesh
+    has_points = capture.sparse_points is not None and len(capture.sparse_points.positions) > 0
+    if found is None and without_mesh is not None and has_points and not files_in(folder, MESH_SUFFIXES):
+        scene = without_mesh(path.resolve().name, capture)
+        return replace(scene, warnings=capture.warnings + scene.warnings)
+    mesh_path = found or only_mesh(folder)
     vertices, faces = read_mesh(mesh_path)
     with naming(mesh_path):
         Mesh(vertices, faces)  # whatever is wrong with it is said with the file's name

@@ -4,7 +4,7 @@ from fairing.triangulation.flips import EdgeFlipper, FlipSummary
 from fairing.triangulation.options import TriangulationOptions
 from fairing.triangulation.quads import Verdict
 from fairing.triangulation.record import FlipRecord, FlipTrace, is_flip_record
-from fairing.triangulation.run import Triangulation, triangulate
+from fairing.triangulation.run import Triangulation, flip_progress, triangulate
 from fairing.triangulation.start import StartMesh, start_mesh
 
 __all__ = [
@@ -16,6 +16,7 @@ __all__ = [
     "Triangulation",
     "TriangulationOptions",
     "Verdict",
+    "flip_progress",
     "is_flip_record",
     "start_mesh",
     "triangulate",
