@@ -54,6 +54,8 @@ CAMERA_KEYS = (("1 – 9", "Look through a camera"), ("0", "Leave the camera"))
 VERTEX_KEYS = (
     (";", "Previous move of the selected vertex"),
     ("'", "Next move of the selected vertex"),
+    ("F", "Lock or unlock the selected vertices"),
+    ("Z", "Put the selected vertices back to their start"),
     ("B", "Breakpoint on the selected vertex"),
     ("T", "Play the record, or stop"),
     ("K", "Bookmark this moment"),

@@ -86,7 +86,7 @@ class Controller:
         self._at_work_since = 0.0
         self._stopped = session.vertices  # when the run last stopped
         self._reason = session.stop_reason if session.finished else "ready"
-        self._problem = ""
+        self._problem, self._problems = "", 0
         self._step_seconds: deque[float] = deque(maxlen=8)
         self._breakpoints = Breakpoints()
         self._log: deque[str] = deque(maxlen=LOG_LINES)
@@ -224,6 +224,7 @@ class Controller:
                 logging.getLogger(__name__).exception("the engine failed")
                 self._problem = f"{type(error).__name__}: {error}"
             if self._problem:
+                self._problems += 1
                 self._reason = f"stopped by a problem: {self._problem}"
             with self._changed:
                 self._activity, self._rival = Activity.PAUSED, None
@@ -417,12 +418,14 @@ class Controller:
             moment=session.moment,
             length=len(session.trace),
             vertices=session.vertices,
+            locked=session.locked,
             position=session.position,
             options=session.options,
             activity=self._activity,
             finished=session.finished,
             reason=self._reason,
             problem=self._problem,
+            problems=self._problems,
             progress=session.progress,
             step_seconds=self._mean_step_seconds(),
             breakpoints=self._breakpoints.items,

@@ -1,4 +1,4 @@
-"""What a user does to vertices with the mouse: choose them, one or many."""
+"""What a user does to vertices: choose them, one or many; lock, reset and drag them."""
 
 import time
 from collections.abc import Callable
@@ -8,14 +8,16 @@ import numpy as np
 import viser
 
 from app.bridge import whole_number
+from app.commands import Lock, Pause, Place, Reset
 from app.controller import Controller
 from app.picking import camera_of, vertices_within
 from app.selection import Selection
 from app.stage import Stage
 from app.view import View
+from fairing.errors import InputError
 from fairing.mesh import Mesh
 
-ClickableNode = viser.BatchedMeshHandle | viser.CameraFrustumHandle
+ClickableNode = viser.BatchedMeshHandle | viser.CameraFrustumHandle | viser.MeshHandle
 
 SAME_CLICK = 0.3  # s: a click on a node is reported twice, for the node and then for the scene
 
@@ -62,6 +64,34 @@ class Hands:
     def click(self, vertex: int, adds: bool) -> None:
         """A click on a vertex in the scene."""
         self.choose(self._view.selection.toggled(vertex) if adds else Selection((vertex,)))
+
+    def toggle_lock(self) -> None:
+        """Lock the selected vertices, or unlock them if all are locked."""
+        vertices = self._chosen()
+        self._controller.post(Lock(vertices, locked=not self._controller.state.locked[list(vertices)].all()))
+
+    def reset(self) -> None:
+        """Put the selected vertices back to their start, those that are not locked."""
+        chosen, locked = self._chosen(), self._controller.state.locked
+        free = tuple(vertex for vertex in chosen if not locked[vertex])
+        self._controller.post(Reset(free or chosen))
+
+    def grab(self) -> np.ndarray:
+        """The hand takes the selected vertices: a run stops. Returns where all vertices are, (n, 3), world units."""
+        state = self._controller.state
+        if state.is_moving:
+            self._controller.post(Pause())
+        return state.vertices
+
+    def drop(self, vertices: np.ndarray, positions: np.ndarray) -> None:
+        """The hand lets go of vertices (u,) at positions (u, 3), world units."""
+        x_y_z = [(float(x), float(y), float(z)) for x, y, z in positions]
+        self._controller.post(Place(tuple(vertices.tolist()), tuple(x_y_z)))
+
+    def _chosen(self) -> tuple[int, ...]:
+        if not self._view.selection.vertices:
+            raise InputError("no vertex is selected; click one first")
+        return self._view.selection.vertices
 
     def watch(self, node: ClickableNode) -> None:
         """A click on this node is no click beside the mesh. To be called for every node that can be clicked."""

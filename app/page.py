@@ -24,6 +24,7 @@ from app.html import STYLE, button, icon, text
 from app.layers import Layer
 from app.layers.cameras import CamerasLayer, Thumbnails
 from app.layers.ghost import GhostLayer
+from app.layers.grip import GripLayer
 from app.layers.paths import PathsLayer
 from app.layers.points import PointsLayer
 from app.layers.step_arrow import StepArrowLayer
@@ -89,7 +90,7 @@ class Page:
     def __init__(self, client: viser.ClientHandle, shared: Shared, view: View) -> None:
         self.view = view
         self._client, self._shared = client, shared
-        self._problem = (0, "")
+        self._problems = shared.controller.state.problems
         self._panels_shown = 0.0
         self._hands = Hands(client, shared.stage, shared.scene.mesh, shared.controller, view, self._guarded_with)
         self._theme = Theme(client)
@@ -102,6 +103,7 @@ class Page:
             self._surface,
             WiresLayer(client, stage, scene),
             VerticesLayer(client, stage, scene.mesh, self._guarded_with(hands.click), hands.watch),
+            GripLayer(client, stage, scene.mesh, self._guarded_with(hands.click), hands.watch, hands.grab, hands.drop),
             GhostLayer(client, stage, scene.mesh),
             PathsLayer(client, stage, shared.paths),
             StepArrowLayer(client, stage, scene),
@@ -124,9 +126,9 @@ class Page:
             self._panels_shown = now
             for panel in self._panels:
                 panel.show(state, self.view)
-        if state.problem and (state.run_id, state.problem) != self._problem:
+        if state.problem and state.problems > self._problems:
             self._notify(state.problem)
-        self._problem = (state.run_id, state.problem)
+        self._problems = state.problems
         self._leave_box.visible = self.view.entered is not None
         self._legend.show(self._surface.legend)
         self._place_timeline()
@@ -162,6 +164,10 @@ class Page:
             "before": bridge.button(lambda: self._to_move_of_selected(-1)),
             "after": bridge.button(lambda: self._to_move_of_selected(1)),
         }
+        hand_buttons = {
+            "lock": bridge.button(self._hands.toggle_lock),
+            "reset": bridge.button(self._hands.reset),
+        }
         breakpoint_buttons = BreakpointButtons(shared.controller, self.view, bridge.button, bridge.number)
         self._surface_buttons = SurfaceButtons(shared.scene, self.view, bridge.button, shared.controller.republish)
         theme = bridge.button(self._switch_theme)
@@ -177,7 +183,7 @@ class Page:
         tabs = gui.add_tab_group()
         with tabs.add_tab("Vertex"):
             last = len(shared.scene.mesh.vertices) - 1
-            panels.append(SelectionPanel(gui, last, self._guarded_with, self._hands.choose))
+            panels.append(SelectionPanel(gui, last, self._guarded_with, self._hands.choose, hand_buttons))
             panels.append(Variables(gui, shared.scene.mesh, to_change))
             panels.append(WatchPanel(gui, scene, self.view, watch, self._guarded_with, shared.controller.republish))
         with tabs.add_tab("Breakpoints"):
@@ -251,6 +257,8 @@ class Page:
         self._command("Before or now", self._surface_buttons.before_or_now, "X")
         self._command("Dark or light", self._switch_theme, "T")
         self._command("Keys", self._help, "?", "shift")
+        self._command("Lock or unlock the selected vertices", self._hands.toggle_lock, "F")
+        self._command("Put the selected vertices back to their start", self._hands.reset, "Z")
         self._command("Breakpoint on the selected vertex", self._toggle_breakpoint, "B")
         gui.set_panel_label(f"EigenFairing · {self._shared.scene.name}")
 

@@ -1,4 +1,4 @@
-"""Which vertices lie within a rectangle of the 3D view."""
+"""Which vertices lie within a rectangle of the 3D view, or on a line of sight."""
 
 import numpy as np
 import viser
@@ -55,3 +55,10 @@ def vertices_within(
             near = face_id[np.clip(y + dy, 0, size[1] - 1), np.clip(x + dx, 0, size[0] - 1)]
             seen |= (near >= 0) & (mesh.faces[near] == ids[:, None]).any(axis=1)
     return ids[seen]
+
+
+def nearest_to_ray(points: np.ndarray, origin: np.ndarray, direction: np.ndarray) -> int:
+    """The point of (n, 3) that lies nearest to a line of sight, as an angle."""
+    offset = points - origin
+    along = offset @ direction
+    return int(np.argmax(along / np.maximum(np.linalg.norm(offset, axis=1), 1e-12)))

@@ -34,12 +34,14 @@ class RunState:
         moment: where the run stands, 0 to `length`.
         length: recorded steps.
         vertices: (n, 3) float, positions at `moment`, world units.
+        locked: (n,) bool: vertices that neither the engine nor a hand moves.
         position: where the next step belongs.
         options: of this run.
         activity: what the engine is doing.
         finished: whether the schedule is worked off at `moment`.
         reason: why it stopped, one line.
         problem: what went wrong with the last command, else empty.
+        problems: how many commands went wrong so far.
         progress: fraction of the schedule, 0 to 1.
         step_seconds: computing time of a step, mean over the last ones; 0 before the first.
         breakpoints: what stops a run.
@@ -55,12 +57,14 @@ class RunState:
     moment: int
     length: int
     vertices: np.ndarray
+    locked: np.ndarray
     position: Position
     options: FairingOptions
     activity: Activity
     finished: bool
     reason: str
     problem: str
+    problems: int
     progress: float
     step_seconds: float
     breakpoints: tuple[Breakpoint, ...]

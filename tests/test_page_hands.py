@@ -1,5 +1,6 @@
 """What a user does with hands, in a real browser: choose vertices, move them, and go on with the keys."""
 
+import numpy as np
 import pytest
 
 from app.commands import JumpTo
@@ -43,6 +44,10 @@ def page_of(visitor: Visitor):
     return next(iter(visitor.app._pages.values()))
 
 
+def page_vertices(visitor: Visitor, moment: int) -> np.ndarray:
+    return visitor.app._shared.stage.page_from_world(visitor.app.controller.state.trace.vertices_at(moment))
+
+
 def selected(visitor: Visitor) -> list[int]:
     return sorted(page_of(visitor).view.selection.vertices)
 
@@ -52,15 +57,15 @@ def test_clicks_choose_one_and_with_shift_more(visitor: Visitor):
     visitor.click_vertex(0)
     wait_for(lambda: view.selection.vertices == (0,))
     visitor.page.keyboard.down("Shift")
-    visitor.click_vertex(4)
-    wait_for(lambda: view.selection.vertices == (0, 4))
+    visitor.click_vertex(2)
+    wait_for(lambda: view.selection.vertices == (0, 2))
     visitor.click_vertex(0)
-    wait_for(lambda: view.selection.vertices == (4,))
+    wait_for(lambda: view.selection.vertices == (2,))
     visitor.click_vertex(0)
     visitor.page.keyboard.up("Shift")
     visitor.page.get_by_text("and 1 more selected").wait_for()
-    visitor.click_vertex(4)
-    wait_for(lambda: view.selection.vertices == (4,))
+    visitor.click_vertex(2)
+    wait_for(lambda: view.selection.vertices == (2,))
 
 
 def test_a_rectangle_chooses_what_is_in_it_and_a_click_beside_nothing(visitor: Visitor):
@@ -106,6 +111,50 @@ def test_a_click_on_a_camera_keeps_the_selection(visitor: Visitor):
     visitor.page.keyboard.press("0")
     wait_for(lambda: page.view.entered is None)
     visitor.page.keyboard.press("m")
+
+
+def test_a_vertex_is_dragged_and_the_move_is_part_of_the_record(visitor: Visitor):
+    controller, canvas = visitor.app.controller, visitor.canvas_box()
+    corner = np.array([canvas["x"], canvas["y"]])
+    visitor.press("Step one iteration")
+    controller.post(JumpTo(-1))
+    began = controller.wait_until_idle()
+    visitor.click_vertex(0)
+    visitor.page.get_by_text("Drag the yellow ball").wait_for()
+    x, y = visitor.drawn_at(0) + corner
+    visitor.page.wait_for_function("() => window.__viserMutable.nodeRefFromName['/grip/ball']?.visible")
+    before = controller.state.serial
+    visitor.page.mouse.move(x, y)
+    visitor.page.mouse.down()
+    visitor.page.mouse.move(x + 12, y + 4)
+    visitor.page.mouse.move(x + 24, y + 8)
+    visitor.page.wait_for_function("() => window.__viserMutable.nodeRefFromName['/grip/edges']?.visible")
+    visitor.page.mouse.up()
+    state = visitor.settle(before)
+    assert (state.moment, state.length) == (began.length + 1, began.length + 1)
+    assert state.record is not None
+    assert state.record.is_by_hand
+    visitor.sees_vertices(page_vertices(visitor, state.moment))
+    moved = visitor.drawn_at(0) + corner - [x, y]
+    assert np.abs(moved - [24, 8]).max() < 4, f"dropped {moved} px from where it was taken"
+    state = visitor.key(",")
+    visitor.sees_vertices(page_vertices(visitor, began.length))
+    state = visitor.key("z")  # at a past moment this forks a run
+    assert np.array_equal(state.vertices[0], state.trace.start[0])
+    visitor.sees_vertices(page_vertices(visitor, state.moment))
+
+
+def test_locked_vertices_are_drawn_as_blocks_and_cannot_be_taken(visitor: Visitor):
+    page_of(visitor)._hands.choose(Selection((2, 4)))
+    visitor.page.get_by_text("and 1 more selected").wait_for()
+    state = visitor.press("Lock")
+    assert np.flatnonzero(state.locked).tolist() == [2, 4]
+    visitor.page.wait_for_function("() => window.__viserMutable.nodeRefFromName['/vertices/locked']?.visible")
+    visitor.page.wait_for_function("() => !window.__viserMutable.nodeRefFromName['/grip/ball']?.visible")
+    visitor.page.get_by_text("drawn as a block").wait_for()
+    visitor.click_vertex(2)
+    wait_for(lambda: selected(visitor) == [2])
+    assert np.flatnonzero(visitor.key("f").locked).tolist() == [4]
 
 
 def test_keys_live_on_after_every_kind_of_widget(visitor: Visitor):

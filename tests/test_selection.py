@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from app.picking import vertices_within
+from app.picking import nearest_to_ray, vertices_within
 from app.selection import Selection, list_vertices, parse_vertices
 from fairing.camera import Camera
 from fairing.errors import InputError
@@ -86,3 +86,9 @@ def test_a_rectangle_ends_where_it_ends_and_nothing_behind_the_eye_is_in_it(two_
     assert vertices_within(vertices, mesh, camera, (0.0, 0.0), (109.9 / 320, 1.0), see_through=True).tolist() == []
     behind = vertices * [1, 1, -1]
     assert len(vertices_within(behind, mesh, camera, (0.0, 0.0), (1.0, 1.0), see_through=True)) == 0
+
+
+def test_the_vertex_on_a_line_of_sight_is_the_one_at_the_smallest_angle_in_front():
+    points = np.array([[0, 0, -1.0], [0.1, 0, 1.0], [0.3, 0, 9.0], [5, 0, 5.0]])
+    assert nearest_to_ray(points, np.zeros(3), np.array([0.0, 0.0, 1.0])) == 2
+    assert nearest_to_ray(points, np.array([0.0, 0.0, 0.9]), np.array([1.0, 0.0, 1.0]) / np.sqrt(2)) == 1

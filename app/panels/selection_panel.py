@@ -5,12 +5,10 @@ from collections.abc import Callable
 import viser
 
 from app.controller import RunState
-from app.html import text
+from app.html import button, icon, text
 from app.panels.html_panel import HtmlPanel
 from app.selection import Selection, list_vertices, parse_vertices
 from app.view import View
-
-LONGEST_SHOWN = 60  # characters of a list in a sentence
 
 
 class SelectionPanel:
@@ -22,7 +20,9 @@ class SelectionPanel:
         last_vertex: int,
         guarded: Callable[[Callable[..., None]], Callable[..., None]],
         on_choose: Callable[[Selection], None],
+        press: dict[str, str],
     ) -> None:
+        self._press = press
         self._shown = Selection()
         with gui.add_form(None) as form:
             self._text = gui.add_text("Vertices", "", hint="Numbers and ranges such as 3, 17-20; Enter selects them.")
@@ -34,15 +34,43 @@ class SelectionPanel:
         if view.selection != self._shown:
             self._shown = view.selection
             self._text.value = list_vertices(view.selection.vertices)
-        self._panel.set(_summary(view.selection))
+        self._panel.set(_NOTHING if view.selected is None else self._chosen(state, view.selection, view.selected))
 
-
-def _summary(selection: Selection) -> str:
-    if selection.current is None:
-        return (
-            "<span class='dim'>Click a vertex in the scene, or type its number. With Shift, clicks add and take away, "
-            "and a rectangle adds all vertices in it. A click beside the mesh deselects.</span>"
+    def _chosen(self, state: RunState, selection: Selection, current: int) -> str:
+        others = len(selection.vertices) - 1
+        count = f" <span class='dim'>and {others} more selected</span>" if others else ""
+        chosen = list(selection.vertices)
+        locked = state.locked[chosen]
+        moved = (state.vertices != state.trace.start)[chosen].any(axis=1)
+        word = "Unlock" if locked.all() else "Lock"
+        lock = button(
+            word,
+            self._press["lock"],
+            hint=f"{word} (F): neither the engine nor a hand moves what is locked",
+            icon=icon("unlock" if locked.all() else "lock"),
+            css_class="grow",
         )
-    others = len(selection.vertices) - 1
-    count = f" <span class='dim'>and {others} more selected</span>" if others else ""
-    return f"<div class='big'>Vertex {text(selection.current)}{count}</div>"
+        reset = button(
+            "Reset",
+            self._press["reset"],
+            hint="Reset (Z): back to the start, as a step of its own",
+            icon=icon("back"),
+            css_class="grow",
+            enabled=bool((moved & ~locked).any()),
+        )
+        if locked.all():
+            note = "Locked: drawn as a block, and it stays where it is."
+        elif locked.any():
+            note = f"{int(locked.sum())} of them locked: drawn as blocks, and they stay where they are."
+        else:
+            note = "Drag the yellow ball to move what is selected; run, and it goes on from there."
+        return (
+            f"<div class='big'>Vertex {text(current)}{count}</div><div class='row' style='margin:6px 0 4px'>{lock}{reset}"
+            f"</div><div class='dim'>{text(note)}</div>"
+        )
+
+
+_NOTHING = (
+    "<span class='dim'>Click a vertex in the scene, or type its number. With Shift, clicks add and take away, and a "
+    "rectangle adds all vertices in it. A click beside the mesh deselects.</span>"
+)

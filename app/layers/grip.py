@@ -1,0 +1,103 @@
+"""The ball by which the selected vertices are dragged, and what they would look like where they are."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import viser
+
+from app.layers.marks import ball, mark_radius
+from app.palette import HAND, SELECTED
+from app.picking import nearest_to_ray
+from app.run_state import RunState
+from app.stage import Stage
+from app.view import View
+from fairing.mesh import Mesh
+
+LARGER = 2.1  # than the mark of a vertex
+MAX_PREVIEW = 3000  # edges that follow the hand
+
+
+class GripLayer:
+    """Sits on the current vertex unless that is locked; all selected vertices move with it, parallel to the window.
+
+    Args:
+        on_click: told of a click on the ball, with the vertex and whether Shift was held.
+        on_grab: told when it is taken; says where all vertices are, (n, 3), world units.
+        on_drop: told the selected vertices (u,) and where they were dropped (u, 3), world units.
+    """
+
+    def __init__(
+        self,
+        client: viser.ClientHandle,
+        stage: Stage,
+        mesh: Mesh,
+        on_click: Callable[[int, bool], None],
+        watch: Callable[[viser.MeshHandle], None],
+        on_grab: Callable[[], np.ndarray],
+        on_drop: Callable[[np.ndarray, np.ndarray], None],
+    ) -> None:
+        self._stage, self._mesh = stage, mesh
+        self._on_grab, self._on_drop = on_grab, on_drop
+        self._radius = LARGER * mark_radius(stage, mesh)
+        self._selected = np.zeros(0, dtype=int)  # the current vertex comes last
+        self._points = stage.page_from_world(mesh.vertices)
+        self._grabbed: np.ndarray | None = None
+        self._taken_at = np.zeros(3)
+        self._ball = client.scene.add_mesh_simple(
+            "/grip/ball", *ball(2), color=SELECTED, opacity=0.45, cast_shadow=False, receive_shadow=False, visible=False
+        )
+        nothing = np.zeros((1, 2, 3), dtype=np.float32)
+        lines = client.scene.add_line_segments
+        self._edges = lines("/grip/edges", nothing, SELECTED, thickness=2.0, thickness_units="screen", visible=False)
+        self._way = lines("/grip/way", nothing, HAND, thickness=2.0, thickness_units="screen", visible=False)
+
+        def clicked(event: viser.SceneNodePointerEvent) -> None:
+            # The ball may still be drawn where it was when the user aimed at it, so its place does not tell the vertex.
+            vertex = nearest_to_ray(self._points, np.array(event.ray_origin), np.array(event.ray_direction))
+            on_click(vertex, event.modifier == "shift")
+
+        self._ball.on_click(clicked)
+        self._ball.on_click(modifier="shift")(clicked)
+        watch(self._ball)
+
+        # A coroutine, so that the phases of a drag come in their order.
+        async def dragged(event: Any) -> None:
+            if event.phase == "start":  # later the event's start moves with the ball
+                self._taken_at = np.array(event.start_position)
+            self._drag(event.phase, np.array(event.end_position) - self._taken_at)
+
+        self._ball.on_drag("left")(dragged)
+
+    def show(self, state: RunState, view: View) -> None:
+        if self._grabbed is not None:
+            return
+        self._points = self._stage.page_from_world(state.vertices)
+        current = view.selected
+        is_visible = current is not None and not state.locked[current] and view.shows("vertices")
+        if current is not None:
+            chosen = np.array(view.selection.vertices)
+            self._selected = chosen[~state.locked[chosen]]
+            self._ball.position = self._points[current]
+            self._ball.scale = self._radius * (0.6 if view.entered is not None else 1)
+        self._ball.visible = is_visible
+
+    def _drag(self, phase: str, offset: np.ndarray) -> None:
+        """`offset` (3,) page units: how far the hand is from where it took the ball."""
+        if phase == "start":
+            self._grabbed = self._on_grab() if len(self._selected) else None
+        if self._grabbed is None:
+            return
+        after = self._grabbed.copy()
+        after[self._selected] += offset / self._stage.scale
+        if phase == "end":
+            self._edges.visible = self._way.visible = False
+            self._grabbed = None
+            self._on_drop(self._selected, after[self._selected])
+            return
+        around = self._mesh.edges[np.isin(self._mesh.edges, self._selected).any(axis=1)][:MAX_PREVIEW]
+        page = self._stage.page_from_world
+        self._ball.position = page(after[self._selected[-1]])
+        self._edges.points = page(after[around])
+        self._way.points = page(np.stack([self._grabbed[self._selected], after[self._selected]], axis=1))
+        self._edges.visible = self._way.visible = True
