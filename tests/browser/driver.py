@@ -53,7 +53,8 @@ class Visitor:
         """Load the page, until its buttons and its scene are there."""
         self.page.goto(self.app.url)
         self.button("Step one iteration").wait_for()
-        self.page.wait_for_function("() => window.__viserMutable?.nodeRefFromName?.['/mesh/now']")
+        for node in ("/mesh/now", "/vertices/free"):
+            self.page.wait_for_function(f"() => window.__viserMutable?.nodeRefFromName?.['{node}']")
 
     def button(self, name: str):
         return self.page.get_by_role("button", name=name, exact=True)
