@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import trimesh
 from scipy.optimize import least_squares
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
 from fairing.closest_point import SurfaceTree
@@ -229,7 +229,7 @@ def _closest_on(scan: Mesh | np.ndarray):
             return trimesh.triangles.closest_point(triangles[face], points), normals[face]
 
         return on_surface
-    tree = cKDTree(scan)
+    tree = KDTree(scan)
     normals, _ = normals_and_variation(scan, tree)
 
     def on_cloud(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -239,7 +239,7 @@ def _closest_on(scan: Mesh | np.ndarray):
     return on_cloud
 
 
-def normals_and_variation(points: np.ndarray, tree: cKDTree) -> tuple[np.ndarray, np.ndarray]:
+def normals_and_variation(points: np.ndarray, tree: KDTree) -> tuple[np.ndarray, np.ndarray]:
     """Unit normals (n, 3) of a point cloud and its surface variation (n,), 0 in a plane to 1/3 (Pauly et al. 2002).
 
     From the covariance of each point's nearest neighbours: the direction of least spread, and its share of the spread.

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from fairing.errors import InputError
 from fairing.scene import SparsePoints, View
@@ -18,8 +18,8 @@ MOST_POINTS = 200_000  # looked at; of larger scans evenly chosen ones
 GAP = np.radians(120.0)  # a point whose neighbours leave such an angle free lies at an end of the surface
 BENT = 0.01  # surface variation (0 to 1/3) from which on a surface bends: two planes at 25 degrees
 FILL = 2.5  # spacings between points where nothing bends or ends
-SPLAT = 0.5  # of the spacing: how far around a point of the scan hides what lies behind
-BEHIND = 0.5  # spacings: how much farther a point may lie than what is in front of it, and still be seen
+SPLAT = 0.35  # of the spacing: how far around a point of the scan hides what lies behind
+BEHIND = 2.0  # spacings a point may lie behind what hides it and still be seen: surfaces up to 80 degrees aslant
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,23 +48,23 @@ def critical_points(points: np.ndarray, spacing: float) -> CriticalPoints:
     # Ends come before bends: where a surface ends, its variation says nothing.
     order = np.lexsort((np.arange(len(points)), -variation, ~is_end))
     is_critical = is_end | (variation > BENT)
-    tree = cKDTree(points)
+    tree = KDTree(points)
     is_free = np.ones(len(points), dtype=bool)
-    chosen = []
+    chosen: list[int] = []
     for radius, candidates in ((spacing, order[is_critical[order]]), (FILL * spacing, order[~is_critical[order]])):
         if radius > spacing:  # keep the wider distance to what is chosen, too
             for point in chosen:
                 is_free[tree.query_ball_point(points[point], radius)] = False
-        for point in candidates:
+        for point in candidates.tolist():
             if is_free[point]:
-                chosen.append(int(point))
+                chosen.append(point)
                 is_free[tree.query_ball_point(points[point], radius)] = False
     return CriticalPoints(points[chosen], variation[chosen], is_end[chosen])
 
 
 def _shape(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Surface variation (n,) (Pauly, Gross, Kobbelt 2002) and whether the surface ends at a point (n,)."""
-    neighbours = cKDTree(points).query(points, k=min(NEIGHBOURS, len(points)))[1]
+    neighbours = np.asarray(KDTree(points).query(points, k=min(NEIGHBOURS, len(points)))[1])
     variation, is_end = np.empty(len(points)), np.empty(len(points), dtype=bool)
     for block in np.array_split(np.arange(len(points)), max(1, len(points) // 20_000)):
         around = points[neighbours[block]]
@@ -82,8 +82,7 @@ def _shape(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def seen_points(scan: np.ndarray, chosen: np.ndarray, views: Sequence[View], spacing: float) -> SparsePoints:
     """Chosen points (k, 3) of a registered scan (n, 3) with the photos that see them, as a reconstruction has them.
 
-    A photo sees a point that lies inside of it and not behind another point of the scan, which hides a disc of half the
-    spacing around it.
+    A photo sees a point that lies inside of it and not behind another point of the scan, which hides a disc around it.
     """
     observations, pixels = [], []
     for v, view in enumerate(views):
@@ -95,7 +94,7 @@ def seen_points(scan: np.ndarray, chosen: np.ndarray, views: Sequence[View], spa
         ids = np.flatnonzero(inside)
         if len(ids) == 0 or not front.any():
             continue
-        tree = cKDTree(scan_uv[front])
+        tree = KDTree(scan_uv[front])
         reach = SPLAT * spacing * camera.K[0, 0] / depth[ids]
         for i, near in zip(ids, tree.query_ball_point(uv[ids], reach), strict=True):
             nearest = scan_depth[front][near].min(initial=np.inf)
