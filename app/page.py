@@ -155,6 +155,7 @@ class Page:
                 gui,
                 shared.scene.mesh,
                 shared.energies,
+                shared.run_energies,
                 PlotControls(bridge, self.view, self._jump, shared.controller.republish),
             ),
         ]

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from app.commands import Extent, Forward, JumpTo, Run
+from app.palette import REFERENCE, css
 from app.run_state import Activity
 from app.server import App, start
 from demo_scenes import load_demo
@@ -102,6 +103,12 @@ def test_restart_keeps_the_run_and_its_name_brings_it_back(visitor: Visitor):
     visitor.page.get_by_role("tab", name="Runs").click()
     after = visitor.press("Restart")
     assert (after.length, len(after.runs)) == (0, 2)
+    visitor.press("Step one vertex")
+    visitor.button("Compare with Run 1").click()
+    # Both curves: that of A is drawn in A's colour.
+    visitor.page.locator(f"svg[aria-label='Energy plot'] polyline[stroke='{css(REFERENCE)}']").first.wait_for(
+        state="attached"
+    )
     visitor.button("Take Run 1 to hand").click()
     wait_for(lambda: controller.state.run_id == 1)
     visitor.sees_vertices(visitor.app._shared.stage.page_from_world(before.vertices))

@@ -10,9 +10,10 @@ import numpy as np
 import viser
 
 from app.bridge import Bridge, whole_number
-from app.history import EnergyHistory
+from app.compare import Compared, RunEnergies, look_up
+from app.history import EnergyHistory, Recorded
 from app.html import button, number, text
-from app.palette import NOW, SELECTED, css
+from app.palette import NOW, REFERENCE, RGB, SELECTED, css
 from app.panels.html_panel import HtmlPanel
 from app.run_state import RunState
 from app.series import QUANTITIES, Series, series_of, thinned
@@ -59,16 +60,25 @@ class Plot:
     """The energy of the run has a line a sweep: every sweep has cells of its own, so energies of two sweeps do not
     compare."""
 
-    def __init__(self, gui: viser.GuiApi, mesh: Mesh, energies: EnergyHistory, controls: PlotControls) -> None:
-        self._mesh, self._energies, self._controls = mesh, energies, controls
+    def __init__(
+        self,
+        gui: viser.GuiApi,
+        mesh: Mesh,
+        energies: EnergyHistory,
+        run_energies: RunEnergies,
+        controls: PlotControls,
+    ) -> None:
+        self._mesh, self._energies, self._run_energies, self._controls = mesh, energies, run_energies, controls
         self._panel = HtmlPanel(gui)
-        self._series: tuple[object, Series] | None = None
+        self._series: dict[str, tuple[object, Series]] = {}
         self._shown: object = None
 
     def show(self, state: RunState, view: View) -> None:
         plot = view.plot
         vertex = view.selected if plot.of_vertex else None
-        key = (state.run_id, state.length, state.moment, plot, vertex, view.selected)
+        compared = look_up(view.reference, state)
+        reference = None if compared is None else (compared.run.run_id, compared.run.length, compared.moment)
+        key = (state.run_id, state.length, state.moment, plot, vertex, view.selected, reference)
         if key == self._shown:
             return
         self._shown = key
@@ -79,27 +89,31 @@ class Plot:
         if plot.of_vertex and vertex is None:
             self._panel.set(chips + _empty("Click a vertex to see it here."))
             return
-        lines = self._lines(state, plot.name, vertex)
+        lines = self._lines(state, self._energies, plot.name, vertex, "now")
         if not lines:
             self._panel.set(chips + _empty("No step has known this yet."))
             return
-        self._panel.set(chips + self._picture(state, plot, lines))
+        others: list[Line] = []
+        if compared is not None and compared.run.run_id != state.run_id and compared.run.length:
+            energies = self._run_energies.of(compared.run)
+            others = self._lines(compared.run, energies, plot.name, vertex, "reference")
+        self._panel.set(chips + self._picture(state, plot, lines, compared, others))
 
-    def _lines(self, state: RunState, name: str, vertex: int | None) -> list[Line]:
+    def _lines(self, run: Recorded, energies: EnergyHistory, name: str, vertex: int | None, role: str) -> list[Line]:
         if name == "energy" and vertex is None:
-            before, after = self._energies.before[: state.length], self._energies.after[: state.length]
+            before, after = energies.before[: run.length], energies.after[: run.length]
             return [
                 Line(np.arange(first, end + 1), np.concatenate([[before[first]], after[first:end]]))
-                for first, end in _runs(self._energies.sweeps[: state.length])
+                for first, end in _runs(energies.sweeps[: run.length])
             ]
         key = (name, vertex)
-        if self._series is None or self._series[0] != key:
+        if role not in self._series or self._series[role][0] != key:
             ring = np.zeros(0, dtype=int) if vertex is None else self._mesh.one_rings[vertex]
-            self._series = (key, series_of(name, vertex, ring))
-        series = self._series[1]
-        series.update(state)
+            self._series[role] = (key, series_of(name, vertex, ring))
+        series = self._series[role][1]
+        series.update(run)
         moments, values = series.moments, series.values
-        known = moments <= state.length
+        known = moments <= run.length
         return [Line(moments[known], values[known])] if known.any() else []
 
     def _chips(self, plot: PlotView, selected: int | None) -> str:
@@ -123,9 +137,12 @@ class Plot:
         )  # fmt: skip
         return f"<div class='row chips'>{quantities}<span class='grow'></span>{vertex}{log}</div>"
 
-    def _picture(self, state: RunState, plot: PlotView, lines: list[Line]) -> str:
+    def _picture(
+        self, state: RunState, plot: PlotView, lines: list[Line], compared: Compared | None, others: list[Line]
+    ) -> str:
         log = is_log(plot)
-        everything = np.concatenate([line.values for line in lines])
+        everything = np.concatenate([line.values for line in (*lines, *others)])
+        length = max(state.length, *(int(line.moments[-1]) for line in others), 1)
         positive = everything[everything > 0]
         floor = float(positive.min()) if len(positive) else 1e-3
 
@@ -138,7 +155,7 @@ class Plot:
         low, high = (low - margin if log or low < 0 else max(0.0, low - margin)), high + margin
 
         def x(moment: np.ndarray | float) -> np.ndarray:
-            return LEFT + (WIDTH - LEFT - RIGHT) * np.asarray(moment) / state.length
+            return LEFT + (WIDTH - LEFT - RIGHT) * np.asarray(moment) / length
 
         def y(values: np.ndarray | float) -> np.ndarray:
             return HEIGHT - BOTTOM - (HEIGHT - TOP - BOTTOM) * (scaled(values) - low) / (high - low)
@@ -148,7 +165,11 @@ class Plot:
         for first, end in _runs(levels):
             blur = state.options.schedule.blur[levels[first]]
             parts.append(_band(float(x(first)), float(x(end)), f"σ {blur:g}", first > 0))
-        parts.extend(_line_at(line, state.moment, x, y, state.length) for line in lines)
+        # A's lines are pale beyond A's moment as the others are beyond now.
+        parts.extend(_line_at(line, compared.moment, x, y, length, REFERENCE) for line in others if compared)
+        parts.extend(_line_at(line, state.moment, x, y, length, NOW) for line in lines)
+        if compared is not None:
+            parts.append(_mark_of_a(float(x(min(compared.moment, length)))))
         here = [line for line in lines if line.moments[0] <= state.moment]
         if here:
             value = here[-1].values[np.searchsorted(here[-1].moments, state.moment, side="right") - 1]
@@ -160,7 +181,7 @@ class Plot:
         fraction = f"(event.clientX-r.left)/r.width*{WIDTH}-{LEFT}"
         press = (
             "var r=this.getBoundingClientRect();"
-            f"var m=Math.max(0,Math.min({state.length},Math.round(({fraction})/{inner}*{state.length})));"
+            f"var m=Math.max(0,Math.min({state.length},Math.round(({fraction})/{inner}*{length})));"
             + self._controls.jump("m")
         )
         meaning = QUANTITIES[plot.name].meaning
@@ -215,14 +236,24 @@ def _line_at(
     x: Callable[[np.ndarray], np.ndarray],
     y: Callable[[np.ndarray], np.ndarray],
     length: int,
+    color: RGB,
 ) -> str:
     """The line, pale beyond the present moment."""
     pixels = int(np.ceil((WIDTH - LEFT - RIGHT) * (line.moments[-1] - line.moments[0] + 1) / length))
     chosen = thinned(line.moments, line.values, pixels)
     moments, values = line.moments[chosen], line.values[chosen]
     past = moments <= moment
-    pale = "" if past.all() else _polyline(x(moments), y(values), css(NOW, 0.35))
-    return pale + (_polyline(x(moments[past]), y(values[past]), css(NOW)) if past.any() else "")
+    pale = "" if past.all() else _polyline(x(moments), y(values), css(color, 0.35))
+    return pale + (_polyline(x(moments[past]), y(values[past]), css(color)) if past.any() else "")
+
+
+def _mark_of_a(x: float) -> str:
+    """Where the moment lies that is compared with."""
+    return (
+        f'<line x1="{x:.1f}" x2="{x:.1f}" y1="{TOP}" y2="{HEIGHT - BOTTOM}" stroke="{css(REFERENCE, 0.8)}"/>'
+        f'<rect x="{x - 5:.1f}" y="0" width="10" height="11" rx="2" fill="{css(REFERENCE)}"/>'
+        f'<text x="{x:.1f}" y="9" text-anchor="middle" style="fill:#16181c;font-weight:700">A</text>'
+    )
 
 
 def _polyline(x: np.ndarray, y: np.ndarray, color: str) -> str:
