@@ -50,7 +50,7 @@ ITEMS: tuple[Item, ...] = (
     Item("step proposed, units", lambda r, i: _length(r.proposed[i])),
     Item("step made, units", lambda r, i: _length(r.after[i] - r.before[i])),
     Item("damping", lambda r, i: r.damping[i]),
-    Item("damping of the next step", lambda r, i: r.damping_next[i]),
+    Item("damping next", lambda r, i: r.damping_next[i]),
     Item("rejections in a row", lambda r, i: r.rejections[i], shown=_whole),
     Item("eigenvalues", lambda r, i: r.eigenvalues[i], shown=_three),
     Item(
