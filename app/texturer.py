@@ -9,13 +9,14 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from app.atlas import PhotoTexture
 from app.set_back import set_back
 from app.stage import Stage
 from fairing.io.glb import write_glb
 from fairing.scene import Scene
+from fairing.texture import textured_model
 
 JPEG_QUALITY = 92
+LARGEST = 2048  # texels: what a browser unpacks within a second even without a graphics card
 KEPT = 8  # painted meshes, so that going back and forth between shapes paints nothing again
 
 
@@ -66,7 +67,6 @@ class Texturer:
         self._thread.join(timeout=10)
 
     def _work(self) -> None:
-        texture: PhotoTexture | None = None
         while True:
             with self._changed:
                 self._changed.wait_for(lambda: self._closing or self._wanted)
@@ -75,8 +75,7 @@ class Texturer:
                 asker, vertices = next(iter(self._wanted.items()))
             painted = None
             try:
-                texture = texture or PhotoTexture(self._scene)
-                painted = self._paint(texture, vertices)
+                painted = self._paint(vertices)
             except Exception:  # a photo may be gone; the debugger works without texture
                 logging.getLogger(__name__).exception("the texture could not be painted")
             with self._changed:
@@ -89,9 +88,9 @@ class Texturer:
             if painted is not None:
                 self._on_ready()
 
-    def _paint(self, texture: PhotoTexture, vertices: np.ndarray) -> TexturedMesh:
-        image = texture.paint(vertices)
-        _, encoded = cv2.imencode(".jpg", image[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
-        corners = set_back(vertices, self._scene, self._stage)[texture.faces].reshape(-1, 3)
+    def _paint(self, vertices: np.ndarray) -> TexturedMesh:
+        model = textured_model(self._scene, vertices, LARGEST)
+        _, encoded = cv2.imencode(".jpg", model.image[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+        corners = set_back(vertices, self._scene, self._stage)[model.faces].reshape(-1, 3)
         faces = np.arange(len(corners)).reshape(-1, 3)
-        return TexturedMesh(vertices, write_glb(corners, faces, texture.layout.uv, encoded.tobytes()))
+        return TexturedMesh(vertices, write_glb(corners, faces, model.uv.reshape(-1, 2), encoded.tobytes()))
