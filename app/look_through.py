@@ -1,6 +1,7 @@
 """Looking through a camera: the browser's camera takes its pose, its photo lies behind the mesh."""
 
 import threading
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import cv2
@@ -10,6 +11,8 @@ import viser.transforms
 
 from app.layers.cameras import pose
 from app.palette import GROUND, RGB
+from app.predictor import Prediction, Predictor
+from app.run_state import Activity, RunState
 from app.stage import SIZE, Stage
 from fairing.camera import Camera
 from fairing.scene import Scene
@@ -68,8 +71,14 @@ def photo_behind(photo: np.ndarray, fit: Fit, width: int, height: int, ground: R
 class LookThrough:
     """Takes one browser into a camera and back."""
 
-    def __init__(self, client: viser.ClientHandle, stage: Stage, scene: Scene, is_dark: bool) -> None:
+    def __init__(
+        self, client: viser.ClientHandle, stage: Stage, scene: Scene, is_dark: bool, on_ready: Callable[[], None]
+    ) -> None:
         self._is_dark = is_dark
+        self._predictor = Predictor(scene, on_ready)
+        self._share = 0.0
+        self._fitted: tuple[Fit, int, int] | None = None
+        self._laid: tuple[Prediction | None, float] | None = None
         self._client, self._stage, self._scene = client, stage, scene
         self._inside: int | None = None
         self._outside: tuple[np.ndarray, np.ndarray, np.ndarray, float] | None = None
@@ -114,6 +123,22 @@ class LookThrough:
                 self._client.camera.fov = fov
             self._outside = None
 
+    def blend(self, state: RunState, share: float) -> None:
+        """Lay a share of the model, 0 to 1, over the photo: what the other photos and the present mesh predict."""
+        view_id = self._inside
+        if view_id is None:
+            return
+        if share > 0 and state.activity is Activity.PAUSED:
+            self._predictor.ask(view_id, state.vertices)
+        with self._placing:
+            self._share = share
+            if self._inside == view_id:
+                self._lay_behind(view_id)
+
+    def close(self) -> None:
+        """The browser is gone."""
+        self._predictor.close()
+
     def follow(self) -> bool:
         """Fit the photo to a resized window. Returns whether the user has moved out of the camera's pose."""
         if self._inside is None:
@@ -152,8 +177,6 @@ class LookThrough:
         self._window = (width, height)
         self._arrived = False
         fit = fit_photo(view.camera, width, height)
-        ground = GROUND[0 if self._is_dark else 1]
-        behind = photo_behind(view.photo.load(), fit, width, height, ground)
         wxyz, position = pose(view.camera, self._stage)
         right, down, ahead = viser.transforms.SO3(wxyz).as_matrix().T
         depth = max(float(-position @ ahead), 0.1 * SIZE)  # who turns the view from here turns it about the mesh
@@ -169,4 +192,19 @@ class LookThrough:
                 camera.look_at = target
                 camera.up_direction = up
                 camera.fov = fov
+        self._fitted, self._laid = (fit, width, height), None
+        self._lay_behind(view_id)
+
+    def _lay_behind(self, view_id: int) -> None:
+        """The photo, with as much of the model over it as asked for; sent only when it differs."""
+        found = self._predictor.newest
+        found = found if found is not None and found.view_id == view_id and self._share > 0 else None
+        wanted = (found, self._share if found is not None else 0.0)
+        if self._fitted is None or wanted == self._laid:
+            return
+        self._laid = wanted
+        picture = self._scene.views[view_id].photo.load()
+        if found is not None:
+            picture = found.over(picture, self._share)
+        behind = photo_behind(picture, *self._fitted, GROUND[0 if self._is_dark else 1])
         self._client.scene.set_background_image(behind, format="jpeg", jpeg_quality=90)

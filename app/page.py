@@ -94,7 +94,9 @@ class Page:
         self._panels_shown = 0.0
         self._hands = Hands(client, shared.stage, shared.scene.mesh, shared.controller, view, self._guarded_with)
         self._theme = Theme(client)
-        self._look_through = LookThrough(client, shared.stage, shared.scene, self._theme.is_dark)
+        self._look_through = LookThrough(
+            client, shared.stage, shared.scene, self._theme.is_dark, shared.controller.republish
+        )
         client.gui.set_panel_label(f"EigenFairing · {shared.scene.name}")
         self._panels: list[Panel] = self._build_panels()
         self._surface = SurfaceLayer(client, shared.stage, shared.scene, shared.texturer, shared.controller)
@@ -131,12 +133,14 @@ class Page:
         self._problems = state.problems
         self._leave_box.visible = self.view.entered is not None
         self._legend.show(self._surface.legend)
+        self._look_through.blend(state, self.view.model_share)
         self._place_timeline()
         self._client.flush()
 
     def close(self) -> None:
         """The browser is gone."""
         self._surface.close()
+        self._look_through.close()
 
     # ------------------------------------------------------------------ building
 
@@ -226,6 +230,11 @@ class Page:
         self._leave_box = gui.add_panel(visible=False)
         with self._leave_box.add_tab("Camera", viser.Icon.CAMERA):
             self._leave_note = HtmlPanel(gui)
+            self._model_share = gui.add_slider(
+                "Photo – model", min=0, max=100, step=5, initial_value=round(100 * self.view.model_share),
+                hint="Lays what the other photos and the mesh as it is now predict over the photo (%).",
+            )  # fmt: skip
+            self._model_share.on_update(lambda _: self._guarded(self._blend)())
         self._leave_press = leave
         self._leave_box.float(x=-MARGIN, y=MARGIN, width=280)
         return panels
@@ -329,6 +338,10 @@ class Page:
 
     def _magnify(self) -> None:
         self.view.magnification = whole_number(self._magnification.value, 1, MAX_MAGNIFICATION, "magnification")
+        self._shared.controller.republish()
+
+    def _blend(self) -> None:
+        self.view.model_share = whole_number(self._model_share.value, 0, 100, "share of the model") / 100
         self._shared.controller.republish()
 
     def _jump(self, moment: object) -> None:

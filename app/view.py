@@ -52,6 +52,7 @@ class View:
     strip: what the timeline's strip shows, of `app.strip.KINDS`.
     surface: how the faces are shown: a key of `SURFACES` or of `app.coloring.COLORINGS`.
     shape: where the surface's vertices are: 0 at the start, 1 now, 2 at the truth, and anything between.
+    model_share: of the model laid over a photo looked through, 0 to 1.
     shown: which layers are switched on.
     """
 
@@ -68,6 +69,7 @@ class View:
     strip: str = "energy"
     surface: str = "textured"
     shape: float = NOW_SHAPE
+    model_share: float = 0.0
     shown: dict[str, bool] = field(default_factory=lambda: {name: name not in ("truth", "points") for name in LAYERS})
 
     def copy(self) -> "View":

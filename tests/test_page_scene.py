@@ -1,5 +1,6 @@
 """What stands in the 3D view, in a real browser: colours, shapes, photos behind the mesh, dark and light."""
 
+import numpy as np
 import pytest
 
 from app.server import start
@@ -97,3 +98,25 @@ def test_the_surface_stands_before_now_and_at_the_truth_with_textures_of_its_own
     visitor.sees_vertices(stage.page_from_world(state.trace.start))
     visitor.page.keyboard.press("x")
     visitor.sees_vertices(stage.page_from_world(state.vertices))
+
+
+def test_the_model_is_laid_over_the_photo_looked_through(visitor: Visitor, scene):
+    page = next(iter(visitor.app._pages.values()))
+    visitor.page.keyboard.press("3")
+    wait_for(lambda: page.view.entered == 2)
+    visitor.page.get_by_text("Photo – model", exact=True).wait_for()
+    page.view.model_share = 1.0
+    visitor.app.controller.republish()
+    # The renderer is compiled on its first use.
+    wait_for(lambda: page._look_through._laid is not None and page._look_through._laid[1] == 1.0, seconds=60)
+    laid = page._look_through._laid[0]
+    assert laid.view_id == 2
+    photo = scene.views[2].photo.load()
+    assert np.array_equal(laid.over(photo, 0.0), photo)
+    half, whole = laid.over(photo, 0.5).astype(int), laid.over(photo, 1.0).astype(int)
+    assert np.array_equal(half[~laid.is_known], photo[~laid.is_known])
+    assert np.abs(half - (photo.astype(int) + whole) / 2).max() <= 1
+    assert np.abs(whole - photo)[laid.is_known].mean() < 30, "the prediction shows the same thing as the photo"
+    page.view.model_share = 0.0
+    visitor.page.keyboard.press("0")
+    wait_for(lambda: page.view.entered is None)
