@@ -24,13 +24,23 @@ class Prior:
 
     Attributes:
         sliding, weak: (n, 3, 3) float, B of each kind.
-        run_start, sweep_start: (n, 3) float, a of each kind, world units.
+        run_start, sweep_anchor: (n, 3) float, a of each kind, world units.
     """
 
     sliding: np.ndarray
     weak: np.ndarray
     run_start: np.ndarray
-    sweep_start: np.ndarray
+    sweep_anchor: np.ndarray
+
+    def pulled(self, places: np.ndarray, strength: float) -> "Prior":
+        """This prior and a pull in all directions, strength |x - places|^2 / 2, up to a constant.
+
+        Args:
+            places: (n, 3) float, world units.
+        """
+        weak = self.weak + strength * np.eye(3)
+        pull = np.einsum("vij,vj->vi", self.weak, self.sweep_anchor) + strength * places
+        return Prior(self.sliding, weak, self.run_start, np.linalg.solve(weak, pull[..., None])[..., 0])
 
     @property
     def blocks(self) -> np.ndarray:
@@ -40,7 +50,7 @@ class Prior:
     def energy(self, vertices: np.ndarray, ids: np.ndarray) -> np.ndarray:
         """(len(ids),) float."""
         total = np.zeros(len(ids))
-        for blocks, anchor in ((self.sliding, self.run_start), (self.weak, self.sweep_start)):
+        for blocks, anchor in ((self.sliding, self.run_start), (self.weak, self.sweep_anchor)):
             offset = vertices[ids] - anchor[ids]
             total += 0.5 * np.einsum("vi,vij,vj->v", offset, blocks[ids], offset)
         return total
@@ -48,7 +58,7 @@ class Prior:
     def gradient(self, vertices: np.ndarray, ids: np.ndarray) -> np.ndarray:
         """(len(ids), 3) float."""
         return np.einsum("vij,vj->vi", self.sliding[ids], vertices[ids] - self.run_start[ids]) + np.einsum(
-            "vij,vj->vi", self.weak[ids], vertices[ids] - self.sweep_start[ids]
+            "vij,vj->vi", self.weak[ids], vertices[ids] - self.sweep_anchor[ids]
         )
 
 

@@ -96,7 +96,7 @@ def face_cells(session: Session, face: int, moment: int | None = None, dimension
     """Cells of a face at a moment, under the visibility and robust scale of the sweep of the moment's next step.
 
     Their energy is the `face_energy_before` of that step, if it is a Gauss-Newton step that looks at the face
-    (searches compare places with coarser cells of their own).
+    (searches and the smoothing of the start compare places with cells of their own).
 
     Args:
         face: id.

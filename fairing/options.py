@@ -96,6 +96,9 @@ class StepOptions:
     """A direction is undetermined when its eigenvalue is below this fraction of the largest."""
     normal_spread: float = 0.01
     """Directions in which the incident normals vary by less than this (variance) count as undetermined, too."""
+    smoothing: tuple[float, ...] = (0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.03)
+    """By level, for a start that the photos find noisy: pull to where its faces would be smooth, relative to the median of
+    the vertices' largest eigenvalues. 0 on all levels: never smooth, not even the start."""
     min_quality: float = 0.05
     """A face may not become thinner than this (height over longest edge) unless it was so before."""
     max_turn: float = 60.0
@@ -180,7 +183,7 @@ PRESETS: dict[str, FairingOptions] = {
         ),
         eigenspace=EigenspaceOptions(dimensions=(5,)),
         robust=RobustOptions(sigma_rule=("paper",)),
-        step=StepOptions(solver="alternating", prior=0.0),
+        step=StepOptions(solver="alternating", prior=0.0, smoothing=(0.0,)),
         schedule=ScheduleOptions(
             blur=(6.0, 4.8, 3.6, 2.4, 1.2),
             start="first",

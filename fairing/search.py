@@ -148,25 +148,33 @@ def _score(
 ) -> np.ndarray:
     """(u,) float: mean loss per photo pixel of the faces around each vertex.
 
-    A face's loss is divided by its degrees of freedom, (n - k) / n, so that few photos do not look like a good fit; a
-    face that fewer than three photos see counts half with the mesh's average.
+    A face that fewer than three photos see counts half with the mesh's average.
     """
-    data = context.kernel
     faces = unit.faces
-    samples = np.diff(data.grid_start)[data.face_grid]
-    views = np.diff(data.pair_start)
-    pair_pixels = data.pair_weight * np.repeat(samples, views)
-    total = np.concatenate([[0], np.cumsum(pair_pixels)])
-    pixels = (total[data.pair_start[1:]] - total[data.pair_start[:-1]])[faces]
-    k, n = data.face_dimensions[faces], views[faces]
-    seen = k > 0
-    loss = np.where(seen, energy / np.maximum(pixels, 1e-12) * n / np.maximum(n - k, 1), mean_loss)
+    loss, pixels = loss_of_faces(context, energy, faces)
+    seen = pixels > 0
+    loss[~seen] = mean_loss
     surface = np.linalg.norm(face_normals(vertices, mesh.faces[faces]), axis=1)
     area = np.where(seen, context.footprint_area[faces], 0)
     pixels_per_surface = _by_owner(unit, area) / np.maximum(_by_owner(unit, np.where(seen, surface, 0)), 1e-300)
     weight = np.where(seen, area, 0.5 * surface * pixels_per_surface[unit.owner])
     weighed = _by_owner(unit, weight)
     return np.where(weighed > 0, _by_owner(unit, weight * loss) / np.maximum(weighed, 1e-300), mean_loss)
+
+
+def loss_of_faces(context: CellContext, energy: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Loss of faces (F,) per photo pixel, and their pixels in all photos; both 0 where fewer than three photos see one.
+
+    Divided by the degrees of freedom, (n - k) / n, so that few photos do not look like a good fit.
+    """
+    data = context.kernel
+    samples = np.diff(data.grid_start)[data.face_grid]
+    views = np.diff(data.pair_start)
+    total = np.concatenate([[0], np.cumsum(data.pair_weight * np.repeat(samples, views))])
+    pixels = (total[data.pair_start[1:]] - total[data.pair_start[:-1]])[faces]
+    k, n = data.face_dimensions[faces], views[faces]
+    pixels[k == 0] = 0
+    return np.where(k > 0, energy / np.maximum(pixels, 1e-12) * n / np.maximum(n - k, 1), 0.0), pixels
 
 
 def _undo_folds(

@@ -39,6 +39,7 @@ class StepReason(IntEnum):
     NO_BETTER_PLACE = 9
     MOVED_BY_HAND = 10
     RESET_BY_HAND = 11
+    SMOOTHED = 12
 
     @property
     def text(self) -> str:
@@ -58,6 +59,7 @@ _REASON_TEXTS = {
     StepReason.NO_BETTER_PLACE: "searched: no place near by is better",
     StepReason.MOVED_BY_HAND: "moved by hand",
     StepReason.RESET_BY_HAND: "put back to its start by hand",
+    StepReason.SMOOTHED: "smoothed: the photos agree better with the start's noise filtered out",
 }
 BY_HAND = (StepReason.MOVED_BY_HAND, StepReason.RESET_BY_HAND)
 
@@ -193,8 +195,9 @@ class Trace:
         return vertices
 
     def origin_at(self, moment: int) -> np.ndarray:
-        """(n, 3) float: from where the engine moved each vertex: its start, or where a hand had last put it."""
-        origin = self.start.copy()
+        """(n, 3) float: from where the engine moved each vertex: its (smoothed) start, or where a hand had last put it."""
+        is_smoothed = moment > 0 and len(self.steps[0].reasons) > 0 and self.steps[0].reasons[0] == StepReason.SMOOTHED
+        origin = self.vertices_at(1 if is_smoothed else 0).copy()
         for made in self.hand_moments:
             if made <= moment:
                 record = self.steps[made - 1]

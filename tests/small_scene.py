@@ -24,7 +24,7 @@ START = (0.06, -0.04, 0.05)
 
 
 def small_options(preset: str = "accurate", **changes) -> FairingOptions:
-    """A preset's last three levels, with blurs for faces of 50 px and no search before Gauss-Newton.
+    """A preset's last three levels, with blurs for faces of 50 px; nothing before Gauss-Newton.
 
     Args:
         changes: stage={option: value} or option=value.
@@ -34,6 +34,7 @@ def small_options(preset: str = "accurate", **changes) -> FairingOptions:
         for name, value in values[stage].items():
             values[stage][name] = value[-3:] if isinstance(value, tuple) else value
     values["schedule"] |= {"blur": [2.0, 1.2, 0.6], "search": [0.0]}
+    values["step"]["smoothing"] = [0.0]
     for name, value in changes.items():
         values[name] = values[name] | value if isinstance(value, dict) else value
     return options_from_dict(values)
