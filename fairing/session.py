@@ -625,7 +625,7 @@ class Session:
         (Captures and demos with noise gained 8 to 31 %; starts from structure from motion, decimated meshes and the
         facade lost 2 to 15.) Such a run begins smoothed and is pulled to where its faces would be smooth, which also
         settles the vertices no photo determines. Mean surface distance on a fountain and a castle from 0.306 and
-        0.323 % of the diagonal: neither 0.182 and 0.246, start smoothed 0.170 and 0.208, both 0.141 and 0.204.
+        0.323 % of the diagonal: neither 0.182 and 0.246, start smoothed 0.170 and 0.208, both 0.139 and 0.202.
         Tried besides: smoothing unseen vertices alone between levels (0.002 better), all vertices (worse).
         """
         if not any(self.options.step.smoothing):
