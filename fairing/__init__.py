@@ -17,6 +17,7 @@ from fairing.photo import ArrayPhoto, FilePhoto
 from fairing.scene import Scene, SparsePoints, Truth, View
 from fairing.session import Session
 from fairing.trace import StepReason, StepRecord, Trace
+from fairing.triangulation import FlipTrace, triangulate
 
 __all__ = [
     "PRESETS",
@@ -25,6 +26,7 @@ __all__ = [
     "FaceCells",
     "FairingOptions",
     "FilePhoto",
+    "FlipTrace",
     "InputError",
     "Mesh",
     "PhotoChoice",
@@ -40,5 +42,6 @@ __all__ = [
     "fair",
     "load_scene",
     "read_mesh",
+    "triangulate",
     "write_mesh",
 ]
