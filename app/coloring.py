@@ -63,10 +63,19 @@ class Coloring:
     ask: Callable[[Session, int], np.ndarray]
 
 
+DIFFERENCE = "difference"
+
+
+def _nowhere(session: Session, moment: int) -> np.ndarray:
+    """What a session cannot know: A is chosen on a page. Without A there is no distance to it."""
+    return np.full(len(session.scene.mesh.vertices), np.nan)
+
+
 COLORINGS: dict[str, Coloring] = {
     "energy": Coloring("Energy", "Energy of each face", "", True, Scale.LINEAR, quantities.face_energy),
     "moved": Coloring("Moved", "Moved from the start", "%", False, Scale.LINEAR, quantities.displacement),
     "distance": Coloring("To truth", "Distance to the truth", "%", False, Scale.LINEAR, quantities.distance_to_truth),
+    DIFFERENCE: Coloring("To A", "Distance to where A has it", "%", False, Scale.LINEAR, _nowhere),
     "photos": Coloring("Photos", "Photos that see each face", "", True, Scale.COUNT, quantities.view_count),
     "determined": Coloring(
         "Determined", "Weakest / strongest eigenvalue", "", False, Scale.LOGARITHMIC, quantities.determinacy

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 import viser
 
-from app.coloring import COLORINGS, Legend, color_mesh
+from app.coloring import COLORINGS, DIFFERENCE, Legend, color_mesh
 from app.commands import Ask
+from app.compare import distances, look_up
 from app.controller import Controller
 from app.layers.taking_turns import Drawn, TakingTurns
 from app.palette import SURFACE
@@ -28,6 +29,7 @@ class Wanted:
     run_id: int
     moment: int
     coloring: str
+    reference: tuple[int, int] | None
 
 
 class SurfaceLayer:
@@ -69,7 +71,7 @@ class SurfaceLayer:
         self.legend = None
         if outside and not state.is_moving:
             if view.surface in COLORINGS:
-                front = self._color(state, view.surface, vertices, resting)
+                front = self._color(state, view, vertices, resting)
             elif view.surface == "textured":
                 front = self._texture(view.shape, vertices, resting)
         if front is not self._colored and self.legend is None:
@@ -110,21 +112,30 @@ class SurfaceLayer:
         is_fit = turns.shown is not None and (shape == NOW_SHAPE or turns.shown is painted)
         return turns if is_fit else None
 
-    def _color(self, state: RunState, name: str, vertices: np.ndarray, resting: bool) -> TakingTurns | None:
-        wanted = Wanted(state.run_id, state.moment, name)
+    def _color(self, state: RunState, view: View, vertices: np.ndarray, resting: bool) -> TakingTurns | None:
+        name = view.surface
+        compared = look_up(view.reference, state) if name == DIFFERENCE else None
+        reference = None if compared is None else (compared.run.run_id, compared.moment)
+        wanted = Wanted(state.run_id, state.moment, name, reference)
         if resting and wanted != self._wanted:
             self._wanted = wanted
-            self._controller.post(
-                Ask(
-                    asker=(id(self), "colors"),
-                    question=lambda session: COLORINGS[name].ask(session, session.moment),
-                    answer=lambda found: self._take(wanted, found),
-                )
-            )
+            if compared is not None:
+                self._take(wanted, 100 * distances(compared, state.vertices) / self._scene.mesh.diagonal)
+            else:
+                self._ask(wanted)
         if self._answer is not None and self._answer[0] == wanted and not isinstance(self._answer[1], Exception):
             self._draw(wanted, self._answer[1], vertices)
         self.legend = self._drawn[2] if self._drawn is not None else None
         return self._colored if self._colored.shown is not None else None
+
+    def _ask(self, wanted: Wanted) -> None:
+        self._controller.post(
+            Ask(
+                asker=(id(self), "colors"),
+                question=lambda session: COLORINGS[wanted.coloring].ask(session, session.moment),
+                answer=lambda found: self._take(wanted, found),
+            )
+        )
 
     def _draw(self, wanted: Wanted, values: np.ndarray, vertices: np.ndarray) -> None:
         if self._drawn is None or self._drawn[0] != wanted or self._drawn[1] is not vertices:
