@@ -35,6 +35,7 @@ REASON_COLORS: dict[StepReason, tuple[str, RGB]] = {
     StepReason.LOCKED: ("locked", LOCKED),
     StepReason.MOVED_BY_HAND: ("moved by hand", SELECTED),
     StepReason.RESET_BY_HAND: ("reset by hand", (150, 120, 20)),
+    StepReason.SMOOTHED: ("smoothed", (170, 210, 170)),
 }
 
 
