@@ -143,8 +143,7 @@ def _patch(
     uv, depth = camera.project(positions)
     strength = facts.n_photos - np.minimum(facts.error / 1e3, 0.5)
     ids = seen[spread_out(uv[seen], strength[seen], options.spacing, most)]
-    triangles = np.zeros((0, 3), dtype=np.int64)
-    for _ in range(3):
+    while True:
         if len(ids) < 3:
             return None
         try:
@@ -193,7 +192,7 @@ def _off_in_depth(
 
 
 def _peeled(triangles: np.ndarray, uv: np.ndarray, positions: np.ndarray, facts: PointFacts) -> np.ndarray:
-    """Without the faces at the border, layer by layer, that are long, thin, or not seen whole by three photos."""
+    """Without the faces at the border, layer by layer, that are long, thin, or whose corners no two photos share."""
     if len(triangles) == 0:
         return triangles
     sides = np.linalg.norm(uv[triangles[:, [1, 2, 0]]] - uv[triangles], axis=2)
