@@ -16,6 +16,7 @@ from app.convert_command import convert_to_folder
 from app.headless import TRACE, fair_to_folder, run_to
 from app.loading import load_with_progress
 from app.moment_id import START, find_moment, parse_moment_id
+from app.register_command import register_to_file
 from app.run_extras import TEXTURE_SIZE, RunExtras
 from app.scene_source import SceneSource
 from app.texture_command import texture_to_file
@@ -139,6 +140,26 @@ def triangulate(
     return triangulate_to_file(SceneSource.typed(scene, mesh, photos), out, options, Console(stderr=True))
 
 
+def register(
+    scene: SceneArgument,
+    scan: Path,
+    matches: Path,
+    out: Path,
+    spacing: float = 2.0,
+    photos: PhotosArgument = _ALL_PHOTOS,
+) -> int:
+    """Bring a scan into the frame of the photos, and make a start mesh of the points where it bends or ends.
+
+    Args:
+        scene: A folder or file with photos and cameras.
+        scan: Range data in a frame of its own: points or a mesh (.ply, .xyz, .obj, .off, .stl, .glb).
+        matches: Text file of at least three points, a line each: `x y z X Y Z` (scan, world) or `x y z PHOTO u v ...`.
+        out: The start mesh: .ply or .obj. Beside it go the moved scan, the record of flips and a report.
+        spacing: Between points where the scan bends or ends, percent of its diagonal.
+    """
+    return register_to_file(SceneSource.typed(scene, None, photos), scan, matches, out, spacing, Console(stderr=True))
+
+
 def demos() -> int:
     """List the scenes that come with the program."""
     console = Console()
@@ -238,6 +259,7 @@ def run(arguments: Sequence[str]) -> int:
         "convert": convert,
         "texture": texture,
         "triangulate": triangulate,
+        "register": register,
         "replay": replay,
         "demos": demos,
     }

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import numpy as np
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
@@ -13,6 +14,7 @@ from fairing.errors import InputError
 from fairing.io import read_capture, read_mesh, write_mesh
 from fairing.io.capture import naming
 from fairing.mesh import Mesh
+from fairing.scene import SparsePoints, View
 from fairing.triangulation import Triangulation, TriangulationOptions, flip_progress, is_flip_record, triangulate
 
 RECORD_SUFFIX, REPORT_SUFFIX = ".flips", ".report.json"
@@ -27,8 +29,7 @@ def triangulate_to_file(source: SceneSource, out: Path, options: TriangulationOp
     Raises:
         InputError: whatever is wrong with the input, or the files would replace somebody else's.
     """
-    record, report = out.with_suffix(RECORD_SUFFIX), out.with_suffix(REPORT_SUFFIX)
-    _check_output(out, record, report)
+    check_triangulation_output(out)
     mesh = None
     if source.scene in DEMOS:
         scene = load_with_progress(source, console)
@@ -40,6 +41,25 @@ def triangulate_to_file(source: SceneSource, out: Path, options: TriangulationOp
         mesh = read_mesh(Path(source.mesh))
         with naming(source.mesh):
             Mesh(*mesh)
+    done, interrupted = triangulate_with_progress(source, views, points, mesh, out, options, console)
+    for warning in warnings:
+        console.print(f"note: {warning}", highlight=False, soft_wrap=True, markup=False)
+    names = f"{out}, {out.with_suffix(RECORD_SUFFIX).name}, {out.with_suffix(REPORT_SUFFIX).name}"
+    for line in [*summary_lines(done), f"wrote {names}"]:
+        console.print(line, highlight=False, soft_wrap=True, markup=False)
+    return 130 if interrupted else 0
+
+
+def triangulate_with_progress(
+    source: SceneSource,
+    views: tuple[View, ...],
+    points: SparsePoints | None,
+    mesh: tuple[np.ndarray, np.ndarray] | None,
+    out: Path,
+    options: TriangulationOptions,
+    console: Console,
+) -> tuple[Triangulation, bool]:
+    """Triangulate with a bar, and write the mesh, the record of flips and the report; whether Ctrl-C ended it early."""
     header: dict = {}
     source.note_in(header)
     interrupt = Interrupt()
@@ -52,15 +72,11 @@ def triangulate_to_file(source: SceneSource, out: Path, options: TriangulationOp
             if not console.is_terminal:
                 console.print(line, highlight=False)
 
-        name = Path(source.scene).name
+        name, record = Path(source.scene).name, out.with_suffix(RECORD_SUFFIX)
         done = triangulate(name, views, points, options, mesh, record, header, lambda: interrupt.asked, show)
     write_mesh(out, *done.mesh())
-    write_json(report, done.report())
-    for warning in warnings:
-        console.print(f"note: {warning}", highlight=False, soft_wrap=True, markup=False)
-    for line in [*summary_lines(done), f"wrote {out}, {record.name}, {report.name}"]:
-        console.print(line, highlight=False, soft_wrap=True, markup=False)
-    return 130 if interrupt.asked and done.summary.inconsistent_after is None else 0
+    write_json(out.with_suffix(REPORT_SUFFIX), done.report())
+    return done, interrupt.asked and done.summary.inconsistent_after is None
 
 
 def summary_lines(done: Triangulation) -> list[str]:
@@ -80,8 +96,9 @@ def summary_lines(done: Triangulation) -> list[str]:
     return lines
 
 
-def _check_output(out: Path, record: Path, report: Path) -> None:
+def check_triangulation_output(out: Path) -> None:
     """Raises InputError for another suffix, a missing folder, or files that are not of an earlier triangulation."""
+    record, report = out.with_suffix(RECORD_SUFFIX), out.with_suffix(REPORT_SUFFIX)
     if out.suffix.lower() not in (".ply", ".obj"):
         raise InputError(f"--out {out}: expected a mesh file (.ply, .obj), found {out.suffix or 'no suffix'}")
     if not out.parent.is_dir():

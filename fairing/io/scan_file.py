@@ -1,0 +1,97 @@
+"""Range data and the points somebody matched in it, as files."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import trimesh
+
+from fairing.errors import InputError
+from fairing.io.capture import read_text, reading
+from fairing.mesh import Mesh
+from fairing.registration import Match
+from fairing.scene import View
+
+SCAN_SUFFIXES = frozenset({".ply", ".xyz", ".obj", ".off", ".stl", ".glb"})
+
+
+def read_scan(path: Path) -> Mesh | np.ndarray:
+    """A surface, or points (n, 3) where the file holds no faces; in the scan's own frame and unit.
+
+    Raises:
+        InputError: no such file, another format, damaged, or numbers that are not finite.
+    """
+    if path.suffix.lower() not in SCAN_SUFFIXES:
+        raise InputError(
+            f"{path}: expected a scan ({', '.join(sorted(SCAN_SUFFIXES))}), found {path.suffix or 'no suffix'}"
+        )
+    with reading(path, "a scan"), path.open("rb"):
+        pass
+    try:
+        parts = trimesh.load_scene(path, process=False).dump()
+        points = np.concatenate([np.asarray(part.vertices, dtype=np.float64) for part in parts])
+        offsets = np.cumsum([0, *(len(part.vertices) for part in parts)])
+        faces = [
+            np.asarray(part.faces) + offset
+            for part, offset in zip(parts, offsets, strict=False)
+            if isinstance(part, trimesh.Trimesh)
+        ]
+    except Exception as error:  # trimesh's parsers raise whatever the damaged bytes make numpy, json or struct raise
+        reason = str(error) or type(error).__name__
+        raise InputError(f"{path}: expected a scan, cannot be read ({reason}); export it again") from None
+    if not np.isfinite(points).all():
+        raise InputError(f"{path}: expected finite coordinates, found NaN or infinity; clean the scan")
+    if faces and sum(map(len, faces)):
+        return Mesh(points, np.concatenate(faces))
+    return points
+
+
+def read_matches(path: Path, views: Sequence[View]) -> list[Match]:
+    """Matched points, a line each: the point in the scan, then its place in the world, or where photos show it.
+
+    `x y z  X Y Z` or `x y z  PHOTO u v  [PHOTO u v ...]`, pixel centres at integers; `#` begins a comment.
+
+    Raises:
+        InputError: no such file, or a line that is neither.
+    """
+    ids = {view.name: v for v, view in enumerate(views)}
+    matches = []
+    for number, line in enumerate(read_text(path, "matched points").splitlines(), start=1):
+        words = line.partition("#")[0].split()
+        if not words:
+            continue
+        try:
+            matches.append(_match(words, ids))
+        except ValueError as error:
+            raise InputError(
+                f"{path}: line {number}: expected `x y z X Y Z` or `x y z PHOTO u v ...`, found {error}"
+            ) from None
+    return matches
+
+
+def _match(words: list[str], ids: dict[str, int]) -> Match:
+    """Raises ValueError that names what is wrong."""
+    point = _numbers(words[:3], 3)
+    rest = words[3:]
+    if len(rest) == 3 and rest[0] not in ids:
+        return Match(point, _numbers(rest, 3))
+    if not rest or len(rest) % 3:
+        raise ValueError(f"{len(words)} words")
+    sightings = []
+    for photo, u, v in zip(rest[::3], rest[1::3], rest[2::3], strict=True):
+        if photo not in ids:
+            raise ValueError(f"a photo {photo[:60]!r} that the capture does not have")
+        sightings.append((ids[photo], _numbers([u, v], 2)))
+    return Match(point, None, tuple(sightings))
+
+
+def _numbers(words: list[str], count: int) -> np.ndarray:
+    if len(words) != count:
+        raise ValueError(f"{len(words)} words")
+    try:
+        values = np.array([float(word) for word in words])
+    except ValueError:
+        raise ValueError(" ".join(words)[:60]) from None
+    if not np.isfinite(values).all():
+        raise ValueError(" ".join(words)[:60])
+    return values
