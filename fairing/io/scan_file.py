@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import trimesh
@@ -28,7 +29,7 @@ def read_scan(path: Path) -> Mesh | np.ndarray:
     with reading(path, "a scan"), path.open("rb"):
         pass
     try:
-        parts = trimesh.load_scene(path, process=False).dump()
+        parts: list[Any] = list(trimesh.load_scene(path, process=False).dump())
         points = np.concatenate([np.asarray(part.vertices, dtype=np.float64) for part in parts])
         offsets = np.cumsum([0, *(len(part.vertices) for part in parts)])
         faces = [
