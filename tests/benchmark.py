@@ -23,11 +23,12 @@ from skimage import data as photographs
 
 from demo_scenes import DEMOS, load_demo
 from fairing.energy import Evaluator
-from fairing.metrics import quality_report
+from fairing.metrics import quality_report, surface_distance
 from fairing.options import PRESETS, FairingOptions
 from fairing.photo import ArrayPhoto
 from fairing.scene import Scene, View
 from fairing.session import Session
+from tests.best_mesh import best_mesh
 from tests.cramer_rao import bound
 from tests.numpy_twin import TwinPhotos, evaluate_face
 
@@ -165,6 +166,14 @@ def demos(quick: bool) -> Table:
     return table
 
 
+def surfaces(quick: bool) -> Table:
+    """Mean surface distance to the truth (% of the diagonal) at the end of a run, and of the best mesh there is.
+
+    The archway's own mesh can lie on the truth everywhere: its best is 0.
+    """
+    return {name: _in_own_process(_surface_run, name) for name in (("dome",) if quick else ("dome", "archway"))}
+
+
 def growth(quick: bool) -> Table:
     """Cost of preparing a sweep and of one joint step as the facade's mesh, photos and cells grow."""
     table = {}
@@ -252,7 +261,18 @@ def cube_photographs(quick: bool) -> Table:
 
 PARTS: dict[str, Callable[[bool], Table]] = {
     part.__name__: part
-    for part in (kernel, steps, threads, demos, growth, cube_accuracy, cube_paper, cube_noise, cube_photographs)
+    for part in (
+        kernel,
+        steps,
+        threads,
+        demos,
+        surfaces,
+        growth,
+        cube_accuracy,
+        cube_paper,
+        cube_noise,
+        cube_photographs,
+    )
 }
 
 
@@ -304,6 +324,22 @@ def _whole_run(name: str, options: FairingOptions) -> Table:
     row["most worsened"] = quality["vertices_determined"]["most_worsened_percent"]
     row["flips"] = len(quality["flipped_faces"])
     return row
+
+
+def _surface_run(name: str) -> Table:
+    scene = load_demo(name)
+    assert scene.truth is not None
+    assert scene.truth.vertices is not None
+    assert scene.truth.normals is not None
+    session = Session(scene, ACCURATE)
+    session.run()
+    best = best_mesh(scene.mesh.moved(scene.truth.vertices), scene.truth.normals, scene.truth.surface)
+    ends = {"end": scene.mesh.moved(session.vertices), "best": best}
+    row: Table = {
+        label: float(surface_distance(mesh, scene.truth.surface, scene.mesh.diagonal).percent.mean())
+        for label, mesh in ends.items()
+    }
+    return row | {"ratio": row["end"] / row["best"] if row["best"] > 1e-9 else float("nan")}
 
 
 def _cost(scene: Scene, size: int) -> Table:
