@@ -61,7 +61,7 @@ VERTEX_KEYS = (
     ("K", "Bookmark this moment"),
     ("C", "Compare with this moment from now on"),
     ("X", "Surface before or now"),
-    ("T", "Dark or light"),
+    ("Y", "Dark or light"),
     ("M", "Show the mesh"),
     ("V", "Show mesh and cameras"),
     ("Ctrl+K", "All commands"),

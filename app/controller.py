@@ -7,7 +7,7 @@ import logging
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import replace
 from pathlib import Path
 
@@ -367,10 +367,10 @@ class Controller:
     def _race(self, first: FairingOptions, second: FairingOptions) -> str:
         if first == second:
             raise InputError("a race needs two runs with different options")
-        racing = []
+        racing: list[int] = []
         for options in (first, second):
             run_id = self._runs.from_start_with(options)
-            racing.append(self._keep(self._from_start(options), 0) if run_id is None else run_id)
+            racing.append(self._keep(self._from_start(options), 0, wanted=racing) if run_id is None else run_id)
         self._rival = racing[0]
         self._runs.switch(racing[1])
         sessions = [self._runs.of(run_id) for run_id in racing]
@@ -396,10 +396,10 @@ class Controller:
         finally:
             session.go_to(moment)
 
-    def _keep(self, session: Session, forked_at: int, note: str = "") -> int:
+    def _keep(self, session: Session, forked_at: int, note: str = "", wanted: Collection[int] = ()) -> int:
         """Take a new run to hand; those there are stay."""
         session.is_unwanted = self._interrupt.is_set
-        return self._runs.add(session, forked_at, note)
+        return self._runs.add(session, forked_at, note, wanted)
 
     # ------------------------------------------------------------------ telling about it
 

@@ -14,6 +14,7 @@ from app.background import Background
 from app.breakpoints import Breakpoints
 from app.bridge import Bridge, whole_number
 from app.cells_controls import CellsControls
+from app.certainty_source import CertaintySource
 from app.commands import Extent, JumpTo, ToBeginning
 from app.compare import Reference, RunEnergies
 from app.controller import Controller
@@ -23,6 +24,7 @@ from app.history import EnergyHistory, PathHistory, next_move
 from app.html import STYLE, button, icon, text
 from app.layers import Layer
 from app.layers.cameras import CamerasLayer, Thumbnails
+from app.layers.certainty import CertaintyLayer
 from app.layers.ghost import GhostLayer
 from app.layers.grip import GripLayer
 from app.layers.paths import PathsLayer
@@ -39,6 +41,7 @@ from app.panels.breakpoints_panel import BreakpointButtons, BreakpointsPanel
 from app.panels.cell_lens import CellLens
 from app.panels.cell_source import CellSource
 from app.panels.cells_panel import CellsPanel
+from app.panels.certainty_panel import CertaintyPanel
 from app.panels.debug_bar import DebugBar
 from app.panels.html_panel import HtmlPanel
 from app.panels.layers_panel import LayersPanel, available_layers
@@ -98,7 +101,8 @@ class Page:
             client, shared.stage, shared.scene, self._theme.is_dark, shared.controller.republish
         )
         client.gui.set_panel_label(f"EigenFairing · {shared.scene.name}")
-        self._panels: list[Panel] = self._build_panels()
+        certainty = CertaintySource(shared.controller)
+        self._panels: list[Panel] = self._build_panels(certainty)
         self._surface = SurfaceLayer(client, shared.stage, shared.scene, shared.texturer, shared.controller)
         stage, scene, hands = shared.stage, shared.scene, self._hands
         self._layers: list[Layer] = [
@@ -109,6 +113,7 @@ class Page:
             GhostLayer(client, stage, scene.mesh),
             PathsLayer(client, stage, shared.paths),
             StepArrowLayer(client, stage, scene),
+            CertaintyLayer(client, stage, scene.mesh, certainty),
             PointsLayer(client, stage, scene.sparse_points),
             CamerasLayer(client, stage, scene, shared.thumbnails, self._guarded_with(self._enter), hands.watch),
         ]
@@ -144,7 +149,7 @@ class Page:
 
     # ------------------------------------------------------------------ building
 
-    def _build_panels(self) -> list[Panel]:
+    def _build_panels(self, certainty: CertaintySource) -> list[Panel]:
         gui, shared = self._client.gui, self._shared
         bridge = Bridge(gui, self._guarded_with)
         press = {action.name: bridge.button(self._poster(action.command)) for action in ACTIONS}
@@ -189,6 +194,7 @@ class Page:
         with tabs.add_tab("Vertex"):
             last = len(shared.scene.mesh.vertices) - 1
             panels.append(SelectionPanel(gui, last, self._guarded_with, self._hands.choose, hand_buttons))
+            panels.append(CertaintyPanel(gui, certainty))
             panels.append(Variables(gui, shared.scene.mesh, to_change))
             panels.append(WatchPanel(gui, scene, self.view, watch, self._guarded_with, shared.controller.republish))
         with tabs.add_tab("Breakpoints"):
@@ -265,7 +271,7 @@ class Page:
         self._command("Compare with this moment", self._runs.mark_now, "C")
         self._command("Bookmark this moment", self._bookmarks.keep_now, "K")
         self._command("Before or now", self._surface_buttons.before_or_now, "X")
-        self._command("Dark or light", self._switch_theme, "T")
+        self._command("Dark or light", self._switch_theme, "Y")
         self._command("Keys", self._help, "?", "shift")
         self._command("Lock or unlock the selected vertices", self._hands.toggle_lock, "F")
         self._command("Put the selected vertices back to their start", self._hands.reset, "Z")

@@ -1,5 +1,6 @@
 """The runs kept side by side: each has a record of its own, one of them is at hand."""
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -104,29 +105,30 @@ class Runs:
                 return run_id
         return None
 
-    def add(self, session: Session, forked_at: int, note: str = "") -> int:
+    def add(self, session: Session, forked_at: int, note: str = "", wanted: Collection[int] = ()) -> int:
         """Keep one more and take it to hand; what it forked from stays, unless nothing was recorded there.
 
         Args:
             forked_at: the moment up to which it shares the past of the run at hand; 0: it begins at the start.
             note: what is its own; default: its options.
+            wanted: runs that stay although nothing is recorded in them yet.
 
         Raises:
             InputError: there are too many, or its file cannot be written.
         """
         before = self._kept[self.run_id]
-        is_empty = len(before.session.trace) == 0
-        if not is_empty and len(self._kept) >= MAX_RUNS:
+        is_replaced = len(before.session.trace) == 0 and self.run_id not in wanted
+        if not is_replaced and len(self._kept) >= MAX_RUNS:
             raise InputError(f"expected at most {MAX_RUNS} runs; delete some first")
         file = None
         if self._save_to is not None:
-            file = before.file if is_empty and before.file else self._free_file()
+            file = before.file if is_replaced and before.file else self._free_file()
             session.trace.attach(file)
         differs = note or (
             options_differing(before.session.options, session.options) if forked_at else run_title(session.options)
         )
         added = _Kept(session, self.run_id if forked_at else None, forked_at, differs, file)
-        if is_empty:
+        if is_replaced:
             before.session.trace.detach()
             del self._kept[self.run_id]
         else:

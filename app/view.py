@@ -13,6 +13,7 @@ LAYERS: dict[str, str] = {
     "truth": "True mesh",
     "vertices": "Vertices",
     "paths": "Vertex paths",
+    "certainty": "What the photos determine",
     "cameras": "Cameras",
     "points": "Sparse points",
 }
@@ -70,7 +71,9 @@ class View:
     surface: str = "textured"
     shape: float = NOW_SHAPE
     model_share: float = 0.0
-    shown: dict[str, bool] = field(default_factory=lambda: {name: name not in ("truth", "points") for name in LAYERS})
+    shown: dict[str, bool] = field(
+        default_factory=lambda: {name: name not in ("certainty", "truth", "points") for name in LAYERS}
+    )
 
     def copy(self) -> "View":
         """The same for another browser, outside of any camera."""

@@ -446,6 +446,12 @@ class Session:
         self._stop_if_unwanted()
         return self._evaluator.linearise(context, vertices, faces, corners, scale, self.options.step.solver)
 
+    def linearise_by_photos(self, faces: np.ndarray, moment: int) -> FaceSystem:
+        """Energy and normal equations of faces (F,) at a moment by all their corners, with the eigenspace eliminated."""
+        sweep, corners = self.sweep_state(moment), np.full(len(faces), -1)
+        vertices = self.trace.vertices_at(moment)
+        return self._evaluator.linearise(sweep.context, vertices, faces, corners, sweep.scale, "variable_projection")
+
     # ------------------------------------------------------------------ one step
 
     def _compute_step(self) -> StepRecord:

@@ -223,6 +223,19 @@ def test_a_race_ends_both_runs_as_each_would_alone(controller: Controller, scene
         np.testing.assert_array_equal(info.vertices, alone.vertices)
 
 
+@pytest.mark.parametrize("own", [True, False])
+def test_a_race_begins_two_runs_where_nothing_is_recorded(scene: Scene, tmp_path, own: bool):
+    first, second = OPTIONS, replace(OPTIONS, step=replace(OPTIONS.step, solver="alternating"))
+    controller = Controller(Session(scene, OPTIONS if own else FairingOptions()), save_to=tmp_path / "run.trace")
+    state = do(controller, Race(first, second))
+    controller.close()
+    assert state.problem == ""
+    assert [run.options for run in state.runs] == [first, second]
+    assert all(run.finished for run in state.runs)
+    lengths = [len(Trace.load(tmp_path / name)) for name in ("run.trace", "run-2.trace" if own else "run-3.trace")]
+    assert lengths == [run.length for run in state.runs]
+
+
 def test_a_step_that_is_interrupted_has_never_begun(controller: Controller, scene: Scene):
     alone = Session(scene, OPTIONS)
     alone.run()

@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from app.layers.certainty import PIECES, CertaintyLayer
+from app.selection import Selection
 from app.server import start
 from demo_scenes import load_demo
 from fairing.options import FairingOptions, ScheduleOptions
@@ -52,12 +54,12 @@ def test_the_theme_switches_and_the_browser_remembers_it(visitor: Visitor):
         return visitor.page.evaluate("getComputedStyle(document.querySelector('.ef')).getPropertyValue('--button')")
 
     dark = ground()
-    visitor.page.keyboard.press("t")
+    visitor.page.keyboard.press("y")
     visitor.page.wait_for_selector("html[data-mantine-color-scheme=light]")
     assert ground() != dark
     visitor.open()
     visitor.page.wait_for_selector("html[data-mantine-color-scheme=light]")
-    visitor.page.keyboard.press("t")
+    visitor.page.keyboard.press("y")
     visitor.page.wait_for_selector("html[data-mantine-color-scheme=dark]")
     assert ground() == dark
 
@@ -120,3 +122,17 @@ def test_the_model_is_laid_over_the_photo_looked_through(visitor: Visitor, scene
     page.view.model_share = 0.0
     visitor.page.keyboard.press("0")
     wait_for(lambda: page.view.entered is None)
+
+
+def test_what_the_photos_determine_is_drawn_at_the_selected_vertices_and_told(visitor: Visitor):
+    page = next(iter(visitor.app._pages.values()))
+    page._hands.choose(Selection((1, 0)))
+    visitor.button("Show what the photos determine").click()
+    visitor.page.wait_for_function("() => window.__viserMutable.nodeRefFromName['/certainty']?.visible")
+    lines = next(layer for layer in page._layers if isinstance(layer, CertaintyLayer))._lines
+    wait_for(lambda: len(lines.points) == 2 * (3 * PIECES + 1))
+    visitor.page.get_by_role("tab", name="Vertex").click()
+    visitor.page.get_by_text("3 deviations, units", exact=True).wait_for()
+    visitor.page.get_by_role("tab", name="Layers").click()
+    visitor.button("Hide what the photos determine").click()
+    visitor.page.wait_for_function("() => !window.__viserMutable.nodeRefFromName['/certainty'].visible")

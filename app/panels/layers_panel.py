@@ -15,6 +15,7 @@ SWATCHES: dict[str, RGB] = {
     "truth": TRUTH,
     "vertices": SELECTED,
     "paths": NOW,
+    "certainty": SELECTED,
     "cameras": CAMERA,
     "points": POINTS,
 }
@@ -31,7 +32,7 @@ class LayersPanel:
 
     def __init__(self, gui: viser.GuiApi, press: dict[str, str], switch_theme: str) -> None:
         self._press = press
-        self._theme = button("Dark or light", switch_theme, hint="Dark or light (T)", css_class="wide")
+        self._theme = button("Dark or light", switch_theme, hint="Dark or light (Y)", css_class="wide")
         self._panel = HtmlPanel(gui)
 
     def show(self, state: RunState, view: View) -> None:

@@ -1,0 +1,45 @@
+"""How well the photos determine the selected vertex, in numbers."""
+
+import viser
+
+from app.certainty_source import CertaintySource
+from app.html import number, table
+from app.panels.html_panel import HtmlPanel
+from app.run_state import RunState
+from app.view import View
+from fairing.certainty import Certainty
+
+DEVIATIONS = 3
+
+
+class CertaintyPanel:
+    """Of the current vertex of the selection; what moves by itself is left as it was."""
+
+    def __init__(self, gui: viser.GuiApi, source: CertaintySource) -> None:
+        self._source = source
+        self._panel = HtmlPanel(gui)
+
+    def show(self, state: RunState, view: View) -> None:
+        self._source.want(state, view)
+        if state.is_moving:
+            return
+        found = self._source.newest(state, view)
+        self._panel.set(_content(found[-1]) if found else "")
+
+
+def _content(certainty: Certainty) -> str:
+    title = "<h4>What the photos determine</h4>"
+    if not certainty.is_seen:
+        return f"{title}<div class='dim'>Nothing: fewer than three photos see its faces.</div>"
+    free = ", ".join(f"{x:.2f}".replace("-", "\u2212") for x in certainty.axes[2])
+    ratio = certainty.lengths[2]
+    rows = [
+        ("3 deviations, units", " · ".join(_length(DEVIATIONS * value) for value in certainty.deviations)),
+        ("least known along", free),
+        ("there so many times less", number(float(ratio), 3) if ratio < float("inf") else "open"),
+    ]
+    return title + table(rows)
+
+
+def _length(value: float) -> str:
+    return number(float(value), 2) if value < float("inf") else "open"
