@@ -22,7 +22,8 @@ class Recorded(Protocol):
 
 
 REJECTIONS = [StepReason.REJECTED_ENERGY, StepReason.REJECTED_FOLD]
-PATH_SEGMENTS = 6000  # about as many line segments as a page draws smoothly
+# Line segments that a page draws smoothly: drawn by a processor, 25,000 took 0.4 s of a frame.
+PATH_SEGMENTS = 6000
 
 
 class EnergyHistory:
@@ -116,7 +117,7 @@ class PathHistory:
             self._run_id, self._stride, self._known = state.run_id, 1, 0
             self._positions = state.trace.start.copy()
             self._samples = [(0, state.trace.start)]
-        limit = max(8, 2 * PATH_SEGMENTS // self.n_vertices)
+        limit = max(4, 2 * PATH_SEGMENTS // self.n_vertices)
         for moment in range(self._known + 1, state.length + 1):
             record = state.trace.steps[moment - 1]
             self._positions[record.vertices] = record.after
@@ -128,7 +129,10 @@ class PathHistory:
         self._known = max(self._known, state.length)
 
     def segments(self, state: RunState) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Pieces of path (s, 2, 3), world units; when their ends were reached (s, 2), start 0 to now 1; whose (s,)."""
+        """Pieces of path (s, 2, 3), world units; when their ends were reached (s, 2), start 0 to now 1; whose (s,).
+
+        Where there are too many, the vertices with the longest paths are shown.
+        """
         moments = [moment for moment, _ in self._samples if moment < state.moment]
         positions = [position for moment, position in self._samples if moment < state.moment]
         if not positions:
@@ -137,6 +141,12 @@ class PathHistory:
         points = np.stack([*positions, state.vertices])
         pieces = np.stack([points[:-1], points[1:]], axis=2)  # (k, n, 2, 3)
         moved = (pieces[:, :, 0] != pieces[:, :, 1]).any(axis=-1)
+        if moved.sum() > PATH_SEGMENTS:
+            length = np.linalg.norm(pieces[:, :, 1] - pieces[:, :, 0], axis=-1).sum(axis=0)
+            longest_first = np.argsort(-length, kind="stable")
+            is_kept = np.zeros(len(length), dtype=bool)
+            is_kept[longest_first] = np.cumsum(moved.sum(axis=0)[longest_first]) <= PATH_SEGMENTS
+            moved &= is_kept
         when = np.broadcast_to(np.stack([at[:-1], at[1:]], axis=1)[:, None], (*pieces.shape[:2], 2))
         return pieces[moved], when[moved], np.nonzero(moved)[1]
 

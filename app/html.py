@@ -82,7 +82,7 @@ STYLE = f"""<style>
 .ef .cell {{ padding: 3px 0 4px; border-top: 1px solid var(--line); }}
 .ef .chips {{ gap: 4px; margin: 2px 0; flex-wrap: wrap; }}
 .ef button.chip {{ height: 22px; padding: 0 7px; font-size: 11.5px; color: var(--dim); }}
-.ef button.chip.tight {{ padding: 0 4.5px; }} .ef .chips:has(> .tight) {{ gap: 3px; }}
+.ef button.chip.tight {{ padding: 0 3.5px; }} .ef .chips:has(> .tight) {{ gap: 3px; }}
 .ef button.chip.on {{ border-color: {css(SELECTED)}; color: {css(SELECTED)}; }}
 .ef button.link {{ background: none; border: none; height: 20px; padding: 0; color: var(--text); }}
 .ef button.link:hover {{ color: var(--strong); text-decoration: underline; background: none; }}

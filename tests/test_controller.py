@@ -33,6 +33,7 @@ from fairing.options import FairingOptions, ScheduleOptions
 from fairing.scene import Scene
 from fairing.session import Session
 from fairing.trace import Trace
+from tests.small_scene import corner_scene, small_options
 
 OPTIONS = FairingOptions(
     schedule=ScheduleOptions(blur=(3.6, 2.0), order="sequential", max_sweeps=(2,), max_iterations=(3,), start="first")
@@ -443,6 +444,30 @@ def test_paths_lead_from_the_start_to_now(controller: Controller, scene: Scene):
         np.testing.assert_array_equal(path[0, 0], state.trace.start[vertex])
         np.testing.assert_array_equal(path[-1, 1], state.vertices[vertex])
     assert (when[:, 0] < when[:, 1]).all()
+
+
+def test_of_too_many_paths_the_longest_are_kept_whole(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("app.history.PATH_SEGMENTS", 30)
+    session = Session(corner_scene(), small_options())
+    controller = Controller(session)
+    state = do(controller, Run())
+    controller.close()
+    every, few = PathHistory(len(state.vertices)), PathHistory(len(state.vertices))
+    every.update(state)
+    few.update(state)
+    monkeypatch.setattr("app.history.PATH_SEGMENTS", 8)
+    pieces, _, owner = few.segments(state)
+    monkeypatch.setattr("app.history.PATH_SEGMENTS", 10_000)
+    all_pieces, _, all_owner = every.segments(state)
+    assert 0 < len(pieces) <= 8 < len(all_pieces)
+    lengths = {
+        vertex: np.linalg.norm(np.diff(all_pieces[all_owner == vertex], axis=1), axis=-1).sum()
+        for vertex in np.unique(all_owner)
+    }
+    shown = set(owner.tolist())
+    for vertex in shown:
+        assert (owner == vertex).sum() == (all_owner == vertex).sum()
+    assert min(lengths[v] for v in shown) >= max(lengths[v] for v in lengths if v not in shown)
 
 
 def wait_for(condition, seconds: float = 20.0) -> None:

@@ -13,6 +13,8 @@ from app.stage import Stage
 from app.view import View
 from fairing.mesh import Mesh
 
+MANY = 1500  # marks, each of fewer triangles then: 5,000 balls of 80 took 0.1 s of every frame drawn by a processor
+
 OnClick = Callable[[int, bool], None]
 Watch = Callable[[viser.BatchedMeshHandle], None]
 
@@ -25,7 +27,9 @@ class VerticesLayer:
 
     def __init__(self, client: viser.ClientHandle, stage: Stage, mesh: Mesh, on_click: OnClick, watch: Watch) -> None:
         self._radius = mark_radius(stage, mesh)
-        self._free = _Marks(client, stage, "/vertices/free", ball(), on_click, watch)
+        self._free = _Marks(
+            client, stage, "/vertices/free", ball(0 if len(mesh.vertices) > MANY else 1), on_click, watch
+        )
         self._locked = _Marks(client, stage, "/vertices/locked", block(), on_click, watch)
 
     def show(self, state: RunState, view: View) -> None:

@@ -97,7 +97,11 @@ class Timeline:
 
     def _moves(self, state: RunState, view: View) -> str:
         enabled = view.selected is not None and state.length > 0
-        moves = "Moves" if view.selected is None else f"Moves of {view.selected}"
+        moves = (
+            "<span class='dim'>Moves</span>"
+            if view.selected is None
+            else f"<span class='dim' style='white-space:nowrap' title='Moves of this vertex'>v {view.selected}</span>"
+        )
         before, after = (
             button(
                 "",
@@ -112,7 +116,7 @@ class Timeline:
                 ("after", "Next move of the selected vertex (')", False),
             )
         )
-        return f"<span class='dim'>{moves}</span>{before}{after}"
+        return f"{moves}{before}{after}"
 
     def _picture(self, state: RunState, view: View) -> str:
         if state.length == 0:
