@@ -34,9 +34,9 @@ def _content(certainty: Certainty) -> str:
     free = ", ".join(f"{x:.2f}".replace("-", "\u2212") for x in certainty.axes[2])
     ratio = certainty.lengths[2]
     rows = [
-        ("3 deviations, units", " · ".join(_length(DEVIATIONS * value) for value in certainty.deviations)),
+        ("3 std deviations, units", " · ".join(_length(DEVIATIONS * value) for value in certainty.deviations)),
         ("least known along", free),
-        ("there so many times less", number(float(ratio), 3) if ratio < float("inf") else "open"),
+        ("longest / shortest axis", number(float(ratio), 3) if ratio < float("inf") else "open"),
     ]
     return title + table(rows)
 
