@@ -71,6 +71,10 @@ class Stage:
         """Positions (..., 3) in page units, float32, of positions in world units."""
         return ((points - self.origin) * self.scale).astype(np.float32)
 
+    def world_from_page(self, points: np.ndarray) -> np.ndarray:
+        """Positions (..., 3) in world units of positions in page units."""
+        return np.asarray(points, dtype=np.float64) / self.scale + self.origin
+
 
 def _upright(rotations: np.ndarray) -> np.ndarray:
     """(3,) unit vector that the photographers held for up.

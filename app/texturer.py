@@ -1,22 +1,26 @@
-"""Paints meshes from the photos on a thread of its own."""
+"""Paints meshes from the photos on threads of their own: one image, or one that follows the eye."""
 
 import logging
 import threading
 from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Generic, TypeVar
 
 import cv2
 import numpy as np
 
+from app.background import Background
 from app.set_back import set_back
 from app.stage import Stage
 from fairing.io.glb import write_glb
 from fairing.scene import Scene
-from fairing.texture import textured_model
+from fairing.texture import EigenTexture, eigen_texture, textured_model
 
 JPEG_QUALITY = 92
 LARGEST = 2048  # texels: what a browser unpacks within a second even without a graphics card
+LARGEST_BY_EYE = 1024  # texels: sent anew several times a second
+KEPT_BY_EYE = 3  # these hold their eigenspaces, up to 50 MB each
 KEPT = 8  # painted meshes, so that going back and forth between shapes paints nothing again
 
 
@@ -33,19 +37,42 @@ class TexturedMesh:
     glb: bytes
 
 
-class Texturer:
+@dataclass(frozen=True, eq=False)
+class EyeTexturedMesh:
+    """A mesh painted for every eye.
+
+    Attributes:
+        vertices: (n, 3) float, world units: the positions it was painted at.
+        texture: the image for an eye.
+        corners: (3 m, 3) float, page units: where the faces' corners are drawn.
+    """
+
+    vertices: np.ndarray
+    texture: EigenTexture
+    corners: np.ndarray
+
+    def seen_from(self, eye: np.ndarray) -> TexturedMesh:
+        """As an eye at (3,), world units, sees it."""
+        image = self.texture.image_for(eye)
+        return TexturedMesh(self.vertices, _glb(self.corners, self.texture.layout.uv, image))
+
+
+Painted = TypeVar("Painted", TexturedMesh, EyeTexturedMesh)
+
+
+class Painter(Generic[Painted]):
     """Paints what pages look at; of what one page has asked for, only the newest."""
 
-    def __init__(self, scene: Scene, stage: Stage, on_ready: Callable[[], None]) -> None:
-        self._scene, self._stage, self._on_ready = scene, stage, on_ready
+    def __init__(self, paint: Callable[[np.ndarray], Painted], kept: int, on_ready: Callable[[], None]) -> None:
+        self._paint, self._most_kept, self._on_ready = paint, kept, on_ready
         self._wanted: dict[int, np.ndarray] = {}
-        self._kept: OrderedDict[int, TexturedMesh] = OrderedDict()
+        self._kept: OrderedDict[int, Painted] = OrderedDict()
         self._changed = threading.Condition()
         self._closing = False
         self._thread = threading.Thread(target=self._work, name="texture", daemon=True)
         self._thread.start()
 
-    def painted(self, asker: object, vertices: np.ndarray) -> TexturedMesh | None:
+    def painted(self, asker: object, vertices: np.ndarray) -> Painted | None:
         """The mesh at these positions (n, 3), or None: then it is painted and `on_ready` is called.
 
         Positions are told apart by the array, not by its content.
@@ -83,14 +110,44 @@ class Texturer:
                     del self._wanted[asker]
                 if painted is not None:
                     self._kept[id(vertices)] = painted
-                    while len(self._kept) > KEPT:
+                    while len(self._kept) > self._most_kept:
                         self._kept.popitem(last=False)
             if painted is not None:
                 self._on_ready()
 
+
+class Texturer:
+    """The painters that all pages share.
+
+    Attributes:
+        static: paints meshes with one image.
+        by_eye: paints meshes whose image depends on the eye.
+        frames: makes the images for an eye, of those one page wants only the newest.
+    """
+
+    def __init__(self, scene: Scene, stage: Stage, on_ready: Callable[[], None]) -> None:
+        self._scene, self._stage = scene, stage
+        self.static = Painter(self._paint, KEPT, on_ready)
+        self.by_eye = Painter(self._paint_by_eye, KEPT_BY_EYE, on_ready)
+        self.frames = Background(lambda: None)
+
+    def close(self) -> None:
+        for worker in (self.static, self.by_eye, self.frames):
+            worker.close()
+
     def _paint(self, vertices: np.ndarray) -> TexturedMesh:
         model = textured_model(self._scene, vertices, LARGEST)
-        _, encoded = cv2.imencode(".jpg", model.image[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
-        corners = set_back(vertices, self._scene, self._stage)[model.faces].reshape(-1, 3)
-        faces = np.arange(len(corners)).reshape(-1, 3)
-        return TexturedMesh(vertices, write_glb(corners, faces, model.uv.reshape(-1, 2), encoded.tobytes()))
+        return TexturedMesh(vertices, _glb(self._corners(vertices), model.uv, model.image))
+
+    def _paint_by_eye(self, vertices: np.ndarray) -> EyeTexturedMesh:
+        texture = eigen_texture(self._scene, vertices, LARGEST_BY_EYE)
+        return EyeTexturedMesh(vertices, texture, self._corners(vertices))
+
+    def _corners(self, vertices: np.ndarray) -> np.ndarray:
+        return set_back(vertices, self._scene, self._stage)[self._scene.mesh.faces].reshape(-1, 3)
+
+
+def _glb(corners: np.ndarray, uv: np.ndarray, image: np.ndarray) -> bytes:
+    _, encoded = cv2.imencode(".jpg", image[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+    faces = np.arange(len(corners)).reshape(-1, 3)
+    return write_glb(corners, faces, uv.reshape(-1, 2), encoded.tobytes())

@@ -52,6 +52,7 @@ class View:
     speed: of playing the record; 1 is four moments a second.
     strip: what the timeline's strip shows, of `app.strip.KINDS`.
     surface: how the faces are shown: a key of `SURFACES` or of `app.coloring.COLORINGS`.
+    by_eye: the texture of a resting surface follows the eye.
     shape: where the surface's vertices are: 0 at the start, 1 now, 2 at the truth, and anything between.
     model_share: of the model laid over a photo looked through, 0 to 1.
     shown: which layers are switched on.
@@ -69,6 +70,7 @@ class View:
     speed: float = 1.0
     strip: str = "energy"
     surface: str = "textured"
+    by_eye: bool = False
     shape: float = NOW_SHAPE
     model_share: float = 0.0
     shown: dict[str, bool] = field(

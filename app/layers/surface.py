@@ -9,6 +9,7 @@ from app.coloring import COLORINGS, DIFFERENCE, Legend, color_mesh
 from app.commands import Ask
 from app.compare import distances, look_up
 from app.controller import Controller
+from app.layers.by_eye import ByEye
 from app.layers.taking_turns import Drawn, TakingTurns
 from app.palette import SURFACE
 from app.run_state import Activity, RunState
@@ -55,6 +56,7 @@ class SurfaceLayer:
             shape: TakingTurns(client, f"/mesh/textured_{name}", controller.republish)
             for shape, name in ((START_SHAPE, "start"), (NOW_SHAPE, "now"), (TRUE_SHAPE, "truth"), (None, "between"))
         }
+        self._by_eye = ByEye(client, stage, texturer, controller.republish)
         self._colored = TakingTurns(client, "/mesh/colored", controller.republish, UNPACK_COLORED)
         self._between: tuple[float, np.ndarray, np.ndarray] | None = None
         self._wanted: Wanted | None = None
@@ -68,25 +70,32 @@ class SurfaceLayer:
         self._plain.vertices = self._stage.page_from_world(vertices)
         outside, resting = view.entered is None, state.activity is Activity.PAUSED
         front: TakingTurns | None = None
+        follows_eye = False
         self.legend = None
         if outside and not state.is_moving:
             if view.surface in COLORINGS:
                 front = self._color(state, view, vertices, resting)
             elif view.surface == "textured":
                 front = self._texture(view.shape, vertices, resting)
+                if view.by_eye and resting:
+                    front = self._by_eye.show(vertices) or front
+                    follows_eye = True
+        if not follows_eye:
+            self._by_eye.rest()
         if front is not self._colored and self.legend is None:
             self._colored.forget()
             self._wanted = self._drawn = None
         if state.is_moving:  # what is painted is of the past
             self._textured[NOW_SHAPE].forget()
         with self._client.atomic():
-            for turns in (*self._textured.values(), self._colored):
+            for turns in (*self._textured.values(), self._by_eye.turns, self._colored):
                 turns.set_visible(turns is front)
             self._plain.visible = outside and view.surface != "none" and front is None
 
     def close(self) -> None:
         for turns in (*self._textured.values(), self._colored):
             turns.close()
+        self._by_eye.close()
 
     def _vertices(self, state: RunState, shape: float) -> np.ndarray:
         """(n, 3) float, world units: the shape looked at; the same array as long as it is the same shape."""
@@ -105,7 +114,7 @@ class SurfaceLayer:
 
     def _texture(self, shape: float, vertices: np.ndarray, resting: bool) -> TakingTurns | None:
         turns = self._textured.get(shape, self._textured[None])
-        painted = self._texturer.painted(self, vertices) if resting else None
+        painted = self._texturer.static.painted(self, vertices) if resting else None
         if painted is not None:
             turns.offer(painted)
         # After a step the last texture stays for the second that the next one takes.

@@ -13,6 +13,7 @@ from fairing.errors import InputError
 from fairing.scene import Scene
 
 SHAPES = {START_SHAPE: "Start", NOW_SHAPE: "Now", TRUE_SHAPE: "Truth"}
+TEXTURES = {False: "Static", True: "By the eye"}
 STEP = 0.05
 
 
@@ -33,6 +34,7 @@ class SurfaceButtons:
             name: button(lambda name=name: self.choose_surface(name))
             for name in (*SURFACES, *available_colorings(scene))
         }
+        self.press_texture = {by_eye: button(lambda by_eye=by_eye: self.choose_texture(by_eye)) for by_eye in TEXTURES}
         self.press_shape = {
             shape: button(lambda shape=shape: self.choose_shape(shape)) for shape in SHAPES if shape <= self.last_shape
         }
@@ -40,6 +42,14 @@ class SurfaceButtons:
     def choose_surface(self, name: str) -> None:
         self._view.surface = name
         self._republish()
+
+    def choose_texture(self, by_eye: bool) -> None:
+        """One image, or one that blends the photos taken near the eye; either way the surface is textured."""
+        self._view.by_eye, self._view.surface = by_eye, "textured"
+        self._republish()
+
+    def static_or_by_eye(self) -> None:
+        self.choose_texture(not self._view.by_eye)
 
     def choose_shape(self, shape: object) -> None:
         """0 to 2, see `View.shape`.
@@ -83,10 +93,13 @@ class SurfacePanel:
     def show(self, state: RunState, view: View) -> None:
         press = self._buttons.press_surface
         how = _choice({name: (label, press[name]) for name, label in SURFACES.items()}, view.surface, "Surface")
+        textures = {by_eye: (TEXTURES[by_eye], js) for by_eye, js in self._buttons.press_texture.items()}
+        texture = view.by_eye if view.surface == "textured" else None
         colors = {name: (COLORINGS[name].label, press[name]) for name in press if name in COLORINGS}
         shapes = {shape: (SHAPES[shape], js) for shape, js in self._buttons.press_shape.items()}
         self._panel.set(
-            f"<h4>Surface</h4>{how}<div class='dim note'>coloured by</div>{_choice(colors, view.surface, 'Coloured by')}"
+            f"<h4>Surface</h4>{how}<div class='dim note'>texture</div>{_choice(textures, texture, 'Texture')}"
+            f"<div class='dim note'>coloured by</div>{_choice(colors, view.surface, 'Coloured by')}"
             f"<div class='dim note'>as it is</div>{_choice(shapes, view.shape, 'Shape')}"
         )
         if self._slider.value != view.shape:

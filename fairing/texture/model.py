@@ -62,37 +62,30 @@ def textured_model(
         ValueError: too many faces for the largest texture.
         InputError: a photo cannot be read.
     """
-    scores, edges = _survey(scene, vertices, lambda fraction: on_progress(0.3 * fraction))
+    scores, edges = survey(scene, vertices, lambda fraction: on_progress(0.3 * fraction))
     layout = AtlasLayout.plan(edges, largest)
-    chosen = _chosen_views(scores)
-    faces = scene.mesh.faces
+    chosen = chosen_views(scores)
     image = np.full((layout.height, layout.width, 3), UNSEEN, dtype=np.float32)
     log_gain = np.zeros(chosen.shape)
-    texels = layout.box.prod(axis=1) // 2 + layout.box.sum(axis=1)
+    texels = most_texels(layout)
     groups = np.cumsum(texels) // max(1, SAMPLE_BUDGET // (VIEWS_PER_FACE * 4))
     n_groups = int(groups[-1]) + 1
     for group in range(n_groups):
         members = np.flatnonzero(groups == group)
-        starts = np.r_[0, np.cumsum(texels[members])]
-        colors = np.zeros((starts[-1], VIEWS_PER_FACE, 3), dtype=np.uint8)
-        weights = np.zeros((starts[-1], VIEWS_PER_FACE), dtype=np.uint8)
-        for v, view in enumerate(scene.views):
-            slots = np.argmax(chosen[members] == v, axis=1)
-            slots = np.where((chosen[members] == v).any(axis=1), slots, -1)
-            if (slots >= 0).any():
-                _sample_photo(
-                    layout, view, vertices, faces, members, starts, slots, scores[members, v], colors, weights
-                )
-            on_progress(0.3 + 0.65 * (group + (v + 1) / len(scene.views)) / n_groups)
-        _fuse(
+        starts, colors, weights = sample(
+            scene, vertices, layout, chosen, scores, members,
+            lambda fraction, group=group: on_progress(0.3 + 0.65 * (group + fraction) / n_groups),
+        )  # fmt: skip
+        fuse(
             members, starts, colors, weights, layout.corner, layout.legs, layout.is_turned, layout.gutter, image, log_gain
         )  # fmt: skip
-    _even_out(layout, chosen, log_gain, len(scene.views), image)
+    gain = exposures(layout, chosen, log_gain, len(scene.views))[0]
+    _multiply(layout.corner, layout.legs, layout.is_turned, layout.gutter, gain.astype(np.float32), image)
     on_progress(1.0)
-    return TexturedModel(vertices, faces, layout.uv, np.clip(image + 0.5, 0, 255).astype(np.uint8))
+    return TexturedModel(vertices, scene.mesh.faces, layout.uv, np.clip(image + 0.5, 0, 255).astype(np.uint8))
 
 
-def _survey(scene: Scene, vertices: np.ndarray, on_progress: Callable[[float], None]) -> tuple[np.ndarray, np.ndarray]:
+def survey(scene: Scene, vertices: np.ndarray, on_progress: Callable[[float], None]) -> tuple[np.ndarray, np.ndarray]:
     """How well each view sees each face (m, V), pixels that show it times the sine of the angle; and the faces' edges
     (m, 3) in pixels of the photos that see them best."""
     faces = scene.mesh.faces
@@ -119,13 +112,47 @@ def _survey(scene: Scene, vertices: np.ndarray, on_progress: Callable[[float], N
     return scores, edges
 
 
-def _chosen_views(scores: np.ndarray) -> np.ndarray:
+def chosen_views(scores: np.ndarray) -> np.ndarray:
     """(m, VIEWS_PER_FACE) int: the views that paint each face, the best first, -1 for none."""
     order = np.argsort(-scores, axis=1, kind="stable")[:, :VIEWS_PER_FACE]
     found = np.take_along_axis(scores, order, axis=1)
     chosen = np.full((len(scores), VIEWS_PER_FACE), -1)
     chosen[:, : order.shape[1]] = np.where((found > 0) & (found >= LEAST_SCORE * found[:, :1]), order, -1)
     return chosen
+
+
+def most_texels(layout: AtlasLayout) -> np.ndarray:
+    """(m,) int: texels that a face owns at most."""
+    return layout.box.prod(axis=1) // 2 + layout.box.sum(axis=1)
+
+
+def sample(
+    scene: Scene,
+    vertices: np.ndarray,
+    layout: AtlasLayout,
+    chosen: np.ndarray,
+    scores: np.ndarray,
+    members: np.ndarray,
+    on_progress: Callable[[float], None] = lambda fraction: None,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The texels of some faces (f,) as their chosen photos show them.
+
+    Returns:
+        starts (f + 1,) int: where each face's texels begin; colors (t, VIEWS_PER_FACE, 3) uint8; weights
+        (t, VIEWS_PER_FACE) uint8: 0 without a photo, 1 where the photo does not see the texel, more where it does.
+    """
+    starts = np.r_[0, np.cumsum(most_texels(layout)[members])]
+    colors = np.zeros((starts[-1], VIEWS_PER_FACE, 3), dtype=np.uint8)
+    weights = np.zeros((starts[-1], VIEWS_PER_FACE), dtype=np.uint8)
+    for v, view in enumerate(scene.views):
+        is_slot = chosen[members] == v
+        slots = np.where(is_slot.any(axis=1), np.argmax(is_slot, axis=1), -1)
+        if (slots >= 0).any():
+            _sample_photo(
+                layout, view, vertices, scene.mesh.faces, members, starts, slots, scores[members, v], colors, weights
+            )
+        on_progress((v + 1) / len(scene.views))
+    return starts, colors, weights
 
 
 def _sample_photo(
@@ -168,8 +195,13 @@ def _resized(camera: Camera, factor: float) -> Camera:
     return Camera(resize @ camera.image_from_world, width, height)
 
 
-def _even_out(layout: AtlasLayout, chosen: np.ndarray, log_gain: np.ndarray, n_views: int, image: np.ndarray) -> None:
-    """Take the photos' exposures off: log c_fv = a_f + g_v in least squares, median g 0; a face is painted with a_f."""
+def exposures(
+    layout: AtlasLayout, chosen: np.ndarray, log_gain: np.ndarray, n_views: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """The gain exp(a) of each face (m,) without the photos' exposures, and these, exp(g), (V,).
+
+    log c_fv = a_f + g_v in least squares, median g 0.
+    """
     face, slot = np.nonzero(chosen >= 0)
     view, value = chosen[face, slot], log_gain[face, slot]
     count = np.maximum(np.bincount(face, minlength=len(chosen)), 1)
@@ -182,12 +214,11 @@ def _even_out(layout: AtlasLayout, chosen: np.ndarray, log_gain: np.ndarray, n_v
     right = np.bincount(view, weight[face] * count[face] * (value - mean[face]), n_views)
     exposure = np.linalg.lstsq(normal, right, rcond=1e-9)[0]
     exposure -= np.median(exposure)  # one odd photo does not shift the rest
-    gain = np.exp(np.bincount(face, value - exposure[view], len(chosen)) / count)
-    _multiply(layout.corner, layout.legs, layout.is_turned, layout.gutter, gain.astype(np.float32), image)
+    return np.exp(np.bincount(face, value - exposure[view], len(chosen)) / count), np.exp(exposure)
 
 
 @numba.njit(cache=True, nogil=True, inline="always")
-def _barycentric(row, column, w, h, gutter):
+def barycentric(row, column, w, h, gutter):
     """Weights along both legs of a texel of a face's rectangle, as it lies unturned, and whether the face owns it."""
     u, v = (column - gutter) / w, (row - gutter) / h
     return u, v, u + v <= 1 + 0.5 * (gutter / w + gutter / h)
@@ -208,7 +239,7 @@ def _look_up(
         t = starts[m]
         for row in range(h + 3 * gutter + 1):
             for column in range(w + 3 * gutter + 1):
-                b, c, owned = _barycentric(row, column, w, h, gutter)
+                b, c, owned = barycentric(row, column, w, h, gutter)
                 if not owned:
                     break
                 a = 1 - b - c
@@ -234,7 +265,7 @@ def _look_up(
 
 
 @numba.njit(cache=True, nogil=True)
-def _fuse(members, starts, colors, weights, corner, legs, is_turned, gutter, image, log_gain):
+def fuse(members, starts, colors, weights, corner, legs, is_turned, gutter, image, log_gain):
     """Fit U and c of every face robustly (alternating weighted least squares from the median); U goes to the image."""
     n_slots = weights.shape[1]
     values = np.empty(n_slots)
@@ -289,9 +320,9 @@ def _fuse(members, starts, colors, weights, corner, legs, is_turned, gutter, ima
         t = 0
         for row in range(h + 3 * gutter + 1):
             for column in range(w + 3 * gutter + 1):
-                if not _barycentric(row, column, w, h, gutter)[2]:
+                if not barycentric(row, column, w, h, gutter)[2]:
                     break
-                y, x = _place(row, column, corner[face], w, h, is_turned[face], gutter)
+                y, x = place(row, column, corner[face], w, h, is_turned[face], gutter)
                 if U[t, 0] >= 0:
                     image[y, x] = U[t].astype(np.float32)
                 t += 1
@@ -306,7 +337,7 @@ def _trust(color, U, gain):
 
 
 @numba.njit(cache=True, nogil=True, inline="always")
-def _place(row, column, corner, w, h, turned, gutter):
+def place(row, column, corner, w, h, turned, gutter):
     """Row and column in the texture of a texel of a face's rectangle."""
     if turned:
         return corner[1] + h + 3 * gutter - row, corner[0] + w + 3 * gutter - column
@@ -319,8 +350,8 @@ def _multiply(corner, legs, is_turned, gutter, gain, image):
         w, h = legs[face, 0], legs[face, 1]
         for row in range(h + 3 * gutter + 1):
             for column in range(w + 3 * gutter + 1):
-                if not _barycentric(row, column, w, h, gutter)[2]:
+                if not barycentric(row, column, w, h, gutter)[2]:
                     break
-                y, x = _place(row, column, corner[face], w, h, is_turned[face], gutter)
+                y, x = place(row, column, corner[face], w, h, is_turned[face], gutter)
                 for k in range(3):
                     image[y, x, k] *= gain[face]

@@ -1,0 +1,88 @@
+"""The painted mesh as its eigenspaces show it from where the user looks: a new texture whenever the camera has moved."""
+
+import logging
+import threading
+from collections.abc import Callable
+
+import numpy as np
+import viser
+
+from app.layers.taking_turns import TakingTurns
+from app.stage import Stage
+from app.texturer import EyeTexturedMesh, TexturedMesh, Texturer
+
+UNPACK_SECONDS = 0.3  # at most 1024 texels: three textures a second
+LEAST_TURN = np.radians(0.3)  # as seen from the middle of the mesh
+
+
+class ByEye:
+    """One texture at a time is made and unpacked; when it is in sight, the next one is for where the eye is by then.
+
+    So a browser is never sent more than it can unpack, and the last texture is always the one for the last eye.
+    """
+
+    def __init__(
+        self, client: viser.ClientHandle, stage: Stage, texturer: Texturer, on_first: Callable[[], None]
+    ) -> None:
+        self._client, self._stage, self._texturer, self._on_first = client, stage, texturer, on_first
+        self._lock = threading.Lock()
+        self._mesh: EyeTexturedMesh | None = None
+        self._is_under_way = False
+        self._drawn: tuple[EyeTexturedMesh, np.ndarray] | None = None
+        self._arrived_at: np.ndarray | None = None
+        self.turns = TakingTurns(client, "/mesh/by_eye", self._arrived, UNPACK_SECONDS)
+        client.camera.on_update(lambda _: self._advance())
+
+    def show(self, vertices: np.ndarray) -> TakingTurns | None:
+        """Follow the eye with the mesh at (n, 3); what can be in sight, None as long as it is being painted."""
+        mesh = self._texturer.by_eye.painted(self, vertices)
+        with self._lock:
+            self._mesh = mesh
+        self._advance()
+        is_fit = isinstance(self.turns.shown, TexturedMesh) and self.turns.shown.vertices is vertices
+        return self.turns if is_fit else None
+
+    def rest(self) -> None:
+        """Do not follow the eye."""
+        with self._lock:
+            self._mesh = None
+
+    def close(self) -> None:
+        self.rest()
+        self.turns.close()
+
+    def _advance(self) -> None:
+        eye = np.array(self._client.camera.position)
+        with self._lock:
+            mesh = self._mesh
+            if mesh is None or self._is_under_way or not self._is_news(mesh, eye):
+                return
+            self._is_under_way = True
+            self._drawn = (mesh, eye)
+        world = self._stage.world_from_page(eye)
+        self._texturer.frames.post(self, lambda: mesh.seen_from(world), self._send)
+
+    def _is_news(self, mesh: EyeTexturedMesh, eye: np.ndarray) -> bool:
+        if self._drawn is None or self._drawn[0] is not mesh:
+            return True
+        before = self._drawn[1]
+        return float(np.linalg.norm(eye - before)) > LEAST_TURN * float(np.linalg.norm(before))
+
+    def _send(self, found: TexturedMesh | Exception) -> None:
+        if isinstance(found, Exception):
+            logging.getLogger(__name__).error("the texture for the eye could not be made", exc_info=found)
+            with self._lock:
+                self._is_under_way = False
+        else:
+            self.turns.offer(found)
+
+    def _arrived(self) -> None:
+        shown = self.turns.shown
+        with self._lock:
+            self._is_under_way = False
+            vertices = shown.vertices if isinstance(shown, TexturedMesh) else None
+            is_first = vertices is not self._arrived_at
+            self._arrived_at = vertices
+        if is_first:  # the surface can change over to it
+            self._on_first()
+        self._advance()
