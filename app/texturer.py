@@ -67,6 +67,7 @@ class Painter(Generic[Painted]):
         self._paint, self._most_kept, self._on_ready = paint, kept, on_ready
         self._wanted: dict[int, np.ndarray] = {}
         self._kept: OrderedDict[int, Painted] = OrderedDict()
+        self._failed: np.ndarray | None = None
         self._changed = threading.Condition()
         self._closing = False
         self._thread = threading.Thread(target=self._work, name="texture", daemon=True)
@@ -82,7 +83,7 @@ class Painter(Generic[Painted]):
             if found is not None:
                 self._kept.move_to_end(id(vertices))
                 self._wanted.pop(id(asker), None)
-            elif self._wanted.get(id(asker)) is not vertices:
+            elif vertices is not self._failed and self._wanted.get(id(asker)) is not vertices:
                 self._wanted[id(asker)] = vertices
                 self._changed.notify_all()
             return found
@@ -108,7 +109,9 @@ class Painter(Generic[Painted]):
             with self._changed:
                 if self._wanted.get(asker) is vertices:
                     del self._wanted[asker]
-                if painted is not None:
+                if painted is None:  # asking again, as pages do with every state, would not help
+                    self._failed = vertices
+                else:
                     self._kept[id(vertices)] = painted
                     while len(self._kept) > self._most_kept:
                         self._kept.popitem(last=False)
