@@ -1,6 +1,5 @@
 """One browser's page: its panels, its layers, its selection. All pages show the same run."""
 
-import logging
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,16 +10,15 @@ import viser
 
 from app.actions import ACTIONS, key_list
 from app.background import Background
-from app.breakpoints import Breakpoints
 from app.bridge import Bridge, whole_number
 from app.cells_controls import CellsControls
 from app.certainty_source import CertaintySource
-from app.commands import Extent, JumpTo, ToBeginning
 from app.compare import Reference, RunEnergies
 from app.controller import Controller
 from app.focus import release_focus_after_use
+from app.guard import Guard
 from app.hands import Hands
-from app.history import EnergyHistory, PathHistory, next_move
+from app.history import EnergyHistory, PathHistory
 from app.html import STYLE, button, icon, text
 from app.layers import Layer
 from app.layers.cameras import CamerasLayer, Thumbnails
@@ -57,13 +55,12 @@ from app.panels.timeline import Timeline, TimelineButtons
 from app.panels.variables import Variables
 from app.panels.watch_panel import WatchControls, WatchPanel
 from app.photo_store import PhotoStore
-from app.recorded import ITEMS, last_change
-from app.run_state import Activity, RunState
+from app.run_controls import RunControls
+from app.run_state import RunState
 from app.stage import FIELD_OF_VIEW, Stage
 from app.texturer import Texturer
 from app.theme import Theme
 from app.view import MAX_MAGNIFICATION, View
-from fairing.errors import InputError
 from fairing.scene import Scene
 
 MARGIN = 16
@@ -93,9 +90,11 @@ class Page:
     def __init__(self, client: viser.ClientHandle, shared: Shared, view: View) -> None:
         self.view = view
         self._client, self._shared = client, shared
+        self._guard = Guard(client)
+        self._run = RunControls(shared.controller, view)
         self._problems = shared.controller.state.problems
         self._panels_shown = 0.0
-        self._hands = Hands(client, shared.stage, shared.scene.mesh, shared.controller, view, self._guarded_with)
+        self._hands = Hands(client, shared.stage, shared.scene.mesh, shared.controller, view, self._guard)
         self._theme = Theme(client)
         self._look_through = LookThrough(
             client, shared.stage, shared.scene, self._theme.is_dark, shared.controller.republish
@@ -108,18 +107,18 @@ class Page:
         self._layers: list[Layer] = [
             self._surface,
             WiresLayer(client, stage, scene),
-            VerticesLayer(client, stage, scene.mesh, self._guarded_with(hands.click), hands.watch),
-            GripLayer(client, stage, scene.mesh, self._guarded_with(hands.click), hands.watch, hands.grab, hands.drop),
+            VerticesLayer(client, stage, scene.mesh, self._guard(hands.click), hands.watch),
+            GripLayer(client, stage, scene.mesh, self._guard(hands.click), hands.watch, hands.grab, hands.drop),
             GhostLayer(client, stage, scene.mesh),
             PathsLayer(client, stage, shared.paths),
             StepArrowLayer(client, stage, scene),
             CertaintyLayer(client, stage, scene.mesh, certainty),
             PointsLayer(client, stage, scene.sparse_points),
-            CamerasLayer(client, stage, scene, shared.thumbnails, self._guarded_with(self._enter), hands.watch),
+            CamerasLayer(client, stage, scene, shared.thumbnails, self._guard(self._enter), hands.watch),
         ]
         self._add_commands()
         release_focus_after_use(client)
-        client.camera.on_update(lambda _: self._guarded(self._follow_camera)())
+        client.camera.on_update(lambda _: self._guard.without_event(self._follow_camera)())
 
     def show(self, state: RunState) -> None:
         """Bring the browser up to date."""
@@ -134,7 +133,7 @@ class Page:
             for panel in self._panels:
                 panel.show(state, self.view)
         if state.problem and state.problems > self._problems:
-            self._notify(state.problem)
+            self._guard.notify(state.problem)
         self._problems = state.problems
         self._leave_box.visible = self.view.entered is not None
         self._legend.show(self._surface.legend)
@@ -151,56 +150,56 @@ class Page:
 
     def _build_panels(self, certainty: CertaintySource) -> list[Panel]:
         gui, shared = self._client.gui, self._shared
-        bridge = Bridge(gui, self._guarded_with)
-        press = {action.name: bridge.button(self._poster(action.command)) for action in ACTIONS}
+        bridge = Bridge(gui, self._guard)
+        press = {action.name: bridge.button(self._run.poster(action.command)) for action in ACTIONS}
         switches = {
             name: bridge.button(lambda name=name: self._toggle(name)) for name in available_layers(shared.scene)
         }
         leave = bridge.button(self._leave)
         panels: list[Panel] = [
             DebugBar(gui, bridge, press),
-            Status(gui, shared.energies, bridge.number(self._to_beginning)),
+            Status(gui, shared.energies, bridge.number(self._run.to_beginning)),
             Plot(
                 gui,
                 shared.scene.mesh,
                 shared.energies,
                 shared.run_energies,
-                PlotControls(bridge, self.view, self._jump, shared.controller.republish),
+                PlotControls(bridge, self.view, self._run.jump, shared.controller.republish),
             ),
         ]
         choose_face, enter = bridge.number(self._choose_face), bridge.number(self._enter)
-        jump = bridge.number(self._jump)
+        jump = bridge.number(self._run.jump)
         around = {
-            "before": bridge.button(lambda: self._to_move_of_selected(-1)),
-            "after": bridge.button(lambda: self._to_move_of_selected(1)),
+            "before": bridge.button(lambda: self._run.to_move_of_selected(-1)),
+            "after": bridge.button(lambda: self._run.to_move_of_selected(1)),
         }
         hand_buttons = {
             "lock": bridge.button(self._hands.toggle_lock),
             "reset": bridge.button(self._hands.reset),
         }
-        breakpoint_buttons = BreakpointButtons(shared.controller, self.view, bridge.button, bridge.number)
+        breakpoint_buttons = BreakpointButtons(shared.controller, self.view, bridge)
         self._surface_buttons = SurfaceButtons(shared.scene, self.view, bridge.button, shared.controller.republish)
         theme = bridge.button(self._switch_theme)
         option_buttons = OptionButtons(bridge.button)
-        self._play = TimelineButtons(shared.controller, self.view, bridge.button, bridge.number)
-        self._runs = RunButtons(shared.controller, self.view, bridge.button, bridge.number)
-        self._bookmarks = BookmarkButtons(shared.controller, self.view, bridge.button, bridge.number)
+        self._play = TimelineButtons(shared.controller, self.view, bridge)
+        self._runs = RunButtons(shared.controller, self.view, bridge)
+        self._bookmarks = BookmarkButtons(shared.controller, self.view, bridge)
         scene, source = shared.scene, CellSource(shared.controller, shared.scene.mesh)
         controls = CellsControls(bridge, self.view, scene, shared.controller.republish)
-        to_change = bridge.number(self._to_change)
-        watch = WatchControls(bridge, self.view, self._jump, shared.controller.republish)
+        to_change = bridge.number(self._run.to_change)
+        watch = WatchControls(bridge, self.view, self._run.jump, shared.controller.republish)
         pages = PhotoPages(shared.controller, scene, shared.photos, controls, enter)
         tabs = gui.add_tab_group()
         with tabs.add_tab("Vertex"):
             last = len(shared.scene.mesh.vertices) - 1
-            panels.append(SelectionPanel(gui, last, self._guarded_with, self._hands.choose, hand_buttons))
+            panels.append(SelectionPanel(gui, last, self._guard, self._hands.choose, hand_buttons))
             panels.append(CertaintyPanel(gui, certainty))
             panels.append(Variables(gui, shared.scene.mesh, to_change))
-            panels.append(WatchPanel(gui, scene, self.view, watch, self._guarded_with, shared.controller.republish))
+            panels.append(WatchPanel(gui, scene, self.view, watch, self._guard, shared.controller.republish))
         with tabs.add_tab("Breakpoints"):
-            panels.append(BreakpointsPanel(gui, shared.controller, self._guarded_with, breakpoint_buttons))
+            panels.append(BreakpointsPanel(gui, shared.controller, self._guard, breakpoint_buttons))
         with tabs.add_tab("Layers"):
-            panels.append(SurfacePanel(gui, self._surface_buttons, self._guarded_with))
+            panels.append(SurfacePanel(gui, self._surface_buttons, self._guard))
             panels.append(LayersPanel(gui, switches, theme))
             self._magnification = gui.add_slider(
                 "Magnify paths",
@@ -210,26 +209,24 @@ class Page:
                 initial_value=self.view.magnification,
                 hint="Displacements are drawn this many times longer, about where the vertices are now.",
             )
-            self._magnification.on_update(lambda _: self._guarded(self._magnify)())
+            self._magnification.on_update(lambda _: self._guard.without_event(self._magnify)())
         with tabs.add_tab("Options"):
-            panels.append(OptionsPanel(gui, shared.controller, self._guarded_with, option_buttons))
+            panels.append(OptionsPanel(gui, shared.controller, self._guard, option_buttons))
         cells = gui.add_panel()
         with cells.add_tab("Cells", viser.Icon.TRIANGLE):
             panels.append(
-                CellsPanel(
-                    gui, scene, source, pages, shared.background, controls, choose_face, enter, self._guarded_with
-                )
+                CellsPanel(gui, scene, source, pages, shared.background, controls, choose_face, enter, self._guard)
             )
         cells.dock_left()
         cells.set_width(CELLS_WIDTH)
         panels.append(CellLens(gui, scene, source, pages, shared.background, controls, enter, MARGIN))
         self._timeline = gui.add_panel()
         with self._timeline.add_tab("Timeline", viser.Icon.CLOCK):
-            panels.append(Timeline(gui, shared.energies, self._guarded_with(self._jump), jump, around, self._play))
+            panels.append(Timeline(gui, shared.energies, self._guard(self._run.jump), jump, around, self._play))
         with self._timeline.add_tab("Runs", viser.Icon.GIT_FORK):
             panels.append(RunsPanel(gui, shared.scene, shared.run_energies, self._runs))
         with self._timeline.add_tab("Bookmarks", viser.Icon.BOOKMARK):
-            panels.append(BookmarksPanel(gui, self._guarded_with, self._bookmarks))
+            panels.append(BookmarksPanel(gui, self._guard, self._bookmarks))
         self._window = (0, 0)
         self._place_timeline()
         self._legend = LegendBox(gui)
@@ -240,7 +237,7 @@ class Page:
                 "Photo – model", min=0, max=100, step=5, initial_value=round(100 * self.view.model_share),
                 hint="Lays what the other photos and the mesh as it is now predict over the photo (%).",
             )  # fmt: skip
-            self._model_share.on_update(lambda _: self._guarded(self._blend)())
+            self._model_share.on_update(lambda _: self._guard.without_event(self._blend)())
         self._leave_press = leave
         self._leave_box.float(x=-MARGIN, y=MARGIN, width=280)
         return panels
@@ -259,12 +256,12 @@ class Page:
         for action in ACTIONS:
             for n, (key, modifier) in enumerate(action.keys):
                 label = action.label if n == 0 else f"{action.label} ({key})"
-                self._command(label, self._poster(action.command), key, modifier)
+                self._command(label, self._run.poster(action.command), key, modifier)
         for view_id, view in enumerate(self._shared.scene.views[:9]):
             self._command(f"Look through camera {view.name}", lambda v=view_id: self._enter(v), str(view_id + 1))
         self._command("Leave the camera", self._leave, "0")
-        self._command("Previous move of the selected vertex", lambda: self._to_move_of_selected(-1), ";")
-        self._command("Next move of the selected vertex", lambda: self._to_move_of_selected(1), "'")
+        self._command("Previous move of the selected vertex", lambda: self._run.to_move_of_selected(-1), ";")
+        self._command("Next move of the selected vertex", lambda: self._run.to_move_of_selected(1), "'")
         self._command("Show the mesh", lambda: self._look_from(self._shared.stage.eye), "M")
         self._command("Show mesh and cameras", lambda: self._look_from(self._shared.stage.overview()), "V")
         self._command("Play the record, or stop", self._play.play_or_stop, "T")
@@ -276,11 +273,11 @@ class Page:
         self._command("Keys", self._help, "?", "shift")
         self._command("Lock or unlock the selected vertices", self._hands.toggle_lock, "F")
         self._command("Put the selected vertices back to their start", self._hands.reset, "Z")
-        self._command("Breakpoint on the selected vertex", self._toggle_breakpoint, "B")
+        self._command("Breakpoint on the selected vertex", self._run.toggle_breakpoint, "B")
         gui.set_panel_label(f"EigenFairing · {self._shared.scene.name}")
 
     def _command(self, label: str, call: Callable[[], None], key: str, modifier: str | None = None) -> None:
-        guarded = self._guarded(call)
+        guarded = self._guard.without_event(call)
         # viser accepts function keys although its type does not name them.
         hotkey: Any = key
         keys: Any = modifier
@@ -288,12 +285,6 @@ class Page:
         command.on_trigger(lambda _: guarded())
 
     # ------------------------------------------------------------------ what the user does
-
-    def _poster(self, command: Any) -> Callable[[], None]:
-        return lambda: self._shared.controller.post(command)
-
-    def _select(self, vertex: object) -> None:
-        self._hands.select(vertex)
 
     def _choose_face(self, face: object) -> None:
         self.view.face = whole_number(face, 0, len(self._shared.scene.mesh.faces) - 1, "face")
@@ -314,27 +305,6 @@ class Page:
             close = self._client.gui.add_button("Close")
         close.on_click(lambda _: modal.close())
 
-    def _to_move_of_selected(self, direction: int) -> None:
-        """To the next step, forward or back, that moved the selected vertex."""
-        if self.view.selected is None:
-            raise InputError("no vertex is selected; click one first")
-        moment = next_move(self._shared.controller.state, self.view.selected, direction)
-        if moment is not None:
-            self._shared.controller.post(JumpTo(moment))
-
-    def _toggle_breakpoint(self) -> None:
-        if self.view.selected is None:
-            raise InputError("no vertex is selected; click one first")
-        condition = f"about({self.view.selected})"
-
-        def toggled(breakpoints: Breakpoints) -> Breakpoints:
-            for item in breakpoints.items:
-                if item.condition.text == condition:
-                    return breakpoints.removed(item.number)
-            return breakpoints.added(condition)
-
-        self._shared.controller.edit_breakpoints(toggled)
-
     def _toggle(self, layer: str) -> None:
         self.view.shown[layer] = not self.view.shown[layer]
         self._shared.controller.republish()
@@ -350,28 +320,6 @@ class Page:
     def _blend(self) -> None:
         self.view.model_share = whole_number(self._model_share.value, 0, 100, "share of the model") / 100
         self._shared.controller.republish()
-
-    def _jump(self, moment: object) -> None:
-        last = max(1, self._shared.controller.state.length)
-        wanted = whole_number(moment, 0, last, "moment")
-        if self._shared.controller.state.activity is Activity.RUNNING:
-            self.view.looks_at = wanted
-            self._shared.controller.republish()
-        else:
-            self._shared.controller.post(JumpTo(wanted))
-
-    def _to_change(self, n: object) -> None:
-        """To where a recorded value of the selected vertex last changed."""
-        item, state = ITEMS[whole_number(n, 0, len(ITEMS) - 1, "value")], self._shared.controller.state
-        if self.view.selected is None:
-            return
-        moment = last_change(item, state.trace.steps, state.moment, self.view.selected)
-        if moment is None:
-            raise InputError(f"{item.name}: did not change before moment {state.moment}")
-        self._shared.controller.post(JumpTo(moment))
-
-    def _to_beginning(self, extent: object) -> None:
-        self._shared.controller.post(ToBeginning(Extent(whole_number(extent, Extent.LEVEL, Extent.UNIT, "extent"))))
 
     def _enter(self, view_id: object) -> None:
         found = whole_number(view_id, 0, len(self._shared.scene.views) - 1, "camera")
@@ -398,25 +346,3 @@ class Page:
                 f"{STYLE}<div class='row'>{icon('eye')}<span class='grow big'>{text(name)}</span>{back}</div>"
             )
         self._shared.controller.republish()
-
-    # ------------------------------------------------------------------ trouble
-
-    def _guarded(self, call: Callable[[], None]) -> Callable[[], None]:
-        return self._guarded_with(lambda _=None: call())
-
-    def _guarded_with(self, call: Callable[..., None]) -> Callable[..., None]:
-        """The same, but what it throws becomes a red note and the page lives on."""
-
-        def guarded(*args: object) -> None:
-            try:
-                call(*args)
-            except InputError as error:
-                self._notify(str(error))
-            except Exception as error:
-                logging.getLogger(__name__).exception("a click failed")
-                self._notify(f"{type(error).__name__}: {error}")
-
-        return guarded
-
-    def _notify(self, message: str) -> None:
-        self._client.add_notification("That did not work", message, auto_close_seconds=10, color="red")

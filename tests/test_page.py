@@ -147,7 +147,7 @@ def test_a_click_selects_a_vertex_and_shows_its_variables(visitor: Visitor):
 
 def test_the_cells_of_the_selected_vertex_are_shown_and_lead_into_their_photo(visitor: Visitor, scene):
     page = next(iter(visitor.app._pages.values()))
-    page._select(0)
+    page._hands.select(0)
     visitor.press("Step one iteration")
     visitor.page.get_by_role("button", name="Cells of face 3").click()
     name = scene.views[1].name
@@ -248,7 +248,7 @@ def test_two_browsers_share_the_run_but_not_the_selection(browser, visitor: Visi
 def test_reload_and_reconnect_keep_the_state(visitor: Visitor):
     state = visitor.press("Step one sweep")
     page = next(iter(visitor.app._pages.values()))
-    page._select(3)
+    page._hands.select(3)
     visitor.open()
     visitor.sees_vertices(page_vertices(visitor.app, state.moment))
     wait_for(lambda: [page.view.selected for page in visitor.app._pages.values()] == [3])
@@ -277,9 +277,9 @@ def test_nonsense_from_a_browser_is_refused(visitor: Visitor):
     page = next(iter(visitor.app._pages.values()))
     length = visitor.app.controller.state.length
     for value in (float("nan"), 1e308, -7, "17", None, {"a": 1}, True):
-        page._guarded_with(page._jump)(value)
-        page._guarded_with(page._select)(value)
-        page._guarded_with(page._enter)(value)
+        page._guard(page._run.jump)(value)
+        page._guard(page._hands.select)(value)
+        page._guard(page._enter)(value)
     state = visitor.app.controller.wait_until_idle()
     assert (state.moment, state.length) == (0, length)
 

@@ -29,7 +29,7 @@ def visitor():
     app = start(session, port=0)
     with chromium() as browser:
         visitor = Visitor(browser, app)
-        _page(visitor)._select(0)
+        _page(visitor)._hands.select(0)
         yield visitor
         assert visitor.troubles == []
     app.stop()

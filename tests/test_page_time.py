@@ -149,7 +149,7 @@ def test_the_past_can_be_looked_at_while_the_run_goes_on(visitor: Visitor, monke
         controller.post(Run())
         wait_for(lambda: controller.state.activity is Activity.RUNNING)
         page = next(iter(visitor.app._pages.values()))
-        page._guarded_with(page._jump)(2)
+        page._guard(page._run.jump)(2)
         visitor.sees_vertices(stage.page_from_world(controller.state.trace.vertices_at(2)))
         assert controller.state.activity is Activity.RUNNING
         visitor.button("Back to where the run is").click()

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import viser
 
 from app.bookmarks import Bookmark, Bookmarks
-from app.bridge import whole_number
+from app.bridge import Bridge, whole_number
 from app.commands import SwitchTo
 from app.compare import Reference
 from app.controller import Controller
@@ -69,15 +69,14 @@ class BookmarkButtons:
         self,
         controller: Controller,
         view: View,
-        button_for: Callable[[Callable[[], None]], str],
-        number_for: Callable[[Callable[[object], None]], Callable[[str], str]],
+        bridge: Bridge,
     ) -> None:
         self._controller, self._view = controller, view
         self.take_note: Callable[[], str] = lambda: ""
-        self.keep = button_for(self.keep_now)
-        self.go = number_for(lambda n: self._go(self._of(n)))
-        self.compare = number_for(lambda n: self._compare(self._of(n)))
-        self.remove = number_for(lambda n: controller.edit_bookmarks(lambda b: b.removed(self._of(n).number)))
+        self.keep = bridge.button(self.keep_now)
+        self.go = bridge.number(lambda n: self._go(self._of(n)))
+        self.compare = bridge.number(lambda n: self._compare(self._of(n)))
+        self.remove = bridge.number(lambda n: controller.edit_bookmarks(lambda b: b.removed(self._of(n).number)))
 
     def keep_now(self) -> None:
         """Bookmark the present moment with the note that is written."""

@@ -6,7 +6,7 @@ from dataclasses import replace
 import viser
 
 from app.breakpoints import Breakpoint, Breakpoints
-from app.bridge import whole_number
+from app.bridge import Bridge, whole_number
 from app.controller import Controller
 from app.html import button, icon, text
 from app.panels.html_panel import HtmlPanel
@@ -124,11 +124,10 @@ class BreakpointButtons:
         self,
         controller: Controller,
         view: View,
-        button_for: Callable[[Callable[[], None]], str],
-        number_for: Callable[[Callable[[object], None]], Callable[[str], str]],
+        bridge: Bridge,
     ) -> None:
         self.on_add: Callable[[], None] = lambda: None
-        self.add = button_for(lambda: self.on_add())
+        self.add = bridge.button(lambda: self.on_add())
 
         def edit(change: Callable[[Breakpoints, int], Breakpoints]) -> Callable[[object], None]:
             def act(number: object) -> None:
@@ -137,13 +136,15 @@ class BreakpointButtons:
 
             return act
 
-        self.switch = number_for(edit(lambda b, n: b.changed(n, lambda item: replace(item, enabled=not item.enabled))))
-        self.report = number_for(edit(lambda b, n: b.changed(n, lambda item: replace(item, logs=not item.logs))))
-        self.remove = number_for(edit(lambda b, n: b.removed(n)))
+        self.switch = bridge.number(
+            edit(lambda b, n: b.changed(n, lambda item: replace(item, enabled=not item.enabled)))
+        )
+        self.report = bridge.number(edit(lambda b, n: b.changed(n, lambda item: replace(item, logs=not item.logs))))
+        self.remove = bridge.number(edit(lambda b, n: b.removed(n)))
 
         def add_ready_made(number: object) -> None:
             conditions = list(ready_made(view).values())
             chosen = conditions[whole_number(number, 0, len(conditions) - 1, "condition")]
             controller.edit_breakpoints(lambda all_of_them: all_of_them.added(chosen))
 
-        self.ready_made = number_for(add_ready_made)
+        self.ready_made = bridge.number(add_ready_made)

@@ -1,12 +1,11 @@
 """The runs that are kept, and what is compared: A, a run or a moment, against now."""
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import viser
 
-from app.bridge import whole_number
+from app.bridge import Bridge, whole_number
 from app.commands import DeleteRun, Pause, Race, SwitchTo
 from app.compare import Reference, RunEnergies, distances, look_up
 from app.controller import Controller
@@ -121,17 +120,16 @@ class RunButtons:
         self,
         controller: Controller,
         view: View,
-        button_for: Callable[[Callable[[], None]], str],
-        number_for: Callable[[Callable[[object], None]], Callable[[str], str]],
+        bridge: Bridge,
     ) -> None:
         self._controller, self._view = controller, view
-        self.switch = number_for(lambda n: controller.post(SwitchTo(_run_id(n))))
-        self.delete = number_for(lambda n: controller.post(DeleteRun(_run_id(n))))
-        self.compare = number_for(lambda n: self._refer_to(Reference(_run_id(n))))
-        self.mark = button_for(self.mark_now)
-        self.clear = button_for(lambda: self._refer_to(None))
-        self.visit = button_for(self._visit)
-        self.race = button_for(self._race)
+        self.switch = bridge.number(lambda n: controller.post(SwitchTo(_run_id(n))))
+        self.delete = bridge.number(lambda n: controller.post(DeleteRun(_run_id(n))))
+        self.compare = bridge.number(lambda n: self._refer_to(Reference(_run_id(n))))
+        self.mark = bridge.button(self.mark_now)
+        self.clear = bridge.button(lambda: self._refer_to(None))
+        self.visit = bridge.button(self._visit)
+        self.race = bridge.button(self._race)
 
     def mark_now(self) -> None:
         """Compare with the present moment from now on."""

@@ -7,7 +7,7 @@ import numpy as np
 import viser
 from viser._messages import GuiSliderMark
 
-from app.bridge import whole_number
+from app.bridge import Bridge, whole_number
 from app.cell_images import data_uri
 from app.commands import Pause, Play
 from app.controller import Controller
@@ -155,14 +155,13 @@ class TimelineButtons:
         self,
         controller: Controller,
         view: View,
-        button_for: Callable[[Callable[[], None]], str],
-        number_for: Callable[[Callable[[object], None]], Callable[[str], str]],
+        bridge: Bridge,
     ) -> None:
         self._controller, self._view = controller, view
-        self.play = button_for(self.play_or_stop)
-        self.follow = button_for(self._follow)
-        self.speed = number_for(self._set_speed)
-        self.kind = number_for(self._set_kind)
+        self.play = bridge.button(self.play_or_stop)
+        self.follow = bridge.button(self._follow)
+        self.speed = bridge.number(self._set_speed)
+        self.kind = bridge.number(self._set_kind)
 
     def play_or_stop(self) -> None:
         """Play from here, or stop playing."""
