@@ -47,7 +47,7 @@ from fairing.scene import Scene
 from fairing.session import Session
 from fairing.trace import Position, StepRecord
 
-PUBLISH_EVERY = 0.08  # s: at most 12.5 states a second while something runs
+PUBLISH_EVERY = 0.06  # s: at most 16 states a second while something runs; steps between make it 10 to 15
 LOG_LINES = 50
 SLOW_STEP = 0.15  # s: longer than this, a step says that it is at work
 MAX_PLAY_RATE = 1000.0  # moments a second
