@@ -166,6 +166,9 @@ def serve(
             print(f"EigenFairing is at {app.url} - Ctrl-C ends it.", flush=True)  # noqa: T201 - the one line a user needs
             if open_browser:
                 webbrowser.open(app.url)
-            threading.Event().wait()
+            # A Ctrl-C that arrives just before a wait begins does not end it, so none is long.
+            never = threading.Event()
+            while not never.wait(timeout=0.5):
+                pass
     finally:
         app.stop()
