@@ -118,7 +118,7 @@ class Page:
         ]
         self._add_commands()
         release_focus_after_use(client)
-        client.camera.on_update(lambda _: self._guard.without_event(self._follow_camera)())
+        client.camera.on_update(self._guard.without_event(self._follow_camera))
 
     def show(self, state: RunState) -> None:
         """Bring the browser up to date."""
@@ -209,7 +209,7 @@ class Page:
                 initial_value=self.view.magnification,
                 hint="Displacements are drawn this many times longer, about where the vertices are now.",
             )
-            self._magnification.on_update(lambda _: self._guard.without_event(self._magnify)())
+            self._magnification.on_update(self._guard.without_event(self._magnify))
         with tabs.add_tab("Options"):
             panels.append(OptionsPanel(gui, shared.controller, self._guard, option_buttons))
         cells = gui.add_panel()
@@ -237,7 +237,7 @@ class Page:
                 "Photo – model", min=0, max=100, step=5, initial_value=round(100 * self.view.model_share),
                 hint="Lays what the other photos and the mesh as it is now predict over the photo (%).",
             )  # fmt: skip
-            self._model_share.on_update(lambda _: self._guard.without_event(self._blend)())
+            self._model_share.on_update(self._guard.without_event(self._blend))
         self._leave_press = leave
         self._leave_box.float(x=-MARGIN, y=MARGIN, width=280)
         return panels
@@ -252,7 +252,6 @@ class Page:
             self._timeline.float(x=MARGIN, y=-MARGIN, width=width)
 
     def _add_commands(self) -> None:
-        gui = self._client.gui
         for action in ACTIONS:
             for n, (key, modifier) in enumerate(action.keys):
                 label = action.label if n == 0 else f"{action.label} ({key})"
@@ -274,7 +273,6 @@ class Page:
         self._command("Lock or unlock the selected vertices", self._hands.toggle_lock, "F")
         self._command("Put the selected vertices back to their start", self._hands.reset, "Z")
         self._command("Breakpoint on the selected vertex", self._run.toggle_breakpoint, "B")
-        gui.set_panel_label(f"EigenFairing · {self._shared.scene.name}")
 
     def _command(self, label: str, call: Callable[[], None], key: str, modifier: str | None = None) -> None:
         guarded = self._guard.without_event(call)
@@ -282,7 +280,7 @@ class Page:
         hotkey: Any = key
         keys: Any = modifier
         command = self._client.gui.add_command(label, hotkey=hotkey, modifier=keys)
-        command.on_trigger(lambda _: guarded())
+        command.on_trigger(guarded)
 
     # ------------------------------------------------------------------ what the user does
 

@@ -13,7 +13,6 @@ import cv2
 import numba
 import numpy as np
 
-from fairing.camera import Camera
 from fairing.rasterize import rasterize
 from fairing.scene import Scene, View
 from fairing.texture.layout import AtlasLayout
@@ -171,8 +170,8 @@ def _sample_photo(
     camera, photo = view.camera, view.photo.load()
     counts = np.ones(photo.shape[:2], dtype=np.uint8) if view.mask is None else view.mask.load().astype(np.uint8)
     if layout.scale < 1:  # texels are larger than pixels: the mean of those that one covers
-        camera = _resized(camera, layout.scale)
-        size = (camera.width, camera.height)
+        size = max(2, round(camera.width * layout.scale)), max(2, round(camera.height * layout.scale))
+        camera = camera.resized(*size)
         photo = cv2.resize(photo, size, interpolation=cv2.INTER_AREA)
         counts = cv2.resize(counts, size, interpolation=cv2.INTER_NEAREST)
     face_id, depth = rasterize(vertices, faces, camera)
@@ -185,14 +184,6 @@ def _sample_photo(
         slots, starts, corners, strength, layout.legs[members], layout.is_turned[members], layout.gutter,
         photo, counts, members, face_id, depth, HIDDEN_DEPTH / camera.K[0, 0], colors, weights,
     )  # fmt: skip
-
-
-def _resized(camera: Camera, factor: float) -> Camera:
-    """The camera of the photo resized by a factor; pixel centres are at integers."""
-    width, height = max(2, round(camera.width * factor)), max(2, round(camera.height * factor))
-    sx, sy = width / camera.width, height / camera.height
-    resize = np.array([[sx, 0, 0.5 * (sx - 1)], [0, sy, 0.5 * (sy - 1)], [0, 0, 1]])
-    return Camera(resize @ camera.image_from_world, width, height)
 
 
 def exposures(
