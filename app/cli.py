@@ -176,13 +176,14 @@ def replay(
     host: str = "127.0.0.1",
     browser: bool = True,
     at: str = "start",
+    photos: PhotosArgument = _ALL_PHOTOS,
 ) -> int:
-    """Open the debugger on a recorded run.
+    """Open the debugger on a recorded run, with the scene and the photos it was recorded on.
 
     Args:
         run: The folder `fair` wrote, or its run.trace.
-        scene: The scene it was recorded on. Default: where the run says it was.
-        mesh: The mesh it was recorded on. Default: where the run says it was.
+        scene: The scene it was recorded on, where it has moved. Default: where the run says it was.
+        mesh: The mesh it was recorded on. Default: where the run says it was; with --scene the scene's own.
         port: Port of the page; the next free one is taken if it is in use.
         host: Address to listen on. 0.0.0.0 lets other machines in.
         browser: Open the page in the browser.
@@ -190,7 +191,7 @@ def replay(
     """
     path = run / TRACE if run.is_dir() else run
     trace = Trace.load(path)
-    source = SceneSource.typed(scene, mesh) if scene else SceneSource.of_run(trace.header, path)
+    source = SceneSource.of_replay(trace.header, path, scene, mesh, photos)
     session = Session(load_with_progress(source, Console(stderr=True)), trace=trace)
     session.go_to(find_moment(trace, parse_moment_id(at, session.options.n_levels)))
     return _serve(session, host, port, browser, None, path)

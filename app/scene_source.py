@@ -68,6 +68,23 @@ class SceneSource:
         )
         return cls(found["scene"], found.get("mesh"), choice)
 
+    @classmethod
+    def of_replay(
+        cls, header: dict[str, Any], where: Path, scene: str | None, mesh: Path | None, choice: PhotoChoice
+    ) -> "SceneSource":
+        """Of a recorded run, with what is said anew: what is not, counts as it was recorded.
+
+        Raises:
+            InputError: neither the run nor the command line says which scene; or see `typed`.
+        """
+        recorded = None if scene is not None and _KEY not in header else cls.of_run(header, where)
+        if recorded is None or scene in DEMOS:
+            return cls.typed(scene or "", mesh, choice)
+        choice = recorded.choice if choice == _ALL_PHOTOS else choice
+        if scene is None and mesh is None and recorded.mesh is not None:
+            mesh = Path(recorded.mesh)
+        return cls.typed(scene or recorded.scene, mesh, choice)
+
     def note_in(self, header: dict[str, Any]) -> None:
         """Write it into the header of a trace."""
         masks = self.choice.masks

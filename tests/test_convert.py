@@ -1,6 +1,7 @@
 """Conversion to COLMAP and scene.json, and what of the photos counts: left out, masked, weighed."""
 
 import json
+import time
 from pathlib import Path
 
 import numpy as np
@@ -260,6 +261,38 @@ def test_a_run_remembers_what_of_its_photos_counted(tmp_path: Path):
         ("b.png", 2.0, True), ("c.png", 1.0, False), ("d.png", 1.0, False),
     ]  # fmt: skip
     assert scene.views[0].camera.width == WIDTH // 2
+
+
+def test_a_replay_takes_the_photos_of_its_run_unless_told_otherwise(tmp_path: Path):
+    source = write_scene(PLAIN, tmp_path / "scene", "COLMAP")
+    choice = PhotoChoice(leave_out=("a.png",))
+    recorded = SceneSource.typed(str(source), None, choice)
+    header: dict = {}
+    recorded.note_in(header)
+    moved = write_scene(PLAIN, tmp_path / "moved", "COLMAP")
+
+    def replayed(scene: str | None, photos: PhotoChoice) -> SceneSource:
+        return SceneSource.of_replay(header, tmp_path, scene, None, photos)
+
+    assert replayed(None, PhotoChoice()) == recorded
+    assert replayed(str(moved), PhotoChoice()) == SceneSource(str(moved), None, choice)
+    other = PhotoChoice(leave_out=("b.png",))
+    assert replayed(str(moved), other) == SceneSource(str(moved), None, other)
+    assert SceneSource.of_replay({}, tmp_path, str(moved), None, other).choice == other
+    with pytest.raises(InputError, match="give it with --scene"):
+        SceneSource.of_replay({}, tmp_path, None, None, other)
+
+
+def test_a_conversion_is_the_same_to_the_byte_on_another_day(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    source = write_scene(PLAIN, tmp_path / "scene", "COLMAP")
+    assert run(["convert", str(source), "--out", str(tmp_path / "one"), "--format", "scene.json"]) == 0
+    day = time.localtime(time.time() + 86400)
+    monkeypatch.setattr(time, "localtime", lambda *_: day)
+    assert run(["convert", str(source), "--out", str(tmp_path / "two"), "--format", "scene.json"]) == 0
+    files = [path.relative_to(tmp_path / "one") for path in (tmp_path / "one").rglob("*.*") if path.is_file()]
+    assert Path("points.npz") in files
+    for file in files:
+        assert (tmp_path / "one" / file).read_bytes() == (tmp_path / "two" / file).read_bytes(), file
 
 
 @pytest.mark.parametrize(
