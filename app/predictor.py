@@ -63,5 +63,6 @@ class Predictor:
         except Exception:  # a photo may be gone; the debugger works without predictions
             logging.getLogger(__name__).exception("a photo could not be predicted")
             return
-        self.newest = Prediction(view_id, vertices, found.image, found.is_known)
+        camera = self._scene.views[view_id].camera
+        self.newest = Prediction(view_id, vertices, *found.at_size(camera.width, camera.height))
         self._on_ready()

@@ -7,7 +7,8 @@ from typing import Any
 import cv2
 import numpy as np
 
-from fairing.render import Renderer
+from fairing.bounded_cache import BoundedCache
+from fairing.render import PHOTO_ROOM, Renderer
 from fairing.scene import Scene
 
 # Wang, Bovik, Sheikh, Simoncelli 2004: Gaussian window of 11 pixels, sigma 1.5, and their constants.
@@ -58,6 +59,9 @@ def leave_one_out(
 ) -> list[LeftOut]:
     """Render photos from the others with several states of the vertices (n, 3), judged on the pixels known to all.
 
+    Large photos are judged at the size the renderer bounds them to (`fairing.render.LARGEST`); what masks take out of a
+    photo is not judged.
+
     Args:
         views: photos to leave out one at a time; default all.
         match_exposure: fit a gain and an offset a channel to the photo first, because photos of one scene differ in
@@ -65,10 +69,11 @@ def leave_one_out(
         on_view: told of every photo as it is judged, for pictures.
     """
     views = tuple(range(len(scene.views)) if views is None else views)
-    renderers = [Renderer(scene, vertices) for vertices in states]
+    photos: BoundedCache[int] = BoundedCache(PHOTO_ROOM)
+    renderers = [Renderer(scene, vertices, photos) for vertices in states]
     psnrs, ssims, shares = (np.full((len(states), len(views)), np.nan) for _ in range(3))
     for i, view in enumerate(views):
-        photo = scene.views[view].photo.load().astype(np.float32)
+        photo = renderers[0].photo(view).astype(np.float32)
         rendered = [renderer.render(view) for renderer in renderers]
         known = np.logical_and.reduce([r.is_known for r in rendered])
         images = [_matched(r.image, photo, known) if match_exposure and known.any() else r.image for r in rendered]

@@ -1,8 +1,6 @@
 """Photographs, decoded only when somebody looks at them."""
 
 import struct
-import threading
-from collections import OrderedDict
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -13,6 +11,7 @@ import cv2
 import numpy as np
 from PIL import Image, UnidentifiedImageError
 
+from fairing.bounded_cache import BoundedCache
 from fairing.errors import InputError
 from fairing.lens import Lens
 
@@ -50,7 +49,7 @@ class FilePhoto:
 
     Attributes:
         lens: what bent the photo, or None for a pinhole camera. `load` straightens it once and keeps the result while
-            there is room (`StraightPhotos`).
+            there is room.
     """
 
     path: Path
@@ -62,7 +61,13 @@ class FilePhoto:
             return image.size
 
     def load(self) -> np.ndarray:
-        return self._decode() if self.lens is None else _STRAIGHT.load(self, self.lens)
+        return self._decode() if self.lens is None else _STRAIGHT.get(self, self._straighten)[0]
+
+    def _straighten(self) -> tuple[np.ndarray]:
+        assert self.lens is not None
+        pixels = self.lens.undistort_photo(self._decode())
+        pixels.setflags(write=False)
+        return (pixels,)
 
     def _decode(self) -> np.ndarray:
         with _naming_failures(self.path), Image.open(self.path) as image:
@@ -73,35 +78,10 @@ class FilePhoto:
             return np.asarray(image.convert("RGB"))
 
 
-class StraightPhotos:
-    """Straightened photos in memory, those used last, up to a number of bytes; safe to use from several threads.
-
-    A photo is loaded several times in a run (engine, textures, report). At 20 Mpx straightening takes 1.7 s of CPU,
-    decoding a JPEG 0.2 s and a PNG 0.6 s. So a cache on disk would save about a second a photo of runs that take
-    minutes; who wants that converts the capture (`eigenfairing convert`).
-    """
-
-    def __init__(self, room: int) -> None:
-        self._room = room
-        self._photos: OrderedDict[FilePhoto, np.ndarray] = OrderedDict()
-        self._lock = threading.Lock()
-
-    def load(self, photo: FilePhoto, lens: Lens) -> np.ndarray:
-        """The photo as `lens` would have shown it without bending; not to be written to."""
-        with self._lock:
-            if photo in self._photos:
-                self._photos.move_to_end(photo)
-                return self._photos[photo]
-        pixels = lens.undistort_photo(photo._decode())
-        pixels.setflags(write=False)
-        with self._lock:
-            self._photos[photo] = pixels
-            while sum(kept.nbytes for kept in self._photos.values()) > self._room:
-                self._photos.popitem(last=False)
-        return pixels
-
-
-_STRAIGHT = StraightPhotos(room=500_000_000)
+# Straightened photos, those used last. A photo is loaded several times in a run (engine, textures, report). At 20 Mpx
+# straightening takes 1.7 s of CPU, decoding a JPEG 0.2 s and a PNG 0.6 s. So a cache on disk would save about a second a
+# photo of runs that take minutes; who wants that converts the capture (`eigenfairing convert`).
+_STRAIGHT: BoundedCache[FilePhoto] = BoundedCache(room=500_000_000)
 
 
 @dataclass(frozen=True, eq=False)

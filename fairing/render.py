@@ -4,15 +4,17 @@ A pixel's surface point is looked up in the other photos that see it; their colo
 as much as it resolves the surface.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
+import cv2
 import numpy as np
 from numba import njit
 
+from fairing.bounded_cache import BoundedCache
 from fairing.camera import Camera
 from fairing.rasterize import rasterize
-from fairing.scene import Scene
+from fairing.scene import Scene, View
 
 # A point is hidden when something stands in front of it by more than this many pixels' worth of depth.
 HIDDEN_DEPTH = 4.0
@@ -20,6 +22,10 @@ HIDDEN_DEPTH = 4.0
 OUTLIER = 20.0
 ROBUST_ROUNDS = 3
 MIN_SOURCES = 2
+MOST_SOURCES = 24
+LARGEST = 2_000_000  # pixels of a rendered photo: larger ones are rendered, and judged, at this size
+PHOTO_ROOM, DEPTH_ROOM = 300_000_000, 1_000_000_000  # bytes kept; 24 sources of `LARGEST` need half of it
+SURVEY_REDUCTION = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,43 +45,53 @@ class RenderedView:
         """(h, w) bool: at least two photos agreed on a colour."""
         return self.n_sources >= MIN_SOURCES
 
+    def at_size(self, width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
+        """Image and `is_known` at another size, pixels."""
+        if self.n_sources.shape == (height, width):
+            return self.image, self.is_known
+        image = cv2.resize(self.image, (width, height), interpolation=cv2.INTER_LINEAR)
+        return image, cv2.resize(self.is_known.astype(np.float32), (width, height)) > 1 - 1e-4
+
 
 class Renderer:
-    """Renders one state of a mesh into any of the scene's cameras from chosen photos.
+    """Renders one state of a mesh into any of the scene's cameras from the other photos, in bounded memory.
+
+    What a mask takes out of a photo neither colours nor is predicted; a photo colours by its weight.
 
     Args:
         vertices: (n, 3) float, world units.
+        photos: decoded photos, to share with the renderer of another state.
+
+    Attributes:
+        views: the scene's, those of more than `LARGEST` pixels made smaller.
     """
 
-    def __init__(self, scene: Scene, vertices: np.ndarray) -> None:
-        self._scene = scene
+    def __init__(self, scene: Scene, vertices: np.ndarray, photos: BoundedCache[int] | None = None) -> None:
+        self.views = tuple(_of_bounded_size(view) for view in scene.views)
+        self._faces = scene.mesh.faces
         self._vertices = vertices
-        self._seen: dict[int, tuple[np.ndarray, np.ndarray]] = {}
-        self._photos: dict[int, np.ndarray] = {}
+        self._depths: BoundedCache[int] = BoundedCache(DEPTH_ROOM)
+        self._photos: BoundedCache[int] = BoundedCache(PHOTO_ROOM) if photos is None else photos
 
-    def render(self, view: int, sources: Sequence[int] | None = None) -> RenderedView:
-        """The model in the camera of a view.
-
-        Args:
-            sources: views to take the texture from; default: all others.
-        """
-        scene = self._scene
-        camera = scene.views[view].camera
-        sources = [v for v in range(len(scene.views)) if v != view] if sources is None else sources
+    def render(self, view: int) -> RenderedView:
+        """The model in the camera of a view, at the size it has in `views`."""
+        camera = self.views[view].camera
         face_id, depth = self._depth(view)
         rows, columns = np.nonzero(face_id >= 0)
         face = face_id[rows, columns]
         points = _points(camera, columns, rows, depth[rows, columns])
-        area = _areas(self._vertices, scene.mesh.faces, camera)
+        area = _areas(self._vertices, self._faces, camera)
+        sources = self._sources(view)
         colors = np.zeros((len(sources), len(rows), 3), dtype=np.float32)
         weights = np.zeros((len(sources), len(rows)), dtype=np.float32)
         for s, source in enumerate(sources):
-            other = scene.views[source].camera
-            resolved = _areas(self._vertices, scene.mesh.faces, other) / np.maximum(area, 1e-9)
-            tolerance = HIDDEN_DEPTH / other.K[0, 0]
+            other = self.views[source]
+            resolved = _areas(self._vertices, self._faces, other.camera) / np.maximum(area, 1e-9)
+            tolerance = HIDDEN_DEPTH / other.camera.K[0, 0]
+            source_face, source_depth = self._depth(source)
             _look_up(
-                other.image_from_world, points, face, np.minimum(resolved, 1), *self._depth(source), tolerance,
-                self._photo(source), colors[s], weights[s],
+                other.camera.image_from_world, points, face, other.weight * np.minimum(resolved, 1),
+                source_face, source_depth, tolerance, self.photo(source), colors[s], weights[s],
             )  # fmt: skip
         image = np.zeros((camera.height, camera.width, 3), dtype=np.float32)
         n_sources = np.zeros((camera.height, camera.width), dtype=np.int64)
@@ -83,15 +99,49 @@ class Renderer:
         n_sources[rows, columns] = (weights > 0).sum(axis=0)
         return RenderedView(image, n_sources)
 
-    def _photo(self, view: int) -> np.ndarray:
-        if view not in self._photos:
-            self._photos[view] = self._scene.views[view].photo.load()
-        return self._photos[view]
+    def photo(self, view: int) -> np.ndarray:
+        """(h, w, 3) uint8, RGB: the photo at the size it has in `views`."""
+        return self._photos.get(view, lambda: (self.views[view].photo.load(),))[0]
 
-    def _depth(self, view: int) -> tuple[np.ndarray, np.ndarray]:
-        if view not in self._seen:
-            self._seen[view] = rasterize(self._vertices, self._scene.mesh.faces, self._scene.views[view].camera)
-        return self._seen[view]
+    def _sources(self, view: int) -> list[int]:
+        """The other views; of more than `MOST_SOURCES` those that show most of what this one shows, as sharply."""
+        others = [v for v in range(len(self.views)) if v != view]
+        if len(others) <= MOST_SOURCES:
+            return others
+        shared = np.minimum(self._shown, self._shown[view]).sum(axis=1)
+        ranked = sorted(others, key=lambda v: -shared[v])
+        return sorted(ranked[:MOST_SOURCES])
+
+    @cached_property
+    def _shown(self) -> np.ndarray:
+        """(V, m) float32: pixels of each view that show each face, counted in a small image."""
+        shown = np.zeros((len(self.views), len(self._faces)), dtype=np.float32)
+        for v, view in enumerate(self.views):
+            width, height = (max(1, size // SURVEY_REDUCTION) for size in (view.camera.width, view.camera.height))
+            face_id, _ = rasterize(self._vertices, self._faces, view.camera.resized(width, height))
+            shown[v] = np.bincount(face_id[face_id >= 0], minlength=len(self._faces))
+        return shown
+
+    def _depth(self, view: int) -> tuple[np.ndarray, ...]:
+        """Face ids and depths of a view. What is masked, and the pixel beside it, is hidden by something at the camera."""
+
+        def make() -> tuple[np.ndarray, ...]:
+            face_id, depth = rasterize(self._vertices, self._faces, self.views[view].camera)
+            mask = self.views[view].mask
+            if mask is not None:
+                out = cv2.dilate((~mask.load()).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+                face_id[out], depth[out] = -1, 0
+            return face_id, depth
+
+        return self._depths.get(view, make)
+
+
+def _of_bounded_size(view: View) -> View:
+    pixels = view.camera.width * view.camera.height
+    if pixels <= LARGEST:
+        return view
+    scale = np.sqrt(LARGEST / pixels)
+    return view.resized(*(max(1, int(scale * size)) for size in (view.camera.width, view.camera.height)))
 
 
 @njit(cache=True, nogil=True)

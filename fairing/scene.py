@@ -1,13 +1,13 @@
 """What is faired: a mesh, the calibrated photos that saw the surface, and what else is known about it."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from fairing.camera import Camera
 from fairing.errors import InputError
 from fairing.mesh import Mesh, weld
-from fairing.photo import Mask, Photo
+from fairing.photo import Mask, Photo, ResizedPhoto
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +44,12 @@ class View:
                 f"photo {self.name}: its camera expects {expected[0]}x{expected[1]} pixels, "
                 f"the file has {found[0]}x{found[1]}; use the photos the cameras were calibrated with"
             )
+
+    def resized(self, width: int, height: int) -> "View":
+        """The same photo, camera and mask in another size, pixels."""
+        mask = None if self.mask is None else replace(self.mask, resized=(width, height))
+        photo = ResizedPhoto(self.photo, (width, height))
+        return replace(self, camera=self.camera.resized(width, height), photo=photo, mask=mask)
 
 
 @dataclass(frozen=True, eq=False)

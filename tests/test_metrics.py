@@ -1,15 +1,17 @@
 """Measures of quality against brute force, scikit-image and sums done by hand."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
+from PIL import Image
 from skimage.metrics import peak_signal_noise_ratio, structural_similarity
 
 from fairing.camera import Camera
 from fairing.closest_point import SurfaceTree
-from fairing.left_out import leave_one_out, psnr, ssim_map
+from fairing.left_out import Prediction, leave_one_out, psnr, ssim_map
 from fairing.mesh import Mesh
 from fairing.metrics import (
     Distances,
@@ -23,7 +25,7 @@ from fairing.metrics import (
     surface_distance,
     vertex_errors,
 )
-from fairing.photo import ArrayPhoto
+from fairing.photo import ArrayPhoto, Mask
 from fairing.rasterize import rasterize
 from fairing.render import OUTLIER, Renderer, robust_mean
 from fairing.scene import Scene, SparsePoints, View
@@ -233,6 +235,64 @@ def test_the_true_mesh_predicts_left_out_photos_better_than_the_start():
     assert (truth.psnr > start.psnr + 3).all()
     assert (truth.ssim > start.ssim).all()
     assert np.array_equal(truth.share, start.share)
+
+
+def masked(view: View, counts: np.ndarray, folder: Path) -> View:
+    Image.fromarray(counts.astype(np.uint8) * 255).save(folder / f"{view.name}.png")
+    return replace(view, mask=Mask(folder / f"{view.name}.png"))
+
+
+def test_what_is_masked_neither_colours_nor_is_judged(tmp_path: Path):
+    scene = layered_scene()
+    half = np.ones((91, 121), bool)
+    half[:, :60] = False
+    red = scene.views[3].photo.load().copy()
+    red[:, :60] = (255, 0, 0)
+    red_view = replace(scene.views[3], photo=ArrayPhoto(red))
+    views = [*scene.views[:3], masked(red_view, half, tmp_path), scene.views[4]]
+    rendered = Renderer(replace(scene, views=tuple(views)), scene.mesh.vertices).render(2)
+    plain = Renderer(scene, scene.mesh.vertices).render(2)
+    fooled = Renderer(replace(scene, views=(*scene.views[:3], red_view, scene.views[4])), scene.mesh.vertices).render(2)
+    # Red never shows, not even at the mask's border, where pixels mix.
+    known = rendered.is_known
+    assert np.ptp(rendered.image[known], axis=1).max() < 1e-3
+    assert np.ptp(fooled.image[known], axis=1).max() > 1e-3
+    assert (rendered.n_sources <= plain.n_sources).all()
+    assert (rendered.n_sources < plain.n_sources).any()
+    judged = replace(scene, views=tuple([masked(scene.views[2], half, tmp_path), *scene.views[:2], *scene.views[3:]]))
+    predictions: list[Prediction] = []
+    leave_one_out(judged, scene.mesh.vertices, views=[0], on_view=predictions.append)
+    assert not predictions[0].is_known[:, :60].any()
+    assert predictions[0].is_known[:, 61:].any()
+
+
+def test_a_photo_colours_by_its_weight():
+    scene = layered_scene()
+    dark = replace(scene.views[3], photo=ArrayPhoto(np.clip(scene.views[3].photo.load(), 10, 255) - 6))
+
+    def middle(weight: float) -> float:
+        views = (*scene.views[:3], replace(dark, weight=weight), scene.views[4])
+        return float(Renderer(replace(scene, views=views), scene.mesh.vertices).render(2).image[45, 60, 0])
+
+    assert middle(1e-6) == pytest.approx(220, abs=1e-3)
+    assert middle(1.0) < 219.5
+    assert middle(1e3) < middle(1.0) - 3
+
+
+def test_large_photos_are_rendered_smaller_and_from_the_best_sources_only(monkeypatch: pytest.MonkeyPatch):
+    scene = layered_scene()
+    whole = Renderer(scene, scene.mesh.vertices).render(2)
+    monkeypatch.setattr("fairing.render.LARGEST", 60 * 45)
+    small = Renderer(scene, scene.mesh.vertices).render(2)
+    assert small.image.shape == (45, 59, 3)
+    image, known = small.at_size(121, 91)
+    assert np.median(np.abs(image - whole.image)[known & whole.is_known]) < 0.5
+    monkeypatch.setattr("fairing.render.MOST_SOURCES", 2)
+    few = Renderer(scene, scene.mesh.vertices)
+    assert few.render(2).n_sources.max() == 2
+    # The neighbours show the wall as this one does; those farther aside miss a part.
+    assert few.render(0).n_sources.max() == 2
+    assert few._sources(0) == [1, 2]
 
 
 def test_exposure_does_not_count_unless_asked_for():

@@ -9,7 +9,7 @@ import numpy as np
 
 from fairing.errors import InputError
 from fairing.io.capture import Capture, files_below, listed, reading
-from fairing.photo import FilePhoto, Mask, ResizedPhoto
+from fairing.photo import FilePhoto, Mask
 from fairing.scene import SparsePoints, View
 
 MASK_FOLDER = "masks"
@@ -136,10 +136,7 @@ def _of_views(sparse: SparsePoints, kept: list[int], n_views: int) -> SparsePoin
 
 
 def _resized(view: View, scale: float) -> View:
-    width, height = (max(1, round(scale * size)) for size in (view.camera.width, view.camera.height))
-    mask = None if view.mask is None else replace(view.mask, resized=(width, height))
-    photo = ResizedPhoto(view.photo, (width, height))
-    return replace(view, camera=view.camera.resized(width, height), photo=photo, mask=mask)
+    return view.resized(*(max(1, round(scale * size)) for size in (view.camera.width, view.camera.height)))
 
 
 def _at_sizes(sparse: SparsePoints, before: Sequence[View], after: Sequence[View]) -> SparsePoints:
