@@ -65,6 +65,8 @@ VERTEX_KEYS = (
     ("Y", "Dark or light"),
     ("M", "Show the mesh"),
     ("V", "Show mesh and cameras"),
+    ("Page Down", "Next step of the lesson"),
+    ("Page Up", "Back one step of the lesson"),
     ("Ctrl+K", "All commands"),
     ("?", "This list"),
 )

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any
 
+from app.condition import Condition
 from fairing.options import FairingOptions
 from fairing.session import Session
 
@@ -34,7 +35,9 @@ class Back:
 
 @dataclass(frozen=True)
 class Run:
-    """On until somebody pauses or the schedule is worked off."""
+    """On until somebody pauses, a condition holds after a step, or the schedule is worked off."""
+
+    until: Condition | None = None
 
 
 @dataclass(frozen=True)

@@ -37,8 +37,9 @@ from app.commands import (
     SwitchTo,
     ToBeginning,
 )
+from app.condition import Condition
 from app.outcome import step_outcome
-from app.quantities import Around
+from app.quantities import Around, quantities_of
 from app.run_state import Activity, RunState
 from app.runs import Runs
 from fairing.errors import InputError, Interrupted
@@ -252,8 +253,8 @@ class Controller:
         match command:
             case Forward(extent):
                 return self._advance(extent)
-            case Run():
-                return self._advance(None)
+            case Run(until):
+                return self._advance(None, until)
             case RunBack():
                 return self._run_back()
             case Back(extent):
@@ -297,7 +298,7 @@ class Controller:
             case Pause() | Ask():
                 return self._reason
 
-    def _advance(self, extent: Extent | None) -> str:
+    def _advance(self, extent: Extent | None, until: Condition | None = None) -> str:
         session = self._session
         if session.finished:
             return session.stop_reason
@@ -311,6 +312,8 @@ class Controller:
             stop = "" if extent is Extent.ITERATION else self._ask_breakpoints()
             if stop:
                 return stop
+            if until is not None and self._holds(until):
+                return f"until {until.text}"
             if extent is not None and session.position[:extent] != began[:extent]:
                 break
             if self._interrupt.is_set():
@@ -336,6 +339,12 @@ class Controller:
                 self._log.append(f"moment {moment}: {item.condition.text}")
         stops = [item.condition.text for item in hit if not item.logs]
         return f"breakpoint: {', '.join(stops)}" if stops else ""
+
+    def _holds(self, condition: Condition) -> bool:
+        """Of the step just made."""
+        session, moment = self._session, self._session.moment
+        around = Around(session, self._stopped)
+        return condition.holds(quantities_of(session.trace.steps[moment - 1], moment, around))
 
     def _run_back(self) -> str:
         session = self._session

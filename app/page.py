@@ -31,6 +31,8 @@ from app.layers.step_arrow import StepArrowLayer
 from app.layers.surface import SurfaceLayer
 from app.layers.vertices import VerticesLayer
 from app.layers.wires import WiresLayer
+from app.lesson_room import LessonRoom
+from app.lessons.look import AT_CAMERAS, AT_FRONT, AT_MESH
 from app.look_back import look_back
 from app.look_through import LookThrough
 from app.panels import Panel
@@ -125,6 +127,7 @@ class Page:
         state = look_back(state, self.view)
         if state.rival is not None and self.view.reference is None:
             self.view.reference = Reference(state.rival)
+        self._lessons.show(state, self.view)
         for layer in self._layers:
             layer.show(state, self.view)
         now = time.monotonic()
@@ -184,6 +187,7 @@ class Page:
         self._play = TimelineButtons(shared.controller, self.view, bridge)
         self._runs = RunButtons(shared.controller, self.view, bridge)
         self._bookmarks = BookmarkButtons(shared.controller, self.view, bridge)
+        self._lessons = LessonRoom(self._client, shared.controller, bridge, self._lead_eye)
         scene, source = shared.scene, CellSource(shared.controller, shared.scene.mesh)
         controls = CellsControls(bridge, self.view, scene, shared.controller.republish)
         to_change = bridge.number(self._run.to_change)
@@ -219,6 +223,7 @@ class Page:
             )
         cells.dock_left()
         cells.set_width(CELLS_WIDTH)
+        panels += self._lessons.build(cells)
         panels.append(CellLens(gui, scene, source, pages, shared.background, controls, enter, MARGIN))
         self._timeline = gui.add_panel()
         with self._timeline.add_tab("Timeline", viser.Icon.CLOCK):
@@ -273,8 +278,10 @@ class Page:
         self._command("Lock or unlock the selected vertices", self._hands.toggle_lock, "F")
         self._command("Put the selected vertices back to their start", self._hands.reset, "Z")
         self._command("Breakpoint on the selected vertex", self._run.toggle_breakpoint, "B")
+        for label, call, lesson_key in self._lessons.commands():
+            self._command(label, call, lesson_key)
 
-    def _command(self, label: str, call: Callable[[], None], key: str, modifier: str | None = None) -> None:
+    def _command(self, label: str, call: Callable[[], None], key: str | None, modifier: str | None = None) -> None:
         guarded = self._guard.without_event(call)
         # viser accepts function keys although its type does not name them.
         hotkey: Any = key
@@ -295,6 +302,14 @@ class Page:
             self._client.camera.position = eye
             self._client.camera.look_at = self._shared.stage.target
             self._client.camera.fov = FIELD_OF_VIEW
+
+    def _lead_eye(self, eye: str | int) -> None:
+        """For lessons."""
+        stage = self._shared.stage
+        if isinstance(eye, str):
+            self._look_from({AT_MESH: stage.eye, AT_FRONT: stage.frontal(), AT_CAMERAS: stage.overview()}[eye])
+        else:
+            self._enter(eye)
 
     def _help(self) -> None:
         rows = "".join(f"<tr><th>{text(keys)}</th><td>{text(meaning)}</td></tr>" for keys, meaning in key_list())

@@ -58,6 +58,11 @@ class Stage:
         camera_scale = float(np.clip(0.2 * spacing, 0.01 * SIZE, 0.06 * SIZE))
         return cls(origin, scale, up, eye + target, target, camera_scale, centers)
 
+    def frontal(self) -> np.ndarray:
+        """(3,) float, page: an eye as far off as at first, in the midst of the directions the photos were taken from."""
+        towards = (self.camera_centers / np.linalg.norm(self.camera_centers, axis=1, keepdims=True)).mean(0)
+        return self.target + np.linalg.norm(self.eye - self.target) * _unit(towards, self.eye - self.target)
+
     def overview(self) -> np.ndarray:
         """(3,) float, page: an eye from which mesh and cameras are in sight, looking at the target as at first."""
         direction = (self.eye - self.target) / np.linalg.norm(self.eye - self.target)

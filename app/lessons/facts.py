@@ -1,0 +1,136 @@
+"""What a lesson's numbers and claims may ask about a moment of a run: what conditions may, and what takes longer."""
+
+from collections.abc import Callable, Mapping
+from functools import cache
+from typing import SupportsFloat
+
+import numpy as np
+
+from app import quantities
+from app.condition import Quantities
+from app.quantities import Around, quantities_of
+from fairing.certainty import Certainty, certainties
+from fairing.errors import InputError
+from fairing.inspect import FaceCells, energies_by_dimension, face_cells
+from fairing.session import Session
+
+NAN = float("nan")
+OF_MOMENT: dict[str, str] = {
+    "photos": "photos of the scene",
+    "faces": "faces of the mesh",
+    "steps": "steps from the start",
+    "ended": "1 if the schedule is worked off",
+    "rises": "steps so far that were accepted although they raised their own objective",
+    "rejections": "steps so far of which a vertex was rejected",
+    "accepted_steps": "steps so far by which a vertex moved",
+    "cells": "cells of the face shown",
+    "k": "dimensions of its eigenspace",
+    "rms": "what the eigenspace leaves unexplained of it, root mean square, grey levels",
+    "outlier_from": "residual from which a sample loses influence, e_T, grey levels",
+    "outlying": "part of the face's samples beyond that, percent",
+    "lightest": "smallest robust weight of its samples, percent of the largest",
+}
+OF_ONE: dict[str, str] = {
+    "off": "distance of a vertex from its true place, hundredths of a world unit (cube: % of its edge)",
+    "off_px": "the same, in pixels of the photo where it is most",
+    "off_x": "the same along x, with its sign",
+    "off_y": "along y",
+    "off_z": "along z",
+    "went": "how far a vertex is from where it began, hundredths of a world unit",
+    "long": "longest over shortest axis of what the photos determine of a vertex",
+    "middle": "middle over shortest axis",
+    "share": "part of the shown face's cells that its first k dimensions hold, percent",
+    "left_by": "the shown face's energy with k dimensions",
+}
+VALUES = quantities.VALUES | OF_MOMENT
+FUNCTIONS = quantities.FUNCTIONS | OF_ONE
+
+
+def facts_of(session: Session, face: int | None, kept: Mapping[str, float]) -> Quantities:
+    """About the session's present moment.
+
+    Args:
+        face: whose cells are shown.
+        kept: numbers named earlier.
+    """
+    moment, scene = session.moment, session.scene
+    steps = session.trace.steps[:moment]
+    if moment:
+        recorded = quantities_of(steps[-1], moment, Around(session, session.trace.start))
+        values, functions = dict(recorded.values), dict(recorded.functions)
+    else:
+        values: dict[str, Callable[[], float]] = dict.fromkeys(quantities.VALUES, lambda: NAN)
+        functions: dict[str, Callable[[float], float]] = dict.fromkeys(quantities.FUNCTIONS, lambda _: NAN)
+        functions["abs"] = abs
+
+    @cache
+    def cells() -> FaceCells | None:
+        return None if face is None else face_cells(session, face)
+
+    @cache
+    def certainty(vertex: int) -> Certainty:
+        return certainties(session, np.array([vertex]))[0]
+
+    def of_cells(measure: Callable[[FaceCells], SupportsFloat]) -> Callable[[], float]:
+        return lambda: NAN if (found := cells()) is None or not found.takes_part else float(measure(found))
+
+    def of_vertex(measure: Callable[[int], SupportsFloat]) -> Callable[[float], float]:
+        return lambda vertex: float(measure(int(vertex))) if vertex in range(len(scene.mesh.vertices)) else NAN
+
+    def error(vertex: int) -> np.ndarray:
+        known = None if scene.truth is None else scene.truth.vertices
+        return np.full(3, NAN) if known is None else 100 * (session.vertices[vertex] - known[vertex])
+
+    values |= {
+        "photos": lambda: len(scene.views),
+        "faces": lambda: len(scene.mesh.faces),
+        "steps": lambda: moment,
+        "ended": lambda: float(session.finished),
+        "rises": lambda: sum(step.accepted and step.objective_after > step.objective_before for step in steps),
+        "rejections": lambda: sum(bool(quantities_of(s, 1).values["rejected"]()) for s in steps),
+        "accepted_steps": lambda: sum(step.accepted for step in steps),
+        "cells": of_cells(lambda found: len(found.views)),
+        "k": of_cells(lambda found: len(found.basis)),
+        "rms": of_cells(lambda found: np.sqrt(np.mean(found.residual[found.counts].astype(float) ** 2))),
+        "outlier_from": of_cells(lambda found: found.outlier_threshold),
+        "outlying": of_cells(
+            lambda found: 100 * np.mean(np.abs(found.residual[found.counts]) > found.outlier_threshold)
+        ),
+        "lightest": of_cells(lambda found: 100 * found.weights[found.counts].min() / found.weights.max()),
+    }
+    functions |= {
+        "off": of_vertex(lambda vertex: np.linalg.norm(error(vertex))),
+        "off_px": of_vertex(lambda vertex: _pixels_off(session, vertex)),
+        "off_x": of_vertex(lambda vertex: error(vertex)[0]),
+        "off_y": of_vertex(lambda vertex: error(vertex)[1]),
+        "off_z": of_vertex(lambda vertex: error(vertex)[2]),
+        "went": of_vertex(lambda v: 100 * np.linalg.norm(session.vertices[v] - session.trace.start[v])),
+        "long": of_vertex(lambda vertex: certainty(vertex).lengths[2]),
+        "middle": of_vertex(lambda vertex: certainty(vertex).lengths[1]),
+        "share": lambda k: of_cells(lambda found: 100 * _share(found, k))(),
+        "left_by": lambda k: of_cells(lambda found: _energy_with(session, found.face, k))(),
+    }
+    kept_values = {name: (lambda value=value: value) for name, value in kept.items()}
+    return Quantities(values | kept_values, functions)
+
+
+def _share(found: FaceCells, k: float) -> float:
+    power = found.singular_values**2
+    return float(power[: int(k)].sum() / power.sum()) if 1 <= k <= len(power) else NAN
+
+
+def _energy_with(session: Session, face: int, k: float) -> float:
+    try:
+        energies = energies_by_dimension(session, face)
+    except InputError:
+        return NAN
+    return float(energies[int(k) - 1]) if 1 <= k <= len(energies) else NAN
+
+
+def _pixels_off(session: Session, vertex: int) -> float:
+    scene = session.scene
+    if scene.truth is None or scene.truth.vertices is None:
+        return NAN
+    pair = np.stack([session.vertices[vertex], scene.truth.vertices[vertex]])
+    found = [view.camera.project(pair) for view in scene.views]
+    return max((float(np.linalg.norm(uv[1] - uv[0])) for uv, depth in found if (depth > 0).all()), default=NAN)

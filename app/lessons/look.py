@@ -1,0 +1,56 @@
+"""What a step of a lesson has the page show. What a lesson does not speak of stays as the user has it."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+from app.selection import Selection
+from app.view import View
+
+AT_MESH, AT_FRONT, AT_CAMERAS = "mesh", "front", "cameras"
+
+
+@dataclass(frozen=True)
+class Look:
+    """Attributes:
+    vertices: selected, the current one last.
+    face: whose cells are shown.
+    eye: AT_MESH, AT_FRONT, AT_CAMERAS or the number of the photo looked through.
+    compared: name of a run of the lesson that the page compares with; empty: with nothing.
+    tab: the tab in front.
+    settings: fields of `View` by name.
+    cells: fields of `CellsView` by name.
+    layers: shown or not, by name.
+
+    None and what is not in a mapping is not spoken of.
+    """
+
+    vertices: tuple[int, ...] | None = None
+    face: int | None = None
+    eye: str | int | None = None
+    compared: str | None = None
+    tab: str | None = None
+    settings: dict[str, object] = field(default_factory=dict)
+    cells: dict[str, object] = field(default_factory=dict)
+    layers: dict[str, bool] = field(default_factory=dict)
+
+    def set_in(self, view: View) -> None:
+        """Make a view show it, but for eye, comparison and tab, which are not the view's alone."""
+        if self.vertices is not None:
+            view.selection = Selection(self.vertices)
+        if self.face is not None or self.vertices is not None:
+            view.face = self.face
+        for name, value in self.settings.items():
+            setattr(view, name, value)
+        view.cells = replace(view.cells, **self.cells)  # pyright: ignore[reportArgumentType] - checked on reading
+        view.shown.update(self.layers)
+
+    def is_seen_in(self, view: View) -> bool:
+        """Whether a view shows what the lesson speaks of: the vertices, the face, the photo and the surface."""
+        wanted = View(selection=view.selection, face=view.face, cells=view.cells, shown=dict(view.shown))
+        wanted.surface, wanted.shape = view.surface, view.shape
+        self.set_in(wanted)
+        same = all(getattr(wanted, name) == getattr(view, name) for name in ("selection", "face", "surface", "shape"))
+        return same and wanted.cells.page == view.cells.page
+
+
+LookChange = Callable[[Look], Look]

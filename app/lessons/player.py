@@ -1,0 +1,352 @@
+"""Plays a lesson: posts what its steps do, knows where each of them ended, and leads back there.
+
+Users may explore at any time. The player posts nothing unless asked to; what it asked for can be paused; every step's
+end is a moment of a run, so that going back, or resuming after a walk, is a jump to it.
+"""
+
+import threading
+from collections.abc import Callable, Generator
+from dataclasses import dataclass
+from enum import Enum
+
+from app.commands import (
+    Ask,
+    Branch,
+    Command,
+    Forward,
+    Pause,
+    Place,
+    Race,
+    Restart,
+    Run,
+    SwitchTo,
+)
+from app.compare import Reference
+from app.controller import Controller
+from app.lessons.facts import facts_of
+from app.lessons.lesson import ANY_SCENE, Lesson, LessonStep
+from app.lessons.look import Look
+from app.lessons.scenes import is_at_hand
+from app.lessons.work import Advance, Contest, GoOn, Put, Start, Take, Work
+from app.option_fields import changed_options
+from app.run_state import RunState
+from app.runs import RunInfo
+from app.view import View
+from fairing.errors import InputError
+from fairing.session import Session
+
+CUT_SHORT = ("paused", "breakpoint")  # why a command stopped before its end
+
+
+class Status(Enum):
+    AT_WORK = "at work"
+    THERE = "there"
+    CUT_SHORT = "cut short"
+    FAILED = "failed"
+
+
+@dataclass(frozen=True)
+class Ended:
+    """Where a step ended."""
+
+    run_id: int
+    moment: int
+
+
+@dataclass(frozen=True)
+class Findings:
+    """Of a step: its numbers by their expressions, and its claims with whether they hold."""
+
+    numbers: dict[str, float]
+    claims: tuple[tuple[str, bool], ...]
+
+
+@dataclass(frozen=True)
+class _Examine:
+    """Asks for the findings of a step."""
+
+    step: int
+
+
+_Script = Generator["Command | _Examine", RunState, None]
+
+
+class Player:
+    """One browser's lesson.
+
+    Args:
+        on_change: told whenever there is something new to show.
+    """
+
+    def __init__(self, controller: Controller, on_change: Callable[[], None]) -> None:
+        self._controller, self._on_change = controller, on_change
+        self._lock = threading.RLock()
+        self.lesson: Lesson | None = None
+        self.step = 0
+        self.status = Status.THERE
+        self.problem = ""
+        self.findings: dict[int, Findings] = {}
+        self.chosen: dict[int, int] = {}
+        self._kept: dict[str, float] = {}
+        self._runs: dict[str, int] = {}
+        self._ends: dict[int, Ended] = {}
+        self._script: _Script | None = None
+        self._asked: Command | _Examine | None = None
+        self._stopped_at: Ended | None = None
+        self._turn = 0
+        self._look_due: bool | None = None
+
+    # ------------------------------------------------------------------ for the page
+
+    def fits(self, lesson: Lesson) -> bool:
+        """Whether the scene at hand is the lesson's."""
+        return lesson.scene == ANY_SCENE or is_at_hand(lesson.scene, self._controller.scene)
+
+    def open(self, lesson: Lesson) -> None:
+        """Begin a lesson at its first step.
+
+        Raises:
+            InputError: it plays on another scene.
+        """
+        if not self.fits(lesson):
+            raise InputError(f"lesson {lesson.name}: plays on another scene, {lesson.scene}")
+        with self._lock:
+            self.lesson = lesson
+            self.findings, self.chosen, self._kept, self._runs, self._ends = {}, {}, {}, {}, {}
+            self.go(0)
+
+    def close(self) -> None:
+        """Leave the lesson; the run stays where it is."""
+        with self._lock:
+            self._drop_work()
+            self.lesson, self.status = None, Status.THERE
+        self._on_change()
+
+    def go(self, step: int) -> None:
+        """To a step, doing what those before it do as far as that has not been done."""
+        with self._lock:
+            if self.lesson is None:
+                return
+            self._drop_work()
+            wanted = min(max(step, 0), len(self.lesson.steps) - 1)
+            self._look_due = wanted <= self.step
+            self.step, self.status, self.problem = wanted, Status.AT_WORK, ""
+            self._script = self._way_to(self.lesson, self.step)
+            self._advance(None)
+        self._on_change()
+
+    def next(self) -> None:
+        """One step on, unless the engine is still busy with this one."""
+        if self.status is not Status.AT_WORK:
+            self.go_on() if self.status is Status.CUT_SHORT else self.go(self.step + 1)
+
+    def back(self) -> None:
+        """To the end of the step before."""
+        self.go(self.step - 1)
+
+    def go_on(self) -> None:
+        """Go on with work that was cut short; else back to where this step ended."""
+        with self._lock:
+            if self.status is not Status.CUT_SHORT or self._stopped_at is None or self._script is None:
+                self.go(self.step)
+                return
+            self.status = Status.AT_WORK
+            here, asked = self._stopped_at, self._asked
+            assert asked is not None
+            state = self._controller.state
+            if (state.run_id, state.moment) != (here.run_id, here.moment):
+                self._script = _first(SwitchTo(here.run_id, here.moment), asked, self._script)
+                self._advance(None)
+            else:
+                self._post(asked)
+        self._on_change()
+
+    def choose(self, choice: int) -> None:
+        """Answer this step's question; the first answer counts."""
+        with self._lock:
+            question = self.lesson.steps[self.step].question if self.lesson else None
+            if question is None or choice not in range(len(question.choices)):
+                raise InputError("lesson: there is no such choice")
+            self.chosen.setdefault(self.step, choice)
+        self._on_change()
+
+    def take_look(self) -> tuple[Look, bool] | None:
+        """What is to be shown from now on, once; and whether to lead the user there again who has seen it before."""
+        with self._lock:
+            due, self._look_due = self._look_due, None
+            return None if due is None or self.lesson is None else (self.lesson.look_at(self.step), due)
+
+    def reference(self, look: Look) -> Reference | None:
+        """The run that a look compares with, if it is there."""
+        run_id = self._runs.get(look.compared or "")
+        return None if run_id is None else Reference(run_id)
+
+    def has_strayed(self, state: RunState, view: View) -> bool:
+        """Whether the run or the page are no longer where this step has brought them."""
+        if self.lesson is None or self.status is not Status.THERE or self._look_due is not None:
+            return False
+        end = self._ends.get(self.step)
+        is_elsewhere = end is not None and (state.run_id, state.moment) != (end.run_id, end.moment)
+        return is_elsewhere or state.is_moving or not self.lesson.look_at(self.step).is_seen_in(view)
+
+    # ------------------------------------------------------------------ the way to a step
+
+    def _way_to(self, lesson: Lesson, step: int) -> _Script:
+        there = {run.run_id for run in self._controller.state.runs}
+        known = [n for n in range(step + 1) if n in self._ends and self._ends[n].run_id in there]
+        state = self._controller.state
+        if known:
+            end = self._ends[known[-1]]
+            if (state.run_id, state.moment) != (end.run_id, end.moment) or state.is_moving:
+                state = yield SwitchTo(end.run_id, end.moment)
+        for n in range(known[-1] + 1 if known else 0, step + 1):
+            for work in lesson.steps[n].works:
+                state = yield from self._do(work, state)
+            self._ends[n] = Ended(state.run_id, state.moment)
+            yield _Examine(n)
+        if step not in self.findings:
+            yield _Examine(step)
+
+    def _do(self, work: Work, state: RunState) -> Generator[Command, RunState, RunState]:
+        match work:
+            case Start(name, options, puts):
+                run = self._made_before(work, state)
+                if run is not None:
+                    state = yield SwitchTo(run.run_id, len(puts))
+                else:
+                    state = yield Restart(options)
+                    for put in puts:
+                        state = yield self._place(put)
+                self._runs[name] = state.run_id
+            case GoOn(name, changes):
+                state = yield Branch(changed_options(state.options, dict(changes)))
+                self._runs[name] = state.run_id
+            case Put():
+                state = yield self._place(work)
+            case Advance(commands):
+                for command in commands:
+                    state = yield command
+            case Contest(first, second):
+                state = yield Race(first.options, second.options)
+                for start in (first, second):
+                    run = self._made_before(start, state)
+                    if run is None:
+                        raise InputError(f"run {start.name}: is not there any more")
+                    self._runs[start.name] = run.run_id
+            case Take(name, moment):
+                run = next((run for run in state.runs if run.run_id == self._runs.get(name)), None)
+                if run is None:
+                    raise InputError(f"run {name}: is not there any more; begin the lesson again")
+                state = yield SwitchTo(run.run_id, run.length if moment == -1 else moment)
+        return state
+
+    def _place(self, put: Put) -> Place:
+        truth = self._controller.scene.truth
+        assert truth is not None, "the lessons' scenes have a truth"
+        assert truth.vertices is not None, "and it names the vertices' places"
+        x, y, z = (truth.vertices[put.vertex] + put.offset).tolist()
+        return Place((put.vertex,), ((x, y, z),))
+
+    def _made_before(self, start: Start, state: RunState) -> RunInfo | None:
+        """A run from the start with these options, put by hand like this and no further."""
+        for run in state.runs:
+            by_hand = run.trace.hand_moments
+            if run.parent is not None or run.options != start.options or by_hand != list(range(1, len(start.puts) + 1)):
+                continue
+            places = [self._place(put) for put in start.puts]
+            made = [run.trace.steps[n].after[0].tolist() for n in range(len(places))]
+            if made == [list(place.positions[0]) for place in places]:
+                return run
+        return None
+
+    # ------------------------------------------------------------------ one command after another
+
+    def _advance(self, state: RunState | None) -> None:
+        assert self._script is not None
+        try:
+            asked = next(self._script) if state is None else self._script.send(state)
+        except StopIteration:
+            self.status, self._script = Status.THERE, None
+            self._look_due = bool(self._look_due)  # once more: runs are known by their names only now
+        except InputError as error:
+            self.status, self.problem, self._script = Status.FAILED, str(error), None
+        else:
+            self._post(asked)
+
+    def _post(self, asked: Command | _Examine) -> None:
+        """Ask the engine for something; an Ask behind it tells when it is done."""
+        self._asked, turn = asked, self._turn
+        if isinstance(asked, _Examine):
+            question = self._examination(asked.step)
+            self._controller.post(Ask(self, question, lambda found: self._take_findings(turn, asked.step, found)))
+            return
+        problems = self._controller.state.problems
+        self._controller.post(asked)
+        self._controller.post(Ask(self, lambda _: None, lambda _: self._arrived(turn, problems)))
+
+    def _arrived(self, turn: int, problems: int) -> None:
+        with self._lock:
+            if turn != self._turn:
+                return
+            state = self._controller.state
+            if state.problems > problems:
+                self.status, self.problem = Status.FAILED, state.problem
+            elif isinstance(self._asked, Run | Forward | Race) and state.reason.startswith(CUT_SHORT):
+                self.status, self._stopped_at = Status.CUT_SHORT, Ended(state.run_id, state.moment)
+            else:
+                self._advance(state)
+        self._on_change()
+
+    def _drop_work(self) -> None:
+        if self.status is Status.AT_WORK:
+            self._controller.post(Pause())
+        self._turn += 1
+        self._script = self._asked = self._stopped_at = None
+
+    # ------------------------------------------------------------------ numbers and claims
+
+    def _examination(self, n: int) -> Callable[[Session], tuple[Findings, dict[str, float]] | None]:
+        assert self.lesson is not None
+        step, face, end = self.lesson.steps[n], self.lesson.look_at(n).face, self._ends[n]
+        kept = dict(self._kept)
+
+        def examine(session: Session) -> tuple[Findings, dict[str, float]] | None:
+            if (self._controller.state.run_id, session.moment) != (end.run_id, end.moment):
+                return None  # somebody went elsewhere meanwhile
+            return examine_step(session, step, face, kept)
+
+        return examine
+
+    def _take_findings(self, turn: int, n: int, found: "tuple[Findings, dict[str, float]] | Exception | None") -> None:
+        with self._lock:
+            if turn != self._turn:
+                return
+            if isinstance(found, Exception):
+                self.status, self.problem = Status.FAILED, str(found)
+                return
+            if found is not None:
+                self.findings[n], self._kept = found[0], found[1]
+            self._advance(self._controller.state)
+        self._on_change()
+
+
+def examine_step(
+    session: Session, step: LessonStep, face: int | None, kept: dict[str, float]
+) -> tuple[Findings, dict[str, float]]:
+    """What a step's numbers and claims come to at the session's present moment, and all numbers kept so far."""
+    facts = facts_of(session, face, kept)
+    kept = kept | {keep.name: keep.expression.evaluate(facts) for keep in step.keeps}
+    facts = facts_of(session, face, kept)
+    numbers = {text: expression.evaluate(facts) for text, expression in step.numbers.items()}
+    return Findings(numbers, tuple((claim.text, claim.holds(facts)) for claim in step.claims)), kept
+
+
+def _first(before: Command, then: "Command | _Examine", rest: _Script) -> _Script:
+    """A script that goes somewhere, then on with what was cut short."""
+    yield before
+    state = yield then
+    try:
+        while True:
+            state = yield rest.send(state)
+    except StopIteration:
+        return

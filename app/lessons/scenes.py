@@ -1,0 +1,38 @@
+"""The demo scenes that lessons play on, and how to tell that one is at hand."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from demo_scenes import Photography, load_demo
+from fairing.scene import Scene
+
+
+@dataclass(frozen=True)
+class LessonScene:
+    """Attributes:
+    title: what it is, in a few words.
+    demo: name of the demo scene.
+    photography: how its photos are taken.
+    """
+
+    title: str
+    demo: str
+    photography: Photography
+
+
+LESSON_SCENES: dict[str, LessonScene] = {
+    "cube": LessonScene("the demo cube", "cube", Photography()),
+    "occluded-cube": LessonScene("the demo cube behind a pole and passers-by", "cube", Photography(occluders=True)),
+    "archway": LessonScene("the demo archway", "archway", Photography()),
+}
+
+
+def load_lesson_scene(name: str, progress: Callable[[float, str], None] | None = None) -> Scene:
+    """The scene, under its name among the lessons'."""
+    wanted = LESSON_SCENES[name]
+    return replace(load_demo(wanted.demo, wanted.photography, progress), name=name)
+
+
+def is_at_hand(name: str, scene: Scene) -> bool:
+    """Whether a scene is that of this name: captures have no exact truth."""
+    return scene.name == name and scene.truth is not None

@@ -1,0 +1,233 @@
+"""The words of a lesson's actions, one action a line; nothing else can be done by a lesson.
+
+start accurate as main: locked_vertices=1,2 schedule.search=0     a run from the start, named, with options
+start accurate as far, vertex 0 off 0.2 0 0: ...                  the same, a vertex put by hand (from its true place)
+go on as sharp: eigenspace.dimensions=1                           a branch from here with other options
+put vertex 0 off 0.2 0 0                                          a step by hand
+step 3 iterations | step one vertex | step one sweep | step one level
+run to the end | run until level == 2
+go to start | go to end | go to moment 12
+race paper as a against accurate as b: locked_vertices=1,2        two runs in turn; options of both
+take main | take main at start | take main at end                 a run made before
+select vertex 0 | select vertices 3, 0 | select nothing           the last one is the current one
+face 2
+look at mesh | look at front | look at cameras | look through photo 3
+show truth, start | hide cameras                                  layers
+surface flat | shape truth | magnify 10                           the surface; how long paths are drawn
+page cells | columns photo, weight | k 5 | k own | arrows 30 | pair 0 7 | crops path     the cells
+plot energy | plot step of the vertex
+compare with a | compare with nothing
+tab Runs
+"""
+
+import re
+from collections.abc import Callable
+from dataclasses import replace
+
+from app.cells_view import ARROW_SCALES, KINDS, PAGES, SPANS
+from app.coloring import COLORINGS
+from app.commands import Command, Extent, Forward, JumpTo, Run
+from app.lessons.look import AT_CAMERAS, AT_FRONT, AT_MESH, LookChange
+from app.lessons.work import Advance, Contest, GoOn, Put, Start, Take, Work
+from app.option_fields import changed_options, option_fields
+from app.quantities import understand
+from app.series import QUANTITIES
+from app.view import LAYERS, MAX_MAGNIFICATION, NOW_SHAPE, START_SHAPE, SURFACES, TRUE_SHAPE, PlotView
+from fairing.errors import InputError
+from fairing.option_check import check_options
+from fairing.options import PRESETS, FairingOptions
+
+MAX_STEPS_AT_ONCE = 100
+EXTENTS = {"iteration": Extent.ITERATION, "vertex": Extent.UNIT, "sweep": Extent.SWEEP, "level": Extent.LEVEL}
+SHAPES = {"start": START_SHAPE, "now": NOW_SHAPE, "truth": TRUE_SHAPE}
+TABS = ("Vertex", "Breakpoints", "Layers", "Options", "Cells", "Timeline", "Runs", "Bookmarks")
+_NUMBER = r"-?\d+(?:\.\d+)?"
+_PUT_SHAPE = rf"vertex \d+ off {_NUMBER} {_NUMBER} {_NUMBER}"
+_PUT = rf"vertex (\d+) off ({_NUMBER}) ({_NUMBER}) ({_NUMBER})"
+
+Action = Work | LookChange
+
+
+def understand_action(line: str, names: set[str]) -> Action:
+    """What one line asks for.
+
+    Args:
+        names: of the lesson's runs so far; a line that makes one adds its name.
+
+    Raises:
+        InputError: it asks for nothing that there is.
+    """
+    for pattern, read in _ACTIONS:
+        found = re.fullmatch(pattern, line.strip())
+        if found:
+            return read(found, names)
+    raise InputError(f"expected an action such as {', '.join(_EXAMPLES)}; found {line!r:.80}")
+
+
+# ---------------------------------------------------------------------- the engine
+
+
+def _start(found: re.Match, names: set[str]) -> Work:
+    preset, name, put, written = found["preset"], found["name"], found["put"], found["options"]
+    names.add(name)
+    puts = () if put is None else (_put_of(re.fullmatch(_PUT, put)),)
+    return Start(name, _options(preset, written), puts)
+
+
+def _options(preset: str, written: str | None) -> FairingOptions:
+    options = changed_options(PRESETS[_one_of(preset, PRESETS, "preset")], dict(_changes(written)))
+    check_options(options)
+    return options
+
+
+def _changes(written: str | None) -> tuple[tuple[tuple[str, ...], object], ...]:
+    fields = {".".join(option.path): option for option in option_fields()}
+    changes = []
+    for piece in (written or "").split():
+        name, _, value = piece.partition("=")
+        option = fields[_one_of(name, fields, "option")]
+        if option.kind == "switch":
+            changes.append((option.path, _one_of(value, ("on", "off"), name) == "on"))
+        else:
+            changes.append((option.path, option.read(value)))
+    return tuple(changes)
+
+
+def _go_on(found: re.Match, names: set[str]) -> Work:
+    names.add(found["name"])
+    return GoOn(found["name"], _changes(found["options"]))
+
+
+def _put_of(found: re.Match | None) -> Put:
+    assert found is not None
+    x, y, z = (float(part) for part in found.groups()[-3:])
+    return Put(int(found.groups()[-4]), (x, y, z))
+
+
+def _step(found: re.Match, _: set[str]) -> Work:
+    times = 1 if found[1] == "one" else int(found[1])
+    if not 1 <= times <= MAX_STEPS_AT_ONCE:
+        raise InputError(f"step: expected 1 to {MAX_STEPS_AT_ONCE}, found {times}")
+    unit = {"vertices": "vertex"}.get(found[2], found[2].removesuffix("s"))
+    return Advance((Forward(EXTENTS[_one_of(unit, EXTENTS, "step")]),) * times)
+
+
+def _go_to(found: re.Match, _: set[str]) -> Work:
+    command: Command = JumpTo({"start": 0, "end": -1}[found[1]] if found[2] is None else int(found[2]))
+    return Advance((command,))
+
+
+def _race(found: re.Match, names: set[str]) -> Work:
+    names |= {found["first"], found["second"]}
+    first, second = (_options(found[key], found["options"]) for key in ("preset1", "preset2"))
+    return Contest(Start(found["first"], first), Start(found["second"], second))
+
+
+def _take(found: re.Match, names: set[str]) -> Work:
+    moment = {None: None, "start": 0, "end": -1}[found[2]]
+    return Take(_one_of(found[1], names, "run"), moment)
+
+
+# ---------------------------------------------------------------------- the page
+
+
+def _select(found: re.Match, _: set[str]) -> LookChange:
+    vertices = tuple(int(part) for part in re.findall(r"\d+", found[0]))
+    return lambda look: replace(look, vertices=vertices)
+
+
+def _look(found: re.Match, _: set[str]) -> LookChange:
+    eye = int(found[2]) if found[2] else {"mesh": AT_MESH, "front": AT_FRONT, "cameras": AT_CAMERAS}[found[1]]
+    return lambda look: replace(look, eye=eye)
+
+
+def _layers(found: re.Match, _: set[str]) -> LookChange:
+    wanted = {_one_of(name, LAYERS, "layer"): found[1] == "show" for name in _listed(found[2])}
+    return lambda look: replace(look, layers=look.layers | wanted)
+
+
+def _setting(name: str, value: object) -> LookChange:
+    return lambda look: replace(look, settings=look.settings | {name: value})
+
+
+def _cells(name: str, value: object) -> LookChange:
+    return lambda look: replace(look, cells=look.cells | {name: value})
+
+
+def _surface(found: re.Match, _: set[str]) -> LookChange:
+    return _setting("surface", _one_of(found[1], {**SURFACES, **COLORINGS}, "surface"))
+
+
+def _magnify(found: re.Match, _: set[str]) -> LookChange:
+    times = int(found[1])
+    if not 1 <= times <= MAX_MAGNIFICATION:
+        raise InputError(f"magnify: expected 1 to {MAX_MAGNIFICATION}, found {times}")
+    return _setting("magnification", float(times))
+
+
+def _columns(found: re.Match, _: set[str]) -> LookChange:
+    chosen = {_one_of(name, KINDS, "column") for name in _listed(found[1])}
+    return _cells("columns", tuple(kind for kind in KINDS if kind in chosen))
+
+
+def _arrows(found: re.Match, _: set[str]) -> LookChange:
+    return _cells("arrow_scale", int(_one_of(found[1], [str(scale) for scale in ARROW_SCALES], "arrows")))
+
+
+def _plot(found: re.Match, _: set[str]) -> LookChange:
+    return _setting("plot", PlotView(_one_of(found[1], QUANTITIES, "plot"), of_vertex=found[2] is not None))
+
+
+def _compare(found: re.Match, names: set[str]) -> LookChange:
+    compared = "" if found[1] == "nothing" else _one_of(found[1], names, "run")
+    return lambda look: replace(look, compared=compared)
+
+
+def _tab(found: re.Match, _: set[str]) -> LookChange:
+    tab = _one_of(found[1], TABS, "tab")
+    return lambda look: replace(look, tab=tab)
+
+
+def _listed(written: str) -> list[str]:
+    return [part.strip() for part in written.split(",")]
+
+
+def _one_of(found: str | None, known: object, what: str) -> str:
+    names = [str(name) for name in known]  # pyright: ignore[reportGeneralTypeIssues] - any collection of names
+    if found is None or found not in names:
+        raise InputError(f"{what}: expected one of {', '.join(sorted(names))}; found {found!r:.40}")
+    return found
+
+
+_OPTIONS = r"(?:: *(?P<options>.+))?"
+_ACTIONS: list[tuple[str, Callable[[re.Match, set[str]], Action]]] = [
+    (rf"start (?P<preset>\w+) as (?P<name>\w+)(?:, (?P<put>{_PUT_SHAPE}))?{_OPTIONS}", _start),
+    (rf"go on as (?P<name>\w+){_OPTIONS}", _go_on),
+    (rf"put {_PUT}", lambda found, _: _put_of(found)),
+    (r"step (one|\d{1,3}) (\w+)", _step),
+    (r"run to the end", lambda found, _: Advance((Run(),))),
+    (r"run until (.+)", lambda found, _: Advance((Run(understand(found[1])),))),
+    (r"go to (?:(start|end)|moment (\d{1,6}))", _go_to),
+    (
+        r"race (?P<preset1>\w+) as (?P<first>\w+) against (?P<preset2>\w+) as (?P<second>\w+)" + _OPTIONS,
+        _race,
+    ),
+    (r"take (\w+)(?: at (start|end))?", _take),
+    (r"select (?:nothing|vertex \d+|vertices \d+(?:, *\d+)*)", _select),
+    (r"face (\d+)", lambda found, _: lambda look: replace(look, face=int(found[1]))),
+    (r"look (?:at (mesh|front|cameras)|through photo (\d+))", _look),
+    (r"(show|hide) (.+)", _layers),
+    (r"surface (\w+)", _surface),
+    (r"shape (start|now|truth)", lambda found, _: _setting("shape", SHAPES[found[1]])),
+    (r"magnify (\d+)", _magnify),
+    (r"page (\w+)", lambda found, _: _cells("page", _one_of(found[1], PAGES, "page"))),
+    (r"columns (.+)", _columns),
+    (r"k (own|\d+)", lambda found, _: _cells("dimensions", None if found[1] == "own" else int(found[1]))),
+    (r"arrows (\d+)", _arrows),
+    (r"pair (\d+) (\d+)", lambda found, _: _cells("pair", (int(found[1]), int(found[2])))),
+    (r"crops (\w+)", lambda found, _: _cells("span", _one_of(found[1], SPANS, "crops"))),
+    (r"plot (\w+)( of the vertex)?", _plot),
+    (r"compare with (\w+)", _compare),
+    (r"tab (\w+)", _tab),
+]
+_EXAMPLES = ("'start accurate as main'", "'step one sweep'", "'select vertex 0'", "'look at mesh'")

@@ -1,0 +1,162 @@
+"""A lesson's step: text, formulas, the line of pseudo-code at work, a question, and the way on."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import viser
+
+from app.bridge import Bridge, whole_number
+from app.html import STYLE, button, icon, text
+from app.lessons.lesson import Lesson, LessonStep
+from app.lessons.player import Findings, Player, Status
+from app.lessons.pseudo_code import LINES
+from app.lessons.typeset import line, paragraphs
+from app.palette import NOW, SELECTED, START, css
+from app.panels.html_panel import HtmlPanel
+from app.run_state import RunState
+from app.view import View
+
+MOST_CHOICES = 6
+LINES_SHOWN = 3  # of the pseudo-code: with all of it the text would be out of sight
+NO_FINDINGS = Findings({}, ())
+LESSON_STYLE = f"""<style>
+.ef.ef .lesson p {{ margin: 6px 0; }} .ef .lesson ul {{ margin: 4px 0; padding-left: 18px; }}
+.ef .lesson b {{ color: var(--strong); font-weight: 600; }}
+.ef .lesson math {{ font-family: "STIX Two Math", "Cambria Math", "Latin Modern Math", math, serif; color: var(--strong); }}
+.ef .lesson math[display=block] {{ font-size: 14.5px; margin: 8px 0; overflow-x: auto; overflow-y: hidden; }}
+.ef .lesson h3 {{ font-size: 14px; font-weight: 600; color: var(--strong); margin: 8px 0 2px; }}
+.ef .dots {{ display: flex; gap: 4px; flex: 1; }}
+.ef .dots i {{ height: 4px; flex: 1; border-radius: 2px; background: var(--line); }}
+.ef .dots i.done {{ background: var(--dim); }} .ef .dots i.here {{ background: {css(SELECTED)}; }}
+.ef .listing {{ background: var(--well); border: 1px solid var(--line); border-radius: 4px; padding: 4px 0; margin: 8px 0; }}
+.ef .listing code {{ display: block; padding: 0 8px; font-size: 11px; line-height: 1.5; white-space: pre; overflow-x: hidden;
+  color: var(--dim); }}
+.ef .listing code.at {{ color: var(--strong); background: var(--row); box-shadow: inset 2px 0 {css(SELECTED)}; }}
+.ef .ask {{ border-left: 2px solid {css(SELECTED)}; padding: 0 0 0 10px; margin: 8px 0; }}
+.ef .ask button {{ width: 100%; height: auto; min-height: 26px; padding: 3px 8px; justify-content: flex-start; text-align: left;
+  margin-top: 4px; }}
+.ef .ask button.right {{ border-color: {css(START)}; color: {css(START)}; }}
+.ef .ask button.wrong {{ border-color: {css(NOW)}; color: {css(NOW)}; }}
+.ef .aside {{ background: var(--row); border-radius: 4px; padding: 6px 8px; margin: 8px 0; }}
+.ef .lessons button {{ width: 100%; height: auto; padding: 6px 10px; margin-top: 6px; display: block; text-align: left; }}
+.ef .lessons button.on {{ border-color: {css(SELECTED)}; }}
+</style>"""
+
+
+@dataclass(frozen=True)
+class LessonPresses:
+    """JavaScript of the panel's buttons, made where it stays on the page."""
+
+    next: str
+    back: str
+    resume: str
+    close: str
+    following: str
+    pause: str
+    choose: Callable[[str], str]
+
+    @classmethod
+    def make(
+        cls, bridge: Bridge, player: Player, following: Callable[[], None], pause: Callable[[], None]
+    ) -> "LessonPresses":
+        return cls(
+            bridge.button(player.next),
+            bridge.button(player.back),
+            bridge.button(player.go_on),
+            bridge.button(player.close),
+            bridge.button(following),
+            bridge.button(pause),
+            bridge.number(lambda n: player.choose(whole_number(n, 0, MOST_CHOICES, "choice"))),
+        )
+
+
+class LessonPanel:
+    """Docked above the cells while a lesson is open."""
+
+    def __init__(self, gui: viser.GuiApi, player: Player, press: LessonPresses) -> None:
+        self._player, self._press = player, press
+        self._panel = HtmlPanel(gui)
+
+    def show(self, state: RunState, view: View) -> None:
+        player = self._player
+        lesson = player.lesson
+        if lesson is None:
+            self._panel.set("")
+            return
+        n = player.step
+        step, found = lesson.steps[n], player.findings.get(n, NO_FINDINGS)
+        self._panel.set(
+            f"{STYLE}{LESSON_STYLE}{self._head(lesson, n)}{self._aside(player.has_strayed(state, view))}"
+            f"<div class='lesson'><h3>{text(step.title)}</h3>{paragraphs(step.text, found.numbers)}"
+            f"{_listing(step.code)}{self._question(step, found)}{_checked(found)}</div>"
+        )
+
+    def _head(self, lesson: Lesson, n: int) -> str:
+        count, busy = len(lesson.steps), self._player.status is Status.AT_WORK
+        dots = "".join(f"<i class='{'here' if k == n else 'done' if k < n else ''}'></i>" for k in range(count))
+        back = button("Back", self._press.back, hint="Back one step of the lesson (Page Up)", enabled=n > 0)
+        if n < count - 1:
+            on = button(
+                "Next", self._press.next, hint="Next step of the lesson (Page Down)", css_class="main", enabled=not busy
+            )
+        else:
+            on = button("Next lesson", self._press.following, hint="Begin the next lesson", css_class="main")
+        close = button("", self._press.close, hint="Close the lesson", icon=icon("leave"), css_class="small")
+        return (
+            f"<div class='row'><span class='one grow dim'>{text(lesson.title)}</span>"
+            f"<span class='dim'>step {n + 1} of {count}</span>{close}</div>"
+            f"<div class='row' style='margin-top:4px'><div class='dots'>{dots}</div>{back}{on}</div>"
+        )
+
+    def _aside(self, has_strayed: bool) -> str:
+        """What the lesson waits for, if anything."""
+        match self._player.status:
+            case Status.AT_WORK:
+                pause = button("Pause", self._press.pause, hint="Pause (P)", css_class="small")
+                return f"<div class='aside row'><span class='grow'>The engine is at work…</span>{pause}</div>"
+            case Status.CUT_SHORT:
+                on = button("Go on", self._press.resume, hint="Go on with this step's work", css_class="small")
+                return f"<div class='aside row'><span class='grow'>Paused within this step.</span>{on}</div>"
+            case Status.FAILED:
+                again = button("Try again", self._press.resume, hint="Try this step again", css_class="small")
+                return f"<div class='aside row'><span class='grow rejected'>{text(self._player.problem)}</span>{again}</div>"
+        if not has_strayed:
+            return ""
+        back = button("Resume lesson", self._press.resume, hint="Back to where this step was", css_class="small")
+        return f"<div class='aside row'><span class='grow'>You went exploring.</span>{back}</div>"
+
+    def _question(self, step: LessonStep, found: Findings) -> str:
+        question = step.question
+        if question is None:
+            return ""
+        chosen = self._player.chosen.get(self._player.step)
+        choices = ""
+        for n, choice in enumerate(question.choices):
+            mark = "" if chosen is None else "right" if n == question.right else "wrong" if n == chosen else ""
+            said = f"<span>{line(choice, found.numbers)}</span>"
+            press = self._press.choose(str(n))
+            choices += button("", press, hint=f"Answer {n + 1}", icon=said, css_class=mark, enabled=chosen is None)
+        answer = "" if chosen is None else paragraphs(question.answer, found.numbers)
+        return f"<div class='ask'>{paragraphs(question.text, found.numbers)}{choices}{answer}</div>"
+
+
+def _listing(at: str | None) -> str:
+    """The line of pseudo-code at work, between its neighbours."""
+    if at is None:
+        return ""
+    here = list(LINES).index(at)
+    first = min(max(here - 1, 0), len(LINES) - LINES_SHOWN)
+    shown = list(LINES.items())[first : first + LINES_SHOWN]
+    rows = "".join(f"<code class='{'at' if name == at else ''}'>{text(row)}</code>" for name, row in shown)
+    return f"<div class='listing' role='figure' aria-label='Pseudo-code'>{rows}</div>"
+
+
+def _checked(found: Findings) -> str:
+    """What this step claims, held against the engine just now."""
+    if not found.claims:
+        return ""
+    true = sum(holds for _, holds in found.claims)
+    told = "; ".join(f"{claim}: {'holds' if holds else 'does not hold here'}" for claim, holds in found.claims)
+    count = f"{true} of {len(found.claims)}" if true < len(found.claims) else f"{true}"
+    css_class = "dim" if true == len(found.claims) else "rejected"
+    return f"<p class='{css_class}' title='{text(told)}'>✓ {count} checked against the engine just now</p>"

@@ -1,0 +1,111 @@
+"""Lessons in a real browser: every step shows its text, leads the page, and ends where the engine's record says."""
+
+import pytest
+
+from app.commands import JumpTo
+from app.lessons.player import Player, Status
+from app.lessons.reader import load_lesson
+from app.lessons.scenes import load_lesson_scene
+from app.server import App, start
+from fairing.session import Session
+from tests.browser.driver import CHROMIUM, Visitor, chromium, wait_for
+
+pytestmark = [
+    pytest.mark.browser,
+    pytest.mark.skipif(CHROMIUM is None, reason="no chromium on the PATH; install it to test the page"),
+]
+
+SLOW = 60.0  # s: for a step's work on a loaded machine
+
+
+@pytest.fixture(scope="module")
+def app():
+    app = start(Session(load_lesson_scene("cube")), port=0)
+    yield app
+    app.stop()
+
+
+@pytest.fixture(scope="module")
+def visitor_for_all(app: App):
+    with chromium() as browser:
+        yield Visitor(browser, app)
+
+
+@pytest.fixture
+def visitor(visitor_for_all: Visitor):
+    yield visitor_for_all
+    assert visitor_for_all.troubles == []
+
+
+def page_of(app: App):
+    return next(iter(app._pages.values()))
+
+
+def player_of(app: App) -> Player:
+    return page_of(app)._lessons.player
+
+
+def arrive(visitor: Visitor, step: int) -> None:
+    """Wait until the page shows a step whose work is done."""
+    player = player_of(visitor.app)
+    wait_for(lambda: player.step == step and player.status is not Status.AT_WORK, SLOW)
+    assert player.status is Status.THERE, player.problem
+    assert player.lesson is not None
+    visitor.page.get_by_role("heading", name=player.lesson.steps[step].title, exact=True).wait_for()
+
+
+def open_lesson(visitor: Visitor, name: str) -> None:
+    visitor.page.get_by_role("tab", name="Lessons").click()
+    visitor.button(f"Lesson: {load_lesson(name).title}").click()
+    arrive(visitor, 0)
+
+
+def test_the_first_lesson_runs_from_the_list_to_its_end(visitor: Visitor):
+    lesson, app, page = load_lesson("model"), visitor.app, visitor.page
+    open_lesson(visitor, "model")
+    page.get_by_role("tab", name="Cells", selected=True).wait_for()
+    visitor.button("Answer 2").click()
+    page.get_by_text("The mesh puts their pixels in the wrong place.").wait_for()
+    for n in range(1, len(lesson.steps)):
+        if n % 2:
+            visitor.button("Next step of the lesson").click()
+        else:
+            page.keyboard.press("PageDown")
+        arrive(visitor, n)
+        found = player_of(app).findings[n]
+        assert all(holds for _, holds in found.claims), f"step {n + 1}: {found}"
+        if found.claims:
+            page.get_by_text(f"{len(found.claims)} checked against the engine just now").wait_for()
+        if n == 4:
+            assert page.locator(".lesson math[display=block]").bounding_box()["height"] > 15
+    state = app.controller.wait_until_idle()
+    visitor.sees_vertices(app._shared.stage.page_from_world(state.vertices))
+    assert page_of(app).view.cells.page == "pair"
+    visitor.button("Begin the next lesson").wait_for()
+
+
+def test_a_walk_of_ones_own_is_noticed_and_the_lesson_resumed(visitor: Visitor):
+    app, page = visitor.app, visitor.page
+    open_lesson(visitor, "model")
+    page_of(app)._guard(player_of(app).go)(5)
+    arrive(visitor, 5)
+    app.controller.post(JumpTo(0))
+    visitor.button("Back to where this step was").wait_for()
+    assert app.controller.wait_until_idle().moment == 0
+    visitor.button("Back to where this step was").click()
+    visitor.button("Back to where this step was").wait_for(state="hidden")
+    assert app.controller.wait_until_idle().moment == 1
+    page.keyboard.press("PageUp")
+    arrive(visitor, 4)
+    assert app.controller.wait_until_idle().moment == 0
+
+
+def test_the_palette_opens_a_lesson_and_the_cross_closes_it(visitor: Visitor):
+    page, lesson = visitor.page, load_lesson("model")
+    page.keyboard.press("Control+k")
+    page.get_by_placeholder("Search").fill(lesson.title[:20])
+    page.keyboard.press("Enter")
+    arrive(visitor, 0)
+    visitor.button("Close the lesson").click()
+    page.get_by_role("tab", name="Lesson", exact=True).wait_for(state="hidden")
+    assert player_of(visitor.app).lesson is None
