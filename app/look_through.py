@@ -14,6 +14,7 @@ from app.palette import GROUND, RGB
 from app.predictor import Prediction, Predictor
 from app.run_state import Activity, RunState
 from app.stage import SIZE, Stage
+from app.theme import Theme
 from fairing.camera import Camera
 from fairing.scene import Scene
 
@@ -72,9 +73,9 @@ class LookThrough:
     """Takes one browser into a camera and back."""
 
     def __init__(
-        self, client: viser.ClientHandle, stage: Stage, scene: Scene, is_dark: bool, on_ready: Callable[[], None]
+        self, client: viser.ClientHandle, stage: Stage, scene: Scene, theme: Theme, on_ready: Callable[[], None]
     ) -> None:
-        self._is_dark = is_dark
+        self._theme = theme
         self._predictor = Predictor(scene, on_ready)
         self._share = 0.0
         self._fitted: tuple[Fit, int, int] | None = None
@@ -91,9 +92,8 @@ class LookThrough:
         """The camera looked through."""
         return self._inside
 
-    def set_theme(self, is_dark: bool) -> None:
-        """The ground around a photo is dark or light."""
-        self._is_dark = is_dark
+    def renew(self) -> None:
+        """The theme has changed: the ground around a photo is dark or light."""
         if self._inside is not None:
             self._place()
 
@@ -206,5 +206,5 @@ class LookThrough:
         picture = self._scene.views[view_id].photo.load()
         if found is not None:
             picture = found.over(picture, self._share)
-        behind = photo_behind(picture, *self._fitted, GROUND[0 if self._is_dark else 1])
+        behind = photo_behind(picture, *self._fitted, GROUND[0 if self._theme.is_dark else 1])
         self._client.scene.set_background_image(behind, format="jpeg", jpeg_quality=90)

@@ -99,7 +99,7 @@ class Page:
         self._hands = Hands(client, shared.stage, shared.scene.mesh, shared.controller, view, self._guard)
         self._theme = Theme(client)
         self._look_through = LookThrough(
-            client, shared.stage, shared.scene, self._theme.is_dark, shared.controller.republish
+            client, shared.stage, shared.scene, self._theme, shared.controller.republish
         )
         client.gui.set_panel_label(f"EigenFairing · {shared.scene.name}")
         certainty = CertaintySource(shared.controller)
@@ -123,6 +123,11 @@ class Page:
         client.camera.on_update(self._guard.without_event(self._follow_camera))
 
     def show(self, state: RunState) -> None:
+        """Bring the browser up to date, at once."""
+        self.fill(state)
+        self._client.flush()
+
+    def fill(self, state: RunState) -> None:
         """Bring the browser up to date."""
         state = look_back(state, self.view)
         if state.rival is not None and self.view.reference is None:
@@ -142,7 +147,6 @@ class Page:
         self._legend.show(self._surface.legend)
         self._look_through.blend(state, self.view.model_share)
         self._place_timeline()
-        self._client.flush()
 
     def close(self) -> None:
         """The browser is gone."""
@@ -324,7 +328,7 @@ class Page:
 
     def _switch_theme(self) -> None:
         self._theme.switch()
-        self._look_through.set_theme(self._theme.is_dark)
+        self._look_through.renew()
 
     def _magnify(self) -> None:
         self.view.magnification = whole_number(self._magnification.value, 1, MAX_MAGNIFICATION, "magnification")

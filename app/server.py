@@ -73,6 +73,7 @@ class App:
         self.controller.close()
         self._shared.texturer.close()
         self._shared.background.close()
+        self._shared.thumbnails.close()
         with self._pages_lock:
             for page in self._pages.values():
                 page.close()
@@ -100,7 +101,10 @@ class App:
         try:
             with self._pages_lock:
                 view = self._latest_view.copy()
-            page = Page(client, self._shared, view)
+            # In one piece, or the browser lays itself out again for every few widgets that arrive.
+            with client.atomic():
+                page = Page(client, self._shared, view)
+                page.fill(self.controller.state)
         except Exception:
             logging.getLogger(__name__).exception("a page could not be built")
             client.add_notification("The page could not be built", "See the terminal for the reason.", color="red")

@@ -7,6 +7,7 @@ import numpy as np
 import viser
 import viser.transforms
 
+from app.background import Background
 from app.palette import CAMERA
 from app.run_state import RunState
 from app.stage import Stage
@@ -26,13 +27,21 @@ def pose(camera: Camera, stage: Stage) -> tuple[np.ndarray, np.ndarray]:
 
 
 class Thumbnails:
-    """The photos, small, decoded once for all browsers."""
+    """The photos, small, decoded once for all browsers, and on a thread of its own: nobody waits for them."""
 
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
         self._images: dict[int, np.ndarray] = {}
+        self._worker = Background(lambda: None)
 
-    def __getitem__(self, view_id: int) -> np.ndarray:
+    def send(self, view_id: int, take: Callable[[np.ndarray], None]) -> None:
+        """Have a photo given to `take`, on this worker's thread."""
+        self._worker.post((take, view_id), lambda: self._image(view_id), take)
+
+    def close(self) -> None:
+        self._worker.close()
+
+    def _image(self, view_id: int) -> np.ndarray:
         if view_id not in self._images:
             view = self._scene.views[view_id]
             try:
@@ -47,7 +56,7 @@ class Thumbnails:
 
 
 class CamerasLayer:
-    """One frustum a camera. None while looking through one."""
+    """One frustum a camera; its photo follows. None while looking through one."""
 
     def __init__(
         self,
@@ -70,7 +79,6 @@ class CamerasLayer:
                 thickness=1.5,
                 thickness_units="screen",
                 color=CAMERA,
-                image=thumbnails[view_id],
                 format="jpeg",
                 jpeg_quality=85,
                 wxyz=wxyz,
@@ -84,6 +92,7 @@ class CamerasLayer:
                 on_enter(view_id)
 
             watch(frustum)
+            thumbnails.send(view_id, lambda image, frustum=frustum: setattr(frustum, "image", image))
 
     def show(self, state: RunState, view: View) -> None:
         self._root.visible = view.shows("cameras") and view.entered is None
