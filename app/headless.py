@@ -14,6 +14,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, Ti
 from app.json_file import write_json
 from app.loading import load_with_progress
 from app.run_extras import RunExtras, prove_on_left_out, write_models
+from app.run_files import MESH, REPORT, TRACE
 from app.scene_source import SceneSource
 from fairing.errors import InputError
 from fairing.io import prepare_output_folder, write_mesh
@@ -24,7 +25,6 @@ from fairing.report import EnergyTally, run_report
 from fairing.session import Session
 from fairing.trace import Position, StepRecord, Trace
 
-MESH, REPORT, TRACE = "mesh.ply", "report.json", "run.trace"
 START_MESH = "start.ply"
 
 

@@ -98,9 +98,7 @@ class Page:
         self._panels_shown = 0.0
         self._hands = Hands(client, shared.stage, shared.scene.mesh, shared.controller, view, self._guard)
         self._theme = Theme(client)
-        self._look_through = LookThrough(
-            client, shared.stage, shared.scene, self._theme, shared.controller.republish
-        )
+        self._look_through = LookThrough(client, shared.stage, shared.scene, self._theme, shared.controller.republish)
         client.gui.set_panel_label(f"EigenFairing · {shared.scene.name}")
         certainty = CertaintySource(shared.controller)
         self._panels: list[Panel] = self._build_panels(certainty)
@@ -118,6 +116,7 @@ class Page:
             PointsLayer(client, stage, scene.sparse_points),
             CamerasLayer(client, stage, scene, shared.thumbnails, self._guard(self._enter), hands.watch),
         ]
+        self._stand_at(shared.stage.eye)  # a browser may have come before there was a scene to look at
         self._add_commands()
         release_focus_after_use(client)
         client.camera.on_update(self._guard.without_event(self._follow_camera))
@@ -301,6 +300,9 @@ class Page:
 
     def _look_from(self, eye: np.ndarray) -> None:
         self._leave()
+        self._stand_at(eye)
+
+    def _stand_at(self, eye: np.ndarray) -> None:
         with self._client.atomic():
             self._client.camera.up_direction = self._shared.stage.up
             self._client.camera.position = eye

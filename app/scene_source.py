@@ -3,14 +3,15 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from demo_scenes import DEMOS, load_demo
 from fairing.errors import InputError
-from fairing.io import PhotoChoice, load_scene
-from fairing.io.capture import Capture
-from fairing.scene import Scene
-from fairing.triangulation import flip_progress, triangulate
+from fairing.io import PhotoChoice
+
+if TYPE_CHECKING:
+    from fairing.io.capture import Capture
+    from fairing.scene import Scene
 
 _KEY = "source"
 _ALL_PHOTOS = PhotoChoice()
@@ -96,7 +97,7 @@ class SceneSource:
         }
         header[_KEY] = {"scene": self.scene, "mesh": self.mesh, "photos": photos}
 
-    def load(self, progress: Callable[[float, str], None] | None = None) -> Scene:
+    def load(self, progress: Callable[[float, str], None] | None = None) -> "Scene":
         """The scene; `progress` is told a fraction and a line while a demo's photos are taken, or sparse points
         triangulated for want of a mesh.
 
@@ -107,7 +108,10 @@ class SceneSource:
             return load_demo(self.scene, progress=progress)
         tell = progress or (lambda fraction, line: None)
 
-        def without_mesh(name: str, capture: Capture) -> Scene:
+        from fairing.io import load_scene  # not at the top: the page is served before the engine is there
+        from fairing.triangulation import flip_progress, triangulate
+
+        def without_mesh(name: str, capture: "Capture") -> "Scene":
             def show(flips: int, open_edges: int, _: float) -> None:
                 tell(flip_progress(flips, open_edges), f"triangulating sparse points: {flips} flips")
 

@@ -6,18 +6,23 @@ session = fair(load_scene("my/capture", mesh="start.ply"))
 positions = session.scene.unweld(session.vertices)
 """
 
-from fairing.api import fair
-from fairing.camera import Camera
-from fairing.errors import InputError
-from fairing.inspect import FaceCells, face_cells
-from fairing.io import PhotoChoice, load_scene, read_mesh, write_mesh
-from fairing.mesh import Mesh
-from fairing.options import PRESETS, FairingOptions
-from fairing.photo import ArrayPhoto, FilePhoto
-from fairing.scene import Scene, SparsePoints, Truth, View
-from fairing.session import Session
-from fairing.trace import StepReason, StepRecord, Trace
-from fairing.triangulation import FlipTrace, triangulate
+from typing import TYPE_CHECKING
+
+from fairing.on_demand import on_demand
+
+if TYPE_CHECKING:
+    from fairing.api import fair
+    from fairing.camera import Camera
+    from fairing.errors import InputError
+    from fairing.inspect import FaceCells, face_cells
+    from fairing.io import PhotoChoice, load_scene, read_mesh, write_mesh
+    from fairing.mesh import Mesh
+    from fairing.options import PRESETS, FairingOptions
+    from fairing.photo import ArrayPhoto, FilePhoto
+    from fairing.scene import Scene, SparsePoints, Truth, View
+    from fairing.session import Session
+    from fairing.trace import StepReason, StepRecord, Trace
+    from fairing.triangulation import FlipTrace, triangulate
 
 __all__ = [
     "PRESETS",
@@ -45,3 +50,33 @@ __all__ = [
     "triangulate",
     "write_mesh",
 ]
+
+__getattr__ = on_demand(
+    __name__,
+    {
+        "PRESETS": "fairing.options",
+        "ArrayPhoto": "fairing.photo",
+        "Camera": "fairing.camera",
+        "FaceCells": "fairing.inspect",
+        "FairingOptions": "fairing.options",
+        "FilePhoto": "fairing.photo",
+        "FlipTrace": "fairing.triangulation",
+        "InputError": "fairing.errors",
+        "Mesh": "fairing.mesh",
+        "PhotoChoice": "fairing.io",
+        "Scene": "fairing.scene",
+        "Session": "fairing.session",
+        "SparsePoints": "fairing.scene",
+        "StepReason": "fairing.trace",
+        "StepRecord": "fairing.trace",
+        "Trace": "fairing.trace",
+        "Truth": "fairing.scene",
+        "View": "fairing.scene",
+        "face_cells": "fairing.inspect",
+        "fair": "fairing.api",
+        "load_scene": "fairing.io",
+        "read_mesh": "fairing.io",
+        "triangulate": "fairing.triangulation",
+        "write_mesh": "fairing.io",
+    },
+)

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import rq
 
 from fairing.errors import InputError
 
@@ -110,6 +109,8 @@ class Camera:
 
     @cached_property
     def _decomposed(self) -> tuple[np.ndarray, np.ndarray]:
+        from scipy.linalg import rq  # takes a tenth of a second to import; whoever only names photos need not wait
+
         K, R = rq(self.image_from_world[:, :3])
         signs = np.sign(np.diag(K))
         return K * signs / (K[2, 2] * signs[2]), R * signs[:, None]

@@ -257,3 +257,17 @@ def test_ctrl_c_ends_the_debugger_cleanly_with_the_run_saved(scene, tmp_path):
     assert "Traceback" not in errors
     session = Session(load_scene(scene), trace=Trace.load(tmp_path / "run.trace"))
     assert session.finished
+
+
+def test_the_debugger_says_its_address_before_it_imports_the_engine():
+    """A browser unpacks the viewer meanwhile; what a command line needs until then is quick to import."""
+    script = "import sys, app.cli, app.serve; print(*sorted({'numba', 'trimesh', 'scipy'} & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, env=os.environ, check=True)
+    assert done.stdout.split() == []
+
+
+def test_a_scene_that_cannot_be_opened_is_one_line_after_the_address(tmp_path, capsys):
+    assert run(["view", str(tmp_path), "--no-browser", "--port", "0"]) == 1
+    said = capsys.readouterr()
+    assert "http://127.0.0.1:" in said.out
+    assert len(said.err.splitlines()) == 1

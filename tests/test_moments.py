@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app import server
+from app import serve
 from app.bookmarks import Bookmarks, read_bookmarks
 from app.cli import run
 from app.commands import Branch, DeleteRun, Extent, Forward, JumpTo, Run, SwitchTo
@@ -150,7 +150,7 @@ def test_options_are_told_by_their_preset_and_what_differs():
 
 def opened(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> Session:
     found = []
-    monkeypatch.setattr(server, "serve", lambda session, **_: found.append(session))
+    monkeypatch.setattr(serve, "serve", lambda open_session, **_: found.append(open_session()))
     assert run(arguments) == 0
     return found[0]
 

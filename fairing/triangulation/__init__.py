@@ -1,11 +1,16 @@
 """Image-consistent triangulation (Morris and Kanade, CVPR 2000): from sparse points to a start mesh."""
 
-from fairing.triangulation.flips import EdgeFlipper, FlipSummary
-from fairing.triangulation.options import TriangulationOptions
-from fairing.triangulation.quads import Verdict
-from fairing.triangulation.record import FlipRecord, FlipTrace, is_flip_record
-from fairing.triangulation.run import Triangulation, flip_progress, triangulate
-from fairing.triangulation.start import StartMesh, start_mesh
+from typing import TYPE_CHECKING
+
+from fairing.on_demand import on_demand
+
+if TYPE_CHECKING:
+    from fairing.triangulation.flips import EdgeFlipper, FlipSummary
+    from fairing.triangulation.options import TriangulationOptions
+    from fairing.triangulation.quads import Verdict
+    from fairing.triangulation.record import FlipRecord, FlipTrace, is_flip_record
+    from fairing.triangulation.run import Triangulation, flip_progress, triangulate
+    from fairing.triangulation.start import StartMesh, start_mesh
 
 __all__ = [
     "EdgeFlipper",
@@ -21,3 +26,21 @@ __all__ = [
     "start_mesh",
     "triangulate",
 ]
+
+__getattr__ = on_demand(
+    __name__,
+    {
+        "EdgeFlipper": "fairing.triangulation.flips",
+        "FlipRecord": "fairing.triangulation.record",
+        "FlipSummary": "fairing.triangulation.flips",
+        "FlipTrace": "fairing.triangulation.record",
+        "StartMesh": "fairing.triangulation.start",
+        "Triangulation": "fairing.triangulation.run",
+        "TriangulationOptions": "fairing.triangulation.options",
+        "Verdict": "fairing.triangulation.quads",
+        "flip_progress": "fairing.triangulation.run",
+        "is_flip_record": "fairing.triangulation.record",
+        "start_mesh": "fairing.triangulation.start",
+        "triangulate": "fairing.triangulation.run",
+    },
+)

@@ -1,0 +1,3 @@
+"""What `fair` writes into its folder."""
+
+MESH, REPORT, TRACE = "mesh.ply", "report.json", "run.trace"

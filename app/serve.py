@@ -1,0 +1,71 @@
+"""Serves the debugger on the command line: the page first, then the engine behind it.
+
+A browser takes as long to unpack the viewer as the engine takes to import and a small scene to load; so the address is
+said, and the browser opened, before either has begun.
+"""
+
+import contextlib
+import threading
+import webbrowser
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from app.viewer import address_of, start_viewer, stop_viewer
+from fairing.errors import InputError
+
+if TYPE_CHECKING:
+    from fairing.session import Session
+
+
+def serve(
+    open_session: Callable[[], "Session"],
+    *,
+    host: str = "127.0.0.1",
+    port: int = 8080,
+    open_browser: bool = True,
+    save_to: Path | None = None,
+    recorded_in: Path | None = None,
+    page_first: bool = True,
+) -> None:
+    """Open the debugger, paused, and stay until Ctrl-C.
+
+    Args:
+        open_session: makes the run.
+        port: 0 for any free one.
+        open_browser: also open the page in the user's browser.
+        save_to: keep the record in this file.
+        recorded_in: the file the record was read from; its bookmarks are beside it.
+        page_first: say the address before the run is there: not where a Ctrl-C by then would lose a run made already.
+
+    Raises:
+        InputError: the address cannot be used, `save_to` cannot be written, or the bookmarks cannot be read; or what
+            `open_session` raises.
+    """
+    server = start_viewer(host, port)
+    stop = partial(stop_viewer, server)
+    try:
+        with contextlib.suppress(KeyboardInterrupt):
+            if page_first:
+                _invite(address_of(server), open_browser)
+            from app.server import App
+
+            stop = App(server, open_session(), save_to, recorded_in).stop
+            if not page_first:
+                _invite(address_of(server), open_browser)
+            # A Ctrl-C that arrives just before a wait begins does not end it, so none is long.
+            never = threading.Event()
+            while not never.wait(timeout=0.5):
+                pass
+    except InputError as error:
+        stop = partial(stop_viewer, server, str(error))
+        raise
+    finally:
+        stop()
+
+
+def _invite(address: str, open_browser: bool) -> None:
+    print(f"EigenFairing is at {address} - Ctrl-C ends it.", flush=True)  # noqa: T201 - the one line a user needs
+    if open_browser:
+        webbrowser.open(address)
