@@ -7,9 +7,10 @@ from typing import Annotated, Literal
 import tyro
 from rich.console import Console
 
-from app.arguments import ALL_PHOTOS, PhotosArgument, Preset, SceneArgument
+from app.arguments import ALL_PHOTOS, PhotosArgument, Preset, SceneArgument, chosen_preset
 from app.check_command import check_to_console
 from app.convert_command import convert_to_folder
+from app.experiment_command import list_experiments
 from app.headless import fair_to_folder
 from app.register_command import register_to_file
 from app.run_extras import TEXTURE_SIZE, RunExtras
@@ -17,7 +18,7 @@ from app.scene_source import SceneSource
 from app.texture_command import texture_to_file
 from app.triangulate_command import triangulate_to_file
 from demo_scenes import DEMOS
-from fairing.options import PRESETS, FairingOptions
+from fairing.options import FairingOptions
 from fairing.triangulation import TriangulationOptions
 
 _TRIANGULATION = TriangulationOptions()
@@ -122,6 +123,11 @@ def demos() -> int:
     return 0
 
 
+def experiment() -> int:
+    """Measure what to expect: `experiment NAME [SCENE] --out DIR`; without a name it lists them."""
+    return list_experiments(Console())
+
+
 def _fair_command(default: FairingOptions) -> Callable[..., int]:
     """`fair` with the options of the chosen preset as the defaults of its flags."""
 
@@ -150,25 +156,15 @@ def _fair_command(default: FairingOptions) -> Callable[..., int]:
     return fair
 
 
-def _chosen_preset(arguments: Sequence[str]) -> FairingOptions:
-    """The parser's defaults depend on --preset, so it is looked up before parsing; a wrong name fails there."""
-    chosen = "accurate"
-    for i, argument in enumerate(arguments):
-        if argument == "--preset" and i + 1 < len(arguments):
-            chosen = arguments[i + 1]
-        elif argument.startswith("--preset="):
-            chosen = argument.partition("=")[2]
-    return PRESETS.get(chosen, PRESETS["accurate"])
-
-
 def batch_commands(arguments: Sequence[str]) -> dict[str, Callable[..., int]]:
     """All of them by name; the defaults of `fair` depend on the preset among the arguments."""
     return {
-        "fair": _fair_command(_chosen_preset(arguments)),
+        "fair": _fair_command(chosen_preset(arguments)),
         "check": check,
         "convert": convert,
         "texture": texture,
         "triangulate": triangulate,
         "register": register,
         "demos": demos,
+        "experiment": experiment,
     }

@@ -26,6 +26,11 @@ from fairing.trace import Trace
 if TYPE_CHECKING:
     from fairing.session import Session
 
+DESCRIPTION = (
+    "See how photographs pull a triangle mesh onto the truth. "
+    "Without a command it opens the demo cube, with the flags of `view`."
+)
+
 
 def view(
     scene: SceneArgument = "cube",
@@ -133,18 +138,18 @@ def run(arguments: Sequence[str]) -> int:
     if not arguments or (arguments[0].startswith("-") and arguments[0] not in ("-h", "--help")):
         arguments = ["view", "cube", *arguments]
     commands: dict[str, Callable[..., int]] = {"view": view, "replay": replay}
-    if arguments[0] not in commands:
+    prog, description = "eigenfairing", DESCRIPTION
+    if arguments[0] == "experiment" and len(arguments) > 1:
+        from app.experiment_command import ABOUT, experiment_commands
+
+        commands, prog, description = experiment_commands(arguments), "eigenfairing experiment", ABOUT
+        arguments = arguments[1:]
+    elif arguments[0] not in commands:
         from app.batch_commands import batch_commands
 
         commands |= batch_commands(arguments)
     try:
-        return tyro.extras.subcommand_cli_from_dict(
-            commands,
-            prog="eigenfairing",
-            description="See how photographs pull a triangle mesh onto the truth. "
-            "Without a command it opens the demo cube, with the flags of `view`.",
-            args=arguments,
-        )
+        return tyro.extras.subcommand_cli_from_dict(commands, prog=prog, description=description, args=arguments)
     except InputError as error:
         return _fail(str(error))
     except OSError as error:

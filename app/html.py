@@ -105,6 +105,7 @@ STYLE = f"""<style>
   cursor: pointer; display: block; }}
 .ef div.plot {{ display: flex; align-items: center; justify-content: center; cursor: default; }}
 .ef .plot text {{ font-size: 10.5px; fill: var(--dim); }}
+.ef .plot.chart {{ cursor: default; }}
 .ef .bar {{ height: 3px; background: var(--line); border-radius: 2px; margin-top: 6px; }}
 .ef .bar div {{ height: 3px; background: {css(BRAND)}; border-radius: 2px; }}
 </style>"""

@@ -15,6 +15,7 @@ from app.cells_controls import CellsControls
 from app.certainty_source import CertaintySource
 from app.compare import Reference, RunEnergies
 from app.controller import Controller
+from app.experiments.desk import Desk
 from app.focus import release_focus_after_use
 from app.guard import Guard
 from app.hands import Hands
@@ -43,6 +44,7 @@ from app.panels.cell_source import CellSource
 from app.panels.cells_panel import CellsPanel
 from app.panels.certainty_panel import CertaintyPanel
 from app.panels.debug_bar import DebugBar
+from app.panels.experiments_panel import ExperimentButtons, ExperimentsPanel
 from app.panels.html_panel import HtmlPanel
 from app.panels.layers_panel import LayersPanel, available_layers
 from app.panels.legend import LegendBox
@@ -84,6 +86,7 @@ class Shared:
     texturer: Texturer
     background: Background
     photos: PhotoStore
+    experiments: Desk
 
 
 class Page:
@@ -196,6 +199,7 @@ class Page:
         to_change = bridge.number(self._run.to_change)
         watch = WatchControls(bridge, self.view, self._run.jump, shared.controller.republish)
         pages = PhotoPages(shared.controller, scene, shared.photos, controls, enter)
+        experiments = ExperimentButtons(self._client, shared.experiments, shared.controller, self.view, bridge)
         tabs = gui.add_tab_group()
         with tabs.add_tab("Vertex"):
             last = len(shared.scene.mesh.vertices) - 1
@@ -224,6 +228,8 @@ class Page:
             panels.append(
                 CellsPanel(gui, scene, source, pages, shared.background, controls, choose_face, enter, self._guard)
             )
+        with cells.add_tab("Experiments", viser.Icon.CHART_DOTS):
+            panels.append(ExperimentsPanel(gui, shared.experiments, experiments))
         cells.dock_left()
         cells.set_width(CELLS_WIDTH)
         panels += self._lessons.build(cells)

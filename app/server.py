@@ -11,6 +11,7 @@ import viser
 from app.background import Background
 from app.compare import RunEnergies
 from app.controller import Controller
+from app.experiments.desk import Desk
 from app.history import EnergyHistory, PathHistory
 from app.layers.cameras import Thumbnails
 from app.page import Page, Shared
@@ -50,6 +51,7 @@ class App:
             Texturer(scene, stage, self.controller.republish),
             Background(self.controller.republish),
             PhotoStore(scene),
+            Desk(scene, scene.name, self.controller.republish),
         )
         self._pages: dict[int, Page] = {}
         self._pages_lock = threading.Lock()
@@ -70,6 +72,7 @@ class App:
         self._shared.texturer.close()
         self._shared.background.close()
         self._shared.thumbnails.close()
+        self._shared.experiments.close()
         with self._pages_lock:
             for page in self._pages.values():
                 page.close()

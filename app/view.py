@@ -55,6 +55,7 @@ class View:
     by_eye: the texture of a resting surface follows the eye.
     shape: where the surface's vertices are: 0 at the start, 1 now, 2 at the truth, and anything between.
     model_share: of the model laid over a photo looked through, 0 to 1.
+    experiment: the one shown, of `fairing.experiments.EXPERIMENTS`.
     shown: which layers are switched on.
     """
 
@@ -73,6 +74,7 @@ class View:
     by_eye: bool = False
     shape: float = NOW_SHAPE
     model_share: float = 0.0
+    experiment: str = "capture-range"
     shown: dict[str, bool] = field(
         default_factory=lambda: {name: name not in ("certainty", "truth", "points") for name in LAYERS}
     )

@@ -91,7 +91,7 @@ def run_report(session: Session, preset: str, seconds: dict[str, float], quality
         "format": "eigenfairing report 1",
         "preset": preset,
         "options": options_to_dict(session.options),
-        "versions": {"python": platform.python_version()} | {name: _version(name) for name in PACKAGES},
+        "versions": versions(),
         "scene": _scene_facts(session),
         "stop_reason": session.stop_reason,
         "finished": session.finished,
@@ -107,6 +107,11 @@ def run_report(session: Session, preset: str, seconds: dict[str, float], quality
         "quality": quality,
         "vertices": _vertices(session, context),
     }
+
+
+def versions() -> dict[str, str | None]:
+    """Of Python, of this package and of those that results depend on."""
+    return {"python": platform.python_version()} | {name: _version(name) for name in PACKAGES}
 
 
 def _version(package: str) -> str | None:

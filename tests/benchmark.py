@@ -22,20 +22,19 @@ import tyro
 from skimage import data as photographs
 
 from demo_scenes import DEMOS, load_demo
+from fairing.cramer_rao import cramer_rao_bound, luma_noise
 from fairing.energy import Evaluator
+from fairing.experiments.noise import noisy_views
 from fairing.metrics import quality_report, surface_distance
 from fairing.options import PRESETS, FairingOptions
-from fairing.photo import ArrayPhoto
-from fairing.scene import Scene, View
+from fairing.scene import Scene
 from fairing.session import Session
 from tests.best_mesh import best_mesh
-from tests.cramer_rao import bound
 from tests.numpy_twin import TwinPhotos, evaluate_face
 
 Table = dict[str, Any]
 ACCURATE = PRESETS["accurate"]
 CORNER_ONLY = (1, 2, 3, 4, 5, 6)
-LUMA = np.array([0.299, 0.587, 0.114])
 
 
 def least_seconds(work: Callable[[], object], repetitions: int) -> float:
@@ -229,14 +228,13 @@ def cube_paper(quick: bool) -> Table:
 def cube_noise(quick: bool) -> Table:
     """Noise of 2 grey levels a channel: rms error of corner A against the Cramer-Rao bound with unknown texture."""
     clean = load_demo("cube", displacement=np.array([0.03, -0.02, 0.03]))
-    luma_noise = float(np.sqrt((LUMA**2).sum() * (2.0**2 + 1 / 12)))
     ends = []
     for draw in range(3 if quick else 30):
-        session, _ = _cube_run(replace(clean, views=_noisy(clean.views, 2.0, draw)), held=True)
+        session, _ = _cube_run(replace(clean, views=noisy_views(clean.views, 2.0, draw)), held=True)
         ends.append(session.vertices[0] - 1.0)
     error = 100 * np.array(ends)
     rms, spread = np.sqrt((error**2).sum(1).mean()), np.sqrt(error.var(axis=0).sum())
-    least = 100 * bound(clean, 0, luma_noise)
+    least = 100 * cramer_rao_bound(clean, 0, luma_noise(2.0))
     return {
         f"{len(ends)} draws": {
             "rms %": rms,
@@ -296,13 +294,6 @@ def _error_row(ends: list[float]) -> dict[str, float]:
         "max %": float(errors.max()),
         "within 0.005 %": float((errors <= 0.005).mean()),
     }
-
-
-def _noisy(views: tuple[View, ...], sigma: float, seed: int) -> tuple[View, ...]:
-    rng = np.random.default_rng(seed)
-    photos = [view.photo.load() for view in views]
-    changed = [np.clip(np.rint(p + sigma * rng.standard_normal(p.shape)), 0, 255).astype(np.uint8) for p in photos]
-    return tuple(replace(view, photo=ArrayPhoto(photo)) for view, photo in zip(views, changed, strict=True))
 
 
 def _in_own_process(work: Callable[..., Table], *arguments: object) -> Table:

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from fairing.certainty import certainties
+from fairing.cramer_rao import cramer_rao_bound
 from fairing.scene import Scene
 from fairing.session import Session
-from tests.cramer_rao import bound
 from tests.small_scene import FACES, VERTICES, corner_scene, photos, small_options
 
 FINEST = small_options(schedule={"blur": [0.3]}, eigenspace={"dimensions": [1]}, cells={"color": False})
@@ -42,7 +42,7 @@ def test_deviations_come_near_the_cramer_rao_bound():
         for i, photo in enumerate(photos())
     }
     (found,) = certainties(Session(corner_scene((0, 0, 0), change=noisy), FINEST), np.array([0]))
-    expected = bound(corner_scene((0, 0, 0)), 0, noise)
+    expected = cramer_rao_bound(corner_scene((0, 0, 0)), 0, noise)
     assert np.linalg.norm(found.deviations) == pytest.approx(expected, rel=0.3)
 
 

@@ -17,6 +17,7 @@ from app.palette import NOW, REFERENCE, RGB, SELECTED, css
 from app.panels.html_panel import HtmlPanel
 from app.run_state import RunState
 from app.series import QUANTITIES, Series, series_of, thinned
+from app.ticks import log_ticks, ticks
 from app.view import PlotView, View
 from fairing.mesh import Mesh
 
@@ -160,7 +161,7 @@ class Plot:
         def y(values: np.ndarray | float) -> np.ndarray:
             return HEIGHT - BOTTOM - (HEIGHT - TOP - BOTTOM) * (scaled(values) - low) / (high - low)
 
-        parts = [_frame(_log_ticks(low, high) if log else _ticks(low, high), y)]
+        parts = [_frame(log_ticks(low, high) if log else ticks(low, high), y)]
         levels = self._energies.levels[: state.length]
         for first, end in _runs(levels):
             blur = state.options.schedule.blur[levels[first]]
@@ -197,30 +198,13 @@ def _empty(note: str) -> str:
     return f'<div class="plot dim" style="height:{HEIGHT}px">{note}</div>'
 
 
-def _frame(ticks: np.ndarray, y: Callable[[float], np.ndarray]) -> str:
+def _frame(values: np.ndarray, y: Callable[[float], np.ndarray]) -> str:
     lines = []
-    for value in ticks:
+    for value in values:
         at = float(y(value))
         lines.append(f'<line x1="{LEFT}" x2="{WIDTH - RIGHT}" y1="{at:.1f}" y2="{at:.1f}" stroke="var(--line)"/>')
         lines.append(f'<text x="{LEFT - 6}" y="{at + 3.5:.1f}" text-anchor="end">{number(float(value), 3)}</text>')
     return "".join(lines)
-
-
-def _ticks(low: float, high: float) -> np.ndarray:
-    """Two to four round numbers within an interval."""
-    rough = (high - low) / 3
-    power = 10 ** np.floor(np.log10(rough))
-    step = power * min((1, 2, 5, 10), key=lambda factor: abs(factor * power - rough))
-    return np.arange(np.ceil(low / step), np.floor(high / step) + 1) * step
-
-
-def _log_ticks(low: float, high: float) -> np.ndarray:
-    """Powers of ten, at most five, within an interval of exponents; round numbers where it holds fewer than two."""
-    powers = np.arange(np.ceil(low), np.floor(high) + 1)
-    if len(powers) >= 2:
-        return 10.0 ** powers[:: -(-len(powers) // 5)]
-    ticks = _ticks(10.0**low, 10.0**high)
-    return ticks[ticks > 0]
 
 
 def _band(left: float, right: float, label: str, has_border: bool) -> str:

@@ -1,0 +1,1 @@
+"""Experiments as users start them: in processes of their own, as charts, as files."""

@@ -1,0 +1,125 @@
+"""An experiment's files: a table, a picture, and a record with everything that it can be resumed from."""
+
+import csv
+import io
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from app.experiments.chart import charts_of
+from app.experiments.picture import png_of
+from app.json_file import write_json
+from fairing.errors import InputError
+from fairing.experiments import Experiment, Row, Setting
+from fairing.io import write_atomically
+from fairing.options import options_to_dict
+from fairing.report import versions
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """Attributes:
+    scene: what the user typed for it.
+    cases: all there are, in their order.
+    """
+
+    experiment: Experiment
+    setting: Setting
+    scene: str
+    cases: Sequence[Row]
+
+    @property
+    def stem(self) -> str:
+        """The files' name without its ending."""
+        return self.experiment.name
+
+    def in_order(self, rows: Sequence[Row]) -> list[Row]:
+        """Rows as their cases come, whichever was measured first."""
+        order = {_key(case): n for n, case in enumerate(self.cases)}
+        names = list(self.cases[0])
+        return sorted(rows, key=lambda row: order[_key({name: row[name] for name in names})])
+
+    def csv(self, rows: Sequence[Row]) -> bytes:
+        """A line a row, below the columns' names."""
+        text = io.StringIO()
+        table = csv.DictWriter(text, list(self.experiment.columns), extrasaction="ignore", lineterminator="\n")
+        table.writeheader()
+        table.writerows(self.in_order(rows))
+        return text.getvalue().encode()
+
+    def png(self, rows: Sequence[Row]) -> bytes:
+        """The charts with what they say."""
+        title = f"{self.experiment.title}: {Path(self.scene).name}, vertex {self.setting.vertex}"
+        charts = charts_of(self.experiment, self.cases, rows)
+        return png_of(charts, title, self.experiment.finding(rows))
+
+    def values(self, rows: Sequence[Row]) -> dict[str, Any]:
+        """For JSON: what was asked, with what, and every row, curves included."""
+        return self.identity() | {
+            "title": self.experiment.title,
+            "question": self.experiment.question,
+            "finding": self.experiment.finding(rows),
+            "finished": len(rows) == len(self.cases),
+            "edge": self.setting.edge,
+            "columns": dict(self.experiment.columns),
+            "versions": versions(),
+            "cases": len(self.cases),
+            "rows": self.in_order(rows),
+        }
+
+    def identity(self) -> dict[str, Any]:
+        """What must be the same for rows to belong together. Threads do not matter."""
+        options = options_to_dict(self.setting.options)
+        del options["threads"]
+        return {
+            "experiment": self.experiment.name,
+            "scene": self.scene,
+            "vertex": self.setting.vertex,
+            "fields": _plain(asdict(self.experiment)),  # pyright: ignore[reportArgumentType]
+            "options": _plain(options),
+        }
+
+    def save(self, folder: Path, rows: Sequence[Row], *, picture: bool) -> None:
+        """Write the record and the table, and the picture if wanted."""
+        write_json(folder / f"{self.stem}.json", self.values(rows))
+        write_atomically(folder / f"{self.stem}.csv", lambda file: file.write(self.csv(rows)))
+        if picture and rows:
+            write_atomically(folder / f"{self.stem}.png", lambda file: file.write(self.png(rows)))
+
+    def earlier_rows(self, folder: Path) -> list[Row]:
+        """The rows of an interrupted experiment in this folder; none where there are none.
+
+        Raises:
+            InputError: the record is damaged, or of another experiment, scene, vertex or options.
+        """
+        path = folder / f"{self.stem}.json"
+        if not path.exists():
+            return []
+        try:
+            found = json.loads(path.read_text(encoding="utf-8"))
+            rows = [dict(row) for row in found["rows"]]
+            is_whole = all(set(self.experiment.columns) <= set(row) for row in rows)
+            known = {_key(case) for case in self.cases}
+            names = list(self.cases[0])
+            wanted = self.identity()
+            different = [name for name, value in wanted.items() if found.get(name) != value]
+            if not different and not (is_whole and all(_key({n: r[n] for n in names}) in known for r in rows)):
+                raise ValueError
+        except (ValueError, KeyError, TypeError, OSError):
+            raise InputError(
+                f"{path}: expected the record of an experiment, found something else; leave --resume out"
+            ) from None
+        if different:
+            raise InputError(f"{path}: was made with another choice of {different[0]}; give the same or another --out")
+        return rows
+
+
+def _key(case: Row) -> tuple[Any, ...]:
+    return tuple(case.items())
+
+
+def _plain(values: Any) -> Any:
+    """As JSON gives them back: tuples are lists."""
+    return json.loads(json.dumps(values))

@@ -1,0 +1,143 @@
+"""Experiments on the scene at hand: choose one, start it, see its charts fill, take them away."""
+
+import viser
+
+from app.bridge import Bridge, whole_number
+from app.controller import Controller
+from app.experiments.chart import charts_of
+from app.experiments.desk import Desk, Outcome, Status
+from app.html import STYLE, button, icon, text
+from app.panels.chart_svg import chart_svg
+from app.panels.html_panel import HtmlPanel
+from app.run_state import RunState
+from app.view import View
+from fairing.errors import InputError
+from fairing.experiments import EXPERIMENTS
+from fairing.options import PRESETS, FairingOptions
+
+
+class ExperimentsPanel:
+    """One browser looks at one experiment; all browsers share those that are made."""
+
+    def __init__(self, gui: viser.GuiApi, desk: Desk, press: "ExperimentButtons") -> None:
+        self._desk, self._press = desk, press
+        self._obstacle = desk.obstacle()
+        self._panel = HtmlPanel(gui, STYLE)
+        self._shown: object = None
+
+    def show(self, state: RunState, view: View) -> None:
+        outcome = self._desk.outcome(view.experiment)
+        key = (view.experiment, outcome, self._desk.working, view.selected, state.options)
+        if key == self._shown:
+            return
+        self._shown = key
+        results = "" if outcome is None else self._results(outcome)
+        self._panel.set(STYLE + self._choices(view) + self._start(state, view, outcome) + results)
+
+    def _choices(self, view: View) -> str:
+        chips = "".join(
+            button(
+                experiment.title, self._press.choose(str(n)), hint=experiment.question,
+                css_class="chip on" if name == view.experiment else "chip",
+            )
+            for n, (name, experiment) in enumerate(EXPERIMENTS.items())
+        )  # fmt: skip
+        return f"<div class='row chips'>{chips}</div><div>{text(EXPERIMENTS[view.experiment].question)}</div>"
+
+    def _start(self, state: RunState, view: View, outcome: Outcome | None) -> str:
+        if self._obstacle:
+            return f"<div class='note dim'>{text(self._obstacle)}.</div>"
+        working = self._desk.working
+        if working is not None and working != view.experiment:
+            return f"<div class='note dim'>{text(EXPERIMENTS[working].title)} is at work; one at a time.</div>"
+        if working is not None and outcome is not None:
+            return _progress(outcome, button("Cancel", self._press.cancel, hint="Keep what is done and stop"))
+        which = "the vertex photos see best" if view.selected is None else f"vertex {view.selected}, which is selected"
+        start = button("Start", self._press.start, hint="Start the experiment", icon=icon("run"), css_class="main")
+        return (
+            f"<div class='row note'>{start}<span class='dim'>With {which}; {_preset_of(state.options)}. "
+            "The run is not touched.</span></div>"
+        )
+
+    def _results(self, outcome: Outcome) -> str:
+        if outcome.status is Status.FAILED:
+            return f"<div class='rejected'>{text(outcome.problem)}</div>"
+        if outcome.record is None or not outcome.rows:
+            return ""
+        finding = outcome.experiment.finding(outcome.record.in_order(outcome.rows))
+        count = f"{len(outcome.rows)} of {len(outcome.record.cases)} runs"
+        said = {
+            Status.WORKING: f"{count} so far", Status.DONE: f"{count}, {_duration(outcome.seconds)}",
+            Status.CANCELLED: f"cancelled after {count}",
+        }[outcome.status]  # fmt: skip
+        csv = button("CSV", self._press.csv, hint="Download the table", css_class="small")
+        png = button("PNG", self._press.png, hint="Download the picture", css_class="small")
+        about = f"vertex {outcome.setting.vertex}, {_preset_of(outcome.setting.options)}"
+        charts = "".join(
+            chart_svg(chart) for chart in charts_of(outcome.experiment, outcome.record.cases, outcome.rows)
+        )
+        return (
+            f"{charts}<div class='note'>{text(finding)}</div>"
+            f"<div class='row note'><span class='dim grow'>{text(about)}; {text(said)}</span>{csv}{png}</div>"
+        )
+
+
+class ExperimentButtons:
+    """What the panel's buttons do; made where they stay on the page when the panel is not."""
+
+    def __init__(
+        self, client: viser.ClientHandle, desk: Desk, controller: Controller, view: View, bridge: Bridge
+    ) -> None:
+        self._client, self._desk, self._controller, self._view = client, desk, controller, view
+        names = list(EXPERIMENTS)
+        self.choose = bridge.number(lambda n: self.show(names[whole_number(n, 0, len(names) - 1, "experiment")]))
+        self.start = bridge.button(self._start)
+        self.cancel = bridge.button(desk.cancel)
+        self.csv = bridge.button(self._csv)
+        self.png = bridge.button(self._png)
+
+    def show(self, name: str) -> None:
+        """Look at the experiment of this name."""
+        self._view.experiment = name
+        self._controller.republish()
+
+    def _start(self) -> None:
+        experiment = EXPERIMENTS[self._view.experiment]()
+        self._desk.start(experiment, self._controller.state.options, self._view.selected)
+
+    def _csv(self) -> None:
+        outcome, record = self._measured()
+        self._client.send_file_download(f"{record.stem}.csv", record.csv(outcome.rows), save_immediately=True)
+
+    def _png(self) -> None:
+        outcome, record = self._measured()
+        self._client.send_file_download(f"{record.stem}.png", record.png(outcome.rows), save_immediately=True)
+
+    def _measured(self):
+        outcome = self._desk.outcome(self._view.experiment)
+        if outcome is None or outcome.record is None or not outcome.rows:
+            raise InputError("nothing has been measured yet; start the experiment first")
+        return outcome, outcome.record
+
+
+def _progress(outcome: Outcome, cancel: str) -> str:
+    done, total = len(outcome.rows), len(outcome.record.cases) if outcome.record is not None else 0
+    left = "" if outcome.left is None else f", about {_duration(outcome.left)} left"
+    said = f"{done} of {total} runs{left}" if total else "getting ready"
+    share = 100 * done / max(total, 1)
+    return (
+        f"<div class='row note'><span class='grow'>{said}</span>{cancel}</div>"
+        f"<div class='bar'><div style='width:{share:.1f}%'></div></div>"
+    )
+
+
+def _preset_of(options: FairingOptions) -> str:
+    """Which preset it is, or that it is none."""
+    for name, preset in PRESETS.items():
+        if options == preset:
+            return f"options of the preset {name}"
+    return "options of the run at hand"
+
+
+def _duration(seconds: float) -> str:
+    return f"{seconds:.0f} s" if seconds < 90 else f"{seconds / 60:.0f} min"

@@ -1,0 +1,30 @@
+"""Experiments on one vertex of a scene whose truth is known: what to expect of fairing, and why.
+
+setting = Setting.of(scene)
+for row in results(CaptureRange(), setting):
+    print(row)
+"""
+
+from fairing.experiments.capture_range import CaptureRange
+from fairing.experiments.experiment import Experiment, Row, results
+from fairing.experiments.k_sweep import KSweep
+from fairing.experiments.noise import NoiseAgainstBound
+from fairing.experiments.setting import Setting, check_truth
+from fairing.experiments.warps import WarpComparison
+
+EXPERIMENTS: dict[str, type[Experiment]] = {
+    experiment.name: experiment for experiment in (CaptureRange, NoiseAgainstBound, KSweep, WarpComparison)
+}
+
+__all__ = [
+    "EXPERIMENTS",
+    "CaptureRange",
+    "Experiment",
+    "KSweep",
+    "NoiseAgainstBound",
+    "Row",
+    "Setting",
+    "WarpComparison",
+    "check_truth",
+    "results",
+]

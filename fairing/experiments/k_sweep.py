@@ -1,0 +1,122 @@
+"""What does k do? The error at the end over the eigenspace's dimensions, and how much misalignment it explains away."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+
+from fairing.errors import InputError
+from fairing.experiments.experiment import Row
+from fairing.experiments.setting import Setting
+from fairing.inspect import FaceCells, face_cells
+from fairing.options import CellOptions, FairingOptions
+from fairing.session import Session
+
+START_PERCENT = 10.0
+MISALIGNED_PERCENT = 2.0
+BLUR = 2.0  # px: of the photos in which the misalignment is looked at
+CELL_SIZE = 64
+
+
+@dataclass(frozen=True)
+class KSweep:
+    """Runs with every k, and what the eigenspace explains away of a misalignment before any step."""
+
+    name: ClassVar[str] = "k-sweep"
+    title: ClassVar[str] = "Dimensions of the eigenspace"
+    question: ClassVar[str] = "How many dimensions k should the eigenspace have, and what misalignment does it swallow?"
+    columns: ClassVar[dict[str, str]] = {
+        "k": "dimensions of the eigenspace, on all levels",
+        "direction": "number of the direction, from 0",
+        "end_percent": "error at the end, % of the edge",
+        "left_percent": "of what a misalignment of 2 % of the edge leaves unexplained by the true eigenspace, the part "
+        "that is left once the eigenspace is fitted again, %",
+        "steps": "steps of the run",
+    }
+
+    dimensions: tuple[int, ...] = ()
+    """Values of k, the same on all levels. Default: all from 1 to two less than the views."""
+    directions: int = 2
+    """From how many directions the vertex starts, 10 % of the edge away."""
+
+    def cases(self, setting: Setting) -> list[Row]:
+        most = largest_k(setting)
+        if self.dimensions and not 1 <= min(self.dimensions) <= max(self.dimensions) <= most:
+            raise InputError(f"dimensions: expected values of k from 1 to {most}, two less than the views of a face")
+        wanted = self.dimensions or tuple(range(1, most + 1))
+        return [{"k": k, "direction": d} for d in range(self.directions) for k in wanted]
+
+    def measure(self, setting: Setting, case: Row) -> Row:
+        direction = setting.directions(self.directions)[case["direction"]]
+        eigenspace = replace(setting.options.eigenspace, dimensions=(case["k"],))
+        scene = setting.displaced(START_PERCENT, direction)
+        session = setting.session(scene, replace(setting.options, eigenspace=eigenspace))
+        session.run()
+        return {
+            "end_percent": setting.distance(session.vertices),
+            "left_percent": 100 * part_left(setting, case["k"], direction),
+            "steps": len(session.trace),
+        }
+
+    def finding(self, rows: Sequence[Row]) -> str:
+        by_k = {k: [row for row in rows if row["k"] == k] for k in sorted({row["k"] for row in rows})}
+        if len(by_k) < 2:
+            return ""
+        end = {k: float(np.median([row["end_percent"] for row in here])) for k, here in by_k.items()}
+        left = {k: float(np.median([row["left_percent"] for row in here])) for k, here in by_k.items()}
+        best, last = min(end, key=lambda k: end[k]), max(end)
+        return (
+            f"k = {best} ends nearest, {end[best]:.2g} % of the edge off; k = {last} ends {end[last]:.2g} % off. The "
+            f"eigenspace explains away all but {left[min(left)]:.2g} % of a misalignment with k = {min(left)}, and all "
+            f"but {left[last]:.2g} % with k = {last}."
+        )
+
+
+def largest_k(setting: Setting) -> int:
+    """Two less than the views of the face around the vertex that fewest see.
+
+    Raises:
+        InputError: that leaves no dimension.
+    """
+    context = _at_one_level(setting, 0.0, np.zeros(3)).sweep_state().context
+    views = int(context.n_views[setting.scene.mesh.one_rings[setting.vertex]].min())
+    if views < 3:
+        raise InputError(f"vertex {setting.vertex}: a face around it is seen in {views} photos; choose another vertex")
+    return views - 2
+
+
+def part_left(setting: Setting, k: int, direction: np.ndarray) -> float:
+    """Of the squared residual that a misalignment adds under the true eigenspace, the part that a refitted one leaves.
+
+    That refitting leaves so little, even with k = 1, is why a step that holds the eigenspace still is many times too
+    short: U follows the texture, wherever the vertex drags it.
+    """
+    aligned, off = (_at_one_level(setting, percent, direction) for percent in (0.0, MISALIGNED_PERCENT))
+    held = refitted = least = 0.0
+    for face in setting.scene.mesh.one_rings[setting.vertex].tolist():
+        first, second = face_cells(aligned, face), face_cells(off, face)
+        _, mine, theirs = np.intersect1d(first.views, second.views, return_indices=True)
+        shown = np.all(first.counts[mine] & second.counts[theirs], axis=0)
+        true, moved = _weighted(first, mine, shown), _weighted(second, theirs, shown)
+        _, true_values, rows = np.linalg.svd(true, full_matrices=False)
+        held += float(((moved - moved @ rows[:k].T @ rows[:k]) ** 2).sum())
+        refitted += float((np.linalg.svd(moved, compute_uv=False)[k:] ** 2).sum())
+        least += float((true_values[k:] ** 2).sum())
+    return max(0.0, refitted - least) / max(held - least, 1e-300)
+
+
+def _weighted(cells: FaceCells, views: np.ndarray, shown: np.ndarray) -> np.ndarray:
+    """(n, p) float: cells of some views, samples that all show, weighted as the energy weighs them."""
+    return cells.observed[np.ix_(views, shown)] * np.sqrt(cells.pair_weight[views])[:, None]
+
+
+def _at_one_level(setting: Setting, percent: float, direction: np.ndarray) -> Session:
+    """A run that has not begun, on a single level with cells of one size, so that cells compare sample by sample."""
+    options: FairingOptions = setting.options
+    cells = CellOptions(warp=options.cells.warp, size=(CELL_SIZE,), adaptive=False, inset=(0.0,))
+    cells = replace(cells, interpolation=("bilinear",), weighting=options.cells.weighting)
+    schedule = replace(options.schedule, blur=(BLUR,), start="first", start_error=0.0, search=(0.0,))
+    step = replace(options.step, smoothing=(0.0,))
+    options = replace(options, cells=cells, schedule=schedule, step=step)
+    return setting.session(setting.displaced(percent, direction), options)

@@ -1,0 +1,101 @@
+"""How much does noise cost? The error at the end over the photos' noise, beside what any method could reach."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import ClassVar
+
+import numpy as np
+
+from fairing.cramer_rao import ROUNDING, cramer_rao_covariance, luma_noise
+from fairing.experiments.experiment import Row
+from fairing.experiments.setting import Setting
+from fairing.options import VisibilityOptions
+from fairing.photo import ArrayPhoto
+from fairing.scene import View
+
+START_PERCENT = 5.0
+
+
+@dataclass(frozen=True)
+class NoiseAgainstBound:
+    """Runs on photos with more and more noise."""
+
+    name: ClassVar[str] = "noise"
+    title: ClassVar[str] = "Accuracy against noise"
+    question: ClassVar[str] = "How much accuracy does noise in the photos cost, and how much must it cost at least?"
+    columns: ClassVar[dict[str, str]] = {
+        "noise": "standard deviation of the noise added to each channel, grey levels",
+        "draw": "number of the draw, from 0",
+        "noise_in_all": "the same with the rounding to 8 bits, grey levels",
+        "end_percent": "error at the end, % of the edge",
+        "bound_percent": "Cramer-Rao bound of its rms with unknown texture, % of the edge",
+        "steps": "steps of the run",
+    }
+
+    noises: tuple[float, ...] = (0.0, 1.0, 2.0, 4.0, 8.0)
+    """Standard deviations of the noise added to each channel of the photos, grey levels."""
+    draws: int = 6
+    """How many times each noise is drawn."""
+
+    def cases(self, setting: Setting) -> list[Row]:
+        # Without noise every draw is the same.
+        return [{"noise": s, "draw": d} for d in range(self.draws) for s in self.noises if s > 0 or d == 0]
+
+    def measure(self, setting: Setting, case: Row) -> Row:
+        start = setting.displaced(START_PERCENT, setting.directions(3)[0])
+        noisy = replace(start, views=noisy_views(start.views, case["noise"], case["draw"]))
+        session = setting.session(noisy)
+        session.run()
+        return {
+            "noise_in_all": float(np.sqrt(case["noise"] ** 2 + ROUNDING)),
+            "end_percent": setting.distance(session.vertices),
+            "bound_percent": luma_noise(case["noise"]) * bound_percent(setting),
+            "steps": len(session.trace),
+        }
+
+    def finding(self, rows: Sequence[Row]) -> str:
+        if not rows:
+            return ""
+        noise = max(row["noise"] for row in rows)
+        here = [row for row in rows if row["noise"] == noise]
+        rms, bound = rms_of(here), here[0]["bound_percent"]
+        return (
+            f"With noise of {noise:g} grey levels the error is {rms:.2g} % of the edge (rms of {len(here)}), "
+            f"{rms / bound:.1f} times the bound of {bound:.2g} %."
+        )
+
+
+def rms_of(rows: Sequence[Row]) -> float:
+    """Root mean square of the errors at the end, percent of the edge."""
+    return float(np.sqrt(np.mean([row["end_percent"] ** 2 for row in rows])))
+
+
+def noisy_views(views: tuple[View, ...], noise: float, seed: int) -> tuple[View, ...]:
+    """The views with normal noise of a standard deviation (grey levels, each channel) in their photos, 8 bits again."""
+    rng = np.random.default_rng(seed)
+    noisy = []
+    for view in views:
+        pixels = view.photo.load()
+        changed = np.rint(pixels + noise * rng.standard_normal(pixels.shape))
+        noisy.append(replace(view, photo=ArrayPhoto(np.clip(changed, 0, 255).astype(np.uint8))))
+    return tuple(noisy)
+
+
+@lru_cache(maxsize=1)
+def bound_percent(setting: Setting) -> float:
+    """The Cramer-Rao bound of the rms error along what the truth determines, % of the edge a grey level of luma noise."""
+    covariance = cramer_rao_covariance(setting.scene, setting.vertex, 1.0, _views_of_face(setting))
+    along = setting.determined @ covariance @ setting.determined.T
+    return 100 / setting.edge * float(np.sqrt(np.trace(along)))
+
+
+def _views_of_face(setting: Setting) -> dict[int, np.ndarray]:
+    """For each face around the vertex the views that see any of it: a bound for all methods leaves no photo out."""
+    scene = setting.displaced(0.0, np.zeros(3))
+    anything = VisibilityOptions(min_angle=0.5, min_footprint=0.1, edge_margin=0.0, min_samples=0.01)
+    options = replace(setting.options, visibility=replace(anything, max_views=len(scene.views)))
+    context = setting.session(scene, options).sweep_state().context
+    return {
+        face: context.kernel.pair_view[context.pairs_of(face)] for face in scene.mesh.one_rings[setting.vertex].tolist()
+    }

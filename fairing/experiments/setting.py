@@ -1,0 +1,137 @@
+"""One vertex of a scene whose truth is known, put off its place: the ground of every experiment."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from fairing.errors import InputError
+from fairing.gauss_newton import face_normals
+from fairing.metrics import SPAN_TOLERANCE
+from fairing.options import FairingOptions
+from fairing.scene import Scene
+from fairing.session import Session
+
+GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
+
+
+@dataclass(frozen=True, eq=False)
+class Setting:
+    """Attributes:
+        scene: its truth must be known.
+        vertex: the one that is put off its place; all others stay at theirs.
+        options: of every run, but for what an experiment varies.
+
+    Raises:
+        InputError: the truth is not known, or there is no such vertex.
+    """
+
+    scene: Scene
+    vertex: int
+    options: FairingOptions
+
+    def __post_init__(self) -> None:
+        check_truth(self.scene)
+        last = len(self.scene.mesh.vertices) - 1
+        if not 0 <= self.vertex <= last:
+            raise InputError(f"vertex {self.vertex}: this mesh has vertices 0 to {last}")
+
+    @classmethod
+    def of(cls, scene: Scene, options: FairingOptions | None = None, vertex: int | None = None) -> "Setting":
+        """With the preset `accurate` and the vertex that photos determine best, unless told otherwise."""
+        check_truth(scene)
+        return cls(scene, best_seen_vertex(scene) if vertex is None else vertex, options or FairingOptions())
+
+    @cached_property
+    def truth(self) -> np.ndarray:
+        """(n, 3) float: where the vertices belong, world units."""
+        assert self.scene.truth is not None
+        assert self.scene.truth.vertices is not None
+        return self.scene.truth.vertices
+
+    @cached_property
+    def edge(self) -> float:
+        """Shortest edge at the vertex, world units: what percentages refer to."""
+        faces = self.scene.mesh.faces[self.scene.mesh.one_rings[self.vertex]]
+        neighbours = np.setdiff1d(faces, self.vertex)
+        return float(np.linalg.norm(self.truth[neighbours] - self.truth[self.vertex], axis=1).min())
+
+    @cached_property
+    def determined(self) -> np.ndarray:
+        """(d, 3) float: unit vectors that span what the photos can determine of the vertex."""
+        return determined_directions(self.scene, self.vertex)
+
+    def directions(self, count: int) -> np.ndarray:
+        """(count, 3) float: unit vectors spread over all directions that the photos can determine."""
+        # A Fibonacci lattice on the sphere.
+        k = np.arange(count) + 0.5
+        height, turn = 1 - 2 * k / count, GOLDEN_ANGLE * k
+        radius = np.sqrt(1 - height**2)
+        spread = np.stack([radius * np.cos(turn), radius * np.sin(turn), height], axis=1)
+        within = spread @ self.determined.T @ self.determined
+        return within / np.linalg.norm(within, axis=1, keepdims=True)
+
+    def displaced(self, percent: float, direction: np.ndarray) -> Scene:
+        """The scene with all vertices at the truth but this one, off by a percentage of the edge."""
+        start = self.truth.copy()
+        start[self.vertex] += percent / 100 * self.edge * direction
+        return replace(self.scene, mesh=self.scene.mesh.moved(start))
+
+    def session(self, scene: Scene, options: FairingOptions | None = None) -> Session:
+        """A run on the scene in which no other vertex moves."""
+        others = np.flatnonzero(scene.original_from_welded != self.vertex).tolist()
+        options = replace(
+            options or self.options, locked_vertices=tuple(others), lock_boundary=False, locked_boxes=(), region=()
+        )
+        return Session(scene, options)
+
+    def error(self, vertices: np.ndarray) -> np.ndarray:
+        """(d,) float: what is left of the vertex's error along `determined`, percent of the edge."""
+        return 100 / self.edge * self.determined @ (vertices[self.vertex] - self.truth[self.vertex])
+
+    def distance(self, vertices: np.ndarray) -> float:
+        """Length of `error`, percent of the edge."""
+        return float(np.linalg.norm(self.error(vertices)))
+
+
+def check_truth(scene: Scene) -> None:
+    """Raises InputError where nobody knows the true places of the scene's vertices."""
+    if scene.truth is None or scene.truth.vertices is None:
+        raise InputError(
+            f"scene {scene.name}: experiments measure errors against the true places of its vertices, and they are not "
+            "known; take a synthetic scene, such as the demo cube"
+        )
+
+
+def determined_directions(scene: Scene, vertex: int) -> np.ndarray:
+    """(d <= 3, 3) float: unit vectors that span the normals of the true surfaces that meet at the vertex."""
+    normals = scene.truth.normals if scene.truth is not None else None
+    if normals is None:
+        return np.eye(3)
+    _, strength, directions = np.linalg.svd(normals[vertex], full_matrices=False)
+    found = directions[strength > SPAN_TOLERANCE * strength[0]]
+    # The base of a corner is the world's own axes, so that its error reads as it is.
+    return np.eye(3) if len(found) == 3 else found
+
+
+def best_seen_vertex(scene: Scene) -> int:
+    """Of the vertices that the true surface determines in most directions, the one whose faces fill most of the photos
+    that see them all from the front."""
+    assert scene.truth is not None
+    assert scene.truth.vertices is not None
+    vertices, faces = scene.truth.vertices, scene.mesh.faces
+    normals = face_normals(vertices, faces)
+    rings = scene.mesh.one_rings
+    area = np.zeros(len(vertices))
+    for view in scene.views:
+        uv, depth = view.camera.project(vertices)
+        a, b, c = uv[faces].transpose(1, 0, 2)
+        pixels = 0.5 * np.abs((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
+        size = np.array([view.camera.width, view.camera.height])
+        inside = ((depth > 0) & (uv >= 0).all(axis=1) & (uv <= size - 1).all(axis=1))[faces].all(axis=1)
+        front = (normals * (view.camera.center - vertices[faces[:, 0]])).sum(axis=1) > 0
+        for vertex, ring in enumerate(rings):
+            if len(ring) and (inside & front)[ring].all():
+                area[vertex] += pixels[ring].sum()
+    spans = np.array([len(determined_directions(scene, v)) if area[v] > 0 else 0 for v in range(len(vertices))])
+    return int(np.lexsort((area, spans))[-1])

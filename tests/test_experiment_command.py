@@ -1,0 +1,232 @@
+"""Experiments on the command line, in their processes, on the page's desk, and as files."""
+
+import csv
+import io
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from app.cli import run
+from app.experiments.chart import charts_of
+from app.experiments.desk import Desk, Status
+from app.experiments.record import Record
+from app.experiments.workers import measure_all
+from fairing.errors import InputError
+from fairing.experiments import EXPERIMENTS, CaptureRange, Row, Setting, WarpComparison, results
+from tests.browser.driver import wait_for
+from tests.small_scene import corner_scene, small_options, write_corner
+
+ONE_LEVEL = small_options(schedule={"blur": [1.2], "max_sweeps": [3]}, cells={"size": [32]})
+FLAGS = ["--starts", "4", "8", "--directions", "2", "--schedule.blur", "1.2", "--schedule.max-sweeps", "2"]
+FLAGS += ["--schedule.search", "0", "--cells.size", "32", "--step.smoothing", "0"]
+EXPERIMENT = CaptureRange(starts=(4.0, 8.0), directions=3)
+
+
+@pytest.fixture(scope="module")
+def setting() -> Setting:
+    return Setting.of(corner_scene(), ONE_LEVEL)
+
+
+@pytest.fixture(scope="module")
+def rows(setting: Setting) -> list[Row]:
+    return list(results(EXPERIMENT, setting))
+
+
+# ---------------------------------------------------------------------- processes
+
+
+def never() -> bool:
+    return False
+
+
+def test_processes_measure_what_one_after_another_measures(setting: Setting, rows: list[Row]):
+    found: list[Row] = []
+    assert measure_all(EXPERIMENT, setting, EXPERIMENT.cases(setting), 2, found.append, never)
+    assert sorted(found, key=str) == sorted(rows, key=str)
+
+
+def test_a_wish_to_stop_ends_the_processes_at_once(setting: Setting):
+    found: list[Row] = []
+    many = CaptureRange(starts=tuple(np.linspace(1, 9, 200)), directions=6)
+    assert not measure_all(many, setting, many.cases(setting), 1, found.append, lambda: len(found) >= 2)
+    assert 2 <= len(found) < 20
+
+
+class Failing(CaptureRange):
+    """Measures nothing."""
+
+    def measure(self, setting: Setting, case: Row) -> Row:
+        raise ValueError("no such luck")
+
+
+class Dying(CaptureRange):
+    """Takes its process with it."""
+
+    def measure(self, setting: Setting, case: Row) -> Row:
+        raise SystemExit(3)
+
+
+@pytest.mark.parametrize(("kind", "said"), [(Failing, "ValueError: no such luck"), (Dying, "ended before its time")])
+def test_what_goes_wrong_in_a_process_is_one_line(setting: Setting, kind: type[CaptureRange], said: str):
+    with pytest.raises(InputError, match=said):
+        measure_all(kind(), setting, EXPERIMENT.cases(setting), 1, lambda row: None, never)
+
+
+# ---------------------------------------------------------------------- the page's desk
+
+
+def test_the_desk_works_beside_its_user_and_keeps_the_outcome(setting: Setting, rows: list[Row]):
+    told = threading.Event()
+    desk = Desk(setting.scene, "corner", told.set)
+    assert desk.obstacle() == ""
+    desk.start(EXPERIMENT, ONE_LEVEL)
+    with pytest.raises(InputError, match="Capture range is at work"):
+        desk.start(WarpComparison(), ONE_LEVEL)
+    wait_for(lambda: desk.working is None, 120)
+    outcome = desk.outcome("capture-range")
+    assert outcome is not None
+    assert outcome.record is not None
+    assert outcome.status is Status.DONE
+    assert outcome.record.in_order(outcome.rows) == rows
+    assert told.is_set()
+    desk.close()
+
+
+def test_a_cancelled_experiment_keeps_what_it_has(setting: Setting):
+    desk = Desk(setting.scene, "corner", lambda: None)
+    desk.start(CaptureRange(starts=tuple(np.linspace(1, 9, 200))), ONE_LEVEL, vertex=0)
+    wait_for(lambda: len(_rows(desk)) >= 1, 120)
+    desk.cancel()
+    wait_for(lambda: desk.working is None, 20)
+    outcome = desk.outcome("capture-range")
+    assert outcome is not None
+    assert outcome.status is Status.CANCELLED
+    assert len(_rows(desk)) >= 1
+    desk.close()
+
+
+def _rows(desk: Desk) -> tuple[Row, ...]:
+    outcome = desk.outcome("capture-range")
+    return () if outcome is None else outcome.rows
+
+
+def test_a_scene_without_truth_says_so_and_starts_nothing():
+    desk = Desk(replace(corner_scene(), truth=None), "corner", lambda: None)
+    assert "true places of its vertices" in desk.obstacle()
+    with pytest.raises(InputError, match="true places"):
+        desk.start(EXPERIMENT, ONE_LEVEL)
+    assert desk.working is None
+
+
+# ---------------------------------------------------------------------- files
+
+
+def test_the_table_has_a_line_a_case_in_order_whichever_came_first(setting: Setting, rows: list[Row]):
+    record = Record(EXPERIMENT, setting, "corner", EXPERIMENT.cases(setting))
+    table = list(csv.DictReader(io.StringIO(record.csv(rows[::-1]).decode())))
+    assert [(float(line["start_percent"]), int(line["direction"])) for line in table] == [
+        (row["start_percent"], row["direction"]) for row in rows
+    ]
+    assert [float(line["end_percent"]) for line in table] == [row["end_percent"] for row in rows]
+
+
+@pytest.mark.parametrize("name", list(EXPERIMENTS))
+def test_every_experiment_has_a_picture_from_its_first_row_on(setting: Setting, name: str):
+    experiment = EXPERIMENTS[name]()
+    cases = experiment.cases(setting)
+    rows = [_invented(experiment, case, n) for n, case in enumerate(cases)]
+    record = Record(experiment, setting, "corner", cases)
+    for some in (rows[:1], rows):
+        charts = charts_of(experiment, cases, some)
+        assert charts
+        for chart in charts:
+            for series in chart.series:
+                assert (np.diff(series.x) > 0).all(), "places ascend"
+                assert chart.x_range[0] <= series.x.min() <= series.x.max() <= chart.x_range[1]
+                assert chart.y_range[0] <= series.y.min() <= series.y.max() <= chart.y_range[1]
+        picture = Image.open(io.BytesIO(record.png(some)))
+        assert picture.width >= 900
+        assert record.png(some) == record.png(some)
+
+
+def _invented(experiment, case: Row, n: int) -> Row:
+    """A row with all columns, without the work."""
+    made = {name: 0.01 * (n + 1) for name in experiment.columns} | {"path": [20.0, 5.0, 0.01 * (n + 1)]}
+    if "noise" in case:
+        made["noise_in_all"] = float(np.hypot(case["noise"], 0.29))
+    return made | case
+
+
+# ---------------------------------------------------------------------- the command
+
+
+def command(out: Path, *flags: str) -> int:
+    return run(["experiment", "capture-range", "cube", "--out", str(out), *FLAGS, *flags])
+
+
+def test_without_a_name_the_experiments_are_listed(capsys):
+    assert run(["experiment"]) == 0
+    said = capsys.readouterr().out
+    for name, experiment in EXPERIMENTS.items():
+        assert name in said
+        assert experiment.question in said
+
+
+def test_ctrl_c_keeps_what_is_done_and_resume_ends_where_an_unbroken_one_ends(tmp_path, capsys):
+    whole, broken = tmp_path / "whole", tmp_path / "broken"
+    assert command(whole) == 0
+    assert "came back" in capsys.readouterr().err
+    line = [sys.executable, "-m", "app", "experiment", "capture-range", "--out", str(broken), *FLAGS]
+    process = subprocess.Popen(line, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    assert process.stderr is not None
+    assert "end_percent" in process.stderr.readline()
+    os.killpg(process.pid, signal.SIGINT)  # as a terminal does: all processes hear it
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 130, errors
+    assert "Traceback" not in errors
+    assert "go on with --resume" in errors
+    record = json.loads((broken / "capture-range.json").read_text())
+    assert 1 <= len(record["rows"]) < 4
+    assert not record["finished"]
+    assert (broken / "capture-range.png").exists()
+    assert command(broken, "--resume") == 0
+    for ending in ("csv", "png", "json"):
+        names = [folder / f"capture-range.{ending}" for folder in (whole, broken)]
+        assert names[0].read_bytes() == names[1].read_bytes(), ending
+    record = json.loads((broken / "capture-range.json").read_text())
+    assert record["finished"]
+    assert record["options"]["cells"]["size"] == [32]
+    assert record["versions"]["numpy"] == np.__version__
+
+
+def test_a_resumed_experiment_must_be_the_same(tmp_path, capsys):
+    (tmp_path / ".eigenfairing").write_text("")
+    (tmp_path / "capture-range.json").write_text("{}")
+    assert command(tmp_path, "--resume") == 1
+    assert "expected the record of an experiment" in capsys.readouterr().err
+    assert (tmp_path / "capture-range.json").read_text() == "{}"
+
+
+def test_a_folder_with_other_content_is_left_alone(tmp_path, capsys):
+    (tmp_path / "thesis.txt").write_text("mine")
+    assert command(tmp_path) == 1
+    assert "expected an empty or new folder" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["thesis.txt"]
+
+
+def test_a_scene_without_truth_is_one_line(tmp_path, capsys):
+    write_corner(tmp_path / "corner")
+    assert run(["experiment", "noise", str(tmp_path / "corner"), "--out", str(tmp_path / "out")]) == 1
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 1
+    assert "take a synthetic scene" in lines[0]
+    assert not (tmp_path / "out").exists()
