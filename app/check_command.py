@@ -89,7 +89,7 @@ def _print(scene: Scene, check: SceneCheck, console: Console) -> None:
     if check.parallax is not None:
         lines.append(f"lines of sight to a face spread over {check.parallax:.0f} degrees (median)")
     lines.append("pairs of face and photo: " + ", ".join(f"{name} {n}" for name, n in check.reasons.items()))
-    lines.append(f"memory for the photos: about {check.memory / 1e9:.1f} GB")
+    lines.append(f"memory of a run: about {check.memory / 1e9:.1f} GB")
     lines += [f"note: {warning}" for warning in check.warnings]
     lines += [f"hint: {hint}" for hint in check.hints]
     lines += [f"to know: {suggestion}" for suggestion in check.suggestions]

@@ -3,7 +3,7 @@
 import signal
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -16,8 +16,9 @@ from app.loading import load_with_progress
 from app.run_extras import RunExtras, prove_on_left_out, write_models
 from app.run_files import MESH, REPORT, TRACE
 from app.scene_source import SceneSource
-from fairing.errors import InputError
+from fairing.errors import InputError, Interrupted
 from fairing.io import prepare_output_folder, write_mesh
+from fairing.memory import memory_warning
 from fairing.metrics import quality_report
 from fairing.option_check import check_options
 from fairing.options import FairingOptions, options_from_dict
@@ -26,6 +27,7 @@ from fairing.session import Session
 from fairing.trace import Position, StepRecord, Trace
 
 START_MESH = "start.ply"
+TELL_EVERY = 60.0  # seconds between lines where there is no terminal, within a level
 
 
 class Interrupt:
@@ -69,13 +71,19 @@ class RunProgress:
             disable=not console.is_terminal,
         )
         self._task = self._bar.add_task("starting", total=1.0)
+        self._told = time.monotonic()
 
     def __enter__(self) -> "RunProgress":
+        self._session.on_photo = self._show_photo
         self._bar.start()
         return self
 
     def __exit__(self, *_: object) -> None:
         self._bar.stop()
+        self._session.on_photo = lambda done, count: None
+
+    def _show_photo(self, done: int, count: int) -> None:
+        self._bar.update(self._task, description=f"reading photo {done} of {count}")
 
     def show(self, record: StepRecord) -> None:
         """Tell of one step."""
@@ -83,8 +91,10 @@ class RunProgress:
         levels = self._session.options.n_levels
         text = f"level {record.position.level + 1}/{levels} sweep {sweep.sweep + 1} energy {sweep.after:.5g}"
         self._bar.update(self._task, completed=self._session.progress, description=text)
-        if not self._console.is_terminal and record.next_position.level != record.position.level:
+        is_new_level = record.next_position.level != record.position.level
+        if not self._console.is_terminal and (is_new_level or time.monotonic() > self._told + TELL_EVERY):
             self._console.print(text, highlight=False)
+            self._told = time.monotonic()
 
 
 def run_to(session: Session, wanted: Position, console: Console) -> None:
@@ -115,6 +125,9 @@ def fair_to_folder(
     if resume and source.mesh is None and (out / START_MESH).exists():
         source = replace(source, mesh=str((out / START_MESH).resolve()))
     scene = load_with_progress(source, console)
+    low_memory = memory_warning(scene, options)
+    if low_memory and low_memory.is_too_much:
+        raise InputError(f"{source.scene}: {low_memory.line}")
     prepare_output_folder(out)
     if scene.triangulated:  # kept, so that the run can be opened without triangulating again
         write_mesh(out / START_MESH, scene.unweld(scene.mesh.vertices), scene.original_faces)
@@ -122,18 +135,23 @@ def fair_to_folder(
     elif not resume:
         (out / START_MESH).unlink(missing_ok=True)  # of an earlier run
     trace = _earlier_run(out / TRACE, options) if resume else None
+    if low_memory:
+        console.print(f"note: {low_memory.line}", highlight=False, soft_wrap=True)
     session = Session(scene, options, trace)
     source.note_in(session.trace.header)
     session.trace.attach(out / TRACE)
     loading = time.perf_counter() - began
     interrupt = Interrupt()
+    session.is_unwanted = lambda: interrupt.asked  # a step of a large mesh takes a minute
     try:
-        with interrupt.listening(), RunProgress(console, session) as progress:
+        with interrupt.listening(), RunProgress(console, session) as progress, suppress(Interrupted):
             session.run(should_stop=lambda: interrupt.asked, on_step=progress.show)
     except BaseException:
         _save(session, out, preset, loading)
         raise
+    session.is_unwanted = lambda: False
     report = _save(session, out, preset, loading)
+    session.forget_computed()
     for warning in session.warnings:
         console.print(f"note: {warning}", highlight=False, soft_wrap=True)
     stopped = interrupt.asked and not session.finished

@@ -6,11 +6,37 @@ from typing import Any
 
 from fairing.io import write_atomically
 
+MANY = 200  # items of a list from which on each has a line
+
 
 def write_json(path: Path, values: dict[str, Any]) -> None:
     """Write a JSON file, complete or not at all; numbers that are not finite become null."""
-    text = json.dumps(_finite(values), indent=1, allow_nan=False)
+    text = _text(values, "")
     write_atomically(path, lambda file: file.write(text.encode()))
+
+
+def _text(value: Any, indent: str) -> str:
+    """Indented, but for lists of plain values and the items of long lists: those have one line each.
+
+    (Indenting is pure Python: the report of 100,000 vertices took 20 s.)
+    """
+    deeper = indent + " "
+    if isinstance(value, dict) and value:
+        lines = [f"{json.dumps(str(key))}: {_text(item, deeper)}" for key, item in value.items()]
+        opening, closing = "{", "}"
+    elif isinstance(value, list | tuple) and any(isinstance(item, dict | list | tuple) for item in value):
+        lines = [_line(item) if len(value) >= MANY else _text(item, deeper) for item in value]
+        opening, closing = "[", "]"
+    else:
+        return _line(value)
+    return opening + "\n" + ",\n".join(deeper + line for line in lines) + "\n" + indent + closing
+
+
+def _line(value: Any) -> str:
+    try:
+        return json.dumps(value, allow_nan=False)
+    except ValueError:
+        return json.dumps(_finite(value))
 
 
 def _finite(value: Any) -> Any:

@@ -127,13 +127,16 @@ def build_context(
     blur = options.schedule.blur[level]
     n_views, n_faces = len(scene.views), len(faces)
     cameras = [view.camera for view in scene.views]
-    outlines = list(
-        pool.map(lambda camera: footprints(vertices, faces, camera, orientation, options.visibility, blur), cameras)
-    )
-    reasons = np.stack([outline.reason for outline in outlines], axis=1)
-    area = np.stack([outline.area for outline in outlines], axis=1)
-    longest = np.stack([outline.longest_edge for outline in outlines], axis=1)
-    height = np.stack([outline.height for outline in outlines], axis=1)
+    # By face first: numpy's sums over the views of a face depend on how the rows lie.
+    area, longest, height = (np.empty((n_faces, n_views)) for _ in range(3))
+    reasons = np.empty((n_faces, n_views), dtype=np.int8)
+
+    def outline_view(v: int) -> None:
+        outline = footprints(vertices, faces, cameras[v], orientation, options.visibility, blur)
+        area[:, v], longest[:, v], height[:, v] = outline.area, outline.longest_edge, outline.height
+        reasons[:, v] = outline.reason
+
+    list(pool.map(outline_view, range(n_views)))
     reasons[~judged_faces] = Visibility.DEGENERATE
 
     candidate = reasons == Visibility.SEEN
@@ -151,11 +154,11 @@ def build_context(
     margin = options.visibility.edge_margin * blur + 1.0
     P = np.stack([camera.image_from_world for camera in cameras])
 
-    def mask_view(v: int) -> list[np.ndarray]:
-        """Occlusion in one photo: updates its column of `reasons`, returns the masks of partly seen faces in order."""
+    def mask_view(v: int) -> tuple[np.ndarray, np.ndarray]:
+        """Occlusion in one photo: updates its column of `reasons`, returns partly seen faces and their masks."""
         chosen = np.flatnonzero(candidate[:, v])
         if len(chosen) == 0:
-            return []
+            return chosen, np.zeros(0, dtype=np.uint8)
         reduction = options.visibility.reduction
         if occluders is None:
             depths = depth_map(vertices, faces, cameras[v], reduction, photos.mask(v, reduction))
@@ -173,36 +176,34 @@ def build_context(
         reasons[chosen[partly], v] = Visibility.PARTLY_SEEN
         hidden = seen < options.visibility.min_samples * samples[chosen]
         reasons[chosen[hidden], v] = Visibility.HIDDEN
-        return [masks[starts[k] : starts[k + 1]] for k in np.flatnonzero(partly & ~hidden)]
+        kept = partly & ~hidden
+        return chosen[kept], masks[np.repeat(kept, samples[chosen])]
 
-    masks_of_view = list(pool.map(mask_view, range(n_views)))
-    mask_start = np.full((n_faces, n_views), -1, dtype=np.int64)
-    mask_length = 0
-    for v, masks in enumerate(masks_of_view):
-        lengths = np.array([len(mask) for mask in masks], dtype=np.int64)
-        mask_start[reasons[:, v] == Visibility.PARTLY_SEEN, v] = mask_length + np.cumsum(lengths) - lengths
-        mask_length += int(lengths.sum())
-    all_masks = [mask for masks in masks_of_view for mask in masks]
-
+    partly_seen = list(pool.map(mask_view, range(n_views)))
+    _leave_out_surplus(reasons, area, options.visibility.max_views)
     part = reasons <= Visibility.PARTLY_SEEN
-    for f in np.flatnonzero(part.sum(1) > options.visibility.max_views):
-        ranked = np.argsort(np.where(part[f], -area[f], np.inf), kind="stable")[options.visibility.max_views :]
-        reasons[f, ranked[part[f, ranked]]] = Visibility.SURPLUS
-    part = reasons <= Visibility.PARTLY_SEEN
-
+    masks = [
+        masks[np.repeat(reasons[ids, v] == Visibility.PARTLY_SEEN, samples[ids])]
+        for v, (ids, masks) in enumerate(partly_seen)
+    ]
     count = part.sum(1)
     rank_limit = count - 2 - int(options.eigenspace.centered)
     dimensions = np.minimum(by_level(options.eigenspace.dimensions, level), rank_limit)
     dimensions[(count < 3) | (dimensions < 1)] = 0
 
     pair_face, pair_view = np.nonzero(part)
+    by_view = np.argsort(pair_view, kind="stable")
+    partly = by_view[(reasons[pair_face, pair_view] == Visibility.PARTLY_SEEN)[by_view]]
+    mask_lengths = samples[pair_face[partly]]
+    pair_mask = np.full(len(pair_face), -1, dtype=np.int64)
+    pair_mask[partly] = np.cumsum(mask_lengths) - mask_lengths
     weight = np.ones(len(pair_face))
     if options.cells.weighting == "photo_area":
         weight = area[pair_face, pair_view] / samples[pair_face]
     weight *= np.array([view.weight for view in scene.views])[pair_view]
     cubic = by_level(options.cells.interpolation, level) == "cubic"
     sample_spacing = longest[pair_face, pair_view] / np.asarray(grid_sizes)[face_grid[pair_face]]
-    pixels, base = _photos_for_pairs(photos, blur, cubic, sample_spacing, pair_view)
+    pixels, base = _photos_for_pairs(photos, blur, cubic, sample_spacing, pair_view, pool)
     kernel = KernelData(
         faces=faces,
         image_from_world=P,
@@ -213,8 +214,8 @@ def build_context(
         pair_view=pair_view.astype(np.int64),
         pair_base=base,
         pair_weight=weight,
-        pair_mask=mask_start[pair_face, pair_view],
-        masks=np.concatenate(all_masks) if all_masks else np.zeros(0, dtype=np.uint8),
+        pair_mask=pair_mask,
+        masks=np.concatenate(masks),
         face_dimensions=dimensions.astype(np.int64),
         face_inset=inset,
         face_grid=face_grid.astype(np.int64),
@@ -228,13 +229,23 @@ def build_context(
     )
     mean_area = np.where(part, area, 0).sum(1) / np.maximum(count, 1)
     vertex_views = np.zeros((len(vertices), n_views), dtype=bool)
-    for j in range(3):
-        np.logical_or.at(vertex_views, faces[:, j], part)
+    vertex_views[faces[pair_face], pair_view[:, None]] = True
     return CellContext(level, kernel, reasons, count, mean_area, vertex_views, vertices.copy())
 
 
+def _leave_out_surplus(reasons: np.ndarray, area: np.ndarray, max_views: int) -> None:
+    """Mark all but the `max_views` largest footprints (m, V) of each face as surplus, in `reasons` (m, V)."""
+    crowded = np.flatnonzero((reasons <= Visibility.PARTLY_SEEN).sum(1) > max_views)
+    for rows in np.array_split(crowded, len(crowded) // 10_000 + 1):
+        part = reasons[rows] <= Visibility.PARTLY_SEEN
+        ranked = np.argsort(np.where(part, -area[rows], np.inf), axis=1, kind="stable")
+        for rank in range(max_views, part.shape[1]):
+            which = part[np.arange(len(rows)), ranked[:, rank]]
+            reasons[rows[which], ranked[which, rank]] = Visibility.SURPLUS
+
+
 def _photos_for_pairs(
-    photos: ScaleSpace, blur: float, cubic: bool, spacing: np.ndarray, pair_view: np.ndarray
+    photos: ScaleSpace, blur: float, cubic: bool, spacing: np.ndarray, pair_view: np.ndarray, pool: Executor
 ) -> tuple[np.ndarray, np.ndarray]:
     """The photos at the level's blur, and more blurred ones where a cell's samples lie far apart in the photo.
 
@@ -247,8 +258,8 @@ def _photos_for_pairs(
     needed = ANTI_ALIASING * spacing / max(blur, 1.0)
     # Rungs are doublings; a quarter more than the blur at hand is let pass.
     rung = np.where(needed > 1.25, np.ceil(np.log2(np.maximum(needed, 1.0))), 0).astype(np.int64)
-    rungs = np.unique(np.concatenate([[0], rung]))
-    blurs = tuple(blur if r == 0 else float(max(blur, 1.0) * 2.0**r) for r in rungs)
-    planes = photos.planes(blurs, cubic)
-    copy_length = len(planes) // len(blurs)
-    return planes, photos.offsets[pair_view] + copy_length * np.searchsorted(rungs, rung)
+    rungs = int(rung.max(initial=0)) + 1
+    kinds, kind = np.unique(pair_view * rungs + rung, return_inverse=True)
+    wanted = [(v, blur if r == 0 else max(blur, 1.0) * 2.0**r) for v, r in (divmod(int(k), rungs) for k in kinds)]
+    pixels, starts = photos.lay_out(blur, cubic, wanted, pool)
+    return pixels, np.array([starts[each] for each in wanted], dtype=np.int64)[kind]

@@ -3,6 +3,7 @@
 import numpy as np
 
 from fairing.check_result import SceneCheck
+from fairing.memory import memory_warning
 from fairing.mesh_check import inspect_mesh
 from fairing.options import FairingOptions
 from fairing.scene import Scene
@@ -19,7 +20,6 @@ MIN_IN_FRONT = 0.5
 MAX_EXPOSURE_RATIO = 1.5
 LARGE_FOOTPRINT = 200.0
 LARGE_PHOTO = 6e6
-LARGE_MEMORY = 8e9
 
 _REMEDIES = {
     "behind_camera": "they lie behind the cameras: check the axes of the cameras",
@@ -102,10 +102,8 @@ def find_suggestions(scene: Scene, check: SceneCheck, options: FairingOptions) -
         suggestions.append(
             f"photos of {np.median(pixels) / 1e6:.0f} Mpx are finer than this mesh needs: try --photo-scale 0.5"
         )
-    if check.memory > LARGE_MEMORY:
-        suggestions.append(
-            f"the photos need about {check.memory / 1e9:.0f} GB of memory: try --photo-scale 0.5, or --leave-out some"
-        )
+    if memory := memory_warning(scene, options):
+        suggestions.append(memory.line)
     border = len(inspect_mesh(scene.mesh).boundary_vertices)
     if 0 < border < 0.5 * len(scene.mesh.vertices):
         suggestions.append(f"the mesh is open ({border} vertices at its border): --lock-boundary keeps its outline")

@@ -91,7 +91,7 @@ class SceneCheck:
         reasons: why faces take no part, as counts over all pairs of face and photo.
         parallax: median over the faces in part of the widest angle between two of their lines of sight, degrees.
         mistake: what is likely wrong with the cameras as a whole, or None.
-        memory: bytes that a run needs for its photos, about.
+        memory: bytes that a run takes at most, about.
         warnings: of the scene.
         hints: what speaks against the scene and what to do, in order of importance.
         suggestions: options and changes worth trying; they speak against nothing.

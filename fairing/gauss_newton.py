@@ -146,10 +146,10 @@ def solve_jointly(
         damping: Levenberg-Marquardt, relative to the diagonal blocks' largest eigenvalue.
     """
     n = len(mesh.vertices)
-    slot = np.full(n, -1)
+    slot = np.full(n, -1, dtype=np.int32)  # as narrow as the sparse matrix's own indices: rows and columns are long
     slot[free] = np.arange(free.sum())
     corners = slot[mesh.faces[system.faces]]
-    index = (3 * corners[:, :, None] + np.arange(3)).reshape(-1, 9)
+    index = (3 * corners[:, :, None] + np.arange(3, dtype=np.int32)).reshape(-1, 9)
     index[np.repeat(corners < 0, 3, axis=1)] = -1
     rows, columns = np.repeat(index, 9, axis=1).reshape(-1), np.tile(index, (1, 9)).reshape(-1)
     keep = (rows >= 0) & (columns >= 0)
@@ -158,7 +158,7 @@ def solve_jointly(
     strength = np.maximum(np.linalg.eigvalsh(diagonal + blocks)[:, 2], 0)
     typical = np.median(strength[free & (strength > 0)]) if (free & (strength > 0)).any() else 1.0
     H_vertex += ((damping * strength + 1e-6 * strength + RIDGE * typical)[:, None, None]) * np.eye(3)
-    own = 3 * np.arange(free.sum())[:, None] + np.arange(3)
+    own = 3 * np.arange(free.sum(), dtype=np.int32)[:, None] + np.arange(3, dtype=np.int32)
     own_rows = np.repeat(own, 3, axis=1).reshape(-1)
     own_columns = np.tile(own, (1, 3)).reshape(-1)
     matrix = coo_array(

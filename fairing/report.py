@@ -141,8 +141,9 @@ def _scene_facts(session: Session) -> dict[str, Any]:
 def _skipped(session: Session, context: CellContext) -> dict[str, Any]:
     """Faces and vertices that took no part at the last level, with the reasons."""
     asked = by_level(session.options.eigenspace.dimensions, context.level)
-    out = np.flatnonzero(~context.takes_part)
-    lowered = np.flatnonzero(context.takes_part & (context.kernel.face_dimensions < asked))
+    takes_part = context.takes_part
+    out = np.flatnonzero(~takes_part)
+    lowered = np.flatnonzero(takes_part & (context.kernel.face_dimensions < asked))
     return {
         "faces": [
             {"face": int(face), "views": int(context.n_views[face]), "reasons": _reasons(context.reasons[face])}
@@ -153,7 +154,7 @@ def _skipped(session: Session, context: CellContext) -> dict[str, Any]:
             for face in lowered
         ],
         "vertices": [
-            {"vertex": vertex, "reason": _reason_for_rest(session, context, vertex)}
+            {"vertex": vertex, "reason": _reason_for_rest(session, takes_part, vertex)}
             for vertex in np.flatnonzero(~_ever_tried(session.trace)).tolist()
         ],
     }
@@ -171,18 +172,19 @@ def _ever_tried(trace: Trace) -> np.ndarray:
     return tried
 
 
-def _reason_for_rest(session: Session, context: CellContext, vertex: int) -> str:
+def _reason_for_rest(session: Session, takes_part: np.ndarray, vertex: int) -> str:
+    """Why a vertex did not move; takes_part (m,) bool: of faces at the last level."""
     if session.locked[vertex]:
         return StepReason.LOCKED.text
     faces = session.scene.mesh.one_rings[vertex]
-    if not context.takes_part[faces].any():
+    if not takes_part[faces].any():
         return StepReason.UNSEEN.text
     return "not reached" if not session.finished else StepReason.UNSEEN.text
 
 
 def _vertices(session: Session, context: CellContext) -> list[dict[str, Any]]:
     """Every welded vertex, by the numbers its copies have in the input."""
-    n = len(session.scene.mesh.vertices)
+    n, takes_part = len(session.scene.mesh.vertices), context.takes_part
     last_reason: list[str | None] = [None] * n
     eigenvalues = np.full((n, 3), np.nan)
     for record in session.trace.steps:
@@ -202,7 +204,7 @@ def _vertices(session: Session, context: CellContext) -> list[dict[str, Any]]:
             "moved": float(moved[v]),
             "views": int(context.vertex_views[v].sum()),
             "eigenvalues": None if np.isnan(eigenvalues[v]).any() else eigenvalues[v].tolist(),
-            "stop_reason": last_reason[v] or _reason_for_rest(session, context, v),
+            "stop_reason": last_reason[v] or _reason_for_rest(session, takes_part, v),
         }
         for v in range(n)
     ]

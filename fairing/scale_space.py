@@ -1,48 +1,99 @@
 """The photos at the blurs the levels ask for."""
 
+import threading
+import time
+from collections.abc import Callable, Iterable
+from concurrent.futures import Executor
+from typing import NamedTuple
+
 import cv2
 import numpy as np
 from scipy.ndimage import spline_filter
 
 from fairing.scene import Scene
 
+KEPT_PHOTOS = 1_500_000_000  # bytes of decoded photos; what goes beyond is decoded anew for every blur
+AT_ONCE = 4  # photos in work: each takes 28 bytes a pixel
+ROWS = 1024  # of a photo converted to grey at a time
+
+
+class _Layout(NamedTuple):
+    """Blurred photos one after another, and where each begins."""
+
+    pixels: np.ndarray
+    starts: dict[tuple[int, float], int]
+
 
 class ScaleSpace:
-    """Gaussian-blurred photos of a scene, decoded once, one blur kept at a time per interpolation.
+    """Gaussian-blurred photos of a scene, one blur (and its coarser companions) kept at a time per interpolation.
 
-    Memory: the photos as uint8 and, per blur in use, as float32.
+    Memory: 4 bytes a pixel of what is laid out, and decoded photos (2 bytes a pixel) up to `KEPT_PHOTOS`.
+
+    Args:
+        on_photo: told of the photos being laid out: how many are done, and of how many.
+
+    Attributes:
+        seconds: spent on laying out photos.
     """
 
-    def __init__(self, scene: Scene, color: bool) -> None:
+    def __init__(
+        self, scene: Scene, color: bool, on_photo: Callable[[int, int], None] = lambda done, count: None
+    ) -> None:
         self._views = scene.views
         self._color = color
-        self._photos: list[np.ndarray] | None = None
-        self._planes: dict[tuple[tuple[float, ...], bool], np.ndarray] = {}
+        self._photos: dict[int, np.ndarray] = {}
+        self._layouts: dict[tuple[float, bool], _Layout] = {}
         self._masks: dict[tuple[int, int], np.ndarray] = {}
+        self._in_work = threading.Semaphore(AT_ONCE)
+        self.seconds = 0.0
+        self._on_photo = on_photo
 
     @property
     def channels(self) -> int:
         return 3 if self._color else 1
 
-    @property
-    def offsets(self) -> np.ndarray:
-        """(V,) int64: where each photo starts in the flat array `planes` gives."""
-        sizes = [self.channels * view.camera.width * view.camera.height for view in self._views]
-        return np.concatenate([[0], np.cumsum(sizes)[:-1]]).astype(np.int64)
-
-    def planes(self, blurs: tuple[float, ...], cubic: bool) -> np.ndarray:
-        """All photos at each of the blurs in turn, flat float32, planes (channels, height, width), in grey levels.
+    def lay_out(
+        self, blur: float, cubic: bool, wanted: Iterable[tuple[int, float]], pool: Executor
+    ) -> tuple[np.ndarray, dict[tuple[int, float], int]]:
+        """Photos at blurs in one flat float32 array, planes (channels, height, width) each, in grey levels.
 
         Args:
-            blurs: sigmas of Gaussians, pixels; 0 for none.
+            blur: of the level, px; what was laid out for it is kept until `forget_all_but`.
             cubic: give cubic B-spline coefficients instead of pixels.
+            wanted: views, each with the sigma of a Gaussian, px; 0 for none.
+            pool: works on several photos at a time.
+
+        Returns:
+            The array, and where each wanted photo begins in it.
         """
-        key = (blurs, cubic)
-        if key not in self._planes:
-            self._planes[key] = np.concatenate(
-                [self._filtered(photo, blur, cubic).ravel() for blur in blurs for photo in self._load()]
-            )
-        return self._planes[key]
+        began = time.perf_counter()
+        pixels, starts = self._layouts.get((blur, cubic), _Layout(np.zeros(0, np.float32), {}))
+        missing: dict[int, list[float]] = {}
+        for view, sigma in wanted:
+            if (view, sigma) not in starts:
+                missing.setdefault(view, []).append(sigma)
+        if missing:
+            starts, at = dict(starts), len(pixels)
+            for view, sigmas in missing.items():
+                for sigma in sigmas:
+                    starts[view, sigma] = at
+                    at += self._size(view)
+            grown = np.empty(at, dtype=np.float32)
+            grown[: len(pixels)] = pixels
+            pixels, done = grown, iter(range(1, len(missing) + 1))
+
+            def fill(view: int) -> None:
+                with self._in_work:
+                    photo = self._photo(view)
+                    for sigma in missing[view]:
+                        start = starts[view, sigma]
+                        pixels[start : start + self._size(view)] = self._filtered(photo, sigma, cubic).ravel()
+                self._on_photo(next(done), len(missing))
+
+            list(pool.map(fill, missing))
+            self._layouts[blur, cubic] = _Layout(pixels, starts)
+        self.seconds += time.perf_counter() - began
+        return pixels, starts
 
     def mask(self, view: int, reduction: int) -> np.ndarray | None:
         """(h, w) bool at 1 / `reduction` of the photo's size: True where all its pixels count; None without a mask."""
@@ -58,21 +109,32 @@ class ScaleSpace:
         return self._masks[view, reduction]
 
     def forget_all_but(self, blur: float) -> None:
-        """Free the planes made for other levels: those whose finest blur is another."""
-        self._planes = {key: planes for key, planes in self._planes.items() if key[0][0] == blur}
+        """Free what was laid out for the blurs of other levels."""
+        self._layouts = {key: layout for key, layout in self._layouts.items() if key[0] == blur}
 
-    def _load(self) -> list[np.ndarray]:
-        if self._photos is None:
-            self._photos = [self._decode(view) for view in self._views]
-        return self._photos
+    def _size(self, view: int) -> int:
+        camera = self._views[view].camera
+        return self.channels * camera.width * camera.height
 
-    def _decode(self, view) -> np.ndarray:
-        pixels = view.photo.load()
+    def _photo(self, view: int) -> np.ndarray:
+        if view in self._photos:
+            return self._photos[view]
+        photo = self._decode(view)
+        if photo.nbytes + sum(kept.nbytes for kept in list(self._photos.values())) <= KEPT_PHOTOS:
+            self._photos[view] = photo
+        return photo
+
+    def _decode(self, view: int) -> np.ndarray:
+        pixels = self._views[view].photo.load()
         if self._color:
             return np.ascontiguousarray(pixels.transpose(2, 0, 1))
         # Rec. 601 luma, kept in eighths of a grey level: rounding to whole levels would triple the quantisation noise.
-        luma = pixels.astype(np.float32) @ np.array([0.299, 0.587, 0.114], dtype=np.float32)
-        return np.round(luma * 8)[None].astype(np.uint16)
+        eighths = np.empty((1, *pixels.shape[:2]), dtype=np.uint16)
+        for row in range(0, len(pixels), ROWS):
+            part = slice(row, row + ROWS)
+            luma = pixels[part].astype(np.float32) @ np.array([0.299, 0.587, 0.114], dtype=np.float32)
+            eighths[0, part] = np.round(luma * 8)
+        return eighths
 
     def _filtered(self, photo: np.ndarray, blur: float, cubic: bool) -> np.ndarray:
         scale = 1.0 if self._color else 1 / 8

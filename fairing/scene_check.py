@@ -12,6 +12,7 @@ from fairing.cells import CellContext, build_context, facing
 from fairing.check_hints import find_hints, find_suggestions
 from fairing.check_result import SEEN, FaceChecks, SceneCheck, ViewCheck
 from fairing.conventions import explain_reprojection, median_shift
+from fairing.memory import memory_needed
 from fairing.mesh_check import inspect_mesh
 from fairing.options import FairingOptions
 from fairing.scale_space import ScaleSpace
@@ -51,7 +52,7 @@ def check_scene(scene: Scene, options: FairingOptions | None = None) -> SceneChe
         reasons={Visibility(code).name.lower(): int(count) for code, count in zip(codes, counts, strict=True)},
         parallax=_parallax(scene, context),
         mistake=explain_reprojection(scene),
-        memory=_BYTES_PER_PIXEL * sum(view.width * view.height for view in views),
+        memory=memory_needed(scene, options),
         views=views,
         faces=faces,
         visibility=context.reasons,
@@ -66,10 +67,6 @@ def check_scene(scene: Scene, options: FairingOptions | None = None) -> SceneChe
         hints=tuple(hints),
         suggestions=tuple(find_suggestions(scene, check, options)),
     )
-
-
-# A photo as uint16 and at two blurs as float32, its depth map, and as much again while a level is prepared.
-_BYTES_PER_PIXEL = 16
 
 
 def _check_faces(context: CellContext, appearance: Appearance) -> FaceChecks:

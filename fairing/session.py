@@ -110,7 +110,9 @@ class Session:
         self.moment = len(self.trace)
         self.warnings: list[str] = list(scene.warnings)
         self.seconds: dict[str, float] = {"photos": 0.0, "visibility": 0.0, "steps": 0.0}
-        self._photos = ScaleSpace(scene, self.options.cells.color)
+        # Told within long steps of the photos being read: how many are done, and of how many.
+        self.on_photo: Callable[[int, int], None] = lambda done, count: None
+        self._photos = self._fresh_photos()
         self._evaluator = Evaluator(self.options.threads)
         self._excluded = np.zeros(len(scene.mesh.faces), dtype=bool)
         self._excluded[inspect_mesh(scene.mesh).degenerate_faces] = True
@@ -163,7 +165,10 @@ class Session:
     def forget_computed(self) -> None:
         """Free what can be computed again: blurred photos, visibility, equations. For a run that is put aside."""
         self._sweeps, self._system = [], None
-        self._photos = ScaleSpace(self.scene, self.options.cells.color)
+        self._photos = self._fresh_photos()
+
+    def _fresh_photos(self) -> ScaleSpace:
+        return ScaleSpace(self.scene, self.options.cells.color, lambda done, count: self.on_photo(done, count))
 
     def branch(self, options: FairingOptions | None = None) -> "Session":
         """A new session that shares this run's past up to the present moment and goes on with other options."""
@@ -350,6 +355,8 @@ class Session:
             # A branch may have fewer levels than the run it comes from.
             position = position._replace(level=min(position.level, self.options.n_levels - 1))
         kept = [sweep for sweep in self._sweeps if (sweep.moment, sweep.context.level) == (began, position.level)]
+        if not kept and self._held_bytes() > KEPT_BYTES:
+            self._sweeps = []  # before the photos of another blur come beside theirs
         sweep = kept[0] if kept else self._begin_sweep(position, began)
         self._sweeps = [other for other in self._sweeps if other is not sweep][1 - KEPT_SWEEPS :]
         self._sweeps.append(sweep)
@@ -411,15 +418,12 @@ class Session:
         return longest
 
     def _context(self, level: int, vertices: np.ndarray) -> CellContext:
-        began = time.perf_counter()
-        blur = self.options.schedule.blur[level]
-        cubic = by_level(self.options.cells.interpolation, level) == "cubic"
-        self._photos.forget_all_but(blur)
-        self._photos.planes((blur,), cubic)
-        self.seconds["photos"] += time.perf_counter() - began
-        began = time.perf_counter()
+        began, photos_before = time.perf_counter(), self._photos.seconds
+        self._photos.forget_all_but(self.options.schedule.blur[level])
         context = self._build_context(level, vertices, ~self._excluded)
-        self.seconds["visibility"] += time.perf_counter() - began
+        on_photos = self._photos.seconds - photos_before
+        self.seconds["photos"] += on_photos
+        self.seconds["visibility"] += time.perf_counter() - began - on_photos
         if not context.takes_part.any() and level == self.options.n_levels - 1:
             counts = {reason.name.lower(): int((context.reasons == reason).sum()) for reason in _reasons(context)}
             found = ", ".join(f"{name} {count}" for name, count in counts.items())
@@ -776,13 +780,12 @@ class Session:
         schedule = self.options.schedule
         if schedule.start == "first":
             return 0
-        seen = []
+        heights = np.zeros(len(self.scene.mesh.faces))
         for view in self.scene.views:
             outline = footprints(
                 self.trace.start, self.scene.mesh.faces, view.camera, self._orientation, self.options.visibility, 0.0
             )
-            seen.append(np.where(outline.reason == Visibility.SEEN, outline.height, np.nan))
-        heights = np.nanmax(np.array(seen), axis=0, initial=0.0)
+            heights = np.maximum(heights, np.where(outline.reason == Visibility.SEEN, outline.height, 0.0))
         typical = float(np.median(heights[heights > 0])) if (heights > 0).any() else 0.0
         fitting = [level for level, blur in enumerate(schedule.blur) if blur <= typical / FOOTPRINT_PER_BLUR]
         return fitting[0] if fitting else self.options.n_levels - 1

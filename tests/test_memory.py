@@ -1,0 +1,75 @@
+"""Memory: what a run holds, what it is told to take, and one clear line where that is too much."""
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+from app.cli import run
+from fairing import memory
+from fairing.memory import memory_needed, memory_warning
+from fairing.options import PRESETS
+from fairing.scale_space import ScaleSpace
+from tests.small_scene import HEIGHT, WIDTH, corner_scene, write_corner
+
+GIGABYTE = 10**9
+
+
+def test_a_photo_is_laid_out_only_where_it_is_wanted_and_stays_the_same_as_others_come(monkeypatch: pytest.MonkeyPatch):
+    photos = ScaleSpace(corner_scene(), color=False)
+    with ThreadPoolExecutor(2) as pool:
+        few, starts = photos.lay_out(2.0, False, [(3, 2.0), (1, 4.0)], pool)
+        assert len(few) == 2 * WIDTH * HEIGHT
+        more, later = photos.lay_out(2.0, False, [(3, 2.0), (0, 2.0), (3, 4.0)], pool)
+        assert len(more) == 4 * WIDTH * HEIGHT
+        monkeypatch.setattr("fairing.scale_space.KEPT_PHOTOS", 0)
+        anew, third = ScaleSpace(corner_scene(), color=False).lay_out(2.0, False, [(3, 2.0)], pool)
+    size = WIDTH * HEIGHT
+    np.testing.assert_array_equal(few[starts[3, 2.0] :][:size], more[later[3, 2.0] :][:size])
+    np.testing.assert_array_equal(anew[third[3, 2.0] :][:size], more[later[3, 2.0] :][:size])
+    assert not np.array_equal(more[later[3, 4.0] :][:size], more[later[3, 2.0] :][:size])
+
+
+def test_photos_in_strips_become_the_same_grey(monkeypatch: pytest.MonkeyPatch):
+    scene = corner_scene()
+    with ThreadPoolExecutor(1) as pool:
+        whole, _ = ScaleSpace(scene, color=False).lay_out(0.0, False, [(0, 0.0)], pool)
+        monkeypatch.setattr("fairing.scale_space.ROWS", 7)
+        strips, _ = ScaleSpace(scene, color=False).lay_out(0.0, False, [(0, 0.0)], pool)
+    np.testing.assert_array_equal(whole, strips)
+
+
+def test_more_and_larger_photos_and_faces_need_more_memory():
+    scene, options = corner_scene(), PRESETS["accurate"]
+    needed = memory_needed(scene, options)
+    pixels = sum(view.camera.width * view.camera.height for view in scene.views)
+    assert needed > 6 * pixels
+    assert memory_needed(scene, options, scale=2) - needed >= 3 * 6 * pixels
+    assert memory_needed(scene, options, scale=0.5) < needed
+
+
+@pytest.mark.parametrize(("total", "free", "code"), [(GIGABYTE // 10, GIGABYTE // 10, 1), (8 * GIGABYTE, 10_000, 0)])
+def test_a_run_that_does_not_fit_is_refused_in_one_line(
+    tmp_path, capsys, monkeypatch: pytest.MonkeyPatch, total: int, free: int, code: int
+):
+    write_corner(tmp_path / "corner")
+    monkeypatch.setattr(memory, "memory_there", lambda: (total, free))
+    arguments = ["fair", str(tmp_path / "corner"), "--out", str(tmp_path / "out"), "--schedule.blur", "1.2"]
+    assert run(arguments) == code
+    lines = [line for line in capsys.readouterr().err.splitlines() if "GB of memory" in line]
+    assert len(lines) == 1
+    assert ("this machine has 0.1 GB" in lines[0]) == (code == 1)
+    assert (tmp_path / "out").exists() == (code == 0)
+
+
+def test_the_remedy_is_a_scale_that_fits(monkeypatch: pytest.MonkeyPatch):
+    scene, options = corner_scene(), PRESETS["accurate"]
+    monkeypatch.setattr(memory, "PROGRAM", 0)
+    monkeypatch.setattr(memory, "memory_there", lambda: (memory_needed(scene, options) - 1,) * 2)
+    warning = memory_warning(scene, options)
+    assert warning is not None
+    assert warning.is_too_much
+    scale = float(warning.line.rsplit("--photo-scale ", 1)[1])
+    assert memory_needed(scene, options, scale) <= memory.SPARE * (memory_needed(scene, options) - 1)
+    monkeypatch.setattr(memory, "memory_there", lambda: None)
+    assert memory_warning(scene, options) is None
