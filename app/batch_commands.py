@@ -11,7 +11,9 @@ from app.arguments import ALL_PHOTOS, PhotosArgument, Preset, SceneArgument, cho
 from app.check_command import check_to_console
 from app.convert_command import convert_to_folder
 from app.experiment_command import list_experiments
+from app.export.command import export_to_file
 from app.headless import fair_to_folder
+from app.open_run import find_run
 from app.register_command import register_to_file
 from app.run_extras import TEXTURE_SIZE, RunExtras
 from app.scene_source import SceneSource
@@ -115,6 +117,28 @@ def register(
     return register_to_file(SceneSource.typed(scene, None, photos), scan, matches, out, spacing, Console(stderr=True))
 
 
+def export(
+    run: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")],
+    out: Path,
+    at: str | None = None,
+    report: bool = False,
+    scene: str | None = None,
+    mesh: Path | None = None,
+    photos: PhotosArgument = ALL_PHOTOS,
+) -> int:
+    """Write a recorded run as one file to hand out: a page (.html), a picture (.png) or a video (.mp4, .webm, .gif).
+
+    Args:
+        run: The folder `fair` wrote, or its run.trace.
+        out: .html: a page that replays the run, offline. .png: the textured mesh before and after. .mp4, .webm, .gif: a video.
+        at: The moment a page opens at or a picture shows: level:sweep:vertex:iteration from 1, `start` or `end`.
+        report: With .html: figures and pictures to read and print instead of the replay.
+        scene: The scene it was recorded on, where it has moved. Default: where the run says it was.
+        mesh: The mesh it was recorded on. Default: where the run says it was; with --scene the scene's own.
+    """
+    return export_to_file(lambda: find_run(run, scene, mesh, photos), out, at, report, Console(stderr=True))
+
+
 def demos() -> int:
     """List the scenes that come with the program."""
     console = Console()
@@ -165,6 +189,7 @@ def batch_commands(arguments: Sequence[str]) -> dict[str, Callable[..., int]]:
         "texture": texture,
         "triangulate": triangulate,
         "register": register,
+        "export": export,
         "demos": demos,
         "experiment": experiment,
     }

@@ -26,20 +26,24 @@ class CellPictures:
     Args:
         cells: of the face.
         flows: the arrows and the cells they lie over; None: those columns stay dark.
+        residual_scale: residual of full colour, grey levels; default: where residuals count as large.
     """
 
-    def __init__(self, cells: FaceCells, flows: StepFlows | None = None) -> None:
+    def __init__(
+        self, cells: FaceCells, flows: StepFlows | None = None, residual_scale: float | None = None
+    ) -> None:
         self.cells, self._flows = cells, flows
         shown = cells.observed[cells.counts] if cells.counts.any() else cells.observed.ravel()
         low, high = (float(value) for value in np.percentile(shown, (0.5, 99.5)))
         self.dark, self.bright = low, max(high, low + 8.0)
         self.threshold = _threshold(cells)
+        scale = residual_scale or self.threshold
         self.largest_rho = max(float(np.percentile(cells.rho, 99.5)), 1e-12)
         self.largest_weight = max(float(cells.weights.max(initial=0)), 1e-12)
         self._draw: dict[str, Callable[[int], np.ndarray]] = {
             "photo": lambda row: self._stretched(cells.observed[row]),
             "reconstruction": lambda row: self._stretched(cells.reconstruction[row]),
-            "residual": lambda row: _signed(cells.residual[row] / self.threshold),
+            "residual": lambda row: _signed(cells.residual[row] / scale),
             "weight": self._weight,
             "norm": lambda row: _fire(cells.rho[row] / self.largest_rho),
         }

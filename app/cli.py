@@ -17,11 +17,10 @@ from rich.console import Console
 from app.arguments import ALL_PHOTOS, PhotosArgument, Preset, SceneArgument
 from app.loading import load_with_progress
 from app.moment_id import START, find_moment, parse_moment_id
-from app.run_files import TRACE
+from app.open_run import find_run
 from app.scene_source import SceneSource
 from fairing.errors import InputError
 from fairing.options import PRESETS, options_from_dict
-from fairing.trace import Trace
 
 if TYPE_CHECKING:
     from fairing.session import Session
@@ -96,9 +95,7 @@ def replay(
         browser: Open the page in the browser.
         at: The moment to open at: level:sweep:vertex:iteration from 1, `start` or `end`.
     """
-    path = run / TRACE if run.is_dir() else run
-    trace = Trace.load(path)
-    source = SceneSource.of_replay(trace.header, path, scene, mesh, photos)
+    trace, source, path = find_run(run, scene, mesh, photos)
     wanted = parse_moment_id(at, options_from_dict(trace.header["options"]).n_levels)
 
     def open_session() -> "Session":

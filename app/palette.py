@@ -85,6 +85,11 @@ def variables() -> str:
     )
 
 
+def dark_variables() -> str:
+    """The greys of the dark theme, for pages of their own."""
+    return "".join(f"--{name}:{value};" for name, (value, _) in _GREYS.items())
+
+
 def solid(color: RGB) -> str:
     """The colour as the 3D view has it, whatever the theme."""
     return f"rgb({color[0]},{color[1]},{color[2]})"

@@ -1,0 +1,83 @@
+"""The words and the curve under exported pictures and frames.
+
+Pillow's own font knows Latin letters only, so there are no Greek letters and arrows here.
+"""
+
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+
+from app.export.run_facts import RunFacts
+from app.palette import NOW, RGB, SELECTED
+
+GROUND: RGB = (32, 35, 40)
+TEXT: RGB = (241, 243, 245)
+DIM: RGB = (141, 150, 161)
+LINE: RGB = (61, 68, 77)
+
+
+class Caption:
+    """A strip (height, width) with lines of text at the left and, if there is room, the energy at the right."""
+
+    def __init__(self, facts: RunFacts, width: int, height: int, with_curve: bool) -> None:
+        self._facts, self._size = facts, (width, height)
+        self._fonts = [ImageFont.load_default(size=round(part * height)) for part in (0.24, 0.19)]
+        self._empty = Image.new("RGB", self._size, GROUND)
+        self._curve = (0.45 * width, 0.34 * height, width - 0.3 * height, 0.86 * height)
+        self._values = np.array([facts.energy_at(m) for m in range(facts.length + 1)])
+        self._has_curve = with_curve and facts.length > 1
+        if self._has_curve:
+            self._draw_curve()
+
+    def strip(self, lines: list[str], moment: float | None = None) -> np.ndarray:
+        """(height, width, 3) uint8. The first line is large; the curve's dot stands at the moment."""
+        width, height = self._size
+        image = self._empty.copy()
+        draw = ImageDraw.Draw(image)
+        room = (self._curve[0] if self._has_curve else width) - 0.5 * height
+        y = (0.5 - 0.145 * len(lines)) * height
+        for i, line in enumerate(lines):
+            font = self._fonts[min(i, 1)]
+            while len(line) > 1 and draw.textlength(line, font=font) > room:
+                line = line[:-1]
+            draw.text((0.25 * height, y), line, TEXT if i == 0 else DIM, font=font)
+            y += (0.31, 0.26)[min(i, 1)] * height
+        if self._has_curve and moment is not None:
+            x, y = self._place(moment, float(np.interp(moment, np.arange(len(self._values)), self._values)))
+            radius = 0.055 * height
+            draw.line([(x, 0.2 * height), (x, self._curve[3])], fill=DIM)
+            draw.ellipse([x - radius, y - radius, x + radius, y + radius], fill=SELECTED)
+        return np.asarray(image)
+
+    def _draw_curve(self) -> None:
+        """A line for each sweep: energies of different sweeps do not compare."""
+        draw = ImageDraw.Draw(self._empty)
+        left, top, right, bottom = self._curve
+        draw.line([(left, bottom), (right, bottom)], fill=LINE)
+        draw.text((left, 0.06 * self._size[1]), "energy, a line for each sweep", DIM, font=self._fonts[1])
+        sweeps, before = self._facts.energies.sweeps, self._facts.energies.before
+        starts = np.flatnonzero(np.diff(sweeps, prepend=-1))
+        for first, end in zip(starts, [*starts[1:], len(sweeps)], strict=True):
+            values = [float(before[first]), *self._values[first + 1 : end + 1].tolist()]
+            draw.line([self._place(first + i, value) for i, value in enumerate(values)], fill=NOW, width=2)
+
+    def _place(self, moment: float, value: float) -> tuple[float, float]:
+        left, top, right, bottom = self._curve
+        low, high = 0.0, float(max(self._values.max(), self._facts.energies.before.max())) or 1.0
+        return left + (right - left) * moment / self._facts.length, bottom - (bottom - top) * (value - low) / (high - low)
+
+
+def moment_words(facts: RunFacts, moment: int) -> list[str]:
+    """What there is to say of a moment, in two or three lines."""
+    where = "the start"
+    if moment:
+        level = facts.trace.steps[moment - 1].position.level
+        where = f"level {level + 1} of {facts.options.n_levels}, photos blurred by {facts.options.schedule.blur[level]:g} px"
+    figures = [f"energy {facts.energy_at(moment):,.0f}"] if facts.length else []
+    if facts.errors is not None:
+        figures.append(f"error {error_words(float(facts.errors[moment]))}")
+    return [f"Moment {moment} of {facts.length}", where, *([", ".join(figures)] if figures else [])]
+
+
+def error_words(percent: float) -> str:
+    """An error as people write it."""
+    return f"{percent:.2g} % of the diagonal"

@@ -1,0 +1,71 @@
+"""`export`: a recorded run as a page, a report, a picture or a video."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+from app.export.page import write_page
+from app.export.picture import write_picture
+from app.export.report_page import write_report
+from app.export.run_facts import RunFacts
+from app.export.video import write_video
+from app.moment_id import find_moment, parse_moment_id
+from fairing.errors import InputError
+from fairing.session import Session
+
+PAGE, PICTURE, VIDEOS = ".html", ".png", (".mp4", ".webm", ".gif")
+
+
+def export_to_file(
+    open_run: Callable[[], tuple[Session, Path]], out: Path, at: str | None, report: bool, console: Console
+) -> int:
+    """Write the file that its ending asks for; an existing file is replaced only by a complete one.
+
+    Args:
+        open_run: the run, and the path of its trace; asked only when the rest makes sense.
+        at: name of a moment.
+        report: with .html: the report instead of the replay.
+
+    Returns:
+        Exit code 0.
+
+    Raises:
+        InputError: no such ending or moment, or the run or its scene cannot be read.
+    """
+    ending = out.suffix.lower()
+    _check(out, ending, at, report)
+    session, path = open_run()
+    moment = None
+    if at is not None:
+        moment = find_moment(session.trace, parse_moment_id(at, session.options.n_levels))
+    facts = RunFacts(session, path.parent)
+    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:3.0f} %"), TimeRemainingColumn())
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task(f"making {out.name}", total=1.0)
+
+        def on_progress(fraction: float) -> None:
+            bar.update(task, completed=fraction)
+
+        if ending == PAGE and report:
+            write_report(facts, out, on_progress)
+        elif ending == PAGE:
+            write_page(facts, out, moment or 0, on_progress)
+        elif ending == PICTURE:
+            write_picture(facts, out, moment, on_progress)
+        else:
+            write_video(facts, out, on_progress)
+    console.print(f"wrote {out} ({out.stat().st_size / 1e6:.1f} MB)", highlight=False, soft_wrap=True)
+    return 0
+
+
+def _check(out: Path, ending: str, at: str | None, report: bool) -> None:
+    if ending not in (PAGE, PICTURE, *VIDEOS):
+        raise InputError(f"--out {out}: expected a file ending in {', '.join((PAGE, PICTURE, *VIDEOS))}")
+    if not out.parent.is_dir():
+        raise InputError(f"--out {out}: there is no folder {out.parent}; create it first")
+    if report and ending != PAGE:
+        raise InputError(f"--report: expected --out to end in {PAGE}, found {out.name}")
+    if at is not None and (ending in VIDEOS or report):
+        raise InputError("--at: a video or a report shows the whole run; leave --at out")

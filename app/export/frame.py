@@ -1,0 +1,44 @@
+"""The camera of exported pictures: it looks nearly as the photos do, and the mesh fills the frame."""
+
+import numpy as np
+
+from app.stage import Stage
+from fairing.camera import Camera
+from fairing.scene import Scene
+
+TURNED = 0.4  # from the cameras' mean direction (0) to the page's first look (1), which avoids the cameras
+MARGIN = 0.06  # of the frame's shorter side
+
+
+def framing_camera(scene: Scene, stage: Stage, states: list[np.ndarray], width: int, height: int) -> Camera:
+    """A camera of that size in whose picture all states of the vertices (n, 3) fit, as large as they can."""
+    page_eye = first_eye(stage)
+    eye, target, up = stage.world_from_page(page_eye), stage.world_from_page(np.zeros(3)), stage.up
+    forward = _unit(target - eye)
+    right = _unit(np.cross(forward, up))
+    R = np.stack([right, np.cross(forward, right), forward])
+    used = np.unique(scene.mesh.faces)
+    points = np.concatenate([state[used] for state in states])
+    uv, depth = Camera.from_krt(np.eye(3), R, -R @ eye, width, height).project(points)
+    uv = uv[depth > 0]
+    low, high = uv.min(0), uv.max(0)
+    size = np.array([width, height]) - 1
+    focal = float(((size - 2 * MARGIN * min(width, height)) / np.maximum(high - low, 1e-9)).min())
+    middle = size / 2 - focal * (low + high) / 2
+    K = np.array([[focal, 0, middle[0]], [0, focal, middle[1]], [0, 0, 1]])
+    return Camera.from_krt(K, R, -R @ eye, width, height)
+
+
+def first_eye(stage: Stage) -> np.ndarray:
+    """(3,) float, page units: where exported pictures and pages are looked at from; they look at the origin."""
+    towards = stage.camera_centers / np.linalg.norm(stage.camera_centers, axis=1, keepdims=True)
+    first = _unit(stage.eye - stage.target)
+    direction = _unit((1 - TURNED) * _unit(towards.mean(0)) + TURNED * first)
+    if np.linalg.norm(np.cross(direction, stage.up)) < 0.05:  # straight from above, there is no upright
+        direction = first
+    return float(np.linalg.norm(stage.eye - stage.target)) * direction
+
+
+def _unit(vector: np.ndarray) -> np.ndarray:
+    length = np.linalg.norm(vector)
+    return vector / length if length > 1e-9 else vector

@@ -1,0 +1,175 @@
+"""A run as the replay page wants it: numbers as JSON, long arrays as base64 of their bytes.
+
+Positions are in page units (see `Stage`), 32 bit: near the origin and a few units large, they hold seven digits.
+"""
+
+import base64
+from collections.abc import Callable
+from typing import Any
+
+import cv2
+import numpy as np
+
+from app.export.frame import first_eye
+from app.export.page_cells import cells_of_faces, chosen_vertices
+from app.export.paintings import Painting, paint
+from app.export.run_facts import RunFacts
+from app.export.step_kinds import INTRO, KINDS, kind_of, level_text
+from app.outcome import step_outcome
+from app.palette import BACKGROUND, CAMERA, NOW, SELECTED, START, TRUTH, solid
+from fairing.trace import StepReason
+
+CLOSER = 0.82  # than the debugger's first look: less lies over the page's 3D view
+PAINTINGS = 8
+TEXELS = 1024
+JPEG_QUALITY = 86
+
+
+def page_data(facts: RunFacts, at: int, on_progress: Callable[[float], None]) -> dict[str, Any]:
+    """Everything the page's scripts read.
+
+    Args:
+        at: the moment it opens at.
+        on_progress: told the fraction that is done.
+    """
+    stage, trace, scene = facts.stage, facts.trace, facts.scene
+    paintings = paint(facts, facts.key_moments(PAINTINGS), TEXELS, lambda fraction: on_progress(0.5 * fraction))
+    cells = cells_of_faces(facts, lambda fraction: on_progress(0.5 + 0.5 * fraction))
+    truth = None if scene.truth is None or scene.truth.vertices is None else stage.page_from_world(scene.truth.vertices)
+    return {
+        "at": at,
+        "length": facts.length,
+        "diagonal": stage.scale * scene.mesh.diagonal,
+        "stage": {
+            "eye": (CLOSER * first_eye(stage)).tolist(),
+            "overview": stage.overview().tolist(),
+            "up": stage.up.tolist(),
+        },
+        "start": packed(stage.page_from_world(trace.start)),
+        "faces": packed(trace.faces.astype(np.uint32)),
+        "edges": packed(scene.mesh.edges.astype(np.uint32)),
+        "truth": None if truth is None else packed(truth),
+        "cameras": packed(_frusta(facts)),
+        "paintings": [_painting(painting) for painting in paintings],
+        "pace": facts.pace.tolist(),
+        **_changes(facts),
+        "steps": _steps(facts),
+        "sweeps": np.unique(facts.energies.sweeps).tolist(),
+        "energy": _energy_lines(facts),
+        "errors": None if facts.errors is None else facts.errors.tolist(),
+        "levels": _levels(facts),
+        "kinds": [kind._asdict() for kind in KINDS],
+        "intro": INTRO,
+        "reasons": {int(reason): reason.text for reason in StepReason},
+        "cells": cells,
+        "chosen": _first_vertex(facts, cells),
+        "colors": {
+            "background": BACKGROUND, "start": START, "now": NOW, "selected": SELECTED, "truth": TRUTH, "camera": CAMERA,
+        },
+        "css": {
+            "start": solid(START), "now": solid(NOW), "truth": solid(TRUTH), "cameras": solid(CAMERA), "wire": solid(NOW),
+        },
+    }  # fmt: skip
+
+
+def packed(values: np.ndarray) -> str:
+    """The bytes of an array, little-endian, as base64."""
+    return base64.b64encode(np.ascontiguousarray(values, dtype=values.dtype.newbyteorder("<")).tobytes()).decode()
+
+
+def _painting(painting: Painting) -> dict[str, Any]:
+    _, encoded = cv2.imencode(".jpg", painting.image[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+    return {
+        "moment": painting.moment,
+        "uv": packed(painting.uv.reshape(-1, 2).astype(np.float32)),
+        "picture": "data:image/jpeg;base64," + base64.b64encode(encoded.tobytes()).decode(),
+    }
+
+
+def _changes(facts: RunFacts) -> dict[str, Any]:
+    """Which vertices every step moved, where to; and what it had to say of which vertices."""
+    moved, places, told, reasons = [], [], [], []
+    for record in facts.trace.steps:
+        has_moved = (record.before != record.after).any(axis=1)
+        moved.append(record.vertices[has_moved])
+        places.append(record.after[has_moved])
+        told.append(record.vertices)
+        reasons.append(record.reasons)
+    return {
+        "moved": {
+            "starts": packed(_starts(moved)),
+            "vertices": packed(_joined(moved).astype(np.uint32)),
+            "places": packed(facts.stage.page_from_world(np.concatenate([np.zeros((0, 3)), *places]))),
+        },
+        "told": {
+            "starts": packed(_starts(told)),
+            "vertices": packed(_joined(told).astype(np.uint32)),
+            "reasons": packed(_joined(reasons).astype(np.uint8)),
+        },
+    }
+
+
+def _starts(parts: list[np.ndarray]) -> np.ndarray:
+    return np.cumsum([0, *map(len, parts)]).astype(np.uint32)
+
+
+def _joined(parts: list[np.ndarray]) -> np.ndarray:
+    return np.concatenate([np.zeros(0, dtype=np.int64), *parts])
+
+
+def _steps(facts: RunFacts) -> list[dict[str, Any]]:
+    energies = facts.energies
+    return [
+        {
+            "level": record.position.level + 1,
+            "sweep": record.position.sweep + 1,
+            "iteration": record.position.iteration + 1,
+            "kind": kind_of(record),
+            "before": float(energies.before[step]),
+            "after": float(energies.after[step]),
+            "longest": float(record.step_px.max(initial=0)),
+            "outcome": step_outcome(record),
+        }
+        for step, record in enumerate(facts.trace.steps)
+    ]
+
+
+def _energy_lines(facts: RunFacts) -> list[dict[str, Any]]:
+    """A line a sweep: energies of two sweeps do not compare."""
+    before, after, sweeps = facts.energies.before, facts.energies.after, facts.energies.sweeps
+    starts = np.flatnonzero(np.diff(sweeps, prepend=-1)).tolist()
+    return [
+        {"moments": list(range(first, end + 1)), "values": [float(before[first]), *after[first:end].tolist()]}
+        for first, end in zip(starts, [*starts[1:], facts.length], strict=True)
+    ] if starts else []  # fmt: skip
+
+
+def _levels(facts: RunFacts) -> list[dict[str, Any]]:
+    levels = facts.energies.levels
+    result = []
+    for level, blur in enumerate(facts.options.schedule.blur):
+        steps = np.flatnonzero(levels == level)
+        first, end = (int(steps[0]), int(steps[-1]) + 1) if len(steps) else (0, 0)
+        text = level_text(facts.options, level)
+        result.append({"number": level + 1, "blur": blur, "first": first, "end": end, "text": text})
+    return result
+
+
+def _first_vertex(facts: RunFacts, cells: dict[int, dict[str, Any]]) -> int:
+    """The vertex looked at in the beginning: of those with cells the one that went farthest."""
+    order = chosen_vertices(facts).tolist()
+    return next((v for v in order if any(f in cells for f in facts.scene.mesh.one_rings[v].tolist())), order[0])
+
+
+def _frusta(facts: RunFacts) -> np.ndarray:
+    """(lines, 2, 3) float32, page units: the outlines of the cameras."""
+    lines = []
+    for view in facts.scene.views:
+        camera, depth = view.camera, facts.stage.camera_scale
+        w, h = camera.width, camera.height
+        rays = np.linalg.solve(camera.K, np.array([[0, w, w, 0], [0, 0, h, h], [1, 1, 1, 1]], dtype=float)).T
+        corners = rays @ camera.camera_from_world[:, :3] * depth + facts.stage.page_from_world(camera.center)
+        eye = facts.stage.page_from_world(camera.center)
+        lines += [(eye, corner) for corner in corners]
+        lines += [(corners[k], corners[(k + 1) % 4]) for k in range(4)]
+    return np.array(lines, dtype=np.float32)

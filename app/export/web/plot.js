@@ -1,0 +1,106 @@
+// A quantity by moment, with a cursor; a press or drag goes to the moment under the pointer.
+"use strict";
+
+const SVG = "http://www.w3.org/2000/svg";
+
+function svg(name, attributes, parent) {
+  const node = document.createElementNS(SVG, name);
+  for (const [key, value] of Object.entries(attributes)) node.setAttribute(key, value);
+  parent?.append(node);
+  return node;
+}
+
+class Plot {
+  // lines: [{moments, values}]; bands: [{first, end, label}]; onJump: told a moment.
+  constructor(host, { title, unit, lines, bands, length, isLog, color, onJump }) {
+    Object.assign(this, { host, title, unit, lines, bands, length, isLog, color });
+    const values = lines.flatMap((line) => line.values).filter((value) => Number.isFinite(value) && (!isLog || value > 0));
+    this.floor = Math.min(...values);
+    const scaled = values.map((value) => this.scaled(value));
+    this.low = isLog ? Math.min(...scaled) : Math.min(0, ...scaled);
+    this.high = Math.max(...scaled);
+    const margin = 0.08 * (this.high - this.low) || 1;
+    this.high += margin;
+    if (isLog) this.low -= margin;
+    this.build();
+    const jump = (event) => {
+      const box = this.svg.getBoundingClientRect();
+      onJump(Math.round((event.clientX - box.left - this.left) / (box.width - this.left - this.right) * this.length));
+    };
+    host.addEventListener("pointerdown", (event) => { host.setPointerCapture(event.pointerId); jump(event); });
+    host.addEventListener("pointermove", (event) => { if (event.buttons & 1) jump(event); });
+    new ResizeObserver(() => { this.build(); this.cursor(this.moment ?? 0); }).observe(host);
+  }
+
+  scaled(value) { return this.isLog ? Math.log10(Math.max(value, this.floor)) : value; }
+  x(moment) { return this.left + (this.width - this.left - this.right) * moment / Math.max(1, this.length); }
+  y(value) { return this.height - this.bottom - (this.height - this.top - this.bottom) * (this.scaled(value) - this.low) / (this.high - this.low); }
+
+  build() {
+    Object.assign(this, { left: 48, right: 8, top: 20, bottom: 6, width: this.host.clientWidth || 380, height: this.host.clientHeight || 110 });
+    this.host.replaceChildren();
+    this.svg = svg("svg", { width: "100%", height: "100%", viewBox: `0 0 ${this.width} ${this.height}`, role: "img", "aria-label": this.title }, this.host);
+    this.bands.forEach(({ first, end }, k) => {
+      if (k % 2) svg("rect", { x: this.x(first), y: this.top - 4, width: this.x(end) - this.x(first), height: this.height - this.top - this.bottom + 4, class: "band" }, this.svg);
+    });
+    for (const tick of this.ticks()) {
+      const y = this.y(tick);
+      svg("line", { x1: this.left, x2: this.width - this.right, y1: y, y2: y, class: "grid" }, this.svg);
+      svg("text", { x: this.left - 6, y: y + 4, "text-anchor": "end" }, this.svg).textContent = brief(tick);
+    }
+    svg("text", { x: this.left, y: 12, class: "name" }, this.svg).textContent = this.title;
+    this.reading = svg("text", { x: this.width - this.right, y: 12, "text-anchor": "end", class: "reading" }, this.svg);
+    for (const { moments, values } of this.lines) {
+      const points = moments.map((m, i) => `${this.x(m).toFixed(1)},${this.y(values[i]).toFixed(1)}`).join(" ");
+      svg("polyline", { points, fill: "none", stroke: this.color, "stroke-width": 1.8, "stroke-linejoin": "round" }, this.svg);
+    }
+    this.bar = svg("line", { y1: this.top - 4, y2: this.height - this.bottom, class: "cursor" }, this.svg);
+    this.dot = svg("circle", { r: 4, class: "dot" }, this.svg);
+  }
+
+  ticks() {
+    const count = Math.max(2, Math.floor((this.height - this.top) / 26));
+    if (this.isLog) {
+      const step = Math.max(1, Math.ceil((this.high - this.low) / count));
+      const result = [];
+      for (let power = Math.ceil(this.low); power <= this.high; power += step) result.push(10 ** power);
+      return result;
+    }
+    const rough = (this.high - this.low) / count, power = 10 ** Math.floor(Math.log10(rough));
+    const step = [1, 2, 5, 10].map((factor) => factor * power).find((candidate) => candidate >= rough);
+    const result = [];
+    for (let value = Math.ceil(this.low / step) * step; value <= this.high; value += step) result.push(value);
+    return result;
+  }
+
+  value(moment) {
+    let found = null;
+    for (const { moments, values } of this.lines)
+      if (moments[0] <= moment) found = values[Math.min(moment, moments[moments.length - 1]) - moments[0]];
+    return found;
+  }
+
+  cursor(moment) {
+    this.moment = moment;
+    const value = this.value(moment), x = this.x(moment);
+    this.bar.setAttribute("x1", x);
+    this.bar.setAttribute("x2", x);
+    this.dot.setAttribute("visibility", value === null ? "hidden" : "visible");
+    if (value === null) return;
+    this.dot.setAttribute("cx", x);
+    this.dot.setAttribute("cy", this.y(value));
+    this.reading.textContent = `${brief(value, 3)}${this.unit}`;
+  }
+}
+
+// A number as people write it: 12 345, 0.00123, 1.2e-7.
+function brief(value, digits = 3) {
+  if (value === 0) return "0";
+  const size = Math.abs(value);
+  if (size >= 1e-4 && size < 1e9) {
+    const decimals = Math.max(0, digits - 1 - Math.floor(Math.log10(size)));
+    const text = size >= 1e4 || decimals === 0 ? Math.round(value).toString() : Number(value.toFixed(Math.min(decimals, 12))).toString();
+    return text.replace(/\B(?=(\d{3})+(?!\d))/g, (match, _, at) => (text.indexOf(".") > -1 && at > text.indexOf(".") ? "" : "\u2009")).replace("-", "\u2212");
+  }
+  return value.toExponential(digits - 1).replace("-", "\u2212");
+}

@@ -1,0 +1,292 @@
+// The page: everything on it is a function of the moment, of the vertex and of the face that are looked at.
+"use strict";
+
+const data = JSON.parse(document.getElementById("data").textContent);
+const $ = (id) => document.getElementById(id);
+const BASE_RATE = Math.max(5, data.length / 16); // moments a second: a run lasts about a quarter of a minute
+
+function decode(text, Kind) {
+  const bytes = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
+  return new Kind(bytes.buffer);
+}
+
+const arrays = {
+  start: decode(data.start, Float32Array),
+  faces: decode(data.faces, Uint32Array),
+  edges: decode(data.edges, Uint32Array),
+  truth: data.truth && decode(data.truth, Float32Array),
+  cameras: decode(data.cameras, Float32Array),
+  uv: data.paintings.map((painting) => decode(painting.uv, Float32Array)),
+};
+const steps = {
+  movedStarts: decode(data.moved.starts, Uint32Array),
+  moved: decode(data.moved.vertices, Uint32Array),
+  places: decode(data.moved.places, Float32Array),
+  toldStarts: decode(data.told.starts, Uint32Array),
+  told: decode(data.told.vertices, Uint32Array),
+  reasons: decode(data.told.reasons, Uint8Array),
+};
+
+// Positions at a moment. Every 32nd is kept, so that going back is quick.
+const kept = new Map([[0, arrays.start]]);
+function verticesAt(moment) {
+  let at = moment - (moment % 32);
+  while (!kept.has(at)) at -= 32;
+  let vertices = kept.get(at).slice();
+  for (let step = at; step < moment; step++) {
+    if (step % 32 === 0 && !kept.has(step)) kept.set(step, vertices.slice());
+    for (let i = steps.movedStarts[step]; i < steps.movedStarts[step + 1]; i++)
+      vertices.set(steps.places.subarray(3 * i, 3 * i + 3), 3 * steps.moved[i]);
+  }
+  return vertices;
+}
+
+// The ways of all vertices as lines, ordered by the moment they were gone.
+function paths() {
+  const count = steps.moved.length, lines = new Float32Array(6 * count), when = new Float32Array(2 * count);
+  const last = arrays.start.slice(), since = new Float32Array(last.length / 3), countAt = new Uint32Array(data.length + 1);
+  for (let step = 0; step < data.length; step++) {
+    for (let i = steps.movedStarts[step]; i < steps.movedStarts[step + 1]; i++) {
+      const v = steps.moved[i], place = steps.places.subarray(3 * i, 3 * i + 3);
+      lines.set(last.subarray(3 * v, 3 * v + 3), 6 * i);
+      lines.set(place, 6 * i + 3);
+      when.set([since[v], step + 1], 2 * i);
+      last.set(place, 3 * v);
+      since[v] = step + 1;
+    }
+    countAt[step + 1] = steps.movedStarts[step + 1];
+  }
+  return { lines, when, count: (moment) => countAt[moment] };
+}
+arrays.paths = paths();
+
+const state = { moment: -1, vertex: null, face: null, playing: false, speed: 1 };
+let viewer = null;
+try {
+  viewer = new Viewer($("scene"), data, arrays);
+  viewer.onPick = (vertex) => { if (vertex !== null) select(vertex); };
+} catch (error) {
+  $("no-webgl").hidden = false;
+  $("no-webgl").title = String(error);
+}
+
+function element(name, attributes = {}, ...children) {
+  const node = document.createElement(name);
+  for (const [key, value] of Object.entries(attributes)) key in node ? (node[key] = value) : node.setAttribute(key, value);
+  node.append(...children);
+  return node;
+}
+
+// ---------------------------------------------------------------- time
+
+function go(moment) {
+  moment = Math.max(0, Math.min(data.length, Math.round(moment)));
+  if (moment === state.moment) return;
+  state.moment = moment;
+  $("slider").value = moment;
+  $("slider").setAttribute("aria-valuetext", `moment ${moment} of ${data.length}`);
+  $("moment").textContent = `${moment} / ${data.length}`;
+  viewer?.show(moment, verticesAt(moment), blendAt(moment));
+  plots.forEach((plot) => plot.cursor(moment));
+  tell();
+  showCells();
+}
+
+// Between two painted moments both textures show, the second more and more.
+function blendAt(moment) {
+  const moments = data.paintings.map((painting) => painting.moment);
+  let k = moments.length - 1;
+  while (moments[k] > moment) k--;
+  if (k + 1 === moments.length) return [k, k, 0];
+  const [low, high] = [data.pace[moments[k]], data.pace[moments[k + 1]]];
+  return [k, k + 1, high > low ? (data.pace[moment] - low) / (high - low) : 0];
+}
+
+let playedSince = 0, playedFrom = 0;
+function play(on) {
+  if (on && state.moment === data.length) go(0);
+  state.playing = on && data.length > 0;
+  $("play").classList.toggle("on", state.playing);
+  $("play").setAttribute("aria-label", state.playing ? "Pause" : "Play");
+  $("play").title = state.playing ? "Pause (Space)" : "Play (Space)";
+  playedSince = performance.now();
+  playedFrom = state.moment;
+  if (state.playing) requestAnimationFrame(tick);
+}
+
+function tick(now) {
+  if (!state.playing) return;
+  const wanted = playedFrom + Math.max(0, now - playedSince) / 1000 * BASE_RATE * state.speed;
+  go(Math.floor(wanted));
+  if (wanted >= data.length) play(false);
+  else requestAnimationFrame(tick);
+}
+
+// By hand: playing stops.
+function jump(moment) { play(false); go(moment); }
+
+function sweepEdge(direction) {
+  const edges = [0, ...data.sweeps, data.length];
+  jump(direction > 0 ? edges.find((m) => m > state.moment) ?? data.length : edges.findLast((m) => m < state.moment) ?? 0);
+}
+
+// ---------------------------------------------------------------- what happened
+
+function tell() {
+  const m = state.moment, step = m ? data.steps[m - 1] : null;
+  $("headline").textContent = m === 0 ? "The start" : m === data.length ? "The end" : `Moment ${m}`;
+  $("where").textContent = step ? `level ${step.level} of ${data.levels.length} · sweep ${step.sweep} · iteration ${step.iteration} · photos blurred by ${data.levels[step.level - 1].blur} px` : `${data.length} steps follow`;
+  const outcome = $("outcome"), change = $("change");
+  outcome.textContent = step ? step.outcome : "";
+  change.textContent = "";
+  if (step) {
+    const percent = step.before ? 100 * (step.after - step.before) / step.before : 0;
+    change.append("energy ", element("b", {}, brief(step.after, 5)), " ", element("span", { className: percent < 0 ? "good" : "dim" }, `${percent > 0 ? "+" : ""}${brief(percent)} %`));
+    if (step.longest > 0) change.append(` · longest step ${brief(step.longest)} px`);
+  }
+  $("what").textContent = step ? data.kinds[step.kind].title : "Before the first step";
+  $("why").textContent = step ? data.kinds[step.kind].text : data.intro;
+  $("level-text").textContent = step ? data.levels[step.level - 1].text : data.levels[0]?.text ?? "";
+  tellVertex();
+}
+
+function tellVertex() {
+  const v = state.vertex, m = state.moment;
+  $("vertex-facts").hidden = v === null;
+  if (v === null || !viewer) return;
+  const now = verticesAt(m), at = (values) => values.subarray(3 * v, 3 * v + 3);
+  const apart = (a, b) => Math.hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2]) / data.diagonal * 100;
+  const rows = [["from its start", `${brief(apart(at(now), at(arrays.start)))} % of the diagonal`]];
+  if (arrays.truth) rows.push(["from the truth", `${brief(apart(at(now), at(arrays.truth)))} %`]);
+  const reason = lastReason(v, m);
+  if (reason !== null) rows.push(["its last step", data.reasons[reason]]);
+  $("vertex-name").textContent = `Vertex ${v}`;
+  $("vertex-rows").replaceChildren(...rows.map(([name, value]) => element("tr", {}, element("th", {}, name), element("td", {}, value))));
+}
+
+function lastReason(vertex, moment) {
+  for (let step = moment - 1; step >= 0; step--)
+    for (let i = steps.toldStarts[step]; i < steps.toldStarts[step + 1]; i++) if (steps.told[i] === vertex) return steps.reasons[i];
+  return null;
+}
+
+// ---------------------------------------------------------------- cells
+
+const ring = (vertex) => [...Array(arrays.faces.length / 3).keys()].filter((f) => arrays.faces.subarray(3 * f, 3 * f + 3).includes(vertex));
+
+function select(vertex) {
+  state.vertex = vertex;
+  const faces = ring(vertex).filter((f) => data.cells[f]);
+  state.face = faces.includes(state.face) ? state.face : faces[0] ?? null;
+  if (viewer) { viewer.selected = vertex; viewer.redraw(); }
+  $("faces").replaceChildren(...faces.map((f) => element("button", { type: "button", className: "chip", onclick: () => { state.face = f; showCells(); }, textContent: `face ${f}`, "data-face": f })));
+  showCells();
+  tellVertex();
+}
+
+function showCells() {
+  const found = state.face === null ? null : data.cells[state.face];
+  $("cells").hidden = !found;
+  $("no-cells").hidden = Boolean(found);
+  $("no-cells").textContent = state.vertex === null ? "Click a vertex (a dot) to see the cells of its faces." : `The cells of vertex ${state.vertex} are not in this file: it holds those of the vertices that went farthest. `;
+  if (!found) { $("no-cells").append(...(state.vertex === null ? [] : [element("button", { type: "button", className: "chip", onclick: () => select(data.chosen), textContent: `vertex ${data.chosen}` })])); return; }
+  for (const chip of $("faces").children) chip.classList.toggle("on", Number(chip.dataset.face) === state.face);
+  const at = found.moments.findLast((entry) => entry.moment <= state.moment) ?? found.moments[0];
+  if ($("sprite").src !== at.picture) $("sprite").src = at.picture;
+  $("cell-moment").replaceChildren(...found.moments.map((entry) => element("button", { type: "button", className: entry === at ? "chip on" : "chip", textContent: entry.moment, title: `Go to moment ${entry.moment}`, onclick: () => jump(entry.moment) })));
+  $("cell-facts").textContent = `k = ${at.k} · blur ${at.blur} px · energy ${brief(at.energy, 4)}`;
+  const most = Math.max(...found.moments.flatMap((entry) => entry.energies));
+  $("cell-rows").replaceChildren(...found.names.map((name, row) => {
+    const energy = at.energies[row], seen = energy !== null;
+    const bar = element("i", { style: `width:${seen ? 100 * energy / most : 0}%` });
+    return element("div", { title: name }, element("b", {}, name), element("span", {}, seen ? `energy ${brief(energy)}` : "not seen"), bar);
+  }));
+  $("residual-scale").textContent = `±${brief(found.scale)}`;
+}
+
+// ---------------------------------------------------------------- plots
+
+const bands = data.levels.filter((level) => level.end > level.first);
+const plots = [];
+if (data.length) {
+  plots.push(new Plot($("energy"), { title: data.errors ? "Energy, by sweep" : "Energy, a line for each sweep", unit: "", lines: data.energy, bands, length: data.length, isLog: false, color: data.css.now, onJump: jump }));
+  if (data.errors) {
+    plots.push(new Plot($("error"), { title: "Off the truth, rms", unit: " %", lines: [{ moments: data.errors.map((_, m) => m), values: data.errors }], bands, length: data.length, isLog: true, color: data.css.truth, onJump: jump }));
+  }
+}
+$("error").hidden = !data.errors || !data.length;
+$("bands").replaceChildren(...bands.map((level) => element("span", { style: `flex:${level.end - level.first}`, title: `Level ${level.number}: photos blurred by ${level.blur} px` }, `σ ${level.blur}`)));
+
+// ---------------------------------------------------------------- controls
+
+const layers = { texture: "Texture", paths: "Paths", dots: "Vertices", wire: "Edges now", start: "Edges at the start", truth: "Truth", cameras: "Cameras" };
+if (viewer) {
+  for (const [name, title] of Object.entries(layers)) {
+    if (name === "truth" && !arrays.truth) continue;
+    const chip = element("button", { type: "button", className: viewer.shown[name] ? "chip on" : "chip", textContent: title, "aria-pressed": viewer.shown[name] });
+    chip.onclick = () => {
+      viewer.shown[name] = !viewer.shown[name];
+      chip.classList.toggle("on", viewer.shown[name]);
+      chip.setAttribute("aria-pressed", viewer.shown[name]);
+      if (name === "cameras") viewer.shown.cameras ? viewer.overview() : viewer.home();
+      viewer.redraw();
+    };
+    if (data.css[name]) chip.prepend(element("i", { style: `background:${data.css[name]}` }));
+    $("layers").append(chip);
+  }
+  for (const button of document.querySelectorAll("[data-side]")) button.onclick = () => showSide(button.dataset.side);
+}
+
+function showSide(side) {
+  if (!viewer) return;
+  viewer.side = side;
+  for (const button of document.querySelectorAll("[data-side]")) button.classList.toggle("on", button.dataset.side === side);
+  $("divider").hidden = side !== "both";
+  viewer.redraw();
+}
+
+$("divider").addEventListener("pointerdown", (event) => $("divider").setPointerCapture(event.pointerId));
+$("divider").addEventListener("pointermove", (event) => {
+  if (!(event.buttons & 1)) return;
+  const box = $("scene").getBoundingClientRect();
+  viewer.split = Math.max(0.02, Math.min(0.98, (event.clientX - box.left) / box.width));
+  $("divider").style.left = `${100 * viewer.split}%`;
+  viewer.redraw();
+});
+
+for (const tab of document.querySelectorAll("[data-tab]")) {
+  tab.onclick = () => {
+    for (const other of document.querySelectorAll("[data-tab]")) {
+      other.classList.toggle("on", other === tab);
+      other.setAttribute("aria-selected", other === tab);
+      $(other.dataset.tab).hidden = other !== tab;
+    }
+  };
+}
+
+$("slider").max = data.length;
+$("slider").oninput = () => jump(Number($("slider").value));
+$("play").onclick = () => play(!state.playing);
+$("first").onclick = () => jump(0);
+$("last").onclick = () => jump(data.length);
+$("back").onclick = () => jump(state.moment - 1);
+$("forward").onclick = () => jump(state.moment + 1);
+$("speed").onchange = () => { state.speed = Number($("speed").value); if (state.playing) play(true); };
+
+document.addEventListener("keydown", (event) => {
+  if (event.ctrlKey || event.metaKey || event.altKey || event.target.tagName === "SELECT") return;
+  const actions = {
+    " ": () => play(!state.playing),
+    ArrowRight: () => (event.shiftKey ? sweepEdge(1) : jump(state.moment + 1)),
+    ArrowLeft: () => (event.shiftKey ? sweepEdge(-1) : jump(state.moment - 1)),
+    Home: () => jump(0),
+    End: () => jump(data.length),
+    b: () => showSide({ now: "before", before: "both", both: "now" }[viewer?.side ?? "now"]),
+  };
+  if (!(event.key in actions)) return;
+  event.preventDefault();
+  actions[event.key]();
+});
+
+select(data.chosen);
+go(data.at);
