@@ -29,9 +29,7 @@ class CellPictures:
         residual_scale: residual of full colour, grey levels; default: where residuals count as large.
     """
 
-    def __init__(
-        self, cells: FaceCells, flows: StepFlows | None = None, residual_scale: float | None = None
-    ) -> None:
+    def __init__(self, cells: FaceCells, flows: StepFlows | None = None, residual_scale: float | None = None) -> None:
         self.cells, self._flows = cells, flows
         shown = cells.observed[cells.counts] if cells.counts.any() else cells.observed.ravel()
         low, high = (float(value) for value in np.percentile(shown, (0.5, 99.5)))

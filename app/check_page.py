@@ -1,15 +1,13 @@
 """The findings of `check` as one HTML file that needs nothing else: no script, no file beside it, no network."""
 
-import base64
-import io
 from collections.abc import Sequence
 
 import numpy as np
-from PIL import Image
 
 from app.check_pictures import HELD_BACK, IN_PART, OUT
+from app.document import NEUTRAL, banner, bullets, document, jpeg_uri, tile
 from app.html import text
-from app.palette import BACKGROUND, BRAND, NOW, REJECTED, SELECTED, START, css
+from app.palette import BRAND, NOW, REJECTED, SELECTED, START, css
 from fairing.check_result import BLANK_TEXTURE, SceneCheck, ViewCheck
 from fairing.scene import Scene
 
@@ -22,48 +20,6 @@ _COLORS = {"good": START, "doubtful": SELECTED, "unusable": NOW}
 _BINS = 24
 _MOST_IDS = 500
 
-_STYLE = f"""
-:root {{ color-scheme: dark; }}
-* {{ box-sizing: border-box; }}
-body {{ margin: 0; background: {css(BACKGROUND)}; color: #d5d9df; font: 14px/1.5 system-ui, "DejaVu Sans", sans-serif;
-  font-variant-numeric: tabular-nums; }}
-main {{ max-width: 1240px; margin: 0 auto; padding: 28px 32px 60px; }}
-h1 {{ font-size: 20px; margin: 0; color: #f1f3f5; overflow-wrap: anywhere; }}
-h2 {{ font-size: 15px; margin: 34px 0 10px; color: #f1f3f5; }}
-.dim {{ color: #8d96a1; }}
-.verdict {{ display: flex; gap: 18px; align-items: center; margin: 18px 0 0; padding: 14px 18px; border-radius: 8px;
-  background: #212429; border-left: 6px solid var(--c); }}
-.verdict b {{ font-size: 20px; color: var(--c); }}
-ul {{ margin: 0; padding: 0; list-style: none; display: grid; gap: 6px; }}
-li {{ background: #212429; border-radius: 6px; padding: 8px 14px; border-left: 3px solid var(--c); overflow-wrap: anywhere; }}
-.tiles {{ display: grid; grid-template-columns: repeat(12, 1fr); gap: 12px; }}
-.tile {{ grid-column: span 3; background: #212429; border-radius: 8px; padding: 12px 14px; min-width: 0; }}
-.tile b {{ display: block; font-size: 20px; line-height: 1.3; color: #f1f3f5; font-weight: 600; }}
-.tile svg {{ display: block; width: 100%; height: 84px; margin-top: 8px; }}
-.tile.wide {{ grid-column: span 4; }}
-.axis {{ display: flex; justify-content: space-between; font-size: 12px; color: #8d96a1; }}
-details {{ margin-top: 8px; }}
-summary {{ cursor: pointer; }}
-details p {{ margin: 4px 0 8px 18px; overflow-wrap: anywhere; }}
-table {{ border-collapse: collapse; width: 100%; }}
-th {{ text-align: right; font-weight: 400; color: #8d96a1; padding: 4px 12px 6px; border-bottom: 1px solid #3d444d;
-  vertical-align: bottom; }}
-td {{ text-align: right; padding: 5px 12px; border-bottom: 1px solid #2a2e34; white-space: nowrap; }}
-th:first-child, td:first-child {{ text-align: left; padding-left: 0; white-space: normal; overflow-wrap: anywhere; }}
-td.bad {{ color: {css(SELECTED)}; font-weight: 600; }}
-.bar {{ display: inline-block; vertical-align: middle; width: 64px; height: 6px; background: #31363c; border-radius: 3px;
-  margin-left: 8px; }}
-.bar i {{ display: block; height: 6px; border-radius: 3px; background: {css(START)}; }}
-.legend {{ display: flex; gap: 6px 22px; flex-wrap: wrap; margin-bottom: 12px; }}
-.legend i {{ display: inline-block; width: 18px; height: 3px; border-radius: 2px; vertical-align: middle; margin-right: 8px; }}
-.photos {{ display: grid; grid-template-columns: repeat(auto-fill, minmax(360px, 1fr)); gap: 12px; }}
-figure {{ margin: 0; background: #212429; border-radius: 8px; overflow: hidden; }}
-figure img {{ width: 100%; display: block; }}
-figcaption {{ padding: 7px 12px 9px; display: flex; justify-content: space-between; gap: 10px; }}
-figcaption b {{ color: #f1f3f5; font-weight: 600; overflow-wrap: anywhere; }}
-figcaption span {{ white-space: nowrap; }}
-"""
-
 
 def check_page(scene: Scene, check: SceneCheck, thumbnails: Sequence[np.ndarray], overlays: Sequence[str]) -> str:
     """The page.
@@ -73,35 +29,22 @@ def check_page(scene: Scene, check: SceneCheck, thumbnails: Sequence[np.ndarray]
         overlays: file names of the same in full size, which the thumbnails link to.
     """
     verdict, meaning = VERDICTS[check.verdict]
-    color = css(_COLORS[check.verdict])
     sections = [
         f"<h1>{text(scene.name)}</h1><div class='dim'>{len(scene.views)} photos, {len(scene.mesh.vertices)} vertices, "
         f"{check.n_faces} faces{_points(scene)}</div>",
-        f"<div class='verdict' style='--c:{color}'><b>{verdict}</b><span>{meaning}</span></div>",
-        _list("What speaks against it", check.hints, css(SELECTED)),
-        _list("Good to know", check.suggestions, css(BRAND)),
-        _list("Notes on reading it", check.warnings, "#59636f"),
+        banner(verdict, meaning, css(_COLORS[check.verdict])),
+        bullets("What speaks against it", check.hints, css(SELECTED)),
+        bullets("Good to know", check.suggestions, css(BRAND)),
+        bullets("Notes on reading it", check.warnings, NEUTRAL),
         _faces(check),
         _photos(check.views),
         _pictures(check, thumbnails, overlays),
     ]
-    return (
-        '<!doctype html><html lang="en"><head><meta charset="utf-8">'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>Check of {text(scene.name)}</title><style>{_STYLE}</style></head><body><main>"
-        f"{''.join(sections)}</main></body></html>\n"
-    )
+    return document(f"Check of {scene.name}", sections)
 
 
 def _points(scene: Scene) -> str:
     return "" if scene.sparse_points is None else f", {len(scene.sparse_points.positions)} sparse points"
-
-
-def _list(title: str, items: Sequence[str], color: str) -> str:
-    if not items:
-        return ""
-    lines = "".join(f"<li style='--c:{color}'>{text(item)}</li>" for item in items)
-    return f"<h2>{title}</h2><ul>{lines}</ul>"
 
 
 def _faces(check: SceneCheck) -> str:
@@ -113,10 +56,10 @@ def _faces(check: SceneCheck) -> str:
     others = f"; the others: {reasons}" if without else ""
     parallax = "–" if check.parallax is None else f"{check.parallax:.0f}°"
     tiles = [
-        _tile(f"{check.faces_in_part} of {check.n_faces}", f"faces take part ({np.floor(share):.0f} %){others}"),
-        _tile(str(int(faces.is_blank.sum())), "of them are blank: nothing to hold on to"),
-        _tile(str(int(faces.is_striped.sum())), "of them are striped: they can slide one way"),
-        _tile(parallax, "between lines of sight to a face (median of the widest)"),
+        tile(f"{check.faces_in_part} of {check.n_faces}", f"faces take part ({np.floor(share):.0f} %){others}"),
+        tile(str(int(faces.is_blank.sum())), "of them are blank: nothing to hold on to"),
+        tile(str(int(faces.is_striped.sum())), "of them are striped: they can slide one way"),
+        tile(parallax, "between lines of sight to a face (median of the widest)"),
         _histogram("photos a face takes part in", faces.n_views, "", whole=True),
         _histogram("size of a face in the photos, px", faces.footprint[part], " px"),
         _histogram("texture of a face, grey levels a pixel", faces.texture[part], "", low=BLANK_TEXTURE),
@@ -133,15 +76,11 @@ def _ids(name: str, ids: np.ndarray) -> str:
     return f"<details><summary>{len(ids)} {text(name)}</summary><p class='dim'>{shown}{rest}</p></details>"
 
 
-def _tile(value: str, label: str) -> str:
-    return f"<div class='tile'><b>{text(value)}</b><span class='dim'>{text(label)}</span></div>"
-
-
 def _histogram(title: str, values: np.ndarray, unit: str, whole: bool = False, low: float = 0.0) -> str:
     """Bars from 0 to the largest value; those below `low` in the colour of what takes no part."""
     values = values[np.isfinite(values)]
     if len(values) == 0:
-        return _tile("–", title)
+        return tile("–", title)
     top = float(values.max()) or 1.0
     edges = np.arange(top + 2) - 0.5 if whole and top < 2 * _BINS else np.linspace(0, top, _BINS + 1)
     counts, edges = np.histogram(values, bins=edges)
@@ -216,14 +155,8 @@ def _pictures(check: SceneCheck, thumbnails: Sequence[np.ndarray], overlays: Seq
         for line in (IN_PART, HELD_BACK, OUT)
     )
     figures = "".join(
-        f"<figure><a href='{text(file)}'><img alt='mesh over {text(view.name)}' src='{_data(picture)}'></a>"
+        f"<figure><a href='{text(file)}'><img alt='mesh over {text(view.name)}' src='{jpeg_uri(picture)}'></a>"
         f"<figcaption><b>{text(view.name)}</b><span class='dim'>{view.faces} faces</span></figcaption></figure>"
         for view, picture, file in zip(check.views, thumbnails, overlays, strict=True)
     )
     return f"<h2>The mesh over each photo</h2><div class='legend'>{legend}</div><div class='photos'>{figures}</div>"
-
-
-def _data(picture: np.ndarray) -> str:
-    file = io.BytesIO()
-    Image.fromarray(picture).save(file, format="JPEG", quality=82)
-    return "data:image/jpeg;base64," + base64.b64encode(file.getvalue()).decode()

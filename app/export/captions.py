@@ -51,7 +51,7 @@ class Caption:
     def _draw_curve(self) -> None:
         """A line for each sweep: energies of different sweeps do not compare."""
         draw = ImageDraw.Draw(self._empty)
-        left, top, right, bottom = self._curve
+        left, _, right, bottom = self._curve
         draw.line([(left, bottom), (right, bottom)], fill=LINE)
         draw.text((left, 0.06 * self._size[1]), "energy, a line for each sweep", DIM, font=self._fonts[1])
         sweeps, before = self._facts.energies.sweeps, self._facts.energies.before
@@ -63,7 +63,9 @@ class Caption:
     def _place(self, moment: float, value: float) -> tuple[float, float]:
         left, top, right, bottom = self._curve
         low, high = 0.0, float(max(self._values.max(), self._facts.energies.before.max())) or 1.0
-        return left + (right - left) * moment / self._facts.length, bottom - (bottom - top) * (value - low) / (high - low)
+        return left + (right - left) * moment / self._facts.length, bottom - (bottom - top) * (value - low) / (
+            high - low
+        )
 
 
 def moment_words(facts: RunFacts, moment: int) -> list[str]:

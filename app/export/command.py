@@ -41,7 +41,12 @@ def export_to_file(
     if at is not None:
         moment = find_moment(session.trace, parse_moment_id(at, session.options.n_levels))
     facts = RunFacts(session, path.parent)
-    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:3.0f} %"), TimeRemainingColumn())
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.percentage:3.0f} %"),
+        TimeRemainingColumn(),
+    )
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task(f"making {out.name}", total=1.0)
 

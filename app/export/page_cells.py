@@ -39,41 +39,62 @@ def chosen_faces(facts: RunFacts) -> list[int]:
 
 
 def cells_of_faces(facts: RunFacts, on_progress: Callable[[float], None]) -> dict[int, dict[str, Any]]:
-    """What the page shows of each chosen face that takes part at some moment."""
-    faces = chosen_faces(facts)
-    moments = facts.key_moments(MOMENTS if len(faces) <= ALL_FACES else FEWER_MOMENTS)
-    found: dict[int, list[FaceCells]] = {face: [] for face in faces}
-    for k, moment in enumerate(moments):  # moment by moment: a sweep's photos are blurred once
+    """What the page shows of each chosen face that takes part at the start or at the end.
+
+    Cells are many megabytes at the finest level, so each is made a picture of before the next is looked at. Moments are the
+    outer loop: a sweep's photos are blurred once.
+    """
+    faces, is_small = chosen_faces(facts), len(facts.trace.faces) <= ALL_FACES
+    moments = facts.key_moments(MOMENTS if is_small else FEWER_MOMENTS)
+    ends = sorted({0, facts.length})
+    views: dict[int, set[int]] = {face: set() for face in faces}
+    scales = dict.fromkeys(faces, 1.0)
+    found: dict[int, list[dict[str, Any]]] = {face: [] for face in faces}
+    for k, moment in enumerate([*ends, *moments]):
         for face in faces:
-            try:
-                cells = face_cells(facts.session, face, moment)
-            except InputError:  # behind a camera there: the face has no cells at this moment
+            cells = _cells(facts, face, moment)
+            if cells is None:
                 continue
-            if cells.takes_part:
-                found[face].append(cells)
-        on_progress((k + 1) / len(moments))
-    return {face: _face(facts, cells) for face, cells in found.items() if cells}
-
-
-def _face(facts: RunFacts, states: list[FaceCells]) -> dict[str, Any]:
-    """Rows stay with their photos, and residuals keep their scale, so that moments compare."""
-    views = np.unique(np.concatenate([cells.views for cells in states]))
-    views = views[np.unique(np.linspace(0, len(views) - 1, min(ROWS, len(views))).round().astype(int))]
-    scale = max(max(float(np.percentile(np.abs(cells.residual[cells.counts]), 99)) for cells in states), 1.0)
+            if k < len(ends):
+                views[face].update(cells.views.tolist())
+                scales[face] = max(scales[face], float(np.percentile(np.abs(cells.residual[cells.counts]), 99)))
+            elif views[face]:
+                found[face].append(_moment(facts, cells, _rows(views[face]), scales[face]))
+        on_progress((k + 1) / (len(ends) + len(moments)))
     return {
-        "names": [facts.scene.views[view].name for view in views],
-        "scale": scale,
-        "moments": [_moment(facts, cells, views, scale) for cells in states],
+        face: {
+            "names": [facts.scene.views[view].name for view in _rows(views[face])],
+            "scale": scales[face],
+            "moments": entries,
+        }
+        for face, entries in found.items()
+        if entries
     }
 
 
-def _moment(facts: RunFacts, cells: FaceCells, views: np.ndarray, scale: float) -> dict[str, Any]:
+def _cells(facts: RunFacts, face: int, moment: int) -> FaceCells | None:
+    """None where the face takes no part, or has a corner behind a camera."""
+    try:
+        cells = face_cells(facts.session, face, moment)
+    except InputError:
+        return None
+    return cells if cells.takes_part and cells.counts.any() else None
+
+
+def _rows(views: set[int]) -> list[int]:
+    """The photos shown, spread evenly, the same at all moments, so that moments compare."""
+    ordered = sorted(views)
+    places = np.unique(np.linspace(0, len(ordered) - 1, min(ROWS, len(ordered))).round().astype(int))
+    return [ordered[place] for place in places]
+
+
+def _moment(facts: RunFacts, cells: FaceCells, views: list[int], scale: float) -> dict[str, Any]:
     level = facts.session.sweep_state(cells.moment).context.level
     rows = {int(view): row for row, view in enumerate(cells.views)}
     pictures = CellPictures(cells, residual_scale=scale)
     sheet = np.full((ROWS * (TILE + GAP) - GAP, len(KINDS) * (TILE + GAP) - GAP, 3), EMPTY, dtype=np.uint8)
     energies: list[float | None] = []
-    for k, view in enumerate(views.tolist()):
+    for k, view in enumerate(views):
         row = rows.get(view)
         energies.append(None if row is None else float(cells.view_energy[row]))
         for column, kind in enumerate(KINDS if row is not None else ()):

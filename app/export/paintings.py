@@ -76,5 +76,7 @@ class Painter:
         k = int(np.searchsorted(moments, moment, side="right")) - 1
         if k + 1 == len(moments):
             return self._paintings[k], self._paintings[k], 0.0
-        now, low, high = np.interp([moment, moments[k], moments[k + 1]], np.arange(len(self._facts.pace)), self._facts.pace)
+        now, low, high = np.interp(
+            [moment, moments[k], moments[k + 1]], np.arange(len(self._facts.pace)), self._facts.pace
+        )
         return self._paintings[k], self._paintings[k + 1], float((now - low) / (high - low)) if high > low else 0.0

@@ -11,6 +11,7 @@ from app.export.frame import framing_camera
 from app.export.paintings import Painter, paint
 from app.export.run_facts import RunFacts
 from app.palette import BACKGROUND
+from fairing.camera import Camera
 from fairing.io import write_atomically
 
 SIDE, CAPTION, GAP = 800, 76, 4  # px
@@ -30,8 +31,7 @@ def write_picture(facts: RunFacts, out: Path, moment: int | None, on_progress: C
 def picture(facts: RunFacts, moment: int | None, on_progress: Callable[[float], None]) -> np.ndarray:
     """(h, w, 3) uint8, RGB; see `write_picture`."""
     moments = [0, facts.length] if moment is None else [moment]
-    states = [facts.trace.vertices_at(m) for m in {0, facts.length, *moments}]
-    camera = framing_camera(facts.scene, facts.stage, states, SIDE, SIDE)
+    camera = framed(facts, [0, facts.length, *moments], SIDE, SIDE)
     painter = Painter(facts, paint(facts, sorted(set(moments)), TEXELS, on_progress), camera, BACKGROUND)
     caption = Caption(facts, SIDE, CAPTION, with_curve=False)
     parts = []
@@ -40,6 +40,12 @@ def picture(facts: RunFacts, moment: int | None, on_progress: Callable[[float], 
         parts.append(np.vstack([painter.draw(m), caption.strip(words)]))
     gap = np.full((SIDE + CAPTION, GAP, 3), BACKGROUND, dtype=np.uint8)
     return parts[0] if len(parts) == 1 else np.hstack([parts[0], gap, parts[1]])
+
+
+def framed(facts: RunFacts, moments: list[int], width: int, height: int) -> Camera:
+    """A camera for the mesh at all of these moments."""
+    states = [facts.trace.vertices_at(moment) for moment in moments]
+    return framing_camera(facts.scene, facts.stage, states, width, height)
 
 
 def _words(facts: RunFacts, moment: int, head: str) -> list[str]:

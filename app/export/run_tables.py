@@ -22,10 +22,17 @@ def figure_rows(report: dict[str, Any]) -> Rows:
         found = report.get("quality", {}).get(key)
         if found:
             which = "rms_percent" if "rms" in name else "median_percent" if "median" in name else "mean_percent"
-            rows.append((name, f"{number(found['before'][which], 3)} → <b>{number(found['after'][which], 3)}</b> {unit}"))
+            rows.append(
+                (name, f"{number(found['before'][which], 3)} → <b>{number(found['after'][which], 3)}</b> {unit}")
+            )
     off = report.get("quality", {}).get("reprojection_px")
     if off:
-        rows.append(("the same seen in the photos, rms", f"{number(off['before']['rms'], 3)} → <b>{number(off['after']['rms'], 3)}</b> px"))
+        rows.append(
+            (
+                "the same seen in the photos, rms",
+                f"{number(off['before']['rms'], 3)} → <b>{number(off['after']['rms'], 3)}</b> px",
+            )
+        )
     left_out = report.get("left_out")
     if left_out and left_out.get("photos_judged"):
         rows.append(

@@ -14,8 +14,8 @@ import numpy as np
 from PIL import Image
 
 from app.export.captions import Caption, moment_words
-from app.export.frame import framing_camera
 from app.export.paintings import Painter, paint
+from app.export.picture import framed
 from app.export.run_facts import RunFacts
 from app.palette import BACKGROUND
 from fairing.errors import InputError
@@ -65,17 +65,17 @@ def film(
 ) -> Iterator[np.ndarray]:
     """The frames (height, width, 3) uint8, RGB. The mesh rests at the start and at the end."""
     strip = round(CAPTION_SHARE * height)
-    states = [facts.trace.vertices_at(moment) for moment in facts.key_moments(PAINTINGS)]
-    camera = framing_camera(facts.scene, facts.stage, states, width, height - strip)
-    paintings = paint(facts, facts.key_moments(PAINTINGS), width, lambda fraction: on_progress(0.3 * fraction))
+    moments = facts.key_moments(PAINTINGS)
+    camera = framed(facts, moments, width, height - strip)
+    paintings = paint(facts, moments, width, lambda fraction: on_progress(0.3 * fraction))
     painter, caption = Painter(facts, paintings, camera, BACKGROUND), Caption(facts, width, strip, with_curve=True)
-    moments = shown_moments(facts, rate)
-    for k, moment in enumerate(moments):
-        if k == 0 or moment != moments[k - 1]:
+    shown = shown_moments(facts, rate)
+    for k, moment in enumerate(shown):
+        if k == 0 or moment != shown[k - 1]:
             words = moment_words(facts, int(moment))
             frame = np.vstack([painter.draw(moment), caption.strip(words, moment)])
         yield frame
-        on_progress(0.3 + 0.7 * (k + 1) / len(moments))
+        on_progress(0.3 + 0.7 * (k + 1) / len(shown))
 
 
 def shown_moments(facts: RunFacts, rate: int) -> list[float]:

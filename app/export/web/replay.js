@@ -50,7 +50,7 @@ function paths() {
       const v = steps.moved[i], place = steps.places.subarray(3 * i, 3 * i + 3);
       lines.set(last.subarray(3 * v, 3 * v + 3), 6 * i);
       lines.set(place, 6 * i + 3);
-      when.set([since[v], step + 1], 2 * i);
+      when.set([data.pace[since[v]], data.pace[step + 1]], 2 * i);
       last.set(place, 3 * v);
       since[v] = step + 1;
     }
@@ -209,9 +209,9 @@ function showCells() {
 const bands = data.levels.filter((level) => level.end > level.first);
 const plots = [];
 if (data.length) {
-  plots.push(new Plot($("energy"), { title: data.errors ? "Energy, by sweep" : "Energy, a line for each sweep", unit: "", lines: data.energy, bands, length: data.length, isLog: false, color: data.css.now, onJump: jump }));
+  plots.push(new Plot($("energy"), { title: data.errors ? "Energy" : "Energy, a line for each sweep", unit: "", lines: data.energy, bands, length: data.length, isLog: false, color: data.css.now, onJump: jump }));
   if (data.errors) {
-    plots.push(new Plot($("error"), { title: "Off the truth, rms", unit: " %", lines: [{ moments: data.errors.map((_, m) => m), values: data.errors }], bands, length: data.length, isLog: true, color: data.css.truth, onJump: jump }));
+    plots.push(new Plot($("error"), { title: "Off the truth", unit: " %", lines: [{ moments: data.errors.map((_, m) => m), values: data.errors }], bands, length: data.length, isLog: true, color: data.css.truth, onJump: jump }));
   }
 }
 $("error").hidden = !data.errors || !data.length;

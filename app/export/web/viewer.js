@@ -38,7 +38,7 @@ void main() {
   vec4 here = isEnd ? q : p;
   here.xy += side * width * vec2(-along.y, along.x) / size * here.w;
   here.z -= 0.0015 * here.w;
-  shade = mix(startColor, endColor, clamp((isEnd ? when.y : when.x) / max(now, 1.0), 0.0, 1.0));
+  shade = mix(startColor, endColor, clamp((isEnd ? when.y : when.x) / max(now, 1e-6), 0.0, 1.0));
   gl_Position = here;
 }`;
 
@@ -159,6 +159,7 @@ class Viewer {
     // What lies behind the surface shines through: many a path runs inside.
     gl.depthMask(false);
     gl.depthFunc(gl.ALWAYS);
+    if (shown.paths) this.line(this.paths, colors.background, 4.2 * ratio, this.pathCount(this.moment));
     if (shown.paths) this.line(this.paths, colors.start, 2.2 * ratio, this.pathCount(this.moment), colors.now);
     if (this.selected !== null) this.points(this.selected, 1, colors.selected, 14 * ratio);
     gl.depthFunc(gl.LEQUAL);
@@ -198,7 +199,7 @@ class Viewer {
     gl.uniformMatrix4fv(p.uniform("clipFromPage"), false, this.matrix);
     gl.uniform2f(p.uniform("size"), this.canvas.width, this.canvas.height);
     gl.uniform1f(p.uniform("width"), width);
-    gl.uniform1f(p.uniform("now"), this.moment);
+    gl.uniform1f(p.uniform("now"), this.data.pace[this.moment]);
     gl.uniform3fv(p.uniform("startColor"), color);
     gl.uniform3fv(p.uniform("endColor"), endColor);
     attribute(gl, p, "a", lines.ends, 3, 1, 24, 0);

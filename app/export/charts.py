@@ -1,0 +1,85 @@
+"""Curves by moment as SVG that needs no script."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from app.html import number, text
+from app.palette import RGB, css
+
+WIDTH, HEIGHT = 560, 210
+LEFT, RIGHT, TOP, BOTTOM = 64, 10, 12, 26
+TICKS = 4
+
+
+def curve_chart(
+    lines: Sequence[tuple[np.ndarray, np.ndarray]],
+    bands: Sequence[tuple[int, int, str]],
+    length: int,
+    color: RGB,
+    title: str,
+    is_log: bool = False,
+) -> str:
+    """An SVG.
+
+    Args:
+        lines: moments and values, (n,) each; with `is_log` only positive values are drawn.
+        bands: first and last moment of every level, and its name.
+        length: the last moment.
+        title: for screen readers.
+    """
+    values = np.concatenate([line[1] for line in lines])
+    values = values[np.isfinite(values) & (values > 0)] if is_log else values[np.isfinite(values)]
+    if len(values) == 0:
+        return ""
+    floor = float(values.min())
+
+    def scaled(value: np.ndarray) -> np.ndarray:
+        return np.log10(np.maximum(value, floor)) if is_log else value
+
+    low, high = float(scaled(values).min()), float(scaled(values).max())
+    low = low if is_log else min(0.0, low)
+    margin = 0.06 * (high - low) or 1.0
+    low, high = (low - margin if is_log else low), high + margin
+
+    def x(moment: np.ndarray | float) -> np.ndarray:
+        return LEFT + (WIDTH - LEFT - RIGHT) * np.asarray(moment, dtype=float) / max(1, length)
+
+    def y(value: np.ndarray | float) -> np.ndarray:
+        return HEIGHT - BOTTOM - (HEIGHT - TOP - BOTTOM) * (scaled(np.asarray(value, dtype=float)) - low) / (high - low)
+
+    parts = []
+    for k, (first, end, name) in enumerate(bands):
+        left, right = float(x(first)), float(x(end))
+        if k % 2:
+            parts.append(
+                f"<rect x='{left:.1f}' y='{TOP}' width='{right - left:.1f}' height='{HEIGHT - TOP - BOTTOM}' "
+                "fill='#fff' fill-opacity='.05'/>"
+            )
+        if right - left > 8 * len(name):
+            parts.append(
+                f"<text x='{(left + right) / 2:.1f}' y='{HEIGHT - 8}' text-anchor='middle'>{text(name)}</text>"
+            )
+    for value in _ticks(low, high, is_log):
+        at = float(y(value))
+        parts.append(f"<line x1='{LEFT}' x2='{WIDTH - RIGHT}' y1='{at:.1f}' y2='{at:.1f}' stroke='#31363c'/>")
+        parts.append(f"<text x='{LEFT - 8}' y='{at + 4:.1f}' text-anchor='end'>{number(value, 3)}</text>")
+    for moments, line in lines:
+        points = " ".join(f"{px:.1f},{py:.1f}" for px, py in zip(x(moments), y(line), strict=True))
+        parts.append(f"<polyline points='{points}' fill='none' stroke='{css(color)}' stroke-width='2'/>")
+    return (
+        f"<svg viewBox='0 0 {WIDTH} {HEIGHT}' class='curve' role='img' aria-label='{text(title)}'>"
+        f"<title>{text(title)}</title>{''.join(parts)}</svg>"
+    )
+
+
+def _ticks(low: float, high: float, is_log: bool) -> list[float]:
+    """Round numbers within an interval, given as powers of ten with `is_log`."""
+    if is_log:
+        powers = np.arange(np.ceil(low), np.floor(high) + 1)
+        every = max(1, -(-len(powers) // TICKS))
+        return [float(10**power) for power in powers[::every]]
+    rough = (high - low) / TICKS
+    power = 10 ** np.floor(np.log10(rough))
+    step = next(factor * power for factor in (1, 2, 5, 10) if factor * power >= rough)
+    return [float(value) for value in np.arange(np.ceil(low / step) * step, high, step)]
