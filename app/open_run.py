@@ -8,9 +8,7 @@ from fairing.io import PhotoChoice
 from fairing.trace import Trace
 
 
-def find_run(
-    run: Path, scene: str | None, mesh: Path | None, photos: PhotoChoice
-) -> tuple[Trace, SceneSource, Path]:
+def find_run(run: Path, scene: str | None, mesh: Path | None, photos: PhotoChoice) -> tuple[Trace, SceneSource, Path]:
     """The record in a folder that `fair` wrote, or in a trace, where its scene is, and the path of the trace.
 
     Args:

@@ -55,7 +55,7 @@ class Caption:
         draw.line([(left, bottom), (right, bottom)], fill=LINE)
         draw.text((left, 0.06 * self._size[1]), "energy, a line for each sweep", DIM, font=self._fonts[1])
         sweeps, before = self._facts.energies.sweeps, self._facts.energies.before
-        starts = np.flatnonzero(np.diff(sweeps, prepend=-1))
+        starts = np.flatnonzero(np.diff(sweeps, prepend=-1)).tolist()
         for first, end in zip(starts, [*starts[1:], len(sweeps)], strict=True):
             values = [float(before[first]), *self._values[first + 1 : end + 1].tolist()]
             draw.line([self._place(first + i, value) for i, value in enumerate(values)], fill=NOW, width=2)

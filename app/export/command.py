@@ -11,20 +11,24 @@ from app.export.picture import write_picture
 from app.export.report_page import write_report
 from app.export.run_facts import RunFacts
 from app.export.video import write_video
+from app.loading import load_with_progress
 from app.moment_id import find_moment, parse_moment_id
+from app.scene_source import SceneSource
 from fairing.errors import InputError
+from fairing.options import options_from_dict
 from fairing.session import Session
+from fairing.trace import Trace
 
 PAGE, PICTURE, VIDEOS = ".html", ".png", (".mp4", ".webm", ".gif")
 
 
 def export_to_file(
-    open_run: Callable[[], tuple[Session, Path]], out: Path, at: str | None, report: bool, console: Console
+    find_run: Callable[[], tuple[Trace, SceneSource, Path]], out: Path, at: str | None, report: bool, console: Console
 ) -> int:
     """Write the file that its ending asks for; an existing file is replaced only by a complete one.
 
     Args:
-        open_run: the run, and the path of its trace; asked only when the rest makes sense.
+        find_run: the record, its scene and its path; asked only when the rest makes sense.
         at: name of a moment.
         report: with .html: the report instead of the replay.
 
@@ -36,10 +40,10 @@ def export_to_file(
     """
     ending = out.suffix.lower()
     _check(out, ending, at, report)
-    session, path = open_run()
-    moment = None
-    if at is not None:
-        moment = find_moment(session.trace, parse_moment_id(at, session.options.n_levels))
+    trace, source, path = find_run()
+    wanted = None if at is None else parse_moment_id(at, options_from_dict(trace.header["options"]).n_levels)
+    session = Session(load_with_progress(source, console), trace=trace)
+    moment = None if wanted is None else find_moment(trace, wanted)
     facts = RunFacts(session, path.parent)
     columns = (
         TextColumn("{task.description}"),

@@ -97,7 +97,9 @@ def _moment(facts: RunFacts, cells: FaceCells, views: list[int], scale: float) -
     for k, view in enumerate(views):
         row = rows.get(view)
         energies.append(None if row is None else float(cells.view_energy[row]))
-        for column, kind in enumerate(KINDS if row is not None else ()):
+        if row is None:
+            continue
+        for column, kind in enumerate(KINDS):
             tile = cv2.resize(pictures.picture(row, kind), (TILE, TILE), interpolation=cv2.INTER_AREA)
             y, x = k * (TILE + GAP), column * (TILE + GAP)
             sheet[y : y + TILE, x : x + TILE] = tile

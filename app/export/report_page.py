@@ -9,36 +9,32 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 
 from app.document import NEUTRAL, banner, bullets, document, jpeg_uri, tile
 from app.export.charts import curve_chart
 from app.export.paintings import Painter, paint
 from app.export.picture import TEXELS, framed
+from app.export.report_tables import left_out_table, levels_table, seconds_table, vertices_table
 from app.export.run_facts import RunFacts
 from app.export.run_tables import figure_rows, machine_rows, options_list, table
 from app.html import number, text
 from app.palette import BACKGROUND, BRAND, NOW, SELECTED, START, TRUTH, css
 from app.run_extras import LEFT_OUT
-from fairing.errors import InputError
 from fairing.io import write_atomically
 
 PICTURE = 600  # px
-LEFT_OUT_WIDTH = 1280  # px at most
-MOST_ROWS = 20
 STYLE = f"""
 .two {{ display: grid; grid-template-columns: 1fr 1fr; gap: 12px; }}
 .two > div {{ background: #212429; border-radius: 8px; padding: 12px 14px; min-width: 0; }}
 .curve {{ width: 100%; display: block; margin-top: 8px; }}
 .curve text {{ fill: #8d96a1; font-size: 12px; }}
-.list th, .list td {{ text-align: left; white-space: normal; overflow-wrap: anywhere; }}
 .plain th {{ border-bottom: 1px solid #2a2e34; text-align: left; padding: 5px 12px 5px 0; font-weight: 400; }}
 .plain td {{ white-space: normal; }}
 .option {{ margin: 4px 0 6px 18px; padding-left: 10px; border-left: 2px solid #31363c; overflow-wrap: anywhere; }}
 .option.changed {{ border-color: {css(SELECTED)}; }}
 .option small {{ display: block; color: #8d96a1; }}
-.whole {{ width: 100%; display: block; border-radius: 8px; }}
+.whole {{ width: 100%; display: block; margin-top: 12px; border-radius: 8px; }}
 @media print {{ body {{ print-color-adjust: exact; }} h2, figure, .two, tr {{ break-inside: avoid; }} }}
 """
 
@@ -63,14 +59,14 @@ def _sections(facts: RunFacts, on_progress: Callable[[float], None]) -> list[str
         _tiles(facts, report),
         _pictures(facts, on_progress),
         _curves(facts),
-        _levels(report),
+        levels_table(report),
         f"<h2>Figures</h2><div class='plain'>{table(figure_rows(report))}</div>"
         "<p class='dim'>Percent of the mesh's diagonal, before and after.</p>",
-        _left_out(facts, report),
-        _vertices(facts, report),
+        left_out_table(report, facts.folder / LEFT_OUT),
+        vertices_table(report),
         bullets("Notes", report["warnings"], css(BRAND)),
         bullets("Left out", _skipped(report), NEUTRAL),
-        _seconds(report),
+        seconds_table(report),
         f"<h2>Made by</h2><div class='plain'>{table(machine_rows(report))}</div>",
         options_list(facts.options),
     ]
@@ -139,103 +135,6 @@ def _curves(facts: RunFacts) -> str:
     return f"<h2>The way there</h2><div class='two'>{''.join(charts)}</div>"
 
 
-def _levels(report: dict[str, Any]) -> str:
-    """A row a level, from the sweeps of report.json."""
-    rows = []
-    for level in sorted({sweep["level"] for sweep in report["sweeps"]}):
-        sweeps = [sweep for sweep in report["sweeps"] if sweep["level"] == level]
-        first, last = sweeps[0], sweeps[-1]
-        values = [
-            str(level + 1),
-            f"{first['blur_px']:g} px",
-            str(len(sweeps)),
-            str(sum(sweep["steps"] for sweep in sweeps)),
-            str(sum(sweep["accepted"] for sweep in sweeps)),
-            f"{number(max(sweep['longest_step_px'] for sweep in sweeps), 3)} px",
-            f"{number(first['before'])} → {number(first['after'])}",
-            f"{number(last['before'])} → {number(last['after'])}",
-        ]
-        rows.append("<tr>" + "".join(f"<td>{value}</td>" for value in values) + "</tr>")
-    names = (
-        "level",
-        "blur",
-        "sweeps",
-        "steps",
-        "moves accepted",
-        "longest move",
-        "energy in its first sweep",
-        "in its last",
-    )
-    return _table("Levels", names, rows)
-
-
-def _table(title: str, names: tuple[str, ...], rows: list[str], css_class: str = "") -> str:
-    if not rows:
-        return ""
-    header = "".join(f"<th>{name}</th>" for name in names)
-    return f"<h2>{title}</h2><table class='{css_class}'><thead><tr>{header}</tr></thead><tbody>{''.join(rows)}</tbody></table>"
-
-
-def _left_out(facts: RunFacts, report: dict[str, Any]) -> str:
-    found = report.get("left_out")
-    if not found:
-        return ""
-    rows = [
-        f"<tr><td>{text(photo.get('name', photo.get('view', '')))}</td>"
-        + "".join(f"<td>{_or_dash(photo.get(key), digits)}</td>" for key, digits in _LEFT_OUT_KEYS)
-        + "</tr>"
-        for photo in found["photos"]
-    ]
-    names = ("photo left out", "PSNR before, dB", "after", "SSIM before", "after")
-    picture = facts.folder / LEFT_OUT
-    return _table("Photos left out, predicted from the others", names, rows) + (
-        _sheet(picture) if picture.exists() else ""
-    )
-
-
-_LEFT_OUT_KEYS = (("psnr_before", 2), ("psnr_after", 2), ("ssim_before", 4), ("ssim_after", 4))
-
-
-def _or_dash(value: Any, digits: int) -> str:
-    return f"{value:.{digits}f}" if isinstance(value, int | float) else "–"
-
-
-def _sheet(path: Path) -> str:
-    image = cv2.imread(str(path), cv2.IMREAD_COLOR)
-    if image is None:
-        raise InputError(f"{path}: expected the picture of the photos left out, found no image")
-    scale = min(1.0, LEFT_OUT_WIDTH / image.shape[1])
-    small = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
-    return (
-        f"<img class='whole' alt='Errors of the photos left out, before and after' src='{jpeg_uri(small[..., ::-1])}'>"
-    )
-
-
-def _vertices(facts: RunFacts, report: dict[str, Any]) -> str:
-    vertices, diagonal = report["vertices"], report["scene"]["diagonal"]
-    reasons = Counter(vertex["stop_reason"] for vertex in vertices)
-    most = max(reasons.values())
-    why = [
-        f"<tr><td>{text(reason)}</td><td>{count}<span class='bar'><i style='width:{100 * count / most:.0f}%'></i></span></td></tr>"
-        for reason, count in reasons.most_common()
-    ]
-    order = sorted(range(len(vertices)), key=lambda v: -vertices[v]["moved"])[:MOST_ROWS]
-    rows = []
-    for v in order:
-        vertex = vertices[v]
-        values = vertex["eigenvalues"]
-        ratio = "–" if not values or not values[2] else number(values[0] / values[2], 2)
-        rows.append(
-            f"<tr><td>{text(', '.join(map(str, vertex['input_vertices'])))}</td><td>{number(100 * vertex['moved'] / diagonal, 3)} %</td>"
-            f"<td>{vertex['views']}</td><td>{ratio}</td><td>{text(vertex['stop_reason'])}</td></tr>"
-        )
-    names = ("vertex", "moved, of the diagonal", "photos", "weakest / strongest", "its last step")
-    title = "All vertices" if len(order) == len(vertices) else f"The {len(order)} vertices that went farthest"
-    return _table("What became of the vertices in their last step", ("reason", "vertices"), why) + _table(
-        title, names, rows
-    )
-
-
 def _skipped(report: dict[str, Any]) -> list[str]:
     """Faces and vertices that took no part, by reason."""
     skipped = report["skipped"]
@@ -250,16 +149,3 @@ def _skipped(report: dict[str, Any]) -> list[str]:
         )
     reasons = Counter(vertex["reason"] for vertex in skipped["vertices"])
     return lines + [f"{count} vertices {reason}" for reason, count in reasons.most_common()]
-
-
-def _seconds(report: dict[str, Any]) -> str:
-    seconds = report["seconds"]
-    if seconds.get("loading") is None:
-        return ""
-    parts = [(name, value) for name, value in seconds.items() if name != "total" and value >= 0.05]
-    most = max([value for _, value in parts], default=1.0)
-    rows = [
-        f"<tr><td>{text(name)}</td><td>{value:.1f} s<span class='bar'><i style='width:{100 * value / most:.0f}%'></i></span></td></tr>"
-        for name, value in parts
-    ]
-    return _table(f"Time: {seconds['total']:.1f} s", ("stage", "seconds"), rows)

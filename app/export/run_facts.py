@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from app.headless import REPORT
 from app.history import EnergyHistory
+from app.run_files import REPORT
 from app.runs import run_title
 from app.stage import Stage
 from fairing.energy import Evaluator

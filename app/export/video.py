@@ -70,10 +70,11 @@ def film(
     paintings = paint(facts, moments, width, lambda fraction: on_progress(0.3 * fraction))
     painter, caption = Painter(facts, paintings, camera, BACKGROUND), Caption(facts, width, strip, with_curve=True)
     shown = shown_moments(facts, rate)
+    frame, last = np.zeros((height, width, 3), dtype=np.uint8), -1.0
     for k, moment in enumerate(shown):
-        if k == 0 or moment != shown[k - 1]:
+        if moment != last:
             words = moment_words(facts, int(moment))
-            frame = np.vstack([painter.draw(moment), caption.strip(words, moment)])
+            frame, last = np.vstack([painter.draw(moment), caption.strip(words, moment)]), moment
         yield frame
         on_progress(0.3 + 0.7 * (k + 1) / len(shown))
 

@@ -271,7 +271,7 @@ $("first").onclick = () => jump(0);
 $("last").onclick = () => jump(data.length);
 $("back").onclick = () => jump(state.moment - 1);
 $("forward").onclick = () => jump(state.moment + 1);
-$("speed").onchange = () => { state.speed = Number($("speed").value); if (state.playing) play(true); };
+$("speed").onchange = () => { state.speed = Number($("speed").value); $("speed").blur(); if (state.playing) play(true); };
 
 document.addEventListener("keydown", (event) => {
   if (event.ctrlKey || event.metaKey || event.altKey || event.target.tagName === "SELECT") return;

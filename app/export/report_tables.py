@@ -1,0 +1,135 @@
+"""The tables of a run's report, from what report.json says."""
+
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import cv2
+
+from app.document import jpeg_uri
+from app.html import number, text
+from fairing.errors import InputError
+
+LEFT_OUT_WIDTH = 1280  # px at most
+MOST_ROWS = 20
+_LEFT_OUT_KEYS = (("psnr_before", 2), ("psnr_after", 2), ("ssim_before", 4), ("ssim_after", 4))
+
+
+def levels_table(report: dict[str, Any]) -> str:
+    """A row a level, from its sweeps."""
+    rows = []
+    for level in sorted({sweep["level"] for sweep in report["sweeps"]}):
+        sweeps = [sweep for sweep in report["sweeps"] if sweep["level"] == level]
+        first, last = sweeps[0], sweeps[-1]
+        rows.append(
+            _row(
+                str(level + 1),
+                f"{first['blur_px']:g} px",
+                str(len(sweeps)),
+                str(sum(sweep["steps"] for sweep in sweeps)),
+                str(sum(sweep["accepted"] for sweep in sweeps)),
+                f"{number(max(sweep['longest_step_px'] for sweep in sweeps), 3)} px",
+                f"{number(first['before'])} → {number(first['after'])}",
+                f"{number(last['before'])} → {number(last['after'])}",
+            )
+        )
+    names = (
+        "level",
+        "blur",
+        "sweeps",
+        "steps",
+        "moves accepted",
+        "longest move",
+        "energy in its first sweep",
+        "in its last",
+    )
+    return _table("Levels", names, rows)
+
+
+def left_out_table(report: dict[str, Any], picture: Path) -> str:
+    """Photos predicted from the others, and the picture of the errors where it is there; nothing if none were left out.
+
+    Raises:
+        InputError: the picture is none.
+    """
+    found = report.get("left_out")
+    if not found:
+        return ""
+    rows = [
+        _row(text(photo["name"]), *(_or_dash(photo[key], digits) for key, digits in _LEFT_OUT_KEYS))
+        for photo in found["photos"]
+    ]
+    names = ("photo", "PSNR before, dB", "after", "SSIM before", "after")
+    return _table("Photos left out, predicted from the others", names, rows) + (
+        _sheet(picture) if picture.exists() else ""
+    )
+
+
+def vertices_table(report: dict[str, Any]) -> str:
+    """Reasons of the last steps, and the vertices that went farthest."""
+    vertices, diagonal = report["vertices"], report["scene"]["diagonal"]
+    reasons = Counter(vertex["stop_reason"] for vertex in vertices)
+    most = max(reasons.values(), default=1)
+    why = [_row(text(reason), f"{count}{_bar(count / most)}") for reason, count in reasons.most_common()]
+    farthest = sorted(vertices, key=lambda vertex: -vertex["moved"])[:MOST_ROWS]
+    rows = [
+        _row(
+            text(", ".join(map(str, vertex["input_vertices"]))),
+            f"{number(100 * vertex['moved'] / diagonal, 3)} %",
+            str(vertex["views"]),
+            _ratio(vertex["eigenvalues"]),
+            text(vertex["stop_reason"]),
+        )
+        for vertex in farthest
+    ]
+    title = "All vertices" if len(rows) == len(vertices) else f"The {len(rows)} vertices that went farthest"
+    names = ("vertex", "moved, of the diagonal", "photos", "weakest / strongest", "its last step")
+    return _table("What became of the vertices in their last step", ("reason", "vertices"), why) + _table(
+        title, names, rows
+    )
+
+
+def seconds_table(report: dict[str, Any]) -> str:
+    """Time by stage; nothing where it was not recorded."""
+    seconds = report["seconds"]
+    if seconds.get("loading") is None:
+        return ""
+    stages = [(name, value) for name, value in seconds.items() if name != "total" and value >= 0.05]
+    most = max([value for _, value in stages], default=1.0)
+    rows = [_row(text(name), f"{value:.1f} s{_bar(value / most)}") for name, value in stages]
+    return _table(f"Time: {seconds['total']:.1f} s", ("stage", "seconds"), rows)
+
+
+def _table(title: str, names: Sequence[str], rows: Sequence[str]) -> str:
+    if not rows:
+        return ""
+    header = "".join(f"<th>{text(name)}</th>" for name in names)
+    return f"<h2>{text(title)}</h2><table><thead><tr>{header}</tr></thead><tbody>{''.join(rows)}</tbody></table>"
+
+
+def _row(*cells: str) -> str:
+    return "<tr>" + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>"
+
+
+def _bar(share: float) -> str:
+    return f"<span class='bar'><i style='width:{100 * share:.0f}%'></i></span>"
+
+
+def _ratio(eigenvalues: list[float] | None) -> str:
+    return "–" if not eigenvalues or not eigenvalues[2] else number(eigenvalues[0] / eigenvalues[2], 2)
+
+
+def _or_dash(value: float | None, digits: int) -> str:
+    return "–" if value is None else f"{value:.{digits}f}"
+
+
+def _sheet(path: Path) -> str:
+    image = cv2.imread(str(path), cv2.IMREAD_COLOR)
+    if image is None:
+        raise InputError(f"{path}: expected the picture of the photos left out, found no image")
+    scale = min(1.0, LEFT_OUT_WIDTH / image.shape[1])
+    small = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    return (
+        f"<img class='whole' alt='Errors of the photos left out, before and after' src='{jpeg_uri(small[..., ::-1])}'>"
+    )
