@@ -15,7 +15,7 @@ import tyro
 from rich.console import Console
 
 from app.arguments import ALL_PHOTOS, PhotosArgument, Preset, SceneArgument
-from app.loading import load_with_progress
+from app.loading import load_with_bar, load_with_progress
 from app.moment_id import START, find_moment, parse_moment_id
 from app.open_run import find_run
 from app.scene_source import SceneSource
@@ -40,6 +40,7 @@ def view(
     browser: bool = True,
     save_to: Path | None = None,
     at: str = "start",
+    lesson: str | None = None,
     photos: PhotosArgument = ALL_PHOTOS,
 ) -> int:
     """Open the debugger on a scene, paused.
@@ -53,25 +54,32 @@ def view(
         browser: Open the page in the browser.
         save_to: Keep the record of all steps in this file, for `eigenfairing replay`.
         at: The moment to open at, after running up to there: level:sweep:vertex:iteration from 1, `start` or `end`.
+        lesson: Open a lesson, on the scene it plays on; the page lists them all.
     """
     console = Console(stderr=True)
     source = SceneSource.typed(scene, mesh, photos)
     wanted = parse_moment_id(at, PRESETS[preset].n_levels)
+    load = source.load
+    if lesson is not None:
+        from app.lessons.opening import scene_of_lesson
+
+        load = scene_of_lesson(lesson, source)
 
     def open_session() -> "Session":
         from fairing.session import Session
 
-        session = Session(load_with_progress(source, console), PRESETS[preset])
-        source.note_in(session.trace.header)
+        session = Session(load_with_bar(source.scene, load, console), PRESETS[preset])
+        if lesson is None or session.scene.name == source.scene:  # scenes of lessons' own cannot be found by a name
+            source.note_in(session.trace.header)
         return session
 
     if at.strip() == START:
-        return _serve(open_session, host, port, browser, save_to, None)
+        return _serve(open_session, host, port, browser, save_to, None, lesson=lesson)
     from app.headless import run_to
 
     session = open_session()
     run_to(session, wanted, console)
-    return _serve(lambda: session, host, port, browser, save_to, None, page_first=False)
+    return _serve(lambda: session, host, port, browser, save_to, None, page_first=False, lesson=lesson)
 
 
 def replay(
@@ -116,12 +124,13 @@ def _serve(
     save_to: Path | None,
     recorded_in: Path | None,
     page_first: bool = True,
+    lesson: str | None = None,
 ) -> int:
     from app.serve import serve
 
     serve(
         open_session, host=host, port=port, open_browser=browser, save_to=save_to, recorded_in=recorded_in,
-        page_first=page_first,
+        page_first=page_first, lesson=lesson,
     )  # fmt: skip
     return 0
 

@@ -1,5 +1,7 @@
 """Opening a scene, with a bar while a demo's photos are taken or sparse points triangulated."""
 
+from collections.abc import Callable
+
 from rich.console import Console
 from rich.progress import Progress
 
@@ -9,6 +11,11 @@ from fairing.scene import Scene
 
 def load_with_progress(source: SceneSource, console: Console) -> Scene:
     """The scene of a source, with a bar while a demo's photos are taken or sparse points triangulated."""
+    return load_with_bar(source.scene, source.load, console)
+
+
+def load_with_bar(name: str, load: Callable[[Callable[[float, str], None]], Scene], console: Console) -> Scene:
+    """What `load` gives, with a bar that it moves."""
     with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task(f"opening {source.scene}", total=1.0)
-        return source.load(lambda fraction, line: bar.update(task, completed=fraction, description=line))
+        task = bar.add_task(f"opening {name}", total=1.0)
+        return load(lambda fraction, line: bar.update(task, completed=fraction, description=line))

@@ -74,7 +74,11 @@ CELLS_WIDTH = 362
 
 @dataclass(frozen=True, eq=False)
 class Shared:
-    """What all pages have in common."""
+    """What all pages have in common.
+
+    Attributes:
+        change_scene: shows a scene of the lessons instead, and opens a lesson there in the browser given.
+    """
 
     scene: Scene
     stage: Stage
@@ -87,6 +91,7 @@ class Shared:
     background: Background
     photos: PhotoStore
     experiments: Desk
+    change_scene: Callable[[viser.ClientHandle, str, str], None]
 
 
 class Page:
@@ -150,6 +155,10 @@ class Page:
         self._look_through.blend(state, self.view.model_share)
         self._place_timeline()
 
+    def open_lesson(self, name: str) -> None:
+        """Begin a lesson that fits the scene."""
+        self._guard(self._lessons.open)(name)
+
     def close(self) -> None:
         """The browser is gone."""
         self._surface.close()
@@ -193,7 +202,9 @@ class Page:
         self._play = TimelineButtons(shared.controller, self.view, bridge)
         self._runs = RunButtons(shared.controller, self.view, bridge)
         self._bookmarks = BookmarkButtons(shared.controller, self.view, bridge)
-        self._lessons = LessonRoom(self._client, shared.controller, bridge, self._lead_eye)
+        self._lessons = LessonRoom(
+            self._client, shared.controller, bridge, self._guard, self._lead_eye, shared.change_scene
+        )
         scene, source = shared.scene, CellSource(shared.controller, shared.scene.mesh)
         controls = CellsControls(bridge, self.view, scene, shared.controller.republish)
         to_change = bridge.number(self._run.to_change)

@@ -28,6 +28,7 @@ def serve(
     save_to: Path | None = None,
     recorded_in: Path | None = None,
     page_first: bool = True,
+    lesson: str | None = None,
 ) -> None:
     """Open the debugger, paused, and stay until Ctrl-C.
 
@@ -38,6 +39,7 @@ def serve(
         save_to: keep the record in this file.
         recorded_in: the file the record was read from; its bookmarks are beside it.
         page_first: say the address before the run is there: not where a Ctrl-C by then would lose a run made already.
+        lesson: name of the lesson that the first browser opens; the session is on its scene.
 
     Raises:
         InputError: the address cannot be used, `save_to` cannot be written, or the bookmarks cannot be read; or what
@@ -51,7 +53,7 @@ def serve(
                 _invite(address_of(server), open_browser)
             from app.server import App
 
-            stop = App(server, open_session(), save_to, recorded_in).stop
+            stop = App(server, open_session(), save_to, recorded_in, lesson).stop
             if not page_first:
                 _invite(address_of(server), open_browser)
             # A Ctrl-C that arrives just before a wait begins does not end it, so none is long.

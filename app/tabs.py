@@ -1,4 +1,6 @@
-"""Brings a tab to the front. viser 1.1.1 has no call for it, but runs a line in the page; a test holds it."""
+"""Brings a tab to the front, or loads the page anew. viser 1.1.1 has no calls for it, but runs a line in the page; tests
+hold it.
+"""
 
 import json
 
@@ -16,4 +18,13 @@ def show_tab(client: viser.ClientHandle, title: str) -> None:
             tab.dispatchEvent(new KeyboardEvent('keydown', {{key: 'Enter', bubbles: true}}));
         else tab?.click();
     """
-    client.gui._websock_interface.queue_message(RunJavascriptMessage(source=source))
+    _run(client, source)
+
+
+def reload_page(client: viser.ClientHandle, after: float) -> None:
+    """Load the page anew in so many seconds."""
+    _run(client, f"setTimeout(() => location.reload(), {1000 * after:.0f})")
+
+
+def _run(client: viser.ClientHandle, javascript: str) -> None:
+    client.gui._websock_interface.queue_message(RunJavascriptMessage(source=javascript))

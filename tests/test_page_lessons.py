@@ -4,7 +4,7 @@ import pytest
 
 from app.commands import JumpTo
 from app.lessons.player import Player, Status
-from app.lessons.reader import load_lesson
+from app.lessons.reader import lesson_names, load_lesson
 from app.lessons.scenes import load_lesson_scene
 from app.server import App, start
 from fairing.session import Session
@@ -16,6 +16,7 @@ pytestmark = [
 ]
 
 SLOW = 60.0  # s: for a step's work on a loaded machine
+CUBE_LESSONS = [name for name in lesson_names() if load_lesson(name).scene == "cube"]
 
 
 @pytest.fixture(scope="module")
@@ -46,38 +47,53 @@ def player_of(app: App) -> Player:
 
 
 def arrive(visitor: Visitor, step: int) -> None:
-    """Wait until the page shows a step whose work is done."""
+    """Wait until the page shows a step whose work is done, and hold its claims against it."""
     player = player_of(visitor.app)
     wait_for(lambda: player.step == step and player.status is not Status.AT_WORK, SLOW)
     assert player.status is Status.THERE, player.problem
     assert player.lesson is not None
+    claims = player.findings[step].claims
+    assert [claim for claim, holds in claims if not holds] == [], f"{player.lesson.name}, step {step + 1}"
     visitor.page.get_by_role("heading", name=player.lesson.steps[step].title, exact=True).wait_for()
+    if claims:
+        visitor.page.get_by_text(f"{len(claims)} checked against the engine just now").wait_for()
 
 
-def open_lesson(visitor: Visitor, name: str) -> None:
+def choose_lesson(visitor: Visitor, name: str) -> None:
     visitor.page.get_by_role("tab", name="Lessons").click()
     visitor.button(f"Lesson: {load_lesson(name).title}").click()
+
+
+def finish(visitor: Visitor) -> None:
+    """From the first step to the last."""
+    lesson = player_of(visitor.app).lesson
+    assert lesson is not None
+    for n in range(1, len(lesson.steps)):
+        visitor.page.keyboard.press("PageDown")
+        arrive(visitor, n)
+
+
+def wait_for_scene(visitor: Visitor, name: str) -> None:
+    """Wait until the page has come anew with another scene and its lesson."""
+    wait_for(lambda: visitor.app.controller.scene.name == name, SLOW)
+    wait_for(lambda: bool(visitor.app._pages) and player_of(visitor.app).lesson is not None, SLOW)
     arrive(visitor, 0)
 
 
-def test_the_first_lesson_runs_from_the_list_to_its_end(visitor: Visitor):
+def test_the_first_lesson_is_read_with_the_mouse(visitor: Visitor):
     lesson, app, page = load_lesson("model"), visitor.app, visitor.page
-    open_lesson(visitor, "model")
+    choose_lesson(visitor, "model")
+    arrive(visitor, 0)
     page.get_by_role("tab", name="Cells", selected=True).wait_for()
     visitor.button("Answer 2").click()
     page.get_by_text("The mesh puts their pixels in the wrong place.").wait_for()
     for n in range(1, len(lesson.steps)):
-        if n % 2:
-            visitor.button("Next step of the lesson").click()
-        else:
-            page.keyboard.press("PageDown")
+        visitor.button("Next step of the lesson").click()
         arrive(visitor, n)
-        found = player_of(app).findings[n]
-        assert all(holds for _, holds in found.claims), f"step {n + 1}: {found}"
-        if found.claims:
-            page.get_by_text(f"{len(found.claims)} checked against the engine just now").wait_for()
-        if n == 4:
-            assert page.locator(".lesson math[display=block]").bounding_box()["height"] > 15
+        if "$$" in lesson.steps[n].text:
+            formula = page.locator(".lesson math[display=block]").bounding_box()
+            assert formula is not None
+            assert formula["height"] > 15
     state = app.controller.wait_until_idle()
     visitor.sees_vertices(app._shared.stage.page_from_world(state.vertices))
     assert page_of(app).view.cells.page == "pair"
@@ -86,7 +102,8 @@ def test_the_first_lesson_runs_from_the_list_to_its_end(visitor: Visitor):
 
 def test_a_walk_of_ones_own_is_noticed_and_the_lesson_resumed(visitor: Visitor):
     app, page = visitor.app, visitor.page
-    open_lesson(visitor, "model")
+    choose_lesson(visitor, "model")
+    arrive(visitor, 0)
     page_of(app)._guard(player_of(app).go)(5)
     arrive(visitor, 5)
     app.controller.post(JumpTo(0))
@@ -100,6 +117,13 @@ def test_a_walk_of_ones_own_is_noticed_and_the_lesson_resumed(visitor: Visitor):
     assert app.controller.wait_until_idle().moment == 0
 
 
+@pytest.mark.parametrize("name", CUBE_LESSONS[1:])
+def test_every_lesson_on_the_cube_runs_to_its_end(visitor: Visitor, name: str):
+    choose_lesson(visitor, name)
+    arrive(visitor, 0)
+    finish(visitor)
+
+
 def test_the_palette_opens_a_lesson_and_the_cross_closes_it(visitor: Visitor):
     page, lesson = visitor.page, load_lesson("model")
     page.keyboard.press("Control+k")
@@ -109,3 +133,27 @@ def test_the_palette_opens_a_lesson_and_the_cross_closes_it(visitor: Visitor):
     visitor.button("Close the lesson").click()
     page.get_by_role("tab", name="Lesson", exact=True).wait_for(state="hidden")
     assert player_of(visitor.app).lesson is None
+
+
+def test_the_lesson_on_photographs_offers_the_archway_and_runs_there(visitor: Visitor):
+    choose_lesson(visitor, "capture")
+    visitor.page.get_by_text("This lesson is about real photographs.").wait_for()
+    visitor.button("Open the demo archway").click()
+    wait_for_scene(visitor, "archway")
+    finish(visitor)
+
+
+def test_a_lesson_on_another_scene_opens_that_and_runs_there(visitor: Visitor):
+    choose_lesson(visitor, "robust")
+    wait_for_scene(visitor, "occluded-cube")
+    finish(visitor)
+
+
+def test_runs_of_ones_own_are_not_left_unasked(visitor: Visitor):
+    app = visitor.app
+    visitor.button("Close the lesson").click()
+    wait_for(lambda: player_of(app).lesson is None)
+    choose_lesson(visitor, "model")
+    visitor.page.get_by_text("What was recorded on this one is left").wait_for()
+    visitor.button("Stay here").click()
+    assert app.controller.scene.name == "occluded-cube"

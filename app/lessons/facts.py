@@ -18,7 +18,7 @@ NAN = float("nan")
 OF_MOMENT: dict[str, str] = {
     "photos": "photos of the scene",
     "faces": "faces of the mesh",
-    "steps": "steps from the start",
+    "steps": "steps of the engine from the start",
     "ended": "1 if the schedule is worked off",
     "rises": "steps so far that were accepted although they raised their own objective",
     "rejections": "steps so far of which a vertex was rejected",
@@ -55,6 +55,7 @@ def facts_of(session: Session, face: int | None, kept: Mapping[str, float]) -> Q
     """
     moment, scene = session.moment, session.scene
     steps = session.trace.steps[:moment]
+    engines = [step for step in steps if not step.is_by_hand]
     if moment:
         recorded = quantities_of(steps[-1], moment, Around(session, session.trace.start))
         values, functions = dict(recorded.values), dict(recorded.functions)
@@ -84,11 +85,11 @@ def facts_of(session: Session, face: int | None, kept: Mapping[str, float]) -> Q
     values |= {
         "photos": lambda: len(scene.views),
         "faces": lambda: len(scene.mesh.faces),
-        "steps": lambda: moment,
+        "steps": lambda: len(engines),
         "ended": lambda: float(session.finished),
-        "rises": lambda: sum(step.accepted and step.objective_after > step.objective_before for step in steps),
-        "rejections": lambda: sum(bool(quantities_of(s, 1).values["rejected"]()) for s in steps),
-        "accepted_steps": lambda: sum(step.accepted for step in steps),
+        "rises": lambda: sum(step.accepted and step.objective_after > step.objective_before for step in engines),
+        "rejections": lambda: sum(bool(quantities_of(s, 1).values["rejected"]()) for s in engines),
+        "accepted_steps": lambda: sum(step.accepted for step in engines),
         "cells": of_cells(lambda found: len(found.views)),
         "k": of_cells(lambda found: len(found.basis)),
         "rms": of_cells(lambda found: np.sqrt(np.mean(found.residual[found.counts].astype(float) ** 2))),

@@ -1,7 +1,7 @@
 """The words of a lesson's actions, one action a line; nothing else can be done by a lesson.
 
 start accurate as main: locked_vertices=1,2 schedule.search=0     a run from the start, named, with options
-start accurate as far, vertex 0 off 0.2 0 0: ...                  the same, a vertex put by hand (from its true place)
+start accurate as far, vertex 0 off 0.2 0 0: ...                  the same, vertices put by hand (from their true places)
 go on as sharp: eigenspace.dimensions=1                           a branch from here with other options
 put vertex 0 off 0.2 0 0                                          a step by hand
 step 3 iterations | step one vertex | step one sweep | step one level
@@ -68,10 +68,9 @@ def understand_action(line: str, names: set[str]) -> Action:
 
 
 def _start(found: re.Match, names: set[str]) -> Work:
-    preset, name, put, written = found["preset"], found["name"], found["put"], found["options"]
-    names.add(name)
-    puts = () if put is None else (_put_of(re.fullmatch(_PUT, put)),)
-    return Start(name, _options(preset, written), puts)
+    names.add(found["name"])
+    puts = tuple(_put_of(put) for put in re.finditer(_PUT, found["puts"]))
+    return Start(found["name"], _options(found["preset"], found["options"]), puts)
 
 
 def _options(preset: str, written: str | None) -> FairingOptions:
@@ -98,10 +97,9 @@ def _go_on(found: re.Match, names: set[str]) -> Work:
     return GoOn(found["name"], _changes(found["options"]))
 
 
-def _put_of(found: re.Match | None) -> Put:
-    assert found is not None
-    x, y, z = (float(part) for part in found.groups()[-3:])
-    return Put(int(found.groups()[-4]), (x, y, z))
+def _put_of(found: re.Match) -> Put:
+    x, y, z = (float(part) for part in found.groups()[1:])
+    return Put(int(found[1]), (x, y, z))
 
 
 def _step(found: re.Match, _: set[str]) -> Work:
@@ -201,7 +199,7 @@ def _one_of(found: str | None, known: object, what: str) -> str:
 
 _OPTIONS = r"(?:: *(?P<options>.+))?"
 _ACTIONS: list[tuple[str, Callable[[re.Match, set[str]], Action]]] = [
-    (rf"start (?P<preset>\w+) as (?P<name>\w+)(?:, (?P<put>{_PUT_SHAPE}))?{_OPTIONS}", _start),
+    (rf"start (?P<preset>\w+) as (?P<name>\w+)(?P<puts>(?:, {_PUT_SHAPE})*){_OPTIONS}", _start),
     (rf"go on as (?P<name>\w+){_OPTIONS}", _go_on),
     (rf"put {_PUT}", lambda found, _: _put_of(found)),
     (r"step (one|\d{1,3}) (\w+)", _step),
