@@ -34,13 +34,14 @@ from app.quantities import understand
 from app.series import QUANTITIES
 from app.view import LAYERS, MAX_MAGNIFICATION, NOW_SHAPE, START_SHAPE, SURFACES, TRUE_SHAPE, PlotView
 from fairing.errors import InputError
+from fairing.experiments import EXPERIMENTS
 from fairing.option_check import check_options
 from fairing.options import PRESETS, FairingOptions
 
 MAX_STEPS_AT_ONCE = 100
 EXTENTS = {"iteration": Extent.ITERATION, "vertex": Extent.UNIT, "sweep": Extent.SWEEP, "level": Extent.LEVEL}
 SHAPES = {"start": START_SHAPE, "now": NOW_SHAPE, "truth": TRUE_SHAPE}
-TABS = ("Vertex", "Breakpoints", "Layers", "Options", "Cells", "Timeline", "Runs", "Bookmarks")
+TABS = ("Vertex", "Breakpoints", "Layers", "Options", "Cells", "Experiments", "Timeline", "Runs", "Bookmarks")
 _NUMBER = r"-?\d+(?:\.\d+)?"
 _PUT_SHAPE = rf"vertex \d+ off {_NUMBER} {_NUMBER} {_NUMBER}"
 _PUT = rf"vertex (\d+) off ({_NUMBER}) ({_NUMBER}) ({_NUMBER})"
@@ -226,6 +227,7 @@ _ACTIONS: list[tuple[str, Callable[[re.Match, set[str]], Action]]] = [
     (r"crops (\w+)", lambda found, _: _cells("span", _one_of(found[1], SPANS, "crops"))),
     (r"plot (\w+)( of the vertex)?", _plot),
     (r"compare with (\w+)", _compare),
+    (r"experiment ([\w-]+)", lambda found, _: _setting("experiment", _one_of(found[1], EXPERIMENTS, "experiment"))),
     (r"tab (\w+)", _tab),
 ]
 _EXAMPLES = ("'start accurate as main'", "'step one sweep'", "'select vertex 0'", "'look at mesh'")
