@@ -10,6 +10,7 @@ from rich.console import Console
 from app.arguments import ALL_PHOTOS, PhotosArgument, Preset, SceneArgument, chosen_preset
 from app.check_command import check_to_console
 from app.convert_command import convert_to_folder
+from app.demo_scan import write_demo_scan
 from app.experiment_command import list_experiments
 from app.export.command import export_to_file
 from app.headless import fair_to_folder
@@ -139,9 +140,15 @@ def export(
     return export_to_file(lambda: find_run(run, scene, mesh, photos), out, at, report, Console(stderr=True))
 
 
-def demos() -> int:
-    """List the scenes that come with the program."""
+def demos(scan: Path | None = None) -> int:
+    """List the scenes that come with the program.
+
+    Args:
+        scan: Write the facade there as somebody has it who scanned it: photos, sparse points, and a scan to `register`.
+    """
     console = Console()
+    if scan is not None:
+        return write_demo_scan(scan, console)
     for demo in DEMOS.values():
         console.print(f"{demo.name:10}{demo.description}", highlight=False, soft_wrap=True)
     return 0

@@ -10,8 +10,7 @@ from app.triangulate_command import check_triangulation_output, summary_lines, t
 from demo_scenes import DEMOS
 from fairing.errors import InputError
 from fairing.io import read_capture, write_mesh
-from fairing.io.atomic import write_atomically
-from fairing.io.scan_file import read_matches, read_scan
+from fairing.io.scan_file import read_matches, read_scan, write_scan
 from fairing.mesh import Mesh
 from fairing.registration import Registered, refine_by_closest_points, register_matches
 from fairing.scan_points import critical_points, seen_points
@@ -70,7 +69,7 @@ def register_to_file(
     if faces is not None:
         write_mesh(moved, points, faces)
     else:
-        write_atomically(moved, lambda file: file.write(_cloud(points)))
+        write_scan(moved, points)
     for line in [*summary_lines(done), f"wrote {out}, {moved.name}"]:
         _say(console, line)
     return 130 if interrupted else 0
@@ -84,13 +83,6 @@ def _change(scan: Mesh | np.ndarray, before: Registered, after: Registered, targ
         f"{after.world_from_scan.scale / before.world_from_scan.scale:.4f}; {len(targets)} sparse points lie "
         f"{np.median(after.errors):.4g} world units from the scan (median)"
     )
-
-
-def _cloud(points: np.ndarray) -> bytes:
-    """A PLY of points, in double precision."""
-    header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(points)}"]
-    header += [*(f"property double {axis}" for axis in "xyz"), "end_header", ""]
-    return "\n".join(header).encode() + np.ascontiguousarray(points, dtype="<f8").tobytes()
 
 
 def _say(console: Console, line: str) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 import trimesh
 
 from fairing.errors import InputError
+from fairing.io.atomic import write_atomically
 from fairing.io.capture import read_text, reading
 from fairing.mesh import Mesh
 from fairing.registration import Match
@@ -45,6 +46,14 @@ def read_scan(path: Path) -> Mesh | np.ndarray:
     if faces and sum(map(len, faces)):
         return Mesh(points, np.concatenate(faces))
     return points
+
+
+def write_scan(path: Path, points: np.ndarray) -> None:
+    """Write points (n, 3) as PLY, in double precision."""
+    header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(points)}"]
+    header += [*(f"property double {axis}" for axis in "xyz"), "end_header", ""]
+    data = "\n".join(header).encode() + np.ascontiguousarray(points, dtype="<f8").tobytes()
+    write_atomically(path, lambda file: file.write(data))
 
 
 def read_matches(path: Path, views: Sequence[View]) -> list[Match]:
