@@ -13,11 +13,11 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from multiprocessing import get_context
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Annotated, Any
 
 import cv2
 import numpy as np
-import trimesh
 import tyro
 from skimage import data as photographs
 
@@ -25,11 +25,15 @@ from demo_scenes import DEMOS, load_demo
 from fairing.cramer_rao import cramer_rao_bound, luma_noise
 from fairing.energy import Evaluator
 from fairing.experiments.noise import noisy_views
+from fairing.io import load_scene
+from fairing.memory import memory_needed
 from fairing.metrics import quality_report, surface_distance
 from fairing.options import PRESETS, FairingOptions
+from fairing.report import run_report
 from fairing.scene import Scene
 from fairing.session import Session
 from tests.best_mesh import best_mesh
+from tests.large_capture import write_terrain
 from tests.numpy_twin import TwinPhotos, evaluate_face
 
 Table = dict[str, Any]
@@ -174,19 +178,20 @@ def surfaces(quick: bool) -> Table:
 
 
 def growth(quick: bool) -> Table:
-    """Cost of preparing a sweep and of one joint step as the facade's mesh, photos and cells grow."""
+    """One sweep of one step at blur 1.2 on terrains: CPU seconds, and peak memory beside what `fair` says it needs."""
     table = {}
-    scene = load_demo("facade")
-    states = [("as it is", scene, 64)]
-    if not quick:
-        vertices, faces = trimesh.remesh.subdivide(scene.mesh.vertices, scene.mesh.faces)
-        finer = Scene.build("finer", vertices, faces, scene.views)
-        half = replace(scene, views=scene.views[::2])
-        states += [("4 x faces", finer, 32), ("half the photos", half, 64), ("cells of 32", scene, 32)]
-        states += [("cells of 128", scene, 128)]
-    for name, state, size in states:
-        table[name] = _in_own_process(_cost, state, size)
+    cases = (
+        [(1_000, 10), (5_000, 10)] if quick else [*((n, 50) for n in (1_000, 5_000, 20_000, 100_000)), *GROWING_PHOTOS]
+    )
+    for n_vertices, n_photos in cases:
+        with TemporaryDirectory() as folder:
+            write_terrain(Path(folder) / "terrain", n_vertices, n_photos, (1500, 1000))
+            name = f"{n_vertices} vertices, {n_photos} photos"
+            table[name] = _in_own_process(_one_sweep, Path(folder) / "terrain")
     return table
+
+
+GROWING_PHOTOS = ((20_000, 10), (20_000, 200), (100_000, 200))
 
 
 def cube_accuracy(quick: bool) -> Table:
@@ -333,22 +338,31 @@ def _surface_run(name: str) -> Table:
     return row | {"ratio": row["end"] / row["best"] if row["best"] > 1e-9 else float("nan")}
 
 
-def _cost(scene: Scene, size: int) -> Table:
-    session = Session(scene, one_level(ACCURATE, 1.2, size))
-    began = time.perf_counter()
-    sweep = session.sweep_state()
-    preparation = time.perf_counter() - began
-    session.step()
-    began = time.perf_counter()
-    session.step()
+def _one_sweep(folder: Path) -> Table:
+    schedule = replace(
+        ACCURATE.schedule, blur=(1.2,), search=(0.0,), start="first", max_sweeps=(1,), max_iterations=(1,)
+    )
+    options = replace(ACCURATE, schedule=schedule, step=replace(ACCURATE.step, smoothing=(0.0,)))
+    began = time.process_time()
+    scene = load_scene(folder)
+    needed, loaded = memory_needed(scene, options), time.process_time()
+    session = Session(scene, options)
+    sweep, prepared = session.sweep_state(), time.process_time()
+    session.run()
+    stepped = time.process_time()
+    run_report(session, "accurate", {}, quality_report(scene, session.trace.start, session.vertices))
+    ended = time.process_time()
     return {
-        "vertices": len(scene.mesh.vertices),
         "faces": len(scene.mesh.faces),
-        "photos": len(scene.views),
         "cells": len(sweep.context.kernel.pair_view),
-        "first sweep prepared s": preparation,
-        "joint step s": time.perf_counter() - began,
+        "M samples": session.samples / 1e6,
+        "load": loaded - began,
+        "prepare": prepared - loaded,
+        "step": stepped - prepared,
+        "report": ended - stepped,
+        "ns a sample": 1e9 * (ended - began) / session.samples,
         "peak MB": _peak_megabytes(),
+        "told MB": needed / 1e6,
     }
 
 
