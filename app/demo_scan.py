@@ -1,6 +1,5 @@
 """The demo `facade` as somebody has it who scanned a building: photos, sparse points, a scan to be registered."""
 
-from dataclasses import replace
 from pathlib import Path
 
 from rich.console import Console
@@ -25,8 +24,6 @@ def write_demo_scan(out: Path, console: Console) -> int:
 
     scene = load_with_progress(SceneSource("facade"), console)
     prepare_output_folder(out)
-    # Named as the files they will be, as in the matches.
-    scene = replace(scene, views=tuple(replace(view, name=f"{view.name}.png") for view in scene.views))
     scanned = scan_of(scene)
     write_capture(out, "scene.json", scene.views, scanned.sparse_points)
     (out / SCAN).parent.mkdir(exist_ok=True)

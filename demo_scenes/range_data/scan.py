@@ -78,9 +78,12 @@ def _matches(scene: Scene, truth: Mesh, points: np.ndarray, scan: np.ndarray) ->
     lines = ["# a point of the scan (mm), then photos that show it, and where (clicked)"]
     for corner in chosen:
         views = np.flatnonzero(sees[corner])[np.linspace(0, sees[corner].sum() - 1, CLICKED_IN).astype(int)]
-        clicks = [np.rint(scene.views[v].camera.project(truth.vertices[corner])[0]).astype(int) for v in views]
-        sightings = (f"{scene.views[v].name} {x} {y}" for v, (x, y) in zip(views, clicks, strict=True))
-        lines.append("  ".join([" ".join(f"{c:.1f}" for c in scan[nearest[corner]]), *sightings]))
+        sightings = []
+        for view in (scene.views[v] for v in views):
+            x, y = np.rint(view.camera.project(truth.vertices[corner])[0]).tolist()
+            sightings.append(f"{view.name} {x:.0f} {y:.0f}")
+        place = scan[np.asarray(nearest)[corner]]
+        lines.append("  ".join([" ".join(f"{c:.1f}" for c in place), *sightings]))
     return lines
 
 
