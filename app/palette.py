@@ -20,6 +20,11 @@ CAMERA_ENTERED: RGB = (245, 222, 66)
 SURFACE: RGB = (128, 132, 140)
 POINTS: RGB = (214, 218, 224)
 
+# Curves that stand for none of the above: blue to orange, which nobody confuses, from one end to the other.
+CURVES: tuple[RGB, ...] = (
+    (70, 134, 232), (150, 190, 245), (200, 205, 212), (246, 206, 140), (232, 152, 36), (190, 108, 24),
+)  # fmt: skip
+
 BACKGROUND: RGB = (24, 26, 30)
 BRAND: RGB = (64, 132, 214)
 
@@ -35,6 +40,12 @@ _ON_LIGHT: dict[RGB, tuple[str, RGB]] = {
     REJECTED: ("rejected", (164, 72, 122)),
     REFERENCE: ("reference", (104, 80, 206)),
     POINTS: ("points", (112, 120, 130)),
+    CURVES[0]: ("curve-1", (20, 80, 186)),
+    CURVES[1]: ("curve-2", (92, 146, 222)),
+    CURVES[2]: ("curve-3", (118, 125, 134)),
+    CURVES[3]: ("curve-4", (222, 160, 62)),
+    CURVES[4]: ("curve-5", (184, 106, 0)),
+    CURVES[5]: ("curve-6", (116, 60, 0)),
 }
 
 _GREYS: dict[str, tuple[str, str]] = {

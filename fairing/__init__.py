@@ -1,9 +1,11 @@
 """EigenFairing: 3D model fairing using image coherence (Mishra, Amidi, Kanade, BMVC 2004).
 
+```python
 from fairing import fair, load_scene
 
 session = fair(load_scene("my/capture", mesh="start.ply"))
 positions = session.scene.unweld(session.vertices)
+```
 """
 
 from typing import TYPE_CHECKING

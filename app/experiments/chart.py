@@ -6,14 +6,15 @@ from typing import Literal
 
 import numpy as np
 
-from app.palette import HAND, NOW, REFERENCE, REJECTED, RGB, SELECTED, START, TRUTH
+from app.palette import CURVES, RGB
 from fairing.experiments import CaptureRange, Experiment, KSweep, NoiseAgainstBound, Row, WarpComparison
 from fairing.experiments.noise import rms_of
 from fairing.experiments.warps import VARIANTS
 
 Kind = Literal["points", "line", "dashed"]
-DIRECTIONS = (TRUTH, REFERENCE, SELECTED, REJECTED, START, NOW)
-VARIANT_COLORS = dict(zip(VARIANTS, (NOW, REFERENCE, SELECTED, START), strict=True))
+BLUE, PALE_BLUE, GREY, PALE_ORANGE, ORANGE, _ = CURVES
+# The warp by the hue, the better solver by the stronger colour.
+VARIANT_COLORS = dict(zip(VARIANTS, (PALE_ORANGE, ORANGE, PALE_BLUE, BLUE), strict=True))
 OF_EDGE = "% of the edge"
 
 
@@ -70,10 +71,10 @@ def _capture_range(cases: Sequence[Row], rows: Sequence[Row]) -> list[Chart]:
     starts = sorted({case["start_percent"] for case in cases})
     low, high = _decades([*_values(rows, "end_percent"), 0.01, 100.0])
     same = np.geomspace(low, starts[-1], 48)
-    series = [Series("no change", same, same, HAND, "dashed")]
+    series = [Series("no change", same, same, GREY, "dashed")]
     for direction in sorted({row["direction"] for row in rows}):
         x, y = _curve([row for row in rows if row["direction"] == direction], "start_percent", "end_percent")
-        color = DIRECTIONS[direction % len(DIRECTIONS)]
+        color = _color(direction)
         series.append(Series(f"direction {direction + 1}", x, y, color))
     return [
         Chart(
@@ -90,12 +91,12 @@ def _noise(cases: Sequence[Row], rows: Sequence[Row]) -> list[Chart]:
     by_noise = [here for here in by_noise if here]
     x = np.array([here[0]["noise_in_all"] for here in by_noise])
     series = [
-        Series("Cramér–Rao bound", x, np.array([here[0]["bound_percent"] for here in by_noise]), TRUTH, "dashed"),
-        Series("rms of the draws", x, np.array([rms_of(here) for here in by_noise]), NOW),
+        Series("Cramér–Rao bound", x, np.array([here[0]["bound_percent"] for here in by_noise]), GREY, "dashed"),
+        Series("rms of the draws", x, np.array([rms_of(here) for here in by_noise]), BLUE),
     ]
     for draw in sorted({row["draw"] for row in rows}):
         own = [row for row in rows if row["draw"] == draw]
-        series.append(Series("" if draw else "a draw", *_curve(own, "noise_in_all", "end_percent"), SELECTED, "points"))
+        series.append(Series("" if draw else "a draw", *_curve(own, "noise_in_all", "end_percent"), ORANGE, "points"))
     return [
         Chart(
             "Error over noise", "noise of a channel with rounding, grey levels", f"end error, {OF_EDGE}",
@@ -111,8 +112,8 @@ def _k_sweep(cases: Sequence[Row], rows: Sequence[Row]) -> list[Chart]:
     for direction in sorted({row["direction"] for row in rows}):
         own = [row for row in rows if row["direction"] == direction]
         name = f"direction {direction + 1}"
-        ends.append(Series(name, *_curve(own, "k", "end_percent"), DIRECTIONS[direction % len(DIRECTIONS)]))
-        left.append(Series(name, *_curve(own, "k", "left_percent"), DIRECTIONS[direction % len(DIRECTIONS)]))
+        ends.append(Series(name, *_curve(own, "k", "end_percent"), _color(direction)))
+        left.append(Series(name, *_curve(own, "k", "left_percent"), _color(direction)))
     return [
         Chart(
             "Where the run ends", "dimensions k", f"end error, {OF_EDGE}", (0.6, most + 0.4),
@@ -157,6 +158,12 @@ def _warps(cases: Sequence[Row], rows: Sequence[Row]) -> list[Chart]:
             tuple(ends),
         ),
     ]  # fmt: skip
+
+
+def _color(direction: int) -> RGB:
+    """Grey is for what the curves are compared with."""
+    colors = [color for color in CURVES if color != GREY]
+    return colors[direction % len(colors)]
 
 
 def _values(rows: Sequence[Row], name: str) -> list[float]:

@@ -4,6 +4,8 @@ The plots that viser offers (uPlot) take one column of places for all series and
 number, lines drop to the floor of a log scale.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from app.experiments.chart import Chart, Series
@@ -11,13 +13,23 @@ from app.html import number, text
 from app.palette import css
 from app.ticks import log_ticks, ticks
 
-WIDTH, HEIGHT = 338, 214
+WIDTH, HEIGHT = 338, 190
 LEFT, RIGHT, TOP, BOTTOM = 50, 10, 10, 36
 MOST_DOTS = 40  # of a line; more would hide it
 
 
-def chart_svg(chart: Chart) -> str:
-    """Title, picture and legend; the mouse shows a point's values."""
+def charts_svg(charts: Sequence[Chart]) -> str:
+    """One below the other; curves that the legend of one explains are not explained again below the next."""
+    parts, explained = [], set()
+    for chart in charts:
+        legend = [series for series in chart.series if series.label and series.label not in explained]
+        explained |= {series.label for series in legend}
+        parts.append(_chart(chart) + _legend(legend))
+    return "".join(parts)
+
+
+def _chart(chart: Chart) -> str:
+    """Title and picture; the mouse shows a point's values."""
     x, y = (
         _Axis(chart.x_range, chart.x_log, LEFT, WIDTH - RIGHT),
         _Axis(chart.y_range, chart.y_log, HEIGHT - BOTTOM, TOP),
@@ -32,7 +44,7 @@ def chart_svg(chart: Chart) -> str:
         f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" class="plot chart" role="img" aria-label="{text(chart.title)}">'
         f"{''.join(parts)}</svg>"
     )
-    return f"<h4>{text(chart.title)}</h4>{picture}<div class='row chips dim' style='column-gap:12px'>{_legend(chart)}</div>"
+    return f"<h4>{text(chart.title)}</h4>{picture}"
 
 
 class _Axis:
@@ -83,12 +95,12 @@ def _drawn(series: Series, x: _Axis, y: _Axis) -> str:
     return "".join(parts)
 
 
-def _legend(chart: Chart) -> str:
-    return "".join(
+def _legend(curves: Sequence[Series]) -> str:
+    entries = "".join(
         f"<span class='row'><i class='swatch' style='background:{css(series.color)}'></i>{text(series.label)}</span>"
-        for series in chart.series
-        if series.label
+        for series in curves
     )
+    return f"<div class='row chips dim' style='column-gap:12px'>{entries}</div>" if entries else ""
 
 
 def _plain(value: float) -> str:

@@ -7,7 +7,7 @@ from app.controller import Controller
 from app.experiments.chart import charts_of
 from app.experiments.desk import Desk, Outcome, Status
 from app.html import STYLE, button, icon, text
-from app.panels.chart_svg import chart_svg
+from app.panels.chart_svg import charts_svg
 from app.panels.html_panel import HtmlPanel
 from app.run_state import RunState
 from app.view import View
@@ -73,9 +73,7 @@ class ExperimentsPanel:
         csv = button("CSV", self._press.csv, hint="Download the table", css_class="small")
         png = button("PNG", self._press.png, hint="Download the picture", css_class="small")
         about = f"vertex {outcome.setting.vertex}, {_preset_of(outcome.setting.options)}"
-        charts = "".join(
-            chart_svg(chart) for chart in charts_of(outcome.experiment, outcome.record.cases, outcome.rows)
-        )
+        charts = charts_svg(charts_of(outcome.experiment, outcome.record.cases, outcome.rows))
         return (
             f"{charts}<div class='note'>{text(finding)}</div>"
             f"<div class='row note'><span class='dim grow'>{text(about)}; {text(said)}</span>{csv}{png}</div>"
