@@ -23,6 +23,7 @@ POINTS: RGB = (214, 218, 224)
 # Curves that stand for none of the above: blue to orange, which nobody confuses, from one end to the other.
 CURVES: tuple[RGB, ...] = (
     (70, 134, 232), (150, 190, 245), (200, 205, 212), (246, 206, 140), (232, 152, 36), (190, 108, 24),
+    (62, 104, 176),
 )  # fmt: skip
 
 BACKGROUND: RGB = (24, 26, 30)
@@ -46,6 +47,7 @@ _ON_LIGHT: dict[RGB, tuple[str, RGB]] = {
     CURVES[3]: ("curve-4", (222, 160, 62)),
     CURVES[4]: ("curve-5", (184, 106, 0)),
     CURVES[5]: ("curve-6", (116, 60, 0)),
+    CURVES[6]: ("curve-7", (8, 36, 104)),
 }
 
 _GREYS: dict[str, tuple[str, str]] = {

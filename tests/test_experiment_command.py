@@ -161,6 +161,7 @@ def test_every_experiment_has_a_picture_from_its_first_row_on(setting: Setting, 
 def _invented(experiment, case: Row, n: int) -> Row:
     """A row with all columns, without the work."""
     made = {name: 0.01 * (n + 1) for name in experiment.columns} | {"path": [20.0, 5.0, 0.01 * (n + 1)]}
+    made["error"] = [0.01 * (n + 1), 0.0, 0.0]
     if "noise" in case:
         made["noise_in_all"] = float(np.hypot(case["noise"], 0.29))
     return made | case

@@ -192,6 +192,13 @@ def test_noise_costs_accuracy_and_the_bound_lies_below(setting: Setting, monkeyp
     assert "(rms of 2)" in experiment.finding(rows)
 
 
+def test_what_all_draws_share_is_told_from_their_spread():
+    rows = [{"noise": 2.0, "bound_percent": 0.01, "end_percent": end, "error": [end]} for end in (0.10, 0.12, 0.11)]
+    said = NoiseAgainstBound().finding(rows)
+    assert "0.11 % of the edge (rms of 3), 11.0 times the bound" in said
+    assert "Without what all draws have in common it is 1.0 times." in said
+
+
 def test_an_eigenspace_of_more_dimensions_explains_more_misalignment_away(setting: Setting):
     direction = setting.directions(2)[0]
     left = [part_left(setting, k, direction) for k in range(1, 6)]

@@ -8,11 +8,11 @@ import numpy as np
 
 from app.palette import CURVES, RGB
 from fairing.experiments import CaptureRange, Experiment, KSweep, NoiseAgainstBound, Row, WarpComparison
-from fairing.experiments.noise import rms_of
+from fairing.experiments.noise import rms_of, spread_of
 from fairing.experiments.warps import VARIANTS
 
 Kind = Literal["points", "line", "dashed"]
-BLUE, PALE_BLUE, GREY, PALE_ORANGE, ORANGE, _ = CURVES
+BLUE, PALE_BLUE, GREY, PALE_ORANGE, ORANGE, *_ = CURVES
 # The warp by the hue, the better solver by the stronger colour.
 VARIANT_COLORS = dict(zip(VARIANTS, (PALE_ORANGE, ORANGE, PALE_BLUE, BLUE), strict=True))
 OF_EDGE = "% of the edge"
@@ -86,7 +86,7 @@ def _capture_range(cases: Sequence[Row], rows: Sequence[Row]) -> list[Chart]:
 
 def _noise(cases: Sequence[Row], rows: Sequence[Row]) -> list[Chart]:
     noises = sorted({case["noise"] for case in cases})
-    low, high = _decades([*_values(rows, "end_percent"), *_values(rows, "bound_percent"), 1e-3, 0.1])
+    low, high = _decades([*_values(rows, "end_percent"), *_values(rows, "bound_percent"), 1e-4, 0.1])
     by_noise = [[row for row in rows if row["noise"] == noise] for noise in noises]
     by_noise = [here for here in by_noise if here]
     x = np.array([here[0]["noise_in_all"] for here in by_noise])
@@ -94,6 +94,10 @@ def _noise(cases: Sequence[Row], rows: Sequence[Row]) -> list[Chart]:
         Series("Cramér–Rao bound", x, np.array([here[0]["bound_percent"] for here in by_noise]), GREY, "dashed"),
         Series("rms of the draws", x, np.array([rms_of(here) for here in by_noise]), BLUE),
     ]
+    drawn_twice = [here for here in by_noise if len(here) > 1]
+    if drawn_twice:
+        at = np.array([here[0]["noise_in_all"] for here in drawn_twice])
+        series.append(Series("their spread alone", at, np.array([spread_of(here) for here in drawn_twice]), PALE_BLUE))
     for draw in sorted({row["draw"] for row in rows}):
         own = [row for row in rows if row["draw"] == draw]
         series.append(Series("" if draw else "a draw", *_curve(own, "noise_in_all", "end_percent"), ORANGE, "points"))

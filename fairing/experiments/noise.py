@@ -43,6 +43,7 @@ class NoiseAgainstBound:
         return [{"noise": s, "draw": d} for d in range(self.draws) for s in self.noises if s > 0 or d == 0]
 
     def measure(self, setting: Setting, case: Row) -> Row:
+        """Also `error`: the error at the end as a vector, so that what all draws share can be told from the rest."""
         start = setting.displaced(START_PERCENT, setting.directions(3)[0])
         noisy = replace(start, views=noisy_views(start.views, case["noise"], case["draw"]))
         session = setting.session(noisy)
@@ -52,6 +53,7 @@ class NoiseAgainstBound:
             "end_percent": setting.distance(session.vertices),
             "bound_percent": luma_noise(case["noise"]) * bound_percent(setting),
             "steps": len(session.trace),
+            "error": setting.error(session.vertices).tolist(),
         }
 
     def finding(self, rows: Sequence[Row]) -> str:
@@ -60,15 +62,24 @@ class NoiseAgainstBound:
         noise = max(row["noise"] for row in rows)
         here = [row for row in rows if row["noise"] == noise]
         rms, bound = rms_of(here), here[0]["bound_percent"]
+        spread = spread_of(here)
+        alone = "" if spread is None else f" Without what all draws have in common it is {spread / bound:.1f} times."
         return (
             f"With noise of {noise:g} grey levels the error is {rms:.2g} % of the edge (rms of {len(here)}), "
-            f"{rms / bound:.1f} times the bound of {bound:.2g} %."
+            f"{rms / bound:.1f} times the bound of {bound:.2g} %.{alone}"
         )
 
 
 def rms_of(rows: Sequence[Row]) -> float:
     """Root mean square of the errors at the end, percent of the edge."""
     return float(np.sqrt(np.mean([row["end_percent"] ** 2 for row in rows])))
+
+
+def spread_of(rows: Sequence[Row]) -> float | None:
+    """Root mean square distance of the ends from their mean, percent of the edge; None for a single draw."""
+    if len(rows) < 2:
+        return None
+    return float(np.sqrt(np.var([row["error"] for row in rows], axis=0, ddof=1).sum()))
 
 
 def noisy_views(views: tuple[View, ...], noise: float, seed: int) -> tuple[View, ...]:
