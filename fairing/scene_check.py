@@ -1,10 +1,10 @@
 """Can this input work? Cameras, coverage, sizes, texture and exposure, judged before a run with the run's own rules."""
 
 import os
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterable
+from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import replace
 
-import cv2
 import numpy as np
 
 from fairing.appearance import Appearance, exposures, measure_appearance
@@ -15,9 +15,22 @@ from fairing.conventions import explain_reprojection, median_shift
 from fairing.memory import memory_needed
 from fairing.mesh_check import inspect_mesh
 from fairing.options import FairingOptions
+from fairing.rasterize import rasterize
 from fairing.scale_space import ScaleSpace
 from fairing.scene import Scene
 from fairing.visibility import Visibility
+
+MOST_FACES = 10_000  # asked about their parallax: evenly chosen ones stand for all
+COVERAGE_WIDTH = 500  # px of the picture that tells how much of a photo the mesh covers
+
+
+class _MasksAlone(ScaleSpace):
+    """No cell is sampled here, so no photo is laid out."""
+
+    def lay_out(
+        self, blur: float, cubic: bool, wanted: Iterable[tuple[int, float]], pool: Executor
+    ) -> tuple[np.ndarray, dict[tuple[int, float], int]]:
+        return np.zeros(0, dtype=np.float32), dict.fromkeys(wanted, 0)
 
 
 def check_scene(scene: Scene, options: FairingOptions | None = None) -> SceneCheck:
@@ -27,15 +40,13 @@ def check_scene(scene: Scene, options: FairingOptions | None = None) -> SceneChe
         InputError: a photo cannot be decoded.
     """
     options = options or FairingOptions()
-    photos = ScaleSpace(scene, color=False)
     sound = np.ones(len(scene.mesh.faces), dtype=bool)
     sound[inspect_mesh(scene.mesh).degenerate_faces] = False
     vertices, level = scene.mesh.vertices, options.n_levels - 1
     with ThreadPoolExecutor(options.threads or os.cpu_count()) as pool:
         context = build_context(
-            scene, photos, options, level, vertices, facing(scene, vertices), sound, pool
+            scene, _MasksAlone(scene, color=False), options, level, vertices, facing(scene, vertices), sound, pool
         )  # fmt: skip
-    del photos
     appearance = measure_appearance(scene, context.reasons)
     bright = exposures(appearance.mean)
     views = tuple(_check_view(scene, v, context, bright[v]) for v in range(len(scene.views)))
@@ -71,14 +82,15 @@ def check_scene(scene: Scene, options: FairingOptions | None = None) -> SceneChe
 
 def _check_faces(context: CellContext, appearance: Appearance) -> FaceChecks:
     part = context.takes_part
-    reasons = []
-    for face, takes_part in enumerate(part.tolist()):
-        if takes_part:
-            reasons.append("")
-            continue
-        counts = np.bincount(context.reasons[face], minlength=len(Visibility))
-        counts[list(SEEN)] = 0
-        reasons.append(Visibility(int(counts.argmax())).name.lower() if counts.any() else "too_few_photos")
+    counts = np.stack([(context.reasons == code).sum(axis=1) for code in Visibility], axis=1)
+    counts[:, list(SEEN)] = 0
+    names = [code.name.lower() for code in Visibility]
+    reasons = [
+        "" if takes_part else names[most] if number else "too_few_photos"
+        for takes_part, most, number in zip(
+            part.tolist(), counts.argmax(axis=1).tolist(), counts.max(axis=1).tolist(), strict=True
+        )
+    ]
     return FaceChecks(
         context.n_views, part, np.sqrt(context.footprint_area), appearance.texture, appearance.weakest, reasons
     )
@@ -86,11 +98,11 @@ def _check_faces(context: CellContext, appearance: Appearance) -> FaceChecks:
 
 def _check_view(scene: Scene, v: int, context: CellContext, exposure: float) -> ViewCheck:
     view = scene.views[v]
-    covered = np.zeros((view.camera.height, view.camera.width), dtype=np.uint8)
-    uv, depth = view.camera.project(scene.mesh.vertices)
     seen = np.isin(context.reasons[:, v], SEEN)
-    for corners in uv[scene.mesh.faces[seen]]:
-        cv2.fillConvexPoly(covered, np.round(corners * 16).astype(np.int32), 1, shift=4)
+    shrink = min(1.0, COVERAGE_WIDTH / view.camera.width)
+    small = view.camera.resized(*(max(1, round(shrink * size)) for size in (view.camera.width, view.camera.height)))
+    face_id, _ = rasterize(scene.mesh.vertices, scene.mesh.faces[seen], small)
+    _, depth = view.camera.project(scene.mesh.vertices)
     shift = median_shift(scene, v)
     used = np.unique(scene.mesh.faces)
     return ViewCheck(
@@ -99,7 +111,7 @@ def _check_view(scene: Scene, v: int, context: CellContext, exposure: float) -> 
         height=view.camera.height,
         focal_length=float(view.camera.K[0, 0]),
         faces=int(seen.sum()),
-        mesh_share=float(covered.mean()),
+        mesh_share=float((face_id >= 0).mean()),
         in_front=float((depth[used] > 0).mean()),
         reprojection=_reprojection(scene, v),
         shift=None if shift is None else (float(shift[0]), float(shift[1])),
@@ -121,7 +133,8 @@ def _parallax(scene: Scene, context: CellContext) -> float | None:
     """Median over faces of the widest angle between lines of sight, degrees."""
     centers = np.array([view.camera.center for view in scene.views])
     widest = []
-    for face in np.flatnonzero(context.takes_part).tolist():
+    part = np.flatnonzero(context.takes_part)
+    for face in part[:: -(-len(part) // MOST_FACES) or 1].tolist():
         rays = centers[context.kernel.pair_view[context.pairs_of(face)]] - scene.mesh.vertices[
             scene.mesh.faces[face]
         ].mean(axis=0)

@@ -10,6 +10,9 @@ from fairing import memory
 from fairing.memory import memory_needed, memory_warning
 from fairing.options import PRESETS
 from fairing.scale_space import ScaleSpace
+from fairing.scene_check import check_scene
+from fairing.session import Session
+from fairing.trace import Position
 from tests.small_scene import HEIGHT, WIDTH, corner_scene, write_corner
 
 GIGABYTE = 10**9
@@ -37,6 +40,14 @@ def test_photos_in_strips_become_the_same_grey(monkeypatch: pytest.MonkeyPatch):
         monkeypatch.setattr("fairing.scale_space.ROWS", 7)
         strips, _ = ScaleSpace(scene, color=False).lay_out(0.0, False, [(0, 0.0)], pool)
     np.testing.assert_array_equal(whole, strips)
+
+
+def test_a_check_lays_out_no_photo_and_counts_the_views_of_a_run(monkeypatch: pytest.MonkeyPatch):
+    scene = corner_scene()
+    expected = Session(scene, PRESETS["accurate"])._begin_sweep(Position(6, 0, 0, 0), 0).context
+    monkeypatch.setattr(ScaleSpace, "_photo", lambda *_: pytest.fail("a photo was laid out"))
+    check = check_scene(scene)
+    np.testing.assert_array_equal(check.faces.n_views, expected.n_views)
 
 
 def test_more_and_larger_photos_and_faces_need_more_memory():
