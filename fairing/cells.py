@@ -5,7 +5,7 @@ that energies before and after a step compare like with like, and is made anew a
 """
 
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from fairing.kernels import (
     KernelData,
 )
 from fairing.options import FairingOptions, by_level
+from fairing.point_spread import equally_sharp
 from fairing.scale_space import ScaleSpace
 from fairing.scene import Scene
 from fairing.visibility import DepthMap, Visibility, depth_map, footprints, mask_samples
@@ -69,6 +70,12 @@ class CellContext:
     def takes_part(self) -> np.ndarray:
         """(m,) bool: faces with enough views to say anything."""
         return self.kernel.face_dimensions > 0
+
+    def without_noise(self, standing_out: np.ndarray, least: float) -> "CellContext":
+        """The context with one dimension less for faces whose last one stands out less than `least`, see `FaceSystem`."""
+        k = self.kernel.face_dimensions
+        idle = (k > 1) & (standing_out < least)
+        return replace(self, kernel=self.kernel._replace(face_dimensions=k - idle)) if idle.any() else self
 
     def pairs_of(self, face: int) -> slice:
         """The pairs of a face in the pair arrays."""
@@ -203,16 +210,22 @@ def build_context(
     weight *= np.array([view.weight for view in scene.views])[pair_view]
     cubic = by_level(options.cells.interpolation, level) == "cubic"
     sample_spacing = longest[pair_face, pair_view] / np.asarray(grid_sizes)[face_grid[pair_face]]
-    pixels, base = _photos_for_pairs(photos, blur, cubic, sample_spacing, pair_view, pool)
+    pair_start = np.searchsorted(pair_face, np.arange(n_faces + 1)).astype(np.int64)
+    if by_level(options.cells.point_spread, level) == "common":
+        least = np.maximum(blur, ANTI_ALIASING * sample_spacing)
+        pixels, base, frame = equally_sharp(photos, cameras, pair_view, pair_start, vertices[faces], least, cubic, pool)
+    else:
+        pixels, base = _photos_for_pairs(photos, blur, cubic, sample_spacing, pair_view, pool)
+        frame = np.array([(0, 0, camera.width, camera.height) for camera in cameras], dtype=np.int64)[pair_view]
     kernel = KernelData(
         faces=faces,
         image_from_world=P,
-        view_size=np.array([(camera.width, camera.height) for camera in cameras], dtype=np.int64),
         pixels=pixels,
         channels=photos.channels,
-        pair_start=np.searchsorted(pair_face, np.arange(n_faces + 1)).astype(np.int64),
+        pair_start=pair_start,
         pair_view=pair_view.astype(np.int64),
         pair_base=base,
+        pair_frame=frame,
         pair_weight=weight,
         pair_mask=pair_mask,
         masks=np.concatenate(masks),

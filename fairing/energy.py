@@ -31,6 +31,7 @@ class FaceSystem:
         H: (F, 9, 9) float: normal matrix by the nine coordinates of the corners; zero where a corner was not asked for.
         g: (F, 9) float: gradient.
         largest, median: (F,) float: absolute residual, grey levels (only from `measure`).
+        standing_out: (F,) float: the k-th singular value squared over the mean of the later ones (only from `measure`).
     """
 
     faces: np.ndarray
@@ -40,6 +41,7 @@ class FaceSystem:
     g: np.ndarray
     largest: np.ndarray
     median: np.ndarray
+    standing_out: np.ndarray
 
 
 class Evaluator:
@@ -79,7 +81,7 @@ class Evaluator:
         faces = np.ascontiguousarray(faces, dtype=np.int64)
         corners = np.ascontiguousarray(corners, dtype=np.int64)
         count = len(faces)
-        energy, statistics = np.zeros(count), np.zeros((count, 2))
+        energy, statistics = np.zeros(count), np.zeros((count, 3))
         pair_energy = np.zeros(len(data.pair_view))
         H, g = np.zeros((count, 9, 9)), np.zeros((count, 9))
         vertices = np.ascontiguousarray(vertices, dtype=np.float64)
@@ -97,7 +99,7 @@ class Evaluator:
             work(parts[0])
         else:
             list(self.pool.map(work, parts))
-        return FaceSystem(faces, energy, pair_energy, H, g, statistics[:, 0], statistics[:, 1])
+        return FaceSystem(faces, energy, pair_energy, H, g, *statistics.T)
 
     def _parts(self, samples: np.ndarray) -> list[slice]:
         """Runs of faces of about equal work."""

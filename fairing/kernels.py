@@ -61,12 +61,12 @@ class KernelData(NamedTuple):
     Attributes:
         faces: (m, 3) int64.
         image_from_world: (V, 3, 4) float64.
-        view_size: (V, 2) int64: width and height in pixels.
-        pixels: flat float32: the planes (channels, height, width) of all blurred photos, one after another.
+        pixels: flat float32: the planes (channels, height, width) of blurred photos, or of parts of them, one after another.
         channels: planes a photo.
         pair_start: (m + 1,) int64: the pairs of face f are pair_start[f] : pair_start[f + 1].
         pair_view: (P,) int64.
-        pair_base: (P,) int64: where the photo of the pair starts in `pixels`.
+        pair_base: (P,) int64: where the pair's photo, or part of it, starts in `pixels`.
+        pair_frame: (P, 4) int64: that part's left and top pixel, width and height.
         pair_weight: (P,) float64: photo pixels a cell sample stands for, times the photo's weight.
         pair_mask: (P,) int64: where the samples' mask starts in `masks`, or -1 if every sample counts.
         masks: flat uint8.
@@ -81,12 +81,12 @@ class KernelData(NamedTuple):
 
     faces: np.ndarray
     image_from_world: np.ndarray
-    view_size: np.ndarray
     pixels: np.ndarray
     channels: int
     pair_start: np.ndarray
     pair_view: np.ndarray
     pair_base: np.ndarray
+    pair_frame: np.ndarray
     pair_weight: np.ndarray
     pair_mask: np.ndarray
     masks: np.ndarray
@@ -341,18 +341,19 @@ def sample_face(data, vertices, face, corner, want_gradient, cells, G, hats, str
         if q[0, 2] <= 0 or q[1, 2] <= 0 or q[2, 2] <= 0:
             return False
         # The corner nearest the origin, less two pixels, becomes the origin: float32 then resolves 1e-5 pixels.
-        width, height = data.view_size[view, 0], data.view_size[view, 1]
+        left, top, width, height = data.pair_frame[pair]
         ox = np.floor(min(q[0, 0] / q[0, 2], q[1, 0] / q[1, 2], q[2, 0] / q[2, 2])) - 2
         oy = np.floor(min(q[0, 1] / q[0, 2], q[1, 1] / q[1, 2], q[2, 1] / q[2, 2])) - 2
-        ox = min(max(ox, 0.0), width - 5.0)
-        oy = min(max(oy, 0.0), height - 5.0)
+        ox = min(max(ox, left), left + width - 5.0)
+        oy = min(max(oy, top), top + height - 5.0)
         scale = 1 / q[2, 2]
         for j in range(3):
             q[j, 0] = (q[j, 0] - ox * q[j, 2]) * scale
             q[j, 1] = (q[j, 1] - oy * q[j, 2]) * scale
             q[j, 2] *= scale
         limits = (
-            np.float32(1), np.float32(width - 2.001 - ox), np.float32(1), np.float32(height - 2.001 - oy),
+            np.float32(1), np.float32(left + width - 2.001 - ox),
+            np.float32(1), np.float32(top + height - 2.001 - oy),
         )  # fmt: skip
         P = data.image_from_world[view]
         J = np.empty((9, 2), dtype=np.float32)
@@ -371,7 +372,7 @@ def sample_face(data, vertices, face, corner, want_gradient, cells, G, hats, str
                 J[b, 1] = (P[1, b] - oy * P[2, b]) * scale
                 J[b + 3, 0] = P[2, b] * scale
         for channel in range(data.channels):
-            plane = data.pair_base[pair] + channel * width * height + np.int64(oy) * width + np.int64(ox)
+            plane = data.pair_base[pair] + channel * width * height + (np.int64(oy) - top) * width + np.int64(ox) - left
             image = data.pixels[plane:]
             for start in range(0, p, STRIP):
                 count = min(STRIP, p - start)
@@ -791,7 +792,7 @@ def _count(index, histograms):
 
 @_plain
 def _statistics(residual, mask_weight, masked, index, found):
-    """Largest and median absolute residual of the samples that count; found: (2,) float64, out."""
+    """Largest and median absolute residual of the samples that count; found: (3,) float64, out, the first two."""
     n, p = residual.shape
     histograms = np.zeros((4, HISTOGRAM_BINS + 1), dtype=np.int32)
     for i in range(n):
@@ -832,7 +833,8 @@ def evaluate_faces(data, vertices, todo, corners, sigma_scale, solver, energy, p
         energy: (F,) float64, out: sum of weight * rho(e); infinite if a corner lies behind a camera.
         pair_energy: (P,) float64, out: the same by pair, for the pairs of `todo`.
         H, g: (F, 9, 9), (F, 9) float64, out.
-        statistics: (F, 2) float64, out: largest and median absolute residual, grey levels.
+        statistics: (F, 3) float64, out: largest and median absolute residual, grey levels; the k-th singular value
+            squared over the mean of the later ones.
     """
     n_most, p_most = 1, 1
     for f in todo:
@@ -898,6 +900,8 @@ def evaluate_faces(data, vertices, todo, corners, sigma_scale, solver, energy, p
             )  # fmt: skip
         else:
             _statistics(residual, mask_weight, masked, index, statistics[at])
+            later = (singular_values[k:n] ** 2).mean()
+            statistics[at, 2] = singular_values[k - 1] ** 2 / max(later, 1e-300)
 
 
 @_plain

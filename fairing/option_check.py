@@ -12,6 +12,7 @@ _LOWEST: dict[str, tuple[float, bool]] = {
     "cells.spacing": (0, False),
     "cells.inset": (0, True),
     "eigenspace.dimensions": (1, True),
+    "eigenspace.significance": (0, True),
     "robust.sigma": (0, False),
     "robust.mad_factor": (0, False),
     "robust.sigma_floor": (0, False),

@@ -29,12 +29,17 @@ class CellOptions:
     """Smaller cells where the footprint is smaller: one sample per `spacing` of the footprint. Off: always `size`."""
     spacing: tuple[float, ...] = (1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.7)
     """Distance of samples with `adaptive`, in units of max(1 px, the level's blur), by level."""
-    inset: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 5.0)
+    inset: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 2.0)
     """Border of the face left out, photo pixels, by level: there the neighbour's texture mixes in."""
     interpolation: tuple[Literal["bilinear", "cubic"], ...] = (
         "bilinear", "bilinear", "bilinear", "bilinear", "bilinear", "bilinear", "cubic",
     )  # fmt: skip
     """How photos are read between pixels, by level. cubic: B-spline, 3-4 x slower, no interpolation blur."""
+    point_spread: tuple[Literal["as_seen", "common"], ...] = (
+        "as_seen", "as_seen", "as_seen", "as_seen", "as_seen", "as_seen", "common",
+    )  # fmt: skip
+    """By level. common: the photos of a face are blurred so that they are equally sharp on it, and no more than that takes; the
+    level's blur is their spot's least size, the lens's own included. as_seen: all are blurred alike, in pixels."""
     color: bool = False
     """Stack red, green and blue instead of using grey."""
     remove_bias: bool = False
@@ -49,6 +54,9 @@ class EigenspaceOptions:
 
     dimensions: tuple[int, ...] = (3, 3, 1, 1, 1, 1, 2)
     """k, by level. To first order misalignment spans three dimensions, so a large k absorbs it. At most views - 2."""
+    significance: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 6.0)
+    """By level: a face whose k-th singular value squared is less than this many times the mean of the later ones does with one
+    dimension less: it would only learn noise. 0: never."""
     centered: bool = False
     """Take the mean cell off first (PCA). The paper does not."""
 
@@ -179,9 +187,15 @@ PRESETS: dict[str, FairingOptions] = {
     "accurate": FairingOptions(),
     "paper": FairingOptions(
         cells=CellOptions(
-            warp="affine", size=(128,), adaptive=False, inset=(0.0,), interpolation=("bilinear",), weighting="cell"
+            warp="affine",
+            size=(128,),
+            adaptive=False,
+            inset=(0.0,),
+            interpolation=("bilinear",),
+            point_spread=("as_seen",),
+            weighting="cell",
         ),
-        eigenspace=EigenspaceOptions(dimensions=(5,)),
+        eigenspace=EigenspaceOptions(dimensions=(5,), significance=(0.0,)),
         robust=RobustOptions(sigma_rule=("paper",)),
         step=StepOptions(solver="alternating", prior=0.0, smoothing=(0.0,)),
         schedule=ScheduleOptions(

@@ -2,7 +2,7 @@
 
 import threading
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from concurrent.futures import Executor
 from typing import NamedTuple
 
@@ -52,6 +52,11 @@ class ScaleSpace:
     def channels(self) -> int:
         return 3 if self._color else 1
 
+    @property
+    def grey_levels(self) -> np.float32:
+        """Grey levels in a unit of the photos as they are kept."""
+        return np.float32(1.0 if self._color else 1 / 8)
+
     def lay_out(
         self, blur: float, cubic: bool, wanted: Iterable[tuple[int, float]], pool: Executor
     ) -> tuple[np.ndarray, dict[tuple[int, float], int]]:
@@ -66,7 +71,6 @@ class ScaleSpace:
         Returns:
             The array, and where each wanted photo begins in it.
         """
-        began = time.perf_counter()
         pixels, starts = self._layouts.get((blur, cubic), _Layout(np.zeros(0, np.float32), {}))
         missing: dict[int, list[float]] = {}
         for view, sigma in wanted:
@@ -80,20 +84,28 @@ class ScaleSpace:
                     at += self._size(view)
             grown = np.empty(at, dtype=np.float32)
             grown[: len(pixels)] = pixels
-            pixels, done = grown, iter(range(1, len(missing) + 1))
+            pixels = grown
 
-            def fill(view: int) -> None:
-                with self._in_work:
-                    photo = self._photo(view)
-                    for sigma in missing[view]:
-                        start = starts[view, sigma]
-                        pixels[start : start + self._size(view)] = self._filtered(photo, sigma, cubic).ravel()
-                self._on_photo(next(done), len(missing))
+            def fill(view: int, photo: np.ndarray) -> None:
+                for sigma in missing[view]:
+                    start = starts[view, sigma]
+                    pixels[start : start + self._size(view)] = self._filtered(photo, sigma, cubic).ravel()
 
-            list(pool.map(fill, missing))
+            self.for_each(missing, fill, pool)
             self._layouts[blur, cubic] = _Layout(pixels, starts)
-        self.seconds += time.perf_counter() - began
         return pixels, starts
+
+    def for_each(self, views: Collection[int], do: Callable[[int, np.ndarray], None], pool: Executor) -> None:
+        """Call `do(view, photo)` with photos as taken, (channels, height, width) in units of `grey_levels`, several at a time."""
+        began, done = time.perf_counter(), iter(range(1, len(views) + 1))
+
+        def work(view: int) -> None:
+            with self._in_work:
+                do(view, self._photo(view))
+            self._on_photo(next(done), len(views))
+
+        list(pool.map(work, views))
+        self.seconds += time.perf_counter() - began
 
     def mask(self, view: int, reduction: int) -> np.ndarray | None:
         """(h, w) bool at 1 / `reduction` of the photo's size: True where all its pixels count; None without a mask."""
@@ -137,8 +149,7 @@ class ScaleSpace:
         return eighths
 
     def _filtered(self, photo: np.ndarray, blur: float, cubic: bool) -> np.ndarray:
-        scale = 1.0 if self._color else 1 / 8
-        planes = photo.astype(np.float32) * np.float32(scale)
+        planes = photo.astype(np.float32) * self.grey_levels
         if blur > 0:
             radius = int(np.ceil(4 * blur))
             size = (2 * radius + 1, 2 * radius + 1)

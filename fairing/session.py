@@ -374,6 +374,10 @@ class Session:
         context = self._context(level, vertices)
         everything = np.arange(len(mesh.faces))
         measured = self._evaluator.measure(context, vertices, everything, np.ones(len(mesh.faces)))
+        least = by_level(self.options.eigenspace.significance, level)
+        if (shorter := context.without_noise(measured.standing_out, least)) is not context:
+            context = shorter
+            measured = self._evaluator.measure(context, vertices, everything, np.ones(len(mesh.faces)))
         sigma = robust_sigma(self.options.robust, level, measured)
         scale = robust_scale(self.options.robust, sigma)
         system = self._linearise(context, vertices, everything, np.full(len(everything), -1), scale)
@@ -602,6 +606,7 @@ class Session:
                 spacing=tuple(x * SEARCH_COARSENESS for x in cells.spacing),
                 size=tuple(min(size, SEARCH_CELL) for size in cells.size),
                 interpolation=("bilinear",),
+                point_spread=("as_seen",),
             ),
             visibility=replace(self.options.visibility, reduction=self.options.visibility.reduction * 2),
         )

@@ -25,8 +25,8 @@ class TwinPhotos:
     @classmethod
     def of(cls, data: KernelData) -> "TwinPhotos":
         photos = {}
-        for base, view in zip(data.pair_base.tolist(), data.pair_view, strict=True):
-            width, height = data.view_size[view]
+        for base, (left, top, width, height) in zip(data.pair_base.tolist(), data.pair_frame, strict=True):
+            assert left == top == 0, "the twin reads whole photos"
             photos[base] = data.pixels[base : base + width * height].reshape(height, width)
         along_x = {base: np.diff(photo, axis=1, append=photo[:, -1:]) for base, photo in photos.items()}
         along_y = {base: np.diff(photo, axis=0, append=photo[-1:]) for base, photo in photos.items()}

@@ -30,7 +30,7 @@ def random_systems(rng: np.random.Generator) -> FaceSystem:
     root = rng.normal(size=(6, 9, 12))
     H, g = root @ root.transpose(0, 2, 1), rng.normal(size=(6, 9))
     nothing = np.zeros(6)
-    return FaceSystem(FACE_IDS, nothing, nothing, H, g, nothing, nothing)
+    return FaceSystem(FACE_IDS, nothing, nothing, H, g, nothing, nothing, nothing)
 
 
 def dense(system: FaceSystem) -> tuple[np.ndarray, np.ndarray]:

@@ -282,3 +282,14 @@ def test_statistics_are_the_largest_and_the_median_residual():
         size = np.abs(cells.residual[cells.counts])
         assert found.largest[face] == pytest.approx(size.max())
         assert found.median[face] == pytest.approx(np.median(size), abs=kernels.HISTOGRAM_STEP)
+
+
+def test_a_dimension_that_only_learns_noise_is_given_up():
+    session, sweep = prepared(small_options(eigenspace={"dimensions": [2], "significance": [0.0]}), masks=True)
+    found = Evaluator(1).measure(sweep.context, session.vertices, FACE_IDS, sweep.scale)
+    squared = [face_cells(session, face).singular_values ** 2 for face in range(6)]
+    expected = np.array([values[1] / values[2:].mean() for values in squared])
+    assert np.allclose(found.standing_out, expected, rtol=1e-4)
+    least = float(np.median(expected))
+    k = sweep.context.without_noise(found.standing_out, least).kernel.face_dimensions
+    assert np.array_equal(k[FACE_IDS], np.where(expected < least, 1, 2))
