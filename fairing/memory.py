@@ -9,6 +9,7 @@ import numpy as np
 
 from fairing.cells import ANTI_ALIASING
 from fairing.options import FairingOptions, by_level
+from fairing.point_spread import TRAVEL
 from fairing.scale_space import AT_ONCE, KEPT_PHOTOS
 from fairing.scene import Scene
 from fairing.visibility import Visibility, footprints
@@ -32,8 +33,7 @@ def memory_needed(scene: Scene, options: FairingOptions, scale: float = 1.0) -> 
     sizes = scale**2 * np.array([view.camera.width * view.camera.height for view in scene.views], dtype=float)
     channels, n_faces = 3 if options.cells.color else 1, len(scene.mesh.faces)
     threads = min(options.threads or os.cpu_count() or 1, len(sizes))
-    copies = _copies(scene, options, scale)
-    laid_out = 4 * channels * float((copies * sizes).sum(axis=1).max())
+    laid_out = 4 * channels * _pixels_laid_out(scene, options, scale, sizes)
     decoded = min((3 if options.cells.color else 2) * float(sizes.sum()), KEPT_PHOTOS)
     in_work = float(sizes.max()) * max(
         min(threads, AT_ONCE) * PER_PIXEL_IN_WORK, threads * PER_MAP_PIXEL / options.visibility.reduction**2
@@ -44,19 +44,30 @@ def memory_needed(scene: Scene, options: FairingOptions, scale: float = 1.0) -> 
     return int(PROGRAM + laid_out + decoded + in_work + masks + by_face)
 
 
-def _copies(scene: Scene, options: FairingOptions, scale: float) -> np.ndarray:
-    """(levels, V) int: how many blurs of each photo a level holds; large faces need coarser ones, see `fairing.cells`."""
+def _pixels_laid_out(scene: Scene, options: FairingOptions, scale: float, sizes: np.ndarray) -> float:
+    """Blurred pixels of the level that holds most: whole photos, or for each face the parts of photos around it.
+
+    Large faces need whole photos at several blurs, see `fairing.cells`.
+
+    Args:
+        sizes: (V,) float: pixels of the photos.
+    """
     copies = np.ones((options.n_levels, len(scene.views)), dtype=int)
+    parts, count = np.zeros(len(scene.mesh.faces)), np.zeros(len(scene.mesh.faces))
     everywhere = replace(options.visibility, min_angle=0.0, min_footprint=0.0)
     for v, view in enumerate(scene.views):
         outline = footprints(scene.mesh.vertices, scene.mesh.faces, view.camera, 1, everywhere, 0.0)
         is_seen = np.isin(outline.reason, (Visibility.SEEN, Visibility.TURNED_AWAY))
-        longest = scale * outline.longest_edge[is_seen]
+        longest, height = scale * outline.longest_edge[is_seen], scale * outline.height[is_seen]
+        parts[is_seen] += (longest + 2 * TRAVEL) * (height + 2 * TRAVEL)
+        count[is_seen] += 1
         for level, blur in enumerate(options.schedule.blur):
             needed = ANTI_ALIASING * longest / by_level(options.cells.size, level) / max(blur, 1.0)
             rung = np.where(needed > 1.25, np.ceil(np.log2(np.maximum(needed, 1.0))), 0)
             copies[level, v] = max(1, len(np.unique(rung)))
-    return copies
+    of_parts = float((parts * np.minimum(1, options.visibility.max_views / np.maximum(count, 1))).sum())
+    levels = [by_level(options.cells.point_spread, level) for level in range(options.n_levels)]
+    return max(of_parts if spread == "common" else float(copies[level] @ sizes) for level, spread in enumerate(levels))
 
 
 def memory_there() -> tuple[int, int] | None:

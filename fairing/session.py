@@ -357,11 +357,13 @@ class Session:
         kept = [sweep for sweep in self._sweeps if (sweep.moment, sweep.context.level) == (began, position.level)]
         if not kept and self._held_bytes() > KEPT_BYTES:
             self._sweeps = []  # before the photos of another blur come beside theirs
+        if not kept:
+            # Before room is taken for the next one.
+            while self._sweeps and self._held_bytes() > KEPT_BYTES:
+                self._sweeps.pop(0)
         sweep = kept[0] if kept else self._begin_sweep(position, began)
         self._sweeps = [other for other in self._sweeps if other is not sweep][1 - KEPT_SWEEPS :]
         self._sweeps.append(sweep)
-        while len(self._sweeps) > 1 and self._held_bytes() > KEPT_BYTES:
-            self._sweeps.pop(0)
         return sweep
 
     def _held_bytes(self) -> int:
