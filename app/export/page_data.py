@@ -19,7 +19,6 @@ from app.outcome import step_outcome
 from app.palette import BACKGROUND, CAMERA, NOW, SELECTED, START, TRUTH, solid
 from fairing.trace import StepReason
 
-CLOSER = 0.82  # than the debugger's first look: less lies over the page's 3D view
 PAINTINGS = 8
 TEXELS = 1024
 JPEG_QUALITY = 86
@@ -41,7 +40,7 @@ def page_data(facts: RunFacts, at: int, on_progress: Callable[[float], None]) ->
         "length": facts.length,
         "diagonal": stage.scale * scene.mesh.diagonal,
         "stage": {
-            "eye": (CLOSER * first_eye(stage)).tolist(),
+            "eye": first_eye(stage).tolist(),
             "overview": stage.overview().tolist(),
             "up": stage.up.tolist(),
         },

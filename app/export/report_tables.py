@@ -57,7 +57,7 @@ def left_out_table(report: dict[str, Any], picture: Path) -> str:
     if not found:
         return ""
     rows = [
-        _row(text(photo["name"]), *(_or_dash(photo[key], digits) for key, digits in _LEFT_OUT_KEYS))
+        _row(text(photo["photo"]), *(_or_dash(photo[key], digits) for key, digits in _LEFT_OUT_KEYS))
         for photo in found["photos"]
     ]
     names = ("photo", "PSNR before, dB", "after", "SSIM before", "after")

@@ -18,6 +18,20 @@ from fairing.metrics import determined_part, quality_report
 from fairing.report import run_report
 from fairing.session import Session
 
+REPORT_FORMAT = "eigenfairing report 1"
+_NEEDED = {
+    "stop_reason",
+    "finished",
+    "scene",
+    "sweeps",
+    "vertices",
+    "skipped",
+    "warnings",
+    "versions",
+    "seconds",
+    "samples",
+}
+
 
 @dataclass(frozen=True, eq=False)
 class _Record:
@@ -106,6 +120,6 @@ class RunFacts:
             found = json.loads(path.read_text(encoding="utf-8"))
         except ValueError as error:
             raise InputError(f"{path}: expected the report of a run, found broken JSON ({error})") from None
-        if not isinstance(found, dict) or found.get("format") != "eigenfairing report 1":
-            raise InputError(f"{path}: expected the report of a run (format: eigenfairing report 1)")
+        if not isinstance(found, dict) or found.get("format") != REPORT_FORMAT or not found.keys() >= _NEEDED:
+            raise InputError(f"{path}: expected the report of a run ({REPORT_FORMAT}); remove it to do without")
         return found

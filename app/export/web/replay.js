@@ -188,7 +188,7 @@ function showCells() {
   const found = state.face === null ? null : data.cells[state.face];
   $("cells").hidden = !found;
   $("no-cells").hidden = Boolean(found);
-  $("no-cells").textContent = state.vertex === null ? "Click a vertex (a dot) to see the cells of its faces." : `The cells of vertex ${state.vertex} are not in this file: it holds those of the vertices that went farthest. `;
+  $("no-cells").textContent = state.vertex === null ? "Click a vertex to see the cells of its faces." : `The cells of vertex ${state.vertex} are not in this file: it holds those of the vertices that went farthest. `;
   if (!found) { $("no-cells").append(...(state.vertex === null ? [] : [element("button", { type: "button", className: "chip", onclick: () => select(data.chosen), textContent: `vertex ${data.chosen}` })])); return; }
   for (const chip of $("faces").children) chip.classList.toggle("on", Number(chip.dataset.face) === state.face);
   const at = found.moments.findLast((entry) => entry.moment <= state.moment) ?? found.moments[0];
@@ -211,7 +211,7 @@ const plots = [];
 if (data.length) {
   plots.push(new Plot($("energy"), { title: data.errors ? "Energy" : "Energy, a line for each sweep", unit: "", lines: data.energy, bands, length: data.length, isLog: false, color: data.css.now, onJump: jump }));
   if (data.errors) {
-    plots.push(new Plot($("error"), { title: "Off the truth", unit: " %", lines: [{ moments: data.errors.map((_, m) => m), values: data.errors }], bands, length: data.length, isLog: true, color: data.css.truth, onJump: jump }));
+    plots.push(new Plot($("error"), { title: "Error", unit: " %", lines: [{ moments: data.errors.map((_, m) => m), values: data.errors }], bands, length: data.length, isLog: true, color: data.css.truth, onJump: jump }));
   }
 }
 $("error").hidden = !data.errors || !data.length;

@@ -62,6 +62,7 @@ void main() {
 }`;
 
 const FIELD_OF_VIEW = Math.PI / 4;
+const FILLED_WIDTH = 0.88, FILLED_HEIGHT = 0.74; // of the view: texts lie over its borders
 
 class Viewer {
   // `data`: what page_data.py wrote; `arrays`: its arrays, decoded. Throws where the browser has no WebGL 2.
@@ -73,19 +74,19 @@ class Viewer {
     this.colors = Object.fromEntries(Object.entries(data.colors).map(([name, rgb]) => [name, rgb.map((c) => c / 255)]));
     const isSmall = arrays.edges.length < 600;
     this.dotSize = isSmall ? 8 : 5;
-    this.shown = { texture: true, wire: false, start: isSmall, truth: false, paths: true, cameras: false, dots: true };
+    this.shown = { texture: true, wire: false, start: isSmall, truth: false, paths: true, cameras: false, dots: isSmall };
     this.side = "now"; // "before", "now" or "both": then `split` is where the two halves of the window meet
     this.split = 0.5;
     this.selected = null;
     this.moment = 0;
     this.blend = [0, 0, 0];
+    this.startVertices = arrays.start;
     this.home();
     this.meshProgram = program(gl, MESH_VERTEX, MESH_FRAGMENT);
     this.lineProgram = program(gl, LINE_VERTEX, LINE_FRAGMENT);
     this.dotProgram = program(gl, DOT_VERTEX, DOT_FRAGMENT);
     this.paintings = data.paintings.map((painting, k) => this.painting(painting, arrays.uv[k]));
     this.startMesh = this.buffer(corners(arrays.start, this.faces));
-    this.startVertices = arrays.start;
     this.nowMesh = this.buffer(corners(arrays.start, this.faces), gl.DYNAMIC_DRAW);
     this.now = arrays.start;
     this.dots = this.buffer(arrays.start, gl.DYNAMIC_DRAW);
@@ -106,8 +107,22 @@ class Viewer {
     const eye = this.data.stage.eye;
     this.up = this.data.stage.up;
     this.target = [0, 0, 0];
-    this.offset = [...eye];
+    this.offset = scale(unit(eye), this.fittingDistance(unit(eye)));
     this.redraw();
+  }
+
+  // How far away along a direction the eye must be for the start and what lies over the view to leave each other alone.
+  fittingDistance(back) {
+    const right = unit(cross(this.up, back)), up = cross(back, right), start = this.startVertices;
+    const aspect = this.canvas.clientWidth / this.canvas.clientHeight || 1, reach = Math.tan(FIELD_OF_VIEW / 2);
+    const [wide, high] = aspect < 1 ? [reach, reach / aspect] : [reach * aspect, reach];
+    let distance = 0;
+    for (let v = 0; v < start.length; v += 3) {
+      const p = start.subarray(v, v + 3);
+      const needed = Math.max(Math.abs(dot(p, right)) / (FILLED_WIDTH * wide), Math.abs(dot(p, up)) / (FILLED_HEIGHT * high));
+      distance = Math.max(distance, needed + dot(p, back));
+    }
+    return distance;
   }
 
   // The mesh at a moment: `vertices` (3 n) page units; `blend`: two paintings and how much the second counts.

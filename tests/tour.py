@@ -1,0 +1,128 @@
+"""Takes the README's pictures: `python -m tests.tour [NAME ...]` drives the debugger and an exported page in headless Chromium.
+
+Every picture is a shot of the page in a window of 1280 x 720, saved as a small JPEG in app/pictures.
+"""
+
+import io
+import sys
+import tempfile
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+from playwright.sync_api import Page
+
+from app.export.page import write_page
+from app.export.picture import picture
+from app.export.run_facts import RunFacts
+from app.server import App, start
+from demo_scenes import load_demo
+from fairing.options import PRESETS
+from fairing.session import Session
+from tests.browser.driver import WINDOW, Visitor, chromium, wait_for
+
+PICTURES = Path(__file__).parents[1] / "app" / "pictures"
+QUALITY = 82
+CORNER = 0  # vertex A; the others are held, as in the paper's first experiment
+SETTLED = 3  # so many shots in a row must be the same
+MOST_SHOTS = 60
+
+
+def main(wanted: list[str]) -> None:
+    """Take the pictures of these names; all without a name."""
+    options = replace(PRESETS["accurate"], locked_vertices=tuple(v for v in range(7) if v != CORNER))
+    session = Session(load_demo("cube"), options)
+    app = start(session, port=0)
+    with chromium() as browser:
+        visitor = Visitor(browser, app)
+        _dismiss_notes(visitor.page)
+        page_of(app)._hands.select(CORNER)
+        for name, take in DEBUGGER.items():
+            take(visitor)
+            if not wanted or name in wanted:
+                save(name, settled(visitor.page))
+        if not wanted or "replay" in wanted:
+            save("replay", replay(browser.new_page(viewport=WINDOW), session))
+    app.stop()
+    if not wanted or "before_after" in wanted:
+        facts = RunFacts(session, PICTURES)
+        save("before_after", picture(facts, None, lambda fraction: None))
+
+
+def page_of(app: App):
+    """What the server knows of the only browser."""
+    return next(iter(app._pages.values()))
+
+
+def _dismiss_notes(page: Page) -> None:
+    """Close the viewer's notice that it draws without a graphics card."""
+    notes = page.locator("div[class*='Notification-root'] button")
+    wait_for(lambda: notes.count() > 0, seconds=30)
+    notes.first.click()
+    wait_for(lambda: notes.count() == 0)
+
+
+def begin(visitor: Visitor) -> None:
+    """The start, textures and all."""
+
+
+def two_steps(visitor: Visitor) -> None:
+    visitor.press("Step one iteration")
+    visitor.press("Step one iteration")
+
+
+def in_the_photos(visitor: Visitor) -> None:
+    visitor.page.get_by_text("In the photos", exact=True).click()
+
+
+def through_a_camera(visitor: Visitor) -> None:
+    visitor.page.get_by_text("Cells", exact=True).last.click()
+    visitor.page.keyboard.press("3")
+
+
+def at_the_end(visitor: Visitor) -> None:
+    visitor.page.keyboard.press("0")
+    visitor.press("Run")
+    wait_for(lambda: visitor.app.controller.state.finished, seconds=120)
+
+
+DEBUGGER: dict[str, Callable[[Visitor], None]] = {
+    "start": begin,
+    "debugger": two_steps,
+    "photos": in_the_photos,
+    "camera": through_a_camera,
+    "end": at_the_end,
+}
+
+
+def replay(page: Page, session: Session) -> np.ndarray:
+    """The exported page, half before and half now."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "page.html"
+        write_page(RunFacts(session, path.parent), path, 2, lambda fraction: None)
+        page.goto(path.as_uri())
+        wait_for(lambda: page.evaluate("viewer.loaded === data.paintings.length"))
+        page.get_by_role("button", name="Both", exact=True).click()
+        page.evaluate("go(data.length)")
+        return settled(page)
+
+
+def settled(page: Page) -> np.ndarray:
+    """(h, w, 3) uint8: the page, once it no longer changes."""
+    shots: list[bytes] = []
+    while len(shots) < MOST_SHOTS and (len(shots) < SETTLED or len(set(shots[-SETTLED:])) > 1):
+        page.wait_for_timeout(500)
+        shots.append(page.screenshot())
+    return np.asarray(Image.open(io.BytesIO(shots[-1])).convert("RGB"))
+
+
+def save(name: str, pixels: np.ndarray) -> None:
+    path = PICTURES / f"{name}.jpg"
+    Image.fromarray(pixels).save(path, quality=QUALITY, optimize=True)
+    print(f"{path}: {path.stat().st_size / 1000:.0f} kB")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
