@@ -230,6 +230,8 @@ def _from_dict(default: Any, values: dict[str, Any], where: str) -> Any:
         current = getattr(default, name)
         if is_dataclass(current):
             changes[name] = _from_dict(current, value, f"{where}.{name}")
+        elif isinstance(current, tuple) != isinstance(value, list | tuple):
+            raise InputError(f"{where}.{name}: expected a value such as {current!r:.60}, found {value!r:.60}")
         else:
             changes[name] = tuple(value) if isinstance(current, tuple) else value
     return replace(default, **changes)

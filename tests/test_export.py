@@ -80,14 +80,14 @@ def test_the_picture_shows_the_mesh_before_and_after(recorded, facts, tmp_path):
     out = tmp_path / "picture.png"
     assert run(["export", str(recorded), "--out", str(out)]) == 0
     found = np.asarray(Image.open(out))
-    side = picture.SIDE
-    before, after = found[:side, :side], found[:side, -side:]
+    side, height = picture.SIDE, len(found) - picture.CAPTION
+    before, after = found[:height, :side], found[:height, -side:]
     moved = np.abs(before.astype(int) - after).max(axis=-1) > 40
     assert 0.002 < moved.mean() < 0.5
     at_end = picture.picture(facts, facts.length, lambda fraction: None)
-    assert np.array_equal(at_end[:side], after)
+    assert np.array_equal(at_end[:height], after)
     assert run(["export", str(recorded), "--out", str(out), "--at", "start"]) == 0
-    assert np.array_equal(np.asarray(Image.open(out))[:side], before)
+    assert np.array_equal(np.asarray(Image.open(out))[:height], before)
 
 
 @pytest.mark.parametrize("name", ["run.mp4", "run.webm", "run.GIF"])

@@ -4,7 +4,7 @@ import pytest
 
 from app.option_fields import changed_options, option_fields
 from fairing.errors import InputError
-from fairing.options import PRESETS, FairingOptions
+from fairing.options import PRESETS, FairingOptions, options_from_dict
 
 FIELDS = {".".join(field.path): field for field in option_fields()}
 
@@ -47,3 +47,9 @@ def test_every_field_says_what_it_affects_and_when():
     assert "start over" in FIELDS["schedule.blur"].effect
     assert "next step" in FIELDS["eigenspace.dimensions"].effect
     assert "the same to the last bit" in FIELDS["threads"].effect
+
+
+@pytest.mark.parametrize("values", [{"cells": {"spacing": 0.7}}, {"threads": [1, 2]}, {"step": {"speed": 1}}])
+def test_recorded_options_of_another_shape_are_refused_by_name(values):
+    with pytest.raises(InputError, match=r"cells\.spacing|threads|speed"):
+        options_from_dict(values)

@@ -12,11 +12,13 @@ from pathlib import Path
 
 import numpy as np
 from PIL import Image
-from playwright.sync_api import Page
+from playwright.sync_api import Browser, Page
 
 from app.export.page import write_page
 from app.export.picture import picture
 from app.export.run_facts import RunFacts
+from app.lessons.player import Status
+from app.lessons.scenes import load_lesson_scene
 from app.server import App, start
 from demo_scenes import load_demo
 from fairing.options import PRESETS
@@ -26,6 +28,7 @@ from tests.browser.driver import WINDOW, Visitor, chromium, wait_for
 PICTURES = Path(__file__).parents[1] / "app" / "pictures"
 QUALITY = 82
 CORNER = 0  # vertex A; the others are held, as in the paper's first experiment
+LESSON_STEP = 3  # from 0
 SETTLED = 3  # so many shots in a row must be the same
 MOST_SHOTS = 60
 
@@ -45,6 +48,8 @@ def main(wanted: list[str]) -> None:
                 save(name, settled(visitor.page))
         if not wanted or "replay" in wanted:
             save("replay", replay(browser.new_page(viewport=WINDOW), session))
+        if not wanted or "lesson" in wanted:
+            save("lesson", lesson(browser))
     app.stop()
     if not wanted or "before_after" in wanted:
         facts = RunFacts(session, PICTURES)
@@ -107,6 +112,21 @@ def replay(page: Page, session: Session) -> np.ndarray:
         page.get_by_role("button", name="Both", exact=True).click()
         page.evaluate("go(data.length)")
         return settled(page)
+
+
+def lesson(browser: Browser) -> np.ndarray:
+    """A step in the middle of the lesson on cells."""
+    app = start(Session(load_lesson_scene("cube")), port=0, lesson="cells")
+    visitor = Visitor(browser, app)
+    _dismiss_notes(visitor.page)
+    player = page_of(app)._lessons.player
+    for step in range(LESSON_STEP + 1):
+        wait_for(lambda step=step: player.step == step and player.status is Status.THERE, seconds=120)
+        if step < LESSON_STEP:
+            visitor.page.keyboard.press("PageDown")
+    pixels = settled(visitor.page)
+    app.stop()
+    return pixels
 
 
 def settled(page: Page) -> np.ndarray:

@@ -10,20 +10,29 @@ TURNED = 0.4  # from the cameras' mean direction (0) to the page's first look (1
 MARGIN = 0.06  # of the frame's shorter side
 
 
-def framing_camera(scene: Scene, stage: Stage, states: list[np.ndarray], width: int, height: int) -> Camera:
-    """A camera of that size in whose picture all states of the vertices (n, 3) fit, as large as they can."""
-    page_eye = first_eye(stage)
-    eye, target, up = stage.world_from_page(page_eye), stage.world_from_page(np.zeros(3)), stage.up
+def framing_camera(
+    scene: Scene, stage: Stage, states: list[np.ndarray], width: int, height: int | None = None
+) -> Camera:
+    """A camera in whose picture all states of the vertices (n, 3) fit, as large as they can.
+
+    Args:
+        height: default: as the mesh needs it, half the width to all of it.
+    """
+    eye, target, up = stage.world_from_page(first_eye(stage)), stage.world_from_page(np.zeros(3)), stage.up
     forward = _unit(target - eye)
     right = _unit(np.cross(forward, up))
     R = np.stack([right, np.cross(forward, right), forward])
     used = np.unique(scene.mesh.faces)
     points = np.concatenate([state[used] for state in states])
-    uv, depth = Camera.from_krt(np.eye(3), R, -R @ eye, width, height).project(points)
+    uv, depth = Camera.from_krt(np.eye(3), R, -R @ eye, width, width).project(points)
     uv = uv[depth > 0]
     low, high = uv.min(0), uv.max(0)
+    extent = np.maximum(high - low, 1e-9)
+    if height is None:
+        needed = 2 * MARGIN + (1 - 2 * MARGIN) * extent[1] / extent[0]
+        height = 2 * round(width / 2 * float(np.clip(needed, 0.5, 1)))
     size = np.array([width, height]) - 1
-    focal = float(((size - 2 * MARGIN * min(width, height)) / np.maximum(high - low, 1e-9)).min())
+    focal = float(((size - 2 * MARGIN * min(width, height)) / extent).min())
     middle = size / 2 - focal * (low + high) / 2
     K = np.array([[focal, 0, middle[0]], [0, focal, middle[1]], [0, 0, 1]])
     return Camera.from_krt(K, R, -R @ eye, width, height)

@@ -31,19 +31,19 @@ def write_picture(facts: RunFacts, out: Path, moment: int | None, on_progress: C
 def picture(facts: RunFacts, moment: int | None, on_progress: Callable[[float], None]) -> np.ndarray:
     """(h, w, 3) uint8, RGB; see `write_picture`."""
     moments = [0, facts.length] if moment is None else [moment]
-    camera = framed(facts, [0, facts.length, *moments], SIDE, SIDE)
+    camera = framed(facts, [0, facts.length, *moments], SIDE)
     painter = Painter(facts, paint(facts, sorted(set(moments)), TEXELS, on_progress), camera, BACKGROUND)
     caption = Caption(facts, SIDE, CAPTION, with_curve=False)
     parts = []
     for index, m in enumerate(moments):
         words = moment_words(facts, m) if moment is not None else _words(facts, m, ("Before", "After")[index])
         parts.append(np.vstack([painter.draw(m), caption.strip(words)]))
-    gap = np.full((SIDE + CAPTION, GAP, 3), BACKGROUND, dtype=np.uint8)
+    gap = np.full((len(parts[0]), GAP, 3), BACKGROUND, dtype=np.uint8)
     return parts[0] if len(parts) == 1 else np.hstack([parts[0], gap, parts[1]])
 
 
-def framed(facts: RunFacts, moments: list[int], width: int, height: int) -> Camera:
-    """A camera for the mesh at all of these moments."""
+def framed(facts: RunFacts, moments: list[int], width: int, height: int | None = None) -> Camera:
+    """A camera for the mesh at all of these moments; see `framing_camera`."""
     states = [facts.trace.vertices_at(moment) for moment in moments]
     return framing_camera(facts.scene, facts.stage, states, width, height)
 

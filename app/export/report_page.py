@@ -100,7 +100,7 @@ def _signed(value: float) -> str:
 
 def _pictures(facts: RunFacts, on_progress: Callable[[float], None]) -> str:
     moments = sorted({0, facts.length})
-    camera = framed(facts, moments, PICTURE, PICTURE)
+    camera = framed(facts, moments, PICTURE)
     painter = Painter(facts, paint(facts, moments, TEXELS, on_progress), camera, BACKGROUND)
     figures = "".join(
         f"<figure><img alt='The mesh {name}' src='{jpeg_uri(painter.draw(moment))}'><figcaption><b>{name.capitalize()}</b>"

@@ -64,7 +64,9 @@ class Plot {
       const step = Math.max(1, Math.ceil((this.high - this.low) / count));
       const result = [];
       for (let power = Math.ceil(this.low); power <= this.high; power += step) result.push(10 ** power);
-      return result;
+      if (result.length > 1) return result;
+      const between = [Math.floor(this.low), Math.ceil(this.low)].flatMap((power) => [1, 2, 5].map((factor) => factor * 10 ** power));
+      return between.filter((value) => Math.log10(value) >= this.low && Math.log10(value) <= this.high);
     }
     const rough = (this.high - this.low) / count, power = 10 ** Math.floor(Math.log10(rough));
     const step = [1, 2, 5, 10].map((factor) => factor * power).find((candidate) => candidate >= rough);

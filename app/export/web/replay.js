@@ -135,7 +135,7 @@ function sweepEdge(direction) {
 function tell() {
   const m = state.moment, step = m ? data.steps[m - 1] : null;
   $("headline").textContent = m === 0 ? "The start" : m === data.length ? "The end" : `Moment ${m}`;
-  $("where").textContent = step ? `level ${step.level} of ${data.levels.length} · sweep ${step.sweep} · iteration ${step.iteration} · photos blurred by ${data.levels[step.level - 1].blur} px` : `${data.length} steps follow`;
+  $("where").textContent = step ? `level ${step.level} of ${data.levels.length} · sweep ${step.sweep} · iteration ${step.iteration} · photos blurred by ${data.levels[step.level - 1].blur} px` : data.length ? `${data.length} steps follow` : "no step was recorded";
   const outcome = $("outcome"), change = $("change");
   outcome.textContent = step ? step.outcome : "";
   change.textContent = "";
@@ -214,7 +214,8 @@ if (data.length) {
     plots.push(new Plot($("error"), { title: "Error", unit: " %", lines: [{ moments: data.errors.map((_, m) => m), values: data.errors }], bands, length: data.length, isLog: true, color: data.css.truth, onJump: jump }));
   }
 }
-$("error").hidden = !data.errors || !data.length;
+$("plots").hidden = !data.length;
+$("error").hidden = !data.errors;
 $("bands").replaceChildren(...bands.map((level) => element("span", { style: `flex:${level.end - level.first}`, title: `Level ${level.number}: photos blurred by ${level.blur} px` }, `σ ${level.blur}`)));
 
 // ---------------------------------------------------------------- controls
