@@ -16,7 +16,7 @@ from fairing.kernels import (
     KernelData,
 )
 from fairing.options import FairingOptions, by_level
-from fairing.point_spread import equally_sharp
+from fairing.point_spread import MOST_PIXELS, equally_sharp, pixels_around
 from fairing.scale_space import ScaleSpace
 from fairing.scene import Scene
 from fairing.visibility import DepthMap, Visibility, depth_map, footprints, mask_samples
@@ -56,6 +56,7 @@ class CellContext:
         footprint_area: (m,) float: mean over those views, px^2.
         vertex_views: (n, V) bool: views that take part in a face of the vertex.
         vertices: (n, 3): positions the context was made at.
+        too_many_parts: whether photos are as seen although the level wants them equally sharp (`point_spread`).
     """
 
     level: int
@@ -65,6 +66,7 @@ class CellContext:
     footprint_area: np.ndarray
     vertex_views: np.ndarray
     vertices: np.ndarray
+    too_many_parts: bool
 
     @property
     def takes_part(self) -> np.ndarray:
@@ -211,7 +213,10 @@ def build_context(
     cubic = by_level(options.cells.interpolation, level) == "cubic"
     sample_spacing = longest[pair_face, pair_view] / np.asarray(grid_sizes)[face_grid[pair_face]]
     pair_start = np.searchsorted(pair_face, np.arange(n_faces + 1)).astype(np.int64)
-    if by_level(options.cells.point_spread, level) == "common":
+    wants_common = by_level(options.cells.point_spread, level) == "common"
+    around = pixels_around(longest[pair_face, pair_view], height[pair_face, pair_view])
+    is_common = wants_common and float(around.sum()) <= MOST_PIXELS
+    if is_common:
         least = np.maximum(blur, ANTI_ALIASING * sample_spacing)
         pixels, base, frame = equally_sharp(photos, cameras, pair_view, pair_start, vertices[faces], least, cubic, pool)
     else:
@@ -243,7 +248,8 @@ def build_context(
     mean_area = np.where(part, area, 0).sum(1) / np.maximum(count, 1)
     vertex_views = np.zeros((len(vertices), n_views), dtype=bool)
     vertex_views[faces[pair_face], pair_view[:, None]] = True
-    return CellContext(level, kernel, reasons, count, mean_area, vertex_views, vertices.copy())
+    too_many = wants_common and not is_common
+    return CellContext(level, kernel, reasons, count, mean_area, vertex_views, vertices.copy(), too_many)
 
 
 def _leave_out_surplus(reasons: np.ndarray, area: np.ndarray, max_views: int) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from fairing.cells import ANTI_ALIASING
 from fairing.options import FairingOptions, by_level
-from fairing.point_spread import TRAVEL
+from fairing.point_spread import MOST_PIXELS, pixels_around
 from fairing.scale_space import AT_ONCE, KEPT_PHOTOS
 from fairing.scene import Scene
 from fairing.visibility import Visibility, footprints
@@ -59,7 +59,7 @@ def _pixels_laid_out(scene: Scene, options: FairingOptions, scale: float, sizes:
         outline = footprints(scene.mesh.vertices, scene.mesh.faces, view.camera, 1, everywhere, 0.0)
         is_seen = np.isin(outline.reason, (Visibility.SEEN, Visibility.TURNED_AWAY))
         longest, height = scale * outline.longest_edge[is_seen], scale * outline.height[is_seen]
-        parts[is_seen] += (longest + 2 * TRAVEL) * (height + 2 * TRAVEL)
+        parts[is_seen] += pixels_around(longest, height)
         count[is_seen] += 1
         for level, blur in enumerate(options.schedule.blur):
             needed = ANTI_ALIASING * longest / by_level(options.cells.size, level) / max(blur, 1.0)
@@ -67,7 +67,8 @@ def _pixels_laid_out(scene: Scene, options: FairingOptions, scale: float, sizes:
             copies[level, v] = max(1, len(np.unique(rung)))
     of_parts = float((parts * np.minimum(1, options.visibility.max_views / np.maximum(count, 1))).sum())
     levels = [by_level(options.cells.point_spread, level) for level in range(options.n_levels)]
-    return max(of_parts if spread == "common" else float(copies[level] @ sizes) for level, spread in enumerate(levels))
+    is_in_parts = [spread == "common" and of_parts <= MOST_PIXELS for spread in levels]
+    return max(of_parts if parts else float(copies[level] @ sizes) for level, parts in enumerate(is_in_parts))
 
 
 def memory_there() -> tuple[int, int] | None:

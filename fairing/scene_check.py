@@ -43,9 +43,10 @@ def check_scene(scene: Scene, options: FairingOptions | None = None) -> SceneChe
     sound = np.ones(len(scene.mesh.faces), dtype=bool)
     sound[inspect_mesh(scene.mesh).degenerate_faces] = False
     vertices, level = scene.mesh.vertices, options.n_levels - 1
+    as_seen = replace(options, cells=replace(options.cells, point_spread=("as_seen",)))  # no photo need be read
     with ThreadPoolExecutor(options.threads or os.cpu_count()) as pool:
         context = build_context(
-            scene, _MasksAlone(scene, color=False), options, level, vertices, facing(scene, vertices), sound, pool
+            scene, _MasksAlone(scene, color=False), as_seen, level, vertices, facing(scene, vertices), sound, pool
         )  # fmt: skip
     appearance = measure_appearance(scene, context.reasons)
     bright = exposures(appearance.mean)

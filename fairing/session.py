@@ -54,6 +54,9 @@ PROBE_GAIN = 0.1
 PROBE_QUANTILE = 0.5
 PROBE_MAJORITY = 0.5
 OBJECTIVE_TOLERANCE = 1e-9  # relative: below this two energies are equal
+TOO_MANY_PARTS = (
+    "the mesh has too many faces to make the photos equally sharp on each: the last level takes them as they are"
+)
 KEPT_SWEEPS = 4  # so that stepping back and forth does not judge visibility anew
 KEPT_BYTES = 1 << 30  # of blurred photos that kept sweeps hold on to
 
@@ -355,8 +358,6 @@ class Session:
             # A branch may have fewer levels than the run it comes from.
             position = position._replace(level=min(position.level, self.options.n_levels - 1))
         kept = [sweep for sweep in self._sweeps if (sweep.moment, sweep.context.level) == (began, position.level)]
-        if not kept and self._held_bytes() > KEPT_BYTES:
-            self._sweeps = []  # before the photos of another blur come beside theirs
         if not kept:
             # Before room is taken for the next one.
             while self._sweeps and self._held_bytes() > KEPT_BYTES:
@@ -430,6 +431,8 @@ class Session:
         on_photos = self._photos.seconds - photos_before
         self.seconds["photos"] += on_photos
         self.seconds["visibility"] += time.perf_counter() - began - on_photos
+        if context.too_many_parts and TOO_MANY_PARTS not in self.warnings:
+            self.warnings.append(TOO_MANY_PARTS)
         if not context.takes_part.any() and level == self.options.n_levels - 1:
             counts = {reason.name.lower(): int((context.reasons == reason).sum()) for reason in _reasons(context)}
             found = ", ".join(f"{name} {count}" for name, count in counts.items())
