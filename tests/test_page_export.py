@@ -206,6 +206,19 @@ def test_nothing_is_cut_off_in_a_small_window(replay):
     assert box["y"] + box["height"] <= footer["y"]
 
 
+def test_without_3d_the_rest_of_the_page_works(browser, file, facts):
+    context = browser.new_context(viewport=WINDOW, offline=True)
+    context.add_init_script("HTMLCanvasElement.prototype.getContext = () => null")
+    reader = Reader(context.new_page())
+    reader.open(file)
+    reader.page.get_by_text("This browser shows no 3D here").wait_for()
+    reader.page.keyboard.press("End")
+    assert reader.moment() == facts.length
+    assert reader.page.locator("#sprite").is_visible()
+    assert reader.troubles == []
+    context.close()
+
+
 def test_the_report_opens_from_disk(tab, facts):
     write_report(facts, facts.folder / "report.html", lambda fraction: None)
     tab.open(facts.folder / "report.html")
