@@ -17,7 +17,7 @@ from app.panels.html_panel import HtmlPanel
 from app.panels.lesson_panel import LessonPanel, LessonPresses
 from app.panels.lessons_panel import LessonsPanel
 from app.run_state import RunState
-from app.tabs import show_tab
+from app.tabs import show_heading, show_tab
 from app.view import View
 
 BACK_KEY, NEXT_KEY = "PageUp", "PageDown"
@@ -49,7 +49,9 @@ class LessonRoom:
         self._change_scene = change_scene
         self.player = Player(controller, controller.republish)
         self._lessons = [load_lesson(name) for name in lesson_names()]
-        self._guide = Guide(self.player, lead_eye, lambda title: show_tab(client, title))
+        self._guide = Guide(
+            self.player, lead_eye, lambda title: show_tab(client, title), lambda title: show_heading(client, title)
+        )
         self._press = LessonPresses.make(bridge, self.player, self._open_following, lambda: controller.post(Pause()))
         self._open = {name: bridge.button(lambda name=name: self.open(name)) for name in lesson_names()}
 

@@ -1,11 +1,13 @@
-"""Brings a tab to the front, or loads the page anew. viser 1.1.1 has no calls for it, but runs a line in the page; tests
-hold it.
+"""Brings a tab to the front, a heading into sight, or loads the page anew. viser 1.1.1 has no calls for it, but runs a
+line in the page; tests hold it.
 """
 
 import json
 
 import viser
 from viser._messages import RunJavascriptMessage
+
+SCROLL_TRIES = 50  # 0.1 s each: what a heading stands over may still be drawn
 
 
 def show_tab(client: viser.ClientHandle, title: str) -> None:
@@ -18,7 +20,21 @@ def show_tab(client: viser.ClientHandle, title: str) -> None:
             tab.dispatchEvent(new KeyboardEvent('keydown', {{key: 'Enter', bubbles: true}}));
         else tab?.click();
     """
-    _run(client, source)
+    _run(client, f"(() => {{{source}}})()")
+
+
+def show_heading(client: viser.ClientHandle, title: str) -> None:
+    """Scroll its panel to a heading, as soon as it is there."""
+    source = f"""
+        let left = {SCROLL_TRIES};
+        const scroll = () => {{
+            const heading = Array.from(document.querySelectorAll('.ef h4')).find(h => h.textContent === {json.dumps(title)});
+            if (heading) heading.scrollIntoView();
+            else if (left-- > 0) setTimeout(scroll, 100);
+        }};
+        scroll();
+    """
+    _run(client, f"(() => {{{source}}})()")
 
 
 def reload_page(client: viser.ClientHandle, after: float) -> None:

@@ -14,10 +14,18 @@ class Guide:
     Args:
         lead_eye: moves the browser's camera: to AT_MESH, AT_FRONT, AT_CAMERAS or into a photo.
         show_tab: brings a tab to the front.
+        show_heading: scrolls to a heading.
     """
 
-    def __init__(self, player: Player, lead_eye: Callable[[str | int], None], show_tab: Callable[[str], None]) -> None:
-        self._player, self._lead_eye, self._show_tab = player, lead_eye, show_tab
+    def __init__(
+        self,
+        player: Player,
+        lead_eye: Callable[[str | int], None],
+        show_tab: Callable[[str], None],
+        show_heading: Callable[[str], None],
+    ) -> None:
+        self._player, self._lead_eye = player, lead_eye
+        self._show_tab, self._show_heading = show_tab, show_heading
         self._last = Look()
 
     def show(self, state: RunState, view: View) -> None:
@@ -34,4 +42,6 @@ class Guide:
             self._lead_eye(look.eye)
         if look.tab is not None and (again or look.tab != self._last.tab):
             self._show_tab(look.tab)
+        if look.heading is not None and (again or (look.heading, look.cells) != (self._last.heading, self._last.cells)):
+            self._show_heading(look.heading)
         self._last = look

@@ -17,6 +17,7 @@ class Look:
     eye: AT_MESH, AT_FRONT, AT_CAMERAS or the number of the photo looked through.
     compared: name of a run of the lesson that the page compares with; empty: with nothing.
     tab: the tab in front.
+    heading: what the panel of the cells is scrolled to.
     settings: fields of `View` by name.
     cells: fields of `CellsView` by name.
     layers: shown or not, by name.
@@ -29,12 +30,13 @@ class Look:
     eye: str | int | None = None
     compared: str | None = None
     tab: str | None = None
+    heading: str | None = None
     settings: dict[str, object] = field(default_factory=dict)
     cells: dict[str, object] = field(default_factory=dict)
     layers: dict[str, bool] = field(default_factory=dict)
 
     def set_in(self, view: View) -> None:
-        """Make a view show it, but for eye, comparison and tab, which are not the view's alone."""
+        """Make a view show it, but for eye, comparison, tab and heading, which are not the view's alone."""
         if self.vertices is not None:
             view.selection = Selection(self.vertices)
         if self.face is not None or self.vertices is not None:

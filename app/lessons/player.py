@@ -4,6 +4,7 @@ Users may explore at any time. The player posts nothing unless asked to; what it
 end is a moment of a run, so that going back, or resuming after a walk, is a jump to it.
 """
 
+import logging
 import threading
 from collections.abc import Callable, Generator
 from dataclasses import dataclass
@@ -268,8 +269,10 @@ class Player:
         except StopIteration:
             self.status, self._script = Status.THERE, None
             self._look_due = bool(self._look_due)  # once more: runs are known by their names only now
-        except InputError as error:
-            self.status, self.problem, self._script = Status.FAILED, str(error), None
+        except Exception as error:  # whatever a step's way throws, the lesson must not wait for ever
+            if not isinstance(error, InputError):
+                logging.getLogger(__name__).exception("a lesson's step failed")
+            self.status, self.problem, self._script = Status.FAILED, str(error) or type(error).__name__, None
         else:
             self._post(asked)
 

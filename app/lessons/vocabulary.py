@@ -42,6 +42,7 @@ MAX_STEPS_AT_ONCE = 100
 EXTENTS = {"iteration": Extent.ITERATION, "vertex": Extent.UNIT, "sweep": Extent.SWEEP, "level": Extent.LEVEL}
 SHAPES = {"start": START_SHAPE, "now": NOW_SHAPE, "truth": TRUE_SHAPE}
 TABS = ("Vertex", "Breakpoints", "Layers", "Options", "Cells", "Experiments", "Timeline", "Runs", "Bookmarks")
+HEADINGS = {"cells": "Cells by photo", "basis": "Basis images"}
 _NUMBER = r"-?\d+(?:\.\d+)?"
 _PUT_SHAPE = rf"vertex \d+ off {_NUMBER} {_NUMBER} {_NUMBER}"
 _PUT = rf"vertex (\d+) off ({_NUMBER}) ({_NUMBER}) ({_NUMBER})"
@@ -187,6 +188,11 @@ def _tab(found: re.Match, _: set[str]) -> LookChange:
     return lambda look: replace(look, tab=tab)
 
 
+def _scroll(found: re.Match, _: set[str]) -> LookChange:
+    heading = HEADINGS[_one_of(found[1], HEADINGS, "scroll")]
+    return lambda look: replace(look, heading=heading)
+
+
 def _listed(written: str) -> list[str]:
     return [part.strip() for part in written.split(",")]
 
@@ -225,6 +231,7 @@ _ACTIONS: list[tuple[str, Callable[[re.Match, set[str]], Action]]] = [
     (r"arrows (\d+)", _arrows),
     (r"pair (\d+) (\d+)", lambda found, _: _cells("pair", (int(found[1]), int(found[2])))),
     (r"crops (\w+)", lambda found, _: _cells("span", _one_of(found[1], SPANS, "crops"))),
+    (r"scroll to (\w+)", _scroll),
     (r"plot (\w+)( of the vertex)?", _plot),
     (r"compare with (\w+)", _compare),
     (r"experiment ([\w-]+)", lambda found, _: _setting("experiment", _one_of(found[1], EXPERIMENTS, "experiment"))),
