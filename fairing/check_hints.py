@@ -3,11 +3,11 @@
 import numpy as np
 
 from fairing.check_result import SceneCheck
+from fairing.first_level import FOOTPRINT_PER_BLUR
 from fairing.memory import memory_warning
 from fairing.mesh_check import inspect_mesh
 from fairing.options import FairingOptions
 from fairing.scene import Scene
-from fairing.session import FOOTPRINT_PER_BLUR
 
 # Beyond these the verdict is "doubtful"; found on captures that worked and on ones made to fail.
 MIN_FACES_IN_PART = 0.6

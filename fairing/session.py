@@ -17,9 +17,9 @@ import numpy as np
 from fairing.cells import CellContext, build_context, facing
 from fairing.energy import Evaluator, FaceSystem, robust_scale, robust_sigma
 from fairing.errors import InputError, Interrupted
+from fairing.first_level import first_fine_level, first_level
 from fairing.gauss_newton import (
     Prior,
-    folded_faces,
     solve_jointly,
     solve_vertices,
     undetermined_directions,
@@ -37,13 +37,12 @@ from fairing.schedule import Unit, independent_sets, independent_unit, plan_unit
 from fairing.search import Found, loss_of_faces, search_unit
 from fairing.smoothing import smoothed
 from fairing.trace import Position, StepReason, StepRecord, Trace
-from fairing.visibility import Visibility, footprints
+from fairing.travel import pixels_moved, pixels_per_unit, shortened, unfolded
+from fairing.visibility import Visibility
 
-FOOTPRINT_PER_BLUR = 12.0  # a face's height over sigma_smooth at the first level
 SEARCH_COARSENESS = 1.5
 SEARCH_CELL = 48
 REACH = 1.5
-NEAR_TRUTH_BLUR = 1.2  # px
 WELL_SEEN = 0.6  # part of the faces around a vertex
 SMOOTHING_GAIN = 0.05
 START_PASSES = 5
@@ -288,28 +287,13 @@ class Session:
             position = self.trace.steps[self.moment - 1].position
             goes_on = Position(last_level, 0, 0, 0)
         H, _ = vertex_systems(self.scene.mesh, there)
-        blank = np.zeros(len(vertices))
-        record = StepRecord(
+        moved = self._moved(vertices, before, after, reason, (sweep.context, here), (sweep.context, there))
+        record = replace(
+            moved,
             position=position,
             next_position=goes_on,
             sweep_moment=sweep.moment,
-            vertices=vertices,
-            before=before[vertices],
-            proposed=after[vertices] - before[vertices],
-            after=after[vertices],
-            step_px=self._pixels(sweep.context, before, vertices, after[vertices] - before[vertices]),
-            damping=blank,
             eigenvalues=np.linalg.eigvalsh(H[vertices]),
-            reasons=np.full(len(vertices), reason, dtype=np.int8),
-            objective_before=float(here.energy.sum()),
-            objective_after=float(there.energy.sum()),
-            faces=faces,
-            face_energy_before=here.energy,
-            face_energy_after=there.energy,
-            view_energy_before=self._by_view(sweep, here.pair_energy),
-            view_energy_after=self._by_view(sweep, there.pair_energy),
-            damping_next=blank,
-            rejections=blank.astype(np.int64),
         )
         self.trace.append(record)
         self.moment += 1
@@ -391,7 +375,7 @@ class Session:
         free = informed & ~self._locked
         radius = self._search_radius(level) if position.sweep == 0 else 0.0
         order = "independent" if radius > 0 else self.options.schedule.order
-        pixels = self._pixels_per_unit(context, vertices)
+        pixels = pixels_per_unit(self.scene.views, context.vertex_views, vertices)
         movable = free & (pixels > 0)
         prior = Prior(sliding, weak, self.trace.origin_at(moment), vertices)
         smoothing = by_level(self.options.step.smoothing, level)
@@ -415,14 +399,6 @@ class Session:
     def _reach(self) -> float:
         """How far from its start a searched vertex may end, px: a little farther than the widest search."""
         return REACH * max(self.options.schedule.search) * self.start_error
-
-    def _pixels_per_unit(self, context: CellContext, vertices: np.ndarray) -> np.ndarray:
-        longest = np.zeros(len(vertices))
-        for v, view in enumerate(self.scene.views):
-            ids = np.flatnonzero(context.vertex_views[:, v])
-            J = view.camera.J_image_wrt_point(vertices[ids])
-            longest[ids] = np.maximum(longest[ids], np.linalg.norm(J, 2, axis=(1, 2)) if len(ids) else 0)
-        return longest
 
     def _context(self, level: int, vertices: np.ndarray) -> CellContext:
         began, photos_before = time.perf_counter(), self._photos.seconds
@@ -471,7 +447,7 @@ class Session:
         position = self.position
         untouched = sum(made <= self.moment for made in self.trace.hand_moments) == self.moment
         if self.moment == 0 and self.start_is_noisy:
-            return self._smoothing_step(position)
+            return self._smoothing_step()
         if untouched and position.level < self._level_near_truth:
             return self._empty_step(position, self._level_near_truth)
         sweep = self.sweep_state()
@@ -658,7 +634,7 @@ class Session:
         """(n, 3) float: the start with its noise filtered out, wherever that folds no face."""
         start, mesh = self.trace.start, self.scene.mesh
         ids = np.flatnonzero(~self._locked)
-        moves, _ = self._unfold(start, ids, (smoothed(mesh, start, START_PASSES) - start)[ids])
+        moves, _ = self._unfolded(start, ids, (smoothed(mesh, start, START_PASSES) - start)[ids])
         return start + self._spread(moves, ids)
 
     def _judged_finely(self, vertices: np.ndarray) -> tuple[CellContext, FaceSystem, float]:
@@ -666,7 +642,7 @@ class Session:
 
         Coarser levels tell less (facade smoothed: 2 % lower at blur 2.0, 3 % higher at 1.2).
         """
-        everything, level = np.arange(len(self.scene.mesh.faces)), self._fine_level
+        everything, level = np.arange(len(self.scene.mesh.faces)), first_fine_level(self.options)
         context = self._context(level, vertices)
         measured = self._evaluator.measure(context, vertices, everything, np.ones(len(everything)))
         scale = robust_scale(self.options.robust, robust_sigma(self.options.robust, level, measured))
@@ -674,26 +650,41 @@ class Session:
         loss, pixels = loss_of_faces(context, system.energy, everything)
         return context, system, float((loss * pixels).sum() / max(pixels.sum(), 1e-300))
 
-    def _smoothing_step(self, position: Position) -> StepRecord:
+    def _smoothing_step(self) -> StepRecord:
         """Begin where the smoothed start is."""
         start, after = self.trace.start, self._smoothed_start
         ids = np.flatnonzero((after != start).any(axis=1))
         (context, here, loss_before), (context_after, there, loss_after) = map(self._judged_finely, (start, after))
+        record = self._moved(ids, start, after, StepReason.SMOOTHED, (context, here), (context_after, there))
+        return replace(record, objective_before=loss_before, objective_after=loss_after)
+
+    def _moved(
+        self,
+        ids: np.ndarray,
+        before: np.ndarray,
+        after: np.ndarray,
+        reason: StepReason,
+        judged_before: tuple[CellContext, FaceSystem],
+        judged_after: tuple[CellContext, FaceSystem],
+    ) -> StepRecord:
+        """The record of vertices (u,) put from their places in `before` (n, 3) to those in `after`, without a system solved."""
+        (context, here), (context_after, there) = judged_before, judged_after
         n_views, blank = len(self.scene.views), np.zeros(len(ids))
+        steps = after[ids] - before[ids]
         return StepRecord(
-            position=position,
-            next_position=position,
-            sweep_moment=0,
+            position=self.position,
+            next_position=self.position,
+            sweep_moment=self._sweep_moment_at(self.moment),
             vertices=ids,
-            before=start[ids],
-            proposed=after[ids] - start[ids],
+            before=before[ids],
+            proposed=steps,
             after=after[ids],
-            step_px=self._pixels(context, start, ids, after[ids] - start[ids]),
+            step_px=self._pixels(context, before, ids, steps),
             damping=blank,
             eigenvalues=np.zeros((len(ids), 3)),
-            reasons=np.full(len(ids), StepReason.SMOOTHED, dtype=np.int8),
-            objective_before=loss_before,
-            objective_after=loss_after,
+            reasons=np.full(len(ids), reason, dtype=np.int8),
+            objective_before=float(here.energy.sum()),
+            objective_after=float(there.energy.sum()),
             faces=here.faces,
             face_energy_before=here.energy,
             face_energy_after=there.energy,
@@ -718,38 +709,17 @@ class Session:
                 start + offset * (far / np.maximum(length, 1e-300))[:, None] - vertices[ids],
                 tried,
             )
-        return self._unfold(vertices, ids, tried)
+        return self._unfolded(vertices, ids, tried)
 
-    def _unfold(self, vertices: np.ndarray, ids: np.ndarray, steps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Shorten steps (u, 3) until no face folds; tells which vertices were held back."""
-        tried, folds = steps.copy(), np.zeros(len(ids), dtype=bool)
-        after = vertices.copy()
-        attempt = 0
-        while True:
-            after[ids] = vertices[ids] + tried
-            bad = folded_faces(vertices, after, self.trace.start, self.scene.mesh.faces, self.options.step)
-            hit = np.isin(ids, self.scene.mesh.faces[bad])
-            folds |= hit
-            if not tried[hit].any():
-                break
-            tried[hit] *= 0.5 if attempt < 3 else 0.0
-            attempt += 1
-        return tried, folds
+    def _unfolded(self, vertices: np.ndarray, ids: np.ndarray, steps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return unfolded(vertices, ids, steps, self.trace.start, self.scene.mesh.faces, self.options.step)
 
     def _shorten(self, context: CellContext, vertices: np.ndarray, ids: np.ndarray, steps: np.ndarray) -> np.ndarray:
-        """Steps (u, 3) no longer than the level's capture range in any photo."""
         longest = self.options.step.max_step * max(1.0, self.options.schedule.blur[context.level])
-        return steps * np.minimum(1, longest / np.maximum(self._pixels(context, vertices, ids, steps), 1e-12))[:, None]
+        return shortened(self.scene.views, context.vertex_views, vertices, ids, steps, longest)
 
     def _pixels(self, context: CellContext, vertices: np.ndarray, ids: np.ndarray, steps: np.ndarray) -> np.ndarray:
-        """(u,) float: how far each step moves its vertex in the photo where it moves most, px."""
-        longest = np.zeros(len(ids))
-        seen = context.vertex_views[ids]
-        for v in np.flatnonzero(seen.any(axis=0)):
-            rows = np.flatnonzero(seen[:, v])
-            J = self.scene.views[v].camera.J_image_wrt_point(vertices[ids[rows]])
-            longest[rows] = np.maximum(longest[rows], np.linalg.norm(np.einsum("nij,nj->ni", J, steps[rows]), axis=1))
-        return longest
+        return pixels_moved(self.scene.views, context.vertex_views, vertices, ids, steps)
 
     def _objective(self, sweep: SweepState, unit: Unit, system: FaceSystem, vertices: np.ndarray) -> np.ndarray:
         """(u,) float: energy plus prior of each vertex of the unit; where it is coupled, the vertices' shares."""
@@ -786,19 +756,7 @@ class Session:
 
     @cached_property
     def _first_level(self) -> int:
-        """The first level whose blur suits the size of the faces in the photos."""
-        schedule = self.options.schedule
-        if schedule.start == "first":
-            return 0
-        heights = np.zeros(len(self.scene.mesh.faces))
-        for view in self.scene.views:
-            outline = footprints(
-                self.trace.start, self.scene.mesh.faces, view.camera, self._orientation, self.options.visibility, 0.0
-            )
-            heights = np.maximum(heights, np.where(outline.reason == Visibility.SEEN, outline.height, 0.0))
-        typical = float(np.median(heights[heights > 0])) if (heights > 0).any() else 0.0
-        fitting = [level for level, blur in enumerate(schedule.blur) if blur <= typical / FOOTPRINT_PER_BLUR]
-        return fitting[0] if fitting else self.options.n_levels - 1
+        return first_level(self.scene, self.trace.start, self._orientation, self.options)
 
     @property
     def _level_near_truth(self) -> int:
@@ -813,13 +771,7 @@ class Session:
         )
         if not probed or self.start_is_noisy or self.start_error > 0:
             return self._first_level
-        return self._fine_level
-
-    @property
-    def _fine_level(self) -> int:
-        """The first level fine enough to tell near the truth."""
-        fine = (k for k, blur in enumerate(self.options.schedule.blur) if blur <= NEAR_TRUTH_BLUR)
-        return next(fine, self.options.n_levels - 1)
+        return first_fine_level(self.options)
 
     @cached_property
     def start_error(self) -> float:
@@ -880,29 +832,16 @@ class Session:
         there = self._evaluator.measure(sweep.context, begun, everything, sweep.scale)
         if here.energy.sum() <= there.energy.sum():
             return record
-        ids = np.arange(len(final))
-        blank = np.zeros(len(ids))
-        return StepRecord(
-            position=record.position,
-            next_position=record.next_position,
-            sweep_moment=record.sweep_moment,
-            vertices=ids,
-            before=self.vertices,
-            proposed=begun - self.vertices,
-            after=begun,
-            step_px=blank,
-            damping=blank,
-            eigenvalues=np.zeros((len(ids), 3)),
-            reasons=np.full(len(ids), StepReason.RETURNED, dtype=np.int8),
-            objective_before=float(here.energy.sum()),
-            objective_after=float(there.energy.sum()),
-            faces=everything,
-            face_energy_before=here.energy,
-            face_energy_after=there.energy,
-            view_energy_before=self._by_view(sweep, here.pair_energy),
-            view_energy_after=self._by_view(sweep, there.pair_energy),
-            damping_next=blank,
-            rejections=blank.astype(int),
+        moved = self._moved(
+            np.arange(len(final)),
+            self.vertices,
+            begun,
+            StepReason.RETURNED,
+            (sweep.context, here),
+            (sweep.context, there),
+        )
+        return replace(
+            moved, position=record.position, next_position=record.next_position, sweep_moment=record.sweep_moment
         )
 
     # ------------------------------------------------------------------ helpers
