@@ -16,7 +16,9 @@ from app.experiments.workers import measure_all
 from app.headless import Interrupt
 from app.loading import load_with_progress
 from app.scene_source import SceneSource
-from fairing.experiments import EXPERIMENTS, Experiment, Row, Setting, check_truth
+from demo_scenes import DEMOS
+from fairing.errors import InputError
+from fairing.experiments import EXPERIMENTS, Experiment, Row, Setting
 from fairing.experiments.experiment import open_cases
 from fairing.io import prepare_output_folder
 from fairing.option_check import check_options
@@ -53,12 +55,17 @@ def _command(kind: type[Experiment], default: FairingOptions) -> Callable[..., i
         options: Annotated[FairingOptions, tyro.conf.arg(name="")] = default,
     ) -> int:
         """Args:
-        scene: A demo's name, or a folder or file whose true mesh is known.
+        scene: A demo's name (see `eigenfairing demos`): the truth must be known.
         out: Folder for the table (.csv), the picture (.png) and the record (.json): new, empty, or of an earlier run.
         vertex: The vertex that is put off its place. Default: the one that photos see best.
         preset: Options of every run, but for what the experiment varies; further flags change single ones.
         resume: Go on with an interrupted experiment in `out`.
         """
+        if scene not in DEMOS:
+            raise InputError(
+                f"{scene}: expected a demo ({', '.join(DEMOS)}), found another scene; experiments measure errors against "
+                "the truth, which only demos know"
+            )
         source = SceneSource.typed(scene, None)
         return experiment_to_folder(experiment, source, out, vertex, options, resume, Console(stderr=True))
 
@@ -82,7 +89,6 @@ def experiment_to_folder(
     """
     check_options(options)
     scene = load_with_progress(source, console)
-    check_truth(scene)
     setting = Setting.of(scene, options, vertex)
     record = Record(experiment, setting, source.scene, experiment.cases(setting))
     prepare_output_folder(out)

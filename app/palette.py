@@ -69,9 +69,9 @@ _GREYS: dict[str, tuple[str, str]] = {
 }
 
 
-def grey(name: str, *, dark: bool = True) -> str:
-    """The value of a variable such as `text` or `line`, for what is drawn outside of the page."""
-    return _GREYS[name][0 if dark else 1]
+def grey(name: str) -> str:
+    """The dark theme's value of a variable such as `text` or `line`, for what is drawn outside of the page."""
+    return _GREYS[name][0]
 
 
 def css(color: RGB, opacity: float = 1.0) -> str:

@@ -23,7 +23,7 @@ from app.experiments.workers import measure_all
 from fairing.errors import InputError
 from fairing.experiments import EXPERIMENTS, CaptureRange, Row, Setting, WarpComparison, results
 from tests.browser.driver import wait_for
-from tests.small_scene import corner_scene, small_options, write_corner
+from tests.small_scene import corner_scene, small_options
 
 ONE_LEVEL = small_options(schedule={"blur": [1.2], "max_sweeps": [3]}, cells={"size": [32]})
 FLAGS = ["--starts", "4", "8", "--directions", "2", "--schedule.blur", "1.2", "--schedule.max-sweeps", "2"]
@@ -224,10 +224,10 @@ def test_a_folder_with_other_content_is_left_alone(tmp_path, capsys):
     assert [path.name for path in tmp_path.iterdir()] == ["thesis.txt"]
 
 
-def test_a_scene_without_truth_is_one_line(tmp_path, capsys):
-    write_corner(tmp_path / "corner")
-    assert run(["experiment", "noise", str(tmp_path / "corner"), "--out", str(tmp_path / "out")]) == 1
+def test_a_scene_without_truth_is_one_line_and_is_not_even_opened(tmp_path, capsys):
+    (tmp_path / "capture").mkdir()
+    assert run(["experiment", "noise", str(tmp_path / "capture"), "--out", str(tmp_path / "out")]) == 1
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == 1
-    assert "take a synthetic scene" in lines[0]
+    assert "expected a demo (cube, facade, archway, dome)" in lines[0]
     assert not (tmp_path / "out").exists()
