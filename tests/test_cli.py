@@ -131,6 +131,25 @@ def test_ctrl_c_saves_everything_and_resume_ends_where_an_unbroken_run_ends(scen
     assert (broken / "run.trace").read_bytes() == (whole / "run.trace").read_bytes()
 
 
+def test_ctrl_c_within_a_step_drops_that_step_alone(scene, tmp_path, monkeypatch):
+    whole, broken = tmp_path / "whole", tmp_path / "broken"
+    assert fair(scene, whole) == 0
+    linearise, calls = Session._linearise, []
+
+    def interrupted(self, *arguments):
+        calls.append(len(self.trace))
+        if len(calls) == 6:
+            signal.raise_signal(signal.SIGINT)
+        return linearise(self, *arguments)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Session, "_linearise", interrupted)
+        assert fair(scene, broken) == 130
+    assert len(Trace.load(broken / "run.trace")) == calls[5] > 0
+    assert fair(scene, broken, "--resume") == 0
+    assert (broken / "run.trace").read_bytes() == (whole / "run.trace").read_bytes()
+
+
 def test_resume_refuses_other_options(scene, tmp_path, capsys):
     fair(scene, tmp_path / "out")
     capsys.readouterr()
