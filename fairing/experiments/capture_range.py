@@ -51,7 +51,7 @@ class CaptureRange:
             safe = start
         directions = len({row["direction"] for row in rows})
         if not safe:
-            return f"The vertex did not come back from every direction at any distance.{first_lost}"
+            return f"At no distance did the vertex come back from every direction.{first_lost}"
         ends = [row["end_percent"] for row in rows if row["start_percent"] <= safe]
         ways = "the direction tried" if directions == 1 else f"all {directions} directions tried"
         return (
