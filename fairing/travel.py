@@ -23,7 +23,7 @@ def pixels_moved(
     """
     longest = np.zeros(len(ids))
     seen = vertex_views[ids]
-    for v in np.flatnonzero(seen.any(axis=0)):
+    for v in np.flatnonzero(seen.any(axis=0)).tolist():
         rows = np.flatnonzero(seen[:, v])
         J = views[v].camera.J_image_wrt_point(vertices[ids[rows]])
         longest[rows] = np.maximum(longest[rows], np.linalg.norm(np.einsum("nij,nj->ni", J, steps[rows]), axis=1))
