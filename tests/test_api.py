@@ -2,12 +2,13 @@
 
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import fairing
-from tests.small_scene import VERTICES, corner_scene, small_options
+from tests.small_scene import VERTICES, corner_scene, small_options, write_corner
 
 
 def test_fair_runs_to_the_end_and_tells_of_every_step():
@@ -38,3 +39,15 @@ def test_the_engine_knows_nothing_of_browsers():
     code = "import fairing, sys; print('viser' in sys.modules, 'app' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
     assert done.stdout.split() == ["False", "False"]
+
+
+def test_the_readme_s_lines_run_as_they_are_written(tmp_path, monkeypatch, capsys):
+    write_corner(tmp_path / "capture")
+    before, faces = fairing.read_mesh(tmp_path / "capture" / "mesh.obj")
+    fairing.write_mesh(str(tmp_path / "start.ply"), before, faces)
+    monkeypatch.chdir(tmp_path)
+    readme = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
+    exec(readme.split("```python")[1].split("```")[0], {})
+    assert capsys.readouterr().out.startswith("finished")
+    after, _ = fairing.read_mesh("faired.ply")
+    assert np.linalg.norm(after[0] - VERTICES[0]) < 0.5 * np.linalg.norm(before[0] - VERTICES[0])

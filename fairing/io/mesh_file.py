@@ -18,7 +18,7 @@ from fairing.io.capture import read_text, reading
 MESH_SUFFIXES = frozenset({".ply", ".obj", ".off", ".stl", ".glb", ".gltf"})
 
 
-def read_mesh(path: Path) -> tuple[np.ndarray, np.ndarray]:
+def read_mesh(path: str | Path) -> tuple[np.ndarray, np.ndarray]:
     """Vertices (n, 3) float, world units, and triangles (m, 3) int of a PLY, OBJ, OFF, STL, GLB or GLTF file.
 
     Polygons are cut into triangles. The parts of a GLB are put in their place and joined. Coordinates and indices are
@@ -27,6 +27,7 @@ def read_mesh(path: Path) -> tuple[np.ndarray, np.ndarray]:
     Raises:
         InputError: no such file, another format, damaged, or without faces.
     """
+    path = Path(path)
     if path.suffix.lower() not in MESH_SUFFIXES:
         raise InputError(
             f"{path}: expected a mesh ({', '.join(sorted(MESH_SUFFIXES))}), found {path.suffix or 'no suffix'}"
@@ -39,7 +40,7 @@ def read_mesh(path: Path) -> tuple[np.ndarray, np.ndarray]:
     return vertices, faces
 
 
-def write_mesh(path: Path, vertices: np.ndarray, faces: np.ndarray) -> None:
+def write_mesh(path: str | Path, vertices: np.ndarray, faces: np.ndarray) -> None:
     """Write a PLY (binary, coordinates in double precision) or OBJ; read back, every number is the same.
 
     An existing file is replaced only once the new one is complete.
@@ -47,7 +48,7 @@ def write_mesh(path: Path, vertices: np.ndarray, faces: np.ndarray) -> None:
     Raises:
         InputError: another suffix, or the disk is full or not writable.
     """
-    writers = {".ply": _write_ply, ".obj": _write_obj}
+    path, writers = Path(path), {".ply": _write_ply, ".obj": _write_obj}
     if path.suffix.lower() not in writers:
         raise InputError(f"{path}: meshes are written as .ply or .obj, found {path.suffix or 'no suffix'}")
     write_atomically(path, lambda file: writers[path.suffix.lower()](file, vertices, faces))
