@@ -7,15 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.commands import JumpTo, Pause, Run
+from app.commands import DeleteRun, JumpTo, Pause, Restart, Run
 from app.controller import Controller
 from app.lessons.facts import FUNCTIONS, VALUES, facts_of
 from app.lessons.lesson import ANY_SCENE, Lesson
+from app.lessons.opening import scene_of_lesson
 from app.lessons.player import Player, Status
 from app.lessons.reader import lesson_names, load_lesson, read_lesson
-from app.lessons.scenes import load_lesson_scene
+from app.lessons.scenes import is_at_hand, load_lesson_scene
 from app.lessons.typeset import formula, line, paragraphs
 from app.lessons.vocabulary import understand_action
+from app.scene_source import SceneSource
 from app.selection import Selection
 from app.view import View
 from fairing.errors import InputError
@@ -178,8 +180,6 @@ def test_going_back_while_the_engine_is_at_work_ends_the_work(
 
 
 def test_a_deleted_run_is_made_again(player: Player, lesson: Lesson, controller: Controller):
-    from app.commands import DeleteRun, Restart
-
     player.open(lesson)
     player.go(5)
     arrive(player)
@@ -204,6 +204,16 @@ def test_a_lesson_on_another_scene_is_refused(player: Player, lesson: Lesson):
     with pytest.raises(InputError, match="plays on another scene"):
         player.open(replace(lesson, scene="archway"))
     assert player.lesson is None
+
+
+def test_a_lesson_named_on_the_command_line_finds_its_scene_or_says_what_to_leave_out():
+    cube, facade = SceneSource("cube"), SceneSource("facade")
+    assert is_at_hand("cube", scene_of_lesson("model", cube)(lambda fraction, line: None))
+    assert scene_of_lesson("capture", facade) == facade.load
+    with pytest.raises(InputError, match="plays on the demo cube; leave facade out"):
+        scene_of_lesson("model", facade)
+    with pytest.raises(InputError, match="expected one of model, cells"):
+        scene_of_lesson("nonsense", cube)
 
 
 def test_the_first_answer_counts(player: Player, lesson: Lesson):
