@@ -51,8 +51,8 @@ class Bridge:
 
     @property
     def style(self) -> str:
-        """CSS that hides the widgets; put it in some HTML beside them."""
-        return f"<style>{','.join(self._hidden)} {{ display: none !important }}</style>" if self._hidden else ""
+        """CSS that hides the widgets."""
+        return f"{','.join(self._hidden)} {{ display: none !important }}" if self._hidden else ""
 
 
 def whole_number(value: object, low: int, high: int, name: str) -> int:

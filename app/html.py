@@ -5,7 +5,7 @@ import json
 
 from app.palette import BRAND, NOW, REFERENCE, REJECTED, SELECTED, START, css, variables
 
-STYLE = f"""<style>
+STYLE = f"""
 {variables()}
 .ef {{ font-size: 12.5px; line-height: 1.45; color: var(--text); padding: 0 14px 8px 10px;
   font-variant-numeric: tabular-nums; }}
@@ -108,7 +108,7 @@ STYLE = f"""<style>
 .ef .plot.chart {{ cursor: default; }}
 .ef .bar {{ height: 3px; background: var(--line); border-radius: 2px; margin-top: 6px; }}
 .ef .bar div {{ height: 3px; background: {css(BRAND)}; border-radius: 2px; }}
-</style>"""
+"""
 
 
 def text(value: object) -> str:

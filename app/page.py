@@ -48,6 +48,7 @@ from app.panels.experiments_panel import ExperimentButtons, ExperimentsPanel
 from app.panels.html_panel import HtmlPanel
 from app.panels.layers_panel import LayersPanel, available_layers
 from app.panels.legend import LegendBox
+from app.panels.lesson_panel import LESSON_STYLE
 from app.panels.options_panel import OptionButtons, OptionsPanel
 from app.panels.photo_pages import PhotoPages
 from app.panels.plot import Plot, PlotControls
@@ -62,6 +63,7 @@ from app.photo_store import PhotoStore
 from app.run_controls import RunControls
 from app.run_state import RunState
 from app.stage import FIELD_OF_VIEW, Stage
+from app.style_sheet import lay_style_sheet
 from app.texturer import Texturer
 from app.theme import Theme
 from app.view import MAX_MAGNIFICATION, View
@@ -175,7 +177,7 @@ class Page:
         }
         leave = bridge.button(self._leave)
         panels: list[Panel] = [
-            DebugBar(gui, bridge, press),
+            DebugBar(gui, press),
             Status(gui, shared.energies, bridge.number(self._run.to_beginning)),
             Plot(
                 gui,
@@ -265,6 +267,7 @@ class Page:
             self._model_share.on_update(self._guard.without_event(self._blend))
         self._leave_press = leave
         self._leave_box.float(x=-MARGIN, y=MARGIN, width=280)
+        lay_style_sheet(self._client, STYLE + LESSON_STYLE + bridge.style)
         return panels
 
     def _place_timeline(self) -> None:
@@ -337,7 +340,7 @@ class Page:
     def _help(self) -> None:
         rows = "".join(f"<tr><th>{text(keys)}</th><td>{text(meaning)}</td></tr>" for keys, meaning in key_list())
         with self._client.gui.add_modal("Keys") as modal:
-            HtmlPanel(self._client.gui, f"{STYLE}<table class='words'>{rows}</table>")
+            HtmlPanel(self._client.gui, f"<table class='words'>{rows}</table>")
             close = self._client.gui.add_button("Close")
         close.on_click(lambda _: modal.close())
 
@@ -379,6 +382,6 @@ class Page:
             name = self._shared.scene.views[view_id].name
             back = button("Leave", self._leave_press, hint="Leave the camera (0)", icon=icon("leave"))
             self._leave_note.set(
-                f"{STYLE}<div class='row'>{icon('eye')}<span class='grow big'>{text(name)}</span>{back}</div>"
+                f"<div class='row'>{icon('eye')}<span class='grow big'>{text(name)}</span>{back}</div>"
             )
         self._shared.controller.republish()

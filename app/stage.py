@@ -14,7 +14,7 @@ FIELD_OF_VIEW = np.radians(45.0)  # vertical
 # The first look is turned away from the cameras' mean direction, so that their frusta do not stand in the way.
 TURN_SIDEWAYS = np.radians(28.0)
 TURN_UP = np.radians(20.0)
-FILLS = 0.72  # of the window's height
+FILLS = 0.68  # of the window's height
 CLEAR_GROUND = 3.0  # ratio of the x axes' spreads in and across the ground from which on they tell where up is
 NEAR_AXIS = np.cos(np.radians(40.0))
 
@@ -54,7 +54,7 @@ class Stage:
         apart = np.linalg.norm(centers[:, None] - centers, axis=-1)
         spacing = float(np.median((apart + np.diag(np.full(len(apart), np.inf))).min(axis=1)))
         # The timeline covers the window's lower part.
-        target = -0.055 * distance * up
+        target = -0.07 * distance * up
         camera_scale = float(np.clip(0.2 * spacing, 0.01 * SIZE, 0.06 * SIZE))
         return cls(origin, scale, up, eye + target, target, camera_scale, centers)
 

@@ -9,7 +9,7 @@ from app.bridge import Bridge, whole_number
 from app.commands import SwitchTo
 from app.compare import Reference
 from app.controller import Controller
-from app.html import STYLE, button, copy_button, icon, text
+from app.html import button, copy_button, icon, text
 from app.moment_id import moment_id
 from app.panels.html_panel import HtmlPanel
 from app.run_state import RunState
@@ -36,7 +36,7 @@ class BookmarksPanel:
         rows = "".join(self._row(item, state) for item in state.bookmarks)
         none = "<div class='dim note'>No bookmarks yet. Saved runs keep them beside their file.</div>"
         self._panel.set(
-            f"{STYLE}<div class='row'>{keep}<span class='dim grow'>now: <code>{text(here)}</code></span>"
+            f"<div class='row'>{keep}<span class='dim grow'>now: <code>{text(here)}</code></span>"
             f"{copy_button(here, 'Copy the name of this moment, for --at')}</div>"
             f"<div class='scroll'>{f'<table class=runs>{rows}</table>' if rows else none}</div>"
         )

@@ -7,7 +7,7 @@ import viser
 from app.background import Background
 from app.cells_controls import CellsControls
 from app.cells_view import PAGES
-from app.html import STYLE, button, text
+from app.html import button, text
 from app.lookup import Lookup
 from app.panels.cell_source import CellSource, chosen_face
 from app.panels.cell_table import cell_table
@@ -36,7 +36,7 @@ class CellsPanel:
     ) -> None:
         self._scene, self._source, self._pages, self._controls = scene, source, pages, controls
         self._choose_face, self._enter = choose_face, enter
-        self._head = HtmlPanel(gui, STYLE)
+        self._head = HtmlPanel(gui)
         self._k = gui.add_slider(
             "k",
             min=1,
@@ -62,11 +62,11 @@ class CellsPanel:
             note = "Click a vertex to see the cells of its faces."
             if view.selected is not None:
                 note = f"No face uses vertex {view.selected}."
-            self._head.set(f"{STYLE}<span class='dim'>{note}</span>")
+            self._head.set(f"<span class='dim'>{note}</span>")
             self._body.set("")
             self._k.visible = False
             return
-        self._head.set(STYLE + self._choices(view, view.selected, face))
+        self._head.set(self._choices(view, view.selected, face))
         if view.cells.page == "cells":
             self._show_cells(state, view)
         else:

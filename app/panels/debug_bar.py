@@ -3,8 +3,7 @@
 import viser
 
 from app.actions import ACTIONS
-from app.bridge import Bridge
-from app.html import STYLE, button, icon
+from app.html import button, icon
 from app.panels.html_panel import HtmlPanel
 from app.run_state import RunState
 from app.view import View
@@ -15,9 +14,9 @@ UNIT_NAMES = {"sequential": "vertex", "worst_first": "vertex", "independent": "s
 class DebugBar:
     """Forward on the first line, back on the second, from one iteration to a whole level."""
 
-    def __init__(self, gui: viser.GuiApi, bridge: Bridge, press: dict[str, str]) -> None:
+    def __init__(self, gui: viser.GuiApi, press: dict[str, str]) -> None:
         self._panel = HtmlPanel(gui)
-        self._bridge, self._press = bridge, press
+        self._press = press
         self._actions = {action.name: action for action in ACTIONS}
 
     def show(self, state: RunState, view: View) -> None:
@@ -43,7 +42,7 @@ class DebugBar:
             f'<div class="grid"><span></span>{heads}<span class="left">Forward</span>{forwards}'
             f'<span class="left">Back</span>{backs}</div>'
         )
-        self._panel.set(STYLE + self._bridge.style + top + grid)
+        self._panel.set(top + grid)
 
     def _button(
         self, name: str, label: str = "", *, css_class: str = "", key: bool = False, enabled: bool = True

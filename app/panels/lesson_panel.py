@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import viser
 
 from app.bridge import Bridge, whole_number
-from app.html import STYLE, button, icon, text
+from app.html import button, icon, text
 from app.lessons.lesson import Lesson, LessonStep
 from app.lessons.player import Findings, Player, Status
 from app.lessons.pseudo_code import LINES
@@ -19,7 +19,7 @@ from app.view import View
 MOST_CHOICES = 6
 LINES_SHOWN = 3  # of the pseudo-code: with all of it the text would be out of sight
 NO_FINDINGS = Findings({}, ())
-LESSON_STYLE = f"""<style>
+LESSON_STYLE = f"""
 .ef.ef .lesson p {{ margin: 6px 0; }} .ef .lesson ul {{ margin: 4px 0; padding-left: 18px; }}
 .ef .lesson b {{ color: var(--strong); font-weight: 600; }}
 .ef .lesson math {{ font-family: "STIX Two Math", "Cambria Math", "Latin Modern Math", math, serif; color: var(--strong); }}
@@ -40,7 +40,7 @@ LESSON_STYLE = f"""<style>
 .ef .aside {{ background: var(--row); border-radius: 4px; padding: 6px 8px; margin: 8px 0; }}
 .ef .lessons button {{ width: 100%; height: auto; padding: 6px 10px; margin-top: 6px; display: block; text-align: left; }}
 .ef .lessons button.on {{ border-color: {css(SELECTED)}; }}
-</style>"""
+"""
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ class LessonPanel:
         n = player.step
         step, found = lesson.steps[n], player.findings.get(n, NO_FINDINGS)
         self._panel.set(
-            f"{STYLE}{LESSON_STYLE}{self._head(lesson, n)}{self._aside(player.has_strayed(state, view))}"
+            f"{self._head(lesson, n)}{self._aside(player.has_strayed(state, view))}"
             f"<div class='lesson'><h3>{text(step.title)}</h3>{paragraphs(step.text, found.numbers)}"
             f"{_listing(step.code)}{self._question(step, found)}{_checked(found)}</div>"
         )

@@ -2,12 +2,11 @@
 
 import viser
 
-from app.html import STYLE, button, text
+from app.html import button, text
 from app.lessons.lesson import Lesson
 from app.lessons.player import Player
 from app.lessons.scenes import LESSON_SCENES
 from app.panels.html_panel import HtmlPanel
-from app.panels.lesson_panel import LESSON_STYLE
 from app.run_state import RunState
 from app.view import View
 
@@ -21,7 +20,7 @@ class LessonsPanel:
 
     def show(self, state: RunState, view: View) -> None:
         rows = "".join(self._row(n, lesson) for n, lesson in enumerate(self._lessons, 1))
-        self._panel.set(f"{STYLE}{LESSON_STYLE}<div class='lessons'>{rows}</div>")
+        self._panel.set(f"<div class='lessons'>{rows}</div>")
 
     def _row(self, n: int, lesson: Lesson) -> str:
         at_hand = self._player.lesson is not None and self._player.lesson.name == lesson.name

@@ -9,7 +9,7 @@ from app.bridge import Bridge, whole_number
 from app.commands import DeleteRun, Pause, Race, SwitchTo
 from app.compare import Reference, RunEnergies, distances, look_up
 from app.controller import Controller
-from app.html import STYLE, button, icon, number, text
+from app.html import button, icon, number, text
 from app.palette import REFERENCE, css
 from app.panels.html_panel import HtmlPanel
 from app.run_state import RunState
@@ -38,7 +38,7 @@ class RunsPanel:
         )
         rows = "".join(self._row(run, state, view, knows_truth) for run in state.runs)
         self._panel.set(
-            f"{STYLE}<div class='row'>{self._comparison(state, view)}</div>"
+            f"<div class='row'>{self._comparison(state, view)}</div>"
             f"<div class='scroll'><table class='runs'><tr><th>run</th><th>options</th><th class='n'>steps</th>"
             "<th class='n' title='Energies of runs with other cells or dimensions do not compare'>energy</th>"
             f"{error if knows_truth else ''}<th></th></tr>{rows}</table></div>"

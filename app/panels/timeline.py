@@ -12,7 +12,7 @@ from app.cell_images import data_uri
 from app.commands import Pause, Play
 from app.controller import Controller
 from app.history import EnergyHistory
-from app.html import STYLE, button, icon, text
+from app.html import button, icon, text
 from app.panels.html_panel import HtmlPanel
 from app.run_state import Activity, RunState
 from app.strip import KINDS, StepHistory
@@ -39,6 +39,8 @@ class Timeline:
     ) -> None:
         self._energies, self._jump, self._around, self._press = energies, jump, around, press
         self._slider = gui.add_slider("Moment", min=0, max=1, step=1, initial_value=0)
+        # Apart from the strip, which a run draws anew: a button pressed would be another one when it is let go.
+        self._tools = HtmlPanel(gui)
         self._strip = HtmlPanel(gui)
         self._moved = 0.0
         self._marks: tuple[GuiSliderMark, ...] = ()
@@ -62,9 +64,10 @@ class Timeline:
             self._marks = marks
             self._slider._marks = marks
         self._history.update(state)
-        self._strip.set(f"{STYLE}<div class='row tools'>{self._tools(state, view)}</div>{self._picture(state, view)}")
+        self._tools.set(f"<div class='row tools'>{self._buttons(state, view)}</div>")
+        self._strip.set(self._picture(state, view))
 
-    def _tools(self, state: RunState, view: View) -> str:
+    def _buttons(self, state: RunState, view: View) -> str:
         if view.looks_at is not None:
             player = button(
                 "Follow live",
