@@ -1,7 +1,6 @@
 """The page's style sheet: in its head, once.
 
-Within the panels' content it would be laid anew with every change of theirs, and the browser would style and paint
-everything again: 18 ms of processor time for each change of the timeline.
+Within the panels' content it would be sent and laid anew with every change of theirs, 8 KB each time.
 """
 
 import json
