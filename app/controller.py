@@ -171,7 +171,7 @@ class Controller:
             if file is not None and before.of_run(run.run_id) != after.of_run(run.run_id):
                 write_bookmarks(file_beside(file), after.of_run(run.run_id))
 
-    def wait_until_idle(self, timeout: float = 60.0) -> RunState:
+    def wait_until_idle(self, timeout: float = 300.0) -> RunState:
         """The state once all commands are done. Raises TimeoutError."""
         with self._changed:
             idle = self._changed.wait_for(

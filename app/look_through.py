@@ -13,8 +13,10 @@ from app.layers.cameras import pose
 from app.palette import GROUND, RGB
 from app.predictor import Prediction, Predictor
 from app.run_state import Activity, RunState
+from app.shown_photo import shown_photo
 from app.stage import SIZE, Stage
 from app.theme import Theme
+from app.view import View
 from fairing.camera import Camera
 from fairing.scene import Scene
 
@@ -77,9 +79,9 @@ class LookThrough:
     ) -> None:
         self._theme = theme
         self._predictor = Predictor(scene, on_ready)
-        self._share = 0.0
+        self._share, self._swipes = 0.0, False
         self._fitted: tuple[Fit, int, int] | None = None
-        self._laid: tuple[Prediction | None, float] | None = None
+        self._laid: tuple[Prediction | None, float, bool] | None = None
         self._client, self._stage, self._scene = client, stage, scene
         self._inside: int | None = None
         self._outside: tuple[np.ndarray, np.ndarray, np.ndarray, float] | None = None
@@ -123,15 +125,15 @@ class LookThrough:
                 self._client.camera.fov = fov
             self._outside = None
 
-    def blend(self, state: RunState, share: float) -> None:
-        """Lay a share of the model, 0 to 1, over the photo: what the other photos and the present mesh predict."""
+    def lay_over(self, state: RunState, vertices: np.ndarray, view: View) -> None:
+        """Lay the model over the photo: what the other photos and a mesh at vertices (n, 3), world units, predict."""
         view_id = self._inside
         if view_id is None:
             return
-        if share > 0 and state.activity is Activity.PAUSED:
-            self._predictor.ask(view_id, state.vertices)
+        if view.model_share > 0 and state.activity is Activity.PAUSED:
+            self._predictor.ask(view_id, vertices)
         with self._placing:
-            self._share = share
+            self._share, self._swipes = view.model_share, view.swipes
             if self._inside == view_id:
                 self._lay_behind(view_id)
 
@@ -199,12 +201,12 @@ class LookThrough:
         """The photo, with as much of the model over it as asked for; sent only when it differs."""
         found = self._predictor.newest
         found = found if found is not None and found.view_id == view_id and self._share > 0 else None
-        wanted = (found, self._share if found is not None else 0.0)
+        wanted = (found, self._share, self._swipes) if found is not None else (None, 0.0, False)
         if self._fitted is None or wanted == self._laid:
             return
         self._laid = wanted
-        picture = self._scene.views[view_id].photo.load()
+        picture = shown_photo(self._scene.views[view_id])
         if found is not None:
-            picture = found.over(picture, self._share)
+            picture = (found.beside if self._swipes else found.over)(picture, self._share)
         behind = photo_behind(picture, *self._fitted, GROUND[0 if self._theme.is_dark else 1])
         self._client.scene.set_background_image(behind, format="jpeg", jpeg_quality=90)

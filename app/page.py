@@ -20,7 +20,7 @@ from app.focus import release_focus_after_use
 from app.guard import Guard
 from app.hands import Hands
 from app.history import EnergyHistory, PathHistory
-from app.html import STYLE, button, icon, text
+from app.html import STYLE, text
 from app.layers import Layer
 from app.layers.cameras import CamerasLayer, Thumbnails
 from app.layers.certainty import CertaintyLayer
@@ -39,6 +39,7 @@ from app.look_through import LookThrough
 from app.panels import Panel
 from app.panels.bookmarks_panel import BookmarkButtons, BookmarksPanel
 from app.panels.breakpoints_panel import BreakpointButtons, BreakpointsPanel
+from app.panels.camera_box import CameraBox, CameraButtons
 from app.panels.cell_lens import CellLens
 from app.panels.cell_source import CellSource
 from app.panels.cells_panel import CellsPanel
@@ -152,9 +153,8 @@ class Page:
         if state.problem and state.problems > self._problems:
             self._guard.notify(state.problem)
         self._problems = state.problems
-        self._leave_box.visible = self.view.entered is not None
         self._legend.show(self._surface.legend)
-        self._look_through.blend(state, self.view.model_share)
+        self._look_through.lay_over(state, self._surface.vertices_of(state, self.view.shape), self.view)
         self._place_timeline()
 
     def open_lesson(self, name: str) -> None:
@@ -175,7 +175,7 @@ class Page:
         switches = {
             name: bridge.button(lambda name=name: self._toggle(name)) for name in available_layers(shared.scene)
         }
-        leave = bridge.button(self._leave)
+        camera = CameraButtons(bridge, self.view, self._leave, shared.controller.republish)
         panels: list[Panel] = [
             DebugBar(gui, press),
             Status(gui, shared.energies, bridge.number(self._run.to_beginning)),
@@ -257,16 +257,11 @@ class Page:
         self._window = (0, 0)
         self._place_timeline()
         self._legend = LegendBox(gui)
-        self._leave_box = gui.add_panel(visible=False)
-        with self._leave_box.add_tab("Camera", viser.Icon.CAMERA):
-            self._leave_note = HtmlPanel(gui)
-            self._model_share = gui.add_slider(
-                "Photo – model", min=0, max=100, step=5, initial_value=round(100 * self.view.model_share),
-                hint="Lays what the other photos and the mesh as it is now predict over the photo (%).",
-            )  # fmt: skip
-            self._model_share.on_update(self._guard.without_event(self._blend))
-        self._leave_press = leave
-        self._leave_box.float(x=-MARGIN, y=MARGIN, width=280)
+        panels.append(
+            CameraBox(
+                gui, scene, self.view, camera, self._surface_buttons, self._guard, shared.controller.republish, MARGIN
+            )
+        )
         lay_style_sheet(self._client, STYLE + LESSON_STYLE + bridge.style)
         return panels
 
@@ -356,10 +351,6 @@ class Page:
         self.view.magnification = whole_number(self._magnification.value, 1, MAX_MAGNIFICATION, "magnification")
         self._shared.controller.republish()
 
-    def _blend(self) -> None:
-        self.view.model_share = whole_number(self._model_share.value, 0, 100, "share of the model") / 100
-        self._shared.controller.republish()
-
     def _enter(self, view_id: object) -> None:
         found = whole_number(view_id, 0, len(self._shared.scene.views) - 1, "camera")
         self._look_through.enter(found)
@@ -378,10 +369,4 @@ class Page:
 
     def _announce_camera(self, view_id: int | None) -> None:
         self.view.entered = view_id
-        if view_id is not None:
-            name = self._shared.scene.views[view_id].name
-            back = button("Leave", self._leave_press, hint="Leave the camera (0)", icon=icon("leave"))
-            self._leave_note.set(
-                f"<div class='row'>{icon('eye')}<span class='grow big'>{text(name)}</span>{back}</div>"
-            )
         self._shared.controller.republish()

@@ -4,6 +4,7 @@ from collections import OrderedDict
 
 import numpy as np
 
+from app.shown_photo import shown_photo
 from fairing.scene import Scene
 
 MAX_BYTES = 400 << 20
@@ -19,7 +20,7 @@ class PhotoStore:
     def __getitem__(self, view_id: int) -> np.ndarray:
         """(h, w, 3) uint8, RGB. Raises InputError: it cannot be read."""
         if view_id not in self._kept:
-            self._kept[view_id] = self._scene.views[view_id].photo.load()
+            self._kept[view_id] = shown_photo(self._scene.views[view_id])
             while len(self._kept) > 1 and sum(photo.nbytes for photo in self._kept.values()) > MAX_BYTES:
                 self._kept.popitem(last=False)
         self._kept.move_to_end(view_id)

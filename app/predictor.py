@@ -11,6 +11,8 @@ import numpy as np
 from fairing.render import Renderer
 from fairing.scene import Scene
 
+SEAM = 236  # grey level of the line between photo and prediction
+
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
@@ -32,6 +34,14 @@ class Prediction:
         """(h, w, 3) uint8: the photo with a share, 0 to 1, of the prediction laid over it where that is known."""
         weight = (share * self.is_known)[..., None].astype(np.float32)
         return np.clip(photo + weight * (self.image - photo) + 0.5, 0, 255).astype(np.uint8)
+
+    def beside(self, photo: np.ndarray, share: float) -> np.ndarray:
+        """(h, w, 3) uint8: the photo, and right of a line the prediction, on a share, 0 to 1, of the width."""
+        shown, width = self.over(photo, 1.0), photo.shape[1]
+        seam, thickness = round((1 - share) * width), max(1, width // 400)
+        shown[:, :seam] = photo[:, :seam]
+        shown[:, max(0, seam - thickness) : seam + thickness] = SEAM
+        return shown
 
 
 class Predictor:

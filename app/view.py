@@ -56,6 +56,7 @@ class View:
     shape: where the surface's vertices are: 0 at the start, 1 now, 2 at the truth, and anything between.
     model_share: of the model laid over a photo looked through, 0 to 1.
     experiment: the one shown, of `fairing.experiments.EXPERIMENTS`.
+    swipes: that is the share of the photo's width, from the right, not of every pixel.
     shown: which layers are switched on.
     """
 
@@ -75,6 +76,7 @@ class View:
     shape: float = NOW_SHAPE
     model_share: float = 0.0
     experiment: str = "capture-range"
+    swipes: bool = False
     shown: dict[str, bool] = field(
         default_factory=lambda: {name: name not in ("certainty", "truth", "points") for name in LAYERS}
     )

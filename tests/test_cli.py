@@ -254,7 +254,12 @@ def test_demos_are_listed(capsys):
 
 def test_the_module_runs_as_a_command():
     done = subprocess.run(
-        [sys.executable, "-m", "app", "--help"], capture_output=True, text=True, env=os.environ, timeout=60, check=False
+        [sys.executable, "-m", "app", "--help"],
+        capture_output=True,
+        text=True,
+        env=os.environ,
+        timeout=300,
+        check=False,
     )
     assert done.returncode == 0
     assert "Without a command" in done.stdout
@@ -271,7 +276,7 @@ def test_ctrl_c_ends_the_debugger_cleanly_with_the_run_saved(scene, tmp_path):
     assert process.stdout is not None
     assert "http://127.0.0.1:" in process.stdout.readline()
     process.send_signal(signal.SIGINT)
-    _, errors = process.communicate(timeout=60)
+    _, errors = process.communicate(timeout=300)
     assert process.returncode == 0
     assert "Traceback" not in errors
     session = Session(load_scene(scene), trace=Trace.load(tmp_path / "run.trace"))

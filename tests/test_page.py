@@ -14,12 +14,9 @@ from demo_scenes import load_demo
 from fairing.errors import InputError
 from fairing.options import FairingOptions, ScheduleOptions
 from fairing.session import Session
-from tests.browser.driver import CHROMIUM, Visitor, chromium, letterboxed, wait_for
+from tests.browser.driver import IN_BROWSER, Visitor, letterboxed, wait_for
 
-pytestmark = [
-    pytest.mark.browser,
-    pytest.mark.skipif(CHROMIUM is None, reason="no chromium on the PATH; install it to test the page"),
-]
+pytestmark = IN_BROWSER
 
 OPTIONS = FairingOptions(
     schedule=ScheduleOptions(blur=(3.6, 2.0), order="sequential", max_sweeps=(2,), max_iterations=(3,), start="first")
@@ -32,21 +29,10 @@ def scene():
 
 
 @pytest.fixture(scope="module")
-def browser():
-    with chromium() as browser:
-        yield browser
-
-
-@pytest.fixture(scope="module")
 def app(scene):
     app = start(Session(scene, OPTIONS), port=0)
     yield app
     app.stop()
-
-
-@pytest.fixture(scope="module")
-def visitor_for_all(browser, app):
-    return Visitor(browser, app)
 
 
 @pytest.fixture

@@ -7,12 +7,9 @@ from app.server import start
 from demo_scenes import load_demo
 from fairing.options import FairingOptions, ScheduleOptions
 from fairing.session import Session
-from tests.browser.driver import CHROMIUM, Visitor, chromium, wait_for
+from tests.browser.driver import IN_BROWSER, Visitor, wait_for
 
-pytestmark = [
-    pytest.mark.browser,
-    pytest.mark.skipif(CHROMIUM is None, reason="no chromium on the PATH; install it to test the page"),
-]
+pytestmark = IN_BROWSER
 
 OPTIONS = FairingOptions(
     schedule=ScheduleOptions(blur=(3.6, 2.0), order="joint", max_sweeps=(1,), max_iterations=(3,), start="first")
@@ -20,13 +17,15 @@ OPTIONS = FairingOptions(
 
 
 @pytest.fixture(scope="module")
-def visitor():
+def app():
     app = start(Session(load_demo("cube"), OPTIONS), port=0)
-    with chromium() as browser:
-        visitor = Visitor(browser, app)
-        visitor.page.get_by_role("tab", name="Layers").click()
-        yield visitor
+    yield app
     app.stop()
+
+
+@pytest.fixture(autouse=True)
+def layers(visitor: Visitor):
+    visitor.page.get_by_role("tab", name="Layers").click()
 
 
 def texture_in_sight(visitor: Visitor) -> tuple[str, np.ndarray] | None:
@@ -61,7 +60,7 @@ def sees(visitor: Visitor, name: str) -> np.ndarray:
         found.append(texture_in_sight(visitor))
         return found[-1] is not None and found[-1][0] == name
 
-    wait_for(is_there, seconds=60)
+    wait_for(is_there)
     assert found[-1] is not None
     return found[-1][1]
 
@@ -95,7 +94,7 @@ def test_a_step_shows_the_static_texture_until_the_new_shape_is_painted(visitor:
     sees(visitor, "by_eye")
     by_eye = next(iter(visitor.app._pages.values()))._surface._by_eye
     now = visitor.app.controller.state.vertices
-    wait_for(lambda: getattr(by_eye.turns.shown, "vertices", None) is now, seconds=60)
+    wait_for(lambda: getattr(by_eye.turns.shown, "vertices", None) is now)
     visitor.button("Texture: Static").click()
     sees(visitor, "textured_now")
     assert visitor.troubles == []

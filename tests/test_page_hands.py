@@ -9,12 +9,9 @@ from app.server import start
 from demo_scenes import load_demo
 from fairing.options import FairingOptions, ScheduleOptions
 from fairing.session import Session
-from tests.browser.driver import CHROMIUM, Visitor, chromium, wait_for
+from tests.browser.driver import IN_BROWSER, Visitor, wait_for
 
-pytestmark = [
-    pytest.mark.browser,
-    pytest.mark.skipif(CHROMIUM is None, reason="no chromium on the PATH; install it to test the page"),
-]
+pytestmark = IN_BROWSER
 
 OPTIONS = FairingOptions(
     schedule=ScheduleOptions(blur=(3.6, 2.0), order="sequential", max_sweeps=(2,), max_iterations=(3,), start="first")
@@ -22,10 +19,9 @@ OPTIONS = FairingOptions(
 
 
 @pytest.fixture(scope="module")
-def visitor_for_all():
+def app():
     app = start(Session(load_demo("cube"), OPTIONS), port=0)
-    with chromium() as browser:
-        yield Visitor(browser, app)
+    yield app
     app.stop()
 
 

@@ -8,12 +8,9 @@ from app.lessons.reader import lesson_names, load_lesson
 from app.lessons.scenes import load_lesson_scene
 from app.server import App, start
 from fairing.session import Session
-from tests.browser.driver import CHROMIUM, Visitor, chromium, wait_for
+from tests.browser.driver import IN_BROWSER, Visitor, wait_for
 
-pytestmark = [
-    pytest.mark.browser,
-    pytest.mark.skipif(CHROMIUM is None, reason="no chromium on the PATH; install it to test the page"),
-]
+pytestmark = IN_BROWSER
 
 SLOW = 240.0  # s: for a step's work on a loaded machine that compiles the engine first
 PHOTOS = 300.0  # s: for a scene's photos, which are taken on first use
@@ -25,18 +22,6 @@ def app():
     app = start(Session(load_lesson_scene("cube")), port=0)
     yield app
     app.stop()
-
-
-@pytest.fixture(scope="module")
-def visitor_for_all(app: App):
-    with chromium() as browser:
-        yield Visitor(browser, app)
-
-
-@pytest.fixture
-def visitor(visitor_for_all: Visitor):
-    yield visitor_for_all
-    assert visitor_for_all.troubles == []
 
 
 def page_of(app: App):

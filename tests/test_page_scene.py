@@ -9,12 +9,9 @@ from app.server import start
 from demo_scenes import load_demo
 from fairing.options import FairingOptions, ScheduleOptions
 from fairing.session import Session
-from tests.browser.driver import CHROMIUM, Visitor, chromium, wait_for
+from tests.browser.driver import IN_BROWSER, Visitor, wait_for
 
-pytestmark = [
-    pytest.mark.browser,
-    pytest.mark.skipif(CHROMIUM is None, reason="no chromium on the PATH; install it to test the page"),
-]
+pytestmark = IN_BROWSER
 
 OPTIONS = FairingOptions(
     schedule=ScheduleOptions(blur=(3.6, 2.0), order="joint", max_sweeps=(1,), max_iterations=(3,), start="first")
@@ -33,12 +30,6 @@ def app(scene):
     app = start(session, port=0)
     yield app
     app.stop()
-
-
-@pytest.fixture(scope="module")
-def visitor_for_all(app):
-    with chromium() as browser:
-        yield Visitor(browser, app)
 
 
 @pytest.fixture
@@ -110,7 +101,7 @@ def test_the_model_is_laid_over_the_photo_looked_through(visitor: Visitor, scene
     page.view.model_share = 1.0
     visitor.app.controller.republish()
     # The renderer is compiled on its first use.
-    wait_for(lambda: page._look_through._laid is not None and page._look_through._laid[1] == 1.0, seconds=60)
+    wait_for(lambda: page._look_through._laid is not None and page._look_through._laid[1] == 1.0)
     laid = page._look_through._laid[0]
     assert laid.view_id == 2
     photo = scene.views[2].photo.load()
@@ -119,6 +110,8 @@ def test_the_model_is_laid_over_the_photo_looked_through(visitor: Visitor, scene
     assert np.array_equal(half[~laid.is_known], photo[~laid.is_known])
     assert np.abs(half - (photo.astype(int) + whole) / 2).max() <= 1
     assert np.abs(whole - photo)[laid.is_known].mean() < 30, "the prediction shows the same thing as the photo"
+    visitor.button("Lay over: Swipe").click()
+    wait_for(lambda: page._look_through._laid == (laid, 1.0, True))
     page.view.model_share = 0.0
     visitor.page.keyboard.press("0")
     wait_for(lambda: page.view.entered is None)

@@ -8,16 +8,13 @@ import pytest
 from app.commands import Extent, Forward, JumpTo, Run
 from app.palette import REFERENCE, css
 from app.run_state import Activity
-from app.server import App, start
+from app.server import start
 from demo_scenes import load_demo
 from fairing.options import FairingOptions, ScheduleOptions
 from fairing.session import Session
-from tests.browser.driver import CHROMIUM, Visitor, chromium, wait_for
+from tests.browser.driver import IN_BROWSER, Visitor, wait_for
 
-pytestmark = [
-    pytest.mark.browser,
-    pytest.mark.skipif(CHROMIUM is None, reason="no chromium on the PATH; install it to test the page"),
-]
+pytestmark = IN_BROWSER
 
 OPTIONS = FairingOptions(
     schedule=ScheduleOptions(blur=(3.6, 2.0), order="sequential", max_sweeps=(2,), max_iterations=(3,), start="first")
@@ -31,18 +28,6 @@ def app():
     app.controller.wait_until_idle()
     yield app
     app.stop()
-
-
-@pytest.fixture(scope="module")
-def visitor_for_all(app: App):
-    with chromium() as browser:
-        yield Visitor(browser, app)
-
-
-@pytest.fixture
-def visitor(visitor_for_all: Visitor):
-    yield visitor_for_all
-    assert visitor_for_all.troubles == []
 
 
 def jump(visitor: Visitor, moment: int) -> None:

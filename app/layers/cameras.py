@@ -10,6 +10,7 @@ import viser.transforms
 from app.background import Background
 from app.palette import CAMERA
 from app.run_state import RunState
+from app.shown_photo import shown_photo
 from app.stage import Stage
 from app.view import View
 from fairing.camera import Camera
@@ -45,7 +46,7 @@ class Thumbnails:
         if view_id not in self._images:
             view = self._scene.views[view_id]
             try:
-                pixels = view.photo.load()
+                pixels = shown_photo(view)
             except InputError:  # a photo that has gone since the scene was opened: its camera is still there
                 pixels = np.full((view.camera.height, view.camera.width, 3), MISSING, dtype=np.uint8)
             height, width = pixels.shape[:2]

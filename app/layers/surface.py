@@ -66,7 +66,7 @@ class SurfaceLayer:
         """What the colours in sight mean; None without."""
 
     def show(self, state: RunState, view: View) -> None:
-        vertices = self._vertices(state, view.shape)
+        vertices = self.vertices_of(state, view.shape)
         self._plain.vertices = self._stage.page_from_world(vertices)
         outside, resting = view.entered is None, state.activity is Activity.PAUSED
         front: TakingTurns | None = None
@@ -97,7 +97,7 @@ class SurfaceLayer:
             turns.close()
         self._by_eye.close()
 
-    def _vertices(self, state: RunState, shape: float) -> np.ndarray:
+    def vertices_of(self, state: RunState, shape: float) -> np.ndarray:
         """(n, 3) float, world units: the shape looked at; the same array as long as it is the same shape."""
         truth = self._scene.truth.vertices if self._scene.truth is not None else None
         if shape == NOW_SHAPE or (shape > NOW_SHAPE and truth is None):

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import viser
 
 from app.coloring import COLORINGS, available_colorings
-from app.html import button, text
+from app.panels.choice import choice
 from app.panels.html_panel import HtmlPanel
 from app.run_state import RunState
 from app.view import NOW_SHAPE, START_SHAPE, SURFACES, TRUE_SHAPE, View
@@ -92,25 +92,15 @@ class SurfacePanel:
 
     def show(self, state: RunState, view: View) -> None:
         press = self._buttons.press_surface
-        how = _choice({name: (label, press[name]) for name, label in SURFACES.items()}, view.surface, "Surface")
+        how = choice({name: (label, press[name]) for name, label in SURFACES.items()}, view.surface, "Surface")
         textures = {by_eye: (TEXTURES[by_eye], js) for by_eye, js in self._buttons.press_texture.items()}
         texture = view.by_eye if view.surface == "textured" else None
         colors = {name: (COLORINGS[name].label, press[name]) for name in press if name in COLORINGS}
         shapes = {shape: (SHAPES[shape], js) for shape, js in self._buttons.press_shape.items()}
         self._panel.set(
-            f"<h4>Surface</h4>{how}<div class='dim note'>texture</div>{_choice(textures, texture, 'Texture')}"
-            f"<div class='dim note'>coloured by</div>{_choice(colors, view.surface, 'Coloured by')}"
-            f"<div class='dim note'>as it is</div>{_choice(shapes, view.shape, 'Shape')}"
+            f"<h4>Surface</h4>{how}<div class='dim note'>texture</div>{choice(textures, texture, 'Texture')}"
+            f"<div class='dim note'>coloured by</div>{choice(colors, view.surface, 'Coloured by')}"
+            f"<div class='dim note'>as it is</div>{choice(shapes, view.shape, 'Shape')}"
         )
         if self._slider.value != view.shape:
             self._slider.value = view.shape
-
-
-def _choice(options: dict, chosen: object, name: str) -> str:
-    """A group of buttons of which one is down."""
-    found = []
-    for key, (label, press) in options.items():
-        is_on = key == chosen
-        one = button(label, press, hint=f"{name}: {label}", css_class="small on" if is_on else "small")
-        found.append(one.replace("<button", f'<button aria-pressed="{text(str(is_on).lower())}"', 1))
-    return f"<div class='segments' role='group' aria-label='{text(name)}'>{''.join(found)}</div>"
