@@ -7,7 +7,6 @@ import viser
 from app.bridge import Bridge
 from app.commands import Pause
 from app.controller import Controller
-from app.html import STYLE
 from app.lessons.guide import Guide
 from app.lessons.lesson import ANY_SCENE, Lesson
 from app.lessons.player import Player
@@ -85,7 +84,7 @@ class LessonRoom:
         """Ask whether to open another scene for a lesson."""
         gui, title = self._client.gui, LESSON_SCENES[scene].title
         with gui.add_modal(f"Open {title}?") as modal:
-            HtmlPanel(gui, STYLE + why)
+            HtmlPanel(gui, why)
             choices = [
                 (gui.add_button(f"Open {title}"), lambda: self._change_scene(self._client, scene, lesson.name)),
                 (gui.add_button(otherwise), do_otherwise),

@@ -6,8 +6,8 @@ from app.bridge import Bridge, whole_number
 from app.controller import Controller
 from app.experiments.chart import charts_of
 from app.experiments.desk import Desk, Outcome, Status
-from app.html import STYLE, button, icon, text
 from app.panels.chart_svg import charts_svg
+from app.html import button, icon, text
 from app.panels.html_panel import HtmlPanel
 from app.run_state import RunState
 from app.view import View
@@ -22,7 +22,7 @@ class ExperimentsPanel:
     def __init__(self, gui: viser.GuiApi, desk: Desk, press: "ExperimentButtons") -> None:
         self._desk, self._press = desk, press
         self._obstacle = desk.obstacle()
-        self._panel = HtmlPanel(gui, STYLE)
+        self._panel = HtmlPanel(gui)
         self._shown: object = None
 
     def show(self, state: RunState, view: View) -> None:
@@ -32,7 +32,7 @@ class ExperimentsPanel:
             return
         self._shown = key
         results = "" if outcome is None else self._results(outcome)
-        self._panel.set(STYLE + self._choices(view) + self._start(state, view, outcome) + results)
+        self._panel.set(self._choices(view) + self._start(state, view, outcome) + results)
 
     def _choices(self, view: View) -> str:
         chips = "".join(
