@@ -18,11 +18,15 @@ from app.arguments import ALL_PHOTOS, PhotosArgument, Preset, SceneArgument
 from app.loading import load_with_bar, load_with_progress
 from app.moment_id import START, find_moment, parse_moment_id
 from app.open_run import find_run
+from app.run_files import FLIPS
 from app.scene_source import SceneSource
 from fairing.errors import InputError
+from fairing.io import PhotoChoice
 from fairing.options import PRESETS, options_from_dict
 
 if TYPE_CHECKING:
+    import viser
+
     from fairing.session import Session
 
 DESCRIPTION = (
@@ -95,7 +99,7 @@ def replay(
     """Open the debugger on a recorded run, with the scene and the photos it was recorded on.
 
     Args:
-        run: The folder `fair` wrote, or its run.trace.
+        run: The folder `fair` wrote, or its run.trace; or the .flips beside a mesh that `triangulate` wrote.
         scene: The scene it was recorded on, where it has moved. Default: where the run says it was.
         mesh: The mesh it was recorded on. Default: where the run says it was; with --scene the scene's own.
         port: Port of the page; the next free one is taken if it is in use.
@@ -103,6 +107,8 @@ def replay(
         browser: Open the page in the browser.
         at: The moment to open at: level:sweep:vertex:iteration from 1, `start` or `end`.
     """
+    if run.suffix == FLIPS:
+        return _replay_flips(run, scene, host, port, browser, photos)
     trace, source, path = find_run(run, scene, mesh, photos)
     wanted = parse_moment_id(at, options_from_dict(trace.header["options"]).n_levels)
 
@@ -114,6 +120,18 @@ def replay(
         return session
 
     return _serve(open_session, host, port, browser, None, path)
+
+
+def _replay_flips(run: Path, scene: str | None, host: str, port: int, browser: bool, photos: PhotoChoice) -> int:
+    from app.serve import stay
+
+    def open_app(server: "viser.ViserServer") -> Callable[[], None]:
+        from app.flips.open import open_flips
+
+        return open_flips(server, run, scene, photos).stop
+
+    stay(open_app, host, port, open_browser=browser)
+    return 0
 
 
 def _serve(

@@ -12,6 +12,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import viser
+
 from app.viewer import address_of, start_viewer, stop_viewer
 from fairing.errors import InputError
 
@@ -45,15 +47,31 @@ def serve(
         InputError: the address cannot be used, `save_to` cannot be written, or the bookmarks cannot be read; or what
             `open_session` raises.
     """
+
+    def open_app(server: viser.ViserServer) -> Callable[[], None]:
+        from app.server import App
+
+        return App(server, open_session(), save_to, recorded_in, lesson).stop
+
+    stay(open_app, host, port, open_browser=open_browser, page_first=page_first)
+
+
+def stay(
+    open_app: Callable[[viser.ViserServer], Callable[[], None]],
+    host: str,
+    port: int,
+    *,
+    open_browser: bool,
+    page_first: bool = True,
+) -> None:
+    """Serve until Ctrl-C what `open_app` puts into the viewer; it returns how to end it. See `serve`."""
     server = start_viewer(host, port)
-    stop = partial(stop_viewer, server)
+    stop: Callable[[], None] = partial(stop_viewer, server)
     try:
         with contextlib.suppress(KeyboardInterrupt):
             if page_first:
                 _invite(address_of(server), open_browser)
-            from app.server import App
-
-            stop = App(server, open_session(), save_to, recorded_in, lesson).stop
+            stop = open_app(server)
             if not page_first:
                 _invite(address_of(server), open_browser)
             # A Ctrl-C that arrives just before a wait begins does not end it, so none is long.

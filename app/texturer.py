@@ -130,7 +130,7 @@ class Texturer:
 
     def __init__(self, scene: Scene, stage: Stage, on_ready: Callable[[], None]) -> None:
         self._scene, self._stage = scene, stage
-        self.static = Painter(self._paint, KEPT, on_ready)
+        self.static = Painter(lambda vertices: paint(scene, stage, vertices), KEPT, on_ready)
         self.by_eye = Painter(self._paint_by_eye, KEPT_BY_EYE, on_ready)
         self.frames = Background(lambda: None)
 
@@ -138,16 +138,20 @@ class Texturer:
         for worker in (self.static, self.by_eye, self.frames):
             worker.close()
 
-    def _paint(self, vertices: np.ndarray) -> TexturedMesh:
-        model = textured_model(self._scene, vertices, LARGEST)
-        return TexturedMesh(vertices, _glb(self._corners(vertices), model.uv, model.image))
-
     def _paint_by_eye(self, vertices: np.ndarray) -> EyeTexturedMesh:
         texture = eigen_texture(self._scene, vertices, LARGEST_BY_EYE)
-        return EyeTexturedMesh(vertices, texture, self._corners(vertices))
+        return EyeTexturedMesh(vertices, texture, _corners(self._scene, self._stage, vertices))
 
-    def _corners(self, vertices: np.ndarray) -> np.ndarray:
-        return set_back(vertices, self._scene, self._stage)[self._scene.mesh.faces].reshape(-1, 3)
+
+def paint(scene: Scene, stage: Stage, vertices: np.ndarray) -> TexturedMesh:
+    """The mesh of a scene at vertices (n, 3), world units, with one image."""
+    model = textured_model(scene, vertices, LARGEST)
+    return TexturedMesh(vertices, _glb(_corners(scene, stage, vertices), model.uv, model.image))
+
+
+def _corners(scene: Scene, stage: Stage, vertices: np.ndarray) -> np.ndarray:
+    """(3 m, 3) float, page units: where the faces' corners are drawn."""
+    return set_back(vertices, scene, stage)[scene.mesh.faces].reshape(-1, 3)
 
 
 def _glb(corners: np.ndarray, uv: np.ndarray, image: np.ndarray) -> bytes:

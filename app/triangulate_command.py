@@ -8,6 +8,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from app.headless import Interrupt, write_json
 from app.loading import load_with_progress
+from app.run_files import FLIPS
 from app.scene_source import SceneSource
 from demo_scenes import DEMOS
 from fairing.errors import InputError
@@ -17,7 +18,7 @@ from fairing.mesh import Mesh
 from fairing.scene import SparsePoints, View
 from fairing.triangulation import Triangulation, TriangulationOptions, flip_progress, is_flip_record, triangulate
 
-RECORD_SUFFIX, REPORT_SUFFIX = ".flips", ".report.json"
+REPORT_SUFFIX = ".report.json"
 
 
 def triangulate_to_file(source: SceneSource, out: Path, options: TriangulationOptions, console: Console) -> int:
@@ -44,7 +45,7 @@ def triangulate_to_file(source: SceneSource, out: Path, options: TriangulationOp
     done, interrupted = triangulate_with_progress(source, views, points, mesh, out, options, console)
     for warning in warnings:
         console.print(f"note: {warning}", highlight=False, soft_wrap=True, markup=False)
-    names = f"{out}, {out.with_suffix(RECORD_SUFFIX).name}, {out.with_suffix(REPORT_SUFFIX).name}"
+    names = f"{out}, {out.with_suffix(FLIPS).name}, {out.with_suffix(REPORT_SUFFIX).name}"
     for line in [*summary_lines(done), f"wrote {names}"]:
         console.print(line, highlight=False, soft_wrap=True, markup=False)
     return 130 if interrupted else 0
@@ -72,7 +73,7 @@ def triangulate_with_progress(
             if not console.is_terminal:
                 console.print(line, highlight=False)
 
-        name, record = Path(source.scene).name, out.with_suffix(RECORD_SUFFIX)
+        name, record = Path(source.scene).name, out.with_suffix(FLIPS)
         done = triangulate(name, views, points, options, mesh, record, header, lambda: interrupt.asked, show)
     write_mesh(out, *done.mesh())
     write_json(out.with_suffix(REPORT_SUFFIX), done.report())
@@ -98,7 +99,7 @@ def summary_lines(done: Triangulation) -> list[str]:
 
 def check_triangulation_output(out: Path) -> None:
     """Raises InputError for another suffix, a missing folder, or files that are not of an earlier triangulation."""
-    record, report = out.with_suffix(RECORD_SUFFIX), out.with_suffix(REPORT_SUFFIX)
+    record, report = out.with_suffix(FLIPS), out.with_suffix(REPORT_SUFFIX)
     if out.suffix.lower() not in (".ply", ".obj"):
         raise InputError(f"--out {out}: expected a mesh file (.ply, .obj), found {out.suffix or 'no suffix'}")
     if not out.parent.is_dir():

@@ -96,4 +96,7 @@ class CamerasLayer:
             thumbnails.send(view_id, lambda image, frustum=frustum: setattr(frustum, "image", image))
 
     def show(self, state: RunState, view: View) -> None:
-        self._root.visible = view.shows("cameras") and view.entered is None
+        self.set_visible(view.shows("cameras") and view.entered is None)
+
+    def set_visible(self, visible: bool) -> None:
+        self._root.visible = visible

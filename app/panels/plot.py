@@ -4,7 +4,7 @@ Drawn as SVG, because the plots that viser offers know no gaps between lines and
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import viser
@@ -13,16 +13,14 @@ from app.bridge import Bridge, whole_number
 from app.compare import Compared, RunEnergies, look_up
 from app.history import EnergyHistory, Recorded
 from app.html import button, number, text
-from app.palette import NOW, REFERENCE, RGB, SELECTED, css
+from app.palette import NOW, REFERENCE, SELECTED, css
 from app.panels.html_panel import HtmlPanel
+from app.panels.plot_drawing import BOTTOM, HEIGHT, LEFT, RIGHT, TOP, WIDTH, Line, band, frame, line_at
 from app.run_state import RunState
-from app.series import QUANTITIES, Series, series_of, thinned
+from app.series import QUANTITIES, Series, series_of
 from app.ticks import log_ticks, ticks
 from app.view import PlotView, View
 from fairing.mesh import Mesh
-
-WIDTH, HEIGHT = 312, 132
-LEFT, RIGHT, TOP, BOTTOM = 46, 6, 8, 18
 
 
 class PlotControls:
@@ -47,14 +45,6 @@ class PlotControls:
 def is_log(plot: PlotView) -> bool:
     """As the user says, else as suits the quantity."""
     return QUANTITIES[plot.name].is_log if plot.is_log is None else plot.is_log
-
-
-@dataclass(frozen=True, eq=False)
-class Line:
-    """One line of a plot: moments and values (n,)."""
-
-    moments: np.ndarray
-    values: np.ndarray
 
 
 class Plot:
@@ -161,14 +151,14 @@ class Plot:
         def y(values: np.ndarray | float) -> np.ndarray:
             return HEIGHT - BOTTOM - (HEIGHT - TOP - BOTTOM) * (scaled(values) - low) / (high - low)
 
-        parts = [_frame(log_ticks(low, high) if log else ticks(low, high), y)]
+        parts = [frame(log_ticks(low, high) if log else ticks(low, high), y)]
         levels = self._energies.levels[: state.length]
         for first, end in _runs(levels):
             blur = state.options.schedule.blur[levels[first]]
-            parts.append(_band(float(x(first)), float(x(end)), f"σ {blur:g}", first > 0))
+            parts.append(band(float(x(first)), float(x(end)), f"σ {blur:g}", first > 0))
         # A's lines are pale beyond A's moment as the others are beyond now.
-        parts.extend(_line_at(line, compared.moment, x, y, length, REFERENCE) for line in others if compared)
-        parts.extend(_line_at(line, state.moment, x, y, length, NOW) for line in lines)
+        parts.extend(line_at(line, compared.moment, x, y, length, REFERENCE) for line in others if compared)
+        parts.extend(line_at(line, state.moment, x, y, length, NOW) for line in lines)
         if compared is not None:
             parts.append(_mark_of_a(float(x(min(compared.moment, length)))))
         here = [line for line in lines if line.moments[0] <= state.moment]
@@ -198,39 +188,6 @@ def _empty(note: str) -> str:
     return f'<div class="plot dim" style="height:{HEIGHT}px">{note}</div>'
 
 
-def _frame(values: np.ndarray, y: Callable[[float], np.ndarray]) -> str:
-    lines = []
-    for value in values:
-        at = float(y(value))
-        lines.append(f'<line x1="{LEFT}" x2="{WIDTH - RIGHT}" y1="{at:.1f}" y2="{at:.1f}" stroke="var(--line)"/>')
-        lines.append(f'<text x="{LEFT - 6}" y="{at + 3.5:.1f}" text-anchor="end">{number(float(value), 3)}</text>')
-    return "".join(lines)
-
-
-def _band(left: float, right: float, label: str, has_border: bool) -> str:
-    line = f'x1="{left:.1f}" x2="{left:.1f}" y1="{TOP}" y2="{HEIGHT - BOTTOM}"'
-    border = f'<line {line} stroke="var(--faint)" stroke-dasharray="2 3"/>'
-    name = f'<text x="{(left + right) / 2:.1f}" y="{HEIGHT - 5}" text-anchor="middle">{text(label)}</text>'
-    return (border if has_border else "") + (name if right - left > 30 else "")
-
-
-def _line_at(
-    line: Line,
-    moment: int,
-    x: Callable[[np.ndarray], np.ndarray],
-    y: Callable[[np.ndarray], np.ndarray],
-    length: int,
-    color: RGB,
-) -> str:
-    """The line, pale beyond the present moment."""
-    pixels = int(np.ceil((WIDTH - LEFT - RIGHT) * (line.moments[-1] - line.moments[0] + 1) / length))
-    chosen = thinned(line.moments, line.values, pixels)
-    moments, values = line.moments[chosen], line.values[chosen]
-    past = moments <= moment
-    pale = "" if past.all() else _polyline(x(moments), y(values), css(color, 0.35))
-    return pale + (_polyline(x(moments[past]), y(values[past]), css(color)) if past.any() else "")
-
-
 def _mark_of_a(x: float) -> str:
     """Where the moment lies that is compared with."""
     return (
@@ -238,13 +195,6 @@ def _mark_of_a(x: float) -> str:
         f'<rect x="{x - 5:.1f}" y="0" width="10" height="11" rx="2" fill="{css(REFERENCE)}"/>'
         f'<text x="{x:.1f}" y="9" text-anchor="middle" style="fill:#16181c;font-weight:700">A</text>'
     )
-
-
-def _polyline(x: np.ndarray, y: np.ndarray, color: str) -> str:
-    if len(x) == 1:
-        return f'<circle cx="{x[0]:.1f}" cy="{y[0]:.1f}" r="1.5" fill="{color}"/>'
-    points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True))
-    return f'<polyline points="{points}" fill="none" stroke="{color}" stroke-width="2" stroke-linejoin="round"/>'
 
 
 def _runs(values: np.ndarray) -> list[tuple[int, int]]:

@@ -1,0 +1,1 @@
+"""The page on a record of flips: image-consistent triangulation, flip by flip, forwards and backwards."""

@@ -1,0 +1,140 @@
+"""What stands around the mesh of a record of flips: buttons, the last flip, energy, legend, timeline."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from app.cell_images import data_uri
+from app.flips.film import FlipFilm
+from app.flips.scene_layers import MEANINGS
+from app.html import button, icon, number, table, text
+from app.palette import BACKGROUND, NOW, SELECTED, START, css, solid
+from app.panels.plot_drawing import BOTTOM, HEIGHT, LEFT, RIGHT, TOP, WIDTH, Line, frame, line_at
+from app.ticks import ticks
+
+SPEEDS = (2, 10, 50)  # flips a second
+
+
+@dataclass(frozen=True)
+class Presses:
+    """JavaScript of the buttons; `jump`, `speed` take a JavaScript number."""
+
+    start: str
+    round_back: str
+    back: str
+    play: str
+    forward: str
+    round_on: str
+    end: str
+    jump: str
+    speeds: tuple[str, ...]
+
+
+def buttons(press: Presses, moment: int, length: int, *, is_playing: bool) -> str:
+    """Where to go, by a click."""
+    at_start, at_end = moment == 0, moment == length
+
+    def one(name: str, shape: str, js: str, enabled: bool, *, mirrored: bool = False) -> str:
+        return button("", js, hint=name, icon=icon(shape, mirrored=mirrored), css_class="grow", enabled=enabled)
+
+    play = button(
+        "Pause" if is_playing else "Play", press.play, hint="Play the flips, or stop (T)",
+        icon=icon("pause" if is_playing else "run"), css_class="main grow", enabled=length > 0,
+    )  # fmt: skip
+    return (
+        f"<div class='row'>{one('To the start mesh', 'start', press.start, not at_start)}{play}"
+        f"{one('To the last flip', 'end', press.end, not at_end)}</div>"
+        f"<div class='row note'>{one('Back a round ([)', 'bar', press.round_back, not at_start, mirrored=True)}"
+        f"{one('Back one flip (,)', 'one', press.back, not at_start, mirrored=True)}"
+        f"{one('One flip (.)', 'one', press.forward, not at_end)}"
+        f"{one('On a round (])', 'bar', press.round_on, not at_end)}</div>"
+    )
+
+
+def facts(film: FlipFilm, moment: int) -> str:
+    """The mesh of the moment, and the flip that led to it."""
+    length, energies = len(film), film.energies
+    head = (
+        f"<div class='big note'>Flip {moment} of {length}</div>"
+        f"<div>Energy <b>{number(float(energies[moment]), 6)}</b> <span class='dim'>at the start "
+        f"{number(float(energies[0]), 6)}</span></div>"
+    )
+    if moment == 0:
+        return head + "<div class='dim note'>The start mesh: no edge has been flipped yet.</div>"
+    flip = film.trace.flips[moment - 1]
+    (a, b), (c, d) = flip.edge.tolist(), flip.opposite.tolist()
+    loss, energy = flip.common_loss, flip.energy
+    rows = [
+        ("round", f"{flip.round + 1} of {int(film.rounds[-1]) + 1}"),
+        ("edge", f"{a} – {b} became <b>{c} – {d}</b>"),
+        ("faces", " · ".join(map(str, flip.faces.tolist()))),
+        ("photos of all four faces", str(flip.n_views)),
+        ("loss a pixel in them", f"{number(loss[0], 3)} → {number(loss[1], 3)}"),
+        ("gain", f"<b>{number(loss[0] - loss[1], 3)}</b>"),
+        ("energy of the two faces", f"{number(energy[0])} → {number(energy[1])}"),
+    ]
+    return f"{head}<h4>The last flip</h4>{table(rows)}"
+
+
+def energy_plot(film: FlipFilm, moment: int, jump: str) -> str:
+    """The energy over the flips; a click goes there."""
+    energies, length = film.energies, max(1, len(film))
+    low, high = float(energies.min()), float(energies.max())
+    margin = 0.05 * (high - low) or 1.0
+    low, high = low - margin, high + margin
+
+    def x(moments):
+        return LEFT + (WIDTH - LEFT - RIGHT) * np.asarray(moments) / length
+
+    def y(values):
+        return HEIGHT - BOTTOM - (HEIGHT - TOP - BOTTOM) * (np.asarray(values) - low) / (high - low)
+
+    line = line_at(Line(np.arange(len(energies)), energies), moment, x, y, length, NOW)
+    here = f'<circle cx="{x(moment):.1f}" cy="{y(energies[moment]):.1f}" r="4" fill="{css(SELECTED)}"/>'
+    fraction = f"((event.clientX-r.left)/r.width*{WIDTH}-{LEFT})/{WIDTH - LEFT - RIGHT}"
+    press = (
+        f"var r=this.getBoundingClientRect();var m=Math.max(0,Math.min({len(film)},Math.round({fraction}*{length})));"
+    ) + jump
+    return (
+        f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" class="plot" role="img" aria-label="Energy plot" '
+        f'onpointerdown="{text(press)}"><title>Energy of the mesh by flip. Click to go there</title>'
+        f"{frame(ticks(low, high), y)}{line}{here}</svg>"
+    )
+
+
+def legend(film: FlipFilm, moment: int) -> str:
+    """What the colours of the edges mean, and how many there are of each."""
+    edges = film.edges_at(moment)
+    rows = "".join(
+        f"<div class='row'><span class='swatch' style='background:{solid(color)}'></span>"
+        f"<span class='grow'>{text(meaning)}</span><span class='dim'>{len(getattr(edges, name))}</span></div>"
+        for name, (color, meaning, _) in MEANINGS.items()
+    )
+    return f"<h4>Edges</h4><div class='legend'>{rows}</div>"
+
+
+def strip(film: FlipFilm, moment: int, press: Presses, speed: int) -> str:
+    """Speeds, and a pixel a flip: brighter green where the loss fell more; a tick where a round begins."""
+    speeds = "".join(
+        button(
+            f"{value} /s", js, hint=f"Play {value} flips a second", css_class="small on" if value == speed else "small"
+        )
+        for value, js in zip(SPEEDS, press.speeds, strict=True)
+    )
+    if len(film) == 0:
+        return f"<div class='row tools'>{speeds}</div><div class='strip'></div>"
+    gains = np.array([flip.common_loss[0] - flip.common_loss[1] for flip in film.trace.flips])
+    part = 0.15 + 0.85 * np.clip(gains / max(float(np.quantile(gains, 0.98)), 1e-12), 0, 1)
+    base = np.array(BACKGROUND, dtype=float) + 14
+    colors = np.round(base + part[:, None] * (np.array(START) - base)).astype(np.uint8)[None]
+    begins = np.flatnonzero(np.diff(film.rounds)) + 1
+    marks = "".join(f"<s class='level' style='left:{100 * at / len(film):.2f}%'></s>" for at in begins.tolist())
+    click = (
+        "var r=this.getBoundingClientRect();"
+        f"var m=Math.max(1,Math.min({len(film)},Math.ceil((event.clientX-r.left)/r.width*{len(film)})));" + press.jump
+    )
+    return (
+        f"<div class='row tools'>{speeds}<span class='grow'></span><span class='dim'>brighter: a larger gain; "
+        f"lines: rounds</span></div><div class='strip' role='img' aria-label='Gains' onpointerdown=\"{text(click)}\">"
+        f"<img src='{data_uri(colors)}' alt=''>{marks}<i style='left:{100 * moment / len(film):.2f}%'></i></div>"
+    )

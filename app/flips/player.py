@@ -1,0 +1,56 @@
+"""Where one browser is in a record, and its playing. Knows no viewer."""
+
+import threading
+from collections.abc import Callable
+
+
+class Player:
+    """Moves through moments 0 to `length`; `on_move` is told on whatever thread moved it."""
+
+    def __init__(self, length: int, speed: int, on_move: Callable[[], None]) -> None:
+        self.length, self.speed = length, speed
+        self.moment = 0
+        self._on_move = on_move
+        self._playing: threading.Event | None = None  # set: stop
+        self._moving = threading.Lock()  # or playing would go on from where somebody has just gone
+
+    @property
+    def is_playing(self) -> bool:
+        return self._playing is not None
+
+    def go_to(self, moment: int) -> None:
+        """Stop there, or at the end that is nearer."""
+        with self._moving:
+            self.stop()
+            self.moment = min(max(moment, 0), self.length)
+        self._on_move()
+
+    def play_or_stop(self) -> None:
+        """Play from here, from the start if at the end; or stop."""
+        if self.is_playing:
+            self.stop()
+            self._on_move()
+            return
+        if self.moment == self.length:
+            self.moment = 0
+        self._playing = threading.Event()
+        threading.Thread(target=self._play, args=(self._playing,), name="flips", daemon=True).start()
+
+    def stop(self) -> None:
+        """Play no more."""
+        if self._playing is not None:
+            self._playing.set()
+            self._playing = None
+
+    def _play(self, stopped: threading.Event) -> None:
+        while self.moment < self.length and not stopped.wait(1 / self.speed):
+            with self._moving:
+                if stopped.is_set():
+                    return
+                self.moment += 1
+            self._on_move()
+        with self._moving:
+            if stopped.is_set():
+                return
+            self._playing = None
+        self._on_move()

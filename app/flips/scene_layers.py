@@ -1,0 +1,96 @@
+"""The mesh of a record of flips in the 3D view: its edges by what becomes of them, its faces plain or painted."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import viser
+
+from app.background import Background
+from app.flips.film import Edges, FlipFilm
+from app.layers.taking_turns import TakingTurns
+from app.palette import HAND, NOW, REJECTED, RGB, SELECTED, START, SURFACE
+from app.stage import Stage
+from app.texturer import TexturedMesh, paint
+from fairing.mesh import Mesh
+from fairing.scene import Scene
+
+# What the colours of edges mean, in the order of `Edges`.
+MEANINGS: dict[str, tuple[RGB, str, float]] = {
+    "kept": (START, "as at the start", 1.2),
+    "came": (NOW, "came by a flip", 1.8),
+    "to_go": (REJECTED, "inconsistent: a flip will take it", 1.8),
+    "new": (SELECTED, "the last flip made it", 4.0),
+    "gone": (HAND, "the last flip took it", 2.0),
+}
+
+
+class FlipLayers:
+    """Everything of one moment; the painted faces follow when a moment has been looked at long enough to paint them."""
+
+    def __init__(
+        self,
+        client: viser.ClientHandle,
+        stage: Stage,
+        scene: Scene,
+        film: FlipFilm,
+        painter: Background,
+        on_painted: Callable[[], None],
+    ) -> None:
+        self._client, self._stage, self._scene, self._film, self._painter = client, stage, scene, film, painter
+        self._points = stage.page_from_world(scene.mesh.vertices)
+        self._plain = client.scene.add_mesh_simple(
+            "/mesh/now",
+            self._points,
+            film.faces_at(0).astype(np.uint32),
+            color=SURFACE,
+            flat_shading=True,
+            side="double",
+            cast_shadow=False,
+            receive_shadow=False,
+        )
+        nothing = np.zeros((1, 2, 3), dtype=np.float32)
+        self._lines = {
+            name: client.scene.add_line_segments(
+                f"/edges/{name}", nothing, color, thickness=thickness, thickness_units="screen", visible=False
+            )
+            for name, (color, _, thickness) in MEANINGS.items()
+        }
+        self._painted = TakingTurns(client, "/mesh/painted", on_painted)
+        self._shown = -1
+        self._wanted = -1
+
+    def show(self, moment: int, *, is_playing: bool, is_textured: bool, outside: bool) -> None:
+        """Bring the browser to a moment; nothing is painted while it plays."""
+        if moment != self._shown:
+            self._shown = moment
+            self._painted.forget()
+            self._plain.faces = self._film.faces_at(moment).astype(np.uint32)
+            self._draw(self._film.edges_at(moment))
+        if is_textured and outside and not is_playing and self._wanted != moment:
+            self._wanted = moment
+            self._painter.post(self, lambda: self._paint(moment), lambda found: self._take(moment, found))
+        painted = is_textured and outside and not is_playing and self._painted.shown is not None
+        self._painted.set_visible(painted)
+        self._plain.visible = outside and not painted
+
+    def close(self) -> None:
+        self._painted.close()
+
+    def _draw(self, edges: Edges) -> None:
+        for name, lines in self._lines.items():
+            chosen = getattr(edges, name)
+            if len(chosen):
+                lines.points = self._points[chosen]
+            lines.visible = len(chosen) > 0
+
+    def _paint(self, moment: int) -> TexturedMesh:
+        mesh = self._scene.mesh
+        scene = replace(self._scene, mesh=Mesh(mesh.vertices, self._film.faces_at(moment)))
+        return paint(scene, self._stage, mesh.vertices)
+
+    def _take(self, moment: int, found: TexturedMesh | Exception) -> None:
+        if isinstance(found, Exception):
+            raise found
+        if moment == self._shown:
+            self._painted.offer(found)

@@ -1,0 +1,61 @@
+"""Pieces of a plot over moments, as SVG."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from app.html import number, text
+from app.palette import RGB, css
+from app.series import thinned
+
+WIDTH, HEIGHT = 312, 132
+LEFT, RIGHT, TOP, BOTTOM = 46, 6, 8, 18
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """One line of a plot: moments and values (n,)."""
+
+    moments: np.ndarray
+    values: np.ndarray
+
+
+def frame(values: np.ndarray, y: Callable[[float], np.ndarray]) -> str:
+    lines = []
+    for value in values:
+        at = float(y(value))
+        lines.append(f'<line x1="{LEFT}" x2="{WIDTH - RIGHT}" y1="{at:.1f}" y2="{at:.1f}" stroke="var(--line)"/>')
+        lines.append(f'<text x="{LEFT - 6}" y="{at + 3.5:.1f}" text-anchor="end">{number(float(value), 3)}</text>')
+    return "".join(lines)
+
+
+def band(left: float, right: float, label: str, has_border: bool) -> str:
+    line = f'x1="{left:.1f}" x2="{left:.1f}" y1="{TOP}" y2="{HEIGHT - BOTTOM}"'
+    border = f'<line {line} stroke="var(--faint)" stroke-dasharray="2 3"/>'
+    name = f'<text x="{(left + right) / 2:.1f}" y="{HEIGHT - 5}" text-anchor="middle">{text(label)}</text>'
+    return (border if has_border else "") + (name if right - left > 30 else "")
+
+
+def line_at(
+    line: Line,
+    moment: int,
+    x: Callable[[np.ndarray], np.ndarray],
+    y: Callable[[np.ndarray], np.ndarray],
+    length: int,
+    color: RGB,
+) -> str:
+    """The line, pale beyond the present moment."""
+    pixels = int(np.ceil((WIDTH - LEFT - RIGHT) * (line.moments[-1] - line.moments[0] + 1) / length))
+    chosen = thinned(line.moments, line.values, pixels)
+    moments, values = line.moments[chosen], line.values[chosen]
+    past = moments <= moment
+    pale = "" if past.all() else polyline(x(moments), y(values), css(color, 0.35))
+    return pale + (polyline(x(moments[past]), y(values[past]), css(color)) if past.any() else "")
+
+
+def polyline(x: np.ndarray, y: np.ndarray, color: str) -> str:
+    if len(x) == 1:
+        return f'<circle cx="{x[0]:.1f}" cy="{y[0]:.1f}" r="1.5" fill="{color}"/>'
+    points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True))
+    return f'<polyline points="{points}" fill="none" stroke="{color}" stroke-width="2" stroke-linejoin="round"/>'
