@@ -6,8 +6,8 @@ from app.bridge import Bridge, whole_number
 from app.controller import Controller
 from app.experiments.chart import charts_of
 from app.experiments.desk import Desk, Outcome, Status
-from app.panels.chart_svg import charts_svg
 from app.html import button, icon, text
+from app.panels.chart_svg import charts_svg
 from app.panels.html_panel import HtmlPanel
 from app.run_state import RunState
 from app.view import View
