@@ -47,7 +47,6 @@ def test_an_experiment_fills_its_chart_beside_the_run_and_can_be_taken_away(visi
     chart = page.get_by_role("img", name="Where each start ends")
     page.wait_for_function(
         "() => document.querySelectorAll(\"svg[aria-label='Where each start ends'] circle\").length >= 3",
-        timeout=120_000,
     )
     before = controller.state.length
     assert visitor.press("Step one iteration").length == before + 1  # the engine is free

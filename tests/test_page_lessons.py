@@ -35,7 +35,8 @@ def player_of(app: App) -> Player:
 def arrive(visitor: Visitor, step: int) -> None:
     """Wait until the page shows a step whose work is done, and hold its claims against it."""
     player = player_of(visitor.app)
-    wait_for(lambda: player.step == step and player.status is not Status.AT_WORK, SLOW)
+    # A click on a lesson may still be on its way.
+    wait_for(lambda: player.lesson is not None and player.step == step and player.status is not Status.AT_WORK, SLOW)
     assert player.status is Status.THERE, player.problem
     assert player.lesson is not None
     claims = player.findings[step].claims
