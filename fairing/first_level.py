@@ -33,3 +33,9 @@ def first_fine_level(options: FairingOptions) -> int:
     """The first level fine enough to tell near the truth."""
     fine = (k for k, blur in enumerate(options.schedule.blur) if blur <= NEAR_TRUTH_BLUR)
     return next(fine, options.n_levels - 1)
+
+
+def last_fine_level(options: FairingOptions) -> int:
+    """The last level of the blur that the first fine one has."""
+    blur = options.schedule.blur[first_fine_level(options)]
+    return max(k for k in range(options.n_levels) if options.schedule.blur[k] == blur)

@@ -29,6 +29,7 @@ _LOWEST: dict[str, tuple[float, bool]] = {
     "schedule.search": (0, True),
     "schedule.search_gain": (0, True),
     "schedule.max_sweeps": (1, True),
+    "schedule.sweeps_near_truth": (1, True),
     "schedule.max_iterations": (1, True),
     "schedule.sweep_tolerance": (0, True),
     "threads": (0, True),

@@ -17,7 +17,7 @@ import numpy as np
 from fairing.cells import CellContext, build_context, facing
 from fairing.energy import Evaluator, FaceSystem, robust_scale, robust_sigma
 from fairing.errors import InputError, Interrupted
-from fairing.first_level import first_fine_level, first_level
+from fairing.first_level import first_fine_level, first_level, last_fine_level
 from fairing.gauss_newton import (
     Prior,
     solve_jointly,
@@ -749,7 +749,10 @@ class Session:
         ids = np.flatnonzero(sweep.free)
         start = self.trace.vertices_at(sweep.moment)
         moved = self._pixels(sweep.context, start, ids, after[ids] - start[ids])
-        sweeps = searched + by_level(schedule.max_sweeps, level)
+        sweeps = by_level(schedule.max_sweeps, level)
+        if self._starts_near_truth:
+            sweeps = min(sweeps, by_level(schedule.sweeps_near_truth, level))
+        sweeps += searched
         if moved.max(initial=0) >= schedule.sweep_tolerance * schedule.blur[level] and position.sweep + 1 < sweeps:
             return Position(level, position.sweep + 1, 0, 0)
         return Position(level + 1, 0, 0, 0)
@@ -758,20 +761,23 @@ class Session:
     def _first_level(self) -> int:
         return first_level(self.scene, self.trace.start, self._orientation, self.options)
 
-    @property
-    def _level_near_truth(self) -> int:
-        """Where to begin when the search by trial found the start near its truth: coarser levels would only make it worse.
-
-        (castle from structure from motion, median of sparse points to surface: 0.173 % -> 0.210 from blur 2.0, 0.182 from 1.2.)
-        """
+    @cached_property
+    def _starts_near_truth(self) -> bool:
+        """Whether the search by trial found the start near its truth."""
         schedule = self.options.schedule
         searching = [k for k in range(self.options.n_levels) if by_level(schedule.search, k) > 0]
         probed = (
             schedule.start == "auto" and schedule.start_error < 0 and searching and self._first_level >= searching[0]
         )
-        if not probed or self.start_is_noisy or self.start_error > 0:
-            return self._first_level
-        return first_fine_level(self.options)
+        return bool(probed) and not self.start_is_noisy and self.start_error == 0
+
+    @property
+    def _level_near_truth(self) -> int:
+        """Where to begin when the start is near its truth: coarser levels would only make it worse.
+
+        (castle from structure from motion, median of sparse points to surface: 0.173 % -> 0.210 from blur 2.0, 0.182 from 1.2.)
+        """
+        return last_fine_level(self.options) if self._starts_near_truth else self._first_level
 
     @cached_property
     def start_error(self) -> float:

@@ -164,6 +164,22 @@ def test_the_estimated_error_is_the_distance_in_the_photos(displacement):
     assert estimate == pytest.approx(distance, rel=0.15)
 
 
+def test_a_start_near_its_truth_gets_few_sweeps_at_fine_levels():
+    schedule = {
+        "blur": [1.2, 1.2, 0.6], "search": [1.0, 0.8, 0.5], "start": "auto", "max_sweeps": [4], "sweep_tolerance": 0.0,
+        "max_iterations": [1], "sweeps_near_truth": [1, 1, 2],
+    }  # fmt: skip
+
+    def sweeps(start_error: float) -> list[tuple[int, int]]:
+        session = Session(corner_scene((0, 0, 0)), searching(start_error, schedule=schedule))
+        session.run()
+        return sorted({record.position[:2] for record in session.trace.steps if len(record.vertices)})
+
+    assert sweeps(-1.0) == [(1, 0), (2, 0), (2, 1)]
+    # Where the options say that nothing is to be tried, nothing is found out either.
+    assert sweeps(0.0) == [(level, sweep) for level in range(3) for sweep in range(4)]
+
+
 def test_no_vertex_ends_beyond_the_reach_of_the_searches():
     """The corner's place is 17 px away, the searches reach 6."""
     scene = corner_scene(FAR)
