@@ -95,9 +95,9 @@ def seconds_table(report: dict[str, Any]) -> str:
     seconds = report["seconds"]
     if seconds.get("loading") is None:
         return ""
-    stages = [(name, value) for name, value in seconds.items() if name != "total" and value >= 0.05]
+    stages = [(name, value) for name, value in seconds.items() if name != "total" and value > 0]
     most = max([value for _, value in stages], default=1.0)
-    rows = [_row(text(name), f"{value:.1f} s{_bar(value / most)}") for name, value in stages]
+    rows = [_row(text(name), f"{value:.2f} s{_bar(value / most)}") for name, value in stages]
     return _table(f"Time: {seconds['total']:.1f} s", ("stage", "seconds"), rows)
 
 
