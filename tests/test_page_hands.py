@@ -97,7 +97,8 @@ def test_numbers_choose_and_show_what_the_mouse_chose(visitor: Visitor):
     assert page_of(visitor).view.selected == 2
 
     def is_refused() -> bool:
-        # What was chosen before comes back to the line, perhaps over what is being typed.
+        # What was chosen before comes back, perhaps over what is being typed: only a change of the line is told again.
+        entry.fill("")
         entry.fill("2, 400")
         entry.press("Enter")
         with suppress(TimeoutError):
