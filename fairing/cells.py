@@ -263,6 +263,13 @@ def _leave_out_surplus(reasons: np.ndarray, area: np.ndarray, max_views: int) ->
             reasons[rows[which], ranked[which, rank]] = Visibility.SURPLUS
 
 
+def blur_rungs(spacing: np.ndarray, blur: float) -> np.ndarray:
+    """int64: by how many doublings a photo must be blurred more than the level asks where samples lie `spacing` px apart."""
+    needed = ANTI_ALIASING * spacing / max(blur, 1.0)
+    # A quarter more than the blur at hand is let pass.
+    return np.where(needed > 1.25, np.ceil(np.log2(np.maximum(needed, 1.0))), 0).astype(np.int64)
+
+
 def _photos_for_pairs(
     photos: ScaleSpace, blur: float, cubic: bool, spacing: np.ndarray, pair_view: np.ndarray, pool: Executor
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -274,9 +281,7 @@ def _photos_for_pairs(
     Returns:
         Flat pixels and for each pair where its photo starts in them.
     """
-    needed = ANTI_ALIASING * spacing / max(blur, 1.0)
-    # Rungs are doublings; a quarter more than the blur at hand is let pass.
-    rung = np.where(needed > 1.25, np.ceil(np.log2(np.maximum(needed, 1.0))), 0).astype(np.int64)
+    rung = blur_rungs(spacing, blur)
     rungs = int(rung.max(initial=0)) + 1
     kinds, kind = np.unique(pair_view * rungs + rung, return_inverse=True)
     wanted = [(v, blur if r == 0 else max(blur, 1.0) * 2.0**r) for v, r in (divmod(int(k), rungs) for k in kinds)]

@@ -3,7 +3,7 @@
 import numpy as np
 
 from fairing.check_result import SceneCheck
-from fairing.first_level import FOOTPRINT_PER_BLUR
+from fairing.first_level import level_for_footprint
 from fairing.memory import memory_warning
 from fairing.mesh_check import inspect_mesh
 from fairing.options import FairingOptions
@@ -85,7 +85,7 @@ def find_suggestions(scene: Scene, check: SceneCheck, options: FairingOptions) -
     suggestions = []
     typical = check.footprint[2]
     blurs = options.schedule.blur
-    first = next((i for i, blur in enumerate(blurs) if blur <= typical / FOOTPRINT_PER_BLUR), len(blurs) - 1)
+    first = level_for_footprint(typical, options)
     coarsest = "" if first == 0 else "; --schedule.start first begins with the coarsest"
     suggestions.append(
         f"faces measure {typical:.0f} px, so a run begins about level {first + 1} of {len(blurs)} (blur "

@@ -24,9 +24,13 @@ def first_level(scene: Scene, vertices: np.ndarray, orientation: int, options: F
         outline = footprints(vertices, scene.mesh.faces, view.camera, orientation, options.visibility, 0.0)
         seen.append(np.where(outline.reason == Visibility.SEEN, outline.height, np.nan))
     heights = np.nanmax(np.array(seen), axis=0, initial=0.0)
-    typical = float(np.median(heights[heights > 0])) if (heights > 0).any() else 0.0
-    fitting = [level for level, blur in enumerate(options.schedule.blur) if blur <= typical / FOOTPRINT_PER_BLUR]
-    return fitting[0] if fitting else options.n_levels - 1
+    return level_for_footprint(float(np.median(heights[heights > 0])) if (heights > 0).any() else 0.0, options)
+
+
+def level_for_footprint(typical: float, options: FairingOptions) -> int:
+    """The first level whose blur suits faces of a typical height in the photos, px."""
+    fitting = (k for k, blur in enumerate(options.schedule.blur) if blur <= typical / FOOTPRINT_PER_BLUR)
+    return next(fitting, options.n_levels - 1)
 
 
 def first_fine_level(options: FairingOptions) -> int:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fairing.cells import ANTI_ALIASING
+from fairing.cells import blur_rungs
 from fairing.options import FairingOptions, by_level
 from fairing.point_spread import MOST_PIXELS, pixels_around
 from fairing.scale_space import AT_ONCE, KEPT_PHOTOS
@@ -62,9 +62,8 @@ def _pixels_laid_out(scene: Scene, options: FairingOptions, scale: float, sizes:
         parts[is_seen] += pixels_around(longest, height)
         count[is_seen] += 1
         for level, blur in enumerate(options.schedule.blur):
-            needed = ANTI_ALIASING * longest / by_level(options.cells.size, level) / max(blur, 1.0)
-            rung = np.where(needed > 1.25, np.ceil(np.log2(np.maximum(needed, 1.0))), 0)
-            copies[level, v] = max(1, len(np.unique(rung)))
+            rungs = blur_rungs(longest / by_level(options.cells.size, level), blur)
+            copies[level, v] = max(1, len(np.unique(rungs)))
     of_parts = float((parts * np.minimum(1, options.visibility.max_views / np.maximum(count, 1))).sum())
     levels = [by_level(options.cells.point_spread, level) for level in range(options.n_levels)]
     is_in_parts = [spread == "common" and of_parts <= MOST_PIXELS for spread in levels]

@@ -92,8 +92,9 @@ def equally_sharp(
     covariance = missing_blur(cameras, pair_view, pair_start, corners, least)
     face = np.repeat(np.arange(len(corners)), np.diff(pair_start))
     corners_px, sizes = np.empty((len(face), 3, 2)), np.empty((len(face), 2), dtype=np.int64)
-    for v, camera in enumerate(cameras):
-        rows = np.flatnonzero(pair_view == v)
+    pairs_of = {int(v): np.flatnonzero(pair_view == v) for v in np.unique(pair_view)}
+    for v, rows in pairs_of.items():
+        camera = cameras[v]
         corners_px[rows] = camera.project(corners[face[rows]].reshape(-1, 3))[0].reshape(-1, 3, 2)
         sizes[rows] = camera.width, camera.height
     low = np.clip(np.floor(corners_px.min(axis=1) - TRAVEL).astype(np.int64), 0, sizes - _SMALLEST)
@@ -103,8 +104,6 @@ def equally_sharp(
     pixels = np.empty(base[-1], dtype=np.float32)
     deviation = np.sqrt(np.trace(covariance, axis1=1, axis2=2))
     border = np.ceil(_TAIL * deviation).astype(np.int64) + 3
-
-    pairs_of = {int(v): np.flatnonzero(pair_view == v) for v in np.unique(pair_view)}
 
     def fill(view: int, photo: np.ndarray) -> None:
         for pair in pairs_of[view]:

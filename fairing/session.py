@@ -342,11 +342,13 @@ class Session:
             # A branch may have fewer levels than the run it comes from.
             position = position._replace(level=min(position.level, self.options.n_levels - 1))
         kept = [sweep for sweep in self._sweeps if (sweep.moment, sweep.context.level) == (began, position.level)]
-        if not kept:
+        if kept:
+            sweep = kept[0]
+        else:
             # Before room is taken for the next one.
             while self._sweeps and self._held_bytes() > KEPT_BYTES:
                 self._sweeps.pop(0)
-        sweep = kept[0] if kept else self._begin_sweep(position, began)
+            sweep = self._begin_sweep(position, began)
         self._sweeps = [other for other in self._sweeps if other is not sweep][1 - KEPT_SWEEPS :]
         self._sweeps.append(sweep)
         return sweep

@@ -7,15 +7,12 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from app.server import App, start
+from app.server import start
 from fairing.session import Session
-from tests.browser.driver import CHROMIUM, Visitor, chromium, wait_for
+from tests.browser.driver import IN_BROWSER, Visitor, wait_for
 from tests.small_scene import corner_scene, small_options
 
-pytestmark = [
-    pytest.mark.browser,
-    pytest.mark.skipif(CHROMIUM is None, reason="no chromium on the PATH; install it to test the page"),
-]
+pytestmark = IN_BROWSER
 
 OPTIONS = small_options(schedule={"blur": [1.2], "max_sweeps": [3]}, cells={"size": [32]})
 
@@ -25,18 +22,6 @@ def app():
     app = start(Session(corner_scene(), OPTIONS), port=0)
     yield app
     app.stop()
-
-
-@pytest.fixture(scope="module")
-def visitor_for_all(app: App):
-    with chromium() as browser:
-        yield Visitor(browser, app)
-
-
-@pytest.fixture
-def visitor(visitor_for_all: Visitor):
-    yield visitor_for_all
-    assert visitor_for_all.troubles == []
 
 
 def test_an_experiment_fills_its_chart_beside_the_run_and_can_be_taken_away(visitor: Visitor, tmp_path: Path):

@@ -20,12 +20,9 @@ from fairing.metrics import quality_report
 from fairing.options import FairingOptions, ScheduleOptions
 from fairing.report import run_report
 from fairing.session import Session
-from tests.browser.driver import CHROMIUM, WINDOW, chromium, wait_for
+from tests.browser.driver import IN_BROWSER, WINDOW, chromium, wait_for
 
-pytestmark = [
-    pytest.mark.browser,
-    pytest.mark.skipif(CHROMIUM is None, reason="no chromium on the PATH; install it to test the page"),
-]
+pytestmark = IN_BROWSER
 
 # Coarse and finest level of the cube: cells and textures are as large as in a full run.
 OPTIONS = FairingOptions(

@@ -122,7 +122,7 @@ def test_what_the_photos_determine_is_drawn_at_the_selected_vertices_and_told(vi
     page._hands.choose(Selection((1, 0)))
     visitor.button("Show what the photos determine").click()
     visitor.page.wait_for_function("() => window.__viserMutable.nodeRefFromName['/certainty']?.visible")
-    lines = next(layer for layer in page._layers if isinstance(layer, CertaintyLayer))._lines
+    lines = next(layer for layer in page._layers if isinstance(layer, CertaintyLayer))._lines._node
     wait_for(lambda: len(lines.points) == 2 * (3 * PIECES + 1))
     visitor.page.get_by_role("tab", name="Vertex").click()
     visitor.page.get_by_text("3 std deviations, units", exact=True).wait_for()

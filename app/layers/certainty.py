@@ -4,7 +4,7 @@ import numpy as np
 import viser
 
 from app.certainty_source import CertaintySource
-from app.palette import SELECTED
+from app.layers.lines import Lines
 from app.run_state import RunState
 from app.stage import Stage
 from app.view import View
@@ -36,23 +36,14 @@ class CertaintyLayer:
 
     def __init__(self, client: viser.ClientHandle, stage: Stage, mesh: Mesh, source: CertaintySource) -> None:
         self._stage, self._mesh, self._source = stage, mesh, source
-        self._lines = client.scene.add_line_segments(
-            "/certainty",
-            np.zeros((1, 2, 3), dtype=np.float32),
-            SELECTED,
-            thickness=1.8,
-            thickness_units="screen",
-            visible=False,
-        )
+        self._lines = Lines(client, "/certainty", thickness=1.8)
 
     def show(self, state: RunState, view: View) -> None:
         found: list[Certainty] = []
         if view.shows("certainty") and not state.is_moving:
             found = [certainty for certainty in self._source.newest(state, view) if certainty.is_seen]
-        if found:
-            self._lines.points = np.concatenate([self._ellipsoid(one, state.vertices) for one in found])
-        if self._lines.visible != bool(found):
-            self._lines.visible = bool(found)
+        lines = [self._ellipsoid(certainty, state.vertices) for certainty in found]
+        self._lines.show(np.concatenate(lines) if lines else None)
 
     def _ellipsoid(self, certainty: Certainty, vertices: np.ndarray) -> np.ndarray:
         """Lines in page units."""

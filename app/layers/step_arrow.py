@@ -4,7 +4,7 @@ import numpy as np
 import viser
 
 from app.history import last_step_about
-from app.palette import SELECTED
+from app.layers.lines import Lines
 from app.run_state import RunState
 from app.stage import Stage
 from app.view import View
@@ -44,21 +44,11 @@ class StepArrowLayer:
 
     def __init__(self, client: viser.ClientHandle, stage: Stage, scene: Scene) -> None:
         self._stage, self._scene = stage, scene
-        self._lines = client.scene.add_line_segments(
-            "/step_arrow",
-            np.zeros((3, 2, 3), dtype=np.float32),
-            SELECTED,
-            thickness=3.0,
-            thickness_units="screen",
-            visible=False,
-        )
+        self._lines = Lines(client, "/step_arrow", thickness=3.0)
 
     def show(self, state: RunState, view: View) -> None:
         arrow = self._arrow(state, view)
-        if arrow is not None:
-            self._lines.points = self._stage.page_from_world(arrow)
-        if self._lines.visible != (arrow is not None):
-            self._lines.visible = arrow is not None
+        self._lines.show(None if arrow is None else self._stage.page_from_world(arrow))
 
     def _arrow(self, state: RunState, view: View) -> np.ndarray | None:
         if view.entered is None or view.selected is None:

@@ -22,7 +22,8 @@ class ExperimentsPanel:
     def __init__(self, gui: viser.GuiApi, desk: Desk, press: "ExperimentButtons") -> None:
         self._desk, self._press = desk, press
         self._obstacle = desk.obstacle()
-        self._panel = HtmlPanel(gui)
+        # What changes with every run made stands apart from the buttons: one that is replaced while pressed is not pressed.
+        self._controls, self._results = HtmlPanel(gui), HtmlPanel(gui)
         self._shown: object = None
 
     def show(self, state: RunState, view: View) -> None:
@@ -31,8 +32,8 @@ class ExperimentsPanel:
         if key == self._shown:
             return
         self._shown = key
-        results = "" if outcome is None else self._results(outcome)
-        self._panel.set(self._choices(view) + self._start(state, view, outcome) + results)
+        self._controls.set(self._choices(view) + self._start(state, view, outcome))
+        self._results.set("" if outcome is None else _progress(outcome) + self._findings(outcome))
 
     def _choices(self, view: View) -> str:
         chips = "".join(
@@ -51,7 +52,8 @@ class ExperimentsPanel:
         if working is not None and working != view.experiment:
             return f"<div class='note dim'>{text(EXPERIMENTS[working].title)} is at work; one at a time.</div>"
         if working is not None and outcome is not None:
-            return _progress(outcome, button("Cancel", self._press.cancel, hint="Keep what is done and stop"))
+            cancel = button("Cancel", self._press.cancel, hint="Keep what is done and stop", css_class="main")
+            return f"<div class='row note'>{cancel}<span class='dim'>What is done is kept.</span></div>"
         which = "the vertex photos see best" if view.selected is None else f"vertex {view.selected}, which is selected"
         start = button("Start", self._press.start, hint="Start the experiment", icon=icon("run"), css_class="main")
         return (
@@ -59,7 +61,7 @@ class ExperimentsPanel:
             "The run is not touched.</span></div>"
         )
 
-    def _results(self, outcome: Outcome) -> str:
+    def _findings(self, outcome: Outcome) -> str:
         if outcome.status is Status.FAILED:
             return f"<div class='rejected'>{text(outcome.problem)}</div>"
         if outcome.record is None or not outcome.rows:
@@ -118,15 +120,14 @@ class ExperimentButtons:
         return outcome, outcome.record
 
 
-def _progress(outcome: Outcome, cancel: str) -> str:
+def _progress(outcome: Outcome) -> str:
+    if outcome.status is not Status.WORKING:
+        return ""
     done, total = len(outcome.rows), len(outcome.record.cases) if outcome.record is not None else 0
     left = "" if outcome.left is None else f", about {_duration(outcome.left)} left"
     said = f"{done} of {total} runs{left}" if total else "getting ready"
     share = 100 * done / max(total, 1)
-    return (
-        f"<div class='row note'><span class='grow'>{said}</span>{cancel}</div>"
-        f"<div class='bar'><div style='width:{share:.1f}%'></div></div>"
-    )
+    return f"<div class='note'>{said}</div><div class='bar'><div style='width:{share:.1f}%'></div></div>"
 
 
 def _preset_of(options: FairingOptions) -> str:
