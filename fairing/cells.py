@@ -83,6 +83,16 @@ class CellContext:
         """The pairs of a face in the pair arrays."""
         return slice(int(self.kernel.pair_start[face]), int(self.kernel.pair_start[face + 1]))
 
+    def by_pair(self, faces: np.ndarray) -> np.ndarray:
+        """(P,) values by face and view, from values (m,) by face."""
+        return np.repeat(faces, np.diff(self.kernel.pair_start))
+
+    def by_view(self, pairs: np.ndarray, faces: np.ndarray | None = None) -> np.ndarray:
+        """(V,) float: sums of values (P,) by face and view, over the faces of a mask (m,) or over all."""
+        if faces is not None:
+            pairs = pairs * self.by_pair(faces)
+        return np.bincount(self.kernel.pair_view, weights=pairs, minlength=self.reasons.shape[1])
+
 
 @dataclass(frozen=True, eq=False)
 class Occluders:

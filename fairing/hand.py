@@ -5,9 +5,13 @@ from dataclasses import replace
 import numpy as np
 
 from fairing.errors import InputError
-from fairing.gauss_newton import folded_faces
+from fairing.gauss_newton import folded_faces, vertex_systems
+from fairing.moves import Judged, moved_record
 from fairing.options import FairingOptions, StepOptions
+from fairing.problem import Problem
 from fairing.scene import Scene
+from fairing.sweep import SweepState
+from fairing.trace import Position, StepReason, StepRecord
 
 MAX_TURN = 90.0  # degrees: a hand may turn a face farther than a step of the engine may, but not around
 
@@ -43,6 +47,44 @@ def check_places(
         face = int(np.flatnonzero(bad)[0])
         others = f" and {bad.sum() - 1} more" if bad.sum() > 1 else ""
         raise InputError(f"face {face}{others}: would be turned over or collapsed; nothing was moved")
+
+
+def hand_step(
+    problem: Problem,
+    sweep: SweepState,
+    position: Position,
+    before: np.ndarray,
+    vertices: np.ndarray,
+    places: np.ndarray,
+    reason: StepReason,
+) -> StepRecord:
+    """Put vertices elsewhere; the record's next position is the same.
+
+    Args:
+        sweep: the present one, by whose photos both places are judged.
+        before: (n, 3) float: where all are, world units.
+        vertices: (u,) int, ids.
+        places: (u, 3) float: where they are put.
+        reason: one of `BY_HAND`.
+
+    Raises:
+        InputError: a vertex is locked or would come behind a camera that sees it, or a face would be flipped or
+            collapsed.
+    """
+    mesh = problem.scene.mesh
+    after = before.copy()
+    after[vertices] = places
+    check_places(problem.scene, before, after, problem.start, problem.locked, vertices, problem.options.step)
+    faces = np.flatnonzero(np.isin(mesh.faces, vertices).any(axis=1))
+    here, there = (
+        Judged(v, sweep.context, problem.linearise(sweep.context, v, faces, np.full(len(faces), -1), sweep.scale))
+        for v in (before, after)
+    )
+    if not np.isfinite(there.system.energy).all():
+        raise InputError(f"vertex {int(vertices[0])}: there it would be behind a camera; nothing was moved")
+    H, _ = vertex_systems(mesh, there.system)
+    record = moved_record(problem, position, sweep.moment, vertices, here, there, reason)
+    return replace(record, eigenvalues=np.linalg.eigvalsh(H[vertices]))
 
 
 def with_locks(options: FairingOptions, scene: Scene, vertices: np.ndarray, locked: bool) -> FairingOptions:

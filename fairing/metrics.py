@@ -199,7 +199,7 @@ def energy_summary(session: Session, moment: int | None = None) -> EnergySummary
     everything = np.arange(len(session.scene.mesh.faces))
     evaluator = Evaluator(session.options.threads)
     found = evaluator.measure(sweep.context, session.trace.vertices_at(moment), everything, sweep.scale)
-    by_view = np.bincount(sweep.context.kernel.pair_view, weights=found.pair_energy, minlength=len(session.scene.views))
+    by_view = sweep.context.by_view(found.pair_energy)
     return EnergySummary(float(found.energy.sum()), found.energy, by_view, found.median)
 
 

@@ -90,8 +90,8 @@ class StepOptions:
     max_step: float = 2.0
     """Longest step in a photo, in units of max(1 px, the level's blur)."""
     damping_always: bool = False
-    """Levenberg-Marquardt damping from the first step on, instead of only after a rejection or on the last level. It shrank the
-    capture range (from 20 % away 100 % -> 62 %)."""
+    """Levenberg-Marquardt damping from the first step on, instead of only after a rejection. It shrank the capture
+    range (from 20 % away 100 % -> 62 %)."""
     initial_damping: float = 1e-3
     """First damping after a rejection, as a fraction of the normal matrix's diagonal."""
     max_rejections: int = 6

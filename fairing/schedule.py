@@ -1,76 +1,66 @@
-"""Which vertices move together, and in which order."""
+"""Which iteration, unit, sweep or level comes next, and how much of the schedule is done."""
 
-from dataclasses import dataclass
+from collections.abc import Callable
 
-import numpy as np
-
-from fairing.mesh import Mesh
-
-
-@dataclass(frozen=True, eq=False)
-class Unit:
-    """Vertices that take a step at the same time.
-
-    Attributes:
-        vertices: (u,) int, ids.
-        faces: (F,) int: the faces around them, ascending.
-        corners: (F,) int: the corner of each face that moves, -1 where several may.
-        owner: (F,) int: for each face the position in `vertices` of the vertex it counts for.
-        coupled: whether the vertices share faces and are solved by one system.
-    """
-
-    vertices: np.ndarray
-    faces: np.ndarray
-    corners: np.ndarray
-    owner: np.ndarray
-    coupled: bool
+from fairing.options import FairingOptions, ScheduleOptions, by_level
+from fairing.trace import Position
 
 
-def plan_units(mesh: Mesh, free: np.ndarray, order: str, face_energy: np.ndarray) -> list[Unit]:
-    """The units of a sweep.
+def next_position(
+    schedule: ScheduleOptions,
+    position: Position,
+    unit_is_done: bool,
+    n_units: int,
+    is_search: bool,
+    max_sweeps: int,
+    longest_move: Callable[[], float],
+) -> Position:
+    """Where the run goes on after a step.
 
     Args:
-        free: (n,) bool: vertices that may move.
-        order: see `ScheduleOptions.order`.
-        face_energy: (m,) float, for `worst_first`.
+        position: of that step.
+        unit_is_done: no vertex of its unit has farther to go.
+        n_units: of the sweep.
+        is_search: whether the sweep searched; it is followed by those of Gauss-Newton.
+        max_sweeps: see `max_sweeps`.
+        longest_move: asked at the end of a sweep: how far it has moved any vertex in a photo, px.
     """
-    ids = np.flatnonzero(free)
-    if len(ids) == 0:
-        return []
-    if order == "joint":
-        faces = np.arange(len(mesh.faces))
-        slot = np.full(len(mesh.vertices), -1)
-        slot[ids] = np.arange(len(ids))
-        corners = slot[mesh.faces]
-        # A face counts for its first free vertex; faces without one keep a constant energy and count for any.
-        first = np.argmax(corners >= 0, axis=1)
-        owner = np.maximum(corners[faces, first], 0)
-        return [Unit(ids, faces, np.full(len(faces), -1), owner, coupled=True)]
-    if order == "sequential":
-        return [independent_unit(mesh, np.array([v])) for v in ids]
-    if order == "worst_first":
-        energy = np.array([face_energy[mesh.one_rings[v]].sum() for v in ids])
-        return [independent_unit(mesh, np.array([v])) for v in ids[np.argsort(-energy, kind="stable")]]
-    return [independent_unit(mesh, group) for group in independent_sets(mesh, ids)]
+    level = position.level
+    if not unit_is_done and position.iteration + 1 < by_level(schedule.max_iterations, level):
+        return position._replace(iteration=position.iteration + 1)
+    if position.unit + 1 < n_units:
+        return Position(level, position.sweep, position.unit + 1, 0)
+    if is_search:
+        return Position(level, 1, 0, 0)
+    is_moving = longest_move() >= schedule.sweep_tolerance * schedule.blur[level]
+    if is_moving and position.sweep + 1 < max_sweeps:
+        return Position(level, position.sweep + 1, 0, 0)
+    return Position(level + 1, 0, 0, 0)
 
 
-def independent_sets(mesh: Mesh, ids: np.ndarray) -> list[np.ndarray]:
-    """Greedy colouring: sets of the given vertices, no two of a set on one face."""
-    neighbours: list[set[int]] = [set() for _ in range(len(mesh.vertices))]
-    for a, b in mesh.edges:
-        neighbours[a].add(int(b))
-        neighbours[b].add(int(a))
-    color = np.full(len(mesh.vertices), -1)
-    for v in ids:
-        taken = {int(color[w]) for w in neighbours[v]}
-        color[v] = next(c for c in range(len(taken) + 1) if c not in taken)
-    return [np.flatnonzero(color == c) for c in range(color.max() + 1)]
+def max_sweeps(schedule: ScheduleOptions, level: int, is_near_truth: bool, is_searched: bool) -> int:
+    """How many sweeps a level lasts at most, its search included.
+
+    Args:
+        is_near_truth: whether the start was found near its truth.
+        is_searched: whether the level's first sweep searches.
+    """
+    sweeps = by_level(schedule.max_sweeps, level)
+    if is_near_truth:
+        sweeps = min(sweeps, by_level(schedule.sweeps_near_truth, level))
+    return sweeps + int(is_searched)
 
 
-def independent_unit(mesh: Mesh, vertices: np.ndarray) -> Unit:
-    """A unit of vertices (u,) that share no face, with the faces around them."""
-    faces = np.concatenate([mesh.one_rings[v] for v in vertices])
-    owner = np.repeat(np.arange(len(vertices)), [len(mesh.one_rings[v]) for v in vertices])
-    corners = np.argmax(mesh.faces[faces] == vertices[owner][:, None], axis=1)
-    order = np.argsort(faces, kind="stable")
-    return Unit(vertices, faces[order], corners[order], owner[order], coupled=False)
+def fraction_done(options: FairingOptions, position: Position, first_level: int, n_units: int) -> float:
+    """Fraction of the schedule worked off, by the longest it can last, 0 to 1.
+
+    Args:
+        position: where the run goes on.
+        first_level: where it began.
+        n_units: of a sweep.
+    """
+    if position.level >= options.n_levels:
+        return 1.0
+    sweeps = by_level(options.schedule.max_sweeps, position.level)
+    within = (position.sweep + min(1.0, position.unit / n_units)) / sweeps
+    return (position.level - first_level + min(1.0, within)) / (options.n_levels - first_level)

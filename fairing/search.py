@@ -19,7 +19,7 @@ from fairing.energy import Evaluator, FaceSystem
 from fairing.gauss_newton import face_normals, folded_faces, solve_vertices, vertex_systems
 from fairing.mesh import Mesh
 from fairing.options import FairingOptions
-from fairing.schedule import Unit
+from fairing.units import Unit
 
 POLISH_STEPS = 2
 POLISH_DAMPING = 1e-3

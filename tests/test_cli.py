@@ -15,7 +15,9 @@ from app import headless
 from app.cli import run
 from app.scene_source import SceneSource
 from fairing.io import load_scene, read_mesh
+from fairing.problem import Problem
 from fairing.session import Session
+from fairing.step import Stepper
 from fairing.trace import Trace
 from tests.small_scene import VERTICES, write_corner
 
@@ -134,18 +136,23 @@ def test_ctrl_c_saves_everything_and_resume_ends_where_an_unbroken_run_ends(scen
 def test_ctrl_c_within_a_step_drops_that_step_alone(scene, tmp_path, monkeypatch):
     whole, broken = tmp_path / "whole", tmp_path / "broken"
     assert fair(scene, whole) == 0
-    linearise, calls = Session._linearise, []
+    linearise, step_after, calls, moments = Problem.linearise, Stepper.step_after, [], []
+
+    def noted(self, moment):
+        moments.append(moment)
+        return step_after(self, moment)
 
     def interrupted(self, *arguments):
-        calls.append(len(self.trace))
+        calls.append(arguments)
         if len(calls) == 6:
             signal.raise_signal(signal.SIGINT)
         return linearise(self, *arguments)
 
     with monkeypatch.context() as patched:
-        patched.setattr(Session, "_linearise", interrupted)
+        patched.setattr(Problem, "linearise", interrupted)
+        patched.setattr(Stepper, "step_after", noted)
         assert fair(scene, broken) == 130
-    assert len(Trace.load(broken / "run.trace")) == calls[5] > 0
+    assert len(Trace.load(broken / "run.trace")) == moments[-1] > 0
     assert fair(scene, broken, "--resume") == 0
     assert (broken / "run.trace").read_bytes() == (whole / "run.trace").read_bytes()
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import fairing.sweeps
 from app.commands import (
     Ask,
     Back,
@@ -30,6 +31,7 @@ from app.run_state import Activity, RunState
 from demo_scenes import Photography, load_demo
 from fairing.errors import Interrupted
 from fairing.options import FairingOptions, ScheduleOptions
+from fairing.problem import Problem
 from fairing.scene import Scene
 from fairing.session import Session
 from fairing.trace import Trace
@@ -264,21 +266,21 @@ def test_a_step_that_is_interrupted_has_never_begun(controller: Controller, scen
 
 def test_pause_does_not_wait_for_a_long_step(controller: Controller, monkeypatch: pytest.MonkeyPatch):
     began = threading.Event()
-    measure = Session._begin_sweep
+    begin = fairing.sweeps.begin_sweep
 
-    def endless(self: Session, *args):
+    def endless(problem: Problem, *args):
         began.set()
         while True:
-            self._stop_if_unwanted()
+            problem._stop_if_unwanted()
             time.sleep(0.001)
 
-    monkeypatch.setattr(Session, "_begin_sweep", endless)
+    monkeypatch.setattr(fairing.sweeps, "begin_sweep", endless)
     controller.post(Run())
     began.wait(5)
     controller.post(Pause())
     state = controller.wait_until_idle(5)
     assert (state.moment, state.reason) == (0, "paused")
-    monkeypatch.setattr(Session, "_begin_sweep", measure)
+    monkeypatch.setattr(fairing.sweeps, "begin_sweep", begin)
     assert do(controller, Forward(Extent.ITERATION)).moment == 1
 
 

@@ -110,14 +110,15 @@ def test_what_ends_worse_than_the_hand_left_it_is_returned_there(monkeypatch: py
     session = session_after(1, quick())
     session.place(CORNER, VERTICES[CORNER])
     left = session.vertices
-    measure = session._evaluator.measure
+    evaluator = session._problem.evaluator
+    measure = evaluator.measure
 
     def worse_here(context, vertices, faces, sigma):
         system = measure(context, vertices, faces, sigma)
         system.energy[:] += 0.0 if np.array_equal(vertices, left) else 1e9
         return system
 
-    monkeypatch.setattr(session._evaluator, "measure", worse_here)
+    monkeypatch.setattr(evaluator, "measure", worse_here)
     session.run()
     assert np.array_equal(session.vertices, left)
     assert "after the last move by hand" in session.stop_reason

@@ -9,10 +9,9 @@ from app.cli import run
 from fairing import memory
 from fairing.memory import memory_needed, memory_warning
 from fairing.options import PRESETS
+from fairing.problem import TOO_MANY_PARTS, Problem
 from fairing.scale_space import ScaleSpace
 from fairing.scene_check import check_scene
-from fairing.session import TOO_MANY_PARTS, Session
-from fairing.trace import Position
 from tests.small_scene import HEIGHT, WIDTH, corner_scene, write_corner
 
 GIGABYTE = 10**9
@@ -44,23 +43,24 @@ def test_photos_in_strips_become_the_same_grey(monkeypatch: pytest.MonkeyPatch):
 
 def test_a_check_lays_out_no_photo_and_counts_the_views_of_a_run(monkeypatch: pytest.MonkeyPatch):
     scene = corner_scene()
-    expected = Session(scene, PRESETS["accurate"])._begin_sweep(Position(6, 0, 0, 0), 0).context
+    expected = Problem(scene, PRESETS["accurate"], scene.mesh.vertices).context(6, scene.mesh.vertices)
     monkeypatch.setattr(ScaleSpace, "_photo", lambda *_: pytest.fail("a photo was laid out"))
     check = check_scene(scene)
     np.testing.assert_array_equal(check.faces.n_views, expected.n_views)
 
 
 def test_with_too_many_parts_of_photos_the_last_level_reads_them_whole_and_says_so(monkeypatch: pytest.MonkeyPatch):
-    scene, options, last = corner_scene(), PRESETS["accurate"], Position(6, 0, 0, 0)
-    session = Session(scene, options)
-    parts = session._begin_sweep(last, 0).context.kernel
+    scene, options = corner_scene(), PRESETS["accurate"]
+    start, last = scene.mesh.vertices, options.n_levels - 1
+    problem = Problem(scene, options, start)
+    parts = problem.context(last, start).kernel
     assert (parts.pair_frame[:, 2] < WIDTH).any()
-    assert TOO_MANY_PARTS not in session.warnings
+    assert TOO_MANY_PARTS not in problem.warnings
     monkeypatch.setattr("fairing.cells.MOST_PIXELS", 0)
-    whole = session._begin_sweep(last, 0).context.kernel
+    whole = problem.context(last, start).kernel
     assert (whole.pair_frame == (0, 0, WIDTH, HEIGHT)).all()
     assert len(whole.pixels) == len(scene.views) * WIDTH * HEIGHT
-    assert session.warnings.count(TOO_MANY_PARTS) == 1
+    assert problem.warnings.count(TOO_MANY_PARTS) == 1
 
 
 def test_more_and_larger_photos_and_faces_need_more_memory():

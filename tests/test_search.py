@@ -5,12 +5,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-import fairing.session
+import fairing.search_step
 from fairing.cells import CellContext
 from fairing.options import FairingOptions
 from fairing.scene import Scene
-from fairing.search import search_directions
-from fairing.session import REACH, Session
+from fairing.search import Found, search_directions
+from fairing.session import Session
+from fairing.start import REACH
 from fairing.trace import StepReason, StepRecord, Trace
 from tests.small_scene import VERTICES, corner_scene, small_options
 
@@ -47,20 +48,20 @@ class Call:
     """One search of a unit: what it was given, what it found."""
 
     args: tuple
-    found: fairing.session.Found
+    found: Found
 
 
 @pytest.fixture
 def calls(monkeypatch) -> list[Call]:
     seen = []
-    search = fairing.session.search_unit
+    search = fairing.search_step.search_unit
 
     def spy(*args):
         found = search(*args)
         seen.append(Call(args, found))
         return found
 
-    monkeypatch.setattr(fairing.session, "search_unit", spy)
+    monkeypatch.setattr(fairing.search_step, "search_unit", spy)
     return seen
 
 
@@ -152,14 +153,21 @@ def test_no_search_where_the_start_is_said_to_be_right():
     assert not any(set(record.reasons.tolist()) & {8, 9} for record in session.trace.steps)
 
 
+def test_an_error_that_is_said_binds_nobody_where_nothing_is_searched():
+    sessions = [Session(rough_scene(), searching(error, schedule={"search": [0.0]})) for error in (4.0, 0.0)]
+    for session in sessions:
+        session.run()
+    assert np.array_equal(sessions[0].vertices, sessions[1].vertices)
+
+
 def test_the_estimated_error_of_the_truth_is_none():
-    assert Session(corner_scene((0, 0, 0)), searching(-1.0)).start_error == 0
+    assert Session(corner_scene((0, 0, 0)), searching(-1.0)).start.error == 0
 
 
 @pytest.mark.parametrize("displacement", [(0.06, -0.04, 0.05), (0.12, -0.1, 0.1)])
 def test_the_estimated_error_is_the_distance_in_the_photos(displacement):
     scene = corner_scene(displacement)
-    estimate = Session(scene, searching(-1.0, locked_vertices=OTHERS)).start_error
+    estimate = Session(scene, searching(-1.0, locked_vertices=OTHERS)).start.error
     distance = pixels_moved(scene, VERTICES[0], np.array(displacement))
     assert estimate == pytest.approx(distance, rel=0.15)
 
@@ -218,7 +226,7 @@ def test_the_number_of_threads_does_not_change_what_a_search_finds():
     sessions = [Session(rough_scene(), searching(-1.0, threads=n, schedule=schedule)) for n in (1, 2)]
     for session in sessions:
         session.run()
-    assert sessions[0].start_error == sessions[1].start_error > 0
+    assert sessions[0].start.error == sessions[1].start.error > 0
     assert np.array_equal(sessions[0].vertices, sessions[1].vertices)
 
 

@@ -77,7 +77,7 @@ def noisy_session(**changes) -> Session:
 
 def test_a_noisy_start_is_smoothed_first_and_the_photos_agree():
     session = noisy_session()
-    assert session.start_is_noisy
+    assert session.start.is_noisy
     record = session.step()
     assert record is not None
     assert (record.reasons == StepReason.SMOOTHED).all()
@@ -91,7 +91,7 @@ def test_a_noisy_start_is_smoothed_first_and_the_photos_agree():
 
 def test_a_start_at_its_place_is_not_smoothed():
     session = Session(corner_scene((0, 0, 0)), small_options(step=SMOOTHING))
-    assert not session.start_is_noisy
+    assert not session.start.is_noisy
     record = session.step()
     assert record is not None
     assert not (record.reasons == StepReason.SMOOTHED).any()

@@ -1,0 +1,89 @@
+"""What is known of the mesh a run begins with, and what follows for the run."""
+
+from functools import cached_property
+
+import numpy as np
+
+from fairing.first_level import first_level, last_fine_level
+from fairing.noisy_start import smoothed_start, start_is_noisy
+from fairing.options import by_level
+from fairing.problem import Problem
+from fairing.start_error import probed_error
+
+REACH = 1.5
+
+
+class Start:
+    """Found out by looking at the photos, when it is asked for the first time.
+
+    Every answer is a function of the scene and the options, so that a resumed run finds the same.
+    """
+
+    def __init__(self, problem: Problem) -> None:
+        self._problem = problem
+        self._options = problem.options
+
+    @cached_property
+    def first_level(self) -> int:
+        """Where the schedule begins: no coarser than the faces allow."""
+        return first_level(self._problem.scene, self._problem.start, self._problem.orientation, self._options)
+
+    @cached_property
+    def smoothed(self) -> np.ndarray:
+        """(n, 3) float: the start with its noise filtered out, world units."""
+        return smoothed_start(self._problem)
+
+    @cached_property
+    def is_noisy(self) -> bool:
+        """Whether the run begins smoothed, see `start_is_noisy`."""
+        return any(self._options.step.smoothing) and start_is_noisy(self._problem, self.smoothed)
+
+    @cached_property
+    def error(self) -> float:
+        """How far its vertices lie from their places, px: as the options say, or found by trying."""
+        if self._options.schedule.start_error >= 0:
+            return self._options.schedule.start_error
+        # Where the faces are large enough for levels coarser than the searching ones, those bring the vertices near;
+        # smaller faces fit somewhere by chance (fountain with 2,500 vertices: an estimate of 6.5 px where 0.4 was true).
+        if self.is_noisy or self.first_level != self._first_searching_level:
+            return 0.0
+        return probed_error(self._problem, self.first_level)
+
+    @cached_property
+    def is_near_truth(self) -> bool:
+        """Whether the search by trial found it near its truth."""
+        schedule, searching = self._options.schedule, self._first_searching_level
+        is_probed = (
+            schedule.start == "auto"
+            and schedule.start_error < 0
+            and searching is not None
+            and self.first_level >= searching
+        )
+        return is_probed and not self.is_noisy and self.error == 0
+
+    @property
+    def suitable_level(self) -> int:
+        """Where to begin: near the truth, coarser levels would only make it worse.
+
+        (castle from structure from motion, median of sparse points to surface: 0.173 % -> 0.210 from blur 2.0, 0.182 from 1.2.)
+        """
+        return last_fine_level(self._options) if self.is_near_truth else self.first_level
+
+    def search_radius(self, level: int) -> float:
+        """How far from each vertex to look for a better place at a level, px; 0: not at all."""
+        factor = by_level(self._options.schedule.search, level)
+        return factor * self.error if factor > 0 else 0.0
+
+    @property
+    def reach(self) -> float:
+        """How far from its start a vertex may end, px: a little farther than the widest search; infinite without searches."""
+        return REACH * max(self._options.schedule.search) * self.error or np.inf
+
+    def smoothing(self, level: int) -> float:
+        """Strength of the pull to smoothness at a level, see `StepOptions.smoothing`; 0: none."""
+        return by_level(self._options.step.smoothing, level) if self.is_noisy else 0.0
+
+    @property
+    def _first_searching_level(self) -> int | None:
+        options = self._options
+        return next((k for k in range(options.n_levels) if by_level(options.schedule.search, k) > 0), None)

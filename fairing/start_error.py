@@ -1,0 +1,42 @@
+"""How far off the start's vertices are, found by trying."""
+
+import numpy as np
+
+from fairing.problem import Problem
+from fairing.search_step import search_around
+from fairing.sweep import begin_sweep
+from fairing.units import independent_sets, independent_unit
+
+PROBES = 48
+PROBE_RADII = (3.0, 6.0, 12.0)  # px
+PROBE_GAIN = 0.1
+PROBE_QUANTILE = 0.5
+PROBE_MAJORITY = 0.5
+
+
+def probed_error(problem: Problem, level: int) -> float:
+    """How far the start's vertices lie from their places, px; 0 where most find no better place.
+
+    A spread of vertices is searched at several radii; the estimate is the distance that most of those stay within
+    which find a clearly better place.
+
+    Args:
+        level: at which to look.
+    """
+    start, mesh = problem.start, problem.scene.mesh
+    sweep = begin_sweep(problem, level, 0, start, start)
+    ids = np.flatnonzero(sweep.free & (sweep.pixels_per_unit > 0))
+    if len(ids) == 0:
+        return 0.0
+    group = max(independent_sets(mesh, ids), key=len)
+    unit = independent_unit(mesh, group[:: -(-len(group) // PROBES)])
+    distance, best = np.zeros(len(unit.vertices)), np.full(len(unit.vertices), 1 - PROBE_GAIN)
+    for radius in PROBE_RADII:
+        found = search_around(problem, sweep, unit, start, start, radius, 2 * radius)
+        gain = found.score_after / np.maximum(found.score_before, 1e-300)
+        moved = np.linalg.norm(found.after - start[unit.vertices], axis=1)
+        improved = gain < best
+        distance[improved] = (moved * sweep.pixels_per_unit[unit.vertices])[improved]
+        best = np.minimum(best, gain)
+    estimate = float(np.quantile(distance, PROBE_QUANTILE))
+    return estimate if (distance > 1.0).mean() > PROBE_MAJORITY else 0.0

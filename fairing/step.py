@@ -1,0 +1,91 @@
+"""The step that follows a moment of a run: of which kind it is, and where the run goes on after it."""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from fairing.energy import FaceSystem
+from fairing.gauss_newton_step import gauss_newton_step
+from fairing.moves import empty_record, returned_if_worse
+from fairing.noisy_start import smoothing_step
+from fairing.problem import Problem
+from fairing.schedule import max_sweeps, next_position
+from fairing.search_step import search_step
+from fairing.start import Start
+from fairing.sweep import SweepState
+from fairing.sweeps import Sweeps
+from fairing.trace import StepRecord, Trace
+from fairing.units import Unit
+
+
+class _Known(NamedTuple):
+    """Normal equations of a unit that a step left behind for the next one."""
+
+    moment: int
+    unit: Unit
+    system: FaceSystem | None
+
+
+class Stepper:
+    """Computes steps from the vertices and the position in the schedule alone."""
+
+    def __init__(self, problem: Problem, start: Start, trace: Trace, sweeps: Sweeps) -> None:
+        self._problem, self._start, self._trace, self._sweeps = problem, start, trace, sweeps
+        self._known: _Known | None = None
+
+    def step_after(self, moment: int) -> StepRecord:
+        """The step that follows a moment at which the run has not finished.
+
+        Raises:
+            InputError: no photo sees any face well enough.
+            Interrupted: nobody wants it any more.
+        """
+        problem, start, position = self._problem, self._start, self._sweeps.position_at(moment)
+        if moment == 0 and start.is_noisy:
+            return smoothing_step(problem, start.smoothed, position)
+        made_by_hand = sum(made <= moment for made in self._trace.hand_moments)
+        if made_by_hand == moment and position.level < start.suitable_level:
+            return empty_record(problem, position, self._sweeps.begun_at(moment), start.suitable_level)
+        sweep, vertices = self._sweeps.at(moment), self._trace.vertices_at(moment)
+        if not sweep.units:
+            return empty_record(problem, position, sweep.moment, position.level + 1)
+        unit = sweep.units[position.unit]
+        if sweep.search_radius > 0:
+            record = search_step(problem, sweep, unit, position, vertices, start.reach)
+            return self._planned(record, sweep, vertices, unit_is_done=True)
+        iteration = gauss_newton_step(
+            problem, sweep, unit, position, vertices, start.reach,
+            previous=self._trace.steps[moment - 1] if position.iteration else None, system=self._system(moment, unit),
+        )  # fmt: skip
+        self._known = _Known(moment + 1, unit, iteration.system)
+        record = self._planned(iteration.record, sweep, vertices, iteration.is_done)
+        if record.next_position.level < problem.options.n_levels:
+            return record
+        begun = self._trace.vertices_at(max((made for made in self._trace.hand_moments if made <= moment), default=0))
+        return returned_if_worse(problem, sweep, record, vertices, _after(record, vertices), begun)
+
+    def forget(self) -> None:
+        """Drop the normal equations kept for the next step; they are computed again."""
+        self._known = None
+
+    def _system(self, moment: int, unit: Unit) -> FaceSystem | None:
+        known = self._known
+        return known.system if known is not None and known.moment == moment and known.unit is unit else None
+
+    def _planned(self, record: StepRecord, sweep: SweepState, vertices: np.ndarray, unit_is_done: bool) -> StepRecord:
+        """The record with where the run goes on; vertices (n, 3) are those before it."""
+        schedule, level = self._problem.options.schedule, record.position.level
+        going_on = next_position(
+            schedule, record.position, unit_is_done, len(sweep.units), sweep.search_radius > 0,
+            max_sweeps(schedule, level, self._start.is_near_truth, self._start.search_radius(level) > 0),
+            lambda: sweep.longest_move(self._problem.scene, _after(record, vertices)),
+        )  # fmt: skip
+        return replace(record, next_position=going_on)
+
+
+def _after(record: StepRecord, vertices: np.ndarray) -> np.ndarray:
+    """(n, 3) float: vertices (n, 3) after a step."""
+    after = vertices.copy()
+    after[record.vertices] = record.after
+    return after

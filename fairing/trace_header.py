@@ -1,0 +1,36 @@
+"""What a trace says of the run it records: on which scene, under which options, computed by what."""
+
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+
+from fairing.errors import InputError
+from fairing.options import FairingOptions, options_to_dict
+from fairing.scene import Scene
+from fairing.trace import Trace
+
+
+def header_of(scene: Scene, options: FairingOptions) -> dict[str, Any]:
+    """The header of a new trace, see `Trace.header`."""
+    return {
+        "scene": scene.name,
+        "views": [view.name for view in scene.views],
+        "options": options_to_dict(options),
+        "versions": {name: version(name) for name in ("numpy", "scipy", "numba")},
+    }
+
+
+def check_same_scene(scene: Scene, trace: Trace) -> None:
+    """Refuse a trace of other photos or of another mesh.
+
+    Raises:
+        InputError: naming the scene it was recorded on.
+    """
+    names = [view.name for view in scene.views]
+    same_mesh = np.array_equal(trace.faces, scene.mesh.faces) and len(trace.start) == len(scene.mesh.vertices)
+    if trace.header.get("views") != names or not same_mesh:
+        raise InputError(
+            f"trace of scene {trace.header.get('scene')}: expected the photos and the mesh it was recorded on, "
+            f"found those of {scene.name}; open it with its own scene"
+        )
