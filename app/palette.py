@@ -103,6 +103,12 @@ def dark_variables() -> str:
     return "".join(f"--{name}:{value};" for name, (value, _) in _GREYS.items())
 
 
+def light_variables() -> str:
+    """The greys of the light theme, and the colours that are darker on it, for pages of their own."""
+    greys = "".join(f"--{name}:{value};" for name, (_, value) in _GREYS.items())
+    return greys + "".join(f"--{name}:{solid(color)};" for name, color in _ON_LIGHT.values())
+
+
 def solid(color: RGB) -> str:
     """The colour as the 3D view has it, whatever the theme."""
     return f"rgb({color[0]},{color[1]},{color[2]})"

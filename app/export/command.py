@@ -45,6 +45,7 @@ def export_to_file(
     session = Session(load_with_progress(source, console), trace=trace)
     moment = None if wanted is None else find_moment(trace, wanted)
     facts = RunFacts(session, path.parent)
+    thinned = ""
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
@@ -60,12 +61,13 @@ def export_to_file(
         if ending == PAGE and report:
             write_report(facts, out, on_progress)
         elif ending == PAGE:
-            write_page(facts, out, moment or 0, on_progress)
+            thinned = write_page(facts, out, moment or 0, on_progress)
         elif ending == PICTURE:
             write_picture(facts, out, moment, on_progress)
         else:
             write_video(facts, out, on_progress)
-    console.print(f"wrote {out} ({out.stat().st_size / 1e6:.1f} MB)", highlight=False, soft_wrap=True)
+    size = f"{out.stat().st_size / 1e6:.1f} MB"
+    console.print(f"wrote {out} ({size}{'; ' * bool(thinned)}{thinned})", highlight=False, soft_wrap=True)
     return 0
 
 

@@ -1,75 +1,234 @@
-"""The cells of some faces at a few moments, as pictures for the replay page: I, U c and I - U c, a row a photo."""
+"""What the replay page needs to compute the cells of a face at any moment itself: parts of photos, and each sweep's choices.
+
+Pictures of the cells at every moment would be hundreds of megabytes. The photos around the faces, without loss, are one
+(cube: 0.9 MB), and the cells follow from them as in `fairing.kernels`: `web/photos.js` and `web/eigenspace.js`. Photos are
+kept as small square tiles, so that neighbouring faces share them and nothing else of a large photo is in the file.
+"""
 
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from typing import Any
 
-import cv2
 import numpy as np
 
-from app.cell_images import CellPictures, data_uri
+from app.export.packing import packed
 from app.export.run_facts import RunFacts
+from fairing.cells import ANTI_ALIASING, NORMS, CellContext, blur_rungs
 from fairing.errors import InputError
 from fairing.inspect import FaceCells, face_cells
 from fairing.options import by_level
+from fairing.point_spread import missing_blur
+from fairing.scale_space import ScaleSpace
+from fairing.session import SweepState
 
-ROWS, TILE, GAP = 5, 88, 4
-KINDS = ("photo", "reconstruction", "residual")
-EMPTY = 36
 ALL_FACES = 24  # of a mesh with no more, all are shown
-CHOSEN_VERTICES = 5
-MOST_FACES = 32
-MOMENTS, FEWER_MOMENTS = 10, 6
+CHOSEN_VERTICES = 24
+PIXELS = 3_000_000  # of photos in the file: about 3 MB
+TILE = 32
+MARGIN = 9  # px around a face: the page blurs a little more than it needs, so that the vertex may go on a bit
+
+
+@dataclass(frozen=True, eq=False)
+class _Sweep:
+    """One sweep's choices for F faces, with P pairs of face and photo.
+
+    Attributes:
+        key: what tells sweeps apart.
+        k, size, inset, scale: (F,): dimensions, samples along a cell's edge, border left out, the robust norm's scale.
+        starts: (F + 1,) the pairs of each face.
+        views, weight: (P,).
+        blur: (P, 3) float32: covariance xx, xy, yy of what the photo is blurred by, px^2.
+        masks: for each pair which samples count, bits; empty if all do.
+        is_common: whether photos are blurred to one point spread.
+    """
+
+    key: tuple[int, int]
+    k: np.ndarray
+    size: np.ndarray
+    inset: np.ndarray
+    scale: np.ndarray
+    starts: np.ndarray
+    views: np.ndarray
+    weight: np.ndarray
+    blur: np.ndarray
+    masks: list[np.ndarray]
+    is_common: bool
 
 
 def chosen_vertices(facts: RunFacts) -> np.ndarray:
-    """Ids of vertices by how far they went, the farthest first."""
+    """Ids of vertices by how far they went, the farthest first; before all others those all of whose faces take part."""
     way = np.linalg.norm(facts.trace.vertices_at(facts.length) - facts.trace.start, axis=1)
-    return np.argsort(-way, kind="stable")
+    takes_part = facts.session.sweep_state(facts.length).context.takes_part
+    is_seen = np.array([takes_part[ring].all() for ring in facts.scene.mesh.one_rings])
+    return np.lexsort([-way, ~is_seen])
 
 
-def chosen_faces(facts: RunFacts) -> list[int]:
-    """All faces of a small mesh; of a large one those around the vertices that went farthest."""
+def cells_of_run(facts: RunFacts, on_progress: Callable[[float], None]) -> dict[str, Any]:
+    """What the page's scripts want of photos and sweeps, and which faces it is for.
+
+    All faces of a small mesh; of a large one those around the vertices that went farthest, as many as there is room for.
+    """
+    groups = _groups(facts)
+    faces = [face for group in groups for face in group]
+    sweeps, sweep_at = _sweeps(facts, faces, lambda fraction: on_progress(0.7 * fraction))
+    tiles = _tiles_of_faces(facts, faces, sweeps, sweep_at)
+    kept, wanted, count = [], [set[int]() for _ in facts.scene.views], 0
+    channels = 3 if facts.options.cells.color else 1
+    for group in groups:
+        joined = [old.union(*(tiles[face][v] for face in group)) for v, old in enumerate(wanted)]
+        count = channels * TILE * TILE * sum(map(len, joined))
+        if kept and count > PIXELS:
+            break
+        wanted = joined
+        kept += group
+    scales = {face: _scales(facts, face) for face in kept}
+    rows = [index for index, face in enumerate(faces) if face in scales]
+    options = facts.options
+    return {
+        "faces": kept,
+        "scales": [scales[face] for face in kept],
+        "sweepAt": packed(sweep_at.astype(np.uint16)),
+        "sweeps": _packed_sweeps(facts, sweeps, rows),
+        "photos": _photos(facts, wanted, lambda fraction: on_progress(0.7 + 0.3 * fraction)),
+        "affine": options.cells.warp == "affine",
+        "removeBias": options.cells.remove_bias,
+        "centered": options.eigenspace.centered,
+        "norm": NORMS[options.robust.norm],
+    }
+
+
+def _groups(facts: RunFacts) -> list[list[int]]:
+    """Faces that come into the file together."""
     mesh = facts.scene.mesh
     if len(mesh.faces) <= ALL_FACES:
-        return list(range(len(mesh.faces)))
-    faces: list[int] = []
+        return [list(range(len(mesh.faces)))]
+    groups, known = [], set[int]()
     for vertex in chosen_vertices(facts)[:CHOSEN_VERTICES].tolist():
-        faces += [face for face in mesh.one_rings[vertex].tolist() if face not in faces]
-    return faces[:MOST_FACES]
+        ring = [int(face) for face in mesh.one_rings[vertex] if face not in known]
+        known.update(ring)
+        groups.append(ring)
+    return groups
 
 
-def cells_of_faces(facts: RunFacts, on_progress: Callable[[float], None]) -> dict[int, dict[str, Any]]:
-    """What the page shows of each chosen face that takes part at the start or at the end.
+def _sweeps(facts: RunFacts, faces: list[int], on_progress: Callable[[float], None]) -> tuple[list[_Sweep], np.ndarray]:
+    """The sweeps, and which of them each moment belongs to."""
+    found: dict[tuple[int, int], int] = {}
+    sweeps: list[_Sweep] = []
+    sweep_at = np.empty(facts.length + 1, dtype=np.int64)
+    for moment in range(facts.length + 1):
+        state = facts.session.sweep_state(moment)
+        key = (state.moment, state.context.level)
+        if key not in found:
+            found[key] = len(sweeps)
+            sweeps.append(_choices(facts, key, state, faces))
+        sweep_at[moment] = found[key]
+        on_progress(moment / (facts.length + 1))
+    return sweeps, sweep_at
 
-    Cells are many megabytes at the finest level, so each is made a picture of before the next is looked at. Moments are the
-    outer loop: a sweep's photos are blurred once.
-    """
-    faces, is_small = chosen_faces(facts), len(facts.trace.faces) <= ALL_FACES
-    moments = facts.key_moments(MOMENTS if is_small else FEWER_MOMENTS)
-    ends = sorted({0, facts.length})
-    views: dict[int, set[int]] = {face: set() for face in faces}
-    scales = dict.fromkeys(faces, 1.0)
-    found: dict[int, list[dict[str, Any]]] = {face: [] for face in faces}
-    for k, moment in enumerate([*ends, *moments]):
-        for face in faces:
-            cells = _cells(facts, face, moment)
-            if cells is None:
-                continue
-            if k < len(ends):
-                views[face].update(cells.views.tolist())
-                scales[face] = max(scales[face], float(np.percentile(np.abs(cells.residual[cells.counts]), 99)))
-            elif views[face]:
-                found[face].append(_moment(facts, cells, _rows(views[face]), scales[face]))
-        on_progress((k + 1) / (len(ends) + len(moments)))
-    return {
-        face: {
-            "names": [facts.scene.views[view].name for view in _rows(views[face])],
-            "scale": scales[face],
-            "moments": entries,
-        }
-        for face, entries in found.items()
-        if entries
-    }
+
+def _choices(facts: RunFacts, key: tuple[int, int], state: SweepState, faces: list[int]) -> _Sweep:
+    context = state.context
+    data = context.kernel
+    pairs = [np.arange(data.pair_start[face], data.pair_start[face + 1]) for face in faces]
+    joined = np.concatenate(pairs)
+    starts = np.cumsum([0, *map(len, pairs)])
+    sizes = _cell_sizes(context)[data.face_grid[faces]]
+    masks = []
+    for row, of_face in enumerate(pairs):
+        samples = sizes[row] * (sizes[row] + 1) // 2
+        masks += [_bits(data.masks, start, samples) for start in data.pair_mask[of_face].tolist()]
+    is_common = by_level(facts.options.cells.point_spread, context.level) == "common" and not context.too_many_parts
+    of_pairs = np.repeat(sizes, np.diff(starts))
+    return _Sweep(
+        key=key,
+        k=data.face_dimensions[faces],
+        size=sizes,
+        inset=data.face_inset[faces],
+        scale=state.scale[faces],
+        starts=starts,
+        views=data.pair_view[joined],
+        weight=data.pair_weight[joined],
+        blur=_blur(facts, context, np.array(faces), data.pair_view[joined], starts, of_pairs, is_common),
+        masks=masks,
+        is_common=is_common,
+    )
+
+
+def _bits(masks: np.ndarray, start: int, count: int) -> np.ndarray:
+    return np.packbits(masks[start : start + count] > 0) if start >= 0 else np.zeros(0, dtype=np.uint8)
+
+
+def _cell_sizes(context: CellContext) -> np.ndarray:
+    samples = np.diff(context.kernel.grid_start)
+    return ((np.sqrt(8 * samples + 1) - 1) / 2).round().astype(np.int64)
+
+
+def _blur(
+    facts: RunFacts,
+    context: CellContext,
+    faces: np.ndarray,
+    views: np.ndarray,
+    starts: np.ndarray,
+    sizes: np.ndarray,
+    is_common: bool,
+) -> np.ndarray:
+    """(P, 3) float: what `fairing.cells.build_context` blurs the photos of each pair by."""
+    blur = facts.options.schedule.blur[context.level]
+    cameras = [view.camera for view in facts.scene.views]
+    corners = context.vertices[facts.scene.mesh.faces[faces]]
+    face = np.repeat(np.arange(len(faces)), np.diff(starts))
+    edges = np.zeros((len(face), 3, 2))
+    for pair, (f, view) in enumerate(zip(face, views, strict=True)):
+        uv = cameras[view].project(corners[f])[0]
+        edges[pair] = np.roll(uv, -1, axis=0) - uv
+    spacing = np.linalg.norm(edges, axis=2).max(axis=1) / sizes
+    if is_common:
+        least = np.maximum(blur, ANTI_ALIASING * spacing)
+        covariance = missing_blur(cameras, views, starts, corners, least)
+        return covariance.reshape(-1, 4)[:, [0, 1, 3]]
+    rung = blur_rungs(spacing, blur)
+    sigma = np.where(rung == 0, blur, max(blur, 1.0) * 2.0**rung)
+    return np.stack([sigma**2, np.zeros(len(face)), sigma**2], axis=1)
+
+
+def _tiles_of_faces(
+    facts: RunFacts, faces: list[int], sweeps: list[_Sweep], sweep_at: np.ndarray
+) -> list[list[set[int]]]:
+    """For each face and photo the tiles, by number, that its cells read at any moment; faces by id."""
+    cameras = [view.camera for view in facts.scene.views]
+    ways = np.stack(
+        [facts.trace.vertices_at(moment)[facts.scene.mesh.faces[faces]] for moment in range(facts.length + 1)]
+    )
+    tiles: dict[int, list[set[int]]] = {face: [set() for _ in cameras] for face in faces}
+    for number, sweep in enumerate(sweeps):
+        moments = np.flatnonzero(sweep_at == number)
+        for row, face in enumerate(faces):
+            points = ways[moments, row].reshape(-1, 3)
+            for pair in range(sweep.starts[row], sweep.starts[row + 1]):
+                view = int(sweep.views[pair])
+                uv, depth = cameras[view].project(points)
+                if (depth <= 0).any():
+                    continue
+                reach = MARGIN + np.ceil(4 * np.sqrt(sweep.blur[pair, [0, 2]].max())) + 4
+                size = np.array([cameras[view].width, cameras[view].height])
+                low = np.clip(np.floor(uv.min(0) - reach), 0, size - 1).astype(int) // TILE
+                high = np.clip(np.ceil(uv.max(0) + reach), 0, size - 1).astype(int) // TILE
+                across = -(-size[0] // TILE)
+                rows, columns = np.mgrid[low[1] : high[1] + 1, low[0] : high[0] + 1]
+                tiles[face][view].update((rows * across + columns).ravel().tolist())
+    return tiles  # pyright: ignore[reportReturnType]
+
+
+def _scales(facts: RunFacts, face: int) -> dict[str, float]:
+    """What full colour and a full bar stand for: of start and end the larger."""
+    residual, energy = 1.0, 0.0
+    for moment in sorted({0, facts.length}):
+        cells = _cells(facts, face, moment)
+        if cells is not None:
+            residual = max(residual, float(np.percentile(np.abs(cells.residual[cells.counts]), 99)))
+            energy = max(energy, float(cells.view_energy.max()))
+    return {"residual": residual, "energy": energy}
 
 
 def _cells(facts: RunFacts, face: int, moment: int) -> FaceCells | None:
@@ -81,33 +240,69 @@ def _cells(facts: RunFacts, face: int, moment: int) -> FaceCells | None:
     return cells if cells.takes_part and cells.counts.any() else None
 
 
-def _rows(views: set[int]) -> list[int]:
-    """The photos shown, spread evenly, the same at all moments, so that moments compare."""
-    ordered = sorted(views)
-    places = np.unique(np.linspace(0, len(ordered) - 1, min(ROWS, len(ordered))).round().astype(int))
-    return [ordered[place] for place in places]
+def _packed_sweeps(facts: RunFacts, sweeps: list[_Sweep], rows: list[int]) -> dict[str, Any]:
+    """The choices of all sweeps one after another, of the faces kept; a sweep's faces have numbers sweep * F + face."""
+    parts = [(sweep, row) for sweep in sweeps for row in rows]
+    pairs = [(sweep, np.arange(sweep.starts[row], sweep.starts[row + 1])) for sweep, row in parts]
+    masks = [sweep.masks[pair] for sweep, of_face in pairs for pair in of_face]
 
+    def of_faces(name: str, kind: type) -> dict[str, Any]:
+        return packed(np.array([getattr(sweep, name)[row] for sweep, row in parts], dtype=kind))
 
-def _moment(facts: RunFacts, cells: FaceCells, views: list[int], scale: float) -> dict[str, Any]:
-    level = facts.session.sweep_state(cells.moment).context.level
-    rows = {int(view): row for row, view in enumerate(cells.views)}
-    pictures = CellPictures(cells, residual_scale=scale)
-    sheet = np.full((ROWS * (TILE + GAP) - GAP, len(KINDS) * (TILE + GAP) - GAP, 3), EMPTY, dtype=np.uint8)
-    energies: list[float | None] = []
-    for k, view in enumerate(views):
-        row = rows.get(view)
-        energies.append(None if row is None else float(cells.view_energy[row]))
-        if row is None:
-            continue
-        for column, kind in enumerate(KINDS):
-            tile = cv2.resize(pictures.picture(row, kind), (TILE, TILE), interpolation=cv2.INTER_AREA)
-            y, x = k * (TILE + GAP), column * (TILE + GAP)
-            sheet[y : y + TILE, x : x + TILE] = tile
+    def of_pairs(name: str, kind: type) -> dict[str, Any]:
+        values = [getattr(sweep, name)[of_face] for sweep, of_face in pairs]
+        return packed(np.concatenate([np.zeros(0), *values], axis=None).astype(kind))
+
+    levels = [sweep.key[1] for sweep in sweeps]
+    options = facts.options
     return {
-        "moment": cells.moment,
-        "k": len(cells.basis),
-        "blur": by_level(facts.options.schedule.blur, level),
-        "energy": cells.energy,
-        "energies": energies,
-        "picture": data_uri(sheet, jpeg=True),
+        "level": levels,
+        "cubic": [by_level(options.cells.interpolation, level) == "cubic" for level in levels],
+        "common": [sweep.is_common for sweep in sweeps],
+        "k": of_faces("k", np.uint8),
+        "size": of_faces("size", np.uint16),
+        "inset": of_faces("inset", np.float32),
+        "scale": of_faces("scale", np.float32),
+        "starts": packed(np.cumsum([0, *(len(of_face) for _, of_face in pairs)]).astype(np.uint32)),
+        "views": of_pairs("views", np.uint16),
+        "weight": of_pairs("weight", np.float32),
+        "blur": of_pairs("blur", np.float32),
+        "maskStarts": packed(np.cumsum([0, *map(len, masks)]).astype(np.uint32)),
+        "masks": packed(np.concatenate([np.zeros(0, np.uint8), *masks])),
     }
+
+
+def _steps(values: np.ndarray) -> np.ndarray:
+    """int16: each value less the one before it, which deflates better: neighbouring pixels are alike."""
+    return np.diff(values.astype(np.int64), prepend=0).astype(np.int16)
+
+
+def _photos(facts: RunFacts, wanted: list[set[int]], on_progress: Callable[[float], None]) -> dict[str, Any]:
+    """The tiles of all photos as the engine reads them, in whole units of its own, each value as the step from the one
+    before it."""
+    space = ScaleSpace(facts.scene, facts.options.cells.color)
+    views: list[dict[str, Any]] = [{} for _ in wanted]
+
+    def cut(view: int, photo: np.ndarray) -> None:
+        channels, height, width = photo.shape
+        padded = np.pad(photo, [(0, 0), (0, -height % TILE), (0, -width % TILE)], mode="edge")
+        tiles = padded.reshape(channels, -(-height // TILE), TILE, -(-width // TILE), TILE).transpose(1, 3, 0, 2, 4)
+        numbers = sorted(wanted[view])
+        values = tiles.reshape(-1, channels * TILE * TILE)[numbers].ravel()
+        views[view] = {"tiles": packed(np.array(numbers, dtype=np.uint32)), "pixels": packed(_steps(values))}
+
+    with ThreadPoolExecutor() as pool:
+        space.for_each([view for view, numbers in enumerate(wanted) if numbers], cut, pool)
+    on_progress(1.0)
+    stage = facts.stage
+    place = np.concatenate([np.diag(np.full(3, 1 / stage.scale)), stage.origin[:, None]], axis=1)
+    world_from_page = np.concatenate([place, [[0, 0, 0, 1]]])
+    for view, found in zip(facts.scene.views, views, strict=True):
+        camera = view.camera
+        found.update(
+            name=view.name,
+            width=camera.width,
+            height=camera.height,
+            imageFromPage=(camera.image_from_world @ world_from_page).ravel().tolist(),
+        )
+    return {"tile": TILE, "channels": space.channels, "unit": float(space.grey_levels), "views": views}

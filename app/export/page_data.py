@@ -1,6 +1,7 @@
-"""A run as the replay page wants it: numbers as JSON, long arrays as base64 of their bytes.
+"""A run as the replay page wants it: numbers as JSON, long arrays packed.
 
-Positions are in page units (see `Stage`), 32 bit: near the origin and a few units large, they hold seven digits.
+Positions are in page units (see `Stage`), whole multiples of `GRID`: a quarter of a millionth of the mesh's diagonal, less
+than a thousandth of a pixel. Moves of late steps are small numbers then, and deflate (fountain, 2,500 vertices: a third).
 """
 
 import base64
@@ -11,17 +12,19 @@ import cv2
 import numpy as np
 
 from app.export.frame import first_eye
-from app.export.page_cells import cells_of_faces, chosen_vertices
+from app.export.packing import packed
+from app.export.page_cells import cells_of_run, chosen_vertices
 from app.export.paintings import Painting, paint
 from app.export.run_facts import RunFacts
 from app.export.step_kinds import INTRO, KINDS, kind_of, level_text
 from app.outcome import step_outcome
-from app.palette import BACKGROUND, CAMERA, NOW, SELECTED, START, TRUTH, solid
+from app.palette import CAMERA, NOW, SELECTED, START, TRUTH, solid
 from fairing.trace import StepReason
 
 PAINTINGS = 8
 TEXELS = 1024
 JPEG_QUALITY = 86
+GRID = 2.0**-20  # page units
 
 
 def page_data(facts: RunFacts, at: int, on_progress: Callable[[float], None]) -> dict[str, Any]:
@@ -33,8 +36,8 @@ def page_data(facts: RunFacts, at: int, on_progress: Callable[[float], None]) ->
     """
     stage, trace, scene = facts.stage, facts.trace, facts.scene
     paintings = paint(facts, facts.key_moments(PAINTINGS), TEXELS, lambda fraction: on_progress(0.5 * fraction))
-    cells = cells_of_faces(facts, lambda fraction: on_progress(0.5 + 0.5 * fraction))
-    truth = None if scene.truth is None or scene.truth.vertices is None else stage.page_from_world(scene.truth.vertices)
+    cells = cells_of_run(facts, lambda fraction: on_progress(0.5 + 0.5 * fraction))
+    truth = None if scene.truth is None else scene.truth.vertices
     return {
         "at": at,
         "length": facts.length,
@@ -44,10 +47,11 @@ def page_data(facts: RunFacts, at: int, on_progress: Callable[[float], None]) ->
             "overview": stage.overview().tolist(),
             "up": stage.up.tolist(),
         },
-        "start": packed(stage.page_from_world(trace.start)),
+        "grid": GRID,
+        "start": packed(_on_grid(facts, trace.start)),
         "faces": packed(trace.faces.astype(np.uint32)),
         "edges": packed(scene.mesh.edges.astype(np.uint32)),
-        "truth": None if truth is None else packed(truth),
+        "truth": None if truth is None else packed(_on_grid(facts, truth)),
         "cameras": packed(_frusta(facts)),
         "paintings": [_painting(painting) for painting in paintings],
         "pace": facts.pace.tolist(),
@@ -63,42 +67,45 @@ def page_data(facts: RunFacts, at: int, on_progress: Callable[[float], None]) ->
         "cells": cells,
         "chosen": _first_vertex(facts, cells),
         "colors": {
-            "background": BACKGROUND, "start": START, "now": NOW, "selected": SELECTED, "truth": TRUTH, "camera": CAMERA,
+            "start": START, "now": NOW, "selected": SELECTED, "truth": TRUTH, "camera": CAMERA,
         },
         "css": {
-            "start": solid(START), "now": solid(NOW), "truth": solid(TRUTH), "cameras": solid(CAMERA), "wire": solid(NOW),
+            "start": "var(--start)", "now": "var(--now)", "truth": "var(--truth)", "cameras": solid(CAMERA), "wire": "var(--now)",
         },
     }  # fmt: skip
 
 
-def packed(values: np.ndarray) -> str:
-    """The bytes of an array, little-endian, as base64."""
-    return base64.b64encode(np.ascontiguousarray(values, dtype=values.dtype.newbyteorder("<")).tobytes()).decode()
+def _on_grid(facts: RunFacts, points: np.ndarray) -> np.ndarray:
+    """int32: positions (..., 3), world units, in multiples of `GRID`, page."""
+    return np.round(facts.stage.page_from_world(points).astype(np.float64) / GRID).astype(np.int32)
 
 
 def _painting(painting: Painting) -> dict[str, Any]:
     _, encoded = cv2.imencode(".jpg", painting.image[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
     return {
         "moment": painting.moment,
-        "uv": packed(painting.uv.reshape(-1, 2).astype(np.float32)),
+        "uv": packed(np.round(np.clip(painting.uv, 0, 1) * 65535).astype(np.uint16)),
         "picture": "data:image/jpeg;base64," + base64.b64encode(encoded.tobytes()).decode(),
     }
 
 
 def _changes(facts: RunFacts) -> dict[str, Any]:
-    """Which vertices every step moved, where to; and what it had to say of which vertices."""
-    moved, places, told, reasons = [], [], [], []
+    """Which vertices every step moved, how far; and what it had to say of which vertices."""
+    moved, ways, told, reasons = [], [np.zeros((0, 3), dtype=np.int32)], [], []
+    place = _on_grid(facts, facts.trace.start)
     for record in facts.trace.steps:
-        has_moved = (record.before != record.after).any(axis=1)
+        after = _on_grid(facts, record.after)
+        has_moved = (after != place[record.vertices]).any(axis=1)
         moved.append(record.vertices[has_moved])
-        places.append(record.after[has_moved])
+        ways.append((after - place[record.vertices])[has_moved])
+        place[record.vertices] = after
         told.append(record.vertices)
         reasons.append(record.reasons)
     return {
         "moved": {
             "starts": packed(_starts(moved)),
             "vertices": packed(_joined(moved).astype(np.uint32)),
-            "places": packed(facts.stage.page_from_world(np.concatenate([np.zeros((0, 3)), *places]))),
+            "ways": packed(np.concatenate(ways)),
         },
         "told": {
             "starts": packed(_starts(told)),
@@ -154,10 +161,10 @@ def _levels(facts: RunFacts) -> list[dict[str, Any]]:
     return result
 
 
-def _first_vertex(facts: RunFacts, cells: dict[int, dict[str, Any]]) -> int:
+def _first_vertex(facts: RunFacts, cells: dict[str, Any]) -> int:
     """The vertex looked at in the beginning: of those with cells the one that went farthest."""
-    order = chosen_vertices(facts).tolist()
-    return next((v for v in order if any(f in cells for f in facts.scene.mesh.one_rings[v].tolist())), order[0])
+    order, faces = chosen_vertices(facts).tolist(), set(cells["faces"])
+    return next((v for v in order if faces & set(facts.scene.mesh.one_rings[v].tolist())), order[0])
 
 
 def _frusta(facts: RunFacts) -> np.ndarray:

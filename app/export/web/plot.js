@@ -37,7 +37,7 @@ class Plot {
   y(value) { return this.height - this.bottom - (this.height - this.top - this.bottom) * (this.scaled(value) - this.low) / (this.high - this.low); }
 
   build() {
-    Object.assign(this, { left: 48, right: 8, top: 20, bottom: 6, width: this.host.clientWidth || 380, height: this.host.clientHeight || 110 });
+    Object.assign(this, { left: 56, right: 8, top: 20, bottom: 6, width: this.host.clientWidth || 380, height: this.host.clientHeight || 110 });
     this.host.replaceChildren();
     this.svg = svg("svg", { width: "100%", height: "100%", viewBox: `0 0 ${this.width} ${this.height}`, role: "img", "aria-label": this.title }, this.host);
     this.bands.forEach(({ first, end }, k) => {
@@ -52,7 +52,7 @@ class Plot {
     this.reading = svg("text", { x: this.width - this.right, y: 12, "text-anchor": "end", class: "reading" }, this.svg);
     for (const { moments, values } of this.lines) {
       const points = moments.map((m, i) => `${this.x(m).toFixed(1)},${this.y(values[i]).toFixed(1)}`).join(" ");
-      svg("polyline", { points, fill: "none", stroke: this.color, "stroke-width": 1.8, "stroke-linejoin": "round" }, this.svg);
+      svg("polyline", { points, fill: "none", style: `stroke:${this.color}`, "stroke-width": 1.8, "stroke-linejoin": "round" }, this.svg);
     }
     this.bar = svg("line", { y1: this.top - 4, y2: this.height - this.bottom, class: "cursor" }, this.svg);
     this.dot = svg("circle", { r: 4, class: "dot" }, this.svg);

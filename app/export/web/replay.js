@@ -5,70 +5,58 @@ const data = JSON.parse(document.getElementById("data").textContent);
 const $ = (id) => document.getElementById(id);
 const BASE_RATE = Math.max(5, data.length / 16); // moments a second: a run lasts about a quarter of a minute
 
-function decode(text, Kind) {
-  const bytes = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
-  return new Kind(bytes.buffer);
+
+// Filled by `open`, once the data is unpacked.
+let arrays = null, cells = null, viewer = null, plots = [];
+
+function unfold() {
+  const points = (numbers) => Float32Array.from(numbers, (number) => number * data.grid);
+  const { moved } = data, last = data.start.slice(), places = new Float32Array(moved.ways.length);
+  moved.vertices.forEach((v, i) => {
+    for (let c = 0; c < 3; c++) places[3 * i + c] = data.grid * (last[3 * v + c] += moved.ways[3 * i + c]);
+  });
+  moved.places = places;
+  return {
+    start: points(data.start), truth: data.truth && points(data.truth), faces: data.faces, edges: data.edges, cameras: data.cameras,
+    uv: data.paintings.map((painting) => Float32Array.from(painting.uv, (number) => number / 65535)),
+  };
 }
 
-const arrays = {
-  start: decode(data.start, Float32Array),
-  faces: decode(data.faces, Uint32Array),
-  edges: decode(data.edges, Uint32Array),
-  truth: data.truth && decode(data.truth, Float32Array),
-  cameras: decode(data.cameras, Float32Array),
-  uv: data.paintings.map((painting) => decode(painting.uv, Float32Array)),
-};
-const steps = {
-  movedStarts: decode(data.moved.starts, Uint32Array),
-  moved: decode(data.moved.vertices, Uint32Array),
-  places: decode(data.moved.places, Float32Array),
-  toldStarts: decode(data.told.starts, Uint32Array),
-  told: decode(data.told.vertices, Uint32Array),
-  reasons: decode(data.told.reasons, Uint8Array),
-};
-
 // Positions at a moment. Every 32nd is kept, so that going back is quick.
-const kept = new Map([[0, arrays.start]]);
+const kept = new Map();
 function verticesAt(moment) {
+  const { starts, vertices: moved, places } = data.moved;
+  if (!kept.size) kept.set(0, arrays.start);
   let at = moment - (moment % 32);
   while (!kept.has(at)) at -= 32;
   let vertices = kept.get(at).slice();
   for (let step = at; step < moment; step++) {
     if (step % 32 === 0 && !kept.has(step)) kept.set(step, vertices.slice());
-    for (let i = steps.movedStarts[step]; i < steps.movedStarts[step + 1]; i++)
-      vertices.set(steps.places.subarray(3 * i, 3 * i + 3), 3 * steps.moved[i]);
+    for (let i = starts[step]; i < starts[step + 1]; i++) vertices.set(places.subarray(3 * i, 3 * i + 3), 3 * moved[i]);
   }
   return vertices;
 }
 
 // The ways of all vertices as lines, ordered by the moment they were gone.
 function paths() {
-  const count = steps.moved.length, lines = new Float32Array(6 * count), when = new Float32Array(2 * count);
+  const { starts, vertices: moved, places } = data.moved;
+  const count = moved.length, lines = new Float32Array(6 * count), when = new Float32Array(2 * count);
   const last = arrays.start.slice(), since = new Float32Array(last.length / 3), countAt = new Uint32Array(data.length + 1);
   for (let step = 0; step < data.length; step++) {
-    for (let i = steps.movedStarts[step]; i < steps.movedStarts[step + 1]; i++) {
-      const v = steps.moved[i], place = steps.places.subarray(3 * i, 3 * i + 3);
+    for (let i = starts[step]; i < starts[step + 1]; i++) {
+      const v = moved[i], place = places.subarray(3 * i, 3 * i + 3);
       lines.set(last.subarray(3 * v, 3 * v + 3), 6 * i);
       lines.set(place, 6 * i + 3);
       when.set([data.pace[since[v]], data.pace[step + 1]], 2 * i);
       last.set(place, 3 * v);
       since[v] = step + 1;
     }
-    countAt[step + 1] = steps.movedStarts[step + 1];
+    countAt[step + 1] = starts[step + 1];
   }
   return { lines, when, count: (moment) => countAt[moment] };
 }
-arrays.paths = paths();
 
 const state = { moment: -1, vertex: null, face: null, playing: false, speed: 1 };
-let viewer = null;
-try {
-  viewer = new Viewer($("scene"), data, arrays);
-  viewer.onPick = (vertex) => { if (vertex !== null) select(vertex); };
-} catch (error) {
-  $("no-webgl").hidden = false;
-  $("no-webgl").title = String(error);
-}
 
 function element(name, attributes = {}, ...children) {
   const node = document.createElement(name);
@@ -89,7 +77,7 @@ function go(moment) {
   viewer?.show(moment, verticesAt(moment), blendAt(moment));
   plots.forEach((plot) => plot.cursor(moment));
   tell();
-  showCells();
+  if (!state.playing || performance.now() > cellsDue) showCells();
 }
 
 // Between two painted moments both textures show, the second more and more.
@@ -111,6 +99,7 @@ function play(on) {
   $("play").title = state.playing ? "Pause (Space)" : "Play (Space)";
   playedSince = performance.now();
   playedFrom = state.moment;
+  if (!state.playing && cells && state.moment >= 0) showCells();
   if (state.playing) requestAnimationFrame(tick);
 }
 
@@ -123,7 +112,7 @@ function tick(now) {
 }
 
 // By hand: playing stops.
-function jump(moment) { play(false); go(moment); }
+function jump(moment) { if (state.playing) play(false); go(moment); }
 
 function sweepEdge(direction) {
   const edges = [0, ...data.sweeps, data.length];
@@ -166,18 +155,21 @@ function tellVertex() {
 
 function lastReason(vertex, moment) {
   for (let step = moment - 1; step >= 0; step--)
-    for (let i = steps.toldStarts[step]; i < steps.toldStarts[step + 1]; i++) if (steps.told[i] === vertex) return steps.reasons[i];
+    for (let i = data.told.starts[step]; i < data.told.starts[step + 1]; i++) if (data.told.vertices[i] === vertex) return data.told.reasons[i];
   return null;
 }
 
 // ---------------------------------------------------------------- cells
 
+let cellsDue = 0; // when they are next shown in passing: playing goes on beside them
+
 const ring = (vertex) => [...Array(arrays.faces.length / 3).keys()].filter((f) => arrays.faces.subarray(3 * f, 3 * f + 3).includes(vertex));
 
 function select(vertex) {
   state.vertex = vertex;
-  const faces = ring(vertex).filter((f) => data.cells[f]);
-  state.face = faces.includes(state.face) ? state.face : faces[0] ?? null;
+  const faces = ring(vertex).filter((f) => cells.has(f));
+  const bestSeen = faces.reduce((best, f) => (best !== null && cells.photosOf(f, state.moment) <= cells.photosOf(best, state.moment) ? best : f), null);
+  state.face = faces.includes(state.face) ? state.face : bestSeen;
   if (viewer) { viewer.selected = vertex; viewer.redraw(); }
   $("faces").replaceChildren(...faces.map((f) => element("button", { type: "button", className: "chip", onclick: () => { state.face = f; showCells(); }, textContent: `face ${f}`, "data-face": f })));
   showCells();
@@ -185,43 +177,46 @@ function select(vertex) {
 }
 
 function showCells() {
-  const found = state.face === null ? null : data.cells[state.face];
-  $("cells").hidden = !found;
-  $("no-cells").hidden = Boolean(found);
-  $("no-cells").textContent = state.vertex === null ? "Click a vertex to see the cells of its faces." : `The cells of vertex ${state.vertex} are not in this file: it holds those of the vertices that went farthest. `;
-  if (!found) { $("no-cells").append(...(state.vertex === null ? [] : [element("button", { type: "button", className: "chip", onclick: () => select(data.chosen), textContent: `vertex ${data.chosen}` })])); return; }
+  const began = performance.now();
+  const isKept = state.face !== null;
+  $("cells").hidden = !isKept;
+  $("no-cells").hidden = isKept;
+  $("no-cells").textContent = state.vertex === null ? "Click a vertex to see the cells of its faces." : `The photos around vertex ${state.vertex} are not in this file: it holds those of the vertices that went farthest. `;
+  if (!isKept) { $("no-cells").append(...(state.vertex === null ? [] : [element("button", { type: "button", className: "chip", onclick: () => select(data.chosen), textContent: `vertex ${data.chosen}` })])); return; }
   for (const chip of $("faces").children) chip.classList.toggle("on", Number(chip.dataset.face) === state.face);
-  const at = found.moments.findLast((entry) => entry.moment <= state.moment) ?? found.moments[0];
-  if ($("sprite").src !== at.picture) $("sprite").src = at.picture;
-  $("cell-moment").replaceChildren(...found.moments.map((entry) => element("button", { type: "button", className: entry === at ? "chip on" : "chip", textContent: entry.moment, title: `Go to moment ${entry.moment}`, onclick: () => jump(entry.moment) })));
-  $("cell-facts").textContent = `k = ${at.k} · blur ${at.blur} px · energy ${brief(at.energy, 4)}`;
-  const most = Math.max(...found.moments.flatMap((entry) => entry.energies));
-  $("cell-rows").replaceChildren(...found.names.map((name, row) => {
-    const energy = at.energies[row], seen = energy !== null;
-    const bar = element("i", { style: `width:${seen ? 100 * energy / most : 0}%` });
-    return element("div", { title: name }, element("b", {}, name), element("span", {}, seen ? `energy ${brief(energy)}` : "not seen"), bar);
+  const { moment } = state, found = cells.at(state.face, moment, verticesAt(moment)), views = cells.viewsOf(state.face);
+  $("cell-facts").textContent = found ? `k = ${found.k} · blur ${data.levels[data.cells.sweeps.level[data.cells.sweepAt[moment]]].blur} px · energy ${brief(found.energy, 4)}` : "at this moment fewer than three photos see the face well enough";
+  $("residual-scale").textContent = found ? `±${brief(found.scale.residual)} grey levels` : "";
+  const tall = $("cells").style, side = Math.round(parseFloat(getComputedStyle($("sprite")).getPropertyValue("--tile")) || 60);
+  tall.setProperty("--rows", views.length);
+  cells.draw($("sprite"), found, views, Math.round(side * Math.min(2, window.devicePixelRatio || 1)), 4);
+  $("cell-rows").replaceChildren(...views.map((view) => {
+    const { name } = data.cells.photos.views[view], at = found ? found.views.indexOf(view) : -1;
+    const bar = element("i", { style: `width:${at < 0 ? 0 : Math.min(100, 100 * found.energies[at] / found.scale.energy)}%` });
+    return element("div", { title: name }, element("b", {}, name), element("span", {}, at < 0 ? "takes no part" : `energy ${brief(found.energies[at])}`), bar);
   }));
-  $("residual-scale").textContent = `±${brief(found.scale)}`;
+  $("cell-moment").textContent = `moment ${moment}`;
+  cellsDue = performance.now() + 2 * (performance.now() - began);
 }
 
 // ---------------------------------------------------------------- plots
 
 const bands = data.levels.filter((level) => level.end > level.first);
-const plots = [];
-if (data.length) {
+function showPlots() {
+  $("plots").hidden = !data.length;
+  $("error").hidden = !data.errors;
+  if (!data.length) return;
   plots.push(new Plot($("energy"), { title: data.errors ? "Energy" : "Energy, a line for each sweep", unit: "", lines: data.energy, bands, length: data.length, isLog: false, color: data.css.now, onJump: jump }));
   if (data.errors) {
     plots.push(new Plot($("error"), { title: "Error", unit: " %", lines: [{ moments: data.errors.map((_, m) => m), values: data.errors }], bands, length: data.length, isLog: true, color: data.css.truth, onJump: jump }));
   }
 }
-$("plots").hidden = !data.length;
-$("error").hidden = !data.errors;
 $("bands").replaceChildren(...bands.map((level) => element("span", { style: `flex:${level.end - level.first}`, title: `Level ${level.number}: photos blurred by ${level.blur} px` }, `σ ${level.blur}`)));
 
 // ---------------------------------------------------------------- controls
 
 const layers = { texture: "Texture", paths: "Paths", dots: "Vertices", wire: "Edges now", start: "Edges at the start", truth: "Truth", cameras: "Cameras" };
-if (viewer) {
+function showLayers() {
   for (const [name, title] of Object.entries(layers)) {
     if (name === "truth" && !arrays.truth) continue;
     const chip = element("button", { type: "button", className: viewer.shown[name] ? "chip on" : "chip", textContent: title, "aria-pressed": viewer.shown[name] });
@@ -289,5 +284,26 @@ document.addEventListener("keydown", (event) => {
   actions[event.key]();
 });
 
-select(data.chosen);
-go(data.at);
+async function open() {
+  await unpack(data);
+  arrays = unfold();
+  arrays.paths = paths();
+  cells = new Cells(data.cells, arrays.faces, data.colors);
+  try {
+    viewer = new Viewer($("scene"), data, arrays);
+    viewer.onPick = (vertex) => { if (vertex !== null) select(vertex); };
+    showLayers();
+  } catch (error) {
+    $("no-webgl").hidden = false;
+    $("no-webgl").title = String(error);
+  }
+  showPlots();
+  go(data.at);
+  select(data.chosen);
+}
+
+open().catch((error) => {
+  $("no-webgl").hidden = false;
+  $("no-webgl").textContent = `This page could not be opened: ${error}. A browser of 2023 or newer is needed.`;
+  throw error;
+});

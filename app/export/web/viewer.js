@@ -72,6 +72,13 @@ class Viewer {
     Object.assign(this, { canvas, gl, data });
     this.faces = arrays.faces;
     this.colors = Object.fromEntries(Object.entries(data.colors).map(([name, rgb]) => [name, rgb.map((c) => c / 255)]));
+    const takeGround = () => {
+      const ground = getComputedStyle(document.documentElement).getPropertyValue("--ground");
+      this.colors.background = ground.match(/\d+/g).map((part) => part / 255);
+      this.redraw();
+    };
+    takeGround();
+    window.matchMedia("(prefers-color-scheme: light)").addEventListener("change", takeGround);
     const isSmall = arrays.edges.length < 600;
     this.dotSize = isSmall ? 8 : 5;
     this.shown = { texture: true, wire: false, start: isSmall, truth: false, paths: true, cameras: false, dots: isSmall };

@@ -1,0 +1,134 @@
+// The cells of a face at any moment, computed here from the photos, and their pictures.
+"use strict";
+
+const CELL_COLORS = { empty: [36, 39, 43], masked: [58, 62, 68], zero: 18 };
+const KINDS_SHOWN = ["observed", "reconstruction", "residual", "weight"];
+
+class Cells {
+  // `cells`: what page_cells.py wrote, unpacked; `faces`: corners of all faces.
+  constructor(cells, faces, colors) {
+    Object.assign(this, { cells, faces, colors, rows: new Map(cells.faces.map((face, row) => [face, row])), views: new Map() });
+    this.photos = new Photos(cells.photos, cells.affine);
+  }
+
+  // Whether there are cells of a face at any moment.
+  has(face) { return this.rows.has(face) && this.viewsOf(face).length > 0; }
+
+  // How many photos take part at a moment.
+  photosOf(face, moment) {
+    const { k, starts } = this.cells.sweeps, at = this.number(face, this.cells.sweepAt[moment]);
+    return k[at] ? starts[at + 1] - starts[at] : 0;
+  }
+
+  // Views that see the face at some moment, in order.
+  viewsOf(face) {
+    if (!this.views.has(face)) {
+      const found = new Set(), { starts, views, level, k } = this.cells.sweeps;
+      for (let sweep = 0; sweep < level.length; sweep++) {
+        const at = this.number(face, sweep);
+        if (k[at]) for (let pair = starts[at]; pair < starts[at + 1]; pair++) found.add(views[pair]);
+      }
+      this.views.set(face, [...found].sort((a, b) => a - b));
+    }
+    return this.views.get(face);
+  }
+
+  number(face, sweep) { return sweep * this.cells.faces.length + this.rows.get(face); }
+
+  // The cells at a moment, its vertices at `vertices`; null where the face takes no part.
+  at(face, moment, vertices) {
+    const { sweeps, sweepAt, scales, photos } = this.cells, sweep = sweepAt[moment], at = this.number(face, sweep);
+    const k = sweeps.k[at], size = sweeps.size[at], p = size * (size + 1) / 2;
+    if (!k) return null;
+    const points = new Float32Array(9);
+    for (let c = 0; c < 3; c++) points.set(vertices.subarray(3 * this.faces[3 * face + c], 3 * this.faces[3 * face + c] + 3), 3 * c);
+    const observed = [], counts = [], views = [], weight = [];
+    for (let pair = sweeps.starts[at]; pair < sweeps.starts[at + 1]; pair++) {
+      const cell = new Float32Array(p * photos.channels);
+      const place = { view: sweeps.views[pair], blur: sweeps.blur.subarray(3 * pair, 3 * pair + 3), key: pair };
+      if (!this.photos.sample(place, points, size, sweeps.inset[at], sweeps.cubic[sweep], sweeps.common[sweep], cell)) return null;
+      observed.push(cell);
+      counts.push(this.mask(pair, p));
+      views.push(sweeps.views[pair]);
+      weight.push(sweeps.weight[pair]);
+    }
+    const fitted = fitEigenspace(observed, counts, k, this.cells);
+    const weighed = fitted.residual.map((residual) => weigh(residual, this.cells.norm, sweeps.scale[at]));
+    const energies = weighed.map(({ total }, i) => weight[i] * total);
+    return {
+      ...fitted, counts, views, energies, k, size, scale: scales[this.rows.get(face)],
+      weight: weighed.map(({ weights }) => weights),
+      energy: energies.reduce((sum, energy) => sum + energy, 0),
+      threshold: this.cells.norm === GEMAN_MCCLURE ? Math.sqrt(sweeps.scale[at] / 3) : Infinity,
+    };
+  }
+
+  // Which samples of a pair count, a byte each for every channel; null for all.
+  mask(pair, p) {
+    const { masks, maskStarts } = this.cells.sweeps, first = maskStarts[pair];
+    if (first === maskStarts[pair + 1]) return null;
+    const { channels } = this.cells.photos, counts = new Uint8Array(p * channels);
+    for (let t = 0; t < p; t++) {
+      const counted = (masks[first + (t >> 3)] >> (7 - (t & 7))) & 1;
+      for (let k = 0; k < channels; k++) counts[k * p + t] = counted;
+    }
+    return counts;
+  }
+
+  // A row of tiles a view onto a canvas, a column a kind; views that do not see the face stay empty.
+  draw(canvas, found, views, side, gap) {
+    canvas.width = KINDS_SHOWN.length * (side + gap) - gap;
+    canvas.height = Math.max(1, views.length * (side + gap) - gap);
+    const context = canvas.getContext("2d");
+    if (!context || !found) return;
+    const { size } = found, image = new ImageData(size, size), cell = Object.assign(document.createElement("canvas"), { width: size, height: size });
+    const paint = this.painters(found);
+    context.imageSmoothingEnabled = size > side;
+    context.imageSmoothingQuality = "high";
+    views.forEach((view, row) => {
+      const i = found.views.indexOf(view);
+      KINDS_SHOWN.forEach((kind, column) => {
+        const x = column * (side + gap), y = row * (side + gap);
+        context.fillStyle = `rgb(${CELL_COLORS.empty})`;
+        context.fillRect(x, y, side, side);
+        if (i < 0) return;
+        this.fill(image, found, i, kind, paint[kind]);
+        cell.getContext("2d").putImageData(image, 0, 0);
+        context.drawImage(cell, x, y, side, side);
+      });
+    });
+  }
+
+  fill(image, found, i, kind, color) {
+    const { size } = found, values = found[kind][i], counts = kind === "residual" || kind === "weight" ? found.counts[i] : null;
+    for (let r = 0, s = 0; r < size; r++)
+      for (let c = 0; c < size; c++) {
+        const isInside = r + c < size;
+        const rgb = !isInside ? CELL_COLORS.empty : counts && !counts[s] ? CELL_COLORS.masked : color(values[s], i, s);
+        const at = 4 * (r * size + c);
+        image.data[at] = rgb[0]; image.data[at + 1] = rgb[1]; image.data[at + 2] = rgb[2]; image.data[at + 3] = 255;
+        if (isInside) s++;
+      }
+  }
+
+  // A colour for a value of each kind, on scales common to all photos. As in app/cell_images.py.
+  painters(found) {
+    const seen = [], every = Math.max(1, Math.floor(found.observed[0].length * found.observed.length / 20000));
+    found.observed.forEach((cell, i) => { for (let t = i % every; t < cell.length; t += every) if (!found.counts[i] || found.counts[i][t]) seen.push(cell[t]); });
+    seen.sort((a, b) => a - b);
+    const dark = seen[Math.floor(0.005 * seen.length)], bright = Math.max(seen[Math.floor(0.995 * seen.length)], dark + 8);
+    const most = Math.max(...found.weight.map((weights) => weights.reduce((a, b) => Math.max(a, b), 0)), 1e-12);
+    const grey = (value) => [value, value, value];
+    const stretched = (value) => grey(Math.min(255, Math.max(0, (value - dark) * 255 / (bright - dark))));
+    const { now, truth, selected } = this.colors;
+    return {
+      observed: stretched,
+      reconstruction: stretched,
+      residual: (value) => {
+        const strength = Math.sqrt(Math.min(1, Math.abs(value) / found.scale.residual));
+        return (value < 0 ? truth : now).map((part) => (1 - strength) * CELL_COLORS.zero + strength * part);
+      },
+      weight: (value, i, s) => (Math.abs(found.residual[i][s]) > found.threshold ? selected : grey(230 * value / most)),
+    };
+  }
+}

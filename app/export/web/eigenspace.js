@@ -1,0 +1,113 @@
+// The eigenspace of a face's cells, what it leaves of them, and what that weighs: a twin of `fit_face` and `_weigh` in
+// fairing/kernels.py.
+"use strict";
+
+const FILL_ROUNDS = 3;
+const GEMAN_MCCLURE = 0, HUBER = 1;
+
+// `cells`: Float32Array (p) a view; `counts`: Uint8Array (p) a view or null where all samples count; `options`: removeBias,
+// centered. Returns {observed, reconstruction, residual}, each an array (p) a view.
+function fitEigenspace(observed, counts, k, options) {
+  const n = observed.length, p = observed[0].length, cells = observed.map((cell) => cell.slice());
+  const masked = counts.some((count) => count !== null);
+  const isCounted = (i, t) => counts[i] === null || counts[i][t];
+  if (options.removeBias) cells.forEach((cell, i) => shift(cell, -meanOf(cell, (t) => isCounted(i, t))));
+  if (masked) {
+    for (let t = 0; t < p; t++) {
+      let total = 0, count = 0;
+      for (let i = 0; i < n; i++) if (isCounted(i, t)) { total += cells[i][t]; count++; }
+      for (let i = 0; i < n; i++) if (!isCounted(i, t)) cells[i][t] = total / Math.max(count, 1);
+    }
+  }
+  let residual = [];
+  for (let round = 0; round < (masked ? FILL_ROUNDS + 1 : 1); round++) {
+    if (options.centered) takeMeanOff(cells);
+    residual = residualOf(cells, k);
+    if (!masked) break;
+    for (let i = 0; i < n; i++)
+      if (counts[i]) for (let t = 0; t < p; t++) if (!counts[i][t]) { cells[i][t] -= residual[i][t]; residual[i][t] = 0; }
+  }
+  const reconstruction = observed.map((cell, i) => {
+    const bias = options.removeBias || options.centered ? meanOf(cell, (t) => isCounted(i, t)) - meanOf(cells[i], (t) => isCounted(i, t)) : 0;
+    return cell.map((value, t) => (isCounted(i, t) ? value - residual[i][t] : cells[i][t] + bias));
+  });
+  return { observed, reconstruction, residual };
+}
+
+function meanOf(values, isCounted) {
+  let total = 0, count = 0;
+  for (let t = 0; t < values.length; t++) if (isCounted(t)) { total += values[t]; count++; }
+  return total / Math.max(count, 1);
+}
+
+function shift(values, by) { for (let t = 0; t < values.length; t++) values[t] += by; }
+
+function takeMeanOff(cells) {
+  for (let t = 0; t < cells[0].length; t++) {
+    const mean = cells.reduce((sum, cell) => sum + cell[t], 0) / cells.length;
+    for (const cell of cells) cell[t] -= mean;
+  }
+}
+
+// I - U c: the first k right singular vectors V of the cells say how each is a mixture of all, and what is left is (1 - V V') I.
+function residualOf(cells, k) {
+  const n = cells.length, p = cells[0].length, gram = cells.map((a, i) => cells.map((b, j) => (j <= i ? product(a, b) : 0)));
+  for (let i = 0; i < n; i++) for (let j = i + 1; j < n; j++) gram[i][j] = gram[j][i];
+  const { values, vectors } = symmetricEigen(gram);
+  const used = [...values.keys()].sort((a, b) => values[b] - values[a]).slice(0, k).filter((m) => values[m] > 0);
+  return cells.map((cell, i) => {
+    const rest = cell.slice();
+    cells.forEach((other, j) => {
+      const share = used.reduce((sum, m) => sum + vectors[i][m] * vectors[j][m], 0);
+      for (let t = 0; t < p; t++) rest[t] -= share * other[t];
+    });
+    return rest;
+  });
+}
+
+function product(a, b) {
+  let total = 0;
+  for (let t = 0; t < a.length; t++) total += a[t] * b[t];
+  return total;
+}
+
+// Jacobi's method: turns two axes at a time until nothing is left beside the diagonal. vectors[i][m]: part i of eigenvector m.
+function symmetricEigen(matrix) {
+  const n = matrix.length, A = matrix.map((row) => [...row]), V = A.map((_, i) => A.map((_, j) => Number(i === j)));
+  const size = Math.hypot(...A.flat());
+  for (let round = 0; round < 60; round++) {
+    let off = 0;
+    for (let i = 0; i < n; i++) for (let j = 0; j < i; j++) off = Math.max(off, Math.abs(A[i][j]));
+    if (off <= 1e-15 * size) break;
+    for (let i = 0; i < n; i++)
+      for (let j = 0; j < i; j++) {
+        if (A[i][j] === 0) continue;
+        const theta = (A[j][j] - A[i][i]) / (2 * A[i][j]);
+        const t = (theta < 0 ? -1 : 1) / (Math.abs(theta) + Math.sqrt(theta * theta + 1)), c = 1 / Math.sqrt(t * t + 1), s = t * c;
+        for (let m = 0; m < n; m++) [A[m][i], A[m][j]] = [c * A[m][i] - s * A[m][j], s * A[m][i] + c * A[m][j]];
+        for (let m = 0; m < n; m++) [A[i][m], A[j][m]] = [c * A[i][m] - s * A[j][m], s * A[i][m] + c * A[j][m]];
+        for (let m = 0; m < n; m++) [V[m][i], V[m][j]] = [c * V[m][i] - s * V[m][j], s * V[m][i] + c * V[m][j]];
+      }
+  }
+  return { values: A.map((row, m) => row[m]), vectors: V };
+}
+
+// The sum of rho(e), and every weight rho'(e) / e. `scale`: sigma squared.
+function weigh(residual, norm, scale) {
+  const weights = new Float32Array(residual.length), sigma = Math.sqrt(scale);
+  let total = 0;
+  for (let t = 0; t < residual.length; t++) {
+    const squared = residual[t] * residual[t], size = Math.abs(residual[t]);
+    if (norm === GEMAN_MCCLURE) {
+      total += squared / (scale + squared);
+      weights[t] = 2 * scale / (scale + squared) ** 2;
+    } else if (norm === HUBER) {
+      total += (size <= sigma ? squared : 2 * size * sigma - scale) / scale;
+      weights[t] = 2 / scale * Math.min(1, sigma / Math.max(size, sigma));
+    } else {
+      total += squared / scale;
+      weights[t] = 2 / scale;
+    }
+  }
+  return { total, weights };
+}
