@@ -46,19 +46,24 @@ class Condition:
 
 
 def parse_condition(
-    text: str, values: set[str], functions: set[str], limits: Mapping[str, int] = MappingProxyType({})
+    text: str,
+    values: set[str],
+    functions: set[str],
+    limits: Mapping[str, int] = MappingProxyType({}),
+    called: str = "condition",
 ) -> Condition:
     """Understand a condition that may use these names.
 
     Args:
+        called: what messages call it.
         limits: of functions that choose one of several things by number, from 0: how many there are.
 
     Raises:
         InputError: it cannot be understood; the message points at the place.
     """
     if len(text) > MAX_LENGTH:
-        raise InputError(f"condition: expected at most {MAX_LENGTH} characters, found {len(text)}")
-    return Condition(text.strip(), _Parser(text, values, functions, limits).parse())
+        raise InputError(f"{called}: expected at most {MAX_LENGTH} characters, found {len(text)}")
+    return Condition(text.strip(), _Parser(text, values, functions, limits, called).parse())
 
 
 class _Token(NamedTuple):
@@ -70,8 +75,11 @@ class _Token(NamedTuple):
 class _Parser:
     """Recursive descent; every method returns how to compute what it has read."""
 
-    def __init__(self, text: str, values: set[str], functions: set[str], limits: Mapping[str, int]) -> None:
+    def __init__(
+        self, text: str, values: set[str], functions: set[str], limits: Mapping[str, int], called: str
+    ) -> None:
         self._text, self._values, self._functions, self._limits = text, values, functions, limits
+        self._called = called
         self._tokens = self._split()
         self._at = 0
         self._depth = 0
@@ -89,7 +97,7 @@ class _Parser:
             if found is None:
                 column = at + len(self._text[at:]) - len(self._text[at:].lstrip())
                 raise InputError(
-                    f"condition, column {column + 1}: cannot read {self._text[column]!r}{self._here(column)}"
+                    f"{self._called}, column {column + 1}: cannot read {self._text[column]!r}{self._here(column)}"
                 )
             kind = found.lastgroup or ""
             tokens.append(_Token(kind, found.group(kind), found.start(kind)))
@@ -196,7 +204,7 @@ class _Parser:
 
     def _error(self, what: str) -> InputError:
         column = self._now.column
-        return InputError(f"condition, column {column + 1}: {what}{self._here(column)}")
+        return InputError(f"{self._called}, column {column + 1}: {what}{self._here(column)}")
 
     def _here(self, column: int) -> str:
         return f" (at: {self._text[:column]}⟨here⟩{self._text[column:]})"

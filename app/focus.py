@@ -28,6 +28,11 @@ if (!window.eigenfairingFocus) {
     isDone = isField(field) && (event.key === 'Escape' || (event.key === 'Enter' && !opens));
   }, true);
   window.addEventListener('keyup', () => { if (isDone) release(); isDone = false; });
+  // The camera listens at the document, even to letters that are typed: an "energy" would send it flying.
+  document.body.addEventListener('keydown', event => {
+    const drives = /^(Key[WASDQE]|Arrow\\w+)$/.test(event.code) && !event.ctrlKey && !event.metaKey;
+    if (drives && isTyped(event.target)) event.stopPropagation();
+  });
 }
 """
 

@@ -30,6 +30,11 @@ STYLE = f"""
 .ef .grid span {{ text-align: center; font-size: 11.5px; color: var(--dim); }}
 .ef .grid span.left {{ text-align: left; }}
 .ef .grid button {{ padding: 0; }}
+.ef .line {{ display: flex; align-items: center; padding: 0 0 4px; cursor: default; }}
+.ef .line span {{ width: 88px; flex: none; color: var(--dim); }}
+.ef .line input {{ flex: 1; min-width: 0; height: 26px; padding: 0 6px; font: inherit; color: var(--text);
+  background: var(--button); border: 1px solid var(--edge); border-radius: 4px; }}
+.ef .line input:focus {{ outline: none; border-color: {css(BRAND)}; }}
 .ef .row {{ display: flex; gap: 6px; align-items: center; }}
 .ef .grow {{ flex: 1; }}
 .ef .crumbs b {{ color: var(--strong); font-weight: 600; }}

@@ -1,5 +1,6 @@
 """One browser's page: its panels, its layers, its selection. All pages show the same run."""
 
+import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -21,6 +22,7 @@ from app.guard import Guard
 from app.hands import Hands
 from app.history import EnergyHistory, PathHistory
 from app.html import STYLE, text
+from app.in_place import change_in_place
 from app.layers import Layer
 from app.layers.cameras import CamerasLayer, Thumbnails
 from app.layers.certainty import CertaintyLayer
@@ -62,7 +64,7 @@ from app.panels.variables import Variables
 from app.panels.watch_panel import WatchControls, WatchPanel
 from app.photo_store import PhotoStore
 from app.run_controls import RunControls
-from app.run_state import RunState
+from app.run_state import Activity, RunState
 from app.stage import FIELD_OF_VIEW, Stage
 from app.style_sheet import lay_style_sheet
 from app.texturer import Texturer
@@ -106,7 +108,8 @@ class Page:
         self._guard = Guard(client)
         self._run = RunControls(shared.controller, view)
         self._problems = shared.controller.state.problems
-        self._panels_shown = 0.0
+        self._panels_shown, self._panels_activity = 0.0, Activity.PAUSED
+        self._panels_timer: threading.Timer | None = None
         self._hands = Hands(client, shared.stage, shared.scene.mesh, shared.controller, view, self._guard)
         self._theme = Theme(client)
         self._look_through = LookThrough(client, shared.stage, shared.scene, self._theme, shared.controller.republish)
@@ -130,6 +133,7 @@ class Page:
         self._stand_at(shared.stage.eye)  # a browser may have come before there was a scene to look at
         self._add_commands()
         release_focus_after_use(client)
+        change_in_place(client)
         client.camera.on_update(self._guard.without_event(self._follow_camera))
 
     def show(self, state: RunState) -> None:
@@ -145,17 +149,30 @@ class Page:
         self._lessons.show(state, self.view)
         for layer in self._layers:
             layer.show(state, self.view)
-        now = time.monotonic()
-        if not state.is_moving or now - self._panels_shown > PANELS_EVERY:
-            self._panels_shown = now
-            for panel in self._panels:
-                panel.show(state, self.view)
+        self._fill_panels(state)
         if state.problem and state.problems > self._problems:
             self._guard.notify(state.problem)
         self._problems = state.problems
         self._legend.show(self._surface.legend)
         self._look_through.lay_over(state, self._surface.vertices_of(state, self.view.shape), self.view)
         self._place_timeline()
+
+    def _fill_panels(self, state: RunState) -> None:
+        """Now, or when it is time again: a step may take long, and then they would stay behind until its end."""
+        due = self._panels_shown + PANELS_EVERY - time.monotonic()
+        if state.is_moving and due > 0 and state.activity is self._panels_activity:
+            if self._panels_timer is None:
+                self._panels_timer = threading.Timer(due, self._panels_are_due)
+                self._panels_timer.daemon = True
+                self._panels_timer.start()
+            return
+        self._panels_shown, self._panels_activity = time.monotonic(), state.activity
+        for panel in self._panels:
+            panel.show(state, self.view)
+
+    def _panels_are_due(self) -> None:
+        self._panels_timer = None
+        self._shared.controller.republish()
 
     def open_lesson(self, name: str) -> None:
         """Begin a lesson that fits the scene."""
@@ -216,14 +233,14 @@ class Page:
         tabs = gui.add_tab_group()
         with tabs.add_tab("Vertex"):
             last = len(shared.scene.mesh.vertices) - 1
-            panels.append(SelectionPanel(gui, last, self._guard, self._hands.choose, hand_buttons))
+            panels.append(SelectionPanel(gui, bridge, last, self._hands.choose, hand_buttons))
             panels.append(CertaintyPanel(gui, certainty))
             panels.append(Variables(gui, shared.scene.mesh, to_change))
-            panels.append(WatchPanel(gui, scene, self.view, watch, self._guard, shared.controller.republish))
+            panels.append(WatchPanel(gui, scene, self.view, watch, bridge, shared.controller.republish))
         with tabs.add_tab("Breakpoints"):
-            panels.append(BreakpointsPanel(gui, shared.controller, self._guard, breakpoint_buttons))
+            panels.append(BreakpointsPanel(gui, shared.controller, bridge, breakpoint_buttons))
         with tabs.add_tab("Layers"):
-            panels.append(SurfacePanel(gui, self._surface_buttons, self._guard))
+            panels.append(SurfacePanel(gui, len(scene.mesh.faces), self._surface_buttons, self._guard))
             panels.append(LayersPanel(gui, switches, theme))
             self._magnification = gui.add_slider(
                 "Magnify paths",
@@ -253,7 +270,7 @@ class Page:
         with self._timeline.add_tab("Runs", viser.Icon.GIT_FORK):
             panels.append(RunsPanel(gui, shared.scene, shared.run_energies, self._runs))
         with self._timeline.add_tab("Bookmarks", viser.Icon.BOOKMARK):
-            panels.append(BookmarksPanel(gui, self._guard, self._bookmarks))
+            panels.append(BookmarksPanel(gui, bridge, self._bookmarks))
         self._window = (0, 0)
         self._place_timeline()
         self._legend = LegendBox(gui)

@@ -15,11 +15,13 @@ from app.set_back import set_back
 from app.stage import Stage
 from fairing.io.glb import write_glb
 from fairing.scene import Scene
-from fairing.texture import EigenTexture, eigen_texture, textured_model
+from fairing.texture import AtlasLayout, EigenTexture, eigen_texture, textured_model
+from fairing.texture.eigen import GUTTER
 
 JPEG_QUALITY = 92
 LARGEST = 2048  # texels: what a browser unpacks within a second even without a graphics card
 LARGEST_BY_EYE = 1024  # texels: sent anew several times a second
+MOST_FACES, MOST_FACES_BY_EYE = AtlasLayout.most_faces(LARGEST), AtlasLayout.most_faces(LARGEST_BY_EYE, GUTTER)
 KEPT_BY_EYE = 3  # these hold their eigenspaces, up to 50 MB each
 KEPT = 8  # painted meshes, so that going back and forth between shapes paints nothing again
 

@@ -19,7 +19,7 @@ def understand_watch(expression: str, scene: Scene) -> Condition:
     """
     if not expression.strip():
         raise InputError("watch: expected an expression such as energy / 1000 or moved(0)")
-    return parse_condition(expression, set(VALUES) - COMPUTED, set(FUNCTIONS) - COMPUTED, limits_of(scene))
+    return parse_condition(expression, set(VALUES) - COMPUTED, set(FUNCTIONS) - COMPUTED, limits_of(scene), "watch")
 
 
 def with_watch(watches: tuple[Condition, ...], new: Condition) -> tuple[Condition, ...]:

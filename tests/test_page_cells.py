@@ -1,6 +1,5 @@
 """What the page says of a vertex: cells, photos, plots, recorded values, watches; in a real browser."""
 
-import time
 from dataclasses import replace
 
 import pytest
@@ -110,11 +109,11 @@ def test_a_recorded_value_leads_to_its_last_change(visitor: Visitor):
 
 def test_a_watch_is_added_shows_its_value_and_is_removed(visitor: Visitor):
     page, view = visitor.page, _page(visitor).view
-    entry = page.get_by_text("Watch", exact=True).locator("xpath=ancestor::div[contains(@class,'Flex-root')][1]//input")
+    entry = visitor.input_of("Watch")
     entry.fill("energy *")
     entry.press("Enter")
-    page.get_by_text("column 9").first.wait_for()
-    time.sleep(0.3)  # the field is cleared of what was typed only when it was understood
+    page.get_by_text("watch, column 9").first.wait_for()
+    wait_for(lambda: entry.input_value() == "energy *")  # to be put right
     entry.fill("moment * 2")
     entry.press("Enter")
     wait_for(lambda: len(view.watches) == 1)

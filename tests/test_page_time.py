@@ -54,9 +54,7 @@ def test_a_bookmark_leads_back_and_can_be_compared_with(visitor: Visitor):
     controller = visitor.app.controller
     jump(visitor, 4)
     visitor.page.get_by_role("tab", name="Bookmarks").click()
-    note = visitor.page.get_by_text("Note", exact=True).locator(
-        "xpath=ancestor::div[contains(@class,'Flex-root')][1]//input"
-    )
+    note = visitor.input_of("Note")
     note.fill("<b>here</b> it turns")
     note.press("Enter")
     visitor.page.get_by_text("<b>here</b> it turns").wait_for()

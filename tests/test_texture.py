@@ -25,6 +25,15 @@ from tests.small_scene import FACES, VERTICES, corner_scene, photos, write_corne
 RNG = np.random.default_rng(3)
 
 
+@pytest.mark.parametrize(("largest", "gutter"), [(1024, 2), (300, 4)])
+def test_as_many_faces_fit_as_is_said_and_not_one_more(largest, gutter):
+    most = AtlasLayout.most_faces(largest, gutter)
+    layout = AtlasLayout.plan(np.ones((most, 3)), largest, gutter)
+    assert max(layout.width, layout.height) <= largest
+    with pytest.raises(ValueError, match="do not fit"):
+        AtlasLayout.plan(np.ones((most + 1, 3)), largest, gutter)
+
+
 def shown_in(model: TexturedModel, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
     """The model in a camera (h, w, 3), looked up by its texture coordinates alone, and where it is (h, w)."""
     face_id, depth = rasterize(model.vertices, model.faces, camera)

@@ -17,9 +17,11 @@ from app.flips.scene_layers import FlipLayers
 from app.focus import release_focus_after_use
 from app.guard import Guard
 from app.html import STYLE, button, icon, text
+from app.in_place import change_in_place
 from app.layers.cameras import CamerasLayer, Thumbnails
 from app.look_through import LookThrough
 from app.panels.choice import choice
+from app.panels.followed import Followed
 from app.panels.html_panel import HtmlPanel
 from app.stage import FIELD_OF_VIEW, Stage
 from app.style_sheet import lay_style_sheet
@@ -52,6 +54,7 @@ class FlipPage:
         self._add_commands()
         self._stand_at(stage.eye)
         release_focus_after_use(client)
+        change_in_place(client)
         client.camera.on_update(self._guard.without_event(self._follow_camera))
         self.fill()
 
@@ -77,8 +80,7 @@ class FlipPage:
             )
             self._legend.set(legend(film, moment) + f"<h4>Surface</h4>{surface}")
             self._strip.set(strip(film, moment, self._press, player.speed))
-            if self._slider.value != moment:
-                self._slider.value = moment
+            self._followed.follow(moment)
             self._place_timeline()
 
     def close(self) -> None:
@@ -113,6 +115,7 @@ class FlipPage:
         with self._timeline.add_tab("Timeline", viser.Icon.CLOCK):
             self._slider = gui.add_slider("Flip", min=0, max=max(1, len(film)), step=1, initial_value=0)
             self._strip = HtmlPanel(gui)
+        self._followed = Followed(self._slider)
         jump = self._guard(self._jump)
 
         @self._slider.on_update

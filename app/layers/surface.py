@@ -15,7 +15,7 @@ from app.palette import SURFACE
 from app.run_state import Activity, RunState
 from app.set_back import set_back
 from app.stage import Stage
-from app.texturer import Texturer
+from app.texturer import MOST_FACES, MOST_FACES_BY_EYE, Texturer
 from app.view import NOW_SHAPE, START_SHAPE, TRUE_SHAPE, View
 from fairing.io.glb import write_glb
 from fairing.scene import Scene
@@ -76,8 +76,8 @@ class SurfaceLayer:
             if view.surface in COLORINGS:
                 front = self._color(state, view, vertices, resting)
             elif view.surface == "textured":
-                front = self._texture(view.shape, vertices, resting)
-                if view.by_eye and resting:
+                front = self._texture(view.shape, vertices, resting and len(self._scene.mesh.faces) <= MOST_FACES)
+                if view.by_eye and resting and len(self._scene.mesh.faces) <= MOST_FACES_BY_EYE:
                     front = self._by_eye.show(vertices) or front
                     follows_eye = True
         if not follows_eye:

@@ -12,6 +12,7 @@ from app.controller import Controller
 from app.html import button, copy_button, icon, text
 from app.moment_id import moment_id
 from app.panels.html_panel import HtmlPanel
+from app.panels.line import Line
 from app.run_state import RunState
 from app.view import View
 
@@ -19,15 +20,10 @@ from app.view import View
 class BookmarksPanel:
     """The list, and a line to write a note and keep the present moment."""
 
-    def __init__(
-        self, gui: viser.GuiApi, guarded: Callable[[Callable[..., None]], Callable[..., None]], press: "BookmarkButtons"
-    ) -> None:
+    def __init__(self, gui: viser.GuiApi, bridge: Bridge, press: "BookmarkButtons") -> None:
         self._press = press
-        with gui.add_form(None) as form:
-            self._note = gui.add_text("Note", "", hint="Enter keeps the present moment with this note.")
-        keep = guarded(press.keep_now)
-        form.on_submit(lambda _: keep())
-        press.take_note = self._take_note
+        note = Line(gui, bridge, "Note", "Enter keeps the present moment with this note.", press.keep_with)
+        press.take_note = note.take_draft
         self._panel = HtmlPanel(gui)
 
     def show(self, state: RunState, view: View) -> None:
@@ -57,10 +53,6 @@ class BookmarksPanel:
             f"<td><div class='row tools'>{copy_button(item.at, 'Copy its name, for --at')}{compare}{remove}</div></td></tr>"
         )
 
-    def _take_note(self) -> str:
-        note, self._note.value = str(self._note.value), ""
-        return note
-
 
 class BookmarkButtons:
     """What the panel's buttons do; made where they stay on the page when the panel is not."""
@@ -80,7 +72,11 @@ class BookmarkButtons:
 
     def keep_now(self) -> None:
         """Bookmark the present moment with the note that is written."""
-        state, note = self._controller.state, self.take_note()
+        self.keep_with(self.take_note())
+
+    def keep_with(self, note: str) -> None:
+        """Bookmark the present moment with this note."""
+        state = self._controller.state
         at = moment_id(state.position, state.moment, state.options.n_levels)
         self._controller.edit_bookmarks(lambda b: b.added(state.run_id, state.moment, at, note))
 

@@ -10,6 +10,7 @@ from app.bridge import Bridge, whole_number
 from app.controller import Controller
 from app.html import button, icon, text
 from app.panels.html_panel import HtmlPanel
+from app.panels.line import Line
 from app.quantities import FUNCTIONS, VALUES, limits_of
 from app.run_state import RunState
 from app.view import View
@@ -48,17 +49,15 @@ class BreakpointsPanel:
         self,
         gui: viser.GuiApi,
         controller: Controller,
-        guarded: Callable[[Callable[..., None]], Callable[..., None]],
+        bridge: Bridge,
         press: "BreakpointButtons",
     ) -> None:
         self._controller, self._press = controller, press
         self._mistake = ""
-        with gui.add_form(None) as form:
-            self._text = gui.add_text("Stop when", "")
-        add = guarded(self._add)
-        form.on_submit(lambda _: add())
+        hint = "A condition over what is recorded of a step, such as rejected > 0. Enter adds it."
+        self._line = Line(gui, bridge, "Stop when", hint, self._add)
         self._panel = HtmlPanel(gui)
-        press.on_add = self._add
+        press.on_add = lambda: self._add(self._line.take_draft())
 
     def show(self, state: RunState, view: View) -> None:
         rows = "".join(self._row(item) for item in state.breakpoints)
@@ -98,15 +97,16 @@ class BreakpointsPanel:
             f"<span class='dim'>{item.hits} ×</span>{report}{remove}</div>"
         )
 
-    def _add(self) -> None:
-        written, limits = str(self._text.value), limits_of(self._controller.scene)
+    def _add(self, written: str) -> None:
+        limits = limits_of(self._controller.scene)
         try:
             self._controller.edit_breakpoints(lambda all_of_them: all_of_them.added(written, limits))
         except InputError as error:
             self._mistake = str(error)
+            self._line.write(written)
             self._controller.republish()
         else:
-            self._mistake, self._text.value = "", ""
+            self._mistake = ""
 
 
 def _pointed_at(mistake: str) -> str:

@@ -7,6 +7,7 @@ import viser
 from app.bridge import Bridge, whole_number
 from app.html import button, icon, text
 from app.panels.choice import choice
+from app.panels.followed import Followed
 from app.panels.html_panel import HtmlPanel
 from app.panels.surface_panel import SHAPES, SurfaceButtons
 from app.run_state import RunState
@@ -53,6 +54,8 @@ class CameraBox:
                 hint="Lays what the other photos and the mesh predict over the photo (%).",
             )  # fmt: skip
 
+        self._followed = Followed(self._share)
+
         def set_share(value: object) -> None:
             view.model_share = whole_number(value, 0, 100, "share of the model") / 100
             republish()
@@ -79,5 +82,4 @@ class CameraBox:
             f"<div class='dim note'>the model over the photo</div>{lay}"
             f"<div class='dim note'>with the mesh as it is</div>{choice(shapes, view.shape, 'Model')}"
         )
-        if self._share.value != round(100 * view.model_share):
-            self._share.value = round(100 * view.model_share)
+        self._followed.follow(round(100 * view.model_share))

@@ -145,7 +145,8 @@ class CellLens:
 def _read_out(size: int, pictures: CellPictures) -> str:
     """JavaScript for the picture: what its sample under the pointer says goes into the line two below."""
     return (
-        "var t=this,v=t.v||(t.v=new Int16Array(Uint8Array.from(atob(t.dataset.values),c=>c.charCodeAt(0)).buffer)),"
+        "var t=this,d=t.dataset.values,v=t.d===d?t.v:(t.d=d,t.v=new Int16Array(Uint8Array.from(atob(d),"
+        "c=>c.charCodeAt(0)).buffer)),"
         f"n={size},r=t.getBoundingClientRect(),c=Math.floor((event.clientX-r.left)/r.width*n),"
         "l=Math.floor((event.clientY-r.top)/r.height*n),p=v.length/3,k=l*n-l*(l-1)/2+c,"
         "o=t.nextElementSibling.nextElementSibling;"

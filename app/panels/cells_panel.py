@@ -11,6 +11,7 @@ from app.html import button, text
 from app.lookup import Lookup
 from app.panels.cell_source import CellSource, chosen_face
 from app.panels.cell_table import cell_table
+from app.panels.followed import Followed
 from app.panels.html_panel import HtmlPanel
 from app.panels.photo_pages import PhotoPages
 from app.run_state import RunState
@@ -46,6 +47,7 @@ class CellsPanel:
             visible=False,
             hint="Look at the same cells with more or fewer eigenspace dimensions. The run keeps its own.",
         )
+        self._followed = Followed(self._k)
         look = guarded(controls.look_at_k)
 
         @self._k.on_update
@@ -104,7 +106,7 @@ class CellsPanel:
         if isinstance(facts, Exception):
             self._body.set(f"<div class='note rejected'>{text(facts)}</div>")
             return
-        self._show_k(len(facts.cells.basis), len(facts.energies))
+        self._show_k(view.cells.dimensions or facts.own_dimensions, len(facts.energies))
         cells_view = view.cells
         self._draw(
             ("cells", question, cells_view.columns, cells_view.arrow_scale),
@@ -141,5 +143,4 @@ class CellsPanel:
         if largest > 1:
             if self._k.max != largest:
                 self._k.max = largest
-            if self._k.value != k:
-                self._k.value = k
+            self._followed.follow(min(k, largest))

@@ -56,8 +56,8 @@ class OptionsPanel:
 
     def show(self, state: RunState, view: View) -> None:
         if state.options is not self._shown:
-            self._shown = state.options
-            self._fill_in(state.options)
+            before, self._shown = self._shown, state.options
+            self._fill_in(state.options, before)
             self._preset.value = FROM_WIDGETS
         try:
             changed = [(f, w.value) for f, w in self._widgets if f.read(w.value) != f.of(state.options)]
@@ -90,10 +90,11 @@ class OptionsPanel:
             self._fill_in(PRESETS[name])
             self._controller.republish()
 
-    def _fill_in(self, options: FairingOptions) -> None:
+    def _fill_in(self, options: FairingOptions, unless_as_in: FairingOptions | None = None) -> None:
         for field, widget in self._widgets:
             value = field.shown(options)
-            if widget.value != value:
+            # What has not changed in the run may be what somebody is typing something else for.
+            if widget.value != value and (unless_as_in is None or field.shown(unless_as_in) != value):
                 widget.value = value
 
 

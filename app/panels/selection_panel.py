@@ -4,9 +4,11 @@ from collections.abc import Callable
 
 import viser
 
+from app.bridge import Bridge
 from app.controller import RunState
 from app.html import button, icon, text
 from app.panels.html_panel import HtmlPanel
+from app.panels.line import Line
 from app.selection import Selection, list_vertices, parse_vertices
 from app.view import View
 
@@ -17,23 +19,23 @@ class SelectionPanel:
     def __init__(
         self,
         gui: viser.GuiApi,
+        bridge: Bridge,
         last_vertex: int,
-        guarded: Callable[[Callable[..., None]], Callable[..., None]],
         on_choose: Callable[[Selection], None],
         press: dict[str, str],
     ) -> None:
         self._press = press
         self._shown = Selection()
-        with gui.add_form(None) as form:
-            self._text = gui.add_text("Vertices", "", hint="Numbers and ranges such as 3, 17-20; Enter selects them.")
-        choose = guarded(lambda: on_choose(parse_vertices(self._text.value, last_vertex)))
-        form.on_submit(lambda _: choose())
+        self._line = Line(
+            gui, bridge, "Vertices", "Numbers and ranges such as 3, 17-20; Enter selects them.",
+            lambda line: on_choose(parse_vertices(line, last_vertex)), keeps=True,
+        )  # fmt: skip
         self._panel = HtmlPanel(gui)
 
     def show(self, state: RunState, view: View) -> None:
         if view.selection != self._shown:
             self._shown = view.selection
-            self._text.value = list_vertices(view.selection.vertices)
+            self._line.write(list_vertices(view.selection.vertices))
         self._panel.set(_NOTHING if view.selected is None else self._chosen(state, view.selection, view.selected))
 
     def _chosen(self, state: RunState, selection: Selection, current: int) -> str:

@@ -6,8 +6,10 @@ import viser
 
 from app.coloring import COLORINGS, available_colorings
 from app.panels.choice import choice
+from app.panels.followed import Followed
 from app.panels.html_panel import HtmlPanel
 from app.run_state import RunState
+from app.texturer import MOST_FACES, MOST_FACES_BY_EYE
 from app.view import NOW_SHAPE, START_SHAPE, SURFACES, TRUE_SHAPE, View
 from fairing.errors import InputError
 from fairing.scene import Scene
@@ -71,9 +73,13 @@ class SurfacePanel:
     """Rows of buttons of which one is down, and a slider through the shapes."""
 
     def __init__(
-        self, gui: viser.GuiApi, buttons: SurfaceButtons, guarded: Callable[[Callable[..., None]], Callable[..., None]]
+        self,
+        gui: viser.GuiApi,
+        n_faces: int,
+        buttons: SurfaceButtons,
+        guarded: Callable[[Callable[..., None]], Callable[..., None]],
     ) -> None:
-        self._buttons = buttons
+        self._buttons, self._note = buttons, limit_note(n_faces)
         self._panel = HtmlPanel(gui)
         self._slider = gui.add_slider(
             "Shape",
@@ -83,6 +89,7 @@ class SurfacePanel:
             initial_value=NOW_SHAPE,
             hint="Moves the surface from where it began to where it is now, and on to the truth where that is known.",
         )
+        self._followed = Followed(self._slider)
         choose = guarded(buttons.choose_shape)
 
         @self._slider.on_update
@@ -98,9 +105,19 @@ class SurfacePanel:
         colors = {name: (COLORINGS[name].label, press[name]) for name in press if name in COLORINGS}
         shapes = {shape: (SHAPES[shape], js) for shape, js in self._buttons.press_shape.items()}
         self._panel.set(
-            f"<h4>Surface</h4>{how}<div class='dim note'>texture</div>{choice(textures, texture, 'Texture')}"
+            f"<h4>Surface</h4>{how}<div class='dim note'>texture</div>{choice(textures, texture, 'Texture')}{self._note}"
             f"<div class='dim note'>coloured by</div>{choice(colors, view.surface, 'Coloured by')}"
             f"<div class='dim note'>as it is</div>{choice(shapes, view.shape, 'Shape')}"
         )
-        if self._slider.value != view.shape:
-            self._slider.value = view.shape
+        self._followed.follow(view.shape)
+
+
+def limit_note(n_faces: int) -> str:
+    """Which texture a mesh of so many faces is too fine for, if any."""
+    if n_faces > MOST_FACES:
+        what, most = "Textures hold", MOST_FACES
+    elif n_faces > MOST_FACES_BY_EYE:
+        what, most = "A texture by the eye holds", MOST_FACES_BY_EYE
+    else:
+        return ""
+    return f"<div class='note'>{what} at most {most:,} faces; this mesh has {n_faces:,}.</div>".replace(",", "\u2009")

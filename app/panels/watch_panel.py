@@ -9,10 +9,12 @@ from app.condition import Condition
 from app.html import button, icon, number, text
 from app.palette import NOW, SELECTED, css
 from app.panels.html_panel import HtmlPanel
+from app.panels.line import Line
 from app.run_state import RunState
 from app.series import Series, thinned
 from app.view import View
 from app.watch import understand_watch, watch_series, with_watch
+from fairing.errors import InputError
 from fairing.scene import Scene
 
 SPARK = (96, 20)  # px
@@ -42,21 +44,21 @@ class WatchPanel:
         scene: Scene,
         view: View,
         controls: WatchControls,
-        guarded: Callable[[Callable[..., None]], Callable[..., None]],
+        bridge: Bridge,
         republish: Callable[[], None],
     ) -> None:
         self._controls = controls
         self._series: dict[str, Series] = {}
-        with gui.add_form(None) as form:
-            line = gui.add_text("Watch", "", hint="Such as energy / 1000, moved(0) or 100 * weakest. Enter adds it.")
 
-        def add() -> None:
-            view.watches = with_watch(view.watches, understand_watch(str(line.value), scene))
-            line.value = ""
+        def add(expression: str) -> None:
+            try:
+                view.watches = with_watch(view.watches, understand_watch(expression, scene))
+            except InputError:
+                line.write(expression)
+                raise
             republish()
 
-        submit = guarded(add)
-        form.on_submit(lambda _: submit())
+        line = Line(gui, bridge, "Watch", "Such as energy / 1000, moved(0) or 100 * weakest. Enter adds it.", add)
         self._panel = HtmlPanel(gui)
 
     def show(self, state: RunState, view: View) -> None:

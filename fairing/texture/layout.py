@@ -63,6 +63,11 @@ class AtlasLayout:
                 raise ValueError(f"{len(legs)} faces do not fit into a texture of {largest} texels")
             scale *= min(0.97, largest / size.max())
 
+    @staticmethod
+    def most_faces(largest: int, gutter: int = 4) -> int:
+        """So many faces fit into a texture of at most `largest` texels in width and height, however small they are."""
+        return 2 * (largest // (SHORTEST_LEG + 3 * gutter + 1)) ** 2
+
     @property
     def box(self) -> np.ndarray:
         """(m, 2) int: width and height of each face's rectangle, texels."""

@@ -146,9 +146,9 @@ class Visitor:
         return self.box_of(self.page.locator("canvas[data-engine]").first)
 
     def input_of(self, label: str) -> Locator:
-        """The line to type into that has this label; the viewer does not link them."""
+        """The line to type into that has this label; the viewer does not link its own."""
         return self.page.get_by_text(label, exact=True).locator(
-            "xpath=ancestor::div[contains(@class,'Flex-root')][1]//input"
+            "xpath=(ancestor::label[@class='line']|ancestor::div[contains(@class,'Flex-root')][1])//input"
         )
 
     def box_of(self, element: Locator) -> dict[str, float]:
