@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fairing.kernels import (
+from fairing.kernels.data import (
     NORM_GEMAN_MCCLURE,
     NORM_HUBER,
     NORM_LEAST_SQUARES,

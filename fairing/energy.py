@@ -8,12 +8,8 @@ from itertools import pairwise
 import numpy as np
 
 from fairing.cells import CellContext
-from fairing.kernels import (
-    SOLVER_ALTERNATING,
-    SOLVER_NONE,
-    SOLVER_VARIABLE_PROJECTION,
-    evaluate_faces,
-)
+from fairing.kernels.data import SOLVER_ALTERNATING, SOLVER_NONE, SOLVER_VARIABLE_PROJECTION
+from fairing.kernels.faces import evaluate_faces
 from fairing.options import RobustOptions, by_level
 
 SOLVERS = {"alternating": SOLVER_ALTERNATING, "variable_projection": SOLVER_VARIABLE_PROJECTION}

@@ -11,7 +11,8 @@ import numpy as np
 
 from fairing.cells import CellContext
 from fairing.errors import InputError
-from fairing.kernels import NORM_GEMAN_MCCLURE, NORM_HUBER, KernelData, show_face
+from fairing.kernels.data import NORM_GEMAN_MCCLURE, NORM_HUBER, KernelData
+from fairing.kernels.faces import show_face
 from fairing.session import Session
 
 

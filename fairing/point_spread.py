@@ -87,7 +87,7 @@ def equally_sharp(
         pool: works on several photos at a time.
 
     Returns:
-        `pixels`, `pair_base` and `pair_frame` of `fairing.kernels.KernelData`.
+        `pixels`, `pair_base` and `pair_frame` of `fairing.kernels.data.KernelData`.
     """
     covariance = missing_blur(cameras, pair_view, pair_start, corners, least)
     face = np.repeat(np.arange(len(corners)), np.diff(pair_start))

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from fairing.kernels import KernelData
+from fairing.kernels.data import KernelData
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,9 +5,12 @@ import numpy as np
 import pytest
 from scipy.ndimage import map_coordinates
 
-from fairing import kernels
 from fairing.energy import Evaluator, robust_scale
 from fairing.inspect import face_cells
+from fairing.kernels.compiled import SOURCE
+from fairing.kernels.eigenspace import fit_face
+from fairing.kernels.faces import evaluate_faces, show_face
+from fairing.kernels.robust import HISTOGRAM_STEP, weigh
 from fairing.options import FairingOptions
 from fairing.session import Session, SweepState
 from tests.numpy_twin import TwinPhotos, evaluate_face
@@ -171,7 +174,7 @@ def test_weight_times_residual_is_the_slope_of_the_norm(norm):
     weight = np.zeros(1, np.float32)
 
     def rho(e: float) -> float:
-        return kernels._weigh(np.array([e], np.float32), code, scale, weight)
+        return weigh(np.array([e], np.float32), code, scale, weight)
 
     expected = {
         "geman_mcclure": lambda e: e**2 / (sigma**2 + e**2),
@@ -191,7 +194,7 @@ def test_geman_mcclure_turns_at_sigma_over_root_three_and_the_printed_form_does_
     for norm, turn in (("geman_mcclure", 9 / np.sqrt(3)), ("geman_mcclure_printed", np.sqrt(9 / 3))):
         scale = robust_scale(small_options(robust={"norm": norm}).robust, np.array([9.0]))[0]
         weight = np.zeros_like(e)
-        kernels._weigh(e, 0, scale, weight)
+        weigh(e, 0, scale, weight)
         assert e[np.argmax(weight * e)] == pytest.approx(turn, abs=0.02)
 
 
@@ -248,9 +251,7 @@ def test_gains_of_photos_leave_a_perfect_fit_perfect():
     cells = (factors[:, None] * texture).astype(np.float32)
     residual = np.empty_like(cells)
     nothing = np.zeros((1, 1), np.float32)
-    kernels.fit_face(
-        cells, 1, False, nothing, False, np.empty((2, p), np.float32), np.zeros((n, 2)), np.empty(n), residual
-    )
+    fit_face(cells, 1, False, nothing, False, np.empty((2, p), np.float32), np.zeros((n, 2)), np.empty(n), residual)
     assert np.abs(residual).max() < 1e-3
 
 
@@ -260,6 +261,11 @@ def test_a_corner_behind_a_camera_makes_the_energy_infinite_and_nothing_else():
     vertices[0] = session.scene.views[0].camera.center + np.array([0.5, 0.5, 0.5])
     found = Evaluator(1).measure(sweep.context, vertices, FACE_IDS, sweep.scale)
     assert np.isinf(found.energy).all()
+
+
+def test_compiled_code_on_disk_is_told_apart_by_the_text_of_every_file_it_comes_from():
+    for kept in (evaluate_faces, show_face):
+        assert SOURCE in [cell.cell_contents for cell in kept.py_func.__closure__]
 
 
 def test_threads_do_not_change_a_bit():
@@ -281,7 +287,7 @@ def test_statistics_are_the_largest_and_the_median_residual():
         cells = face_cells(session, face)
         size = np.abs(cells.residual[cells.counts])
         assert found.largest[face] == pytest.approx(size.max())
-        assert found.median[face] == pytest.approx(np.median(size), abs=kernels.HISTOGRAM_STEP)
+        assert found.median[face] == pytest.approx(np.median(size), abs=HISTOGRAM_STEP)
 
 
 def test_a_dimension_that_only_learns_noise_is_given_up():

@@ -1,0 +1,55 @@
+"""What the kernels are given that stays fixed while vertices move."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+SOLVER_NONE, SOLVER_ALTERNATING, SOLVER_VARIABLE_PROJECTION = 0, 1, 2
+NORM_GEMAN_MCCLURE, NORM_HUBER, NORM_LEAST_SQUARES = 0, 1, 2
+
+
+class KernelData(NamedTuple):
+    """What stays fixed while vertices move (built by `fairing.cells.CellContext`). P pairs of face and view, V views.
+
+    Attributes:
+        faces: (m, 3) int64.
+        image_from_world: (V, 3, 4) float64.
+        pixels: flat float32: the planes (channels, height, width) of blurred photos, or of parts of them, one after another.
+        channels: planes a photo.
+        pair_start: (m + 1,) int64: the pairs of face f are pair_start[f] : pair_start[f + 1].
+        pair_view: (P,) int64.
+        pair_base: (P,) int64: where the pair's photo, or part of it, starts in `pixels`.
+        pair_frame: (P, 4) int64: that part's left and top pixel, width and height.
+        pair_weight: (P,) float64: photo pixels a cell sample stands for, times the photo's weight.
+        pair_mask: (P,) int64: where the samples' mask starts in `masks`, or -1 if every sample counts.
+        masks: flat uint8.
+        face_dimensions: (m,) int64: k; 0 for a face that takes no part.
+        face_inset: (m,) float64: border left out, as a fraction of the face's height.
+        face_grid: (m,) int64: which cell grid.
+        grid_start: (g + 1,) int64.
+        ramp: (2, total) float32: barycentric weights of corner 0 and 1 at the cells' samples.
+        affine, cubic, remove_bias, centered: bool.
+        norm: NORM_*.
+    """
+
+    faces: np.ndarray
+    image_from_world: np.ndarray
+    pixels: np.ndarray
+    channels: int
+    pair_start: np.ndarray
+    pair_view: np.ndarray
+    pair_base: np.ndarray
+    pair_frame: np.ndarray
+    pair_weight: np.ndarray
+    pair_mask: np.ndarray
+    masks: np.ndarray
+    face_dimensions: np.ndarray
+    face_inset: np.ndarray
+    face_grid: np.ndarray
+    grid_start: np.ndarray
+    ramp: np.ndarray
+    affine: bool
+    cubic: bool
+    remove_bias: bool
+    centered: bool
+    norm: int

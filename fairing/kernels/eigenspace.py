@@ -1,0 +1,154 @@
+"""The eigenspace of a face's cells, and the residual it leaves."""
+
+import numpy as np
+
+from fairing.kernels.compiled import fast, plain, stay_one_function
+from fairing.kernels.rows import BLOCK, add_rows, dot, dot_three
+
+FILL_ITERATIONS = 3
+
+
+@plain
+def fit_face(cells, k, centered, mask_weight, masked, basis, V, singular_values, residual):
+    """Eigenspace and residual of one face's cells (n, p).
+
+    residual = I - U c (Eq. 1). Masked samples are filled from the reconstruction itself, starting from the mean of the other
+    cells: a fixed number of rounds, so that the energy is a function of the vertices alone. Their residual is zero.
+    Centred: the mean cell is taken off `cells` in place first. The last row of the basis, (k + 1, p), is scratch.
+    """
+    stay_one_function()  # pyright: ignore[reportCallIssue]
+    n, p = cells.shape
+    if masked:
+        _fill_with_mean(cells, mask_weight, residual)
+    back = np.empty((n, k), dtype=np.float32)
+    for _ in range(FILL_ITERATIONS + 1 if masked else 1):
+        if centered:
+            _take_mean_off(cells, basis[k])
+        factors = _decompose(cells, k, V, singular_values)
+        for i in range(n):
+            for m in range(k):
+                back[i, m] = -singular_values[m] * V[i, m]
+        for start in range(0, p, BLOCK):
+            stop = min(start + BLOCK, p)
+            for m in range(k):
+                basis[m, start:stop] = 0
+                add_rows(basis[m, start:stop], factors[m], cells, start)
+            for i in range(n):
+                residual[i, start:stop] = cells[i, start:stop]
+                add_rows(residual[i, start:stop], back[i], basis, start)
+        if masked:
+            _fill_with_reconstruction(cells, mask_weight, residual)
+
+
+@plain
+def _decompose(cells, k, V, singular_values):
+    """First k left singular vectors of the cells through the n x n Gram matrix; signs fixed so that runs compare.
+
+    Fills V (n, k); returns the factors (k, n) that make the basis images out of the cells.
+    """
+    n = cells.shape[0]
+    gram = np.empty((n, n))
+    _gram_matrix(cells, gram)
+    values, vectors = np.linalg.eigh(gram)
+    for m in range(n):
+        singular_values[m] = np.sqrt(max(values[n - 1 - m], 0.0))
+    factors = np.zeros((k, n), dtype=np.float32)
+    for m in range(k):
+        column = vectors[:, n - 1 - m]
+        largest = 0
+        for i in range(n):
+            if abs(column[i]) > abs(column[largest]) * (1 + 1e-9):
+                largest = i
+        sign = 1.0 if column[largest] >= 0 else -1.0
+        if singular_values[m] > 1e-6 * singular_values[0] and singular_values[m] > 0:
+            for i in range(n):
+                V[i, m] = sign * column[i]
+                factors[m, i] = V[i, m] / singular_values[m]
+        else:
+            V[:, m] = 0
+    return factors
+
+
+@plain
+def _gram_matrix(cells, gram):
+    """gram (n, n) float64 = cells cells^T, block by block of samples."""
+    n, p = cells.shape
+    gram[:] = 0
+    for start in range(0, p, BLOCK):
+        stop = min(start + BLOCK, p)
+        for i in range(n):
+            cell, j = cells[i, start:stop], 0
+            while j + 2 <= i:
+                products = dot_three(cell, cells[j, start:stop], cells[j + 1, start:stop], cells[j + 2, start:stop])
+                for b in range(3):
+                    gram[i, j + b] += products[b]
+                j += 3
+            while j <= i:
+                gram[i, j] += dot(cell, cells[j, start:stop])
+                j += 1
+    for i in range(n):
+        for j in range(i):
+            gram[j, i] = gram[i, j]
+
+
+@fast
+def _take_mean_off(cells, mean):
+    """Subtract the mean cell from all; mean: (p,) scratch."""
+    n = cells.shape[0]
+    mean[:] = 0
+    add_rows(mean, np.full(n, np.float32(1 / n)), cells, 0)
+    for i in range(n):
+        cell = cells[i]
+        for t in range(cell.shape[0]):
+            cell[t] -= mean[t]
+
+
+@fast
+def _fill_with_mean(cells, mask_weight, scratch):
+    """Give masked samples the mean of the other cells; scratch: (n, p) with n at least 2, overwritten."""
+    n, p = cells.shape
+    total, count = scratch[0], scratch[1]
+    total[:] = 0
+    count[:] = 0
+    for i in range(n):
+        cell, weight = cells[i], mask_weight[i]
+        for t in range(p):
+            total[t] += weight[t] * cell[t]
+            count[t] += weight[t]
+    for t in range(p):
+        total[t] /= max(count[t], np.float32(1))
+    for i in range(n):
+        cell, weight = cells[i], mask_weight[i]
+        for t in range(p):
+            cell[t] = weight[t] * cell[t] + (np.float32(1) - weight[t]) * total[t]
+
+
+@fast
+def _fill_with_reconstruction(cells, mask_weight, residual):
+    """Give masked samples their reconstruction; their residual becomes zero."""
+    for i in range(cells.shape[0]):
+        cell, weight, rest = cells[i], mask_weight[i], residual[i]
+        for t in range(cell.shape[0]):
+            cell[t] -= (np.float32(1) - weight[t]) * rest[t]
+            rest[t] *= weight[t]
+
+
+@fast
+def remove_means(cells, mask_weight, masked):
+    """Subtract from each cell its mean over the samples that count (the bias between photos)."""
+    stay_one_function()  # pyright: ignore[reportCallIssue]
+    for i in range(cells.shape[0]):
+        cell = cells[i]
+        total, count = 0.0, float(cell.shape[0])
+        if masked:
+            weight = mask_weight[i]
+            count = 0.0
+            for t in range(cell.shape[0]):
+                total += weight[t] * cell[t]
+                count += weight[t]
+        else:
+            for t in range(cell.shape[0]):
+                total += cell[t]
+        mean = np.float32(total / max(count, 1.0))
+        for t in range(cell.shape[0]):
+            cell[t] -= mean

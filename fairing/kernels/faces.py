@@ -1,0 +1,163 @@
+"""The hot loops, compiled: one call works through a list of faces.
+
+Every face is computed on its own, in a fixed order of operations, and written to its own place, so that the result does
+not depend on how the list is shared among threads.
+"""
+
+import numpy as np
+
+from fairing.kernels.compiled import SOURCE, kept, plain
+from fairing.kernels.data import SOLVER_NONE, SOLVER_VARIABLE_PROJECTION
+from fairing.kernels.eigenspace import fit_face, remove_means
+from fairing.kernels.normal_equations import normal_equations
+from fairing.kernels.robust import residual_statistics, weigh
+from fairing.kernels.rows import STRIP
+from fairing.kernels.sampling import apply_masks, sample_face
+
+
+@plain
+def _evaluate_faces(data, vertices, todo, corners, sigma_scale, solver, energy, pair_energy, H, g, statistics):
+    """Energy and normal equations of the faces `todo`.
+
+    Args:
+        data: KernelData.
+        vertices: (n, 3) float64.
+        todo: (F,) int64 face ids.
+        corners: (F,) int64: which corner moves, -1 for all.
+        sigma_scale: (m,) float64: the robust norm's scale by face.
+        solver: SOLVER_*; with SOLVER_NONE only energies are filled.
+        energy: (F,) float64, out: sum of weight * rho(e); infinite if a corner lies behind a camera.
+        pair_energy: (P,) float64, out: the same by pair, for the pairs of `todo`.
+        H, g: (F, 9, 9), (F, 9) float64, out.
+        statistics: (F, 3) float64, out: largest and median absolute residual, grey levels; the k-th singular value
+            squared over the mean of the later ones.
+    """
+    n_most, p_most = 1, 1
+    for f in todo:
+        n_most = max(n_most, data.pair_start[f + 1] - data.pair_start[f])
+        p_most = max(p_most, data.grid_start[data.face_grid[f] + 1] - data.grid_start[data.face_grid[f]])
+    p_most *= data.channels
+    k_most = max(1, data.face_dimensions.max()) + 1
+    want = solver != SOLVER_NONE
+    all_components = 9 if data.affine and corners.min() < 0 else 3
+    cells_buffer = np.empty(n_most * p_most, dtype=np.float32)
+    residual_buffer = np.empty(n_most * p_most, dtype=np.float32)
+    weights_buffer = np.empty(n_most * p_most, dtype=np.float32)
+    mask_buffer = np.empty(n_most * p_most if data.masks.shape[0] > 0 else 1, dtype=np.float32)
+    G_buffer = np.empty(all_components * n_most * p_most if want else 1, dtype=np.float32)
+    hats_buffer = np.empty(3 * p_most, dtype=np.float32)
+    basis_buffer = np.empty(k_most * p_most, dtype=np.float32)
+    strip = np.empty((5, STRIP), dtype=np.float32)
+    taps = np.empty((4, 4 * STRIP), dtype=np.float32)
+    index = np.empty(STRIP, dtype=np.int32)
+    singular_values = np.empty(n_most)
+    for at in range(todo.shape[0]):
+        face = todo[at]
+        corner = corners[at]
+        energy[at] = 0
+        statistics[at] = 0
+        H[at] = 0
+        g[at] = 0
+        k = data.face_dimensions[face]
+        if k == 0:
+            continue
+        first, n = data.pair_start[face], data.pair_start[face + 1] - data.pair_start[face]
+        p = data.grid_start[data.face_grid[face] + 1] - data.grid_start[data.face_grid[face]]
+        pc = p * data.channels
+        components = 9 if data.affine and corner < 0 else 3
+        cells = cells_buffer[: n * pc].reshape(n, pc)
+        residual = residual_buffer[: n * pc].reshape(n, pc)
+        weights = weights_buffer[: n * pc].reshape(n, pc)
+        mask_weight = mask_buffer[: n * pc].reshape(n, pc) if data.masks.shape[0] > 0 else mask_buffer.reshape(1, 1)
+        G = G_buffer[: components * n * pc if want else 0].reshape(components if want else 0, n, pc)
+        hats = hats_buffer[: 3 * pc].reshape(3, pc)
+        if not sample_face(data, vertices, face, corner, want, cells, G, hats, strip, taps, index):
+            energy[at] = np.inf
+            continue
+        masked = apply_masks(data, face, p, mask_weight, G, components if want else 0)
+        if data.remove_bias:
+            remove_means(cells, mask_weight, masked)
+        V = np.zeros((n, k + 1))
+        basis = basis_buffer[: (k + 1) * pc].reshape(k + 1, pc)
+        fit_face(cells, k, data.centered, mask_weight, masked, basis, V, singular_values, residual)
+        for i in range(n):
+            rho = weigh(residual[i], data.norm, sigma_scale[face], weights[i])
+            pair_energy[first + i] = data.pair_weight[first + i] * rho
+            energy[at] += pair_energy[first + i]
+        if want:
+            used = k
+            if data.centered:
+                V[:, k] = 1 / np.sqrt(n)
+                basis[k, :] = 0
+                used = k + 1
+            normal_equations(
+                G, hats, corner, data.remove_bias, solver == SOLVER_VARIABLE_PROJECTION, basis[:used], V[:, :used], residual,
+                weights, data.pair_weight[first : first + n], H[at], g[at],
+            )  # fmt: skip
+        else:
+            residual_statistics(residual, mask_weight, masked, index, statistics[at])
+            later = (singular_values[k:n] ** 2).mean()
+            statistics[at, 2] = singular_values[k - 1] ** 2 / max(later, 1e-300)
+
+
+@plain
+def _show_face(
+    data, vertices, face, scale, raw, bias, residual, weights, mask_weight, basis, V, singular_values, pair_energy
+):
+    """The same computation as in `_evaluate_faces` for one face, with everything it passes through kept for display.
+
+    Args:
+        scale: the robust norm's scale of the face.
+        raw, residual, weights, mask_weight: (n, p * channels) float32, out: cells as sampled, I - U c, rho'(e) / e, and
+            1 where a sample counts.
+        bias: (n,) float32, out: mean taken off each cell.
+        basis: (k + 1, p * channels) float32, out; the last row is scratch.
+        V: (n, k + 1) float64, out: right singular vectors.
+        singular_values: (n,) float64, out.
+        pair_energy: (n,) float64, out.
+
+    Returns:
+        The cells (n, p * channels) as the eigenspace was fitted to them: masked samples filled in, means taken off
+        where the options ask for it; None where a corner lies behind a camera.
+    """
+    n, pc = raw.shape
+    k = data.face_dimensions[face]
+    G = np.empty((0, n, pc), dtype=np.float32)
+    hats = np.empty((3, pc), dtype=np.float32)
+    strip = np.empty((5, STRIP), dtype=np.float32)
+    taps = np.empty((4, 4 * STRIP), dtype=np.float32)
+    index = np.empty(STRIP, dtype=np.int32)
+    if not sample_face(data, vertices, face, -1, False, raw, G, hats, strip, taps, index):
+        return None
+    cells = raw.copy()
+    mask_weight[:] = 1
+    masked = apply_masks(data, face, pc // data.channels, mask_weight, G, 0)
+    if data.remove_bias:
+        remove_means(cells, mask_weight, masked)
+        bias[:] = raw[:, 0] - cells[:, 0]
+    if k > 0:
+        fit_face(cells, k, data.centered, mask_weight, masked, basis, V, singular_values, residual)
+        first = data.pair_start[face]
+        for i in range(n):
+            rho = weigh(residual[i], data.norm, scale, weights[i])
+            pair_energy[i] = data.pair_weight[first + i] * rho
+    return cells
+
+
+def _kept_for(source):
+    @kept
+    def evaluate_faces(*arguments):
+        """See `_evaluate_faces`."""
+        assert source >= 0
+        _evaluate_faces(*arguments)
+
+    @kept
+    def show_face(*arguments):
+        """See `_show_face`."""
+        assert source >= 0
+        return _show_face(*arguments)
+
+    return evaluate_faces, show_face
+
+
+evaluate_faces, show_face = _kept_for(SOURCE)

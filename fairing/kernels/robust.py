@@ -1,0 +1,89 @@
+"""The robust norm of residuals, and the statistics its scale is chosen by."""
+
+import numpy as np
+
+from fairing.kernels.compiled import fast, plain, stay_one_function
+from fairing.kernels.data import NORM_GEMAN_MCCLURE, NORM_HUBER
+from fairing.kernels.rows import STRIP
+
+HISTOGRAM_BINS = 2048
+HISTOGRAM_STEP = 0.0625  # grey levels
+
+
+@fast
+def weigh(residual, norm, scale, weights):
+    """Robust weight rho'(e) / e of every residual; returns the sum of rho(e).
+
+    `scale` is sigma squared (sigma itself for the printed Geman-McClure form); all norms behave as e^2 / sigma^2 near zero.
+    """
+    stay_one_function()  # pyright: ignore[reportCallIssue]
+    s2 = np.float32(scale)
+    total = np.float32(0)
+    two, one = np.float32(2), np.float32(1)
+    if norm == NORM_GEMAN_MCCLURE:
+        for t in range(residual.shape[0]):
+            squared = residual[t] * residual[t]
+            inverse = one / (s2 + squared)
+            total += squared * inverse
+            weights[t] = two * s2 * inverse * inverse
+    elif norm == NORM_HUBER:
+        inverse = one / s2
+        sigma = np.sqrt(s2)
+        for t in range(residual.shape[0]):
+            size = abs(residual[t])
+            total += (size * size if size <= sigma else two * size * sigma - s2) * inverse
+            weights[t] = two * inverse * min(one, sigma / max(size, sigma))
+    else:
+        inverse = one / s2
+        for t in range(residual.shape[0]):
+            total += residual[t] * residual[t] * inverse
+            weights[t] = two * inverse
+    return total
+
+
+@plain
+def residual_statistics(residual, mask_weight, masked, index, found):
+    """Largest and median absolute residual of the samples that count; found: (3,) float64, out, the first two."""
+    n, p = residual.shape
+    histograms = np.zeros((4, HISTOGRAM_BINS + 1), dtype=np.int32)
+    for i in range(n):
+        for start in range(0, p, STRIP):
+            strip = slice(start, min(start + STRIP, p))
+            bins = index[: strip.stop - start]
+            found[0] = max(found[0], _bins(residual[i, strip], bins))
+            if masked:
+                for t in range(bins.shape[0]):
+                    if mask_weight[i, start + t] == 0:
+                        bins[t] = HISTOGRAM_BINS  # a masked residual is zero, and is not the largest
+            _count(bins, histograms)
+    histogram = histograms.sum(axis=0)[:HISTOGRAM_BINS].astype(np.float64)
+    found[1] = _median_from_histogram(histogram, histogram.sum())
+
+
+@fast
+def _bins(residual, index):
+    """Histogram bins of absolute residuals; returns the largest."""
+    per_level, last = np.float32(1 / HISTOGRAM_STEP), np.float32(HISTOGRAM_BINS - 1)
+    largest = np.float32(0)
+    for t in range(residual.shape[0]):
+        size = abs(residual[t])
+        largest = max(largest, size)
+        index[t] = np.int32(min(size * per_level, last))
+    return largest
+
+
+@plain
+def _count(index, histograms):
+    """Count bins in four histograms in turn: a count need not wait for that of a neighbour in the same bin."""
+    for t in range(index.shape[0]):
+        histograms[t & 3, index[t]] += 1
+
+
+@plain
+def _median_from_histogram(histogram, total):
+    half, below = total / 2, 0.0
+    for b in range(histogram.shape[0]):
+        if below + histogram[b] >= half and histogram[b] > 0:
+            return HISTOGRAM_STEP * (b + (half - below) / histogram[b])
+        below += histogram[b]
+    return HISTOGRAM_STEP * histogram.shape[0]
