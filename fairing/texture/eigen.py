@@ -16,15 +16,14 @@ from fairing.scene import Scene
 from fairing.texture.layout import AtlasLayout
 from fairing.texture.model import (
     UNSEEN,
-    barycentric,
     chosen_views,
     exposures,
     fuse,
     most_texels,
-    place,
     sample,
     survey,
 )
+from fairing.texture.texels import columns, place, rows
 
 GUTTER = 2  # texels: the atlas is small, and its image has no mip levels
 IMAGES = 3  # beside the first
@@ -131,10 +130,8 @@ def _explain(starts, colors, weights, corner, legs, is_turned, gutter, image, co
     for face in range(legs.shape[0]):
         start, w, h = starts[face], legs[face, 0], legs[face, 1]
         t = start
-        for row in range(h + 3 * gutter + 1):
-            for column in range(w + 3 * gutter + 1):
-                if not barycentric(row, column, w, h, gutter)[2]:
-                    break
+        for row in range(rows(h, gutter)):
+            for column in range(columns(row, w, h, gutter)):
                 y, x = place(row, column, corner[face], w, h, is_turned[face], gutter)
                 for k in range(3):
                     basis[t, k, 0] = image[y, x, k]
@@ -182,10 +179,8 @@ def _compose(coefficients, starts, basis, corner, legs, is_turned, gutter, image
     for face in range(legs.shape[0]):
         w, h = legs[face, 0], legs[face, 1]
         t = starts[face]
-        for row in range(h + 3 * gutter + 1):
-            for column in range(w + 3 * gutter + 1):
-                if not barycentric(row, column, w, h, gutter)[2]:
-                    break
+        for row in range(rows(h, gutter)):
+            for column in range(columns(row, w, h, gutter)):
                 y, x = place(row, column, corner[face], w, h, is_turned[face], gutter)
                 for k in range(3):
                     value = np.float32(0.5)

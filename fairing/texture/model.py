@@ -16,6 +16,7 @@ import numpy as np
 from fairing.rasterize import rasterize
 from fairing.scene import Scene, View
 from fairing.texture.layout import AtlasLayout
+from fairing.texture.texels import columns, place, rows
 
 VIEWS_PER_FACE = 8
 SMALLEST_SINE = np.sin(np.radians(12.0))  # of the angle between line of sight and face
@@ -208,13 +209,6 @@ def exposures(
     return np.exp(np.bincount(face, value - exposure[view], len(chosen)) / count), np.exp(exposure)
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
-def barycentric(row, column, w, h, gutter):
-    """Weights along both legs of a texel of a face's rectangle, as it lies unturned, and whether the face owns it."""
-    u, v = (column - gutter) / w, (row - gutter) / h
-    return u, v, u + v <= 1 + 0.5 * (gutter / w + gutter / h)
-
-
 @numba.njit(cache=True, nogil=True)
 def _look_up(
     slots, starts, corners, strength, legs, is_turned, gutter,
@@ -228,11 +222,9 @@ def _look_up(
             continue
         w, h = legs[m, 0], legs[m, 1]
         t = starts[m]
-        for row in range(h + 3 * gutter + 1):
-            for column in range(w + 3 * gutter + 1):
-                b, c, owned = barycentric(row, column, w, h, gutter)
-                if not owned:
-                    break
+        for row in range(rows(h, gutter)):
+            for column in range(columns(row, w, h, gutter)):
+                b, c = (column - gutter) / w, (row - gutter) / h
                 a = 1 - b - c
                 z = a * corners[m, 0, 2] + b * corners[m, 1, 2] + c * corners[m, 2, 2]
                 if z > 0:
@@ -309,10 +301,8 @@ def fuse(members, starts, colors, weights, corner, legs, is_turned, gutter, imag
             log_gain[face, s] = np.log(gain[s])
         w, h = legs[face, 0], legs[face, 1]
         t = 0
-        for row in range(h + 3 * gutter + 1):
-            for column in range(w + 3 * gutter + 1):
-                if not barycentric(row, column, w, h, gutter)[2]:
-                    break
+        for row in range(rows(h, gutter)):
+            for column in range(columns(row, w, h, gutter)):
                 y, x = place(row, column, corner[face], w, h, is_turned[face], gutter)
                 if U[t, 0] >= 0:
                     image[y, x] = U[t].astype(np.float32)
@@ -327,22 +317,12 @@ def _trust(color, U, gain):
     return 1 / (1 + squared / OUTLIER**2) ** 2
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
-def place(row, column, corner, w, h, turned, gutter):
-    """Row and column in the texture of a texel of a face's rectangle."""
-    if turned:
-        return corner[1] + h + 3 * gutter - row, corner[0] + w + 3 * gutter - column
-    return corner[1] + row, corner[0] + column
-
-
 @numba.njit(cache=True, nogil=True)
 def _multiply(corner, legs, is_turned, gutter, gain, image):
     for face in range(legs.shape[0]):
         w, h = legs[face, 0], legs[face, 1]
-        for row in range(h + 3 * gutter + 1):
-            for column in range(w + 3 * gutter + 1):
-                if not barycentric(row, column, w, h, gutter)[2]:
-                    break
+        for row in range(rows(h, gutter)):
+            for column in range(columns(row, w, h, gutter)):
                 y, x = place(row, column, corner[face], w, h, is_turned[face], gutter)
                 for k in range(3):
                     image[y, x, k] *= gain[face]
