@@ -13,6 +13,7 @@ from app.strip import StepHistory
 from fairing.options import FairingOptions
 from fairing.session import Session
 from fairing.trace import StepReason, Trace
+from tests.commands import do
 from tests.small_scene import corner_scene, small_options
 
 
@@ -26,13 +27,6 @@ def controller():
     controller = Controller(Session(corner_scene(), options()))
     yield controller
     controller.close()
-
-
-def do(controller: Controller, *commands) -> RunState:
-    for command in commands:
-        controller.post(command)
-        controller.wait_until_idle()
-    return controller.state
 
 
 def place(state: RunState, vertex: int, by: float) -> Place:

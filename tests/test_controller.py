@@ -35,6 +35,7 @@ from fairing.problem import Problem
 from fairing.scene import Scene
 from fairing.session import Session
 from fairing.trace import Trace
+from tests.commands import do
 from tests.small_scene import corner_scene, small_options
 
 OPTIONS = FairingOptions(
@@ -52,13 +53,6 @@ def controller(scene: Scene):
     controller = Controller(Session(scene, OPTIONS))
     yield controller
     controller.close()
-
-
-def do(controller: Controller, *commands) -> RunState:
-    for command in commands:
-        controller.post(command)
-        controller.wait_until_idle()
-    return controller.state
 
 
 def test_starts_paused_at_the_start(controller: Controller):

@@ -21,6 +21,7 @@ from fairing.options import PRESETS, FairingOptions, ScheduleOptions
 from fairing.scene import Scene
 from fairing.session import Session
 from fairing.trace import Position, Trace
+from tests.commands import do
 from tests.small_scene import write_corner
 
 OPTIONS = FairingOptions(
@@ -38,13 +39,6 @@ def finished(scene: Scene) -> Session:
     session = Session(scene, OPTIONS)
     session.run()
     return session
-
-
-def do(controller: Controller, *commands):
-    for command in commands:
-        controller.post(command)
-        controller.wait_until_idle()
-    return controller.state
 
 
 def test_every_moment_s_name_leads_back_to_it(finished: Session):
