@@ -8,6 +8,7 @@ import viser
 from viser._messages import RunJavascriptMessage
 
 SCROLL_TRIES = 50  # 0.1 s each: what a heading stands over may still be drawn
+SCROLLS = 12  # once it is there: pictures above it may still come
 
 
 def show_tab(client: viser.ClientHandle, title: str) -> None:
@@ -27,10 +28,13 @@ def show_heading(client: viser.ClientHandle, title: str) -> None:
     """Scroll its panel to a heading, as soon as it is there."""
     source = f"""
         let left = {SCROLL_TRIES};
+        const stop = () => {{ left = 0; }};
+        for (const kind of ['wheel', 'pointerdown', 'keydown']) addEventListener(kind, stop, {{once: true, capture: true}});
         const scroll = () => {{
             const heading = Array.from(document.querySelectorAll('.ef h4')).find(h => h.textContent === {json.dumps(title)});
-            if (heading) heading.scrollIntoView();
-            else if (left-- > 0) setTimeout(scroll, 100);
+            if (heading && left > {SCROLLS}) left = {SCROLLS};
+            if (heading && left > 0) heading.scrollIntoView();
+            if (left-- > 0) setTimeout(scroll, 100);
         }};
         scroll();
     """

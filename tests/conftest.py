@@ -8,6 +8,8 @@ from playwright.sync_api import Browser
 from app.server import App
 from tests.browser.driver import Visitor, chromium
 
+pytest_plugins = ["tests.remembered_steps"]
+
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Browser]:

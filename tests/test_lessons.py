@@ -24,6 +24,8 @@ from fairing.errors import InputError
 from fairing.session import Session
 from tests.small_scene import corner_scene
 
+pytestmark = pytest.mark.usefixtures("remembered_steps")
+
 
 def wait_for(condition: Callable[[], bool], seconds: float = 120.0) -> None:
     deadline = time.monotonic() + seconds

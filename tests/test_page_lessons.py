@@ -10,7 +10,7 @@ from app.server import App, start
 from fairing.session import Session
 from tests.browser.driver import IN_BROWSER, Visitor, wait_for
 
-pytestmark = IN_BROWSER
+pytestmark = [*IN_BROWSER, pytest.mark.usefixtures("remembered_steps")]
 
 SLOW = 240.0  # s: for a step's work on a loaded machine that compiles the engine first
 PHOTOS = 300.0  # s: for a scene's photos, which are taken on first use
@@ -130,6 +130,15 @@ def test_the_lesson_on_photographs_says_what_to_open_and_runs_on_what_there_is(v
     wait_for(lambda: player_of(visitor.app).lesson is load_lesson("capture"))
     arrive(visitor, 0)
     finish(visitor)
+
+
+def test_the_lesson_on_photographs_opens_the_archway_in_their_place(visitor: Visitor):
+    choose_lesson(visitor, "capture")
+    visitor.button("Open the demo archway").click()
+    wait_for_scene(visitor, "archway")
+    assert player_of(visitor.app).lesson is load_lesson("capture")
+    visitor.page.keyboard.press("PageDown")
+    arrive(visitor, 1)
 
 
 def test_a_lesson_on_another_scene_opens_that_and_runs_there(visitor: Visitor):

@@ -20,7 +20,7 @@ from fairing.inspect import FaceCells, face_cells
 from fairing.options import by_level
 from fairing.point_spread import missing_blur
 from fairing.scale_space import ScaleSpace
-from fairing.session import SweepState
+from fairing.sweep import SweepState
 
 ALL_FACES = 24  # of a mesh with no more, all are shown
 CHOSEN_VERTICES = 24

@@ -42,6 +42,6 @@ class Guide:
             self._lead_eye(look.eye)
         if look.tab is not None and (again or look.tab != self._last.tab):
             self._show_tab(look.tab)
-        if look.heading is not None and (again or (look.heading, look.cells) != (self._last.heading, self._last.cells)):
+        if look.heading is not None:  # at every step: while the engine worked, the panel may have been drawn anew
             self._show_heading(look.heading)
         self._last = look

@@ -25,7 +25,7 @@ LESSON_STYLE = f"""
 .ef .lesson math {{ font-family: "STIX Two Math", "Cambria Math", "Latin Modern Math", math, serif; color: var(--strong); }}
 .ef .lesson math[display=block] {{ font-size: 14.5px; margin: 8px 0; overflow-x: auto; overflow-y: hidden; }}
 .ef .lesson h3 {{ font-size: 14px; font-weight: 600; color: var(--strong); margin: 8px 0 2px; }}
-.ef .dots {{ display: flex; gap: 4px; flex: 1; }}
+.ef .dots {{ display: flex; gap: 4px; margin-top: 7px; }}
 .ef .dots i {{ height: 4px; flex: 1; border-radius: 2px; background: var(--line); }}
 .ef .dots i.done {{ background: var(--dim); }} .ef .dots i.here {{ background: {css(SELECTED)}; }}
 .ef .listing {{ background: var(--well); border: 1px solid var(--line); border-radius: 4px; padding: 4px 0; margin: 8px 0; }}
@@ -103,9 +103,9 @@ class LessonPanel:
             on = button("Next lesson", self._press.following, hint="Begin the next lesson", css_class="main")
         close = button("", self._press.close, hint="Close the lesson", icon=icon("leave"), css_class="small")
         return (
-            f"<div class='row'><span class='one grow dim'>{text(lesson.title)}</span>"
-            f"<span class='dim'>step {n + 1} of {count}</span>{close}</div>"
-            f"<div class='row' style='margin-top:4px'><div class='dots'>{dots}</div>{back}{on}</div>"
+            f"<div class='row'><span class='one grow dim' title='{text(lesson.title)}'>{text(lesson.title)}</span>"
+            f"<span class='dim' aria-label='step {n + 1} of {count}'>{n + 1}/{count}</span>{back}{on}{close}</div>"
+            f"<div class='dots'>{dots}</div>"
         )
 
     def _aside(self, has_strayed: bool) -> str:
@@ -132,6 +132,8 @@ class LessonPanel:
         chosen = self._player.chosen.get(self._player.step)
         choices = ""
         for n, choice in enumerate(question.choices):
+            if chosen is not None and n not in (chosen, question.right):
+                continue  # there is an answer to be read now
             mark = "" if chosen is None else "right" if n == question.right else "wrong" if n == chosen else ""
             said = f"<span>{line(choice, found.numbers)}</span>"
             press = self._press.choose(str(n))

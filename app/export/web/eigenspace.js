@@ -1,5 +1,5 @@
-// The eigenspace of a face's cells, what it leaves of them, and what that weighs: a twin of `fit_face` and `_weigh` in
-// fairing/kernels.py.
+// The eigenspace of a face's cells, what it leaves of them, and what that weighs: a twin of `fit_face` and `weigh` in
+// fairing/kernels (eigenspace.py, robust.py).
 "use strict";
 
 const FILL_ROUNDS = 3;
