@@ -17,6 +17,7 @@ from playwright.sync_api import Browser, Page
 from app.export.page import write_page
 from app.export.picture import picture
 from app.export.run_facts import RunFacts
+from app.lessons.look import AT_FRONT
 from app.lessons.player import Status
 from app.lessons.scenes import load_lesson_scene
 from app.server import App, start
@@ -47,7 +48,7 @@ def main(wanted: list[str]) -> None:
             if not wanted or name in wanted:
                 save(name, settled(visitor.page))
         if not wanted or "replay" in wanted:
-            save("replay", replay(browser.new_page(viewport=WINDOW), session))
+            save("replay", replay(browser.new_page(viewport=WINDOW, color_scheme="dark"), session))
         if not wanted or "lesson" in wanted:
             save("lesson", lesson(browser))
     app.stop()
@@ -70,7 +71,8 @@ def _dismiss_notes(page: Page) -> None:
 
 
 def begin(visitor: Visitor) -> None:
-    """The start, textures and all."""
+    """The start, textures and all, from where the corner and the three sides around it are seen."""
+    page_of(visitor.app)._lead_eye(AT_FRONT)
 
 
 def two_steps(visitor: Visitor) -> None:
