@@ -90,7 +90,8 @@ def gauss_newton_step(
     better_faces[unit.faces] = better[unit.owner]
     is_better_pair = sweep.context.by_pair(better_faces)
     pair_energy_after = np.where(is_better_pair, new_system.pair_energy, system.pair_energy)
-    rejections = np.where(better, 0, rejections + 1)
+    # A vertex at rest proposes to stay, which is never worse: it goes on resting until the sweep ends.
+    rejections = np.where(better & ~is_resting, 0, rejections + 1)
     record = StepRecord(
         position=position,
         next_position=position,

@@ -61,12 +61,12 @@ def moved_record(
     )
 
 
-def empty_record(problem: Problem, position: Position, sweep_moment: int, next_level: int) -> StepRecord:
-    """Go on at a finer level: no vertex can move here (every footprint is too small), or none needs so coarse a level."""
+def empty_record(problem: Problem, position: Position, sweep_moment: int, following: Position) -> StepRecord:
+    """Go on elsewhere: no vertex can move here (every footprint is too small), or none needs to."""
     nothing, views = np.zeros(0), np.zeros(len(problem.scene.views))
     ids, points = nothing.astype(int), np.zeros((0, 3))
     return StepRecord(
-        position, Position(next_level, 0, 0, 0), sweep_moment, ids, points, points, points, nothing,
+        position, following, sweep_moment, ids, points, points, points, nothing,
         nothing, points, nothing.astype(np.int8), 0.0, 0.0, ids, nothing, nothing, views, views, nothing, ids,
     )  # fmt: skip
 

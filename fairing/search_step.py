@@ -4,15 +4,20 @@ from dataclasses import replace
 
 import numpy as np
 
-from fairing.options import FairingOptions
+from fairing.first_level import last_fine_level
+from fairing.options import FairingOptions, by_level
 from fairing.problem import Problem
-from fairing.search import Found, search_unit
+from fairing.search import ContextAt, Found, Stage, search_unit
 from fairing.sweep import SweepState
 from fairing.trace import Position, StepReason, StepRecord
 from fairing.units import Unit
 
-SEARCH_COARSENESS = 1.5
-SEARCH_CELL = 48
+ROUGH_COARSENESS = 1.5
+ROUGH_CELL = 48
+POLISH_STEPS = 2
+SHARP_COARSENESS = 2.0
+SHARP_CELL = 64
+SHARP_POLISH_STEPS = 1
 
 
 def search_step(
@@ -78,23 +83,47 @@ def search_around(
         radius: how far away to look, px.
         reach: how far from where it began a vertex may end, px.
     """
-    pixels, coarser = sweep.pixels_per_unit[unit.vertices], _coarser(problem.options)
+    pixels, level = sweep.pixels_per_unit[unit.vertices], sweep.context.level
+    rough, sharp = _rough(problem.options), _sharp(problem.options)
+
+    def context_at(level: int, options: FairingOptions) -> ContextAt:
+        return lambda places, faces: problem.context_of(faces, level, places, options)
+
+    stages = [Stage(context_at(level, rough), POLISH_STEPS)]
+    # Sharp cells reach less than a pixel far, so blurred ones bring a place near first.
+    if by_level(problem.options.cells.point_spread, level) == "common":
+        stages = [
+            Stage(context_at(last_fine_level(problem.options), rough), POLISH_STEPS),
+            Stage(context_at(level, sharp), SHARP_POLISH_STEPS),
+        ]
     return search_unit(
         unit, vertices, origin, radius / pixels, reach / pixels, sweep.mean_loss, sweep.scale,
-        problem.scene.mesh, problem.options, problem.evaluator,
-        lambda places, faces: problem.context_of(faces, sweep.context.level, places, coarser), problem.shortened,
+        problem.scene.mesh, problem.options, problem.evaluator, stages, problem.shortened,
     )  # fmt: skip
 
 
-def _coarser(options: FairingOptions) -> FairingOptions:
+def _sharp(options: FairingOptions) -> FairingOptions:
+    """Cells that tell places apart which coarser ones mistake for each other, with a quarter of the samples."""
+    cells = options.cells
+    return replace(
+        options,
+        cells=replace(
+            cells,
+            spacing=tuple(x * SHARP_COARSENESS for x in cells.spacing),
+            size=tuple(min(size, SHARP_CELL) for size in cells.size),
+        ),
+    )
+
+
+def _rough(options: FairingOptions) -> FairingOptions:
     """A search compares places pixels apart: coarser cells and depth maps do, at a third of the time."""
     cells, visibility = options.cells, options.visibility
     return replace(
         options,
         cells=replace(
             cells,
-            spacing=tuple(x * SEARCH_COARSENESS for x in cells.spacing),
-            size=tuple(min(size, SEARCH_CELL) for size in cells.size),
+            spacing=tuple(x * ROUGH_COARSENESS for x in cells.spacing),
+            size=tuple(min(size, ROUGH_CELL) for size in cells.size),
             interpolation=("bilinear",),
             point_spread=("as_seen",),
         ),

@@ -15,7 +15,7 @@ from fairing.search_step import search_step
 from fairing.start import Start
 from fairing.sweep import SweepState
 from fairing.sweeps import Sweeps
-from fairing.trace import StepRecord, Trace
+from fairing.trace import Position, StepRecord, Trace
 from fairing.units import Unit
 
 
@@ -46,10 +46,13 @@ class Stepper:
             return smoothing_step(problem, start.smoothed, position)
         made_by_hand = sum(made <= moment for made in self._trace.hand_moments)
         if made_by_hand == moment and position.level < start.suitable_level:
-            return empty_record(problem, position, self._sweeps.begun_at(moment), start.suitable_level)
+            suitable = Position(start.suitable_level, 0, 0, 0)
+            return empty_record(problem, position, self._sweeps.begun_at(moment), suitable)
         sweep, vertices = self._sweeps.at(moment), self._trace.vertices_at(moment)
         if not sweep.units:
-            return empty_record(problem, position, sweep.moment, position.level + 1)
+            is_search = sweep.search_radius > 0
+            following = Position(position.level, 1, 0, 0) if is_search else Position(position.level + 1, 0, 0, 0)
+            return self._never_worse(empty_record(problem, position, sweep.moment, following), sweep, moment)
         unit = sweep.units[position.unit]
         if sweep.search_radius > 0:
             record = search_step(problem, sweep, unit, position, vertices, start.reach)
@@ -59,11 +62,7 @@ class Stepper:
             previous=self._trace.steps[moment - 1] if position.iteration else None, system=self._system(moment, unit),
         )  # fmt: skip
         self._known = _Known(moment + 1, unit, iteration.system)
-        record = self._planned(iteration.record, sweep, vertices, iteration.is_done)
-        if record.next_position.level < problem.options.n_levels:
-            return record
-        begun = self._trace.vertices_at(max((made for made in self._trace.hand_moments if made <= moment), default=0))
-        return returned_if_worse(problem, sweep, record, vertices, _after(record, vertices), begun)
+        return self._never_worse(self._planned(iteration.record, sweep, vertices, iteration.is_done), sweep, moment)
 
     def forget(self) -> None:
         """Drop the normal equations kept for the next step; they are computed again."""
@@ -72,6 +71,14 @@ class Stepper:
     def _system(self, moment: int, unit: Unit) -> FaceSystem | None:
         known = self._known
         return known.system if known is not None and known.moment == moment and known.unit is unit else None
+
+    def _never_worse(self, record: StepRecord, sweep: SweepState, moment: int) -> StepRecord:
+        """The step after a moment, or instead of a run's last one the return to where it began, if that is better."""
+        if record.next_position.level < self._problem.options.n_levels:
+            return record
+        by_hand = (made for made in self._trace.hand_moments if made <= moment)
+        begun, vertices = self._trace.vertices_at(max(by_hand, default=0)), self._trace.vertices_at(moment)
+        return returned_if_worse(self._problem, sweep, record, vertices, _after(record, vertices), begun)
 
     def _planned(self, record: StepRecord, sweep: SweepState, vertices: np.ndarray, unit_is_done: bool) -> StepRecord:
         """The record with where the run goes on; vertices (n, 3) are those before it."""

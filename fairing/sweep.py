@@ -1,16 +1,17 @@
 """What holds for a whole sweep: visibility, robust scale, priors, and what moves together in which order."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fairing.cells import CellContext
-from fairing.energy import robust_scale, robust_sigma
+from fairing.energy import FaceSystem, robust_scale, robust_sigma
 from fairing.gauss_newton import Prior, undetermined_directions, vertex_systems
 from fairing.mesh import Mesh
 from fairing.options import by_level
 from fairing.problem import Problem
 from fairing.scene import Scene
+from fairing.search import loss_of_faces
 from fairing.smoothing import smoothed
 from fairing.travel import pixels_moved, pixels_per_unit
 from fairing.units import Unit, plan_units
@@ -85,7 +86,10 @@ def begin_sweep(
     if shorter is not context:
         context = shorter
         measured = problem.measure(context, vertices, unscaled)
-    sigma = robust_sigma(options.robust, level, measured)
+    # A search compares places whose residuals differ, by one yardstick (facade at the finest blur, all vertices searched:
+    # determined rms 0.393 -> 0.379 % with the paper's sigma, which follows each face's largest residual, 0.366 with one).
+    robust = replace(options.robust, sigma_rule=("fixed",)) if search_radius > 0 else options.robust
+    sigma = robust_sigma(robust, level, measured)
     scale = robust_scale(options.robust, sigma)
     everything = np.arange(len(mesh.faces))
     system = problem.linearise(context, vertices, everything, np.full(len(everything), -1), scale)
@@ -103,6 +107,8 @@ def begin_sweep(
         movable = free = ~problem.locked
     if search_radius > 0:
         movable = movable & _well_seen(mesh, context.takes_part)
+        if by_level(options.cells.point_spread, level) == "common":
+            movable &= _fits_badly(mesh, context, system, movable)
     order = "independent" if search_radius > 0 else options.schedule.order
     units = plan_units(mesh, movable, order, system.energy)
     area = float((context.footprint_area * context.n_views)[context.takes_part].sum())
@@ -121,3 +127,18 @@ def _well_seen(mesh: Mesh, takes_part: np.ndarray) -> np.ndarray:
         for part in (np.ones(len(mesh.faces)), takes_part.astype(float))
     )
     return seen >= WELL_SEEN * np.maximum(count, 1)
+
+
+def _fits_badly(mesh: Mesh, context: CellContext, system: FaceSystem, among: np.ndarray) -> np.ndarray:
+    """(n,) bool: vertices around which faces fit worse than around half of those of a mask.
+
+    Sharp cells tell which those are (facade: determined rms after the search 0.366 with all vertices, 0.347 with these, at
+    two thirds of the time).
+    """
+    loss, pixels = loss_of_faces(context, system.energy, system.faces)
+    total, weight = (
+        np.bincount(mesh.faces.ravel(), weights=np.repeat(values, 3), minlength=len(mesh.vertices))
+        for values in (loss * pixels, pixels)
+    )
+    mean = total / np.maximum(weight, 1e-300)
+    return mean > np.median(mean[among]) if among.any() else among

@@ -7,6 +7,7 @@ import pytest
 
 import fairing.search_step
 from fairing.cells import CellContext
+from fairing.energy import Evaluator
 from fairing.options import FairingOptions
 from fairing.scene import Scene
 from fairing.search import Found, search_directions
@@ -18,6 +19,7 @@ from tests.small_scene import VERTICES, corner_scene, small_options
 SEARCH_REASONS = {StepReason.FOUND_PLACE, StepReason.NO_BETTER_PLACE, StepReason.REJECTED_FOLD}
 FAR = (0.2, -0.15, 0.15)  # 17 px at 60 px an edge, where blurs of 1.2 and 0.6 px see no slope towards the truth
 OTHERS = (1, 2, 3, 4, 5, 6)
+SHARP_AT_LAST = {"cells": {"point_spread": ["as_seen", "common"], "interpolation": ["bilinear", "cubic"]}}
 
 
 def searching(start_error: float, **changes) -> FairingOptions:
@@ -92,18 +94,19 @@ def slow_score(vertex: int, places: np.ndarray, context: CellContext, energy: np
     return float(np.average([loss for loss, *_ in seen] + [mean] * len(unseen), weights=weights))
 
 
-def test_a_place_taken_is_better_for_the_photos_that_see_it_there(calls):
+@pytest.mark.parametrize("changes", [{}, SHARP_AT_LAST])
+def test_a_place_taken_is_better_for_the_photos_that_see_it_there(calls, changes):
     scene = rough_scene()
-    session = Session(scene, searching(10.0))
+    session = Session(scene, searching(10.0, **changes))
     session.run()
     taken = 0
     for call in calls:
-        unit, vertices, _, _, _, mean, scale, _, options, evaluator, context_at, _ = call.args
+        unit, vertices, _, _, _, mean, scale, _, options, evaluator, stages, _ = call.args
         after = vertices.copy()
         after[unit.vertices] = call.found.after
         scores = []
         for places in (vertices, after):
-            context = context_at(places, np.ones(len(scene.mesh.faces), dtype=bool))
+            context = stages[-1].context_at(places, np.ones(len(scene.mesh.faces), dtype=bool))
             energy = evaluator.measure(context, places, np.arange(len(scene.mesh.faces)), scale).energy
             scores.append([slow_score(v, places, context, energy, scene, mean) for v in unit.vertices])
         before, now = np.array(scores)
@@ -145,6 +148,28 @@ def test_a_search_brings_back_what_lies_beyond_gauss_newton_s_reach():
     errors = [float(np.linalg.norm(session.vertices[0] - VERTICES[0])) for session in (with_search, without)]
     assert errors[0] < 0.003, f"searched: {100 * errors[0]:.3f} % of the edge"
     assert errors[1] > 0.05, f"without a search: {100 * errors[1]:.3f} % of the edge"
+
+
+def test_sharp_cells_search_only_vertices_that_fit_worse_than_half_of_them():
+    session = Session(rough_scene(), searching(10.0, **SHARP_AT_LAST))
+    session.run()
+    searched = {v for record in session.trace.steps if record.position[:2] == (1, 0) for v in record.vertices.tolist()}
+    first = next(m for m, record in enumerate(session.trace.steps) if record.position.level == 1)
+    sweep, scene = session.sweep_state(first), session.scene
+    vertices, faces = session.trace.vertices_at(first), np.arange(len(scene.mesh.faces))
+    energy = Evaluator(1).measure(sweep.context, vertices, faces, sweep.scale).energy
+    data = sweep.context.kernel
+    loss = []
+    for v in range(len(vertices)):
+        total, pixels = 0.0, 0.0
+        for f in np.flatnonzero((scene.mesh.faces == v).any(axis=1)):
+            pairs, grid = range(data.pair_start[f], data.pair_start[f + 1]), data.face_grid[f]
+            count = sum(data.pair_weight[p] for p in pairs) * (data.grid_start[grid + 1] - data.grid_start[grid])
+            total += energy[f] * len(pairs) / (len(pairs) - data.face_dimensions[f])
+            pixels += count
+        loss.append(total / pixels)
+    assert searched == set(np.flatnonzero(np.array(loss) > np.median(loss)).tolist())
+    assert 0 < len(searched) < len(vertices)
 
 
 def test_no_search_where_the_start_is_said_to_be_right():

@@ -310,6 +310,21 @@ def test_faces_turned_inside_out_are_faired_all_the_same():
     assert np.abs(session.vertices - finished(quick()).vertices).max() < 1e-4
 
 
+def test_a_vertex_at_rest_rests_until_its_sweep_ends():
+    schedule = {"order": "independent", "max_sweeps": [2], "max_iterations": [9]}
+    session = Session(corner_scene(), small_options(step={"max_rejections": 0}, schedule=schedule))
+    session.run()
+    resting: dict[tuple, set] = {}
+    seen = 0
+    for record in session.trace.steps:
+        before = resting.setdefault(record.position[:3], set())
+        now = {int(v) for v, why in zip(record.vertices, record.reasons, strict=True) if why == StepReason.RESTING}
+        assert before <= now
+        seen += len(before)
+        before |= now
+    assert seen > 0
+
+
 def test_the_record_holds_what_a_debugger_wants():
     session = finished(quick())
     record = session.trace.steps[0]
