@@ -5,12 +5,15 @@ from dataclasses import replace
 from typing import Any
 
 from app.bridge import Bridge, whole_number
-from app.cells_view import ARROW_SCALES, CROP, KINDS, PAGES, SPANS
+from app.cells_view import ARROW_SCALES, CROP, KINDS, PAGES, PAIR_KINDS, SPANS
+from app.html import text
 from app.view import View
 from fairing.scene import Scene
 
 MAX_K = 1000
-_LENS_KINDS = (*KINDS, CROP)
+_LENS_KINDS = (*KINDS, CROP, *PAIR_KINDS)
+_NOWHERE = -1
+_REST = 200  # ms on a picture, before it is enlarged: who only passes by sees no flicker
 
 
 class CellsControls:
@@ -29,7 +32,8 @@ class CellsControls:
         self.span = bridge.number(lambda n: self._choose("span", SPANS, n))
         self.dimensions = bridge.number(self.look_at_k)
         self.enlarge = bridge.number(self._enlarge)
-        self.close = bridge.button(lambda: self._change(enlarged=None))
+        self._hover = bridge.number(lambda code: self._change(hovered=self._picture(code)))
+        self.close = bridge.button(lambda: self._change(enlarged=None, hovered=None))
         self.first = bridge.number(lambda n: self._change(pair=(self._view_id(n), view.cells.pair[1])))
         self.second = bridge.number(lambda n: self._change(pair=(view.cells.pair[0], self._view_id(n))))
 
@@ -42,15 +46,38 @@ class CellsControls:
         """JavaScript that enlarges a picture."""
         return self.enlarge(str(self.code(view_id, kind)))
 
+    def enlarged_by(self, code: str, prepare: str = "") -> str:
+        """Attributes of a picture that is enlarged while a mouse rests on it, and stays so when it is clicked.
+
+        Args:
+            code: a JavaScript expression for the code of the picture under the pointer.
+            prepare: JavaScript before it.
+        """
+        over = (
+            f"if(event.pointerType==='mouse'){{{prepare}var c={code};if(c!==window.efOver){{window.efOver=c;"
+            f"clearTimeout(window.efRest);window.efRest=setTimeout(()=>{{{self._hover('c')}}},{_REST})}}}}"
+        )
+        out = (
+            f"if(event.pointerType==='mouse'){{window.efOver={_NOWHERE};clearTimeout(window.efRest);"
+            f"window.efRest=setTimeout(()=>{{{self._hover(str(_NOWHERE))}}},{_REST})}}"
+        )
+        click = f"{prepare}{self.enlarge(code)}"
+        return f'onpointermove="{text(over)}" onpointerleave="{text(out)}" onclick="{text(click)}"'
+
     @staticmethod
     def code(view_id: int, kind: str) -> int:
         """A picture as the number that `enlarge` takes."""
         return view_id * len(_LENS_KINDS) + _LENS_KINDS.index(kind)
 
     def _enlarge(self, code: object) -> None:
-        found = whole_number(code, 0, self._n_views * len(_LENS_KINDS) - 1, "picture")
+        self._change(enlarged=self._picture(code), hovered=None)
+
+    def _picture(self, code: object) -> tuple[int, str] | None:
+        found = whole_number(code, _NOWHERE, self._n_views * len(_LENS_KINDS) - 1, "picture")
+        if found == _NOWHERE:
+            return None
         view_id, kind = divmod(found, len(_LENS_KINDS))
-        self._change(enlarged=(view_id, _LENS_KINDS[kind]))
+        return view_id, _LENS_KINDS[kind]
 
     def _toggle_column(self, n: object) -> None:
         self._view.cells = self._view.cells.toggled(list(KINDS)[_index(n, KINDS)])

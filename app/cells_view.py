@@ -22,6 +22,9 @@ HEADS: dict[str, str] = {
     "flow": "f",
 }
 CROP = "crop"  # the photo around the vertex, enlarged
+PAIR_PICTURES: dict[str, str] = {"average": "average", "warped": "i warped into j", "own": "j"}
+PAIR_TIMES: dict[str, str] = {"start": "At the start", "now": "Now"}
+PAIR_KINDS = tuple(f"{when} {picture}" for when in PAIR_TIMES for picture in PAIR_PICTURES)
 ARROW_KINDS = ("model", "flow")
 ARROW_SCALES = (1, 3, 10, 30, 100)
 SPANS: dict[str, str] = {"faces": "the faces", "path": "the path"}
@@ -33,7 +36,9 @@ class CellsView:
     page: of `PAGES`.
     columns: of `KINDS`, in their order.
     arrow_scale: arrows are drawn this many times longer.
-    enlarged: (view id, kind) of the picture in the lens; None: no lens.
+    enlarged: (view id, kind) of the picture that a click put into the lens; None: none. The kind is of `KINDS`,
+        `CROP`, or of `PAIR_KINDS`, then the view is any.
+    hovered: the same of the picture that the pointer rests on.
     span: of `SPANS`: what the crops of the photos show.
     pair: views i and j of the pair; None: chosen by themselves.
     dimensions: k looked at; None: the run's own.
@@ -43,9 +48,15 @@ class CellsView:
     columns: tuple[str, ...] = ("photo", "reconstruction", "residual", "weight", "model", "flow")
     arrow_scale: int = 10
     enlarged: tuple[int, str] | None = None
+    hovered: tuple[int, str] | None = None
     span: str = "faces"
     pair: tuple[int | None, int | None] = (None, None)
     dimensions: int | None = None
+
+    @property
+    def in_lens(self) -> tuple[int, str] | None:
+        """The picture that the lens shows; None: no lens."""
+        return self.hovered or self.enlarged
 
     def toggled(self, kind: str) -> "CellsView":
         """With a column more or less; the last one stays."""

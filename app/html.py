@@ -5,6 +5,8 @@ import json
 
 from app.palette import BRAND, NOW, REFERENCE, REJECTED, SELECTED, START, css, variables
 
+DEBUG_BAR_HEIGHT = 134  # px: below it the status line is pinned
+
 STYLE = f"""
 {variables()}
 .ef {{ font-size: 12.5px; line-height: 1.45; color: var(--text); padding: 0 14px 8px 10px;
@@ -40,10 +42,15 @@ STYLE = f"""
 .ef .crumbs b {{ color: var(--strong); font-weight: 600; }}
 .ef .crumbs i {{ font-style: normal; color: var(--faint); padding: 0 3px; }}
 .ef .wide {{ width: 100%; }}
+div:has(> .ef > .pinned) {{ position: sticky; top: 0; z-index: 5; background: var(--mantine-color-body);
+  padding-top: 10px; margin-top: -10px; }}
+div:has(> div > div > div > .ef > .pinned) {{ overflow: clip !important; }}
+div:has(> .ef > .pinned) + div:has(> .ef > .pinned) {{ top: {DEBUG_BAR_HEIGHT}px; padding-top: 0; margin-top: 0; }}
 .ef .start {{ color: {css(START)}; }} .ef .now {{ color: {css(NOW)}; }}
 .ef .selected {{ color: {css(SELECTED)}; }} .ef .rejected {{ color: {css(REJECTED)}; }}
 .ef .layers {{ display: grid; grid-template-columns: 1fr 1fr; gap: 4px; }}
-.ef .layer {{ justify-content: flex-start; }}
+.ef .layer {{ justify-content: flex-start; text-align: left; }}
+.ef .layers button {{ height: auto; min-height: 28px; line-height: 1.2; }}
 .ef .layer.off {{ color: var(--off-text); background: var(--off); }}
 .ef .segments {{ display: grid; grid-template-columns: repeat(3, 1fr); gap: 4px; margin: 3px 0; }}
 .ef .legend {{ display: grid; gap: 4px; }}

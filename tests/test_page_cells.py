@@ -58,6 +58,36 @@ def test_a_cell_is_enlarged_and_says_its_values_under_the_pointer(visitor: Visit
     wait_for(lambda: view.cells.enlarged is None)
 
 
+def test_a_cell_is_enlarged_as_long_as_the_mouse_rests_on_it(visitor: Visitor):
+    page, view = visitor.page, _page(visitor).view
+    name = visitor.app.controller.scene.views[1].name
+    box = visitor.box_of(page.get_by_role("button", name=f"Enlarge a cell in {name}", exact=True))
+    page.mouse.move(box["x"] + 3, box["y"] + 5)
+    wait_for(lambda: view.cells.in_lens == (1, view.cells.columns[0]))
+    page.get_by_alt_text("enlarged cell").wait_for()
+    page.mouse.move(box["x"] + box["width"] - 3, box["y"] + 5)
+    wait_for(lambda: view.cells.in_lens == (1, view.cells.columns[-1]))
+    page.mouse.move(box["x"] + box["width"] + 300, box["y"] + 5)
+    page.get_by_alt_text("enlarged cell").wait_for(state="hidden")
+    assert view.cells.in_lens is None
+
+
+def test_a_picture_of_a_pair_is_enlarged_and_changed_for_another(visitor: Visitor):
+    page, view = visitor.page, _page(visitor).view
+    visitor.button("Page: Pair").click()
+    visitor.button("Enlarge average, at the start").click()
+    lens = page.locator(".ef", has=page.get_by_role("button", name="Close the lens"))
+    lens.locator("img").wait_for()
+    before = lens.locator("img").get_attribute("src")
+    visitor.button("Enlarge: i warped into j").press("Enter")  # the viewer's own notice may lie over it
+    wait_for(lambda: lens.locator("img").get_attribute("src") not in (before, None))
+    assert lens.locator("img").evaluate("image => image.naturalWidth") == 332
+    assert view.cells.enlarged == (0, "start warped")
+    visitor.button("Close the lens").click()
+    wait_for(lambda: view.cells.enlarged is None)
+    visitor.button("Page: Cells").click()
+
+
 def test_columns_are_switched_and_another_k_is_looked_at_without_a_change_of_the_run(visitor: Visitor):
     page, view = visitor.page, _page(visitor).view
     before = visitor.app.controller.state

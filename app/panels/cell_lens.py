@@ -8,11 +8,11 @@ from app.background import Background
 from app.cell_facts import CellFacts
 from app.cell_images import FLOW_COLORS, CellPictures, data_uri
 from app.cells_controls import CellsControls
-from app.cells_view import ARROW_KINDS, CROP, HEADS, KINDS
+from app.cells_view import ARROW_KINDS, CROP, HEADS, KINDS, PAIR_KINDS, PAIR_PICTURES, PAIR_TIMES
 from app.html import button, icon, text
 from app.lookup import Lookup
 from app.palette import css
-from app.panels.cell_source import CellSource
+from app.panels.cell_source import CellSource, chosen_face
 from app.panels.html_panel import HtmlPanel
 from app.panels.photo_pages import PhotoPages
 from app.run_state import RunState
@@ -47,9 +47,9 @@ class CellLens:
         self._drawn: object = None
 
     def show(self, state: RunState, view: View) -> None:
-        enlarged = view.cells.enlarged
-        if enlarged is not None and enlarged[1] == CROP and view.selected is not None:
-            self._show_crop(state, view, view.selected, enlarged[0])
+        enlarged = view.cells.in_lens
+        if enlarged is not None and enlarged[1] in (CROP, *PAIR_KINDS) and view.selected is not None:
+            self._show_photo(state, view, view.selected, *enlarged)
             return
         if enlarged is not None:
             self._source.want(state, view)
@@ -64,7 +64,8 @@ class CellLens:
             self._drawn = key
             self._panel.set(self._content(found[1], *enlarged, view))
 
-    def _show_crop(self, state: RunState, view: View, vertex: int, view_id: int) -> None:
+    def _show_photo(self, state: RunState, view: View, vertex: int, view_id: int, kind: str) -> None:
+        """A photo around the vertex, or a picture of the pair."""
         found = self._pages.newest(state, vertex)
         if found is None:
             return
@@ -73,15 +74,26 @@ class CellLens:
             return
         if not self._frame.visible:
             self._frame.visible = True
-        cells_view = view.cells
-        self._drawing.want(
-            (key, view_id, cells_view.span, cells_view.arrow_scale),
-            lambda: self._pages.crop(known, view_id, cells_view, SIDE),
-        )
+        cells_view, face = view.cells, chosen_face(self._scene.mesh, view)
+        if kind == CROP or face is None:
+            self._drawing.want(
+                (key, view_id, kind, cells_view.span, cells_view.arrow_scale),
+                lambda: self._pages.crop(known, view_id, cells_view, SIDE),
+            )
+        else:
+            slot = self._scene.mesh.one_rings[vertex].tolist().index(face)
+            affine = state.options.cells.warp == "affine"
+            self._drawing.want(
+                (key, face, kind, cells_view.pair),
+                lambda: self._pages.enlarged_pair(known, face, slot, cells_view, affine, kind, SIDE),
+            )
         drawn = self._drawing.newest
         if drawn is None or drawn == self._drawn:
             return
         self._drawn = drawn
+        if kind != CROP:
+            self._panel.set(self._pair_content(kind, text(drawn[1]) if isinstance(drawn[1], Exception) else drawn[1]))
+            return
         name = self._scene.views[view_id].name
         close = button("", self._controls.close, hint="Close the lens", icon=icon("leave"), css_class="small")
         go = button(name, self._enter(str(view_id)), hint=f"Look through {name}", css_class="link")
@@ -89,6 +101,21 @@ class CellLens:
         self._panel.set(
             f"<div class='row'><span class='grow one'>{go} <span class='dim'>vertex {vertex}</span></span>"
             f"{self._around(known.views, view_id, CROP)}{close}</div><div class='note'>{picture}</div>"
+        )
+
+    def _pair_content(self, kind: str, picture: str) -> str:
+        close = button("", self._controls.close, hint="Close the lens", icon=icon("leave"), css_class="small")
+        when, shown = kind.split()
+
+        def chip(label: str, other: str) -> str:
+            is_on = "chip on" if other == kind else "chip"
+            return button(label, self._controls.lens_of(0, other), hint=f"Enlarge: {label}", css_class=is_on)
+
+        times = "".join(chip(label, f"{other} {shown}") for other, label in PAIR_TIMES.items())
+        pictures = "".join(chip(label, f"{when} {other}") for other, label in PAIR_PICTURES.items())
+        return (
+            f"<div class='row'><span class='grow row chips'>{times}</span>{close}</div>"
+            f"<div class='row chips'>{pictures}</div><div class='note'>{picture}</div>"
         )
 
     def _around(self, views: list[int], view_id: int, kind: str) -> str:

@@ -47,6 +47,6 @@ class CellSource:
         face = chosen_face(self._mesh, view)
         if face is None or view.selected is None:
             return None
-        looks_at_arrows = view.cells.enlarged is not None and view.cells.enlarged[1] in ARROW_KINDS
+        looks_at_arrows = view.cells.in_lens is not None and view.cells.in_lens[1] in ARROW_KINDS
         with_flows = looks_at_arrows or any(kind in ARROW_KINDS for kind in view.cells.columns)
         return CellQuestion(state.run_id, state.moment, face, view.selected, view.cells.dimensions, with_flows)

@@ -172,7 +172,7 @@ def _row(
     )
     codes = str([controls.code(view_id, kind) for kind in view.columns])
     column = f"Math.max(0,Math.min({len(view.columns) - 1},Math.floor((event.clientX-r.left)/{tile + GAP})))"
-    press = "var r=this.getBoundingClientRect();" + controls.enlarge(f"{codes}[{column}]")
+    enlarged = controls.enlarged_by(f"{codes}[{column}]", "var r=this.getBoundingClientRect();")
     facts_line = f"c = {coefficients} · {seen:.0f} % of the cell seen"
     shown = f"<span class='dim one grow' title='{text(facts_line)}'>c {text(coefficients)}</span>"
     shown += f"<span class='dim'>E {energy}</span>"
@@ -180,7 +180,7 @@ def _row(
     return (
         f"<div class='cell'><div class='row'>{go}{shown}</div>"
         f"<div class='tiles' role='button' tabindex='0' aria-label='Enlarge a cell in {text(name)}' "
-        f"title='Click a cell to enlarge it' style='width:{width}px;height:{tile}px' onclick=\"{text(press)}\">"
+        f"style='width:{width}px;height:{tile}px' {enlarged}>"
         f"<img src='{pictures.strip(row, view.columns, tile)}' alt='cells in {text(name)}'>"
         f"<svg class='over' viewBox='0 0 {width} {tile}'>{paths}</svg></div></div>"
     )

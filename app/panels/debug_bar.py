@@ -42,7 +42,7 @@ class DebugBar:
             f'<div class="grid"><span></span>{heads}<span class="left">Forward</span>{forwards}'
             f'<span class="left">Back</span>{backs}</div>'
         )
-        self._panel.set(top + grid)
+        self._panel.set(f"<div class='pinned'>{top}{grid}</div>")
 
     def _button(
         self, name: str, label: str = "", *, css_class: str = "", key: bool = False, enabled: bool = True

@@ -7,7 +7,7 @@ import numpy as np
 
 from app.cell_images import arrow_path, data_uri
 from app.cells_controls import CellsControls
-from app.cells_view import ARROW_SCALES, CROP, SPANS, CellsView
+from app.cells_view import ARROW_SCALES, CROP, PAIR_PICTURES, PAIR_TIMES, SPANS, CellsView
 from app.commands import Ask
 from app.controller import Controller
 from app.history import last_step_about
@@ -68,6 +68,9 @@ def vertex_in_photos(session: Session, vertex: int, moment: int) -> VertexInPhot
     )
 
 
+_BEHIND = "<div class='note'>A corner of the face lies behind one of these cameras.</div>"
+
+
 class PhotoPages:
     """Asks for what the pages show and draws them, where slowness does no harm."""
 
@@ -100,7 +103,8 @@ class PhotoPages:
         tiles = "".join(
             f"<div>{self._name(view_id)}<div role='button' tabindex='0' style='cursor:zoom-in' "
             f"aria-label='Enlarge {text(self._scene.views[view_id].name)}' "
-            f'onclick="{text(self._controls.lens_of(view_id, CROP))}">{self.crop(known, view_id, view, CROP_SIDE)}'
+            f"{self._controls.enlarged_by(str(self._controls.code(view_id, CROP)))}>"
+            f"{self.crop(known, view_id, view, CROP_SIDE)}"
             "</div></div>"
             for view_id in known.views
         )
@@ -157,16 +161,10 @@ class PhotoPages:
             + "</div>"
             for letter, control, chosen in (("i", self._controls.first, first), ("j", self._controls.second, second))
         )
-        moments = (("At the start", known.ring_start[slot]), ("Now", known.ring_now[slot]))
-        if not all(is_in_front(photo.camera, corners) for photo in (i, j) for _, corners in moments):
-            return picks + "<div class='note'>A corner of the face lies behind one of these cameras.</div>"
-        outlines = np.concatenate([j.camera.project(corners)[0] for _, corners in moments])
-        window = Window.around(outlines, PAIR_SIDE)
-        photos = self._photos[first], self._photos[second]
-        columns = "".join(
-            self._pair_column(title, face_pair(photos, (i.camera, j.camera), corners, window, affine))
-            for title, corners in moments
-        )
+        pairs = self._face_pairs(known, slot, (first, second), affine, PAIR_SIDE)
+        if not pairs:
+            return picks + _BEHIND
+        columns = "".join(self._pair_column(when, pair) for when, pair in pairs.items())
         warp = "affine" if affine else "plane's homography"
         return (
             f"{picks}<div class='note dim'>{names[0]} warped into {names[1]} by the {warp}. Edges that are twice in "
@@ -174,15 +172,43 @@ class PhotoPages:
             f"<div class='crops'>{columns}</div>"
         )
 
-    def _pair_column(self, title: str, pair: FacePair) -> str:
-        color = START if title != "Now" else NOW
-        outline = _lines(pair.outline[None], color)
-        pictures = ((pair.average, "average"), (pair.warped, "i warped into j"), (pair.own, "j"))
+    def _face_pairs(
+        self, known: VertexInPhotos, slot: int, pair: tuple[int, int], affine: bool, side: int
+    ) -> dict[str, FacePair]:
+        """By `PAIR_TIMES`; empty where a corner lies behind a camera."""
+        i, j = (self._scene.views[v].camera for v in pair)
+        corners = {"start": known.ring_start[slot], "now": known.ring_now[slot]}
+        if not all(is_in_front(camera, c) for camera in (i, j) for c in corners.values()):
+            return {}
+        window = Window.around(np.concatenate([j.project(c)[0] for c in corners.values()]), side)
+        photos = self._photos[pair[0]], self._photos[pair[1]]
+        return {when: face_pair(photos, (i, j), c, window, affine) for when, c in corners.items()}
+
+    def enlarged_pair(
+        self, known: VertexInPhotos, face: int, slot: int, view: CellsView, affine: bool, kind: str, side: int
+    ) -> str:
+        """Markup of one of the pair's pictures for the lens; `kind` is of `PAIR_KINDS`. On the background's thread."""
+        views = known.face_views.get(face, [])
+        if len(views) < 2:
+            return ""
+        first, second = chosen_pair(views, view.pair)
+        pairs, (when, picture) = self._face_pairs(known, slot, (first, second), affine, side), kind.split()
+        if not pairs:
+            return _BEHIND
+        names = [text(self._scene.views[v].name) for v in (first, second)]
+        shown = _pair_picture(pairs[when], when, picture, side)
+        return f"{shown}<div class='note dim'>i {names[0]} · j {names[1]}</div>"
+
+    def _pair_column(self, when: str, pair: FacePair) -> str:
+        pictures = "".join(
+            f"<div role='button' tabindex='0' style='cursor:zoom-in' aria-label='Enlarge {name}, {PAIR_TIMES[when].lower()}' "
+            f"{self._controls.enlarged_by(str(self._controls.code(0, f'{when} {picture}')))}>"
+            f"{_pair_picture(pair, when, picture, PAIR_SIDE)}</div><div class='dim'>{name}</div>"
+            for picture, name in PAIR_PICTURES.items()
+        )
         return (
-            f"<div><div class='row'><b class='grow'>{title}</b>"
-            f"<span class='dim'>|i − j| {number(pair.difference, 3)}</span></div>"
-            + "".join(f"{_picture(image, PAIR_SIDE, outline)}<div class='dim'>{name}</div>" for image, name in pictures)
-            + "</div>"
+            f"<div><div class='row'><b class='grow'>{PAIR_TIMES[when]}</b>"
+            f"<span class='dim'>|i − j| {number(pair.difference, 3)}</span></div>{pictures}</div>"
         )
 
     def _name(self, view_id: int) -> str:
@@ -210,6 +236,11 @@ def _chips(names, chosen: int, press: Callable[[str], str], hint: str) -> str:
         button(name, press(str(n)), hint=hint.format(name), css_class="chip on" if n == chosen else "chip")
         for n, name in enumerate(names)
     )
+
+
+def _pair_picture(pair: FacePair, when: str, picture: str, side: int) -> str:
+    image = {"average": pair.average, "warped": pair.warped, "own": pair.own}[picture]
+    return _picture(image, side, _lines(pair.outline[None], START if when == "start" else NOW))
 
 
 def _picture(pixels: np.ndarray, side: int, drawn: str) -> str:

@@ -31,12 +31,12 @@ class Status:
         reason = "\u00a0" if state.is_moving or state.reason == outcome else _sentence(state.reason)
         color = "selected" if state.reason.startswith("breakpoint") else "rejected" if state.problem else "dim"
         self._panel.set(
-            f"<div class='row'><span class='big'>{_headline(state, view)}</span><span class='grow'></span>"
+            f"<div class='pinned'><div class='row'><span class='big'>{_headline(state, view)}</span><span class='grow'></span>"
             f"<span class='dim'>{_speed(state)}</span></div>"
             f"<div class='crumbs row'>{self._crumbs(state)}</div>"
             f"<div>{self._energy(state)}</div>"
             f"<div class='dim one'>Last step: {text(outcome)}</div><div class='{color} one'>{text(reason)}</div>"
-            f"<div class='bar'><div style='width:{100 * state.progress:.1f}%'></div></div>"
+            f"<div class='bar'><div style='width:{100 * state.progress:.1f}%'></div></div></div>"
         )
 
     def _crumbs(self, state: RunState) -> str:
