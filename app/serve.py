@@ -5,9 +5,10 @@ said, and the browser opened, before either has begun.
 """
 
 import contextlib
+import signal
 import threading
 import webbrowser
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -68,7 +69,7 @@ def stay(
     server = start_viewer(host, port)
     stop: Callable[[], None] = partial(stop_viewer, server)
     try:
-        with contextlib.suppress(KeyboardInterrupt):
+        with contextlib.suppress(KeyboardInterrupt), remembered_interrupt() as asked:
             if page_first:
                 _invite(address_of(server), open_browser)
             stop = open_app(server)
@@ -76,13 +77,37 @@ def stay(
                 _invite(address_of(server), open_browser)
             # A Ctrl-C that arrives just before a wait begins does not end it, so none is long.
             never = threading.Event()
-            while not never.wait(timeout=0.5):
-                pass
+            while not asked:
+                never.wait(timeout=0.5)
     except InputError as error:
         stop = partial(stop_viewer, server, str(error))
         raise
     finally:
         stop()
+
+
+@contextlib.contextmanager
+def remembered_interrupt() -> Iterator[list[int]]:
+    """Ctrl-C raises KeyboardInterrupt as always, and leaves a trace in the list that is given.
+
+    Raised at a bad moment it is swallowed: in a finalizer, a callback from compiled code, or an `except:` of a library
+    that is being imported. Opening an engine has many of those, and who pressed once would wait for ever. (A list,
+    because an Event's lock may be held by the very code that is interrupted.)
+    """
+    asked: list[int] = []
+
+    def ask(number: int, frame: object) -> None:
+        asked.append(number)
+        raise KeyboardInterrupt
+
+    if threading.current_thread() is not threading.main_thread():  # signals are the main thread's
+        yield asked
+        return
+    before = signal.signal(signal.SIGINT, ask)
+    try:
+        yield asked
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def _invite(address: str, open_browser: bool) -> None:
