@@ -2,6 +2,11 @@
 
 import numpy as np
 
+from app.html import number
+
+LONG = 1e5  # from here on labels count in thousands, millions, ...
+UNITS = {1e3: "k", 1e6: "M", 1e9: "G"}
+
 
 def ticks(low: float, high: float) -> np.ndarray:
     """Two to four round numbers within an interval."""
@@ -18,3 +23,22 @@ def log_ticks(low: float, high: float) -> np.ndarray:
         return 10.0 ** powers[:: -(-len(powers) // 5)]
     found = ticks(10.0**low, 10.0**high)
     return found[found > 0]
+
+
+def tick_labels(values: np.ndarray) -> list[str]:
+    """A label for each value (n,), at most seven characters, however near to each other large values lie."""
+    largest = float(np.abs(values).max(initial=0))
+    if not LONG <= largest < 1e12 or len(values) < 2:
+        return [number(float(value), 3) for value in values]
+    apart = np.diff(values)
+    if apart.max() > 2 * apart.min():  # a log scale
+        return [_in_units(float(value), abs(float(value)), 0) for value in values]
+    return [_in_units(float(value), largest, float(apart.min())) for value in values]
+
+
+def _in_units(value: float, largest: float, apart: float) -> str:
+    """With as many decimals as tell values so far apart from each other; 0: as few as it takes."""
+    unit = max((unit for unit in UNITS if unit <= largest), default=1.0)
+    decimals = int(np.clip(np.ceil(-np.log10(apart / unit) - 1e-9), 0, 3)) if apart > 0 else 0
+    figure = f"{value / unit:.{decimals}f}" if apart > 0 else f"{value / unit:g}"
+    return figure.replace("-", "\u2212") + (f"\u2009{UNITS[unit]}" if unit in UNITS else "")

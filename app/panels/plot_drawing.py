@@ -5,9 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from app.html import number, text
+from app.html import text
 from app.palette import RGB, css
 from app.series import thinned
+from app.ticks import tick_labels
 
 WIDTH, HEIGHT = 312, 132
 LEFT, RIGHT, TOP, BOTTOM = 46, 6, 8, 18
@@ -23,10 +24,10 @@ class Line:
 
 def frame(values: np.ndarray, y: Callable[[float], np.ndarray]) -> str:
     lines = []
-    for value in values:
+    for value, label in zip(values, tick_labels(values), strict=True):
         at = float(y(value))
         lines.append(f'<line x1="{LEFT}" x2="{WIDTH - RIGHT}" y1="{at:.1f}" y2="{at:.1f}" stroke="var(--line)"/>')
-        lines.append(f'<text x="{LEFT - 6}" y="{at + 3.5:.1f}" text-anchor="end">{number(float(value), 3)}</text>')
+        lines.append(f'<text x="{LEFT - 6}" y="{at + 3.5:.1f}" text-anchor="end">{label}</text>')
     return "".join(lines)
 
 

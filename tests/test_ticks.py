@@ -1,0 +1,33 @@
+"""Labels of an axis fit beside it and tell its ticks apart."""
+
+import pytest
+
+from app.ticks import log_ticks, tick_labels, ticks
+
+UNITS = {"k": 1e3, "M": 1e6, "G": 1e9}
+
+
+def read(label: str) -> float:
+    """The number a label stands for."""
+    figure, _, unit = label.replace("\u2212", "-").partition("\u2009")
+    return float(figure + unit) if unit not in UNITS else float(figure) * UNITS[unit]
+
+
+@pytest.mark.parametrize(
+    ("low", "high"),
+    [(0, 0.003), (2, 7), (9000, 62_000), (0, 150_000), (3_905_000, 3_943_000), (8e8, 2.1e9), (-4e6, 4e6)],
+)
+def test_labels_are_short_and_stand_for_their_ticks(low, high):
+    values = ticks(low, high)
+    labels = tick_labels(values)
+    assert max(map(len, labels)) <= 7
+    assert len(set(labels)) == len(values) >= 2
+    assert [read(label) for label in labels] == pytest.approx(values.tolist(), rel=1e-3, abs=1e-12)
+
+
+@pytest.mark.parametrize("high", [3, 5, 8])
+def test_labels_of_powers_of_ten_are_short_and_stand_for_them(high):
+    values = log_ticks(1, high)
+    labels = tick_labels(values)
+    assert max(map(len, labels)) <= 7
+    assert [read(label) for label in labels] == pytest.approx(values.tolist())
