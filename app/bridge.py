@@ -24,7 +24,12 @@ _SCRIPT = """
   window.ef = (action, value) => {
     latest.push([++count, action, value ?? null]);
     if (latest.length > %d) latest.shift();
-    const line = document.querySelector("label[for='%s']").closest('.mantine-Flex-root').querySelector('input');
+    tell();
+  };
+  const tell = () => {
+    const label = document.querySelector("label[for='%s']");
+    if (!label) return void setTimeout(tell, 50);  // the page is still being built
+    const line = label.closest('.mantine-Flex-root').querySelector('input');
     const {set} = Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, 'value');
     set.call(line, JSON.stringify(latest));
     line.dispatchEvent(new Event('input', {bubbles: true}));

@@ -69,6 +69,7 @@ from app.stage import FIELD_OF_VIEW, Stage
 from app.style_sheet import lay_style_sheet
 from app.texturer import Texturer
 from app.theme import Theme
+from app.timeline_place import TimelinePlace
 from app.view import MAX_MAGNIFICATION, View
 from fairing.scene import Scene
 
@@ -157,7 +158,6 @@ class Page:
         self._problems = state.problems
         self._legend.show(self._surface.legend)
         self._look_through.lay_over(state, self._surface.vertices_of(state, self.view.shape), self.view)
-        self._place_timeline()
 
     def _fill_panels(self, state: RunState) -> None:
         """Now, or when it is time again: a step may take long, and then they would stay behind until its end."""
@@ -266,15 +266,14 @@ class Page:
         cells.set_width(CELLS_WIDTH)
         panels += self._lessons.build(cells)
         panels.append(CellLens(gui, scene, source, pages, shared.background, controls, enter, MARGIN))
-        self._timeline = gui.add_panel()
-        with self._timeline.add_tab("Timeline", viser.Icon.CLOCK):
+        timeline = gui.add_panel()
+        with timeline.add_tab("Timeline", viser.Icon.CLOCK):
             panels.append(Timeline(gui, shared.energies, self._guard(self._run.jump), jump, around, self._play))
-        with self._timeline.add_tab("Runs", viser.Icon.GIT_FORK):
+        with timeline.add_tab("Runs", viser.Icon.GIT_FORK):
             panels.append(RunsPanel(gui, shared.scene, shared.run_energies, self._runs))
-        with self._timeline.add_tab("Bookmarks", viser.Icon.BOOKMARK):
+        with timeline.add_tab("Bookmarks", viser.Icon.BOOKMARK):
             panels.append(BookmarksPanel(gui, bridge, self._bookmarks))
-        self._window = (0, 0)
-        self._place_timeline()
+        TimelinePlace(self._client, timeline, bridge, MARGIN)
         self._legend = LegendBox(gui)
         panels.append(
             CameraBox(
@@ -283,15 +282,6 @@ class Page:
         )
         lay_style_sheet(self._client, STYLE + LESSON_STYLE + bridge.style)
         return panels
-
-    def _place_timeline(self) -> None:
-        """As wide as the 3D view, at its bottom; again when the window changes."""
-        camera = self._client.camera
-        window = (int(camera.image_width), int(camera.image_height))
-        if window != self._window:
-            self._window = window
-            width = max(320, window[0] - 2 * MARGIN)
-            self._timeline.float(x=MARGIN, y=-MARGIN, width=width)
 
     def _add_commands(self) -> None:
         for action in ACTIONS:
@@ -381,7 +371,6 @@ class Page:
             self._announce_camera(None)
 
     def _follow_camera(self) -> None:
-        self._place_timeline()
         if self._look_through.follow():
             self._look_through.stay()
             self._announce_camera(None)

@@ -2,14 +2,15 @@
 
 import numpy as np
 import pytest
+from playwright.sync_api import Browser
 
 from app.layers.certainty import PIECES, CertaintyLayer
 from app.selection import Selection
-from app.server import start
+from app.server import App, start
 from demo_scenes import load_demo
 from fairing.options import FairingOptions, ScheduleOptions
 from fairing.session import Session
-from tests.browser.driver import IN_BROWSER, Visitor, wait_for
+from tests.browser.driver import IN_BROWSER, PATIENCE, WINDOW, Visitor, wait_for
 
 pytestmark = IN_BROWSER
 
@@ -129,3 +130,21 @@ def test_what_the_photos_determine_is_drawn_at_the_selected_vertices_and_told(vi
     visitor.page.get_by_role("tab", name="Layers").click()
     visitor.button("Hide what the photos determine").click()
     visitor.page.wait_for_function("() => !window.__viserMutable.nodeRefFromName['/certainty'].visible")
+
+
+def test_the_timeline_is_as_wide_as_the_view_whatever_the_pixels_of_the_screen(app: App, browser: Browser):
+    context = browser.new_context(device_scale_factor=2, viewport=WINDOW)
+    page = context.new_page()
+    page.goto(app.url)
+    page.wait_for_function(
+        """() => {
+            const canvas = window.__viserMutable?.canvas;
+            const strip = document.querySelector('.ef .strip');
+            if (!canvas || !strip) return false;
+            const view = canvas.getBoundingClientRect(), box = strip.getBoundingClientRect();
+            return canvas.width > 1.2 * view.width && box.left > view.left && box.right < view.right &&
+                box.width > 0.85 * view.width;
+        }""",
+        timeout=1000 * PATIENCE,
+    )
+    context.close()

@@ -26,6 +26,7 @@ from app.panels.html_panel import HtmlPanel
 from app.stage import FIELD_OF_VIEW, Stage
 from app.style_sheet import lay_style_sheet
 from app.theme import Theme
+from app.timeline_place import TimelinePlace
 from app.viewer import address_of, stop_viewer
 from fairing.scene import Scene
 from fairing.triangulation import FlipTrace
@@ -81,7 +82,6 @@ class FlipPage:
             self._legend.set(legend(film, moment) + f"<h4>Surface</h4>{surface}")
             self._strip.set(strip(film, moment, self._press, player.speed))
             self._followed.follow(moment)
-            self._place_timeline()
 
     def close(self) -> None:
         """The browser is gone."""
@@ -111,8 +111,8 @@ class FlipPage:
         self._textured = bridge.button(lambda: self._set_textured(True))
         self._leave_press = bridge.button(self._leave)
         self._buttons, self._facts, self._plot, self._legend = (HtmlPanel(gui) for _ in range(4))
-        self._timeline = gui.add_panel()
-        with self._timeline.add_tab("Timeline", viser.Icon.CLOCK):
+        timeline = gui.add_panel()
+        with timeline.add_tab("Timeline", viser.Icon.CLOCK):
             self._slider = gui.add_slider("Flip", min=0, max=max(1, len(film)), step=1, initial_value=0)
             self._strip = HtmlPanel(gui)
         self._followed = Followed(self._slider)
@@ -123,15 +123,8 @@ class FlipPage:
             if event.client is not None:
                 jump(self._slider.value)
 
-        self._window = (0, 0)
+        TimelinePlace(self._client, timeline, bridge, MARGIN)
         lay_style_sheet(self._client, STYLE + bridge.style)
-
-    def _place_timeline(self) -> None:
-        camera = self._client.camera
-        window = (int(camera.image_width), int(camera.image_height))
-        if window != self._window:
-            self._window = window
-            self._timeline.float(x=MARGIN, y=-MARGIN, width=max(320, window[0] - 2 * MARGIN))
 
     def _add_commands(self) -> None:
         player, film, stage = self._player, self._film, self._stage
@@ -195,7 +188,6 @@ class FlipPage:
             self.show()
 
     def _follow_camera(self) -> None:
-        self._place_timeline()
         if self._look_through.follow():
             self._look_through.stay()
             self.show()
