@@ -10,8 +10,8 @@ import math
 from collections.abc import Callable
 
 import viser
-from viser._messages import RunJavascriptMessage
 
+from app.javascript import run_in_page
 from fairing.errors import InputError
 
 # viser tells of changes that follow each other within 50 ms only the last: so each holds the last few presses.
@@ -56,7 +56,7 @@ class Bridge:
         uuid = line._impl.uuid
         self.style = f"div:has(> .mantine-Flex-root label[for='{uuid}']) {{ display: none !important }}"
         """CSS that hides the line."""
-        gui._websock_interface.queue_message(RunJavascriptMessage(source=_SCRIPT % (TOLD_TOGETHER, uuid)))
+        run_in_page(gui, _SCRIPT % (TOLD_TOGETHER, uuid))
 
     def button(self, on_press: Callable[[], None]) -> str:
         """JavaScript that calls `on_press`."""

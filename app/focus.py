@@ -1,12 +1,12 @@
 """Keeps the keys alive: the focus stays in a field only while somebody types there.
 
 The browser gives no hotkeys while a text line, a checkbox or a dropdown has the focus, and a click leaves it there. So
-a few lines run in the page that take the focus away once a widget has been used. viser 1.1.1 can run them but offers
-that only to itself; a test holds it.
+a few lines run in the page that take the focus away once a widget has been used.
 """
 
 import viser
-from viser._messages import RunJavascriptMessage
+
+from app.javascript import run_in_page
 
 _SCRIPT = """
 if (!window.eigenfairingFocus) {
@@ -39,4 +39,4 @@ if (!window.eigenfairingFocus) {
 
 def release_focus_after_use(client: viser.ClientHandle) -> None:
     """Make it so in this browser."""
-    client.gui._websock_interface.queue_message(RunJavascriptMessage(source=_SCRIPT))
+    run_in_page(client.gui, _SCRIPT)

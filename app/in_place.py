@@ -7,7 +7,8 @@ and carry over only what differs. If viser should set its content in another way
 """
 
 import viser
-from viser._messages import RunJavascriptMessage
+
+from app.javascript import run_in_page
 
 # A button is the same one only as long as it does the same: Run must not become Pause under a finger.
 _SCRIPT = """
@@ -69,4 +70,4 @@ if (!window.eigenfairingInPlace) {
 
 def change_in_place(client: viser.ClientHandle) -> None:
     """Make it so in this browser."""
-    client.gui._websock_interface.queue_message(RunJavascriptMessage(source=_SCRIPT))
+    run_in_page(client.gui, _SCRIPT)

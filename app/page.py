@@ -73,7 +73,6 @@ from app.timeline_place import TimelinePlace
 from app.view import MAX_MAGNIFICATION, View
 from fairing.scene import Scene
 
-MARGIN = 16
 PANELS_EVERY = 0.25  # s: while it runs, numbers change slower than the eye follows the mesh
 # Panels behind other tabs are sent, too: viser does not tell which tab is in front, and on the cube they are 5 of the 39
 # kB of HTML a second (before compression) and cost the browser nothing, because it does not lay them out.
@@ -265,7 +264,7 @@ class Page:
         cells.dock_left()
         cells.set_width(CELLS_WIDTH)
         panels += self._lessons.build(cells)
-        panels.append(CellLens(gui, scene, source, pages, shared.background, controls, enter, MARGIN))
+        panels.append(CellLens(gui, scene, source, pages, shared.background, controls, enter))
         timeline = gui.add_panel()
         with timeline.add_tab("Timeline", viser.Icon.CLOCK):
             panels.append(Timeline(gui, shared.energies, self._guard(self._run.jump), jump, around, self._play))
@@ -273,12 +272,10 @@ class Page:
             panels.append(RunsPanel(gui, shared.scene, shared.run_energies, self._runs))
         with timeline.add_tab("Bookmarks", viser.Icon.BOOKMARK):
             panels.append(BookmarksPanel(gui, bridge, self._bookmarks))
-        TimelinePlace(self._client, timeline, bridge, MARGIN)
+        TimelinePlace(gui, timeline, bridge)
         self._legend = LegendBox(gui)
         panels.append(
-            CameraBox(
-                gui, scene, self.view, camera, self._surface_buttons, self._guard, shared.controller.republish, MARGIN
-            )
+            CameraBox(gui, scene, self.view, camera, self._surface_buttons, self._guard, shared.controller.republish)
         )
         lay_style_sheet(self._client, STYLE + LESSON_STYLE + bridge.style)
         return panels

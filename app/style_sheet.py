@@ -6,7 +6,8 @@ Within the panels' content it would be sent and laid anew with every change of t
 import json
 
 import viser
-from viser._messages import RunJavascriptMessage
+
+from app.javascript import run_in_page
 
 _SCRIPT = """
 const sheet = document.getElementById('eigenfairing-style') ?? document.head.appendChild(document.createElement('style'));
@@ -17,4 +18,4 @@ sheet.textContent = %s;
 
 def lay_style_sheet(client: viser.ClientHandle, css: str) -> None:
     """Give a browser's page this style sheet, in place of any other from here."""
-    client.gui._websock_interface.queue_message(RunJavascriptMessage(source=f"{{{_SCRIPT % json.dumps(css)}}}"))
+    run_in_page(client.gui, f"{{{_SCRIPT % json.dumps(css)}}}")

@@ -5,7 +5,8 @@ line in the page; tests hold it.
 import json
 
 import viser
-from viser._messages import RunJavascriptMessage
+
+from app.javascript import run_in_page
 
 SCROLL_TRIES = 50  # 0.1 s each: what a heading stands over may still be drawn
 SCROLLS = 12  # once it is there: pictures above it may still come
@@ -21,7 +22,7 @@ def show_tab(client: viser.ClientHandle, title: str) -> None:
             tab.dispatchEvent(new KeyboardEvent('keydown', {{key: 'Enter', bubbles: true}}));
         else tab?.click();
     """
-    _run(client, f"(() => {{{source}}})()")
+    run_in_page(client.gui, f"(() => {{{source}}})()")
 
 
 def show_heading(client: viser.ClientHandle, title: str) -> None:
@@ -38,13 +39,9 @@ def show_heading(client: viser.ClientHandle, title: str) -> None:
         }};
         scroll();
     """
-    _run(client, f"(() => {{{source}}})()")
+    run_in_page(client.gui, f"(() => {{{source}}})()")
 
 
 def reload_page(client: viser.ClientHandle, after: float) -> None:
     """Load the page anew in so many seconds."""
-    _run(client, f"setTimeout(() => location.reload(), {1000 * after:.0f})")
-
-
-def _run(client: viser.ClientHandle, javascript: str) -> None:
-    client.gui._websock_interface.queue_message(RunJavascriptMessage(source=javascript))
+    run_in_page(client.gui, f"setTimeout(() => location.reload(), {1000 * after:.0f})")

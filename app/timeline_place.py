@@ -1,9 +1,10 @@
 """The timeline floats at the bottom of the 3D view, as wide as it."""
 
 import viser
-from viser._messages import RunJavascriptMessage
 
 from app.bridge import Bridge, whole_number
+from app.javascript import run_in_page
+from app.panels.floating import MARGIN
 
 LEAST = 320  # px
 WIDEST = 20_000  # px
@@ -27,12 +28,12 @@ _SCRIPT = """
 class TimelinePlace:
     """Puts a floating panel there, and again when the view changes its size."""
 
-    def __init__(self, client: viser.ClientHandle, panel: viser.PanelHandle, bridge: Bridge, margin: int) -> None:
-        self._panel, self._margin = panel, margin
+    def __init__(self, gui: viser.GuiApi, panel: viser.PanelHandle, bridge: Bridge) -> None:
+        self._panel = panel
         self._fit(LEAST)
         told = bridge.number(self._fit)("Math.round(canvas.clientWidth)")
-        client.gui._websock_interface.queue_message(RunJavascriptMessage(source=_SCRIPT % told))
+        run_in_page(gui, _SCRIPT % told)
 
     def _fit(self, view_width: object) -> None:
-        width = whole_number(view_width, 1, WIDEST, "width of the view") - 2 * self._margin
-        self._panel.float(x=self._margin, y=-self._margin, width=max(LEAST, width))
+        width = whole_number(view_width, 1, WIDEST, "width of the view") - 2 * MARGIN
+        self._panel.float(x=MARGIN, y=-MARGIN, width=max(LEAST, width))

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from fairing.first_level import last_fine_level
-from fairing.options import FairingOptions, by_level
+from fairing.options import CellOptions, FairingOptions, by_level
 from fairing.problem import Problem
 from fairing.search import ContextAt, Found, Stage, search_unit
 from fairing.sweep import SweepState
@@ -104,28 +104,19 @@ def search_around(
 
 def _sharp(options: FairingOptions) -> FairingOptions:
     """Cells that tell places apart which coarser ones mistake for each other, with a quarter of the samples."""
-    cells = options.cells
-    return replace(
-        options,
-        cells=replace(
-            cells,
-            spacing=tuple(x * SHARP_COARSENESS for x in cells.spacing),
-            size=tuple(min(size, SHARP_CELL) for size in cells.size),
-        ),
-    )
+    return replace(options, cells=_coarser(options.cells, SHARP_COARSENESS, SHARP_CELL))
 
 
 def _rough(options: FairingOptions) -> FairingOptions:
     """A search compares places pixels apart: coarser cells and depth maps do, at a third of the time."""
-    cells, visibility = options.cells, options.visibility
+    cells = _coarser(options.cells, ROUGH_COARSENESS, ROUGH_CELL)
     return replace(
         options,
-        cells=replace(
-            cells,
-            spacing=tuple(x * ROUGH_COARSENESS for x in cells.spacing),
-            size=tuple(min(size, ROUGH_CELL) for size in cells.size),
-            interpolation=("bilinear",),
-            point_spread=("as_seen",),
-        ),
-        visibility=replace(visibility, reduction=visibility.reduction * 2),
+        cells=replace(cells, interpolation=("bilinear",), point_spread=("as_seen",)),
+        visibility=replace(options.visibility, reduction=options.visibility.reduction * 2),
     )
+
+
+def _coarser(cells: CellOptions, coarseness: float, largest: int) -> CellOptions:
+    spacing = tuple(x * coarseness for x in cells.spacing)
+    return replace(cells, spacing=spacing, size=tuple(min(size, largest) for size in cells.size))

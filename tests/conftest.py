@@ -1,11 +1,13 @@
-"""What the tests of the page have in common. A module says which debugger it visits by a fixture `app`."""
+"""What the tests of the page have in common. A module says which debugger it visits by its OPTIONS or a fixture `app`."""
 
 from collections.abc import Iterator
 
 import pytest
 from playwright.sync_api import Browser
 
-from app.server import App
+from app.server import App, start
+from demo_scenes import load_demo
+from fairing.session import Session
 from tests.browser.driver import Visitor, chromium
 
 pytest_plugins = ["tests.remembered_steps"]
@@ -15,6 +17,14 @@ pytest_plugins = ["tests.remembered_steps"]
 def browser() -> Iterator[Browser]:
     with chromium() as browser:
         yield browser
+
+
+@pytest.fixture(scope="module")
+def app(request: pytest.FixtureRequest) -> Iterator[App]:
+    """The debugger on the cube with the module's OPTIONS, unless the module has an `app` of its own."""
+    app = start(Session(load_demo("cube"), request.module.OPTIONS), port=0)
+    yield app
+    app.stop()
 
 
 @pytest.fixture(scope="module")

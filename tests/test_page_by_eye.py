@@ -3,10 +3,7 @@
 import numpy as np
 import pytest
 
-from app.server import start
-from demo_scenes import load_demo
 from fairing.options import FairingOptions, ScheduleOptions
-from fairing.session import Session
 from tests.browser.driver import IN_BROWSER, Visitor, wait_for
 
 pytestmark = IN_BROWSER
@@ -14,13 +11,6 @@ pytestmark = IN_BROWSER
 OPTIONS = FairingOptions(
     schedule=ScheduleOptions(blur=(3.6, 2.0), order="joint", max_sweeps=(1,), max_iterations=(3,), start="first")
 )
-
-
-@pytest.fixture(scope="module")
-def app():
-    app = start(Session(load_demo("cube"), OPTIONS), port=0)
-    yield app
-    app.stop()
 
 
 @pytest.fixture(autouse=True)

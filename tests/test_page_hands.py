@@ -5,10 +5,7 @@ import pytest
 
 from app.commands import JumpTo
 from app.selection import Selection
-from app.server import start
-from demo_scenes import load_demo
 from fairing.options import FairingOptions, ScheduleOptions
-from fairing.session import Session
 from tests.browser.driver import IN_BROWSER, Visitor, wait_for
 
 pytestmark = IN_BROWSER
@@ -16,13 +13,6 @@ pytestmark = IN_BROWSER
 OPTIONS = FairingOptions(
     schedule=ScheduleOptions(blur=(3.6, 2.0), order="sequential", max_sweeps=(2,), max_iterations=(3,), start="first")
 )
-
-
-@pytest.fixture(scope="module")
-def app():
-    app = start(Session(load_demo("cube"), OPTIONS), port=0)
-    yield app
-    app.stop()
 
 
 @pytest.fixture

@@ -10,8 +10,6 @@ import pytest
 from app.commands import JumpTo, Run
 from app.run_state import Activity
 from app.selection import Selection
-from app.server import start
-from demo_scenes import load_demo
 from fairing.options import FairingOptions, ScheduleOptions
 from fairing.session import Session
 from tests.browser.driver import IN_BROWSER, PATIENCE, Visitor, wait_for
@@ -21,13 +19,6 @@ pytestmark = IN_BROWSER
 OPTIONS = FairingOptions(
     schedule=ScheduleOptions(blur=(3.6, 2.0), order="sequential", max_sweeps=(9,), max_iterations=(9,), start="first")
 )
-
-
-@pytest.fixture(scope="module")
-def app():
-    app = start(Session(load_demo("cube"), OPTIONS), port=0)
-    yield app
-    app.stop()
 
 
 def page_of(visitor: Visitor):

@@ -31,8 +31,6 @@ from app.viewer import address_of, stop_viewer
 from fairing.scene import Scene
 from fairing.triangulation import FlipTrace
 
-MARGIN = 16
-
 
 class FlipPage:
     """Of one browser: every browser has a moment of its own."""
@@ -115,15 +113,8 @@ class FlipPage:
         with timeline.add_tab("Timeline", viser.Icon.CLOCK):
             self._slider = gui.add_slider("Flip", min=0, max=max(1, len(film)), step=1, initial_value=0)
             self._strip = HtmlPanel(gui)
-        self._followed = Followed(self._slider)
-        jump = self._guard(self._jump)
-
-        @self._slider.on_update
-        def _(event: viser.GuiEvent) -> None:
-            if event.client is not None:
-                jump(self._slider.value)
-
-        TimelinePlace(self._client, timeline, bridge, MARGIN)
+        self._followed = Followed(self._slider, self._guard(self._jump))
+        TimelinePlace(gui, timeline, bridge)
         lay_style_sheet(self._client, STYLE + bridge.style)
 
     def _add_commands(self) -> None:

@@ -7,6 +7,7 @@ import viser
 from app.bridge import Bridge, whole_number
 from app.html import button, icon, text
 from app.panels.choice import choice
+from app.panels.floating import MARGIN
 from app.panels.followed import Followed
 from app.panels.html_panel import HtmlPanel
 from app.panels.surface_panel import SHAPES, SurfaceButtons
@@ -43,31 +44,22 @@ class CameraBox:
         surface: SurfaceButtons,
         guarded: Callable[[Callable[..., None]], Callable[..., None]],
         republish: Callable[[], None],
-        margin: int,
     ) -> None:
         self._scene, self._press, self._surface = scene, press, surface
         self._box = gui.add_panel(visible=False)
         with self._box.add_tab("Camera", viser.Icon.CAMERA):
             self._panel = HtmlPanel(gui)
-            self._share = gui.add_slider(
+            share = gui.add_slider(
                 "Photo – model", min=0, max=100, step=1, initial_value=round(100 * view.model_share),
                 hint="Lays what the other photos and the mesh predict over the photo (%).",
             )  # fmt: skip
-
-        self._followed = Followed(self._share)
 
         def set_share(value: object) -> None:
             view.model_share = whole_number(value, 0, 100, "share of the model") / 100
             republish()
 
-        share = guarded(set_share)
-
-        @self._share.on_update
-        def _(event: viser.GuiEvent) -> None:
-            if event.client is not None:
-                share(self._share.value)
-
-        self._box.float(x=-margin, y=margin, width=WIDTH)
+        self._followed = Followed(share, guarded(set_share))
+        self._box.float(x=-MARGIN, y=MARGIN, width=WIDTH)
 
     def show(self, state: RunState, view: View) -> None:
         self._box.visible = view.entered is not None

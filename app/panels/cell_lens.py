@@ -13,6 +13,7 @@ from app.html import button, icon, text
 from app.lookup import Lookup
 from app.palette import css
 from app.panels.cell_source import CellSource, chosen_face
+from app.panels.floating import MARGIN
 from app.panels.html_panel import HtmlPanel
 from app.panels.photo_pages import PhotoPages
 from app.run_state import RunState
@@ -35,13 +36,12 @@ class CellLens:
         background: Background,
         controls: CellsControls,
         enter: Callable[[str], str],
-        margin: int,
     ) -> None:
         self._scene, self._source, self._controls, self._enter = scene, source, controls, enter
         self._frame = gui.add_panel(visible=False)
         with self._frame.add_tab("Lens", viser.Icon.ZOOM_IN):
             self._panel = HtmlPanel(gui)
-        self._frame.float(x=margin, y=margin, width=FRAME)
+        self._frame.float(x=MARGIN, y=MARGIN, width=FRAME)
         self._pages = pages
         self._drawing: Lookup[tuple, str] = Lookup(background.post)
         self._drawn: object = None

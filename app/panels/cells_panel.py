@@ -47,14 +47,7 @@ class CellsPanel:
             visible=False,
             hint="Look at the same cells with more or fewer eigenspace dimensions. The run keeps its own.",
         )
-        self._followed = Followed(self._k)
-        look = guarded(controls.look_at_k)
-
-        @self._k.on_update
-        def _(event: viser.GuiEvent) -> None:
-            if event.client is not None:
-                look(self._k.value)
-
+        self._followed = Followed(self._k, guarded(controls.look_at_k))
         self._body = HtmlPanel(gui)
         self._drawing: Lookup[tuple, str] = Lookup(background.post)
 

@@ -22,8 +22,7 @@ class ExperimentsPanel:
     def __init__(self, gui: viser.GuiApi, desk: Desk, press: "ExperimentButtons") -> None:
         self._desk, self._press = desk, press
         self._obstacle = desk.obstacle()
-        # What changes with every run made stands apart from the buttons: one that is replaced while pressed is not pressed.
-        self._controls, self._results = HtmlPanel(gui), HtmlPanel(gui)
+        self._panel = HtmlPanel(gui)
         self._shown: object = None
 
     def show(self, state: RunState, view: View) -> None:
@@ -32,8 +31,8 @@ class ExperimentsPanel:
         if key == self._shown:
             return
         self._shown = key
-        self._controls.set(self._choices(view) + self._start(state, view, outcome))
-        self._results.set("" if outcome is None else _progress(outcome) + self._findings(outcome))
+        results = "" if outcome is None else _progress(outcome) + self._findings(outcome)
+        self._panel.set(self._choices(view) + self._start(state, view, outcome) + results)
 
     def _choices(self, view: View) -> str:
         chips = "".join(

@@ -5,10 +5,10 @@ import viser
 from app.coloring import UNKNOWN, Legend, Scale, color_map
 from app.html import number, text
 from app.palette import RGB, solid
+from app.panels.floating import MARGIN
 from app.panels.html_panel import HtmlPanel
 
 WIDTH = 236
-MARGIN = 16
 STOPS = 16
 
 

@@ -51,11 +51,11 @@ def line_at(
     chosen = thinned(line.moments, line.values, pixels)
     moments, values = line.moments[chosen], line.values[chosen]
     past = moments <= moment
-    pale = "" if past.all() else polyline(x(moments), y(values), css(color, 0.35))
-    return pale + (polyline(x(moments[past]), y(values[past]), css(color)) if past.any() else "")
+    pale = "" if past.all() else _polyline(x(moments), y(values), css(color, 0.35))
+    return pale + (_polyline(x(moments[past]), y(values[past]), css(color)) if past.any() else "")
 
 
-def polyline(x: np.ndarray, y: np.ndarray, color: str) -> str:
+def _polyline(x: np.ndarray, y: np.ndarray, color: str) -> str:
     if len(x) == 1:
         return f'<circle cx="{x[0]:.1f}" cy="{y[0]:.1f}" r="1.5" fill="{color}"/>'
     points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True))

@@ -81,7 +81,7 @@ class SurfacePanel:
     ) -> None:
         self._buttons, self._note = buttons, limit_note(n_faces)
         self._panel = HtmlPanel(gui)
-        self._slider = gui.add_slider(
+        slider = gui.add_slider(
             "Shape",
             min=START_SHAPE,
             max=buttons.last_shape,
@@ -89,13 +89,7 @@ class SurfacePanel:
             initial_value=NOW_SHAPE,
             hint="Moves the surface from where it began to where it is now, and on to the truth where that is known.",
         )
-        self._followed = Followed(self._slider)
-        choose = guarded(buttons.choose_shape)
-
-        @self._slider.on_update
-        def _(event: viser.GuiEvent) -> None:
-            if event.client is not None:
-                choose(self._slider.value)
+        self._followed = Followed(slider, guarded(buttons.choose_shape))
 
     def show(self, state: RunState, view: View) -> None:
         press = self._buttons.press_surface

@@ -39,9 +39,7 @@ class Timeline:
     ) -> None:
         self._energies, self._jump, self._around, self._press = energies, jump, around, press
         self._slider = gui.add_slider("Moment", min=0, max=1, step=1, initial_value=0)
-        # Apart from the strip, which a run draws anew: a button pressed would be another one when it is let go.
-        self._tools = HtmlPanel(gui)
-        self._strip = HtmlPanel(gui)
+        self._panel = HtmlPanel(gui)
         self._moved = 0.0
         self._marks: tuple[GuiSliderMark, ...] = ()
         self._history = StepHistory()
@@ -64,8 +62,7 @@ class Timeline:
             self._marks = marks
             self._slider._marks = marks
         self._history.update(state)
-        self._tools.set(f"<div class='row tools'>{self._buttons(state, view)}</div>")
-        self._strip.set(self._picture(state, view))
+        self._panel.set(f"<div class='row tools'>{self._buttons(state, view)}</div>{self._picture(state, view)}")
 
     def _buttons(self, state: RunState, view: View) -> str:
         if view.looks_at is not None:
