@@ -45,7 +45,9 @@ class LeftOutSheet:
         for i, (view, row) in enumerate(self._rows):
             sheet.paste(Image.fromarray(row), (GAP, y))
             y += row.shape[0]
-            captions = [self._scene.views[view].name]
+            share = before.share[i]
+            judged = f"{share:.0%} of its pixels judged" if np.isfinite(share) else "not judged"
+            captions = [f"{self._scene.views[view].name}   {judged}"]
             captions += [f"PSNR {one.psnr[i]:.2f} dB   SSIM {one.ssim[i]:.4f}" for one in (before, after)]
             for column, caption in enumerate(captions):
                 draw.text((GAP + column * (TILE + GAP), y + 3), caption, TEXT)

@@ -68,7 +68,7 @@ def prove_on_left_out(scene: Scene, start: np.ndarray, end: np.ndarray, out: Pat
         console.print(
             f"photos left out: PSNR {summary['psnr_before']:.2f} -> {summary['psnr_after']:.2f} dB, "
             f"SSIM {summary['ssim_before']:.4f} -> {summary['ssim_after']:.4f} (mean of {summary['photos_judged']}, "
-            f"{summary['photos_better']} better); wrote {out / LEFT_OUT}",
+            f"{summary['photos_better']} better; {summary['judged_share']:.0%} of their pixels); wrote {out / LEFT_OUT}",
             highlight=False,
             soft_wrap=True,
         )

@@ -89,7 +89,10 @@ def leave_one_out(
 
 
 def left_out_summary(scene: Scene, before: LeftOut, after: LeftOut) -> dict[str, Any]:
-    """Plain numbers for a report: of each photo, and their means over the photos that could be judged."""
+    """Plain numbers for a report: of each photo, and their means over the photos that could be judged.
+
+    PSNR says nothing about two meshes that show different parts of the photos: see `judged_share`.
+    """
     photos = [
         {
             "photo": scene.views[view].name,
@@ -104,7 +107,7 @@ def left_out_summary(scene: Scene, before: LeftOut, after: LeftOut) -> dict[str,
     judged = [photo for photo in photos if np.isfinite(photo["psnr_before"]) and np.isfinite(photo["psnr_after"])]
     means = {
         key: float(np.mean([photo[key] for photo in judged])) if judged else None
-        for key in ("psnr_before", "psnr_after", "ssim_before", "ssim_after")
+        for key in ("judged_share", "psnr_before", "psnr_after", "ssim_before", "ssim_after")
     }
     better = sum(bool(photo["psnr_after"] > photo["psnr_before"]) for photo in judged)
     return {**means, "photos_judged": len(judged), "photos_better": better, "photos": photos}
