@@ -83,7 +83,7 @@ class RunProgress:
         self._session.on_photo = lambda done, count: None
 
     def _show_photo(self, done: int, count: int) -> None:
-        text = f"reading photo {done} of {count}" if done < count else "preparing the sweep"
+        text = f"preparing: photo {done + 1} of {count}" if done < count else "preparing the sweep"
         self._bar.update(self._task, description=text)
 
     def show(self, record: StepRecord) -> None:

@@ -4,6 +4,7 @@ A context is a function of the level and of the vertex positions it was made at.
 that energies before and after a step compare like with like, and is made anew at the beginning of each sweep.
 """
 
+from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
@@ -131,6 +132,7 @@ def build_context(
     judged_faces: np.ndarray,
     pool: Executor,
     occluders: Occluders | None = None,
+    on_view: Callable[[], None] = lambda: None,
 ) -> CellContext:
     """Judge visibility at the given positions and lay out the cells of a level.
 
@@ -141,6 +143,7 @@ def build_context(
         judged_faces: (m,) bool: the faces wanted; the others take no part.
         pool: works on several photos at a time.
         occluders: what hides the cells; by default the mesh itself.
+        on_view: called before each photo is judged, from the pool's threads.
     """
     faces = scene.mesh.faces
     blur = options.schedule.blur[level]
@@ -176,6 +179,7 @@ def build_context(
     def mask_view(v: int) -> tuple[np.ndarray, np.ndarray]:
         """Occlusion in one photo: updates its column of `reasons`, returns partly seen faces and their masks."""
         chosen = np.flatnonzero(candidate[:, v])
+        on_view()
         if len(chosen) == 0:
             return chosen, np.zeros(0, dtype=np.uint8)
         reduction = options.visibility.reduction
@@ -229,16 +233,19 @@ def build_context(
     if is_common:
         least = np.maximum(blur, ANTI_ALIASING * sample_spacing)
         pixels, base, frame = equally_sharp(photos, cameras, pair_view, pair_start, vertices[faces], least, cubic, pool)
+        smaller, pair_camera = P[:0], pair_view
     else:
-        pixels, base = _photos_for_pairs(photos, blur, cubic, sample_spacing, pair_view, pool)
-        frame = np.array([(0, 0, camera.width, camera.height) for camera in cameras], dtype=np.int64)[pair_view]
+        pixels, base, frame, smaller, pair_camera = _photos_for_pairs(
+            photos, blur, cubic, sample_spacing, P, pair_view, pool
+        )
     kernel = KernelData(
         faces=faces,
-        image_from_world=P,
+        image_from_world=np.concatenate([P, smaller]),
         pixels=pixels,
         channels=photos.channels,
         pair_start=pair_start,
         pair_view=pair_view.astype(np.int64),
+        pair_camera=pair_camera.astype(np.int64),
         pair_base=base,
         pair_frame=frame,
         pair_weight=weight,
@@ -281,19 +288,35 @@ def blur_rungs(spacing: np.ndarray, blur: float) -> np.ndarray:
 
 
 def _photos_for_pairs(
-    photos: ScaleSpace, blur: float, cubic: bool, spacing: np.ndarray, pair_view: np.ndarray, pool: Executor
-) -> tuple[np.ndarray, np.ndarray]:
+    photos: ScaleSpace,
+    blur: float,
+    cubic: bool,
+    spacing: np.ndarray,
+    P: np.ndarray,
+    pair_view: np.ndarray,
+    pool: Executor,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """The photos at the level's blur, and more blurred ones where a cell's samples lie far apart in the photo.
 
     Args:
         spacing: (P,) float: distance of a pair's samples, px.
+        P: (V, 3, 4) float: `image_from_world` of the views.
 
     Returns:
-        Flat pixels and for each pair where its photo starts in them.
+        `pixels`, `pair_base` and `pair_frame` of `fairing.kernels.data.KernelData`, `image_from_world` of the photos that
+        are kept smaller, and `pair_camera`.
     """
     rung = blur_rungs(spacing, blur)
     rungs = int(rung.max(initial=0)) + 1
     kinds, kind = np.unique(pair_view * rungs + rung, return_inverse=True)
     wanted = [(v, blur if r == 0 else max(blur, 1.0) * 2.0**r) for v, r in (divmod(int(k), rungs) for k in kinds)]
     pixels, starts = photos.lay_out(blur, cubic, wanted, pool)
-    return pixels, np.array([starts[each] for each in wanted], dtype=np.int64)[kind]
+    base, frame, camera = (np.zeros(shape, np.int64) for shape in (len(wanted), (len(wanted), 4), len(wanted)))
+    smaller = []
+    for k, (view, sigma) in enumerate(wanted):
+        base[k], frame[k, 2:], camera[k] = starts[view, sigma], photos.size_at(view, sigma), view
+        factor = photos.reduction(view, sigma)
+        if factor > 1:
+            camera[k] = len(P) + len(smaller)
+            smaller.append(np.diag([1 / factor, 1 / factor, 1]) @ P[view])
+    return pixels, base[kind], frame[kind], np.array(smaller).reshape(-1, 3, 4), camera[kind]

@@ -10,7 +10,7 @@ import numpy as np
 from fairing.cells import blur_rungs
 from fairing.options import FairingOptions, by_level
 from fairing.point_spread import MOST_PIXELS, pixels_around
-from fairing.scale_space import AT_ONCE, KEPT_PHOTOS
+from fairing.scale_space import AT_ONCE, KEPT_PHOTOS, LARGE, reduction
 from fairing.scene import Scene
 from fairing.visibility import Visibility, footprints
 
@@ -52,7 +52,7 @@ def _pixels_laid_out(scene: Scene, options: FairingOptions, scale: float, sizes:
     Args:
         sizes: (V,) float: pixels of the photos.
     """
-    copies = np.ones((options.n_levels, len(scene.views)), dtype=int)
+    laid_out, is_large = np.zeros(options.n_levels), float(sizes.sum()) > LARGE
     parts, count = np.zeros(len(scene.mesh.faces)), np.zeros(len(scene.mesh.faces))
     everywhere = replace(options.visibility, min_angle=0.0, min_footprint=0.0)
     for v, view in enumerate(scene.views):
@@ -62,12 +62,13 @@ def _pixels_laid_out(scene: Scene, options: FairingOptions, scale: float, sizes:
         parts[is_seen] += pixels_around(longest, height)
         count[is_seen] += 1
         for level, blur in enumerate(options.schedule.blur):
-            rungs = blur_rungs(longest / by_level(options.cells.size, level), blur)
-            copies[level, v] = max(1, len(np.unique(rungs)))
+            rungs = np.unique(blur_rungs(longest / by_level(options.cells.size, level), blur)).tolist()
+            for sigma in [blur if r == 0 else max(blur, 1.0) * 2.0**r for r in rungs] or [blur]:
+                laid_out[level] += sizes[v] / reduction(is_large, (view.camera.width, view.camera.height), sigma) ** 2
     of_parts = float((parts * np.minimum(1, options.visibility.max_views / np.maximum(count, 1))).sum())
     levels = [by_level(options.cells.point_spread, level) for level in range(options.n_levels)]
     is_in_parts = [spread == "common" and of_parts <= MOST_PIXELS for spread in levels]
-    return max(of_parts if parts else float(copies[level] @ sizes) for level, parts in enumerate(is_in_parts))
+    return max(of_parts if parts else float(laid_out[level]) for level, parts in enumerate(is_in_parts))
 
 
 def memory_there() -> tuple[int, int] | None:

@@ -1,7 +1,10 @@
 """What a run minimises and within which bounds: the same from its first moment to its last."""
 
+import itertools
 import time
 from collections.abc import Callable
+from concurrent.futures import Executor, Future
+from typing import Any
 
 import numpy as np
 
@@ -29,7 +32,7 @@ class Problem:
         options: how to compare.
         start: (n, 3) float: vertices at the start of the run, world units.
         is_unwanted: asked before long computations; where it holds, they raise `Interrupted`.
-        on_photo: told of the photos being read: how many are done, and of how many.
+        on_photo: told of the photos being read or judged: how many are done, and of how many.
 
     Attributes:
         locked: (n,) bool: vertices that never move, by option or because a degenerate face holds them.
@@ -97,10 +100,12 @@ class Problem:
         Raises:
             Interrupted: nobody wants it any more.
         """
-        self._stop_if_unwanted()
+        self.stop_if_unwanted()
+        judged, count, pool = itertools.count(), len(self.scene.views), _AskingPool(self.evaluator.pool, self)
         return build_context(
-            self.scene, self._photos, options, level, vertices, self.orientation, faces, self.evaluator.pool
-        )
+            self.scene, self._photos, options, level, vertices, self.orientation, faces, pool,
+            on_view=lambda: self._on_photo(next(judged), count),
+        )  # fmt: skip
 
     def measure(self, context: CellContext, vertices: np.ndarray, scale: np.ndarray) -> FaceSystem:
         """Energies and residuals of all faces, see `Evaluator.measure`."""
@@ -114,10 +119,15 @@ class Problem:
         Raises:
             Interrupted: nobody wants it any more.
         """
-        self._stop_if_unwanted()
+        self.stop_if_unwanted()
         return self.evaluator.linearise(context, vertices, faces, corners, scale, self.options.step.solver)
 
-    def _stop_if_unwanted(self) -> None:
+    def stop_if_unwanted(self) -> None:
+        """Asked before long computations.
+
+        Raises:
+            Interrupted: nobody wants the run any more.
+        """
         if self._is_unwanted():
             raise Interrupted
 
@@ -151,3 +161,17 @@ class Problem:
 
     def _fresh_photos(self) -> ScaleSpace:
         return ScaleSpace(self.scene, self.options.cells.color, self._on_photo)
+
+
+class _AskingPool(Executor):
+    """Works on another pool, and asks before every piece of work whether it is still wanted."""
+
+    def __init__(self, pool: Executor, problem: Problem) -> None:
+        self._pool, self._problem = pool, problem
+
+    def submit(self, work: Callable[..., Any], /, *arguments: Any, **named: Any) -> Future[Any]:
+        def asked() -> Any:
+            self._problem.stop_if_unwanted()
+            return work(*arguments, **named)
+
+        return self._pool.submit(asked)

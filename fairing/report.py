@@ -84,7 +84,9 @@ def run_report(session: Session, preset: str, seconds: dict[str, float], quality
         quality: what `fairing.metrics.quality_report` says.
     """
     own = dict(session.seconds)
-    context = session.sweep_state().context
+    # Of a run cut short between two sweeps the next one would take minutes to prepare, only to be told of here.
+    sweep = session.sweep_state() if session.finished else session.latest_sweep
+    context = sweep.context if sweep else None
     computing = max(own["steps"] - own["photos"] - own["visibility"], 1e-9)
     stages = seconds | {"photos": own["photos"], "visibility": own["visibility"], "steps": computing}
     return {
@@ -138,8 +140,10 @@ def _scene_facts(session: Session) -> dict[str, Any]:
     }
 
 
-def _skipped(session: Session, context: CellContext) -> dict[str, Any]:
-    """Faces and vertices that took no part at the last level, with the reasons."""
+def _skipped(session: Session, context: CellContext | None) -> dict[str, Any]:
+    """Faces and vertices that took no part at the last level, with the reasons; None: no sweep has begun."""
+    if context is None:
+        return {"faces": [], "faces_with_fewer_dimensions": [], "vertices": []}
     asked = by_level(session.options.eigenspace.dimensions, context.level)
     takes_part = context.takes_part
     out = np.flatnonzero(~takes_part)
@@ -182,16 +186,17 @@ def _reason_for_rest(session: Session, takes_part: np.ndarray, vertex: int) -> s
     return "not reached" if not session.finished else StepReason.UNSEEN.text
 
 
-def _vertices(session: Session, context: CellContext) -> list[dict[str, Any]]:
+def _vertices(session: Session, context: CellContext | None) -> list[dict[str, Any]]:
     """Every welded vertex, by the numbers its copies have in the input."""
-    n, takes_part = len(session.scene.mesh.vertices), context.takes_part
-    last_reason: list[str | None] = [None] * n
+    n = len(session.scene.mesh.vertices)
+    takes_part = context.takes_part if context else np.ones(len(session.scene.mesh.faces), dtype=bool)
+    views = context.vertex_views.sum(axis=1) if context else np.zeros(n, dtype=int)
+    last_reason = np.full(n, -1)
     eigenvalues = np.full((n, 3), np.nan)
     for record in session.trace.steps:
         returned = record.reasons == StepReason.RETURNED
         eigenvalues[record.vertices[~returned]] = record.eigenvalues[~returned]
-        for vertex, reason in zip(record.vertices.tolist(), record.reasons.tolist(), strict=True):
-            last_reason[vertex] = StepReason(reason).text
+        last_reason[record.vertices] = record.reasons
     order = np.argsort(session.scene.original_from_welded, kind="stable")
     copies = np.split(order, np.cumsum(np.bincount(session.scene.original_from_welded, minlength=n))[:-1])
     start, end = session.trace.start, session.vertices
@@ -202,9 +207,11 @@ def _vertices(session: Session, context: CellContext) -> list[dict[str, Any]]:
             "start": start[v].tolist(),
             "end": end[v].tolist(),
             "moved": float(moved[v]),
-            "views": int(context.vertex_views[v].sum()),
+            "views": int(views[v]),
             "eigenvalues": None if np.isnan(eigenvalues[v]).any() else eigenvalues[v].tolist(),
-            "stop_reason": last_reason[v] or _reason_for_rest(session, takes_part, v),
+            "stop_reason": StepReason(last_reason[v]).text
+            if last_reason[v] >= 0
+            else _reason_for_rest(session, takes_part, v),
         }
         for v in range(n)
     ]

@@ -1,5 +1,6 @@
 """The photos at the blurs the levels ask for."""
 
+import math
 import threading
 import time
 from collections.abc import Callable, Collection, Iterable
@@ -15,11 +16,32 @@ from fairing.scene import Scene
 KEPT_PHOTOS = 1_500_000_000  # bytes of decoded photos; what goes beyond is decoded anew for every blur
 AT_ONCE = 4  # photos in work: each takes 28 bytes a pixel
 ROWS = 1024  # of a photo converted to grey at a time
+LARGE = 500_000_000
+"""Pixels of all photos together. With more, blurred photos are kept smaller: of 200 photos of 20 Mpx and faces of 280 px the
+level of blur 2 would take 41 GB, for most photos are wanted at several blurs; so it takes 5."""
+SMALLEST = 64  # px: no photo is kept smaller
+ROOM = 8  # a part of what is laid out is reserved for what later sweeps add, without copying all; it costs nothing until then
+
+
+def reduction(is_large: bool, size: tuple[int, int], sigma: float) -> int:
+    """Pixels of a photo along an edge for each pixel that is kept of it, blurred by sigma px: a power of 2.
+
+    At most sigma: what finer pixels could show is below 1 % by then (exp(-pi^2 / 2)).
+
+    Args:
+        is_large: whether the photos together have more than `LARGE` pixels.
+        size: (width, height) of the photo.
+    """
+    factor = 2 ** max(0, math.frexp(sigma)[1] - 1) if is_large and sigma >= 2 else 1
+    while factor > 1 and min(size) < SMALLEST * factor:
+        factor //= 2
+    return factor
 
 
 class _Layout(NamedTuple):
-    """Blurred photos one after another, and where each begins."""
+    """Blurred photos one after another, and where each begins; they lie at the front of what is reserved."""
 
+    reserved: np.ndarray
     pixels: np.ndarray
     starts: dict[tuple[int, float], int]
 
@@ -27,7 +49,8 @@ class _Layout(NamedTuple):
 class ScaleSpace:
     """Gaussian-blurred photos of a scene, one blur (and its coarser companions) kept at a time per interpolation.
 
-    Memory: 4 bytes a pixel of what is laid out, and decoded photos (2 bytes a pixel) up to `KEPT_PHOTOS`.
+    Memory: 4 bytes a pixel of what is laid out, and decoded photos (2 bytes a pixel) up to `KEPT_PHOTOS`. Of a scene of more
+    than `LARGE` pixels blurred photos are kept smaller.
 
     Args:
         on_photo: told of the photos being laid out: how many are done, and of how many.
@@ -41,6 +64,7 @@ class ScaleSpace:
     ) -> None:
         self._views = scene.views
         self._color = color
+        self._is_large = sum(view.camera.width * view.camera.height for view in scene.views) > LARGE
         self._photos: dict[int, np.ndarray] = {}
         self._layouts: dict[tuple[float, bool], _Layout] = {}
         self._masks: dict[tuple[int, int], np.ndarray] = {}
@@ -60,7 +84,7 @@ class ScaleSpace:
     def lay_out(
         self, blur: float, cubic: bool, wanted: Iterable[tuple[int, float]], pool: Executor
     ) -> tuple[np.ndarray, dict[tuple[int, float], int]]:
-        """Photos at blurs in one flat float32 array, planes (channels, height, width) each, in grey levels.
+        """Photos at blurs in one flat float32 array, planes (channels, height, width) each, in grey levels, of `size_at`.
 
         Args:
             blur: of the level, px; what was laid out for it is kept until `forget_all_but`.
@@ -71,7 +95,8 @@ class ScaleSpace:
         Returns:
             The array, and where each wanted photo begins in it.
         """
-        pixels, starts = self._layouts.get((blur, cubic), _Layout(np.zeros(0, np.float32), {}))
+        nothing = np.zeros(0, np.float32)
+        reserved, pixels, starts = self._layouts.get((blur, cubic), _Layout(nothing, nothing, {}))
         missing: dict[int, list[float]] = {}
         for view, sigma in wanted:
             if (view, sigma) not in starts:
@@ -81,19 +106,31 @@ class ScaleSpace:
             for view, sigmas in missing.items():
                 for sigma in sigmas:
                     starts[view, sigma] = at
-                    at += self._size(view)
-            grown = np.empty(at, dtype=np.float32)
-            grown[: len(pixels)] = pixels
-            pixels = grown
+                    at += self._pixels_at(view, sigma)
+            if at > len(reserved):
+                reserved = np.empty(at + at // ROOM, dtype=np.float32)
+                reserved[: len(pixels)] = pixels
+            pixels = reserved[:at]
 
             def fill(view: int, photo: np.ndarray) -> None:
                 for sigma in missing[view]:
                     start = starts[view, sigma]
-                    pixels[start : start + self._size(view)] = self._filtered(photo, sigma, cubic).ravel()
+                    kept = self._filtered(photo, sigma, self.reduction(view, sigma), cubic)
+                    pixels[start : start + kept.size] = kept.ravel()
 
             self.for_each(missing, fill, pool)
-            self._layouts[blur, cubic] = _Layout(pixels, starts)
+            self._layouts[blur, cubic] = _Layout(reserved, pixels, starts)
         return pixels, starts
+
+    def reduction(self, view: int, sigma: float) -> int:
+        """See `reduction`, of a view at a blur. Pixel (x, y) of the photo that is kept is pixel (f x, f y) of the blurred one."""
+        camera = self._views[view].camera
+        return reduction(self._is_large, (camera.width, camera.height), sigma)
+
+    def size_at(self, view: int, sigma: float) -> tuple[int, int]:
+        """(width, height) of the photo that is kept of a view at a blur."""
+        camera, factor = self._views[view].camera, self.reduction(view, sigma)
+        return -(-camera.width // factor), -(-camera.height // factor)
 
     def for_each(self, views: Collection[int], do: Callable[[int, np.ndarray], None], pool: Executor) -> None:
         """Call `do(view, photo)` with photos as taken, (channels, height, width) in units of `grey_levels`, several at a time."""
@@ -124,9 +161,9 @@ class ScaleSpace:
         """Free what was laid out for the blurs of other levels."""
         self._layouts = {key: layout for key, layout in self._layouts.items() if key[0] == blur}
 
-    def _size(self, view: int) -> int:
-        camera = self._views[view].camera
-        return self.channels * camera.width * camera.height
+    def _pixels_at(self, view: int, sigma: float) -> int:
+        width, height = self.size_at(view, sigma)
+        return self.channels * width * height
 
     def _photo(self, view: int) -> np.ndarray:
         if view in self._photos:
@@ -148,7 +185,7 @@ class ScaleSpace:
             eighths[0, part] = np.round(luma * 8)
         return eighths
 
-    def _filtered(self, photo: np.ndarray, blur: float, cubic: bool) -> np.ndarray:
+    def _filtered(self, photo: np.ndarray, blur: float, factor: int, cubic: bool) -> np.ndarray:
         planes = photo.astype(np.float32) * self.grey_levels
         if blur > 0:
             radius = int(np.ceil(4 * blur))
@@ -156,6 +193,7 @@ class ScaleSpace:
             planes = np.stack(
                 [cv2.GaussianBlur(plane, size, blur, borderType=cv2.BORDER_REFLECT_101) for plane in planes]
             )
+        planes = planes[:, ::factor, ::factor]
         if cubic:
             planes = np.stack([spline_filter(plane, 3, np.float32, "mirror") for plane in planes])  # pyright: ignore[reportArgumentType]
         return planes

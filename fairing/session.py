@@ -37,7 +37,7 @@ class Session:
         moment: the present one; the next step continues from there.
         start: what is known of the mesh the run begins with.
         is_unwanted: asked within long steps; where it holds, the step in hand is dropped and `step` raises `Interrupted`.
-        on_photo: told within long steps of the photos being read: how many are done, and of how many.
+        on_photo: told within long steps of the photos being read or judged: how many are done, and of how many.
 
     Raises:
         InputError: an option contradicts the scene, or the trace is not of this scene.
@@ -267,6 +267,11 @@ class Session:
     def sweep_state(self, moment: int | None = None) -> SweepState:
         """Visibility, sigma, priors and order of the sweep that a moment belongs to (default: now)."""
         return self._sweeps.at(self.moment if moment is None else moment)
+
+    @property
+    def latest_sweep(self) -> SweepState | None:
+        """The sweep last asked for, whichever moment it belongs to; None before the first."""
+        return self._sweeps.latest
 
     def linearise_by_photos(self, faces: np.ndarray, moment: int) -> FaceSystem:
         """Energy and normal equations of faces (F,) at a moment by all their corners, with the eigenspace eliminated."""

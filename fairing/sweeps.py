@@ -58,6 +58,11 @@ class Sweeps:
         """Of the sweep last asked for; 1 where there is none."""
         return len(self._kept[-1].units) if self._kept else 1
 
+    @property
+    def latest(self) -> SweepState | None:
+        """The sweep last asked for; None where there is none."""
+        return self._kept[-1] if self._kept else None
+
     def share(self, other: "Sweeps", moment: int) -> None:
         """Keep those of another run, whose past this one shares up to a moment."""
         self._kept = [sweep for sweep in other._kept if sweep.moment <= moment]

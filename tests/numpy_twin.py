@@ -46,7 +46,7 @@ def evaluate_face(
     cells, G = np.empty((n, p), np.float32), np.empty((3, n, p), np.float32)
     corners = vertices[data.faces[face]]
     for i, pair in enumerate(pairs):
-        base, P = int(data.pair_base[pair]), data.image_from_world[data.pair_view[pair]]
+        base, P = int(data.pair_base[pair]), data.image_from_world[data.pair_camera[pair]]
         homogeneous = ((P[:, :3] @ corners.T + P[:, 3:]) @ hats).astype(np.float32)
         inverse = 1 / homogeneous[2]
         x, y = homogeneous[0] * inverse, homogeneous[1] * inverse

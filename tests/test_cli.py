@@ -14,6 +14,7 @@ import pytest
 from app import headless
 from app.cli import run
 from app.scene_source import SceneSource
+from fairing.cells import build_context
 from fairing.io import load_scene, read_mesh
 from fairing.problem import Problem
 from fairing.session import Session
@@ -155,6 +156,23 @@ def test_ctrl_c_within_a_step_drops_that_step_alone(scene, tmp_path, monkeypatch
     assert len(Trace.load(broken / "run.trace")) == moments[-1] > 0
     assert fair(scene, broken, "--resume") == 0
     assert (broken / "run.trace").read_bytes() == (whole / "run.trace").read_bytes()
+
+
+def test_ctrl_c_before_the_first_step_saves_the_start_without_another_look_at_the_photos(scene, tmp_path, monkeypatch):
+    out, contexts = tmp_path / "out", []
+
+    def interrupted(*arguments, **named):
+        contexts.append(arguments)
+        signal.raise_signal(signal.SIGINT)
+        return build_context(*arguments, **named)
+
+    monkeypatch.setattr("fairing.problem.build_context", interrupted)
+    assert fair(scene, out) == 130
+    assert len(contexts) == 1
+    report = json.loads((out / "report.json").read_text())
+    assert not report["finished"]
+    assert {vertex["stop_reason"] for vertex in report["vertices"]} == {"not reached"}
+    assert all(vertex["start"] == vertex["end"] for vertex in report["vertices"])
 
 
 def test_resume_refuses_other_options(scene, tmp_path, capsys):

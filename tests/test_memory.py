@@ -7,12 +7,14 @@ import pytest
 
 from app.cli import run
 from fairing import memory
+from fairing.errors import Interrupted
 from fairing.memory import memory_needed, memory_warning
 from fairing.options import PRESETS
 from fairing.problem import TOO_MANY_PARTS, Problem
 from fairing.scale_space import ScaleSpace
 from fairing.scene_check import check_scene
-from tests.small_scene import HEIGHT, WIDTH, corner_scene, write_corner
+from fairing.session import Session
+from tests.small_scene import HEIGHT, VERTICES, WIDTH, corner_scene, small_options, write_corner
 
 GIGABYTE = 10**9
 
@@ -30,6 +32,75 @@ def test_a_photo_is_laid_out_only_where_it_is_wanted_and_stays_the_same_as_other
     np.testing.assert_array_equal(few[starts[3, 2.0] :][:size], more[later[3, 2.0] :][:size])
     np.testing.assert_array_equal(anew[third[3, 2.0] :][:size], more[later[3, 2.0] :][:size])
     assert not np.array_equal(more[later[3, 4.0] :][:size], more[later[3, 2.0] :][:size])
+
+
+def small_reductions(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Treat the corner as a scene of more pixels than are kept."""
+    monkeypatch.setattr("fairing.scale_space.LARGE", 0)
+    monkeypatch.setattr("fairing.scale_space.SMALLEST", 8)
+
+
+def test_of_a_large_scene_every_so_manieth_pixel_of_a_blurred_photo_is_kept(monkeypatch: pytest.MonkeyPatch):
+    wanted = [(0, 1.9), (0, 2.0), (0, 5.0), (0, 100.0)]
+    with ThreadPoolExecutor(1) as pool:
+        pixels, starts = ScaleSpace(corner_scene(), color=False).lay_out(1.2, False, wanted, pool)
+        small_reductions(monkeypatch)
+        photos = ScaleSpace(corner_scene(), color=False)
+        kept, kept_starts = photos.lay_out(1.2, False, wanted, pool)
+    for (view, sigma), factor in zip(wanted, (1, 2, 4, 8), strict=True):  # 120 / 16 px would be less than 8
+        width, height = photos.size_at(view, sigma)
+        assert (width, height) == (WIDTH // factor, HEIGHT // factor)
+        whole = pixels[starts[view, sigma] :][: WIDTH * HEIGHT].reshape(HEIGHT, WIDTH)
+        small = kept[kept_starts[view, sigma] :][: width * height].reshape(height, width)
+        np.testing.assert_array_equal(small, whole[::factor, ::factor])
+
+
+def test_photos_that_are_kept_smaller_lead_to_the_same_place(monkeypatch: pytest.MonkeyPatch):
+    """A photo pixel is 1.7 % of the edge; half a kept pixel off would be as much."""
+    options = small_options(
+        locked_vertices=(1, 2, 3, 4, 5, 6), cells={"point_spread": ["as_seen"]},
+        schedule={"blur": [2.0], "max_sweeps": [6]},
+    )  # fmt: skip
+    ends, sizes = [], []
+    for prepare in (lambda _: None, small_reductions):
+        prepare(monkeypatch)
+        session = Session(corner_scene(), options)
+        session.run()
+        ends.append(session.vertices[0])
+        sizes.append(len(session.sweep_state().context.kernel.pixels))
+    assert sizes[0] == 4 * sizes[1]
+    assert np.linalg.norm(ends[1] - ends[0]) < 0.004
+    assert np.linalg.norm(ends[1] - VERTICES[0]) < 0.012
+
+
+def test_a_scene_of_which_less_is_kept_needs_less_memory(monkeypatch: pytest.MonkeyPatch):
+    scene = corner_scene()
+    options = small_options(cells={"point_spread": ["as_seen"]}, schedule={"blur": [6.0]})
+    monkeypatch.setattr(memory, "PROGRAM", 0)
+    needed = memory_needed(scene, options)
+    small_reductions(monkeypatch)
+    monkeypatch.setattr(memory, "LARGE", 0)
+    pixels = sum(view.camera.width * view.camera.height for view in scene.views)
+    assert needed - memory_needed(scene, options) == pytest.approx(4 * pixels * (1 - 1 / 16), abs=1)
+
+
+@pytest.mark.parametrize("call", ["_filtered", "mask"])  # while photos are read, and while visibility is judged
+def test_a_run_nobody_wants_stops_between_two_photos(call: str, monkeypatch: pytest.MonkeyPatch):
+    scene, seen = corner_scene(), []
+    problem = Problem(scene, small_options(threads=1), scene.mesh.vertices, is_unwanted=lambda: len(seen) == 3)
+    before = getattr(ScaleSpace, call)
+
+    def counted(*arguments):
+        seen.append(arguments)
+        return before(*arguments)
+
+    monkeypatch.setattr(ScaleSpace, call, counted)
+    with pytest.raises(Interrupted):
+        problem.context(0, scene.mesh.vertices)
+    assert len(seen) == 3
+    seen.append(None)  # wanted again
+    expected = Problem(scene, small_options(), scene.mesh.vertices).context(0, scene.mesh.vertices)
+    np.testing.assert_array_equal(problem.context(0, scene.mesh.vertices).kernel.pixels, expected.kernel.pixels)
 
 
 def test_photos_in_strips_become_the_same_grey(monkeypatch: pytest.MonkeyPatch):

@@ -13,11 +13,12 @@ class KernelData(NamedTuple):
 
     Attributes:
         faces: (m, 3) int64.
-        image_from_world: (V, 3, 4) float64.
+        image_from_world: (C, 3, 4) float64: of the V views; then of photos that are kept smaller.
         pixels: flat float32: the planes (channels, height, width) of blurred photos, or of parts of them, one after another.
         channels: planes a photo.
         pair_start: (m + 1,) int64: the pairs of face f are pair_start[f] : pair_start[f + 1].
         pair_view: (P,) int64.
+        pair_camera: (P,) int64: which of `image_from_world` belongs to the pair's photo as it is kept.
         pair_base: (P,) int64: where the pair's photo, or part of it, starts in `pixels`.
         pair_frame: (P, 4) int64: that part's left and top pixel, width and height.
         pair_weight: (P,) float64: photo pixels a cell sample stands for, times the photo's weight.
@@ -38,6 +39,7 @@ class KernelData(NamedTuple):
     channels: int
     pair_start: np.ndarray
     pair_view: np.ndarray
+    pair_camera: np.ndarray
     pair_base: np.ndarray
     pair_frame: np.ndarray
     pair_weight: np.ndarray

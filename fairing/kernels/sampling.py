@@ -39,8 +39,8 @@ def sample_face(data, vertices, face, corner, want_gradient, cells, G, hats, str
     q = np.empty((3, 3))
     for i in range(data.pair_start[face + 1] - data.pair_start[face]):
         pair = data.pair_start[face] + i
-        view = data.pair_view[pair]
-        _corner_pixels(data, vertices, face, view, q)
+        camera = data.pair_camera[pair]
+        _corner_pixels(data, vertices, face, camera, q)
         if q[0, 2] <= 0 or q[1, 2] <= 0 or q[2, 2] <= 0:
             return False
         # The corner nearest the origin, less two pixels, becomes the origin: float32 then resolves 1e-5 pixels.
@@ -58,7 +58,7 @@ def sample_face(data, vertices, face, corner, want_gradient, cells, G, hats, str
             np.float32(1), np.float32(left + width - 2.001 - ox),
             np.float32(1), np.float32(top + height - 2.001 - oy),
         )  # fmt: skip
-        P = data.image_from_world[view]
+        P = data.image_from_world[camera]
         J = np.empty((9, 2), dtype=np.float32)
         if data.affine:
             for j in range(3):
@@ -104,9 +104,9 @@ def sample_face(data, vertices, face, corner, want_gradient, cells, G, hats, str
 
 
 @plain
-def _corner_pixels(data, vertices, face, view, q):
+def _corner_pixels(data, vertices, face, camera, q):
     """Homogeneous pixels of a face's corners with weight near 1 where the affine warp asks for it."""
-    P = data.image_from_world[view]
+    P = data.image_from_world[camera]
     for j in range(3):
         v = data.faces[face, j]
         for r in range(3):
