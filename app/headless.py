@@ -28,6 +28,7 @@ from fairing.trace import Position, StepRecord, Trace
 
 START_MESH = "start.ply"
 TELL_EVERY = 60.0  # seconds between lines where there is no terminal, within a level
+SPEED_OVER = 3600.0  # seconds that the time remaining is judged by: a step of a large mesh takes minutes
 
 
 class Interrupt:
@@ -69,6 +70,7 @@ class RunProgress:
             TimeRemainingColumn(),
             console=console,
             disable=not console.is_terminal,
+            speed_estimate_period=SPEED_OVER,
         )
         self._task = self._bar.add_task("starting", total=1.0)
         self._told = time.monotonic()

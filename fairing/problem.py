@@ -100,8 +100,8 @@ class Problem:
         Raises:
             Interrupted: nobody wants it any more.
         """
-        self.stop_if_unwanted()
-        judged, count, pool = itertools.count(), len(self.scene.views), _AskingPool(self.evaluator.pool, self)
+        self._stop_if_unwanted()
+        judged, count, pool = itertools.count(), len(self.scene.views), _AskingPool(self.evaluator.pool, self._stop_if_unwanted)
         return build_context(
             self.scene, self._photos, options, level, vertices, self.orientation, faces, pool,
             on_view=lambda: self._on_photo(next(judged), count),
@@ -119,15 +119,10 @@ class Problem:
         Raises:
             Interrupted: nobody wants it any more.
         """
-        self.stop_if_unwanted()
+        self._stop_if_unwanted()
         return self.evaluator.linearise(context, vertices, faces, corners, scale, self.options.step.solver)
 
-    def stop_if_unwanted(self) -> None:
-        """Asked before long computations.
-
-        Raises:
-            Interrupted: nobody wants the run any more.
-        """
+    def _stop_if_unwanted(self) -> None:
         if self._is_unwanted():
             raise Interrupted
 
@@ -164,14 +159,14 @@ class Problem:
 
 
 class _AskingPool(Executor):
-    """Works on another pool, and asks before every piece of work whether it is still wanted."""
+    """Works on another pool; before every piece of work it calls `ask`, which raises if nobody wants it any more."""
 
-    def __init__(self, pool: Executor, problem: Problem) -> None:
-        self._pool, self._problem = pool, problem
+    def __init__(self, pool: Executor, ask: Callable[[], None]) -> None:
+        self._pool, self._ask = pool, ask
 
     def submit(self, work: Callable[..., Any], /, *arguments: Any, **named: Any) -> Future[Any]:
         def asked() -> Any:
-            self._problem.stop_if_unwanted()
+            self._ask()
             return work(*arguments, **named)
 
         return self._pool.submit(asked)

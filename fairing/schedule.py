@@ -62,5 +62,6 @@ def fraction_done(options: FairingOptions, position: Position, first_level: int,
     if position.level >= options.n_levels:
         return 1.0
     sweeps = by_level(options.schedule.max_sweeps, position.level)
-    within = (position.sweep + min(1.0, position.unit / n_units)) / sweeps
+    of_unit = position.iteration / by_level(options.schedule.max_iterations, position.level)
+    within = (position.sweep + min(1.0, (position.unit + of_unit) / n_units)) / sweeps
     return (position.level - first_level + min(1.0, within)) / (options.n_levels - first_level)

@@ -7,6 +7,7 @@ process of its own, so that its peak memory is its own.
 import json
 import platform
 import resource
+import sys
 import time
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
@@ -303,7 +304,9 @@ def _error_row(ends: list[float]) -> dict[str, float]:
 
 def _in_own_process(work: Callable[..., Table], *arguments: object) -> Table:
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
-        return pool.submit(work, *arguments).result()
+        row = pool.submit(work, *arguments).result()
+    print(f"{arguments[0]}: {row}", file=sys.stderr, flush=True)  # some parts take an hour
+    return row
 
 
 def _whole_run(name: str, options: FairingOptions) -> Table:
@@ -410,8 +413,8 @@ def main() -> None:
     for name in arguments.only or PARTS:
         results[name] = PARTS[name](arguments.quick)
         _print(name, results[name])
-    if arguments.json is not None:
-        arguments.json.write_text(json.dumps(results, indent=1, default=float) + "\n")
+        if arguments.json is not None:
+            arguments.json.write_text(json.dumps(results, indent=1, default=float) + "\n")
 
 
 if __name__ == "__main__":
