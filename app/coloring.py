@@ -36,6 +36,7 @@ REASON_COLORS: dict[StepReason, tuple[str, RGB]] = {
     StepReason.MOVED_BY_HAND: ("moved by hand", SELECTED),
     StepReason.RESET_BY_HAND: ("reset by hand", (150, 120, 20)),
     StepReason.SMOOTHED: ("smoothed", (170, 210, 170)),
+    StepReason.FITTED_TO_POINTS: ("drawn to points", (110, 180, 200)),
 }
 
 

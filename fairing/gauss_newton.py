@@ -1,6 +1,7 @@
 """From the faces' normal equations to a displacement of the vertices, and whether it may be accepted."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -14,51 +15,47 @@ from fairing.options import StepOptions
 RIDGE = 1e-9
 
 
+class Pull(NamedTuple):
+    """(x - a)^T B (x - a) / 2 of every vertex x.
+
+    Attributes:
+        blocks: (n, 3, 3) float, B.
+        places: (n, 3) float, a, world units.
+    """
+
+    blocks: np.ndarray
+    places: np.ndarray
+
+
 @dataclass(frozen=True, eq=False)
 class Prior:
-    """Weak pulls of vertices along what the photos leave open: (x - a)^T B (x - a) / 2, summed over two kinds.
+    """What holds vertices besides the photos: the sum of some pulls.
 
     Sliding (directions in which the surface moves in itself) is pulled to the run's start, or to where a hand put the
     vertex. Weakly seen directions are pulled to the sweep's start only: that slows a vertex where it could run off, but
     leaves the minimum where it is (pulled to the run's start, corner A of the cube ended 5 % off).
-
-    Attributes:
-        sliding, weak: (n, 3, 3) float, B of each kind.
-        run_start, sweep_anchor: (n, 3) float, a of each kind, world units.
     """
 
-    sliding: np.ndarray
-    weak: np.ndarray
-    run_start: np.ndarray
-    sweep_anchor: np.ndarray
-
-    def pulled(self, places: np.ndarray, strength: float) -> "Prior":
-        """This prior and a pull in all directions, strength |x - places|^2 / 2, up to a constant.
-
-        Args:
-            places: (n, 3) float, world units.
-        """
-        weak = self.weak + strength * np.eye(3)
-        pull = np.einsum("vij,vj->vi", self.weak, self.sweep_anchor) + strength * places
-        return Prior(self.sliding, weak, self.run_start, np.linalg.solve(weak, pull[..., None])[..., 0])
+    pulls: tuple[Pull, ...]
 
     @property
     def blocks(self) -> np.ndarray:
         """(n, 3, 3) float: second derivative."""
-        return self.sliding + self.weak
+        return np.sum([pull.blocks for pull in self.pulls], axis=0)
 
     def energy(self, vertices: np.ndarray, ids: np.ndarray) -> np.ndarray:
         """(len(ids),) float."""
         total = np.zeros(len(ids))
-        for blocks, anchor in ((self.sliding, self.run_start), (self.weak, self.sweep_anchor)):
-            offset = vertices[ids] - anchor[ids]
+        for blocks, places in self.pulls:
+            offset = vertices[ids] - places[ids]
             total += 0.5 * np.einsum("vi,vij,vj->v", offset, blocks[ids], offset)
         return total
 
     def gradient(self, vertices: np.ndarray, ids: np.ndarray) -> np.ndarray:
         """(len(ids), 3) float."""
-        return np.einsum("vij,vj->vi", self.sliding[ids], vertices[ids] - self.run_start[ids]) + np.einsum(
-            "vij,vj->vi", self.weak[ids], vertices[ids] - self.sweep_anchor[ids]
+        return sum(
+            (np.einsum("vij,vj->vi", blocks[ids], vertices[ids] - places[ids]) for blocks, places in self.pulls),
+            np.zeros((len(ids), 3)),
         )
 
 

@@ -128,7 +128,7 @@ def _kept_within(
     """
     if not np.isfinite(reach):
         return steps
-    start = sweep.prior.run_start[ids]
+    start = sweep.origin[ids]
     offset = vertices[ids] + steps - start
     within = reach / np.maximum(sweep.pixels_per_unit[ids], 1e-300)
     farthest = np.maximum(within, np.linalg.norm(vertices[ids] - start, axis=1))

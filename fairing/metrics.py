@@ -12,6 +12,7 @@ from fairing.closest_point import SurfaceTree
 from fairing.energy import Evaluator
 from fairing.gauss_newton import face_normals
 from fairing.mesh import Mesh
+from fairing.point_fit import kept_points
 from fairing.rasterize import rasterize
 from fairing.scene import Scene
 from fairing.session import Session
@@ -141,11 +142,14 @@ def surface_distance(mesh: Mesh, surface: Mesh | SurfaceTree, diagonal: float) -
 
 
 def sparse_point_distance(scene: Scene, vertices: np.ndarray) -> Distances | None:
-    """Distances of the scene's sparse points to the mesh at the given vertices (n, 3); None without points."""
-    if scene.sparse_points is None or len(scene.sparse_points.positions) == 0:
+    """Distances of those sparse points that no vertex is ever drawn to, to the mesh at the given vertices (n, 3).
+
+    None where there are no such points.
+    """
+    points = kept_points(scene)
+    if len(points) == 0:
         return None
-    distance = SurfaceTree(scene.mesh.moved(vertices)).distance(scene.sparse_points.positions)
-    return Distances(distance, scene.mesh.diagonal)
+    return Distances(SurfaceTree(scene.mesh.moved(vertices)).distance(points), scene.mesh.diagonal)
 
 
 def reprojection_error(scene: Scene, vertices: np.ndarray, determined_only: bool = True) -> np.ndarray:
@@ -211,10 +215,8 @@ def quality_report(scene: Scene, start: np.ndarray, end: np.ndarray) -> dict[str
     """
     report: dict[str, Any] = {"flipped_faces": flipped_faces(start, end, scene.mesh.faces).tolist()}
     states = {"before": start, "after": end}
-    if scene.sparse_points is not None and len(scene.sparse_points.positions):
-        for name, vertices in states.items():
-            distances = sparse_point_distance(scene, vertices)
-            assert distances is not None
+    for name, vertices in states.items():
+        if (distances := sparse_point_distance(scene, vertices)) is not None:
             report.setdefault("sparse_points_to_surface", {})[name] = distances.summary()
     if scene.truth is None:
         return report

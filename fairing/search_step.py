@@ -31,7 +31,7 @@ def search_step(
         reach: how far from where it began a vertex may end, px.
     """
     ids = unit.vertices
-    found = search_around(problem, sweep, unit, vertices, sweep.prior.run_start, sweep.search_radius, reach)
+    found = search_around(problem, sweep, unit, vertices, sweep.origin, sweep.search_radius, reach)
     moved = (found.after != vertices[ids]).any(axis=1)
     reasons = np.where(moved, StepReason.FOUND_PLACE, StepReason.NO_BETTER_PLACE).astype(np.int8)
     reasons[found.folds] = StepReason.REJECTED_FOLD

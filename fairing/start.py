@@ -5,10 +5,11 @@ from functools import cached_property
 import numpy as np
 
 from fairing.first_level import first_level, last_fine_level
-from fairing.noisy_start import smoothed_start, start_is_noisy
 from fairing.options import by_level
+from fairing.preparation import Preparation, preparations
 from fairing.problem import Problem
 from fairing.start_error import probed_error
+from fairing.trace import StepReason
 
 REACH = 1.5
 
@@ -29,14 +30,14 @@ class Start:
         return first_level(self._problem.scene, self._problem.start, self._problem.orientation, self._options)
 
     @cached_property
-    def smoothed(self) -> np.ndarray:
-        """(n, 3) float: the start with its noise filtered out, world units."""
-        return smoothed_start(self._problem)
+    def preparations(self) -> tuple[Preparation, ...]:
+        """What is done to the mesh before the first level."""
+        return preparations(self._problem)
 
-    @cached_property
+    @property
     def is_noisy(self) -> bool:
-        """Whether the run begins smoothed, see `start_is_noisy`."""
-        return any(self._options.step.smoothing) and start_is_noisy(self._problem, self.smoothed)
+        """Whether the run begins smoothed."""
+        return self._begins_with(StepReason.SMOOTHED)
 
     @cached_property
     def error(self) -> float:
@@ -47,7 +48,8 @@ class Start:
         # smaller faces fit somewhere by chance (fountain with 2,500 vertices: an estimate of 6.5 px where 0.4 was true).
         if self.is_noisy or self.first_level != self._first_searching_level:
             return 0.0
-        return probed_error(self._problem, self.first_level)
+        begun = self.preparations[-1].after if self.preparations else self._problem.start
+        return probed_error(self._problem, self.first_level, begun)
 
     @cached_property
     def is_near_truth(self) -> bool:
@@ -60,6 +62,11 @@ class Start:
             and self.first_level >= searching
         )
         return is_probed and not self.is_noisy and self.error == 0
+
+    @property
+    def may_drift(self) -> bool:
+        """Whether many sweeps would do harm: near the truth, with no points to hold the vertices."""
+        return self.is_near_truth and not self._begins_with(StepReason.FITTED_TO_POINTS)
 
     @property
     def suitable_level(self) -> int:
@@ -82,6 +89,15 @@ class Start:
     def smoothing(self, level: int) -> float:
         """Strength of the pull to smoothness at a level, see `StepOptions.smoothing`; 0: none."""
         return by_level(self._options.step.smoothing, level) if self.is_noisy else 0.0
+
+    def attraction(self, level: int) -> float:
+        """Strength of the pull to the sparse points at a level, see `StepOptions.points`; 0: none."""
+        if not self._begins_with(StepReason.FITTED_TO_POINTS):
+            return 0.0
+        return by_level(self._options.step.points, level)
+
+    def _begins_with(self, reason: StepReason) -> bool:
+        return any(preparation.reason == reason for preparation in self.preparations)
 
     @property
     def _first_searching_level(self) -> int | None:

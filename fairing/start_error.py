@@ -14,7 +14,7 @@ PROBE_QUANTILE = 0.5
 PROBE_MAJORITY = 0.5
 
 
-def probed_error(problem: Problem, level: int) -> float:
+def probed_error(problem: Problem, level: int, start: np.ndarray) -> float:
     """How far the start's vertices lie from their places, px; 0 where most find no better place.
 
     A spread of vertices is searched at several radii; the estimate is the distance that most of those stay within
@@ -22,8 +22,9 @@ def probed_error(problem: Problem, level: int) -> float:
 
     Args:
         level: at which to look.
+        start: (n, 3) float: where the vertices are then, world units.
     """
-    start, mesh = problem.start, problem.scene.mesh
+    mesh = problem.scene.mesh
     sweep = begin_sweep(problem, level, 0, start, start)
     ids = np.flatnonzero(sweep.free & (sweep.pixels_per_unit > 0))
     if len(ids) == 0:

@@ -8,7 +8,7 @@ import numpy as np
 from fairing.energy import FaceSystem
 from fairing.gauss_newton_step import gauss_newton_step
 from fairing.moves import empty_record, returned_if_worse
-from fairing.noisy_start import smoothing_step
+from fairing.preparation import preparing_step
 from fairing.problem import Problem
 from fairing.schedule import max_sweeps, next_position
 from fairing.search_step import search_step
@@ -42,9 +42,9 @@ class Stepper:
             Interrupted: nobody wants it any more.
         """
         problem, start, position = self._problem, self._start, self._sweeps.position_at(moment)
-        if moment == 0 and start.is_noisy:
-            return smoothing_step(problem, start.smoothed, position)
         made_by_hand = sum(made <= moment for made in self._trace.hand_moments)
+        if made_by_hand == 0 and moment < len(start.preparations):
+            return preparing_step(problem, start.preparations[moment], position)
         if made_by_hand == moment and position.level < start.suitable_level:
             suitable = Position(start.suitable_level, 0, 0, 0)
             return empty_record(problem, position, self._sweeps.begun_at(moment), suitable)
@@ -85,7 +85,7 @@ class Stepper:
         schedule, level = self._problem.options.schedule, record.position.level
         going_on = next_position(
             schedule, record.position, unit_is_done, len(sweep.units), sweep.search_radius > 0,
-            max_sweeps(schedule, level, self._start.is_near_truth, self._start.search_radius(level) > 0),
+            max_sweeps(schedule, level, self._start.may_drift, self._start.search_radius(level) > 0),
             lambda: sweep.longest_move(self._problem.scene, _after(record, vertices)),
         )  # fmt: skip
         return replace(record, next_position=going_on)

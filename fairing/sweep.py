@@ -6,9 +6,10 @@ import numpy as np
 
 from fairing.cells import CellContext
 from fairing.energy import FaceSystem, robust_scale, robust_sigma
-from fairing.gauss_newton import Prior, undetermined_directions, vertex_systems
+from fairing.gauss_newton import Prior, Pull, undetermined_directions, vertex_systems
 from fairing.mesh import Mesh
 from fairing.options import by_level
+from fairing.point_fit import fitted_to_points
 from fairing.problem import Problem
 from fairing.scene import Scene
 from fairing.search import loss_of_faces
@@ -17,6 +18,7 @@ from fairing.travel import pixels_moved, pixels_per_unit
 from fairing.units import Unit, plan_units
 
 WELL_SEEN = 0.6  # part of the faces around a vertex
+FIT_ROUNDS = 3  # to the sparse points, from where the sweep begins
 VERTEX_PASSES = 3  # of the filter whose result a noisy start is pulled to
 
 
@@ -29,7 +31,8 @@ class SweepState:
         context: cells and visibility.
         sigma: (m,) float, grey levels, scale of the robust norm by face.
         scale: (m,) float, what the kernel wants of it.
-        prior: the pull along undetermined directions.
+        prior: what holds vertices besides the photos.
+        origin: (n, 3) float: their start, or where a hand put them, world units.
         free: (n,) bool: vertices that may move and that enough photos see.
         units: what moves together, in order.
         search_radius: px; 0 for a sweep of Gauss-Newton.
@@ -42,6 +45,7 @@ class SweepState:
     sigma: np.ndarray
     scale: np.ndarray
     prior: Prior
+    origin: np.ndarray
     free: np.ndarray
     units: list[Unit]
     search_radius: float
@@ -63,6 +67,7 @@ def begin_sweep(
     origin: np.ndarray,
     search_radius: float = 0.0,
     smoothing: float = 0.0,
+    attraction: float = 0.0,
 ) -> SweepState:
     """Judge visibility and plan what moves.
 
@@ -73,6 +78,7 @@ def begin_sweep(
         search_radius: how far from each vertex to look for a better place, px; 0 for a sweep of Gauss-Newton.
         smoothing: pull to where the faces would be smooth, as a fraction of the median of the vertices' largest
             eigenvalues; vertices that no photo determines then move, too.
+        attraction: pull to the sparse points in a direction they know as well as others on average, in the same units.
 
     Raises:
         InputError: no photo sees any face well enough at the last level.
@@ -97,13 +103,17 @@ def begin_sweep(
     strength = np.linalg.eigvalsh(H)[:, 2]
     informed = strength > 0
     sliding, weak = undetermined_directions(vertices, mesh, H, context.takes_part, options.step)
-    prior = Prior(sliding, weak, origin, vertices)
+    pulls = [Pull(sliding, origin), Pull(weak, vertices)]
     pixels = pixels_per_unit(problem.scene.views, context.vertex_views, vertices)
     free = informed & ~problem.locked
     movable = free & (pixels > 0)
+    typical = float(np.median(strength[informed])) if informed.any() else 0.0
+    if attraction > 0:
+        to_points = fitted_to_points(problem, vertices, FIT_ROUNDS)
+        pulls.append(to_points._replace(blocks=attraction * typical * to_points.blocks))
     if smoothing > 0 and informed.any():
         smooth_places = smoothed(mesh, vertices, VERTEX_PASSES)
-        prior = prior.pulled(smooth_places, smoothing * float(np.median(strength[informed])))
+        pulls.append(Pull(np.tile(smoothing * typical * np.eye(3), (len(vertices), 1, 1)), smooth_places))
         movable = free = ~problem.locked
     if search_radius > 0:
         movable = movable & _well_seen(mesh, context.takes_part)
@@ -113,7 +123,9 @@ def begin_sweep(
     units = plan_units(mesh, movable, order, system.energy)
     area = float((context.footprint_area * context.n_views)[context.takes_part].sum())
     mean_loss = float(system.energy.sum()) / area if area > 0 else 0.0
-    return SweepState(moment, context, sigma, scale, prior, free, units, search_radius, pixels, mean_loss)
+    return SweepState(
+        moment, context, sigma, scale, Prior(tuple(pulls)), origin, free, units, search_radius, pixels, mean_loss
+    )
 
 
 def _well_seen(mesh: Mesh, takes_part: np.ndarray) -> np.ndarray:

@@ -40,6 +40,7 @@ class StepReason(IntEnum):
     MOVED_BY_HAND = 10
     RESET_BY_HAND = 11
     SMOOTHED = 12
+    FITTED_TO_POINTS = 13
 
     @property
     def text(self) -> str:
@@ -60,7 +61,9 @@ _REASON_TEXTS = {
     StepReason.MOVED_BY_HAND: "moved by hand",
     StepReason.RESET_BY_HAND: "put back to its start by hand",
     StepReason.SMOOTHED: "smoothed: the photos agree better with the start's noise filtered out",
+    StepReason.FITTED_TO_POINTS: "drawn to the sparse points: half of them are used, and the photos agree",
 }
+BEFORE_THE_FIRST_LEVEL = (StepReason.SMOOTHED, StepReason.FITTED_TO_POINTS)
 BY_HAND = (StepReason.MOVED_BY_HAND, StepReason.RESET_BY_HAND)
 
 
@@ -195,9 +198,11 @@ class Trace:
         return vertices
 
     def origin_at(self, moment: int) -> np.ndarray:
-        """(n, 3) float: from where the engine moved each vertex: its (smoothed) start, or where a hand had last put it."""
-        is_smoothed = moment > 0 and len(self.steps[0].reasons) > 0 and self.steps[0].reasons[0] == StepReason.SMOOTHED
-        origin = self.vertices_at(1 if is_smoothed else 0).copy()
+        """(n, 3) float: from where the engine moved each vertex: its (prepared) start, or where a hand had last put it."""
+        prepared = 0
+        while prepared < moment and np.isin(self.steps[prepared].reasons[:1], BEFORE_THE_FIRST_LEVEL).any():
+            prepared += 1
+        origin = self.vertices_at(prepared).copy()
         for made in self.hand_moments:
             if made <= moment:
                 record = self.steps[made - 1]

@@ -13,7 +13,7 @@ from fairing.camera import Camera
 from fairing.mesh import Mesh
 from fairing.options import PRESETS, FairingOptions, options_from_dict, options_to_dict
 from fairing.photo import ArrayPhoto
-from fairing.scene import Scene, Truth, View
+from fairing.scene import Scene, SparsePoints, Truth, View
 
 WIDTH, HEIGHT, FOCAL = 160, 120, 230.0
 VERTICES = np.array([[1, 1, 1], [0, 1, 1], [0, 0, 1], [1, 0, 1], [1, 0, 0], [1, 1, 0], [0, 1, 0]], float)
@@ -34,7 +34,7 @@ def small_options(preset: str = "accurate", **changes) -> FairingOptions:
         for name, value in values[stage].items():
             values[stage][name] = value[-3:] if isinstance(value, tuple) else value
     values["schedule"] |= {"blur": [2.0, 1.2, 0.6], "search": [0.0]}
-    values["step"]["smoothing"] = [0.0]
+    values["step"] |= {"smoothing": [0.0], "points": [0.0]}
     for name, value in changes.items():
         values[name] = values[name] | value if isinstance(value, dict) else value
     return options_from_dict(values)
@@ -142,3 +142,9 @@ def write_corner(folder: Path, displacement: tuple[float, float, float] = START)
     faces = np.where((np.arange(6)[:, None] > 2) & (FACES == 0), 7, FACES)
     lines += [f"f {a} {b} {c}" for a, b, c in (faces + 1).tolist()]
     (folder / "mesh.obj").write_text("\n".join(lines) + "\n")
+
+
+def sparse_points(positions: np.ndarray) -> SparsePoints:
+    """Points (n, 3) that no photo is said to see."""
+    nothing = np.zeros((0, 2))
+    return SparsePoints(positions, np.zeros((len(positions), 3), np.uint8), nothing.astype(int), nothing)

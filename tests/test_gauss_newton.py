@@ -9,6 +9,7 @@ from scipy.optimize import approx_fprime, least_squares
 from fairing.energy import Evaluator, FaceSystem
 from fairing.gauss_newton import (
     Prior,
+    Pull,
     face_quality,
     folded_faces,
     solve_jointly,
@@ -105,7 +106,7 @@ def test_prior_gradient_is_the_slope_of_its_energy():
     rng = np.random.default_rng(4)
     roots = rng.normal(size=(2, 7, 3, 3))
     sliding, weak = roots @ roots.transpose(0, 1, 3, 2)
-    prior = Prior(sliding, weak, VERTICES + 0.1, VERTICES - 0.2)
+    prior = Prior((Pull(sliding, VERTICES + 0.1), Pull(weak, VERTICES - 0.2)))
     ids = np.array([1, 4, 6])
     vertices = VERTICES + rng.normal(size=(7, 3))
 

@@ -28,9 +28,9 @@ from fairing.metrics import (
 from fairing.photo import ArrayPhoto, Mask
 from fairing.rasterize import rasterize
 from fairing.render import OUTLIER, Renderer, robust_mean
-from fairing.scene import Scene, SparsePoints, View
+from fairing.scene import Scene, View
 from fairing.session import Session
-from tests.small_scene import FACES, START, VERTICES, corner_scene, small_options
+from tests.small_scene import FACES, START, VERTICES, corner_scene, small_options, sparse_points
 
 
 @pytest.mark.parametrize("count", [1, 3, 4, 5, 300])
@@ -122,12 +122,11 @@ def test_flips_are_counted_against_the_start():
     assert len(flipped_faces(VERTICES, VERTICES, FACES)) == 0
 
 
-def test_sparse_points_are_measured_to_the_moved_mesh():
+def test_sparse_points_kept_to_judge_by_are_measured_to_the_moved_mesh():
     scene = corner_scene()
     assert sparse_point_distance(scene, VERTICES) is None
-    positions = np.array([[0.5, 0.5, 1.02], [1.01, 0.5, 0.5], [0.5, 1.05, 0.5]])
-    nothing = np.zeros((0, 2))
-    points = SparsePoints(positions, np.zeros((3, 3), np.uint8), nothing.astype(int), nothing)
+    kept = np.array([[0.5, 0.5, 1.02], [1.01, 0.5, 0.5], [0.5, 1.05, 0.5]])
+    points = sparse_points(np.repeat(kept, 2, axis=0) + np.tile([[9.0], [0.0]], (3, 1)))
     found = sparse_point_distance(replace(scene, sparse_points=points), VERTICES)
     assert found is not None
     assert found.values == pytest.approx([0.02, 0.01, 0.05])

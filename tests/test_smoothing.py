@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from fairing.gauss_newton import Prior
 from fairing.mesh import Mesh
 from fairing.session import Session
 from fairing.smoothing import smoothed
@@ -54,21 +53,6 @@ def test_smoothing_is_free_of_units_and_orders():
     assert smoothed(sheet, 1000 * start + 5e4, 3) == pytest.approx(1000 * expected + 5e4, abs=1e-6)
     order = np.random.default_rng(1).permutation(len(sheet.faces))
     assert smoothed(Mesh(sheet.vertices, sheet.faces[order]), start, 3) == pytest.approx(expected, abs=1e-12)
-
-
-def test_a_pull_adds_its_quadratic_to_the_prior():
-    rng = np.random.default_rng(2)
-    blocks = rng.standard_normal((2, 4, 3, 3))
-    sliding, weak = blocks @ blocks.transpose(0, 1, 3, 2)
-    run_start, anchor, places, here, there = rng.standard_normal((5, 4, 3))
-    before = Prior(sliding, weak, run_start, anchor)
-    after, ids = before.pulled(places, 0.3), np.arange(4)
-
-    def expected(vertices: np.ndarray) -> np.ndarray:
-        return before.energy(vertices, ids) + 0.15 * ((vertices - places) ** 2).sum(axis=1)
-
-    gained = after.energy(there, ids) - after.energy(here, ids)
-    assert gained == pytest.approx(expected(there) - expected(here))
 
 
 def noisy_session(**changes) -> Session:

@@ -17,7 +17,7 @@ def figure_rows(report: dict[str, Any]) -> Rows:
         ("vertices to their true places, rms, what photos determine", "vertices_determined", "%"),
         ("vertices to their true places, rms", "vertices_total", "%"),
         ("surface to the true surface, mean", "surface_to_truth", "%"),
-        ("sparse points to the surface, median", "sparse_points_to_surface", "%"),
+        ("sparse points kept to judge by, to the surface, median", "sparse_points_to_surface", "%"),
     ):
         found = report.get("quality", {}).get(key)
         if found:

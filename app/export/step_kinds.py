@@ -38,6 +38,11 @@ KINDS: tuple[Kind, ...] = (
         "out before anything else.",
     ),
     Kind(
+        "Sparse points",
+        "The capture came with points measured on the surface. Every second one draws the faces near it to itself, "
+        "if the photos agree; the others are kept to judge the result by. A weak pull to them stays.",
+    ),
+    Kind(
         "Return of vertices",
         "At the finest level the energy had been lower where these vertices came from, so they went back. A run "
         "never ends worse than it began.",
@@ -52,16 +57,17 @@ _OF_REASON = {
     StepReason.FOUND_PLACE: 1,
     StepReason.NO_BETTER_PLACE: 1,
     StepReason.SMOOTHED: 2,
-    StepReason.RETURNED: 3,
-    StepReason.MOVED_BY_HAND: 4,
-    StepReason.RESET_BY_HAND: 4,
+    StepReason.FITTED_TO_POINTS: 3,
+    StepReason.RETURNED: 4,
+    StepReason.MOVED_BY_HAND: 5,
+    StepReason.RESET_BY_HAND: 5,
 }
 
 
 def kind_of(record: StepRecord) -> int:
     """Index into `KINDS`."""
     if len(record.reasons) == 0:
-        return 5
+        return len(KINDS) - 1
     return max(_OF_REASON.get(StepReason(reason), 0) for reason in set(record.reasons.tolist()))
 
 

@@ -1,0 +1,178 @@
+"""A mesh drawn to sparse points, and what a run makes of them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fairing.gauss_newton import face_normals
+from fairing.mesh import Mesh
+from fairing.options import FairingOptions
+from fairing.point_fit import fitted_to_points, fitting_points, kept_points
+from fairing.problem import Problem
+from fairing.scene import Scene
+from fairing.session import Session
+from fairing.trace import StepReason, Trace
+from tests.small_scene import FACES, START, VERTICES, corner_scene, small_options, sparse_points
+
+USED = {"points": [0.3]}
+FAR = tuple(2.5 * x for x in START)
+
+
+def on_the_faces(count: int = 600, seed: int = 0) -> np.ndarray:
+    """Points on the true faces, as many on each."""
+    weights = np.random.default_rng(seed).dirichlet(np.ones(3), (count // len(FACES), len(FACES)))
+    return np.einsum("cfk,fkx->cfx", weights, VERTICES[FACES]).reshape(-1, 3)
+
+
+def with_points(points: np.ndarray, displaced: tuple[float, ...] = FAR) -> Scene:
+    """The corner with these points, each both to fit to and to judge by."""
+    return replace(corner_scene(displaced), sparse_points=sparse_points(np.repeat(points, 2, axis=0)))
+
+
+def problem_of(scene: Scene, options: FairingOptions | None = None) -> Problem:
+    return Problem(scene, options or small_options(), scene.mesh.vertices)
+
+
+def error_of(vertices: np.ndarray) -> float:
+    return float(np.linalg.norm(vertices[0] - VERTICES[0]))
+
+
+def test_points_are_halved_and_none_is_in_both_halves():
+    positions = np.random.default_rng(1).standard_normal((7, 3))
+    scene = replace(corner_scene(), sparse_points=sparse_points(positions))
+    assert np.array_equal(fitting_points(scene), positions[[0, 2, 4, 6]])
+    assert np.array_equal(kept_points(scene), positions[[1, 3, 5]])
+    assert len(fitting_points(corner_scene())) == len(kept_points(corner_scene())) == 0
+
+
+def test_a_vertex_off_its_corner_is_drawn_to_where_the_points_meet():
+    scene = with_points(on_the_faces())
+    found = fitted_to_points(problem_of(scene), scene.mesh.vertices, 12).places
+    # The pull to where it was keeps some of the error.
+    assert error_of(found) < 0.1 * error_of(scene.mesh.vertices)
+
+
+def test_points_that_belong_elsewhere_hardly_matter():
+    points = on_the_faces()
+    wrong = np.random.default_rng(2).random(len(points)) < 0.15
+    points[wrong] += np.random.default_rng(3).uniform(-0.4, 0.4, (wrong.sum(), 3))
+    scene = with_points(points)
+    found = fitted_to_points(problem_of(scene), scene.mesh.vertices, 12).places
+    assert error_of(found) < 0.2 * error_of(scene.mesh.vertices)
+
+
+def test_what_no_point_tells_of_and_what_is_locked_stays():
+    points = on_the_faces()
+    # Only of the two faces in z = 1, well inside: vertices 4, 5 and 6 are corners of neither.
+    points = points[(points[:, 2] > 0.999) & (points[:, :2].max(axis=1) < 0.8)]
+    scene = with_points(points)
+    found = fitted_to_points(problem_of(scene), scene.mesh.vertices, 4)
+    assert np.array_equal(found.places[[4, 5, 6]], scene.mesh.vertices[[4, 5, 6]])
+    assert not found.blocks[[4, 5, 6]].any()
+    assert not np.array_equal(found.places[0], scene.mesh.vertices[0])
+    locked = problem_of(scene, replace(small_options(), locked_vertices=(0,)))
+    assert np.array_equal(fitted_to_points(locked, scene.mesh.vertices, 4).places[0], scene.mesh.vertices[0])
+
+
+def test_what_points_know_is_the_sum_of_their_normal_equations():
+    points = on_the_faces(60)
+    scene = with_points(points, (0, 0, 0))
+    normals = face_normals(VERTICES, FACES)
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    H = np.zeros((21, 21))
+    for i, point in enumerate(points):
+        f = i % len(FACES)
+        weights = np.linalg.lstsq(np.vstack([VERTICES[FACES[f]].T, np.ones(3)]), np.append(point, 1), rcond=None)[0]
+        row = np.zeros(21)
+        for corner, weight in zip(FACES[f], weights, strict=True):
+            row[3 * corner : 3 * corner + 3] = weight * normals[f]
+        H += np.outer(row, row)
+    average = np.diag(H)[np.diag(H) > 0].mean()
+    found = fitted_to_points(problem_of(scene), VERTICES, 1)
+    for v in range(7):
+        assert found.blocks[v] == pytest.approx(H[3 * v : 3 * v + 3, 3 * v : 3 * v + 3] / average, abs=1e-9)
+
+
+def test_no_face_folds_however_the_points_lie():
+    heap = np.random.default_rng(4).uniform(-0.5, 1.5, (400, 3))
+    scene = with_points(heap)
+    found = fitted_to_points(problem_of(scene), scene.mesh.vertices, 12).places
+    start = face_normals(scene.mesh.vertices, FACES)
+    assert ((start * face_normals(found, FACES)).sum(axis=1) > 0).all()
+
+
+def test_a_run_begins_at_the_points_where_the_photos_agree():
+    session = Session(with_points(on_the_faces()), small_options(step=USED))
+    record = session.step()
+    assert record is not None
+    assert (record.reasons == StepReason.FITTED_TO_POINTS).all()
+    assert record.objective_after < record.objective_before
+    assert np.array_equal(session.trace.origin_at(1), session.vertices)
+    session.run()
+    assert not any((later.reasons == StepReason.FITTED_TO_POINTS).any() for later in session.trace.steps[1:])
+    assert error_of(session.vertices) < 0.05 * error_of(session.trace.start)
+
+
+def test_points_that_the_photos_contradict_are_not_used():
+    wrong = on_the_faces() + np.array([0.08, -0.05, 0.06])
+    with_wrong = Session(with_points(wrong, (0.01, 0, 0)), small_options(step=USED))
+    without = Session(corner_scene((0.01, 0, 0)), small_options(step=USED))
+    with_wrong.run()
+    without.run()
+    assert np.array_equal(with_wrong.vertices, without.vertices)
+
+
+def test_points_kept_to_judge_by_change_nothing():
+    scene = with_points(on_the_faces())
+    assert scene.sparse_points is not None
+    positions = scene.sparse_points.positions.copy()
+    positions[1::2] += 5.0
+    results = []
+    for points in (scene.sparse_points.positions, positions):
+        session = Session(replace(scene, sparse_points=sparse_points(points)), small_options(step=USED))
+        session.run()
+        results.append(session.vertices)
+    assert np.array_equal(*results)
+
+
+def test_a_run_that_used_points_resumes_to_the_same_bytes(tmp_path):
+    scene, options = with_points(on_the_faces()), small_options(step=USED)
+    whole, begun = Session(scene, options), Session(scene, options)
+    whole.run()
+    begun.trace.attach(tmp_path / "run.trace")
+    for _ in range(3):
+        begun.step()
+    begun.trace.detach()
+    resumed = Session(scene, trace=Trace.load(tmp_path / "run.trace"))
+    resumed.run()
+    assert np.array_equal(resumed.vertices, whole.vertices)
+
+
+def test_a_noisy_start_is_smoothed_before_it_is_drawn_to_the_points():
+    scene = with_points(on_the_faces(), START)
+    session = Session(scene, small_options(step={**USED, "smoothing": [0.1, 0.03, 0.01]}))
+    reasons = [preparation.reason for preparation in session.start.preparations]
+    assert reasons == [StepReason.SMOOTHED, StepReason.FITTED_TO_POINTS]
+    for reason in reasons:
+        record = session.step()
+        assert record is not None
+        assert (record.reasons == reason).all()
+    assert np.array_equal(session.trace.origin_at(2), session.start.preparations[-1].after)
+
+
+def test_a_mesh_far_from_all_points_stays():
+    scene = with_points(on_the_faces() + 10.0)
+    found = fitted_to_points(problem_of(scene), scene.mesh.vertices, 3)
+    assert np.array_equal(found.places, scene.mesh.vertices)
+    assert not found.blocks.any()
+
+
+def test_the_fit_is_free_of_units():
+    points = on_the_faces() + 0.01 * np.random.default_rng(5).standard_normal((600, 3))
+    scene = with_points(points)
+    expected = fitted_to_points(problem_of(scene), scene.mesh.vertices, 6).places
+    mesh, far = Mesh(1000 * scene.mesh.vertices + 5e4, FACES), sparse_points(np.repeat(1000 * points + 5e4, 2, axis=0))
+    large = replace(scene, mesh=mesh, sparse_points=far)
+    found = fitted_to_points(problem_of(large), mesh.vertices, 6).places
+    assert found == pytest.approx(1000 * expected + 5e4, abs=1e-5)
