@@ -176,3 +176,9 @@ def test_the_fit_is_free_of_units():
     large = replace(scene, mesh=mesh, sparse_points=far)
     found = fitted_to_points(problem_of(large), mesh.vertices, 6).places
     assert found == pytest.approx(1000 * expected + 5e4, abs=1e-5)
+
+
+def test_fewer_points_than_coordinates_are_not_used():
+    few, enough = (Session(with_points(on_the_faces(count)), small_options(step=USED)) for count in (18, 24))
+    assert few.start.preparations == ()
+    assert [preparation.reason for preparation in enough.start.preparations] == [StepReason.FITTED_TO_POINTS]
