@@ -124,6 +124,7 @@ def fair_to_folder(
         Exit code: 0, or 130 if it was interrupted.
     """
     check_options(options)
+    beside = extras.other_mesh()
     began = time.perf_counter()
     if resume and source.mesh is None and (out / START_MESH).exists():
         source = replace(source, mesh=str((out / START_MESH).resolve()))
@@ -164,7 +165,7 @@ def fair_to_folder(
         return 130
     write_models(scene, session.trace.start, session.vertices, extras, out, console)
     if extras.left_out:
-        report["left_out"] = prove_on_left_out(scene, session.trace.start, session.vertices, out, console)
+        report["left_out"] = prove_on_left_out(scene, session.trace.start, session.vertices, beside, out, console)
         write_json(out / REPORT, report)
     return 0
 

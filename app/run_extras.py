@@ -10,9 +10,11 @@ from rich.progress import Progress
 
 from app.left_out_sheet import LeftOutSheet
 from app.texture_command import paint_with_progress
-from fairing.io import write_atomically
+from fairing.errors import InputError
+from fairing.io import read_mesh, write_atomically
 from fairing.io.textured_mesh import write_textured
 from fairing.left_out import leave_one_out, left_out_summary
+from fairing.mesh import Mesh
 from fairing.scene import Scene
 
 MODEL, MODEL_BEFORE, LEFT_OUT = "model.glb", "model_before.glb", "left_out.png"
@@ -26,15 +28,29 @@ class RunExtras:
     textured: Write model.glb, the mesh with a texture from the photos.
     textured_before: Write model_before.glb, the same of the mesh as it began.
     left_out: Predict photos from the others, before and after: PSNR and SSIM in report.json, and left_out.png.
+    beside: With --left-out: another mesh of the scene, such as another run's mesh.ply. Judge on the pixels that it shows, too.
     """
 
     textured: bool = False
     textured_before: bool = False
     left_out: bool = False
+    beside: Path | None = None
 
     @property
     def any(self) -> bool:
         return self.textured or self.textured_before or self.left_out
+
+    def other_mesh(self) -> Mesh | None:
+        """The mesh `beside`.
+
+        Raises:
+            InputError: it cannot be read, or nothing asks for it.
+        """
+        if self.beside is None:
+            return None
+        if not self.left_out:
+            raise InputError("option beside: expected --left-out with it, which it is judged by; give that, too")
+        return Mesh(*read_mesh(self.beside))
 
 
 def write_models(
@@ -48,8 +64,14 @@ def write_models(
             console.print(f"wrote {out / name}", highlight=False, soft_wrap=True)
 
 
-def prove_on_left_out(scene: Scene, start: np.ndarray, end: np.ndarray, out: Path, console: Console) -> dict[str, Any]:
-    """Predict photos from the others with both meshes; writes the picture and returns the figures."""
+def prove_on_left_out(
+    scene: Scene, start: np.ndarray, end: np.ndarray, beside: Mesh | None, out: Path, console: Console
+) -> dict[str, Any]:
+    """Predict photos from the others with both meshes; writes the picture and returns the figures.
+
+    Args:
+        beside: another mesh; all are judged on the pixels that it shows, too.
+    """
     count = len(scene.views)
     views = np.unique(np.linspace(0, count - 1, min(count, MOST_LEFT_OUT)).round().astype(int)).tolist()
     sheet = LeftOutSheet(scene)
@@ -60,15 +82,23 @@ def prove_on_left_out(scene: Scene, start: np.ndarray, end: np.ndarray, out: Pat
             sheet.add(prediction)
             bar.advance(task)
 
-        before, after = leave_one_out(scene, start, end, views=views, on_view=on_view)
+        others = [] if beside is None else [beside]
+        before, after, *of_others = leave_one_out(scene, start, end, *others, views=views, on_view=on_view)
     picture = sheet.picture(before, after)
     write_atomically(out / LEFT_OUT, lambda file: picture.save(file, format="PNG"))
-    summary = left_out_summary(scene, before, after)
+    summary = left_out_summary(scene, before, after, *of_others)
     if summary["photos_judged"]:
         console.print(
             f"photos left out: PSNR {summary['psnr_before']:.2f} -> {summary['psnr_after']:.2f} dB, "
             f"SSIM {summary['ssim_before']:.4f} -> {summary['ssim_after']:.4f} (mean of {summary['photos_judged']}, "
             f"{summary['photos_better']} better; {summary['judged_share']:.0%} of their pixels); wrote {out / LEFT_OUT}",
+            highlight=False,
+            soft_wrap=True,
+        )
+    if "psnr_beside" in summary:
+        console.print(
+            f"the other mesh on the same pixels: PSNR {summary['psnr_beside']:.2f} dB, SSIM {summary['ssim_beside']:.4f}; "
+            f"{summary['photos_better_than_beside']} photos are better than with it",
             highlight=False,
             soft_wrap=True,
         )

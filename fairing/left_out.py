@@ -1,13 +1,14 @@
 """PSNR and SSIM of photos that the model was not textured from."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import cv2
 import numpy as np
 
 from fairing.bounded_cache import BoundedCache
+from fairing.mesh import Mesh
 from fairing.render import PHOTO_ROOM, Renderer
 from fairing.scene import Scene
 
@@ -52,17 +53,21 @@ class Prediction:
 
 def leave_one_out(
     scene: Scene,
-    *states: np.ndarray,
+    *states: np.ndarray | Mesh,
     views: Sequence[int] | None = None,
     match_exposure: bool = True,
     on_view: Callable[[Prediction], None] = lambda prediction: None,
 ) -> list[LeftOut]:
     """Render photos from the others with several states of the vertices (n, 3), judged on the pixels known to all.
 
+    Other meshes, too, are compared so: judged on the pixels each of them shows, a mesh that dares to show more looks worse
+    (castle-P19, two starts: 24.9 dB on 28 % of the pixels and 24.5 on 39 %, but 25.0 and 25.8 on those that both show).
+
     Large photos are judged at the size the renderer bounds them to (`fairing.render.LARGEST`); what masks take out of a
     photo is not judged.
 
     Args:
+        states: vertices of the scene's mesh, or meshes of their own.
         views: photos to leave out one at a time; default all.
         match_exposure: fit a gain and an offset a channel to the photo first, because photos of one scene differ in
             exposure and the model cannot know the one left out.
@@ -70,7 +75,8 @@ def leave_one_out(
     """
     views = tuple(range(len(scene.views)) if views is None else views)
     photos: BoundedCache[int] = BoundedCache(PHOTO_ROOM)
-    renderers = [Renderer(scene, vertices, photos) for vertices in states]
+    meshes = [state if isinstance(state, Mesh) else scene.mesh.moved(state) for state in states]
+    renderers = [Renderer(replace(scene, mesh=mesh), mesh.vertices, photos) for mesh in meshes]
     psnrs, ssims, shares = (np.full((len(states), len(views)), np.nan) for _ in range(3))
     for i, view in enumerate(views):
         photo = renderers[0].photo(view).astype(np.float32)
@@ -88,10 +94,10 @@ def leave_one_out(
     return [LeftOut(views, *row) for row in zip(psnrs, ssims, shares, strict=True)]
 
 
-def left_out_summary(scene: Scene, before: LeftOut, after: LeftOut) -> dict[str, Any]:
+def left_out_summary(scene: Scene, before: LeftOut, after: LeftOut, beside: LeftOut | None = None) -> dict[str, Any]:
     """Plain numbers for a report: of each photo, and their means over the photos that could be judged.
 
-    PSNR says nothing about two meshes that show different parts of the photos: see `judged_share`.
+    PSNR says nothing about two meshes that show different parts of the photos: see `judged_share`, and `beside`.
     """
     photos = [
         {
@@ -110,7 +116,11 @@ def left_out_summary(scene: Scene, before: LeftOut, after: LeftOut) -> dict[str,
         for key in ("judged_share", "psnr_before", "psnr_after", "ssim_before", "ssim_after")
     }
     better = sum(bool(photo["psnr_after"] > photo["psnr_before"]) for photo in judged)
-    return {**means, "photos_judged": len(judged), "photos_better": better, "photos": photos}
+    summary = {**means, "photos_judged": len(judged), "photos_better": better, "photos": photos}
+    if beside is not None and judged:
+        summary |= {"psnr_beside": float(np.nanmean(beside.psnr)), "ssim_beside": float(np.nanmean(beside.ssim))}
+        summary["photos_better_than_beside"] = int((after.psnr > beside.psnr).sum())
+    return summary
 
 
 def psnr(image: np.ndarray, reference: np.ndarray) -> float:

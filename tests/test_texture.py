@@ -14,8 +14,10 @@ from PIL import Image
 from app.cli import run
 from fairing.camera import Camera
 from fairing.errors import InputError
+from fairing.io import read_mesh, write_mesh
 from fairing.io.textured_mesh import write_textured
 from fairing.left_out import psnr
+from fairing.mesh import Mesh
 from fairing.photo import ArrayPhoto
 from fairing.rasterize import rasterize
 from fairing.scene import Scene, View
@@ -217,3 +219,24 @@ def test_fair_adds_models_and_the_proof_on_photos_left_out(tmp_path: Path, capsy
     assert proof["photos_judged"] == 8 == len(proof["photos"])
     assert proof["psnr_after"] > proof["psnr_before"] + 1
     assert proof["photos_better"] >= 7
+    assert 0.05 < proof["judged_share"] < 0.9
+    assert f"{proof['judged_share']:.0%} of their pixels" in capsys.readouterr().err
+
+
+def test_another_mesh_is_judged_on_the_pixels_that_both_show(tmp_path: Path, capsys):
+    """The start without one of its six faces: where both show a surface it is the same as the start."""
+    write_corner(tmp_path / "corner")
+    start = Mesh(*read_mesh(tmp_path / "corner" / "mesh.obj"))
+    write_mesh(tmp_path / "part.ply", start.vertices, start.faces[:5])
+    command = ["fair", str(tmp_path / "corner"), "--out", str(tmp_path / "out"), "--schedule.blur", "2", "1"]
+    command += ["--schedule.max-sweeps", "2", "--cells.size", "32", "--beside", str(tmp_path / "part.ply")]
+    assert run(command) == 1
+    assert "--left-out" in capsys.readouterr().err
+    assert run([*command, "--left-out"]) == 0
+    proof = json.loads((tmp_path / "out" / "report.json").read_text())["left_out"]
+    assert proof["psnr_beside"] == pytest.approx(
+        proof["psnr_before"], abs=0.3
+    )  # two sources of a pixel less, here and there
+    assert proof["psnr_after"] > proof["psnr_beside"] + 1
+    assert proof["photos_better_than_beside"] >= 7
+    assert f"PSNR {proof['psnr_beside']:.2f} dB" in capsys.readouterr().err
