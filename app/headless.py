@@ -163,6 +163,10 @@ def fair_to_folder(
     console.print(f"{reason}; wrote {out / MESH}, {REPORT}, {TRACE}", highlight=False, soft_wrap=True)
     if stopped:
         return 130
+    if points := report["quality"].get("sparse_points_to_surface"):
+        before, after = (f"{points[state]['median_percent']:.3g}" for state in ("before", "after"))
+        line = f"sparse points kept to judge by: median distance to the surface {before} -> {after} % of the diagonal"
+        console.print(line, highlight=False, soft_wrap=True)
     write_models(scene, session.trace.start, session.vertices, extras, out, console)
     if extras.left_out:
         report["left_out"] = prove_on_left_out(scene, session.trace.start, session.vertices, beside, out, console)

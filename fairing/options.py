@@ -159,7 +159,7 @@ class ScheduleOptions:
     """At most so many where trying found the start near its truth and no sparse points hold it: with every sweep vertices drift a
     little farther along what the photos hardly tell (three captures without their points, median distance of these to the
     surface: with as many sweeps as elsewhere -8, +7 and +4 %, so -8, -4 and -2 %; left-out photos better by 0.3 dB instead of
-    0.5. Held by their points, with as many: fountain -29 % instead of -29, 27.94 dB instead of 27.74)."""
+    0.5)."""
     max_iterations: tuple[int, ...] = (4, 4, 3)
     """Gauss-Newton iterations of a vertex (or of all, with joint) within a sweep, by level."""
     sweep_tolerance: float = 0.02

@@ -38,15 +38,15 @@ def next_position(
     return Position(level + 1, 0, 0, 0)
 
 
-def max_sweeps(schedule: ScheduleOptions, level: int, may_drift: bool, is_searched: bool) -> int:
+def max_sweeps(schedule: ScheduleOptions, level: int, is_near_truth: bool, is_searched: bool) -> int:
     """How many sweeps a level lasts at most, its search included.
 
     Args:
-        may_drift: whether many sweeps would do harm.
+        is_near_truth: whether the start was found near its truth.
         is_searched: whether the level's first sweep searches.
     """
     sweeps = by_level(schedule.max_sweeps, level)
-    if may_drift:
+    if is_near_truth:
         sweeps = min(sweeps, by_level(schedule.sweeps_near_truth, level))
     return sweeps + int(is_searched)
 

@@ -85,7 +85,7 @@ class Stepper:
         schedule, level = self._problem.options.schedule, record.position.level
         going_on = next_position(
             schedule, record.position, unit_is_done, len(sweep.units), sweep.search_radius > 0,
-            max_sweeps(schedule, level, self._start.may_drift, self._start.search_radius(level) > 0),
+            max_sweeps(schedule, level, self._start.is_near_truth, self._start.search_radius(level) > 0),
             lambda: sweep.longest_move(self._problem.scene, _after(record, vertices)),
         )  # fmt: skip
         return replace(record, next_position=going_on)

@@ -10,6 +10,7 @@ from fairing.mesh import Mesh
 from fairing.options import FairingOptions
 from fairing.point_fit import fitted_to_points, fitting_points, kept_points
 from fairing.problem import Problem
+from fairing.report import run_report
 from fairing.scene import Scene
 from fairing.session import Session
 from fairing.trace import StepReason, Trace
@@ -182,3 +183,14 @@ def test_fewer_points_than_coordinates_are_not_used():
     few, enough = (Session(with_points(on_the_faces(count)), small_options(step=USED)) for count in (18, 24))
     assert few.start.preparations == ()
     assert [preparation.reason for preparation in enough.start.preparations] == [StepReason.FITTED_TO_POINTS]
+
+
+def test_energies_of_sweeps_leave_out_what_was_done_to_the_start():
+    session = Session(with_points(on_the_faces()), small_options(step=USED))
+    session.run()
+    report = run_report(session, "accurate", {}, {})
+    assert report["preparations"] == ["fitted_to_points"]
+    first = report["sweeps"][0]
+    steps = [record for record in session.trace.steps[1:] if record.position[:2] == (first["level"], first["sweep"])]
+    assert first["steps"] == len(steps)
+    assert first["before"] == pytest.approx(steps[0].face_energy_before.sum())
