@@ -29,6 +29,7 @@ REASON_COLORS: dict[StepReason, tuple[str, RGB]] = {
     StepReason.REJECTED_FOLD: ("rejected: fold", NOW),
     StepReason.RESTING: ("rests", (230, 159, 0)),
     StepReason.FOUND_PLACE: ("found a better place", (0, 114, 178)),
+    StepReason.FOUND_TOGETHER: ("found a better place at the second try", (86, 180, 233)),
     StepReason.NO_BETTER_PLACE: ("found no better place", REFERENCE),
     StepReason.RETURNED: ("returned to the start", (240, 228, 66)),
     StepReason.UNSEEN: ("not seen by 3 photos", (60, 60, 60)),

@@ -72,16 +72,17 @@ def vertex_systems(mesh: Mesh, system: FaceSystem) -> tuple[np.ndarray, np.ndarr
 
 
 def undetermined_directions(
-    vertices: np.ndarray, mesh: Mesh, H: np.ndarray, usable: np.ndarray, options: StepOptions
+    vertices: np.ndarray, mesh: Mesh, H: np.ndarray, usable: np.ndarray, options: StepOptions, strength: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Blocks (n, 3, 3) that penalise what photos do not determine: sliding, and weakly seen directions.
 
     Sliding: the normals of the incident faces have no spread there (inside a plane, along an edge). Weak: a small
-    eigenvalue of the normal matrix (little texture, few photos). The penalty is `prior` times the largest eigenvalue.
+    eigenvalue of the normal matrix (little texture, few photos). The penalty is `strength` times the largest eigenvalue.
 
     Args:
         H: (n, 3, 3) float: normal matrices.
         usable: (m,) bool: faces that take part.
+        strength: relative.
     """
     normals = face_normals(vertices, mesh.faces)
     area = np.linalg.norm(normals, axis=1, keepdims=True)
@@ -100,8 +101,8 @@ def undetermined_directions(
     values, vectors = np.linalg.eigh(spread)
     flat = values < options.normal_spread
     sliding = np.einsum("vik,vk,vjk->vij", vectors, flat.astype(float), vectors)
-    strength = options.prior * largest[:, None, None]
-    return strength * sliding, strength * weak_blocks
+    penalty = strength * largest[:, None, None]
+    return penalty * sliding, penalty * weak_blocks
 
 
 def face_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:

@@ -145,7 +145,8 @@ class ScheduleOptions:
     """auto: skip levels whose blur exceeds 1/12 of the faces' median footprint. first: begin with the first level."""
     search: tuple[float, ...] = (0.0, 0.0, 1.0, 0.75, 0.6, 0.5, 0.9)
     """By level: before Gauss-Newton, look for a better place of each vertex so far away, in units of `start_error`. 0: do not.
-    Where photos are equally sharp (`cells.point_spread`), only of those that fit worse than half of them."""
+    Where photos are equally sharp (`cells.point_spread`), only of those that fit worse than half of them; what then fits twice as
+    badly as half of them is tried again together, from the first level that searched."""
     start_error: float = -1.0
     """How far the start's vertices may lie from their place, photo px. Negative: find out by trying. 0: never search."""
     search_gain: float = 0.05

@@ -70,8 +70,11 @@ class Problem:
 
     # ------------------------------------------------------------------ what the photos say
 
-    def context(self, level: int, vertices: np.ndarray) -> CellContext:
+    def context(self, level: int, vertices: np.ndarray, among: np.ndarray | None = None) -> CellContext:
         """Visibility and cells of all faces at a level, with the vertices (n, 3) at given places.
+
+        Args:
+            among: (n,) bool: only of faces around these vertices.
 
         Raises:
             InputError: no photo sees any face well enough at the last level.
@@ -79,13 +82,14 @@ class Problem:
         """
         began, photos_before = time.perf_counter(), self._photos.seconds
         self._photos.forget_all_but(self.options.schedule.blur[level])
-        context = self.context_of(self._judged, level, vertices, self.options)
+        judged = self._judged if among is None else self._judged & among[self.scene.mesh.faces].any(axis=1)
+        context = self.context_of(judged, level, vertices, self.options)
         on_photos = self._photos.seconds - photos_before
         self.seconds["photos"] += on_photos
         self.seconds["visibility"] += time.perf_counter() - began - on_photos
         if context.too_many_parts and TOO_MANY_PARTS not in self.warnings:
             self.warnings.append(TOO_MANY_PARTS)
-        if not context.takes_part.any() and level == self.options.n_levels - 1:
+        if among is None and not context.takes_part.any() and level == self.options.n_levels - 1:
             counts = {reason: int((context.reasons == reason).sum()) for reason in Visibility}
             found = ", ".join(f"{reason.name.lower()} {count}" for reason, count in counts.items() if count)
             raise InputError(
@@ -146,6 +150,13 @@ class Problem:
     def unfolded(self, vertices: np.ndarray, ids: np.ndarray, steps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Steps (u, 3) shortened until no face folds; and (u,) bool: which vertices were held back."""
         return unfolded(vertices, ids, steps, self.start, self.scene.mesh.faces, self.options.step)
+
+    def under(self, options: FairingOptions) -> "Problem":
+        """The same under other options, with the same photos in memory."""
+        other = Problem(self.scene, options, self.start, self._is_unwanted)
+        other.evaluator = self.evaluator
+        other.share_photos(self)
+        return other
 
     # ------------------------------------------------------------------ photos in memory
 

@@ -10,6 +10,7 @@ on the facade (median / rms of the determined error in % of the diagonal, from 0
 Blurred cells mistake places for each other: of the 56 vertices that ended farthest off there, 20 had a lower loss in
 the wrong place at blur 1.2, but 5 at blur 0.5 with photos equally sharp. So at the finest level places are polished on
 blurred cells and judged on sharp ones (determined rms at the end 0.368 -> 0.333; a second such search 0.331, a third 0.333).
+What is wrong together no single vertex can leave: see `second_try`.
 """
 
 from collections.abc import Callable
@@ -76,7 +77,7 @@ def search_unit(
     start: np.ndarray,
     radius: np.ndarray,
     bound: np.ndarray,
-    mean_loss: float,
+    unseen_loss: float,
     scale: np.ndarray,
     mesh: Mesh,
     options: FairingOptions,
@@ -90,7 +91,7 @@ def search_unit(
         vertices, start: (n, 3) float: positions now and at the start of the run (or where a hand put them), world units.
         radius: (u,) float: how far away the places lie, world units.
         bound: (u,) float: how far from its start a vertex may end, world units.
-        mean_loss: what a face costs per photo pixel that no three photos see: as much as the mesh's average.
+        unseen_loss: what a face costs per photo pixel that no three photos see: as much as the mesh's average.
         scale: (m,) float: of the robust norm, by face.
         stages: how places are polished; they are judged on the cells of the last one.
         limit: shortens steps (u, 3) of the unit's vertices to the capture range.
@@ -100,7 +101,7 @@ def search_unit(
     judged[unit.faces] = True
 
     def score(context: CellContext, energy: np.ndarray, places: np.ndarray) -> np.ndarray:
-        return _score(context, energy, unit, places, mesh, mean_loss)
+        return mean_loss(context, energy, unit, places, mesh, unseen_loss)
 
     def linearise(context: CellContext, places: np.ndarray) -> FaceSystem:
         return evaluator.linearise(context, places, unit.faces, unit.corners, scale, options.step.solver)
@@ -166,23 +167,25 @@ def _by_owner(unit: Unit, values: np.ndarray) -> np.ndarray:
     return np.bincount(unit.owner, weights=values, minlength=len(unit.vertices))
 
 
-def _score(
-    context: CellContext, energy: np.ndarray, unit: Unit, vertices: np.ndarray, mesh: Mesh, mean_loss: float
+def mean_loss(
+    context: CellContext, energy: np.ndarray, unit: Unit, vertices: np.ndarray, mesh: Mesh, unseen_loss: float
 ) -> np.ndarray:
     """(u,) float: mean loss per photo pixel of the faces around each vertex.
 
-    A face that fewer than three photos see counts half with the mesh's average.
+    Args:
+        energy: (F,) float: of the unit's faces.
+        unseen_loss: of a face that fewer than three photos see: the mesh's average. It counts half.
     """
     faces = unit.faces
     loss, pixels = loss_of_faces(context, energy, faces)
     seen = pixels > 0
-    loss[~seen] = mean_loss
+    loss[~seen] = unseen_loss
     surface = np.linalg.norm(face_normals(vertices, mesh.faces[faces]), axis=1)
     area = np.where(seen, context.footprint_area[faces], 0)
     pixels_per_surface = _by_owner(unit, area) / np.maximum(_by_owner(unit, np.where(seen, surface, 0)), 1e-300)
     weight = np.where(seen, area, 0.5 * surface * pixels_per_surface[unit.owner])
     weighed = _by_owner(unit, weight)
-    return np.where(weighed > 0, _by_owner(unit, weight * loss) / np.maximum(weighed, 1e-300), mean_loss)
+    return np.where(weighed > 0, _by_owner(unit, weight * loss) / np.maximum(weighed, 1e-300), unseen_loss)
 
 
 def loss_of_faces(context: CellContext, energy: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

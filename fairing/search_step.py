@@ -84,7 +84,7 @@ def search_around(
         reach: how far from where it began a vertex may end, px.
     """
     pixels, level = sweep.pixels_per_unit[unit.vertices], sweep.context.level
-    rough, sharp = _rough(problem.options), _sharp(problem.options)
+    rough, sharp = _rough(problem.options), sharp_options(problem.options)
 
     def context_at(level: int, options: FairingOptions) -> ContextAt:
         return lambda places, faces: problem.context_of(faces, level, places, options)
@@ -102,7 +102,7 @@ def search_around(
     )  # fmt: skip
 
 
-def _sharp(options: FairingOptions) -> FairingOptions:
+def sharp_options(options: FairingOptions) -> FairingOptions:
     """Cells that tell places apart which coarser ones mistake for each other, with a quarter of the samples."""
     return replace(options, cells=_coarser(options.cells, SHARP_COARSENESS, SHARP_CELL))
 

@@ -25,7 +25,7 @@ def probed_error(problem: Problem, level: int, start: np.ndarray) -> float:
         start: (n, 3) float: where the vertices are then, world units.
     """
     mesh = problem.scene.mesh
-    sweep = begin_sweep(problem, level, 0, start, start)
+    sweep = begin_sweep(problem, level, 0, start, start, problem.options.step.prior)
     ids = np.flatnonzero(sweep.free & (sweep.pixels_per_unit > 0))
     if len(ids) == 0:
         return 0.0

@@ -12,6 +12,7 @@ from fairing.preparation import preparing_step
 from fairing.problem import Problem
 from fairing.schedule import max_sweeps, next_position
 from fairing.search_step import search_step
+from fairing.second_try import second_try
 from fairing.start import Start
 from fairing.sweep import SweepState
 from fairing.sweeps import Sweeps
@@ -55,7 +56,10 @@ class Stepper:
             return self._never_worse(empty_record(problem, position, sweep.moment, following), sweep, moment)
         unit = sweep.units[position.unit]
         if sweep.search_radius > 0:
-            record = search_step(problem, sweep, unit, position, vertices, start.reach)
+            if unit.again_from is not None:
+                record = second_try(problem, start, sweep, unit.vertices, unit.again_from, position, vertices)
+            else:
+                record = search_step(problem, sweep, unit, position, vertices, start.reach)
             return self._planned(record, sweep, vertices, unit_is_done=True)
         iteration = gauss_newton_step(
             problem, sweep, unit, position, vertices, start.reach,
@@ -78,7 +82,7 @@ class Stepper:
             return record
         by_hand = (made for made in self._trace.hand_moments if made <= moment)
         begun, vertices = self._trace.vertices_at(max(by_hand, default=0)), self._trace.vertices_at(moment)
-        return returned_if_worse(self._problem, sweep, record, vertices, _after(record, vertices), begun)
+        return returned_if_worse(self._problem, sweep, record, vertices, record.applied_to(vertices), begun)
 
     def _planned(self, record: StepRecord, sweep: SweepState, vertices: np.ndarray, unit_is_done: bool) -> StepRecord:
         """The record with where the run goes on; vertices (n, 3) are those before it."""
@@ -86,13 +90,6 @@ class Stepper:
         going_on = next_position(
             schedule, record.position, unit_is_done, len(sweep.units), sweep.search_radius > 0,
             max_sweeps(schedule, level, self._start.is_near_truth, self._start.search_radius(level) > 0),
-            lambda: sweep.longest_move(self._problem.scene, _after(record, vertices)),
+            lambda: sweep.longest_move(self._problem.scene, record.applied_to(vertices)),
         )  # fmt: skip
         return replace(record, next_position=going_on)
-
-
-def _after(record: StepRecord, vertices: np.ndarray) -> np.ndarray:
-    """(n, 3) float: vertices (n, 3) after a step."""
-    after = vertices.copy()
-    after[record.vertices] = record.after
-    return after

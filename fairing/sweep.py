@@ -15,8 +15,9 @@ from fairing.scene import Scene
 from fairing.search import loss_of_faces
 from fairing.smoothing import smoothed
 from fairing.travel import pixels_moved, pixels_per_unit
-from fairing.units import Unit, plan_units
+from fairing.units import Unit, again_unit, plan_units
 
+BADLY = 2.0  # times the median loss: a vertex that is tried again
 WELL_SEEN = 0.6  # part of the faces around a vertex
 FIT_ROUNDS = 3  # to the sparse points, from where the sweep begins
 VERTEX_PASSES = 3  # of the filter whose result a noisy start is pulled to
@@ -65,9 +66,12 @@ def begin_sweep(
     moment: int,
     vertices: np.ndarray,
     origin: np.ndarray,
+    prior_strength: float,
     search_radius: float = 0.0,
     smoothing: float = 0.0,
     attraction: float = 0.0,
+    again_from: int | None = None,
+    among: np.ndarray | None = None,
 ) -> SweepState:
     """Judge visibility and plan what moves.
 
@@ -75,17 +79,20 @@ def begin_sweep(
         level, moment: the sweep's.
         vertices: (n, 3) float: where they are then, world units.
         origin: (n, 3) float: their start, or where a hand put them.
+        prior_strength: of the pull along what the photos do not determine, see `StepOptions.prior`.
         search_radius: how far from each vertex to look for a better place, px; 0 for a sweep of Gauss-Newton.
         smoothing: pull to where the faces would be smooth, as a fraction of the median of the vertices' largest
             eigenvalues; vertices that no photo determines then move, too.
         attraction: pull to the sparse points in a direction they know as well as others on average, in the same units.
+        again_from: level from which a search tries again what fits badly, when its other units are done.
+        among: (n,) bool: only these vertices may move, and only the faces around them are judged.
 
     Raises:
         InputError: no photo sees any face well enough at the last level.
         Interrupted: nobody wants it any more.
     """
     options, mesh = problem.options, problem.scene.mesh
-    context = problem.context(level, vertices)
+    context = problem.context(level, vertices, among)
     unscaled = np.ones(len(mesh.faces))
     measured = problem.measure(context, vertices, unscaled)
     shorter = context.without_noise(measured.standing_out, by_level(options.eigenspace.significance, level))
@@ -102,10 +109,12 @@ def begin_sweep(
     H, _ = vertex_systems(mesh, system)
     strength = np.linalg.eigvalsh(H)[:, 2]
     informed = strength > 0
-    sliding, weak = undetermined_directions(vertices, mesh, H, context.takes_part, options.step)
+    sliding, weak = undetermined_directions(vertices, mesh, H, context.takes_part, options.step, prior_strength)
     pulls = [Pull(sliding, origin), Pull(weak, vertices)]
     pixels = pixels_per_unit(problem.scene.views, context.vertex_views, vertices)
     free = informed & ~problem.locked
+    if among is not None:
+        free &= among
     movable = free & (pixels > 0)
     typical = float(np.median(strength[informed])) if informed.any() else 0.0
     if attraction > 0:
@@ -115,12 +124,16 @@ def begin_sweep(
         smooth_places = smoothed(mesh, vertices, VERTEX_PASSES)
         pulls.append(Pull(np.tile(smoothing * typical * np.eye(3), (len(vertices), 1, 1)), smooth_places))
         movable = free = ~problem.locked
+    badly = np.zeros(len(vertices), dtype=bool)
     if search_radius > 0:
         movable = movable & _well_seen(mesh, context.takes_part)
         if by_level(options.cells.point_spread, level) == "common":
-            movable &= _fits_badly(mesh, context, system, movable)
+            badly = movable & fits_badly(mesh, context, system, movable, BADLY)
+            movable &= fits_badly(mesh, context, system, movable, 1.0)
     order = "independent" if search_radius > 0 else options.schedule.order
     units = plan_units(mesh, movable, order, system.energy)
+    if again_from is not None and badly.any():
+        units.append(again_unit(mesh, np.flatnonzero(badly), again_from))
     area = float((context.footprint_area * context.n_views)[context.takes_part].sum())
     mean_loss = float(system.energy.sum()) / area if area > 0 else 0.0
     return SweepState(
@@ -141,16 +154,16 @@ def _well_seen(mesh: Mesh, takes_part: np.ndarray) -> np.ndarray:
     return seen >= WELL_SEEN * np.maximum(count, 1)
 
 
-def _fits_badly(mesh: Mesh, context: CellContext, system: FaceSystem, among: np.ndarray) -> np.ndarray:
-    """(n,) bool: vertices around which faces fit worse than around half of those of a mask.
+def fits_badly(mesh: Mesh, context: CellContext, system: FaceSystem, among: np.ndarray, factor: float) -> np.ndarray:
+    """(n,) bool: vertices around which faces fit worse than a factor times the median of a mask (n,).
 
-    Sharp cells tell which those are (facade: determined rms after the search 0.366 with all vertices, 0.347 with these, at
-    two thirds of the time).
+    Sharp cells tell which those are (facade: determined rms after the search 0.366 with all vertices, 0.347 with those above
+    the median, at two thirds of the time).
     """
     loss, pixels = loss_of_faces(context, system.energy, system.faces)
     total, weight = (
-        np.bincount(mesh.faces.ravel(), weights=np.repeat(values, 3), minlength=len(mesh.vertices))
+        np.bincount(mesh.faces[system.faces].ravel(), weights=np.repeat(values, 3), minlength=len(mesh.vertices))
         for values in (loss * pixels, pixels)
     )
     mean = total / np.maximum(weight, 1e-300)
-    return mean > np.median(mean[among]) if among.any() else among
+    return mean > factor * np.median(mean[among]) if among.any() else among

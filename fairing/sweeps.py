@@ -76,8 +76,9 @@ class Sweeps:
         radius = start.search_radius(level) if position.sweep == 0 else 0.0
         vertices, origin = trace.vertices_at(moment), trace.origin_at(moment)
         return begin_sweep(
-            self._problem, level, moment, vertices, origin, radius, start.smoothing(level), start.attraction(level)
-        )
+            self._problem, level, moment, vertices, origin, start.prior(level), radius, start.smoothing(level),
+            start.attraction(level), start.again_from(level),
+        )  # fmt: skip
 
     def _held_bytes(self) -> int:
         planes = {id(pixels): pixels.nbytes for pixels in (sweep.context.kernel.pixels for sweep in self._kept)}

@@ -41,6 +41,7 @@ class StepReason(IntEnum):
     RESET_BY_HAND = 11
     SMOOTHED = 12
     FITTED_TO_POINTS = 13
+    FOUND_TOGETHER = 14
 
     @property
     def text(self) -> str:
@@ -57,6 +58,7 @@ _REASON_TEXTS = {
     StepReason.RESTING: "rests: its steps were rejected too often in this sweep",
     StepReason.RETURNED: "returned: the fine-level energy had been lower",
     StepReason.FOUND_PLACE: "searched: a better place was found near by",
+    StepReason.FOUND_TOGETHER: "tried again from the start, with its neighbours: a better place was found",
     StepReason.NO_BETTER_PLACE: "searched: no place near by is better",
     StepReason.MOVED_BY_HAND: "moved by hand",
     StepReason.RESET_BY_HAND: "put back to its start by hand",
@@ -133,6 +135,12 @@ class StepRecord:
     def is_by_hand(self) -> bool:
         """Whether a user made this step."""
         return len(self.reasons) > 0 and int(self.reasons[0]) in BY_HAND
+
+    def applied_to(self, vertices: np.ndarray) -> np.ndarray:
+        """(n, 3) float: vertices (n, 3) after this step."""
+        after = vertices.copy()
+        after[self.vertices] = self.after
+        return after
 
     @property
     def energy_before(self) -> float:
@@ -270,8 +278,7 @@ class Trace:
 
     def _index(self, record: StepRecord) -> None:
         self.steps.append(record)
-        vertices = self._newest[1].copy()  # another thread may be reading the present ones
-        vertices[record.vertices] = record.after
+        vertices = record.applied_to(self._newest[1])  # a copy: another thread may be reading the present ones
         self._newest = (len(self.steps), vertices)
         if record.is_by_hand:
             self.hand_moments.append(len(self.steps))

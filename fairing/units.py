@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from fairing.mesh import Mesh
 
@@ -17,6 +19,7 @@ class Unit:
         corners: (F,) int: the corner of each face that moves, -1 where several may.
         owner: (F,) int: for each face the position in `vertices` of the vertex it counts for.
         coupled: whether the vertices share faces and are solved by one system.
+        again_from: the level at which a second try of the vertices begins; None: no second try.
     """
 
     vertices: np.ndarray
@@ -24,6 +27,7 @@ class Unit:
     corners: np.ndarray
     owner: np.ndarray
     coupled: bool
+    again_from: int | None = None
 
 
 def plan_units(mesh: Mesh, free: np.ndarray, order: str, face_energy: np.ndarray) -> list[Unit]:
@@ -74,3 +78,28 @@ def independent_unit(mesh: Mesh, vertices: np.ndarray) -> Unit:
     corners = np.argmax(mesh.faces[faces] == vertices[owner][:, None], axis=1)
     order = np.argsort(faces, kind="stable")
     return Unit(vertices, faces[order], corners[order], owner[order], coupled=False)
+
+
+def group_unit(mesh: Mesh, groups: list[np.ndarray]) -> Unit:
+    """A unit of groups of vertices that share no face with another group: the first of each stands for its group."""
+    group = np.full(len(mesh.vertices), -1)
+    for k, ids in enumerate(groups):
+        group[ids] = k
+    owner = group[mesh.faces].max(axis=1)
+    faces = np.flatnonzero(owner >= 0)
+    first = np.array([ids[0] for ids in groups])
+    return Unit(first, faces, np.full(len(faces), -1), owner[faces], coupled=True)
+
+
+def again_unit(mesh: Mesh, ids: np.ndarray, level: int) -> Unit:
+    """A unit of vertices that are tried again from a level on."""
+    faces = np.flatnonzero(np.isin(mesh.faces, ids).any(axis=1))
+    return Unit(ids, faces, np.full(len(faces), -1), np.zeros(len(faces), dtype=int), coupled=True, again_from=level)
+
+
+def connected_groups(mesh: Mesh, mask: np.ndarray) -> list[np.ndarray]:
+    """The vertices of a mask (n,), by connected groups."""
+    edges = mesh.edges[mask[mesh.edges].all(axis=1)]
+    n = len(mesh.vertices)
+    _, label = connected_components(coo_array((np.ones(len(edges)), edges.T), shape=(n, n)), directed=False)
+    return [np.flatnonzero(mask & (label == k)) for k in np.unique(label[mask])]

@@ -122,7 +122,7 @@ def test_prior_gradient_is_the_slope_of_its_energy():
 def test_sliding_directions_are_the_plane_and_the_edge():
     """Vertex 1 lies on the edge along x, vertex 2 inside the plane z = 1, vertex 0 in the corner."""
     H = np.tile(np.eye(3), (7, 1, 1))
-    sliding, weak = undetermined_directions(VERTICES, Mesh(VERTICES, FACES), H, np.ones(6, bool), StepOptions())
+    sliding, weak = undetermined_directions(VERTICES, Mesh(VERTICES, FACES), H, np.ones(6, bool), StepOptions(), 0.1)
     assert np.linalg.matrix_rank(sliding[0]) == 0
     assert np.linalg.matrix_rank(sliding[1]) == 1
     assert np.linalg.norm(sliding[1] @ [1, 0, 0]) == pytest.approx(np.trace(sliding[1]))
@@ -133,9 +133,9 @@ def test_sliding_directions_are_the_plane_and_the_edge():
 
 def test_weak_directions_are_the_small_eigenvalues():
     H = np.tile(np.diag([100.0, 1.0, 50.0]), (7, 1, 1))
-    _, weak = undetermined_directions(VERTICES, Mesh(VERTICES, FACES), H, np.ones(6, bool), StepOptions())
+    _, weak = undetermined_directions(VERTICES, Mesh(VERTICES, FACES), H, np.ones(6, bool), StepOptions(), 0.1)
     assert np.linalg.norm(weak[0] @ [1, 0, 1]) < 1e-12
-    assert weak[0, 1, 1] == pytest.approx(StepOptions().prior * 100)
+    assert weak[0, 1, 1] == pytest.approx(0.1 * 100)
 
 
 def test_flips_folds_and_collapses_are_found():

@@ -55,6 +55,7 @@ KINDS: tuple[Kind, ...] = (
 )
 _OF_REASON = {
     StepReason.FOUND_PLACE: 1,
+    StepReason.FOUND_TOGETHER: 1,
     StepReason.NO_BETTER_PLACE: 1,
     StepReason.SMOOTHED: 2,
     StepReason.FITTED_TO_POINTS: 3,

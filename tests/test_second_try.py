@@ -1,0 +1,146 @@
+"""A second try of vertices that fit badly together: it frees them, and takes nothing that fits worse."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import fairing.second_try
+import fairing.sweep
+from fairing.options import FairingOptions
+from fairing.second_try import fused, second_try
+from fairing.session import Session
+from fairing.sweep import SweepState
+from fairing.trace import Position, StepReason, Trace
+from fairing.units import connected_groups
+from tests.small_scene import VERTICES, corner_scene
+from tests.test_search import SHARP_AT_LAST, rough_scene, searching
+
+LEVEL = 1
+WRONG = {0: (-0.1, 0.11, 0.1), 1: (0.09, 0.1, -0.08)}  # 8 to 12 px
+
+
+@pytest.fixture(autouse=True)
+def most_fit_badly(monkeypatch):
+    """All faces of this scene meet at vertex 0, so nothing fits twice as badly as half of its vertices."""
+    monkeypatch.setattr(fairing.second_try, "BADLY", 0.5)
+    monkeypatch.setattr(fairing.sweep, "BADLY", 0.5)
+
+
+def sharp_session(**changes) -> Session:
+    return Session(rough_scene(), searching(10.0, **SHARP_AT_LAST, **changes))
+
+
+def searching_sweep(session: Session, vertices: np.ndarray) -> SweepState:
+    """The last level's search as it would begin with vertices at given places."""
+    session.trace.append(
+        replace(
+            session.trace.steps[0],
+            vertices=np.arange(len(vertices)),
+            after=vertices,
+            next_position=Position(LEVEL, 0, 0, 0),
+        )
+    )
+    return session.sweep_state(len(session.trace))
+
+
+@pytest.fixture(scope="module")
+def begun() -> Session:
+    session = sharp_session()
+    session.step()
+    return session
+
+
+def wrong_together() -> np.ndarray:
+    places = VERTICES.copy()
+    for vertex, offset in WRONG.items():
+        places[vertex] += offset
+    return places
+
+
+def errors(vertices: np.ndarray) -> np.ndarray:
+    return np.linalg.norm(vertices - VERTICES, axis=1)
+
+
+def test_vertices_that_are_wrong_together_are_freed(begun):
+    vertices = wrong_together()
+    sweep = searching_sweep(begun, vertices)
+    record = second_try(begun._problem, begun.start, sweep, np.arange(7), 0, Position(LEVEL, 0, 0, 0), vertices)
+    assert set(record.vertices.tolist()) & set(WRONG)
+    after = record.applied_to(vertices)
+    assert errors(after)[0] < 0.02 < 0.15 < errors(vertices)[0]
+    assert record.objective_after < 0.5 * record.objective_before
+    moved = (record.before != record.after).any(axis=1)
+    assert np.array_equal(moved, record.reasons == StepReason.FOUND_TOGETHER)
+    assert (record.reasons[~moved] == StepReason.NO_BETTER_PLACE).all()
+
+
+def test_nothing_worse_is_taken_at_the_truth(begun):
+    sweep = searching_sweep(begun, VERTICES)
+    record = second_try(begun._problem, begun.start, sweep, np.arange(7), 0, Position(LEVEL, 0, 0, 0), VERTICES.copy())
+    assert record.objective_after <= record.objective_before
+    assert errors(record.applied_to(VERTICES)).max() < 0.01
+
+
+def test_fusing_takes_each_vertex_from_where_it_is_right(begun):
+    first, second = VERTICES.copy(), VERTICES.copy()
+    first[1] += (0.1, 0.0, 0.1)
+    second[4] += (0.1, 0.1, 0.0)
+    sweep = searching_sweep(begun, first)
+    assert np.array_equal(fused(begun._problem, sweep, first, second), VERTICES)
+    assert np.array_equal(fused(begun._problem, sweep, second, first), VERTICES)
+
+
+def test_a_run_tries_again_after_its_last_search():
+    session = sharp_session(schedule={"max_sweeps": [1], "max_iterations": [1]})
+    session.run()
+    tried = [record for record in session.trace.steps if (record.reasons == StepReason.FOUND_TOGETHER).any()]
+    assert tried
+    for record in tried:
+        assert record.position[:2] == (LEVEL, 0)
+        assert record.objective_after < record.objective_before
+    assert errors(session.vertices)[0] < 0.02
+
+
+def test_a_run_resumed_around_a_second_try_writes_the_same_bytes(tmp_path):
+    changes = {"schedule": {"max_sweeps": [1], "max_iterations": [1]}}
+    whole = sharp_session(**changes, threads=2)
+    whole.trace.attach(tmp_path / "whole.trace")
+    whole.run()
+    whole.trace.detach()
+    tried = next(m for m, record in enumerate(whole.trace.steps) if (record.reasons == StepReason.FOUND_TOGETHER).any())
+    for stop in (tried, tried + 1):
+        session = sharp_session(**changes, threads=2)
+        session.trace.attach(tmp_path / "run.trace")
+        for _ in range(stop):
+            session.step()
+        session.trace.detach()
+        resumed = Session(rough_scene(), trace=Trace.load(tmp_path / "run.trace"))
+        resumed.trace.attach(tmp_path / "run.trace")
+        resumed.run()
+        resumed.trace.detach()
+        assert (tmp_path / "run.trace").read_bytes() == (tmp_path / "whole.trace").read_bytes()
+    alone = sharp_session(**changes, threads=1)
+    alone.run()
+    assert np.array_equal(alone.vertices, whole.vertices)
+
+
+def test_the_default_begins_again_at_its_first_searching_level():
+    options = FairingOptions(schedule=replace(FairingOptions().schedule, start_error=9.0))
+    session = Session(corner_scene(), options)
+    assert session.start.again_from(6) == max(2, session.start.first_level)
+    assert session.start.again_from(5) is None
+
+
+def test_groups_are_those_of_a_walk_along_edges():
+    scene = rough_scene()
+    for seed in range(20):
+        mask = np.random.default_rng(seed).random(7) < 0.5
+        groups = connected_groups(scene.mesh, mask)
+        assert sorted(np.concatenate(groups).tolist() if groups else []) == np.flatnonzero(mask).tolist()
+        for group in groups:
+            reached = {int(group[0])}
+            for _ in range(7):
+                near = {int(w) for face in scene.mesh.faces for v in face if int(v) in reached for w in face if mask[w]}
+                reached |= near
+            assert reached == set(group.tolist())
