@@ -61,7 +61,7 @@ def leave_one_out(
     """Render photos from the others with several states of the vertices (n, 3), judged on the pixels known to all.
 
     Other meshes, too, are compared so: judged on the pixels each of them shows, a mesh that dares to show more looks worse
-    (castle-P19, two starts: 24.9 dB on 28 % of the pixels and 24.5 on 39 %, but 25.0 and 25.8 on those that both show).
+    (castle-P19, two starts: 25.3 dB on 27 % of the pixels and 24.5 on 39 %, but 25.4 and 25.8 on those that both show).
 
     Large photos are judged at the size the renderer bounds them to (`fairing.render.LARGEST`); what masks take out of a
     photo is not judged.
