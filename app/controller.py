@@ -314,7 +314,8 @@ class Controller:
                 return stop
             if until is not None and self._holds(until):
                 return f"until {until.text}"
-            if extent is not None and session.position[:extent] != began[:extent]:
+            # What is done to the start is a step of its own, at the position of the first iteration.
+            if extent is Extent.ITERATION or (extent is not None and session.position[:extent] != began[:extent]):
                 break
             if self._interrupt.is_set():
                 return "paused"
@@ -494,6 +495,6 @@ def boundary_before(steps: list[StepRecord], moment: int, extent: Extent) -> int
         return 0
     group = steps[moment - 1].position[:extent]
     began = moment - 1
-    while began > 0 and steps[began - 1].position[:extent] == group:
+    while extent is not Extent.ITERATION and began > 0 and steps[began - 1].position[:extent] == group:
         began -= 1
     return began

@@ -34,7 +34,7 @@ from fairing.options import FairingOptions, ScheduleOptions
 from fairing.problem import Problem
 from fairing.scene import Scene
 from fairing.session import Session
-from fairing.trace import Trace
+from fairing.trace import StepReason, Trace
 from tests.commands import do
 from tests.small_scene import corner_scene, small_options
 
@@ -82,6 +82,17 @@ def test_back_goes_to_the_beginning_of_the_last_extent(controller: Controller):
         np.testing.assert_array_equal(state.vertices, state.trace.vertices_at(expected))
     assert state.moment == 0
     assert do(controller, Back(Extent.UNIT)).reason == "at the start"
+
+
+def test_what_is_done_to_the_start_is_stepped_by_itself():
+    controller = Controller(Session(corner_scene(), small_options(step={"smoothing": [0.1, 0.03, 0.01]})))
+    for moment, is_preparing in ((1, True), (2, False)):
+        state = do(controller, Forward(Extent.ITERATION))
+        assert state.moment == moment
+        assert (state.trace.steps[moment - 1].reasons == StepReason.SMOOTHED).all() == is_preparing
+    for moment in (1, 0):
+        assert do(controller, Back(Extent.ITERATION)).moment == moment
+    controller.close()
 
 
 def test_forward_over_the_record_repeats_it(controller: Controller):
