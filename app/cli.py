@@ -6,7 +6,9 @@ The debugger's commands are here, and import no more than they need until the pa
 commands take a second to import, and a browser can unpack the viewer meanwhile.
 """
 
+import os
 import sys
+import threading
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -192,4 +194,11 @@ def _fail(line: str) -> int:
 
 def main() -> None:
     """The entry point of the command `eigenfairing`."""
-    sys.exit(run(sys.argv[1:]))
+    code = run(sys.argv[1:])
+    # A thread still inside compiled code (painting a large mesh, say) would be torn out of it by the interpreter's own way
+    # out, which aborts. Everything has been saved and closed by now.
+    if any(thread.daemon for thread in threading.enumerate()):
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
+    sys.exit(code)
