@@ -9,7 +9,7 @@ of the diagonal, at the start and after fairing without and with the others; and
 
 fountain: 0.0797 -> 0.0724 and 0.0540, 26.49 -> 26.78 and 28.21 dB; castle: 0.1716 -> 0.1670 and 0.1153, 24.62 -> 24.9
 and 25.29 dB; Sceaux: 0.1008 -> 0.0970 and 0.0722, 20.80 -> 20.9 and 21.35 dB. From noisy meshes, mean distance to a
-reference surface: fountain 0.309 -> 0.140 and 0.126, castle 0.322 -> 0.201 and 0.186 %.
+reference surface: fountain 0.309 -> 0.140 and 0.124, castle 0.322 -> 0.201 and 0.186 %.
 """
 
 import numpy as np
