@@ -17,8 +17,10 @@ PROBE_MAJORITY = 0.5
 def probed_error(problem: Problem, level: int, start: np.ndarray) -> float:
     """How far the start's vertices lie from their places, px; 0 where most find no better place.
 
-    A spread of vertices is searched at several radii; the estimate is the distance that most of those stay within
-    which find a clearly better place.
+    A spread of vertices is searched at several radii; the estimate is the median of how far away their clearly better
+    places lie, 0 for a vertex that finds none. The median of those that find one is nearer to the truth, but a wider
+    search mistakes more places (facade, 11.4 px off: 9.05 px, determined rms at the end 0.293 %; by those that find one
+    11.3 px, 0.347. With noise and occluders 5.3 px, 0.532; by those that find one 12.0 px, 0.672).
 
     Args:
         level: at which to look.
