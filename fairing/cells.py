@@ -287,6 +287,11 @@ def blur_rungs(spacing: np.ndarray, blur: float) -> np.ndarray:
     return np.where(needed > 1.25, np.ceil(np.log2(np.maximum(needed, 1.0))), 0).astype(np.int64)
 
 
+def blur_of_rung(rung: int, blur: float) -> float:
+    """How blurred the photo of a rung is at a level of some blur, px; rung 0 is the level's own."""
+    return blur if rung == 0 else max(blur, 1.0) * 2.0**rung
+
+
 def _photos_for_pairs(
     photos: ScaleSpace,
     blur: float,
@@ -309,7 +314,7 @@ def _photos_for_pairs(
     rung = blur_rungs(spacing, blur)
     rungs = int(rung.max(initial=0)) + 1
     kinds, kind = np.unique(pair_view * rungs + rung, return_inverse=True)
-    wanted = [(v, blur if r == 0 else max(blur, 1.0) * 2.0**r) for v, r in (divmod(int(k), rungs) for k in kinds)]
+    wanted = [(v, blur_of_rung(r, blur)) for v, r in (divmod(int(k), rungs) for k in kinds)]
     pixels, starts = photos.lay_out(blur, cubic, wanted, pool)
     base, frame, camera = (np.zeros(shape, np.int64) for shape in (len(wanted), (len(wanted), 4), len(wanted)))
     smaller = []

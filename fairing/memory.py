@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fairing.cells import blur_rungs
+from fairing.cells import blur_of_rung, blur_rungs
 from fairing.options import FairingOptions, by_level
 from fairing.point_spread import MOST_PIXELS, pixels_around
 from fairing.scale_space import AT_ONCE, KEPT_PHOTOS, LARGE, reduction
@@ -63,8 +63,9 @@ def _pixels_laid_out(scene: Scene, options: FairingOptions, scale: float, sizes:
         count[is_seen] += 1
         for level, blur in enumerate(options.schedule.blur):
             rungs = np.unique(blur_rungs(longest / by_level(options.cells.size, level), blur)).tolist()
-            for sigma in [blur if r == 0 else max(blur, 1.0) * 2.0**r for r in rungs] or [blur]:
-                laid_out[level] += sizes[v] / reduction(is_large, (view.camera.width, view.camera.height), sigma) ** 2
+            for rung in rungs or [0]:
+                factor = reduction(is_large, (view.camera.width, view.camera.height), blur_of_rung(rung, blur))
+                laid_out[level] += sizes[v] / factor**2
     of_parts = float((parts * np.minimum(1, options.visibility.max_views / np.maximum(count, 1))).sum())
     levels = [by_level(options.cells.point_spread, level) for level in range(options.n_levels)]
     is_in_parts = [spread == "common" and of_parts <= MOST_PIXELS for spread in levels]

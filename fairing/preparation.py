@@ -45,16 +45,21 @@ def preparations(problem: Problem) -> tuple[Preparation, ...]:
     vertices have coordinates would be met with all their noise (archway, 230 points for 153 vertices: median surface
     distance at the end 0.0004 -> 0.0147 %).
     """
-    step, done, vertices = problem.options.step, [], problem.start
-    if any(step.smoothing):
-        smooth = _smoothed_start(problem)
-        if _loss_ratio(problem, smooth, vertices) < 1 - GAIN:
-            done.append(Preparation(StepReason.SMOOTHED, vertices, smooth))
-            vertices = smooth
-    if any(step.points) and len(fitting_points(problem.scene)) >= 3 * (~problem.locked).sum():
-        fitted = fitted_to_points(problem, vertices, FIT_ROUNDS).places
-        if _loss_ratio(problem, fitted, vertices) < 1 - GAIN:
-            done.append(Preparation(StepReason.FITTED_TO_POINTS, vertices, fitted))
+    step, vertices = problem.options.step, problem.start
+    done: list[Preparation] = []
+    loss = None  # at `vertices`, once it is asked for: judging takes a look at all photos
+    for reason, is_wanted, changed in (
+        (StepReason.SMOOTHED, any(step.smoothing), _smoothed),
+        (StepReason.FITTED_TO_POINTS, any(step.points) and _points_suffice(problem), _fitted),
+    ):
+        if not is_wanted:
+            continue
+        after = changed(problem, vertices)
+        loss = _mean_loss(_judged_finely(problem, vertices)) if loss is None else loss
+        loss_after = _mean_loss(_judged_finely(problem, after))
+        if loss_after < (1 - GAIN) * loss:
+            done.append(Preparation(reason, vertices, after))
+            vertices, loss = after, loss_after
     return tuple(done)
 
 
@@ -66,18 +71,23 @@ def preparing_step(problem: Problem, preparation: Preparation, position: Positio
     return replace(record, objective_before=_mean_loss(before), objective_after=_mean_loss(after))
 
 
-def _smoothed_start(problem: Problem) -> np.ndarray:
-    """(n, 3) float: the start with its noise filtered out, wherever that folds no face."""
-    start, ids = problem.start, np.flatnonzero(~problem.locked)
-    moves, _ = problem.unfolded(start, ids, (smoothed(problem.scene.mesh, start, VERTEX_PASSES) - start)[ids])
-    after = start.copy()
+def _smoothed(problem: Problem, vertices: np.ndarray) -> np.ndarray:
+    """(n, 3) float: vertices (n, 3) with their noise filtered out, wherever that folds no face."""
+    ids = np.flatnonzero(~problem.locked)
+    moves, _ = problem.unfolded(vertices, ids, (smoothed(problem.scene.mesh, vertices, VERTEX_PASSES) - vertices)[ids])
+    after = vertices.copy()
     after[ids] += moves
     return after
 
 
-def _loss_ratio(problem: Problem, there: np.ndarray, here: np.ndarray) -> float:
-    """Mean loss with the vertices (n, 3) at some places, over that at others."""
-    return _mean_loss(_judged_finely(problem, there)) / max(_mean_loss(_judged_finely(problem, here)), 1e-300)
+def _fitted(problem: Problem, vertices: np.ndarray) -> np.ndarray:
+    """(n, 3) float: vertices (n, 3) drawn to the sparse points."""
+    return fitted_to_points(problem, vertices, FIT_ROUNDS).places
+
+
+def _points_suffice(problem: Problem) -> bool:
+    """Whether there are as many points as coordinates to be found."""
+    return len(fitting_points(problem.scene)) >= 3 * (~problem.locked).sum()
 
 
 def _judged_finely(problem: Problem, vertices: np.ndarray) -> Judged:

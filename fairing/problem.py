@@ -105,11 +105,8 @@ class Problem:
             Interrupted: nobody wants it any more.
         """
         self._stop_if_unwanted()
-        judged, count, pool = (
-            itertools.count(),
-            len(self.scene.views),
-            _AskingPool(self.evaluator.pool, self._stop_if_unwanted),
-        )
+        judged, count = itertools.count(), len(self.scene.views)
+        pool = _AskingPool(self.evaluator.pool, self._stop_if_unwanted)
         return build_context(
             self.scene, self._photos, options, level, vertices, self.orientation, faces, pool,
             on_view=lambda: self._on_photo(next(judged), count),

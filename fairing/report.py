@@ -10,7 +10,7 @@ import numpy as np
 from fairing.cells import CellContext
 from fairing.options import by_level, options_to_dict
 from fairing.session import Session
-from fairing.trace import BEFORE_THE_FIRST_LEVEL, StepReason, StepRecord, Trace
+from fairing.trace import StepReason, StepRecord, Trace
 from fairing.visibility import Visibility
 
 PACKAGES = ("eigenfairing", "numpy", "scipy", "numba", "opencv-python-headless", "trimesh")
@@ -52,7 +52,7 @@ class EnergyTally:
         level, sweep = record.position[:2]
         if self._is_preparing:  # what was done to the start was judged by other cells than the first sweep's
             self.sweeps.pop()
-        self._is_preparing = bool(np.isin(record.reasons, BEFORE_THE_FIRST_LEVEL).any())
+        self._is_preparing = record.is_preparing
         if not self.sweeps or (self.sweeps[-1].level, self.sweeps[-1].sweep) != (level, sweep):
             self.sweeps.append(SweepEnergy(level, sweep))
             self._touched[:] = False
@@ -79,12 +79,6 @@ def sweep_energies(trace: Trace) -> list[SweepEnergy]:
     return tally.sweeps
 
 
-def preparing_reasons(trace: Trace) -> list[StepReason]:
-    """What was done to the start before the first level."""
-    first = [StepReason(reason) for record in trace.steps[:2] for reason in record.reasons[:1]]
-    return [reason for reason in first if reason in BEFORE_THE_FIRST_LEVEL]
-
-
 def run_report(session: Session, preset: str, seconds: dict[str, float], quality: dict[str, Any]) -> dict[str, Any]:
     """Everything worth keeping about a run, ready for JSON.
 
@@ -105,7 +99,7 @@ def run_report(session: Session, preset: str, seconds: dict[str, float], quality
         "options": options_to_dict(session.options),
         "versions": versions(),
         "scene": _scene_facts(session),
-        "preparations": [reason.name.lower() for reason in preparing_reasons(session.trace)],
+        "preparations": [reason.name.lower() for reason in session.trace.preparations],
         "stop_reason": session.stop_reason,
         "finished": session.finished,
         "seconds": {"total": sum(stages.values())} | stages,

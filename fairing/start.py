@@ -107,13 +107,13 @@ class Start:
             return 0.0
         return by_level(self._options.step.points, level)
 
-    def _begins_with(self, reason: StepReason) -> bool:
-        return any(preparation.reason == reason for preparation in self.preparations)
-
     def prior(self, level: int) -> float:
         """Strength of the pull along what the photos do not determine at a level, see `StepOptions.prior`."""
         is_weak = self.error > 0 and by_level(self._options.cells.point_spread, level) == "common"
         return self._options.step.prior * (PRIOR_AFTER_SEARCH if is_weak else 1.0)
+
+    def _begins_with(self, reason: StepReason) -> bool:
+        return any(preparation.reason == reason for preparation in self.preparations)
 
     @property
     def _first_searching_level(self) -> int | None:

@@ -65,7 +65,7 @@ _REASON_TEXTS = {
     StepReason.SMOOTHED: "smoothed: the photos agree better with the start's noise filtered out",
     StepReason.FITTED_TO_POINTS: "drawn to the sparse points: half of them are used, and the photos agree",
 }
-BEFORE_THE_FIRST_LEVEL = (StepReason.SMOOTHED, StepReason.FITTED_TO_POINTS)
+PREPARING = (StepReason.SMOOTHED, StepReason.FITTED_TO_POINTS)
 BY_HAND = (StepReason.MOVED_BY_HAND, StepReason.RESET_BY_HAND)
 
 
@@ -136,6 +136,11 @@ class StepRecord:
         """Whether a user made this step."""
         return len(self.reasons) > 0 and int(self.reasons[0]) in BY_HAND
 
+    @property
+    def is_preparing(self) -> bool:
+        """Whether this step was done to the start, before the first level."""
+        return len(self.reasons) > 0 and int(self.reasons[0]) in PREPARING
+
     def applied_to(self, vertices: np.ndarray) -> np.ndarray:
         """(n, 3) float: vertices (n, 3) after this step."""
         after = vertices.copy()
@@ -205,12 +210,14 @@ class Trace:
             vertices[record.vertices] = record.after
         return vertices
 
+    @property
+    def preparations(self) -> list[StepReason]:
+        """What was done to the start before the first level, a step each."""
+        return [StepReason(step.reasons[0]) for step in itertools.takewhile(lambda step: step.is_preparing, self.steps)]
+
     def origin_at(self, moment: int) -> np.ndarray:
         """(n, 3) float: from where the engine moved each vertex: its (prepared) start, or where a hand had last put it."""
-        prepared = 0
-        while prepared < moment and np.isin(self.steps[prepared].reasons[:1], BEFORE_THE_FIRST_LEVEL).any():
-            prepared += 1
-        origin = self.vertices_at(prepared).copy()
+        origin = self.vertices_at(min(moment, len(self.preparations)))
         for made in self.hand_moments:
             if made <= moment:
                 record = self.steps[made - 1]
