@@ -1,6 +1,5 @@
 """What a user does to vertices: choose them, one or many; lock, reset and drag them."""
 
-import time
 from collections.abc import Callable
 from typing import Any
 
@@ -18,8 +17,6 @@ from fairing.errors import InputError
 from fairing.mesh import Mesh
 
 ClickableNode = viser.BatchedMeshHandle | viser.CameraFrustumHandle | viser.MeshHandle
-
-SAME_CLICK = 0.3  # s: a click on a node is reported twice, for the node and then for the scene
 
 
 class Hands:
@@ -40,13 +37,13 @@ class Hands:
     ) -> None:
         self._client, self._stage, self._mesh = client, stage, mesh
         self._controller, self._view = controller, view
-        self._node_clicked = 0.0
+        self._clicked_at: tuple[float, float] | None = None  # where in the window a node was clicked last
         rectangle = guarded(self._choose_rectangle)
         client.scene.on_rect_select(modifier="shift")(lambda event: rectangle(event.screen_min, event.screen_max))
 
         # Coroutines run in the order of the clicks; plain functions would run at the same time on several threads.
-        async def click_beside(_event: viser.SceneClickEvent) -> None:
-            self._click_beside()
+        async def click_beside(event: viser.SceneClickEvent) -> None:
+            self._click_beside(event.screen_pos)
 
         listen: Any = client.scene.on_click()  # whose type does not name coroutines
         listen(click_beside)
@@ -96,13 +93,15 @@ class Hands:
     def watch(self, node: ClickableNode) -> None:
         """A click on this node is no click beside the mesh. To be called for every node that can be clicked."""
 
-        async def note(_event: viser.SceneNodePointerEvent) -> None:
-            self._node_clicked = time.monotonic()
+        async def note(event: viser.SceneNodePointerEvent) -> None:
+            self._clicked_at = event.screen_pos
 
         node.on_click(note)
 
-    def _click_beside(self) -> None:
-        if time.monotonic() - self._node_clicked > SAME_CLICK and self._view.selection.vertices:
+    def _click_beside(self, screen_pos: tuple[float, float]) -> None:
+        # One click on a node is reported twice, for the node and then for the scene.
+        is_on_node, self._clicked_at = screen_pos == self._clicked_at, None
+        if not is_on_node and self._view.selection.vertices:
             self.choose(Selection())
 
     def _choose_rectangle(self, low: tuple[float, float], high: tuple[float, float]) -> None:

@@ -26,11 +26,11 @@ class VerticesLayer:
     """
 
     def __init__(self, client: viser.ClientHandle, stage: Stage, mesh: Mesh, on_click: OnClick, watch: Watch) -> None:
-        self._radius = mark_radius(stage, mesh)
+        self._stage, self._radius = stage, mark_radius(stage, mesh)
         self._free = _Marks(
-            client, stage, "/vertices/free", ball(0 if len(mesh.vertices) > MANY else 1), on_click, watch
+            client, stage, "/vertices/free", ball(0 if len(mesh.vertices) > MANY else 1), mesh, on_click, watch
         )
-        self._locked = _Marks(client, stage, "/vertices/locked", block(), on_click, watch)
+        self._locked = _Marks(client, stage, "/vertices/locked", block(), mesh, on_click, watch)
 
     def show(self, state: RunState, view: View) -> None:
         colors = vertex_colors(state, view.selection.vertices)
@@ -39,61 +39,60 @@ class VerticesLayer:
         if view.selected is not None:
             scales[view.selected] *= 1.25
         is_visible = view.shows("vertices")
+        positions = self._stage.page_from_world(state.vertices)
         for marks, chosen in ((self._free, ~state.locked), (self._locked, state.locked)):
-            marks.show(np.flatnonzero(chosen), state.vertices, colors, scales, is_visible)
+            marks.show(chosen, positions, colors, scales, is_visible)
 
 
 class _Marks:
-    """Some of the vertices in one node, which is made anew only when others are to be shown."""
+    """One node with a mark for every vertex, those that are not to be seen of no size.
+
+    With marks for only some of the vertices it would be made anew whenever others are locked, and a click that meets
+    it before the browser has its bindings is lost.
+    """
 
     def __init__(
-        self, client: viser.ClientHandle, stage: Stage, name: str, shape: Shape, on_click: OnClick, watch: Watch
+        self,
+        client: viser.ClientHandle,
+        stage: Stage,
+        name: str,
+        shape: Shape,
+        mesh: Mesh,
+        on_click: OnClick,
+        watch: Watch,
     ) -> None:
-        self._client, self._stage, self._name, self._shape = client, stage, name, shape
-        self._on_click, self._watch = on_click, watch
-        self._ids = np.zeros(0, dtype=int)
-        self._handle: viser.BatchedMeshHandle | None = None
-
-    def show(
-        self, ids: np.ndarray, vertices: np.ndarray, colors: np.ndarray, scales: np.ndarray, is_visible: bool
-    ) -> None:
-        """The vertices (u,) of these ids; positions (n, 3) in world units, colours (n, 3) and scales (n,) of all."""
-        positions = self._stage.page_from_world(vertices[ids])
-        if not np.array_equal(ids, self._ids):
-            self._ids = ids
-            self._handle = self._made(positions, colors[ids], scales[ids]) if len(ids) else self._removed()
-        if self._handle is not None:
-            self._handle.batched_positions = positions
-            self._handle.batched_colors = colors[ids]
-            self._handle.batched_scales = scales[ids]
-            self._handle.visible = is_visible
-
-    def _removed(self) -> None:
-        if self._handle is not None:
-            self._handle.remove()
-
-    def _made(self, positions: np.ndarray, colors: np.ndarray, scales: np.ndarray) -> viser.BatchedMeshHandle:
-        ids = self._ids
-        handle = self._client.scene.add_batched_meshes_simple(
-            self._name,
-            *self._shape,
-            np.tile([1.0, 0.0, 0.0, 0.0], (len(ids), 1)),
-            positions,
-            batched_scales=scales,
-            batched_colors=colors,
+        count = len(mesh.vertices)
+        self._handle = client.scene.add_batched_meshes_simple(
+            name,
+            *shape,
+            np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)),
+            stage.page_from_world(mesh.vertices),
+            batched_scales=np.zeros(count, dtype=np.float32),
+            batched_colors=np.zeros((count, 3), dtype=np.uint8),
             lod="off",
             cast_shadow=False,
             receive_shadow=False,
+            visible=False,
         )
 
         def clicked(event: viser.SceneNodePointerEvent) -> None:
-            if event.instance_index is not None and 0 <= event.instance_index < len(ids):
-                self._on_click(int(ids[event.instance_index]), event.modifier == "shift")
+            if event.instance_index is not None and 0 <= event.instance_index < count:
+                on_click(event.instance_index, event.modifier == "shift")
 
-        handle.on_click(clicked)
-        handle.on_click(modifier="shift")(clicked)
-        self._watch(handle)
-        return handle
+        self._handle.on_click(clicked)
+        self._handle.on_click(modifier="shift")(clicked)
+        watch(self._handle)
+
+    def show(
+        self, chosen: np.ndarray, positions: np.ndarray, colors: np.ndarray, scales: np.ndarray, is_visible: bool
+    ) -> None:
+        """Chosen vertices (n,) bool; positions (n, 3) and scales (n,) in page units, colours (n, 3) uint8, of all."""
+        is_visible = is_visible and bool(chosen.any())
+        if is_visible:
+            self._handle.batched_positions = positions
+            self._handle.batched_colors = colors
+            self._handle.batched_scales = np.where(chosen, scales, np.float32(0))
+        self._handle.visible = is_visible
 
 
 def vertex_colors(state: RunState, selected: tuple[int, ...]) -> np.ndarray:

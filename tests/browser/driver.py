@@ -58,11 +58,18 @@ class Visitor:
             self.troubles.append(f"console: {message}")
 
     def open(self) -> None:
-        """Load the page, until its buttons and its scene are there."""
+        """Load the page, until its buttons and its scene are there and its panels have made room for each other."""
         self.page.goto(self.app.url)
         self.button("Step one iteration").wait_for()
         for node in ("/mesh/now", "/vertices/free"):
             self.page.wait_for_function(f"() => window.__viserMutable?.nodeRefFromName?.['{node}']")
+        self.page.wait_for_function(
+            """() => {
+                const {camera, canvas} = window.__viserMutable, box = canvas.getBoundingClientRect();
+                return box.left > 0 && box.right < window.innerWidth
+                    && Math.abs(camera.aspect - box.width / box.height) < 1e-3;
+            }"""
+        )
 
     def button(self, name: str):
         return self.page.get_by_role("button", name=name, exact=True)
@@ -136,7 +143,17 @@ class Visitor:
         return np.array(found.json_value())
 
     def click_vertex(self, vertex: int) -> None:
-        """Click where the vertex is drawn."""
+        """Click where the vertex is drawn, once its mark is there to be hit."""
+        self.page.wait_for_function(
+            """vertex => ['/vertices/free', '/vertices/locked'].some(name => {
+                const node = window.__viserMutable.nodeRefFromName[name];
+                let marks = null;
+                node?.traverse(part => { if (part.matricesTexture) marks = part; });
+                return node?.visible && marks?.bvh && marks.instancesCount > vertex
+                    && marks.getMatrixAt(vertex).getMaxScaleOnAxis() > 0;
+            })""",
+            arg=vertex,
+        )
         canvas = self.canvas_box()
         x, y = self.drawn_at(vertex)
         self.page.mouse.click(canvas["x"] + x, canvas["y"] + y)
