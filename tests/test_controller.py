@@ -476,7 +476,7 @@ def test_of_too_many_paths_the_longest_are_kept_whole(monkeypatch: pytest.Monkey
     assert min(lengths[v] for v in shown) >= max(lengths[v] for v in lengths if v not in shown)
 
 
-def wait_for(condition, seconds: float = 20.0) -> None:
+def wait_for(condition, seconds: float = 300.0) -> None:
     deadline = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < deadline, "waited in vain"

@@ -91,7 +91,7 @@ def test_the_desk_works_beside_its_user_and_keeps_the_outcome(setting: Setting, 
     desk.start(EXPERIMENT, ONE_LEVEL)
     with pytest.raises(InputError, match="Capture range is at work"):
         desk.start(WarpComparison(), ONE_LEVEL)
-    wait_for(lambda: desk.working is None, 120)
+    wait_for(lambda: desk.working is None, 300)
     outcome = desk.outcome("capture-range")
     assert outcome is not None
     assert outcome.record is not None
@@ -104,9 +104,9 @@ def test_the_desk_works_beside_its_user_and_keeps_the_outcome(setting: Setting, 
 def test_a_cancelled_experiment_keeps_what_it_has(setting: Setting):
     desk = Desk(setting.scene, "corner", lambda: None)
     desk.start(CaptureRange(starts=tuple(np.linspace(1, 9, 200))), ONE_LEVEL, vertex=0)
-    wait_for(lambda: len(_rows(desk)) >= 1, 120)
+    wait_for(lambda: len(_rows(desk)) >= 1, 300)
     desk.cancel()
-    wait_for(lambda: desk.working is None, 20)
+    wait_for(lambda: desk.working is None, 300)
     outcome = desk.outcome("capture-range")
     assert outcome is not None
     assert outcome.status is Status.CANCELLED
@@ -191,7 +191,7 @@ def test_ctrl_c_keeps_what_is_done_and_resume_ends_where_an_unbroken_one_ends(tm
     assert process.stderr is not None
     assert "end_percent" in process.stderr.readline()
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does: all processes hear it
-    _, errors = process.communicate(timeout=60)
+    _, errors = process.communicate(timeout=300)
     assert process.returncode == 130, errors
     assert "Traceback" not in errors
     assert "go on with --resume" in errors

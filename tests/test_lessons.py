@@ -27,7 +27,7 @@ from tests.small_scene import corner_scene
 pytestmark = pytest.mark.usefixtures("remembered_steps")
 
 
-def wait_for(condition: Callable[[], bool], seconds: float = 120.0) -> None:
+def wait_for(condition: Callable[[], bool], seconds: float = 300.0) -> None:
     deadline = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < deadline, "waited in vain"

@@ -14,7 +14,7 @@ from demo_scenes import load_demo
 from fairing.errors import InputError
 from fairing.options import FairingOptions, ScheduleOptions
 from fairing.session import Session
-from tests.browser.driver import IN_BROWSER, Visitor, letterboxed, wait_for
+from tests.browser.driver import IN_BROWSER, PATIENCE, Visitor, letterboxed, wait_for
 
 pytestmark = IN_BROWSER
 
@@ -204,7 +204,7 @@ def test_through_a_camera_the_mesh_lies_on_its_photo(visitor: Visitor, scene, si
         camera = scene.views[2].camera
         vertices = visitor.app.controller.state.vertices
         offsets = np.inf
-        deadline = time.monotonic() + 20  # the window's new size must have reached the server
+        deadline = time.monotonic() + PATIENCE  # the window's new size must have reached the server
         while offsets > 1.5 and time.monotonic() < deadline:
             width, height = visitor.canvas_size()
             expected = [letterboxed(camera, vertex, width, height) for vertex in vertices]
@@ -296,7 +296,7 @@ def test_ends_cleanly_and_frees_its_port(scene, tmp_path):
 
 def upgrade_status(app: App, origin: str) -> int:
     """What the server answers to a websocket request from a page of that origin."""
-    connection = http.client.HTTPConnection("127.0.0.1", app.port, timeout=5)
+    connection = http.client.HTTPConnection("127.0.0.1", app.port, timeout=300)
     connection.request(
         "GET",
         "/",
