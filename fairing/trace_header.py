@@ -1,5 +1,6 @@
 """What a trace says of the run it records: on which scene, under which options, computed by what."""
 
+import hashlib
 from importlib.metadata import version
 from typing import Any
 
@@ -16,13 +17,14 @@ def header_of(scene: Scene, options: FairingOptions) -> dict[str, Any]:
     return {
         "scene": scene.name,
         "views": [view.name for view in scene.views],
+        "sparse_points": _points_of(scene),
         "options": options_to_dict(options),
         "versions": {name: version(name) for name in ("numpy", "scipy", "numba")},
     }
 
 
 def check_same_scene(scene: Scene, trace: Trace) -> None:
-    """Refuse a trace of other photos or of another mesh.
+    """Refuse a trace of other photos, of another mesh or, where they had a say, of other sparse points.
 
     Raises:
         InputError: naming the scene it was recorded on.
@@ -34,3 +36,15 @@ def check_same_scene(scene: Scene, trace: Trace) -> None:
             f"trace of scene {trace.header.get('scene')}: expected the photos and the mesh it was recorded on, "
             f"found those of {scene.name}; open it with its own scene"
         )
+    recorded, found = trace.header.get("sparse_points"), _points_of(scene)
+    if recorded is not None and recorded != found and any(trace.header["options"]["step"]["points"]):
+        raise InputError(
+            f"trace of scene {trace.header.get('scene')}: expected the sparse points it was recorded with "
+            f"({recorded['count']} of them), found {found['count']}, or others; open it with the scene as it was"
+        )
+
+
+def _points_of(scene: Scene) -> dict[str, Any]:
+    """Enough to tell whether sparse points are the same: the engine draws vertices to them."""
+    points = np.zeros((0, 3)) if scene.sparse_points is None else scene.sparse_points.positions
+    return {"count": len(points), "digest": hashlib.blake2b(points.tobytes(), digest_size=16).hexdigest()}

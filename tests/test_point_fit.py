@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fairing.errors import InputError
 from fairing.gauss_newton import face_normals
 from fairing.mesh import Mesh
 from fairing.options import FairingOptions
@@ -113,6 +114,20 @@ def test_a_run_begins_at_the_points_where_the_photos_agree():
     session.run()
     assert not any((later.reasons == StepReason.FITTED_TO_POINTS).any() for later in session.trace.steps[1:])
     assert error_of(session.vertices) < 0.05 * error_of(session.trace.start)
+
+
+def test_a_run_with_points_is_not_continued_with_others():
+    """Its steps could not be computed again; those of a run without a pull to them could."""
+    points = on_the_faces()
+    scene = with_points(points)
+    drawn, free = Session(scene, small_options(step=USED)), Session(scene, small_options())
+    for session in (drawn, free):
+        session.step()
+        Session(scene, trace=session.trace)
+    for other in (with_points(points[1:]), with_points(-points), corner_scene(FAR)):
+        Session(other, trace=free.trace)
+        with pytest.raises(InputError, match=r"the sparse points it was recorded with \(1200 of them\), found"):
+            Session(other, trace=drawn.trace)
 
 
 def test_points_that_the_photos_contradict_are_not_used():
