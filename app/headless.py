@@ -5,6 +5,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import fields, is_dataclass, replace
+from datetime import timedelta
 from pathlib import Path
 from typing import Any
 
@@ -85,19 +86,26 @@ class RunProgress:
         self._session.on_photo = lambda done, count: None
 
     def _show_photo(self, done: int, count: int) -> None:
-        text = f"preparing: photo {done + 1} of {count}" if done < count else "preparing the sweep"
-        self._bar.update(self._task, description=text)
+        self._tell(f"preparing: photo {done + 1} of {count}" if done < count else "preparing the sweep")
 
     def show(self, record: StepRecord) -> None:
         """Tell of one step."""
         sweep = self._tally.add(record)
         levels = self._session.options.n_levels
-        text = f"level {record.position.level + 1}/{levels} sweep {sweep.sweep + 1} energy {sweep.after:.5g}"
-        self._bar.update(self._task, completed=self._session.progress, description=text)
-        is_new_level = record.next_position.level != record.position.level
-        if not self._console.is_terminal and (is_new_level or time.monotonic() > self._told + TELL_EVERY):
-            self._console.print(text, highlight=False)
-            self._told = time.monotonic()
+        self._bar.update(self._task, completed=self._session.progress)
+        self._tell(
+            f"level {record.position.level + 1}/{levels} sweep {sweep.sweep + 1} energy {sweep.after:.5g}",
+            is_due=record.next_position.level != record.position.level,
+        )
+
+    def _tell(self, text: str, is_due: bool = False) -> None:
+        self._bar.update(self._task, description=text)
+        if self._console.is_terminal or not (is_due or time.monotonic() > self._told + TELL_EVERY):
+            return
+        (task,) = self._bar.tasks
+        left = "" if task.time_remaining is None else f", {timedelta(seconds=round(task.time_remaining))} left"
+        self._console.print(f"{text} ({task.percentage:.0f} % done{left})", highlight=False)
+        self._told = time.monotonic()
 
 
 def run_to(session: Session, wanted: Position, console: Console) -> None:

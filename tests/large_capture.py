@@ -28,15 +28,17 @@ def write_terrain(folder: Path, n_vertices: int, n_photos: int, photo_size: tupl
     true, faces = _terrain(side)
     cameras = _cameras(n_photos, photo_size)
     texture = _texture()
+    pixels_per_unit = float(np.linalg.norm(cameras[0].J_image_wrt_point(np.array([0.5, 0.5, 0.0])), 2))
 
     def take(v: int) -> View:
         path = folder / "images" / f"{v:03}.jpg"
-        cv2.imwrite(str(path), _photo(true, faces, cameras[v], texture), [cv2.IMWRITE_JPEG_QUALITY, 92])
+        cv2.imwrite(
+            str(path), _photo(true, faces, cameras[v], texture, pixels_per_unit), [cv2.IMWRITE_JPEG_QUALITY, 92]
+        )
         return View(path.name, cameras[v], FilePhoto(path))
 
     with ThreadPoolExecutor(2) as pool:
         views = list(pool.map(take, range(n_photos)))
-    pixels_per_unit = float(np.linalg.norm(cameras[0].J_image_wrt_point(np.array([0.5, 0.5, 0.0])), 2))
     start = true + np.random.default_rng(0).normal(size=true.shape) * OFF / pixels_per_unit * [0.2, 0.2, 1]
     write_mesh(folder / "mesh.ply", start, faces)
     scene_json.write(folder, views, None, "mesh.ply")
@@ -84,13 +86,14 @@ def _texture() -> np.ndarray:
     return np.clip(128 + 45 * total / total.std(), 0, 255).astype(np.uint8)
 
 
-def _photo(vertices: np.ndarray, faces: np.ndarray, camera: Camera, texture: np.ndarray) -> np.ndarray:
-    """The terrain, (h, w, 3) uint8: about a texel a pixel, grey where there is none."""
+def _photo(
+    vertices: np.ndarray, faces: np.ndarray, camera: Camera, texture: np.ndarray, texels_per_unit: float
+) -> np.ndarray:
+    """The terrain, (h, w, 3) uint8, grey where there is none; the texture is the same in all photos."""
     face_id, depth = rasterize(vertices, faces, camera)
     M, t = camera.image_from_world[:, :3], camera.image_from_world[:, 3]
     image = np.full((camera.height, camera.width, 3), 90, np.uint8)
     inverse = np.linalg.inv(M).astype(np.float32)
-    texels_per_unit = float(np.linalg.norm(camera.J_image_wrt_point(np.array([0.5, 0.5, 0.0])), 2))
     column = np.arange(camera.width, dtype=np.float32)
     for rows in np.array_split(np.arange(camera.height), max(1, camera.height // 256)):
         known = face_id[rows] >= 0

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import resource
 import signal
 import subprocess
@@ -53,6 +54,16 @@ def test_fair_writes_a_mesh_in_the_input_s_order_a_report_and_a_trace(scene, tmp
     assert np.linalg.norm(vertices[0] - VERTICES[0]) < 0.5 * np.linalg.norm(before[0] - VERTICES[0])
     trace = Trace.load(out / "run.trace")
     assert np.array_equal(trace.vertices_at(len(trace)), vertices[:7])
+
+
+def test_into_a_file_progress_is_plain_lines(scene, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(headless, "TELL_EVERY", 0.0)
+    fair(scene, tmp_path / "out")
+    lines = capsys.readouterr().err.splitlines()
+    assert any(line.startswith("preparing: photo 2 of 8 (0 % done") for line in lines)
+    shares = [int(found[1]) for line in lines if (found := re.search(r"^level .*\((\d+) % done", line))]
+    assert shares == sorted(shares)
+    assert shares[-1] == 100
 
 
 def test_the_report_adds_up(scene, tmp_path):
