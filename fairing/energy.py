@@ -1,9 +1,12 @@
 """Energies and normal equations of faces, computed on several threads with one and the same result."""
 
 import os
+import threading
+from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import TypeVar
 
 import numpy as np
 
@@ -14,6 +17,10 @@ from fairing.options import RobustOptions, by_level
 
 SOLVERS = {"alternating": SOLVER_ALTERNATING, "variable_projection": SOLVER_VARIABLE_PROJECTION}
 CHUNKS_PER_THREAD = 4
+AT_ONCE = 2  # of `Evaluator.side_by_side`
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +55,17 @@ class Evaluator:
         self.pool = ThreadPoolExecutor(self._threads, thread_name_prefix="fairing")
         self.samples = 0
         """Cell samples read so far, for the speed shown to users."""
+        self._counting = threading.Lock()
+
+    def side_by_side(self, work: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
+        """Results of independent pieces of work, each of which uses the evaluator and its pool itself.
+
+        Two go on at once: while one is between calls of compiled code, the other keeps the threads busy.
+        """
+        if self._threads == 1:
+            return [work(item) for item in items]
+        with ThreadPoolExecutor(AT_ONCE, thread_name_prefix="side-by-side") as both:
+            return list(both.map(work, items))
 
     def linearise(
         self,
@@ -82,7 +100,8 @@ class Evaluator:
         H, g = np.zeros((count, 9, 9)), np.zeros((count, 9))
         vertices = np.ascontiguousarray(vertices, dtype=np.float64)
         samples = np.diff(data.pair_start)[faces] * np.diff(data.grid_start)[data.face_grid[faces]]
-        self.samples += int(samples.sum()) * data.channels
+        with self._counting:
+            self.samples += int(samples.sum()) * data.channels
 
         def work(part: slice) -> None:
             evaluate_faces(

@@ -69,6 +69,7 @@ class ScaleSpace:
         self._layouts: dict[tuple[float, bool], _Layout] = {}
         self._masks: dict[tuple[int, int], np.ndarray] = {}
         self._in_work = threading.Semaphore(AT_ONCE)
+        self._laying_out = threading.Lock()
         self.seconds = 0.0
         self._on_photo = on_photo
 
@@ -95,6 +96,12 @@ class ScaleSpace:
         Returns:
             The array, and where each wanted photo begins in it.
         """
+        with self._laying_out:
+            return self._laid_out(blur, cubic, wanted, pool)
+
+    def _laid_out(
+        self, blur: float, cubic: bool, wanted: Iterable[tuple[int, float]], pool: Executor
+    ) -> tuple[np.ndarray, dict[tuple[int, float], int]]:
         nothing = np.zeros(0, np.float32)
         reserved, pixels, starts = self._layouts.get((blur, cubic), _Layout(nothing, nothing, {}))
         missing: dict[int, list[float]] = {}

@@ -128,8 +128,9 @@ def search_unit(
     before = judging.context_at(vertices, judged)
     system_before = evaluator.measure(before, vertices, unit.faces, scale)
     score_before = score(before, system_before.energy, vertices)
-    best_score, best = score_before * (1 - options.schedule.search_gain), vertices[ids].copy()
-    for direction in np.vstack([np.zeros(3), search_directions()]):
+
+    def tried(direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Places (u, 3) in a direction from the present ones, polished, and their scores (u,)."""
         places = vertices.copy()
         offset = vertices[ids] + radius[:, None] * direction - start[ids]
         length = np.linalg.norm(offset, axis=1)
@@ -140,10 +141,13 @@ def search_unit(
             stays = stage is judging and len(stages) == 1 and not direction.any()
             context = before if stays else stage.context_at(places, judged)
             face_energy = polish(context, places, stage.steps)
-        reached = score(context, face_energy, places)
-        improved = reached < best_score
-        best[improved] = places[ids[improved]]
-        best_score = np.where(improved, reached, best_score)
+        return places[ids], score(context, face_energy, places)
+
+    best_score, best = score_before * (1 - options.schedule.search_gain), vertices[ids].copy()
+    for reached, reached_score in evaluator.side_by_side(tried, np.vstack([np.zeros(3), search_directions()])):
+        improved = reached_score < best_score
+        best[improved] = reached[improved]
+        best_score = np.where(improved, reached_score, best_score)
 
     proposed = best - vertices[ids]
     places = vertices.copy()

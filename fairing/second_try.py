@@ -166,7 +166,9 @@ def fused(problem: Problem, sweep: SweepState, first: np.ndarray, second: np.nda
         folded[mesh.faces[folded_faces(result, tried, problem.start, mesh.faces, problem.options.step)]] = True
         around = np.zeros(len(mesh.faces), dtype=bool)
         around[unit.faces] = True
-        here, there = (_losses(sweep, mesh, _judged(problem, sweep, p, around), unit) for p in (result, tried))
+        here, there = problem.evaluator.side_by_side(
+            lambda places: _losses(sweep, mesh, _judged(problem, sweep, places, around), unit), (result, tried)
+        )
         taken = [g for g, a, b in zip(groups, here, there, strict=True) if b < a * (1 - gain) and not folded[g].any()]
         for group in taken:
             result[group] = tried[group]

@@ -1,5 +1,6 @@
 """Memory: what a run holds, what it is told to take, and one clear line where that is too much."""
 
+import time
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -17,6 +18,20 @@ from fairing.session import Session
 from tests.small_scene import HEIGHT, VERTICES, WIDTH, corner_scene, small_options, write_corner
 
 GIGABYTE = 10**9
+
+
+def test_two_can_lay_out_photos_at_once(monkeypatch: pytest.MonkeyPatch):
+    """As a search does that tries two directions: what one adds, into the room kept for it, does not disturb the other."""
+    shared, alone = (ScaleSpace(corner_scene(), color=False) for _ in range(2))
+    filtered = ScaleSpace._filtered
+    with ThreadPoolExecutor(2) as pool, ThreadPoolExecutor(2) as both:
+        shared.lay_out(1.2, False, [(view, blur) for view in range(8) for blur in (1.2, 2.0)], pool)
+        monkeypatch.setattr(ScaleSpace, "_filtered", lambda *call: time.sleep(0.05) or filtered(*call))
+        jobs = [(3, 4.0), (5, 8.0)]
+        laid_out = list(both.map(lambda wanted: shared.lay_out(1.2, False, [wanted], pool), jobs))
+        for wanted, (pixels, starts) in zip(jobs, laid_out, strict=True):
+            expected, _ = alone.lay_out(0.0, False, [wanted], pool)
+            assert np.array_equal(pixels[starts[wanted] :][: WIDTH * HEIGHT], expected[-WIDTH * HEIGHT :])
 
 
 def test_a_photo_is_laid_out_only_where_it_is_wanted_and_stays_the_same_as_others_come(monkeypatch: pytest.MonkeyPatch):
