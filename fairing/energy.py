@@ -16,7 +16,8 @@ from fairing.kernels.faces import evaluate_faces
 from fairing.options import RobustOptions, by_level
 
 SOLVERS = {"alternating": SOLVER_ALTERNATING, "variable_projection": SOLVER_VARIABLE_PROJECTION}
-CHUNKS_PER_THREAD = 4
+PARTS_PER_THREAD = 4
+MOST_SAMPLES = 100_000_000  # of a part, after about a second of which the work can be given up
 AT_ONCE = 2  # of `Evaluator.side_by_side`
 
 Item = TypeVar("Item")
@@ -48,10 +49,14 @@ class FaceSystem:
 
 
 class Evaluator:
-    """Runs the kernel over lists of faces on `threads` threads (0: one per core)."""
+    """Runs the kernel over lists of faces on `threads` threads (0: one per core).
 
-    def __init__(self, threads: int = 0) -> None:
-        self._threads = threads or os.cpu_count() or 1
+    Args:
+        ask: called before each of several parts of a list; what it raises ends the work.
+    """
+
+    def __init__(self, threads: int = 0, ask: Callable[[], None] = lambda: None) -> None:
+        self._threads, self._ask = threads or os.cpu_count() or 1, ask
         self.pool = ThreadPoolExecutor(self._threads, thread_name_prefix="fairing")
         self.samples = 0
         """Cell samples read so far, for the speed shown to users."""
@@ -104,6 +109,7 @@ class Evaluator:
             self.samples += int(samples.sum()) * data.channels
 
         def work(part: slice) -> None:
+            self._ask()
             evaluate_faces(
                 data, vertices, faces[part], corners[part], sigma, solver,
                 energy[part], pair_energy, H[part], g[part], statistics[part],
@@ -118,10 +124,11 @@ class Evaluator:
 
     def _parts(self, samples: np.ndarray) -> list[slice]:
         """Runs of faces of about equal work."""
-        if self._threads == 1 or len(samples) < 2:
-            return [slice(0, len(samples))]
         total = np.cumsum(samples)
-        targets = np.linspace(0, total[-1], self._threads * CHUNKS_PER_THREAD + 1)[1:-1]
+        if len(total) == 0:
+            return []
+        count = max(self._threads * PARTS_PER_THREAD if self._threads > 1 else 1, -(-int(total[-1]) // MOST_SAMPLES))
+        targets = np.linspace(0, total[-1], count + 1)[1:-1]
         cuts = np.unique(np.concatenate([[0], np.searchsorted(total, targets), [len(samples)]]))
         return [slice(int(a), int(b)) for a, b in pairwise(cuts)]
 

@@ -53,7 +53,7 @@ class Problem:
         on_photo: Callable[[int, int], None] = lambda done, count: None,
     ) -> None:
         self.scene, self.options, self.start = scene, options, start
-        self.evaluator = Evaluator(options.threads)
+        self.evaluator = Evaluator(options.threads, self._stop_if_unwanted)
         self.warnings: list[str] = list(scene.warnings)
         self.seconds: dict[str, float] = {"photos": 0.0, "visibility": 0.0}
         self._is_unwanted, self._on_photo = is_unwanted, on_photo

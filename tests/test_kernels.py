@@ -5,7 +5,9 @@ import numpy as np
 import pytest
 from scipy.ndimage import map_coordinates
 
+import fairing.energy
 from fairing.energy import Evaluator, robust_scale
+from fairing.errors import Interrupted
 from fairing.inspect import face_cells
 from fairing.kernels.compiled import SOURCE
 from fairing.kernels.eigenspace import fit_face
@@ -278,6 +280,25 @@ def test_threads_do_not_change_a_bit():
     )
     for name in ("energy", "pair_energy", "H", "g"):
         assert np.array_equal(getattr(one, name), getattr(two, name)), name
+
+
+def test_a_long_list_is_computed_in_parts_and_can_be_given_up(monkeypatch: pytest.MonkeyPatch):
+    session, sweep = prepared(small_options(), masks=True)
+    whole = Evaluator(1).measure(sweep.context, session.vertices, FACE_IDS, sweep.scale)
+    monkeypatch.setattr(fairing.energy, "MOST_SAMPLES", 1)
+    asked = []
+    in_parts = Evaluator(1, lambda: asked.append(1)).measure(sweep.context, session.vertices, FACE_IDS, sweep.scale)
+    assert len(asked) == len(FACE_IDS)
+    assert np.array_equal(in_parts.energy, whole.energy)
+    assert np.array_equal(in_parts.median, whole.median)
+
+    def give_up() -> None:
+        asked.append(1)
+        if len(asked) == len(FACE_IDS) + 2:
+            raise Interrupted
+
+    with pytest.raises(Interrupted):
+        Evaluator(1, give_up).measure(sweep.context, session.vertices, FACE_IDS, sweep.scale)
 
 
 def test_statistics_are_the_largest_and_the_median_residual():
