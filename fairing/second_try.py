@@ -6,12 +6,10 @@ everywhere, so the two results are fused (Lempitsky, Rother, Roth, Blake: Fusion
 Optimization, PAMI 2010): first connected groups of vertices, then single ones are taken from the second where they fit
 better on sharp cells.
 
-Facade, a whole run, determined and (what three photos see) rms: 0.324 (0.275) without, 0.293 (0.246) % with; median 0.052
--> 0.046; 13 -> 10 vertices farther off than at the start by more than 0.1 %. Tried, too, from a recorded run with 0.306 (0.262):
+Facade, a whole run, determined and (what three photos see) rms: 0.324 (0.275) without, 0.293 (0.246) % with one after the last
+search; median 0.052 -> 0.046; 13 -> 10 vertices farther off than at the start by more than 0.1 %. What two more after the last
+Gauss-Newton sweeps bring stands in `schedule`. Tried, too, from a recorded run with 0.306 (0.262):
 - A further try from the first fine level: 0.309 (0.260) instead of 0.305 (0.263), on coarser cells.
-- After the last Gauss-Newton sweeps instead of before them, in turn from the levels 2, 4 and 3 (the last from the present
-  places): 0.314 -> 0.302 -> 0.296 -> 0.290 (0.268 -> 0.239), at 60, 40 and 50 s of processor time; not built, as the run of a
-  level ends with them.
 - Taking whole groups alone: 0.311 instead of 0.305 after the single vertices.
 - Polishing the first result as well before the two are fused: the photos that come into view raised the mean loss from
   0.00127 to 0.00147, and nothing was taken.

@@ -100,7 +100,7 @@ class Session:
         """Fraction of the schedule worked off, by the longest it can last, 0 to 1."""
         if self.finished:
             return 1.0
-        return fraction_done(self.options, self.position, self.start.first_level, self._sweeps.n_units)
+        return fraction_done(self.options, self.start.plan, self.position, self.start.first_level, self._sweeps.n_units)
 
     @property
     def locked(self) -> np.ndarray:

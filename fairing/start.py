@@ -8,6 +8,7 @@ from fairing.first_level import first_level, last_fine_level
 from fairing.options import by_level
 from fairing.preparation import Preparation, preparations
 from fairing.problem import Problem
+from fairing.schedule import TRIES, LevelPlan
 from fairing.start_error import probed_error
 from fairing.trace import StepReason
 
@@ -84,8 +85,17 @@ class Start:
         factor = by_level(self._options.schedule.search, level)
         return factor * self.error if factor > 0 else 0.0
 
+    def plan(self, level: int) -> LevelPlan:
+        """The sweeps of a level; few where the start was found near its truth."""
+        schedule = self._options.schedule
+        sweeps = by_level(schedule.max_sweeps, level)
+        if self.is_near_truth:
+            sweeps = min(sweeps, by_level(schedule.sweeps_near_truth, level))
+        is_searched = self.search_radius(level) > 0
+        return LevelPlan(is_searched, sweeps, TRIES if is_searched and self.again_from(level) is not None else 0)
+
     def again_from(self, level: int) -> int | None:
-        """The level from which a level's search tries again what fits badly, the first that searched; None: it does not."""
+        """The level from which a level tries again what fits badly, the first that searched; None: it does not."""
         first = self._first_searching_level
         if first is None or by_level(self._options.cells.point_spread, level) != "common":
             return None

@@ -10,7 +10,7 @@ from fairing.gauss_newton_step import gauss_newton_step
 from fairing.moves import empty_record, returned_if_worse
 from fairing.preparation import preparing_step
 from fairing.problem import Problem
-from fairing.schedule import max_sweeps, next_position
+from fairing.schedule import next_position
 from fairing.search_step import search_step
 from fairing.second_try import second_try
 from fairing.start import Start
@@ -52,7 +52,11 @@ class Stepper:
         sweep, vertices = self._sweeps.at(moment), self._trace.vertices_at(moment)
         if not sweep.units:
             is_search = sweep.search_radius > 0
-            following = Position(position.level, 1, 0, 0) if is_search else Position(position.level + 1, 0, 0, 0)
+            after_search, next_level = (
+                position._replace(sweep=position.sweep + 1),
+                Position(position.level + 1, 0, 0, 0),
+            )
+            following = after_search if is_search else next_level
             return self._never_worse(empty_record(problem, position, sweep.moment, following), sweep, moment)
         unit = sweep.units[position.unit]
         if sweep.search_radius > 0:
@@ -86,10 +90,8 @@ class Stepper:
 
     def _planned(self, record: StepRecord, sweep: SweepState, vertices: np.ndarray, unit_is_done: bool) -> StepRecord:
         """The record with where the run goes on; vertices (n, 3) are those before it."""
-        schedule, level = self._problem.options.schedule, record.position.level
         going_on = next_position(
-            schedule, record.position, unit_is_done, len(sweep.units), sweep.search_radius > 0,
-            max_sweeps(schedule, level, self._start.is_near_truth, self._start.search_radius(level) > 0),
-            lambda: sweep.longest_move(self._problem.scene, record.applied_to(vertices)),
+            self._problem.options.schedule, self._start.plan(record.position.level), record.position, unit_is_done,
+            len(sweep.units), lambda: sweep.longest_move(self._problem.scene, record.applied_to(vertices)),
         )  # fmt: skip
         return replace(record, next_position=going_on)

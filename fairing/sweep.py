@@ -71,6 +71,7 @@ def begin_sweep(
     smoothing: float = 0.0,
     attraction: float = 0.0,
     again_from: int | None = None,
+    only_again: bool = False,
     among: np.ndarray | None = None,
 ) -> SweepState:
     """Judge visibility and plan what moves.
@@ -85,6 +86,7 @@ def begin_sweep(
             eigenvalues; vertices that no photo determines then move, too.
         attraction: pull to the sparse points in a direction they know as well as others on average, in the same units.
         again_from: level from which a search tries again what fits badly, when its other units are done.
+        only_again: the search has no other units, and any vertex may be tried again.
         among: (n,) bool: only these vertices may move, and only the faces around them are judged.
 
     Raises:
@@ -131,9 +133,12 @@ def begin_sweep(
             badly = movable & fits_badly(mesh, context, system, movable, BADLY)
             movable &= fits_badly(mesh, context, system, movable, 1.0)
     order = "independent" if search_radius > 0 else options.schedule.order
-    units = plan_units(mesh, movable, order, system.energy)
-    if again_from is not None and badly.any():
-        units.append(again_unit(mesh, np.flatnonzero(badly), again_from))
+    units = [] if only_again else plan_units(mesh, movable, order, system.energy)
+    # After Gauss-Newton the second try itself tells which of all vertices fit badly (facade, at the end of a run: determined rms
+    # 0.262 instead of 0.275 %).
+    again = free if only_again else badly
+    if again_from is not None and again.any():
+        units.append(again_unit(mesh, np.flatnonzero(again), again_from))
     area = float((context.footprint_area * context.n_views)[context.takes_part].sum())
     mean_loss = float(system.energy.sum()) / area if area > 0 else 0.0
     return SweepState(

@@ -73,11 +73,12 @@ class Sweeps:
 
     def _begin(self, position: Position, moment: int) -> SweepState:
         level, start, trace = position.level, self._start, self._trace
-        radius = start.search_radius(level) if position.sweep == 0 else 0.0
+        is_second_try = position.sweep > 0 and start.plan(level).is_second_try(position.sweep)
+        radius = start.search_radius(level) if position.sweep == 0 or is_second_try else 0.0
         vertices, origin = trace.vertices_at(moment), trace.origin_at(moment)
         return begin_sweep(
             self._problem, level, moment, vertices, origin, start.prior(level), radius, start.smoothing(level),
-            start.attraction(level), start.again_from(level),
+            start.attraction(level), start.again_from(level), is_second_try,
         )  # fmt: skip
 
     def _held_bytes(self) -> int:

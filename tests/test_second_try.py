@@ -8,6 +8,7 @@ import pytest
 import fairing.second_try
 import fairing.sweep
 from fairing.options import FairingOptions
+from fairing.schedule import TRIES
 from fairing.second_try import fused, second_try
 from fairing.session import Session
 from fairing.sweep import SweepState
@@ -91,14 +92,21 @@ def test_fusing_takes_each_vertex_from_where_it_is_right(begun):
     assert np.array_equal(fused(begun._problem, sweep, second, first), VERTICES)
 
 
-def test_a_run_tries_again_after_its_last_search():
+def test_a_run_tries_again_after_its_last_search_and_after_gauss_newton():
     session = sharp_session(schedule={"max_sweeps": [1], "max_iterations": [1]})
     session.run()
-    tried = [record for record in session.trace.steps if (record.reasons == StepReason.FOUND_TOGETHER).any()]
-    assert tried
-    for record in tried:
-        assert record.position[:2] == (LEVEL, 0)
+    found = [record for record in session.trace.steps if (record.reasons == StepReason.FOUND_TOGETHER).any()]
+    assert found
+    for record in found:
+        assert record.position.level == LEVEL
+        assert session.start.plan(LEVEL).searches(record.position.sweep)
         assert record.objective_after < record.objective_before
+    begun = {record.position.sweep: record for record in session.trace.steps if record.position.level == LEVEL}
+    plan = session.start.plan(LEVEL)
+    again = [sweep for sweep in range(plan.n_sweeps) if plan.is_second_try(sweep)]
+    assert len(again) == TRIES
+    for sweep in again:
+        assert np.isin(begun[sweep].reasons, (StepReason.FOUND_TOGETHER, StepReason.NO_BETTER_PLACE)).all()
     assert errors(session.vertices)[0] < 0.02
 
 
