@@ -61,7 +61,8 @@ class CellsControls:
             f"if(event.pointerType==='mouse'){{window.efOver={_NOWHERE};clearTimeout(window.efRest);"
             f"window.efRest=setTimeout(()=>{{{self._hover(str(_NOWHERE))}}},{_REST})}}"
         )
-        click = f"{prepare}{self.enlarge(code)}"
+        # A rest that is still waited for must not show its picture over the one that is chosen meanwhile, by a key.
+        click = f"clearTimeout(window.efRest);{prepare}{self.enlarge(code)}"
         return f'onpointermove="{text(over)}" onpointerleave="{text(out)}" onclick="{text(click)}"'
 
     @staticmethod
