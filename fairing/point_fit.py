@@ -34,16 +34,12 @@ HOLD = 0.03  # pull to where a vertex was, as a fraction of what points know of 
 
 def fitting_points(scene: Scene) -> np.ndarray:
     """(p, 3) float, world units: the sparse points that vertices are drawn to: every second one."""
-    return _sparse_points(scene)[::2]
+    return scene.sparse_positions[::2]
 
 
 def kept_points(scene: Scene) -> np.ndarray:
     """(p, 3) float, world units: the sparse points that are kept to judge by."""
-    return _sparse_points(scene)[1::2]
-
-
-def _sparse_points(scene: Scene) -> np.ndarray:
-    return np.zeros((0, 3)) if scene.sparse_points is None else scene.sparse_points.positions
+    return scene.sparse_positions[1::2]
 
 
 def fitted_to_points(problem: Problem, vertices: np.ndarray, rounds: int) -> Pull:

@@ -134,6 +134,11 @@ class Scene:
             name, Mesh(welded, faces), views, original_from_welded, original.faces, truth, sparse_points, warnings
         )
 
+    @property
+    def sparse_positions(self) -> np.ndarray:
+        """(p, 3) float, world units: of the sparse points; none where there are no points."""
+        return np.zeros((0, 3)) if self.sparse_points is None else self.sparse_points.positions
+
     def unweld(self, vertices: np.ndarray) -> np.ndarray:
         """Positions (n_input, 3) in the input's order from welded positions (n, 3)."""
         return vertices[self.original_from_welded]

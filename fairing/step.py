@@ -51,12 +51,9 @@ class Stepper:
             return empty_record(problem, position, self._sweeps.begun_at(moment), suitable)
         sweep, vertices = self._sweeps.at(moment), self._trace.vertices_at(moment)
         if not sweep.units:
-            is_search = sweep.search_radius > 0
-            after_search, next_level = (
-                position._replace(sweep=position.sweep + 1),
-                Position(position.level + 1, 0, 0, 0),
-            )
-            following = after_search if is_search else next_level
+            following = Position(position.level + 1, 0, 0, 0)
+            if sweep.search_radius > 0:
+                following = position._replace(sweep=position.sweep + 1)
             return self._never_worse(empty_record(problem, position, sweep.moment, following), sweep, moment)
         unit = sweep.units[position.unit]
         if sweep.search_radius > 0:
