@@ -1,0 +1,25 @@
+"""Photo pairs: which photos are matched with each other."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from fairing.camera import Camera
+from fairing.features.options import FeatureOptions
+
+SAME_PLACE = 1e-6
+"""Of the largest distance of two cameras: closer ones have no epipolar lines."""
+
+
+def photo_pairs(cameras: Sequence[Camera], options: FeatureOptions) -> np.ndarray:
+    """(q, 2) int: pairs of photos, the lower first: each with its nearest ones that look in a similar direction."""
+    centers = np.array([camera.center for camera in cameras])
+    axes = np.array([camera.image_from_world[2, :3] for camera in cameras])  # of length 1, see `Camera`
+    distance = np.linalg.norm(centers[:, None] - centers[None], axis=2)
+    usable = (axes @ axes.T >= np.cos(np.radians(options.axis_angle))) & (distance > SAME_PLACE * distance.max())
+    pairs = set()
+    for a in range(len(cameras)):
+        others = np.flatnonzero(usable[a])
+        nearest = others[np.argsort(distance[a, others], kind="stable")][: options.neighbors]
+        pairs |= {(min(a, b), max(a, b)) for b in nearest.tolist()}
+    return np.array(sorted(pairs), dtype=np.int64).reshape(-1, 2)
