@@ -8,8 +8,10 @@ import numpy as np
 from fairing.camera import Camera
 from fairing.features.options import FeatureOptions
 
-ITERATIONS = 8
+ITERATIONS = 6
 """Gauss-Newton steps from the point nearest to all rays; most points need three."""
+DAMPING = 1e-12
+"""Of a matrix's trace, added to its diagonal: rays may be parallel."""
 
 
 class Triangulated(NamedTuple):
@@ -87,7 +89,7 @@ def _solve(
     rays = np.linalg.solve(M[:, :, :3], np.column_stack([pixels, np.ones(len(pixels))])[..., None])[..., 0]
     rays /= np.linalg.norm(rays, axis=1, keepdims=True)
     across = np.eye(3) - rays[:, :, None] * rays[:, None, :]
-    target = (across @ centers[photos][..., None])[..., 0]
+    target = np.einsum("oij,oj->oi", across, centers[photos])
     points = _solved(np.add.reduceat(across, starts), np.add.reduceat(target, starts))
     for _ in range(ITERATIONS):
         uv, J = _project(M, points[row])
@@ -111,11 +113,11 @@ def _project(P: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 
 
 def _solved(A: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """x (p, 3) of A x = b for symmetric A (p, 3, 3); the least-squares one where A is singular."""
+    """x (p, 3) of A x = b for symmetric, semidefinite A (p, 3, 3); NaN where A or b is not finite."""
     good = np.isfinite(A).all(axis=(1, 2)) & np.isfinite(b).all(axis=1)
     result = np.full(b.shape, np.nan)
-    if good.any():
-        result[good] = (np.linalg.pinv(A[good], hermitian=True) @ b[good][..., None])[..., 0]
+    damping = DAMPING * np.trace(A[good], axis1=1, axis2=2)[:, None, None] * np.eye(3) + 1e-300 * np.eye(3)
+    result[good] = np.linalg.solve(A[good] + damping, b[good][..., None])[..., 0]
     return result
 
 
