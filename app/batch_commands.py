@@ -15,6 +15,7 @@ from app.experiment_command import list_experiments
 from app.export.command import export_to_file
 from app.headless import fair_to_folder
 from app.open_run import find_run
+from app.points_command import points
 from app.register_command import register_to_file
 from app.run_extras import TEXTURE_SIZE, RunExtras
 from app.scene_source import SceneSource
@@ -194,6 +195,7 @@ def batch_commands(arguments: Sequence[str]) -> dict[str, Callable[..., int]]:
         "check": check,
         "convert": convert,
         "texture": texture,
+        "points": points,
         "triangulate": triangulate,
         "register": register,
         "export": export,

@@ -12,6 +12,8 @@ from fairing.scene import View
 OCTAVE_LAYERS = 3
 EDGE_THRESHOLD = 10.0
 FIRST_BLUR = 1.6  # px
+BLUNT_SCALE = 1.5
+"""Scale in px from which on a keypoint's error grows with its scale (ledger: keypoint sigma)."""
 DESCRIPTOR_LENGTH = 512
 """Length of a descriptor before it is rounded. Scalar products of such descriptors are whole numbers below 2^24, so single
 precision holds them, and each of their partial sums, exactly: matches do not depend on the order of a summation."""
@@ -32,6 +34,9 @@ class Keypoints:
     scale: np.ndarray
     descriptors: np.ndarray
     colors: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.pixels)
 
 
 def detect_keypoints(view: View, options: FeatureOptions) -> Keypoints:
@@ -68,6 +73,11 @@ def detect_keypoints(view: View, options: FeatureOptions) -> Keypoints:
         )  # fmt: skip
         kept = kept[(clear[row, column] > 2 * scale)[kept]]
     return Keypoints(pixels[kept], scale[kept], _root_sift(descriptors[kept]), photo[row[kept], column[kept]])
+
+
+def relative_sigma(scale: np.ndarray) -> np.ndarray:
+    """(n,) float: standard deviations of keypoints' coordinates relative to the finest keypoints', from their scales, px."""
+    return np.sqrt(1 + (scale / BLUNT_SCALE) ** 2)
 
 
 def _root_sift(descriptors: np.ndarray) -> np.ndarray:

@@ -83,8 +83,7 @@ def match_pair(a: Keypoints, b: Keypoints, camera_a: Camera, camera_b: Camera, o
         options.epipolar_distance, *of_a, *of_b,
     )  # fmt: skip
     i, j = of_b.partner, np.arange(len(order_b))
-    limit = (options.descriptor_distance * DESCRIPTOR_LENGTH) ** 2
-    found = (i >= 0) & (of_a.partner[i] == j) & (of_b.best <= limit)
+    found = (i >= 0) & (of_a.partner[i] == j)
     found &= of_b.best <= options.ratio**2 * np.minimum(of_b.second, of_a.second[i])
     indices = np.stack([order_a[i[found]], order_b[found]], axis=1)
     order = np.argsort(indices[:, 0], kind="stable")

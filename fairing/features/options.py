@@ -14,7 +14,6 @@ class FeatureOptions:
         axis_angle: largest angle of the optical axes of two matched photos, degrees.
         epipolar_distance: largest distance of a candidate from its epipolar line, px, in both photos.
         ratio: largest ratio of the descriptor distances of the best and the second best candidate.
-        descriptor_distance: largest distance of two matched RootSIFT descriptors, which have length 1.
         residual: largest reprojection residual of an observation, px.
         views: least number of photos that see a point.
         angle: least angle between the two most different rays to a point, degrees.
@@ -26,7 +25,6 @@ class FeatureOptions:
     axis_angle: float = 50.0
     epipolar_distance: float = 1.5
     ratio: float = 0.85
-    descriptor_distance: float = 0.7
     residual: float = 1.0
     views: int = 3
     angle: float = 4.0

@@ -1,7 +1,7 @@
 """Tracks: keypoints of several photos that show the same point, joined from pairwise matches."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -10,7 +10,8 @@ from scipy.sparse.csgraph import connected_components
 from fairing.features.matching import Matches
 
 
-class Tracks(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Tracks:
     """Tracks in compressed rows: track t has the observations `offsets[t]` to `offsets[t + 1]`, in the order of the photos.
 
     Attributes:
@@ -22,6 +23,9 @@ class Tracks(NamedTuple):
     offsets: np.ndarray
     photos: np.ndarray
     keypoints: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.offsets) - 1
 
 
 def join_tracks(counts: Sequence[int], pairs: np.ndarray, matches: Sequence[Matches], min_views: int) -> Tracks:

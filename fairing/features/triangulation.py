@@ -27,15 +27,21 @@ class Triangulated(NamedTuple):
 
 
 def triangulate_tracks(
-    cameras: Sequence[Camera], offsets: np.ndarray, photos: np.ndarray, pixels: np.ndarray, options: FeatureOptions
+    cameras: Sequence[Camera],
+    offsets: np.ndarray,
+    photos: np.ndarray,
+    pixels: np.ndarray,
+    sigma: np.ndarray,
+    options: FeatureOptions,
 ) -> Triangulated:
-    """The point of each track that minimises the sum of its squared reprojection residuals.
+    """The point of each track that minimises the sum of its squared reprojection residuals, each divided by its sigma.
 
     While a residual of a track exceeds `options.residual`, its worst observation is dropped and the point found again.
 
     Args:
         offsets: (t + 1,) int: track t has the observations `offsets[t]` to `offsets[t + 1]`.
         photos: (o,) int. pixels: (o, 2) float, px, integers at pixel centres.
+        sigma: (o,) float: standard deviation of a keypoint's coordinates, px or any multiple of it.
     """
     P = np.array([camera.image_from_world for camera in cameras])
     centers = np.array([camera.center for camera in cameras])
@@ -49,7 +55,9 @@ def triangulate_tracks(
         observations = np.flatnonzero(kept & open_tracks[track])
         starts = np.flatnonzero(np.diff(track[observations], prepend=-1))
         row = np.repeat(np.arange(len(ids)), np.diff(starts, append=len(observations)))
-        points, residual = _solve(P, centers, photos[observations], pixels[observations], starts, row)
+        points, residual = _solve(
+            P, centers, photos[observations], pixels[observations], sigma[observations], starts, row
+        )
         positions[ids] = points
         worst = np.maximum.reduceat(residual, starts)
         fails = ~(worst <= options.residual)
@@ -65,14 +73,17 @@ def triangulate_tracks(
     return Triangulated(positions, is_good, kept & is_good[track])
 
 
-def information(P: np.ndarray, points: np.ndarray, photos: np.ndarray, row: np.ndarray, starts: np.ndarray) -> np.ndarray:
-    """(p, 3, 3): sum of J^T J over the observations of each point, J = d pixel / d point.
+def information(
+    P: np.ndarray, points: np.ndarray, photos: np.ndarray, sigma: np.ndarray, starts: np.ndarray, row: np.ndarray
+) -> np.ndarray:
+    """(p, 3, 3): sum of J^T J / sigma^2 over the observations of each point, J = d pixel / d point.
 
     Args:
         P: (V, 3, 4) camera matrices. points: (p, 3). photos, row: (o,) int: photo and point of each observation, ordered
-            by point. starts: (p,) int: first observation of each point.
+            by point. sigma: (o,) px. starts: (p,) int: first observation of each point.
     """
     _, J = _project(P[photos], points[row])
+    J /= sigma[:, None, None]
     return np.add.reduceat(np.einsum("oki,okj->oij", J, J), starts)
 
 
@@ -82,8 +93,9 @@ def reprojection(P: np.ndarray, points: np.ndarray, photos: np.ndarray, pixels: 
 
 
 def _solve(
-    P: np.ndarray, centers: np.ndarray, photos: np.ndarray, pixels: np.ndarray, starts: np.ndarray, row: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+    P: np.ndarray, centers: np.ndarray, photos: np.ndarray, pixels: np.ndarray, sigma: np.ndarray, starts: np.ndarray,
+    row: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
     """Points (p, 3) and the residual (o,) of each observation, px; infinite for one behind its camera."""
     M = P[photos]
     rays = np.linalg.solve(M[:, :, :3], np.column_stack([pixels, np.ones(len(pixels))])[..., None])[..., 0]
@@ -91,10 +103,12 @@ def _solve(
     across = np.eye(3) - rays[:, :, None] * rays[:, None, :]
     target = np.einsum("oij,oj->oi", across, centers[photos])
     points = _solved(np.add.reduceat(across, starts), np.add.reduceat(target, starts))
+    weight = 1 / sigma**2
     for _ in range(ITERATIONS):
         uv, J = _project(M, points[row])
-        H = np.add.reduceat(np.einsum("oki,okj->oij", J, J), starts)
-        g = np.add.reduceat(np.einsum("oki,ok->oi", J, uv - pixels), starts)
+        weighted = J * weight[:, None, None]
+        H = np.add.reduceat(np.einsum("oki,okj->oij", weighted, J), starts)
+        g = np.add.reduceat(np.einsum("oki,ok->oi", weighted, uv - pixels), starts)
         step = _solved(H, g)
         points = points - np.where(np.isfinite(step), step, 0)
     uv, _ = _project(M, points[row])
