@@ -9,6 +9,8 @@ from fairing.features.options import FeatureOptions
 
 SAME_PLACE = 1e-6
 """Of the largest distance of two cameras: closer ones have no epipolar lines."""
+ROUNDING = 1e-9
+"""Of the largest distance of a camera from the origin: closer ones may be at one place."""
 
 
 def photo_pairs(cameras: Sequence[Camera], options: FeatureOptions) -> np.ndarray:
@@ -16,7 +18,8 @@ def photo_pairs(cameras: Sequence[Camera], options: FeatureOptions) -> np.ndarra
     centers = np.array([camera.center for camera in cameras])
     axes = np.array([camera.image_from_world[2, :3] for camera in cameras])  # of length 1, see `Camera`
     distance = np.linalg.norm(centers[:, None] - centers[None], axis=2)
-    usable = (axes @ axes.T >= np.cos(np.radians(options.axis_angle))) & (distance > SAME_PLACE * distance.max())
+    apart = distance > max(SAME_PLACE * distance.max(), ROUNDING * np.abs(centers).max())
+    usable = apart & (axes @ axes.T >= np.cos(np.radians(options.axis_angle)))
     pairs = set()
     for a in range(len(cameras)):
         others = np.flatnonzero(usable[a])
