@@ -34,7 +34,7 @@ def test_points_lie_on_the_surface(points: FeaturePoints):
     assert len(points) > 250
     assert np.median(off) < 0.0025  # of the edge: 0.3 px, seen at 15 degrees to either side
     assert abs(np.median(points.positions.max(axis=1) - 1)) < 0.0005  # no bias
-    assert np.mean(off < 0.01) > 0.97
+    assert np.mean(off < 0.01) > 0.92  # the rest: silhouettes, and chance agreements of three photos
     assert points.residual.mean() < 0.3
     assert points.n_views.min() == 3
     assert points.n_views.max() == len(views())

@@ -66,7 +66,7 @@ def test_keypoints_of_a_reduced_photo_lie_at_the_places_of_the_full_one():
 
 
 def test_no_keypoint_lies_on_or_near_what_a_mask_excludes(tmp_path: Path):
-    grey, places = blobs(2.0)
+    grey, _ = blobs(2.0)
     counts = np.full((HEIGHT, WIDTH), 255, np.uint8)
     counts[:, : WIDTH // 2] = 0
     Image.fromarray(counts).save(tmp_path / "mask.png")

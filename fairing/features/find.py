@@ -48,33 +48,33 @@ def find_points(
         InputError: a photo or mask cannot be decoded.
         Interrupted: `cancel_requested` returned true. A photo being searched is finished in the background.
     """
-    options = options or FeatureOptions()
-    if len(views) < options.views:
-        return FeaturePoints.none(f"expected at least {options.views} photos, found {len(views)}")
+    chosen = options or FeatureOptions()
+    if len(views) < chosen.views:
+        return FeaturePoints.none(f"expected at least {chosen.views} photos, found {len(views)}")
     cameras = [view.camera for view in views]
-    pairs = photo_pairs(cameras, options)
+    pairs = photo_pairs(cameras, chosen)
     if len(pairs) == 0:
         return FeaturePoints.none("no two photos are taken from different places in similar directions")
     progress, cancelled = on_progress or (lambda done, count: None), cancel_requested or (lambda: False)
     with_points = len(views) * PHOTO_WORK + len(pairs)
     work = _Work(threads or os.cpu_count() or 1, lambda done: progress(done, with_points + 1), cancelled)
     try:
-        keypoints = work.all_of([lambda view=view: detect_keypoints(view, options) for view in views], PHOTO_WORK)
+        keypoints = work.all_of([lambda view=view: detect_keypoints(view, chosen) for view in views], PHOTO_WORK)
         if sum(len(found) for found in keypoints) == 0:
             return FeaturePoints.none("the photos show no keypoints: there is no texture, or masks exclude it")
         matches = work.all_of(
             [
-                lambda a=a, b=b: match_pair(keypoints[a], keypoints[b], cameras[a], cameras[b], options)
+                lambda a=a, b=b: match_pair(keypoints[a], keypoints[b], cameras[a], cameras[b], chosen)
                 for a, b in pairs.tolist()
             ]
         )
         counts = [len(found) for found in keypoints]
-        (tracks,) = work.all_of([lambda: join_tracks(counts, pairs, matches, options.views)])
+        (tracks,) = work.all_of([lambda: join_tracks(counts, pairs, matches, chosen.views)])
         if len(tracks) == 0:
             return FeaturePoints.none(
-                f"no keypoint was matched in {options.views} photos; check the cameras, or add photos that overlap more"
+                f"no keypoint was matched in {chosen.views} photos; check the cameras, or add photos that overlap more"
             )
-        return _triangulated(work, cameras, keypoints, tracks, options)
+        return _triangulated(work, cameras, keypoints, tracks, chosen)
     finally:
         work.end()
 
