@@ -34,6 +34,8 @@ RIM = 0.05
 """Barycentric: a point's foot may lie that far outside its face."""
 HELD_BACK = 4
 """Every so many points the fit does not use; they judge it."""
+LEAST_PART = 1 / 32
+"""Of a vertex's way: a shorter one would leave a face folded over."""
 JUDGED_POINTS = 3
 """Held back points around a vertex that can overrule the others."""
 
@@ -158,15 +160,15 @@ def _step(
 
 
 def _unfolded(mesh: Mesh, vertices: np.ndarray) -> np.ndarray:
-    """(n, 3): the vertices, those of faces whose normal has turned by more than a right angle back at the start."""
-    result = vertices.copy()
-    before = _normals(mesh.vertices, mesh.faces)
+    """(n, 3): the vertices, those of faces whose normal has turned by more than a right angle drawn back to the start."""
+    before, part = _normals(mesh.vertices, mesh.faces), np.ones((len(vertices), 1))
     while True:
+        result = mesh.vertices + part * (vertices - mesh.vertices)
         folded = (before * _normals(result, mesh.faces)).sum(axis=1) < 0
-        back = np.unique(mesh.faces[folded])
-        if len(back) == 0 or (result[back] == mesh.vertices[back]).all():
+        if not folded.any():
             return result
-        result[back] = mesh.vertices[back]
+        back = np.unique(mesh.faces[folded])
+        part[back] = np.where(part[back] > LEAST_PART, part[back] / 2, 0)
 
 
 def _judged(mesh: Mesh, vertices: np.ndarray, rays: _Rays, held_back: np.ndarray, unit: float) -> np.ndarray:
