@@ -24,7 +24,7 @@ REACH = 3.0
 """Of the gate: points farther from their face's plane take no part."""
 STEPS = 2
 """Gauss-Newton steps at each gate; each assigns the points anew."""
-POINT_SIGMA = 0.2
+POINT_SIGMA = 0.1
 """Percent of the diagonal: standard deviation of a point's distance from a flat face, beside the point's own."""
 PRIOR_SIGMA = 0.7
 """Percent of the diagonal: standard deviation of a vertex's coordinate in the start."""
