@@ -65,7 +65,7 @@ def test_nothing_of_others_is_overwritten(capture, tmp_path, capsys):
     out.write_bytes(b"precious")
     assert run(["triangulate", str(capture), "--out", str(out)]) == 1
     assert out.read_bytes() == b"precious"
-    assert "mine.ply is there already and not of ours" in capsys.readouterr().err
+    assert "mine.ply exists and is not of an earlier triangulation" in capsys.readouterr().err
     assert [path.name for path in tmp_path.iterdir()] == ["mine.ply"]
 
 
