@@ -53,7 +53,7 @@ def test_points_become_a_mesh_with_a_record_and_a_report(capture, tmp_path, caps
     assert report["inconsistent_edges"]["after"] < report["inconsistent_edges"]["before"]
     assert report["vertices"] + sum(report["points_left_out"].values()) == 25
     said = " ".join(capsys.readouterr().err.split())
-    assert f"{len(vertices)} points are vertices, triangulated in photo" in said
+    assert f"{len(vertices)} points became vertices, triangulated in photo" in said
     assert "no flip lowers the energy any more" in said
 
     assert run(["triangulate", str(capture), "--out", str(out), "--max-vertices", "14"]) == 0
