@@ -42,9 +42,9 @@ class BackgroundWorker:
         with self._changed:
             self._jobs.pop(key, None)
 
-    def close(self) -> None:
-        """Finish the job in progress and drop the others."""
-        self._thread.close(timeout=10)
+    def close(self, timeout: float = 10.0) -> None:
+        """Drop the waiting jobs and wait at most `timeout` seconds for the job in progress."""
+        self._thread.close(timeout)
 
     def _take(self) -> _Job | None:
         return self._jobs.pop(next(iter(self._jobs))) if self._jobs else None
