@@ -7,7 +7,7 @@ import numpy as np
 import viser
 import viser.transforms
 
-from app.background_worker import Background
+from app.background_worker import BackgroundWorker
 from app.debugger.run_state import RunState
 from app.page_state.page_state import PageState
 from app.palette import CAMERA
@@ -33,7 +33,7 @@ class Thumbnails:
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
         self._images: dict[int, np.ndarray] = {}
-        self._worker = Background(lambda: None)
+        self._worker = BackgroundWorker()
 
     def send(self, view_id: int, take: Callable[[np.ndarray], None]) -> None:
         """Pass the thumbnail of a photo, (h, w, 3) uint8, to `take` on the background thread."""

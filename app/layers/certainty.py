@@ -41,7 +41,7 @@ class CertaintyLayer:
     def show(self, state: RunState, page_state: PageState) -> None:
         found: list[Certainty] = []
         if page_state.shows("certainty") and not state.is_moving:
-            found = [certainty for certainty in self._source.newest(state, page_state) if certainty.is_seen]
+            found = [certainty for certainty in self._source.latest(state, page_state) if certainty.is_seen]
         lines = [self._ellipsoid(certainty, state.vertices) for certainty in found]
         self._lines.show(np.concatenate(lines) if lines else None)
 

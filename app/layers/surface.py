@@ -143,9 +143,9 @@ class SurfaceLayer:
     def _query(self, wanted: Wanted) -> None:
         self._controller.post(
             Query(
-                asker=(id(self), "colors"),
-                question=lambda session: COLORINGS[wanted.coloring].ask(session, session.moment),
-                answer=lambda found: self._take(wanted, found),
+                key=(id(self), "colors"),
+                compute=lambda session: COLORINGS[wanted.coloring].ask(session, session.moment),
+                callback=lambda found: self._take(wanted, found),
             )
         )
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import viser
 
-from app.background_worker import Background
+from app.background_worker import BackgroundWorker
 from app.debugger.actions import ACTIONS, key_list
 from app.debugger.compare import Reference, RunEnergies
 from app.debugger.controller import Controller
@@ -95,7 +95,7 @@ class Shared:
     paths: PathHistory
     thumbnails: Thumbnails
     texturer: Texturer
-    background: Background
+    background: BackgroundWorker
     photos: PhotoStore
     experiments: ExperimentRunner
     change_scene: Callable[[viser.ClientHandle, str, str], None]

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import viser
 
-from app.background_worker import Background
+from app.background_worker import BackgroundWorker
 from app.debugger.compare import RunEnergies
 from app.debugger.controller import Controller
 from app.debugger.history import EnergyHistory, PathHistory
@@ -67,7 +67,7 @@ class App:
             PathHistory(len(scene.mesh.vertices)),
             Thumbnails(scene),
             Texturer(scene, stage, self.controller.republish),
-            Background(self.controller.republish),
+            BackgroundWorker(self.controller.republish),
             PhotoStore(scene),
             ExperimentRunner(scene, scene.name, self.controller.republish),
             self._change_scene,

@@ -46,13 +46,14 @@ class BookmarksPanel:
             hint=f"Go to moment {item.moment} of run {item.run_id}",
             css_class="small on" if is_here else "small",
         )
+        copy = copy_button(item.at, "Copy the name of this moment (for --at)")
         compare = button("A", self._press.compare(number_of), hint="Compare with this moment", css_class="small")
         remove = button(
             "", self._press.remove(number_of), hint="Remove this bookmark", icon=icon("leave"), css_class="small"
         )
         return (
             f"<tr><td>{go}</td><td class='dim n'>run {item.run_id}</td><td class='what'>{text(item.note)}</td>"
-            f"<td><div class='row tools'>{copy_button(item.at, 'Copy the name of this moment (for --at)')}{compare}{remove}</div></td></tr>"
+            f"<td><div class='row tools'>{copy}{compare}{remove}</div></td></tr>"
         )
 
 

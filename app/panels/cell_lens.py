@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import viser
 
-from app.background_worker import Background
+from app.background_worker import BackgroundWorker
 from app.debugger.cell_queries import CellFacts
 from app.debugger.run_state import RunState
 from app.html import button, icon, text
@@ -33,7 +33,7 @@ class CellLens:
         scene: Scene,
         source: CellSource,
         pages: PhotoPages,
-        background: Background,
+        background: BackgroundWorker,
         controls: CellsControls,
         enter: Callable[[str], str],
     ) -> None:
@@ -76,18 +76,18 @@ class CellLens:
             self._frame.visible = True
         cells_view, face = page_state.cells, chosen_face(self._scene.mesh, page_state)
         if kind == CROP or face is None:
-            self._drawing.want(
+            self._drawing.request(
                 (key, view_id, kind, cells_view.span, cells_view.arrow_scale),
                 lambda: self._pages.crop(known, view_id, cells_view, SIDE),
             )
         else:
             slot = self._scene.mesh.one_rings[vertex].tolist().index(face)
             affine = state.options.cells.warp == "affine"
-            self._drawing.want(
+            self._drawing.request(
                 (key, face, kind, cells_view.pair),
                 lambda: self._pages.enlarged_pair(known, face, slot, cells_view, affine, kind, SIDE),
             )
-        drawn = self._drawing.newest
+        drawn = self._drawing.latest
         if drawn is None or drawn == self._drawn:
             return
         self._drawn = drawn

@@ -1,7 +1,6 @@
 """Cell source: queries the engine for the cells that the cells panel and its lens show."""
 
 from app.debugger.cell_queries import CellFacts, CellQuestion, cell_facts
-from app.debugger.commands import Query
 from app.debugger.controller import Controller
 from app.debugger.run_state import Activity, RunState
 from app.page_state.cells_state import ARROW_KINDS
@@ -25,19 +24,17 @@ class CellSource:
 
     def __init__(self, controller: Controller, mesh: Mesh) -> None:
         self._mesh = mesh
-        self._lookup: QueryCache[CellQuestion, CellFacts] = QueryCache(
-            lambda asker, work, answer: controller.post(Query(asker, work, answer))
-        )
+        self._lookup: QueryCache[CellQuestion, CellFacts] = QueryCache(controller.query)
 
     def want(self, state: RunState, page_state: PageState) -> None:
         """Query the cells of the current face and moment, if the run is paused."""
         question = self._question(state, page_state)
         if question is not None and state.activity is Activity.PAUSED:
-            self._lookup.want(question, lambda session: cell_facts(session, question))
+            self._lookup.request(question, lambda session: cell_facts(session, question))
 
     def newest(self, state: RunState, page_state: PageState) -> tuple[CellQuestion, CellFacts | Exception] | None:
         """The latest cells of the current face, possibly of an earlier moment; None if there are none yet."""
-        found, question = self._lookup.newest, self._question(state, page_state)
+        found, question = self._lookup.latest, self._question(state, page_state)
         if found is None or question is None:
             return None
         same = (found[0].run_id, found[0].face, found[0].vertex) == (question.run_id, question.face, question.vertex)

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import viser
 
-from app.background_worker import Background
+from app.background_worker import BackgroundWorker
 from app.debugger.run_state import RunState
 from app.html import button, text
 from app.page_state.cells_controls import CellsControls
@@ -31,7 +31,7 @@ class CellsPanel:
         scene: Scene,
         source: CellSource,
         pages: PhotoPages,
-        background: Background,
+        background: BackgroundWorker,
         controls: CellsControls,
         choose_face: Callable[[str], str],
         enter: Callable[[str], str],
@@ -128,9 +128,9 @@ class CellsPanel:
 
     def _draw(self, key: tuple, work: Callable[[], str]) -> None:
         """Show a page drawn in the background. Until it is ready, the previous drawing of the same page stays."""
-        self._drawing.want(key, work)
-        if self._drawing.newest is not None and self._drawing.newest[0][0] == key[0]:
-            drawn = self._drawing.newest[1]
+        self._drawing.request(key, work)
+        if self._drawing.latest is not None and self._drawing.latest[0][0] == key[0]:
+            drawn = self._drawing.latest[1]
             self._body.set(f"<div class='note rejected'>{text(drawn)}</div>" if isinstance(drawn, Exception) else drawn)
 
     def _show_k(self, k: int, largest: int) -> None:

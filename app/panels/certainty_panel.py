@@ -20,10 +20,10 @@ class CertaintyPanel:
         self._panel = HtmlPanel(gui)
 
     def show(self, state: RunState, page_state: PageState) -> None:
-        self._source.want(state, page_state)
+        self._source.request(state, page_state)
         if state.is_moving:
             return
-        found = self._source.newest(state, page_state)
+        found = self._source.latest(state, page_state)
         self._panel.set(_content(found[-1]) if found else "")
 
 

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from app.debugger.commands import Query
 from app.debugger.controller import Controller
 from app.debugger.history import last_step_about
 from app.debugger.run_state import Activity, RunState
@@ -79,16 +78,14 @@ class PhotoPages:
         enter: Callable[[str], str],
     ) -> None:  # fmt: skip
         self._scene, self._photos, self._controls, self._enter = scene, photos, controls, enter
-        self._lookup: QueryCache[tuple[int, int, int], VertexInPhotos] = QueryCache(
-            lambda asker, work, answer: controller.post(Query(asker, work, answer))
-        )
+        self._lookup: QueryCache[tuple[int, int, int], VertexInPhotos] = QueryCache(controller.query)
 
     def newest(self, state: RunState, vertex: int) -> tuple[tuple[int, int, int], VertexInPhotos | Exception] | None:
         """The latest query result for a vertex, with its key (run, moment, vertex). Posts a query while paused."""
         if state.activity is Activity.PAUSED:
             moment = state.moment
-            self._lookup.want((state.run_id, moment, vertex), lambda session: vertex_in_photos(session, vertex, moment))
-        found = self._lookup.newest
+            self._lookup.request((state.run_id, moment, vertex), lambda session: vertex_in_photos(session, vertex, moment))
+        found = self._lookup.latest
         return found if found is not None and (found[0][0], found[0][2]) == (state.run_id, vertex) else None
 
     def crops(self, known: VertexInPhotos, cells_view: CellsView) -> str:

@@ -10,7 +10,7 @@ from typing import Generic, TypeVar
 import cv2
 import numpy as np
 
-from app.background_worker import Background
+from app.background_worker import BackgroundWorker
 from app.stage import Stage
 from app.surface_offset import set_back
 from fairing.io.glb import write_glb
@@ -66,62 +66,51 @@ Painted = TypeVar("Painted", TexturedMesh, ViewDependentMesh)
 
 
 class Painter(Generic[Painted]):
-    """Paints what pages look at; of what one page has asked for, only the newest."""
+    """Paints the meshes that pages show, on a thread of its own; of each page's requests, only the latest is painted."""
 
     def __init__(self, paint: Callable[[np.ndarray], Painted], kept: int, on_ready: Callable[[], None]) -> None:
         self._paint, self._most_kept, self._on_ready = paint, kept, on_ready
-        self._wanted: dict[int, np.ndarray] = {}
+        self._requested: dict[int, np.ndarray] = {}
         self._kept: OrderedDict[int, Painted] = OrderedDict()
         self._failed: np.ndarray | None = None
-        self._changed = threading.Condition()
-        self._closing = False
-        self._thread = threading.Thread(target=self._work, name="texture", daemon=True)
-        self._thread.start()
+        self._lock = threading.Lock()
+        self._worker = BackgroundWorker(name="texture")
 
-    def painted(self, asker: object, vertices: np.ndarray) -> Painted | None:
+    def painted(self, requester: object, vertices: np.ndarray) -> Painted | None:
         """The mesh at these positions (n, 3), or None: then it is painted and `on_ready` is called.
 
-        Positions are told apart by the array, not by its content.
+        Positions are identified by the array, not by its content.
         """
-        with self._changed:
+        key = id(requester)
+        with self._lock:
             found = self._kept.get(id(vertices))
             if found is not None:
                 self._kept.move_to_end(id(vertices))
-                self._wanted.pop(id(asker), None)
-            elif vertices is not self._failed and self._wanted.get(id(asker)) is not vertices:
-                self._wanted[id(asker)] = vertices
-                self._changed.notify_all()
+                self._requested.pop(key, None)
+                self._worker.cancel(key)
+            elif vertices is not self._failed and self._requested.get(key) is not vertices:
+                self._requested[key] = vertices
+                self._worker.post(key, lambda: self._paint(vertices), lambda found: self._store(key, vertices, found))
             return found
 
     def close(self) -> None:
-        with self._changed:
-            self._closing = True
-            self._changed.notify_all()
-        self._thread.join(timeout=10)
+        self._worker.close()
 
-    def _work(self) -> None:
-        while True:
-            with self._changed:
-                self._changed.wait_for(lambda: self._closing or self._wanted)
-                if self._closing:
-                    return
-                asker, vertices = next(iter(self._wanted.items()))
-            painted = None
-            try:
-                painted = self._paint(vertices)
-            except Exception:  # a photo may be gone; the debugger works without texture
-                logging.getLogger(__name__).exception("the texture could not be painted")
-            with self._changed:
-                if self._wanted.get(asker) is vertices:
-                    del self._wanted[asker]
-                if painted is None:  # asking again, as pages do with every state, would not help
-                    self._failed = vertices
-                else:
-                    self._kept[id(vertices)] = painted
-                    while len(self._kept) > self._most_kept:
-                        self._kept.popitem(last=False)
-            if painted is not None:
-                self._on_ready()
+    def _store(self, key: int, vertices: np.ndarray, painted: Painted | Exception) -> None:
+        with self._lock:
+            if self._requested.get(key) is vertices:
+                del self._requested[key]
+            if isinstance(painted, Exception):  # pages request it with every state; another attempt would fail, too
+                self._failed = vertices
+            else:
+                self._kept[id(vertices)] = painted
+                while len(self._kept) > self._most_kept:
+                    self._kept.popitem(last=False)
+        if isinstance(painted, Exception):
+            # A photo may have been removed; the debugger works without the texture.
+            logging.getLogger(__name__).error("the texture could not be painted", exc_info=painted)
+        else:
+            self._on_ready()
 
 
 class Texturer:
@@ -137,7 +126,7 @@ class Texturer:
         self._scene, self._stage = scene, stage
         self.static = Painter(lambda vertices: paint(scene, stage, vertices), KEPT, on_ready)
         self.view_dependent = Painter(self._paint_view_dependent, KEPT_VIEW_DEPENDENT, on_ready)
-        self.frames = Background(lambda: None)
+        self.frames = BackgroundWorker()
 
     def close(self) -> None:
         for worker in (self.static, self.view_dependent, self.frames):
