@@ -144,7 +144,7 @@ class SurfaceLayer:
         self._controller.post(
             Query(
                 key=(id(self), "colors"),
-                compute=lambda session: COLORINGS[wanted.coloring].ask(session, session.moment),
+                compute=lambda session: COLORINGS[wanted.coloring].values(session, session.moment),
                 callback=lambda found: self._take(wanted, found),
             )
         )

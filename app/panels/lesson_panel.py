@@ -163,4 +163,4 @@ def _checked(found: Findings) -> str:
     claims = "; ".join(f"{claim}: {'holds' if holds else 'does not hold here'}" for claim, holds in found.claims)
     count = f"{true} of {len(found.claims)}"
     css_class = "dim" if true == len(found.claims) else "rejected"
-    return f"<p class='{css_class}' title='{text(claims)}'>✓ {count} of this step's claims verified on this run</p>"
+    return f"<p class='{css_class}' title='{text(claims)}'>✓ {count} claims verified on this run</p>"

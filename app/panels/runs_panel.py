@@ -33,8 +33,10 @@ class RunsPanel:
 
     def show(self, state: RunState, page_state: PageState) -> None:
         knows_truth = self._scene.truth is not None and self._scene.truth.vertices is not None
-        error = "<th class='n' "
-            "title='RMS distance to the truth along directions the photos determine, % of the diagonal'>error</th>"
+        error = (
+            "<th class='n' title='RMS distance to the truth along directions the photos determine, % of the diagonal'>"
+            "error</th>"
+        )
         rows = "".join(self._row(run, state, page_state, knows_truth) for run in state.runs)
         self._panel.set(
             f"<div class='row'>{self._comparison(state, page_state)}</div>"
