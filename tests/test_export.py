@@ -201,6 +201,6 @@ def test_cancelling_leaves_nothing_behind(recorded, tmp_path, monkeypatch, capsy
     def interrupt(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(video.Painter, "draw", interrupt)
+    monkeypatch.setattr(video.KeyframeRenderer, "draw", interrupt)
     assert run(["export", str(recorded), "--out", str(tmp_path / "run.mp4")]) == 130
     assert list(tmp_path.iterdir()) == []
