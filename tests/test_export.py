@@ -41,7 +41,7 @@ def facts(recorded) -> RunFacts:
 
 @pytest.fixture
 def quick_video(monkeypatch):
-    monkeypatch.setattr(video, "PAINTINGS", 3)
+    monkeypatch.setattr(video, "KEYFRAMES", 3)
     monkeypatch.setattr(video, "SECONDS", 1.0)
     monkeypatch.setattr(video, "HELD_SECONDS", 0.2)
     monkeypatch.setattr(video, "VIDEO_SIZE", (320, 240))
