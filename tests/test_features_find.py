@@ -10,9 +10,9 @@ from PIL import Image
 
 from demo_scenes import load_demo
 from fairing.camera import Camera
-from fairing.closest_point import SurfaceTree
-from fairing.errors import InputError, Interrupted
+from fairing.errors import Cancelled, InputError
 from fairing.features import FeatureOptions, FeaturePoints, find_points
+from fairing.geometry.closest_point import SurfaceTree
 from fairing.photo import ArrayPhoto, FilePhoto, Mask
 from tests.speckled_corner import HEIGHT, WIDTH, distance_to_surface, views
 
@@ -121,7 +121,7 @@ def test_a_cancellation_is_heard_within_a_second():
 
     slow = [replace(view, photo=SlowPhoto(view.photo.load())) for view in views()]
     began = time.monotonic()
-    with pytest.raises(Interrupted):
+    with pytest.raises(Cancelled):
         find_points(slow, threads=1, cancel_requested=lambda: time.monotonic() > began + 0.2)
     assert time.monotonic() - began < 1.2
 

@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 import trimesh
 
-from app import points_command
-from app.cli import run
-from fairing.features import find_points, load_points
+from app.cli import points as points_command
+from app.cli.main import run
+from fairing.features import find_points
 from fairing.io import read_capture
 from fairing.io.convert import write_capture
+from fairing.io.feature_points import load_points
 from tests.speckled_corner import views
 from tests.test_features_keypoints import view_of
 

@@ -1,25 +1,25 @@
-"""The buttons that step, run and go back."""
+"""Debug bar: the buttons that run, pause, step forward and step back."""
 
 import viser
 
-from app.actions import ACTIONS
+from app.debugger.actions import ACTIONS
+from app.debugger.run_state import RunState
 from app.html import button, icon
-from app.panels.html_panel import HtmlPanel
-from app.run_state import RunState
-from app.view import View
+from app.page_state.page_state import PageState
+from app.viser_bridge.html_panel import HtmlPanel
 
 UNIT_NAMES = {"sequential": "vertex", "worst_first": "vertex", "independent": "set", "joint": "vertices"}
 
 
 class DebugBar:
-    """Forward on the first line, back on the second, from one iteration to a whole level."""
+    """Run controls, a row of forward steps and a row of backward steps, from one iteration to a whole level."""
 
     def __init__(self, gui: viser.GuiApi, press: dict[str, str]) -> None:
         self._panel = HtmlPanel(gui)
         self._press = press
         self._actions = {action.name: action for action in ACTIONS}
 
-    def show(self, state: RunState, view: View) -> None:
+    def show(self, state: RunState, page_state: PageState) -> None:
         running = state.is_moving
         unit = UNIT_NAMES.get(state.options.schedule.order, "vertex")
         forward, back = not state.finished, state.moment > 0

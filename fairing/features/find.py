@@ -8,7 +8,7 @@ from typing import TypeVar
 import numpy as np
 
 from fairing.camera import Camera
-from fairing.errors import Interrupted
+from fairing.errors import Cancelled
 from fairing.features.keypoints import Keypoints, detect_keypoints, relative_sigma
 from fairing.features.matching import match_pair
 from fairing.features.options import FeatureOptions
@@ -46,7 +46,7 @@ def find_points(
 
     Raises:
         InputError: a photo or mask cannot be decoded.
-        Interrupted: `cancel_requested` returned true. A photo being searched is finished in the background.
+        Cancelled: `cancel_requested` returned true. A photo being searched is finished in the background.
     """
     chosen = options or FeatureOptions()
     if len(views) < chosen.views:
@@ -114,7 +114,7 @@ class _Work:
         waiting = set(futures)
         while waiting:
             if self._cancelled():
-                raise Interrupted
+                raise Cancelled
             finished, waiting = wait(waiting, timeout=CANCEL_POLL, return_when=FIRST_COMPLETED)
             for future in finished:
                 future.result()  # raises what the part raised

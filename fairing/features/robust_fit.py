@@ -139,7 +139,13 @@ class _Rays:
 
 
 def _step(
-    mesh: Mesh, start: np.ndarray, vertices: np.ndarray, found: Assignment, covariance: np.ndarray, gate: float, unit: float
+    mesh: Mesh,
+    start: np.ndarray,
+    vertices: np.ndarray,
+    found: Assignment,
+    covariance: np.ndarray,
+    gate: float,
+    unit: float,
 ) -> np.ndarray:
     """(n, 3): one Gauss-Newton step of iteratively reweighted least squares.
 

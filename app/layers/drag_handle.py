@@ -1,0 +1,111 @@
+"""Drag handle: a ball that drags the selected vertices, with a preview of the edges around them."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import viser
+
+from app.debugger.run_state import RunState
+from app.layers.marks import ball, mark_radius
+from app.page_state.page_state import PageState
+from app.palette import HAND, SELECTED
+from app.picking import nearest_to_ray
+from app.stage import Stage
+from fairing.mesh import Mesh
+
+LARGER = 2.1  # radius of the ball, in radii of a vertex mark
+MAX_PREVIEW = 3000  # edges drawn while dragging
+
+
+class DragHandleLayer:
+    """A ball at the current vertex unless it is locked. Dragging it moves all selected vertices parallel to the screen.
+
+    Args:
+        on_click: called on a click on the ball with the vertex and whether Shift was held.
+        on_grab: called when a drag starts; returns the positions of all vertices (n, 3), world units.
+        on_drop: called when a drag ends with the selected vertices (u,) and their positions (u, 3), world units.
+    """
+
+    def __init__(
+        self,
+        client: viser.ClientHandle,
+        stage: Stage,
+        mesh: Mesh,
+        on_click: Callable[[int, bool], None],
+        watch: Callable[[viser.MeshHandle], None],
+        on_grab: Callable[[], np.ndarray],
+        on_drop: Callable[[np.ndarray, np.ndarray], None],
+    ) -> None:
+        self._stage, self._mesh = stage, mesh
+        self._on_grab, self._on_drop = on_grab, on_drop
+        self._radius = LARGER * mark_radius(stage, mesh)
+        self._selected = np.zeros(0, dtype=int)  # the current vertex comes last
+        self._points = stage.page_from_world(mesh.vertices)
+        self._grabbed: np.ndarray | None = None
+        self._taken_at = np.zeros(3)
+        self._ball = client.scene.add_mesh_simple(
+            "/drag_handle/ball",
+            *ball(2),
+            color=SELECTED,
+            opacity=0.45,
+            cast_shadow=False,
+            receive_shadow=False,
+            visible=False,
+        )
+        nothing = np.zeros((1, 2, 3), dtype=np.float32)
+        lines = client.scene.add_line_segments
+        self._edges = lines(
+            "/drag_handle/edges", nothing, SELECTED, thickness=2.0, thickness_units="screen", visible=False
+        )
+        self._way = lines("/drag_handle/way", nothing, HAND, thickness=2.0, thickness_units="screen", visible=False)
+
+        def clicked(event: viser.SceneNodePointerEvent) -> None:
+            # The ball may have been drawn at an older position when the user clicked, so the vertex follows from the ray.
+            vertex = nearest_to_ray(self._points, np.array(event.ray_origin), np.array(event.ray_direction))
+            on_click(vertex, event.modifier == "shift")
+
+        self._ball.on_click(clicked)
+        self._ball.on_click(modifier="shift")(clicked)
+        watch(self._ball)
+
+        # A coroutine, so that the phases of a drag arrive in order.
+        async def dragged(event: Any) -> None:
+            if event.phase == "start":  # in later events the start position moves with the ball
+                self._taken_at = np.array(event.start_position)
+            self._drag(event.phase, np.array(event.end_position) - self._taken_at)
+
+        self._ball.on_drag("left")(dragged)
+
+    def show(self, state: RunState, page_state: PageState) -> None:
+        if self._grabbed is not None:
+            return
+        self._points = self._stage.page_from_world(state.vertices)
+        current = page_state.selected
+        is_visible = current is not None and not state.locked[current] and page_state.shows("vertices")
+        if current is not None:
+            chosen = np.array(page_state.selection.vertices)
+            self._selected = chosen[~state.locked[chosen]]
+            self._ball.position = self._points[current]
+            self._ball.scale = self._radius * (0.6 if page_state.entered is not None else 1)
+        self._ball.visible = is_visible
+
+    def _drag(self, phase: str, offset: np.ndarray) -> None:
+        """Handle a phase of a drag. `offset` (3,), page units: movement of the pointer since the drag started."""
+        if phase == "start":
+            self._grabbed = self._on_grab() if len(self._selected) else None
+        if self._grabbed is None:
+            return
+        after = self._grabbed.copy()
+        after[self._selected] += offset / self._stage.scale
+        if phase == "end":
+            self._edges.visible = self._way.visible = False
+            self._grabbed = None
+            self._on_drop(self._selected, after[self._selected])
+            return
+        around = self._mesh.edges[np.isin(self._mesh.edges, self._selected).any(axis=1)][:MAX_PREVIEW]
+        page = self._stage.page_from_world
+        self._ball.position = page(after[self._selected[-1]])
+        self._edges.points = page(after[around])
+        self._way.points = page(np.stack([self._grabbed[self._selected], after[self._selected]], axis=1))
+        self._edges.visible = self._way.visible = True
