@@ -33,6 +33,15 @@ def cameras() -> tuple[Camera, ...]:
     return tuple(result)
 
 
+def camera_at(eye: tuple[float, float, float], target: tuple[float, float, float] = (0, 0, 0)) -> Camera:
+    """A camera for photos of 320x240 px, anywhere."""
+    z = np.subtract(target, eye) / np.linalg.norm(np.subtract(target, eye))
+    x = np.cross([0.1, 1, 0], z) / np.linalg.norm(np.cross([0.1, 1, 0], z))
+    R = np.stack([x, np.cross(z, x), z])
+    K = np.array([[400, 0, 160], [0, 410, 120], [0, 0, 1.0]])
+    return Camera.from_krt(K, R, -R @ np.array(eye), WIDTH, HEIGHT)
+
+
 @cache
 def views() -> tuple[View, ...]:
     return tuple(View(f"photo{i}.png", camera, ArrayPhoto(_photo(camera))) for i, camera in enumerate(cameras()))

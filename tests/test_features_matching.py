@@ -9,18 +9,9 @@ from fairing.features.matching import Matches, match_pair
 from fairing.features.options import FeatureOptions
 from fairing.features.pairs import photo_pairs
 from fairing.features.tracks import join_tracks
+from tests.speckled_corner import camera_at
 
 OPTIONS = FeatureOptions()
-K = np.array([[400, 0, 160], [0, 410, 120], [0, 0, 1.0]])
-
-
-def camera_at(eye: tuple[float, float, float], target: tuple[float, float, float] = (0, 0, 0)) -> Camera:
-    z = np.subtract(target, eye) / np.linalg.norm(np.subtract(target, eye))
-    x = np.cross([0.1, 1, 0], z)
-    x /= np.linalg.norm(x)
-    R = np.stack([x, np.cross(z, x), z])
-    return Camera.from_krt(K, R, -R @ np.array(eye), 320, 240)
-
 
 PAIRS = {
     "sideways": (camera_at((0, 0, -6)), camera_at((1.2, 0.3, -5.8))),

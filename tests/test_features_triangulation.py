@@ -7,7 +7,7 @@ from fairing.features.options import FeatureOptions
 from fairing.features.points import points_of_tracks
 from fairing.features.tracks import Tracks
 from fairing.features.triangulation import triangulate_tracks
-from tests.test_features_matching import camera_at
+from tests.speckled_corner import camera_at
 
 OPTIONS = FeatureOptions()
 CAMERAS = [camera_at((6 * np.sin(t), 0.4 * np.cos(5 * t), -6 * np.cos(t))) for t in np.linspace(-0.5, 0.5, 6)]

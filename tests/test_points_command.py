@@ -1,6 +1,7 @@
 """`eigenfairing points`."""
 
 import signal
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,8 +14,8 @@ from fairing.features import find_points
 from fairing.io import read_capture
 from fairing.io.convert import write_capture
 from fairing.io.feature_points import load_points
-from tests.speckled_corner import views
-from tests.test_features_keypoints import view_of
+from fairing.photo import ArrayPhoto
+from tests.speckled_corner import HEIGHT, WIDTH, views
 
 
 @pytest.fixture
@@ -63,8 +64,8 @@ def test_ctrl_c_writes_nothing(
 
 
 def test_without_points_one_line_gives_the_reason(tmp_path: Path, capsys: pytest.CaptureFixture):
-    blank = view_of(np.full((240, 320), 100.0))
-    same = tuple(type(v)(v.name, v.camera, blank.photo) for v in views())
+    blank = ArrayPhoto(np.full((HEIGHT, WIDTH, 3), 100, np.uint8))
+    same = tuple(replace(view, photo=blank) for view in views())
     write_capture(tmp_path / "capture", "colmap", same)
     assert run(["points", str(tmp_path / "capture"), "--out", str(tmp_path / "out")]) == 1
     said = capsys.readouterr().err

@@ -87,12 +87,12 @@ def test_a_start_at_the_truth_stays_there():
     assert fit.start_error < 2 * SIGMA
 
 
-def test_false_points_never_make_the_start_worse():
-    mesh = start(0.3)
-    rng = np.random.default_rng(4)
+@pytest.mark.parametrize("seed", [4, 5, 6])
+def test_false_points_never_make_the_start_worse(seed: int):
+    mesh, rng = start(0.3, seed), np.random.default_rng(seed)
     false = on_sides(1500) + rng.uniform(-0.2, 0.2, (1500, 3))
     fit = robust_fit(mesh, cameras(), points_at(false))
-    assert rms(off_surface(mesh, fit.vertices)) < 1.3 * rms(off_surface(mesh, mesh.vertices))
+    assert rms(off_surface(mesh, fit.vertices)) <= rms(off_surface(mesh, mesh.vertices))
     assert not fit.loss[1] > fit.loss[0]
 
 

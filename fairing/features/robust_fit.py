@@ -36,6 +36,10 @@ HELD_BACK = 4
 """Every so many points the fit does not use; they judge it."""
 LEAST_PART = 1 / 32
 """Of a vertex's way: a shorter one would leave a face folded over."""
+GAIN = 0.1
+"""Least share by which the mean loss of the points held back must fall; else the start is kept."""
+CERTAINTY = 3.0
+"""Least ratio of that fall to its standard error: chance does not move a mesh."""
 JUDGED_POINTS = 3
 """Held back points around a vertex that can overrule the others."""
 
@@ -65,7 +69,7 @@ class RobustFit:
     vertices: (n, 3) float, world units: the fitted vertices; the start where points held back prefer it.
     start_error: world units: robust standard deviation of the points' distances from the start, 0 without points.
     assigned: points that belong to a face of the result.
-    loss: mean loss of the points held back, at the start and at `vertices`; NaN without such points.
+    loss: mean loss of the same points held back, at the start and at `vertices`; NaN without such points.
     """
 
     vertices: np.ndarray
@@ -77,7 +81,7 @@ class RobustFit:
 def robust_fit(mesh: Mesh, cameras: Sequence[Camera], points: FeaturePoints) -> RobustFit:
     """Move the vertices of a mesh towards feature points.
 
-    A vertex keeps its place where points held back do not prefer the new one.
+    A vertex keeps its place where points held back do not prefer the new one, and all do where these points gain too little.
 
     Args:
         cameras: of the photos that `points.photos` counts.
@@ -90,14 +94,16 @@ def robust_fit(mesh: Mesh, cameras: Sequence[Camera], points: FeaturePoints) -> 
         for _ in range(STEPS):
             found = rays.assign(mesh.moved(vertices), REACH * gate * unit, ~held_back)
             vertices = _step(mesh, start, vertices, found, points.covariance, gate * unit, unit)
-    vertices = _unfolded(mesh, vertices)
-    vertices = _judged(mesh, vertices, rays, held_back, unit)
+    vertices = _judged(mesh, _unfolded(mesh, vertices), rays, held_back, unit)
     everything = np.ones(len(points), dtype=bool)
     before = rays.assign(mesh, GATES[0] * unit, everything)
     after = rays.assign(mesh.moved(vertices), GATES[0] * unit, everything)
     error = 1.4826 * float(np.median(np.abs(before.distances))) if len(before.points) else 0.0
-    loss = tuple(_mean_loss(state, held_back, unit) for state in (before, after))
-    return RobustFit(vertices, error, len(after.points), (loss[0], loss[1]))
+    losses = _judging_losses(before, after, held_back, unit)
+    loss = (float(losses[0].mean()), float(losses[1].mean())) if losses.size else (float("nan"), float("nan"))
+    if not _is_clearly_less(losses):
+        return RobustFit(start, error, len(before.points), (loss[0], loss[0]))
+    return RobustFit(vertices, error, len(after.points), loss)
 
 
 class _Rays:
@@ -179,31 +185,43 @@ def _unfolded(mesh: Mesh, vertices: np.ndarray) -> np.ndarray:
 
 def _judged(mesh: Mesh, vertices: np.ndarray, rays: _Rays, held_back: np.ndarray, unit: float) -> np.ndarray:
     """(n, 3): the vertices, back at the start where the points held back around them prefer the start."""
-    result = vertices.copy()
-    before = _loss_by_vertex(mesh, rays.assign(mesh, GATES[0] * unit, held_back), unit)
-    for _ in range(len(vertices)):
-        after = _loss_by_vertex(mesh, rays.assign(mesh.moved(result), GATES[0] * unit, held_back), unit)
-        enough = np.minimum(before[1], after[1]) >= JUDGED_POINTS
-        moved = (result != mesh.vertices).any(axis=1)
-        back = moved & enough & (after[0] > before[0])
+    result, before = vertices.copy(), rays.assign(mesh, GATES[0] * unit, held_back)
+    n = len(vertices)
+    for _ in range(n):
+        after = rays.assign(mesh.moved(result), GATES[0] * unit, held_back)
+        gain = _losses(before, held_back, unit) - _losses(after, held_back, unit)
+        corners, point = (np.concatenate(both) for both in zip(*(
+            (mesh.faces[found.faces].ravel(), np.repeat(found.points, 3)) for found in (before, after)
+        ), strict=True))  # fmt: skip
+        count = np.bincount(corners, minlength=n)
+        total = np.bincount(corners, gain[point], minlength=n)
+        back = (result != mesh.vertices).any(axis=1) & (count >= JUDGED_POINTS) & (total < 0)
         if not back.any():
             break
         result[back] = mesh.vertices[back]
     return _unfolded(mesh, result)
 
 
-def _loss_by_vertex(mesh: Mesh, found: Assignment, unit: float) -> tuple[np.ndarray, np.ndarray]:
-    """Mean loss (n,) of the points on the faces around each vertex, and their number (n,)."""
-    n = len(mesh.vertices)
-    corners = mesh.faces[found.faces].ravel()
-    count = np.bincount(corners, minlength=n)
-    total = np.bincount(corners, np.repeat(_loss(found.distances, unit), 3), minlength=n)
-    return total / np.maximum(count, 1), count
+def _judging_losses(before: Assignment, after: Assignment, held_back: np.ndarray, unit: float) -> np.ndarray:
+    """(2, k) float: losses before and after of the same points: those held back that belong to a face before or after."""
+    judges = np.union1d(before.points, after.points)
+    judges = judges[held_back[judges]]
+    return np.stack([_losses(found, held_back, unit)[judges] for found in (before, after)])
 
 
-def _mean_loss(found: Assignment, of: np.ndarray, unit: float) -> float:
-    these = of[found.points]
-    return float(_loss(found.distances[these], unit).mean()) if these.any() else float("nan")
+def _is_clearly_less(losses: np.ndarray) -> bool:
+    """Whether the mean of the second row (2, k) is less than the first's by `GAIN`, and by `CERTAINTY` standard errors."""
+    gain = losses[0] - losses[1]
+    if len(gain) < 2:
+        return False
+    return bool(gain.mean() > max(GAIN * losses[0].mean(), CERTAINTY * gain.std() / np.sqrt(len(gain))))
+
+
+def _losses(found: Assignment, points: np.ndarray, unit: float) -> np.ndarray:
+    """(p,) float: the loss of each of `points` (p,); 1, the largest, for one that belongs to no face."""
+    result = np.ones(len(points))
+    result[found.points] = _loss(found.distances, unit)
+    return result
 
 
 def _loss(distances: np.ndarray, unit: float) -> np.ndarray:
