@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 import fairing.camera
-import fairing.rasterize
+import fairing.geometry.rasterize
 
 
 def cache_folder() -> Path:
@@ -70,6 +70,6 @@ def _code_digest() -> str:
     """Changes whenever the code that decides over a photo's pixels does."""
     digest = hashlib.sha256()
     sources = sorted(Path(__file__).parent.glob("*.py"))
-    for source in [*sources, Path(fairing.rasterize.__file__), Path(fairing.camera.__file__)]:
+    for source in [*sources, Path(fairing.geometry.rasterize.__file__), Path(fairing.camera.__file__)]:
         digest.update(source.read_bytes())
     return digest.hexdigest()[:12]

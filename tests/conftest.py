@@ -5,9 +5,9 @@ from collections.abc import Iterator
 import pytest
 from playwright.sync_api import Browser
 
-from app.server import App, start
+from app.page.server import App, start
 from demo_scenes import load_demo
-from fairing.session import Session
+from fairing.run.session import Session
 from tests.browser.driver import Visitor, chromium
 
 pytest_plugins = ["tests.remembered_steps"]

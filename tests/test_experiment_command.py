@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from app.cli import run
+from app.cli.main import run
 from app.experiments.chart import charts_of
 from app.experiments.desk import Desk, Status
 from app.experiments.record import Record

@@ -7,13 +7,13 @@ import time
 import numpy as np
 import pytest
 
-from app.commands import JumpTo
-from app.run_state import Activity
-from app.server import App, start
+from app.debugger.commands import JumpTo
+from app.debugger.run_state import Activity
+from app.page.server import App, start
 from demo_scenes import load_demo
 from fairing.errors import InputError
 from fairing.options import FairingOptions, ScheduleOptions
-from fairing.session import Session
+from fairing.run.session import Session
 from tests.browser.driver import IN_BROWSER, PATIENCE, Visitor, letterboxed, wait_for
 
 pytestmark = IN_BROWSER
@@ -46,7 +46,7 @@ def visitor(visitor_for_all: Visitor):
 
 
 def page_vertices(app: App, moment: int) -> np.ndarray:
-    return app._shared.stage.page_from_world(app.controller.state.trace.vertices_at(moment))
+    return app._shared.stage.page_from_world(app.debugger.controller.state.trace.vertices_at(moment))
 
 
 def test_opens_paused_at_the_start(visitor: Visitor):

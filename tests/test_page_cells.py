@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import pytest
 
-from app.commands import JumpTo
-from app.server import start
+from app.debugger.commands import JumpTo
+from app.page.server import start
 from demo_scenes import load_demo
 from fairing.options import FairingOptions, ScheduleOptions
-from fairing.session import Session
+from fairing.run.session import Session
 from tests.browser.driver import IN_BROWSER, Visitor, wait_for
 
 pytestmark = IN_BROWSER

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from app.server import start
-from fairing.session import Session
+from app.page.server import start
+from fairing.run.session import Session
 from tests.browser.driver import IN_BROWSER, Visitor, wait_for
 from tests.small_scene import corner_scene, small_options
 

@@ -14,14 +14,14 @@ from app.export.page_data import GRID
 from app.export.report_page import write_report
 from app.export.run_facts import RunFacts
 from app.export.video import write_video
+from app.files.json_file import write_json
 from app.html import number
-from app.json_file import write_json
 from demo_scenes import load_demo
-from fairing.inspect import face_cells
-from fairing.metrics import quality_report
+from fairing.judge.inspect import face_cells
+from fairing.judge.metrics import quality_report
+from fairing.judge.report import run_report
 from fairing.options import FairingOptions, ScheduleOptions
-from fairing.report import run_report
-from fairing.session import Session
+from fairing.run.session import Session
 from tests.browser.driver import IN_BROWSER, WINDOW, chromium, wait_for
 
 pytestmark = IN_BROWSER

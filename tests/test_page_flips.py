@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from app.flips.page import FlipApp
-from app.viewer import start_viewer
+from app.viser_bridge.viewer import start_viewer
 from demo_scenes import load_demo
 from fairing.scene import Scene
 from tests.browser.driver import IN_BROWSER, PATIENCE, WINDOW, wait_for

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from app.commands import JumpTo
-from app.selection import Selection
+from app.debugger.commands import JumpTo
+from app.page_state.selection import Selection
 from fairing.options import FairingOptions, ScheduleOptions
 from tests.browser.driver import IN_BROWSER, Visitor, wait_for
 
@@ -126,7 +126,7 @@ def test_a_vertex_is_dragged_and_the_move_is_part_of_the_record(visitor: Visitor
     state = visitor.settle(before)
     assert (state.moment, state.length) == (began.length + 1, began.length + 1)
     assert state.record is not None
-    assert state.record.is_by_hand
+    assert state.record.is_manual
     visitor.sees_vertices(page_vertices(visitor, state.moment))
     moved = visitor.drawn_at(0) + corner - [x, y]
     assert np.abs(moved - [24, 8]).max() < 4, f"dropped {moved} px from where it was taken"

@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 
 import pytest
 
-from app.commands import JumpTo, Run
-from app.run_state import Activity
-from app.selection import Selection
+from app.debugger.commands import JumpTo, Run
+from app.debugger.run_state import Activity
+from app.page_state.selection import Selection
 from fairing.options import FairingOptions, ScheduleOptions
-from fairing.session import Session
+from fairing.run.session import Session
 from tests.browser.driver import IN_BROWSER, PATIENCE, Visitor, wait_for
 
 pytestmark = IN_BROWSER

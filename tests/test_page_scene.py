@@ -5,11 +5,11 @@ import pytest
 from playwright.sync_api import Browser
 
 from app.layers.certainty import PIECES, CertaintyLayer
-from app.selection import Selection
-from app.server import App, start
+from app.page.server import App, start
+from app.page_state.selection import Selection
 from demo_scenes import load_demo
 from fairing.options import FairingOptions, ScheduleOptions
-from fairing.session import Session
+from fairing.run.session import Session
 from tests.browser.driver import IN_BROWSER, PATIENCE, WINDOW, Visitor, wait_for
 
 pytestmark = IN_BROWSER

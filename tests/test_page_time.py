@@ -5,13 +5,13 @@ import time
 import numpy as np
 import pytest
 
-from app.commands import Extent, Forward, JumpTo, Run
+from app.debugger.commands import Extent, Forward, JumpTo, Run
+from app.debugger.run_state import Activity
+from app.page.server import start
 from app.palette import REFERENCE, css
-from app.run_state import Activity
-from app.server import start
 from demo_scenes import load_demo
 from fairing.options import FairingOptions, ScheduleOptions
-from fairing.session import Session
+from fairing.run.session import Session
 from tests.browser.driver import IN_BROWSER, Visitor, wait_for
 
 pytestmark = IN_BROWSER
@@ -24,8 +24,8 @@ OPTIONS = FairingOptions(
 @pytest.fixture(scope="module")
 def app():
     app = start(Session(load_demo("cube"), OPTIONS), port=0)
-    app.controller.post(Forward(Extent.SWEEP))
-    app.controller.wait_until_idle()
+    app.debugger.controller.post(Forward(Extent.SWEEP))
+    app.debugger.controller.wait_until_idle()
     yield app
     app.stop()
 

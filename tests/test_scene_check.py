@@ -11,18 +11,18 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from app.check_page import check_page
-from app.check_pictures import HELD_BACK, IN_PART, OUT, contact_sheet, overlay
-from app.cli import run
-from fairing.appearance import exposures, measure_appearance
+from app.cli.main import run
+from app.files.check_page import check_page
+from app.pictures.check_pictures import HELD_BACK, IN_PART, OUT, contact_sheet, overlay
 from fairing.camera import Camera
-from fairing.conventions import explain_reprojection, median_shift
+from fairing.check.appearance import exposures, measure_appearance
+from fairing.check.conventions import explain_reprojection, median_shift
+from fairing.check.scene_check import check_scene
 from fairing.errors import InputError
 from fairing.io import load_scene
 from fairing.io.in_view import check_mesh_in_view
 from fairing.photo import ArrayPhoto, Mask
 from fairing.scene import Scene, SparsePoints, View
-from fairing.scene_check import check_scene
 from tests.foreign_formats import ForeignCapture, write_scene
 from tests.small_scene import HEIGHT, WIDTH, corner_scene, photos, write_corner
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from app import triangulate_command
-from app.cli import run
-from app.scene_source import SceneSource
+from app.cli.main import run
+from app.files.scene_source import SceneSource
 from fairing.io import prepare_output_folder, read_mesh, write_mesh
 from fairing.io.convert import write_capture
-from fairing.session import Session
+from fairing.run.session import Session
 from fairing.trace import Trace
 from fairing.triangulation import FlipTrace
 from tests.test_triangulation import seen_points, terrain

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser, Locator, Page, ViewportSize, sync_playwright
 
-from app.controller import RunState
-from app.server import App
+from app.debugger.controller import RunState
+from app.page.server import App
 from fairing.camera import Camera
 
 # A machine may be busy with other things, and compile the engine's kernels first: only what never comes is a failure.

@@ -1,0 +1,204 @@
+"""The command `eigenfairing`.
+
+Exit codes: 0 done, 1 the input or the run failed (one line says why), 2 wrong usage, 130 cancelled.
+
+The debugger's commands are here, and import no more than they need until the page is served: the engine and the other
+commands take a second to import, and a browser can unpack the viewer meanwhile.
+"""
+
+import os
+import sys
+import threading
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+from rich.console import Console
+
+from app.cli.arguments import ALL_PHOTOS, PhotosArgument, Preset, SceneArgument
+from app.cli.loading import load_with_bar, load_with_progress
+from app.debugger.moment_id import START, find_moment, parse_moment_id
+from app.files.recorded_run import find_run
+from app.files.run_files import FLIPS
+from app.files.scene_source import SceneSource
+from fairing.errors import InputError
+from fairing.io import PhotoChoice
+from fairing.options import PRESETS, options_from_dict
+
+if TYPE_CHECKING:
+    import viser
+
+    from fairing.run.session import Session
+
+DESCRIPTION = (
+    "See how photographs pull a triangle mesh onto the truth. "
+    "Without a command it opens the demo cube, with the flags of `view`."
+)
+
+
+def view(
+    scene: SceneArgument = "cube",
+    mesh: Path | None = None,
+    preset: Preset = "accurate",
+    port: int = 8080,
+    host: str = "127.0.0.1",
+    browser: bool = True,
+    save_to: Path | None = None,
+    at: str = "start",
+    lesson: str | None = None,
+    photos: PhotosArgument = ALL_PHOTOS,
+) -> int:
+    """Open the debugger on a scene, paused.
+
+    Args:
+        scene: A demo's name (see `eigenfairing demos`) or a folder or file with photos and cameras.
+        mesh: The mesh to fair. Default: the one the scene names, or the only one in its folder, or sparse points triangulated.
+        preset: Options to begin with.
+        port: Port of the page; the next free one is taken if it is in use.
+        host: Address to listen on. 0.0.0.0 lets other machines in.
+        browser: Open the page in the browser.
+        save_to: Keep the record of all steps in this file, for `eigenfairing replay`.
+        at: The moment to open at, after running up to there: level:sweep:vertex:iteration from 1, `start` or `end`.
+        lesson: Open a lesson, on the scene it plays on; the page lists them all.
+    """
+    console = Console(stderr=True)
+    source = SceneSource.typed(scene, mesh, photos)
+    wanted = parse_moment_id(at, PRESETS[preset].n_levels)
+    load = source.load
+    if lesson is not None:
+        from app.lessons.opening import scene_of_lesson
+
+        load = scene_of_lesson(lesson, source)
+
+    def open_session() -> "Session":
+        from fairing.run.session import Session
+
+        session = Session(load_with_bar(source.scene, load, console), PRESETS[preset])
+        if lesson is None or session.scene.name == source.scene:  # scenes of lessons' own cannot be found by a name
+            source.note_in(session.trace.header)
+        return session
+
+    if at.strip() == START:
+        return _serve(open_session, host, port, browser, save_to, None, lesson=lesson)
+    from app.cli.fair import run_to
+
+    session = open_session()
+    run_to(session, wanted, console)
+    return _serve(lambda: session, host, port, browser, save_to, None, page_first=False, lesson=lesson)
+
+
+def replay(
+    run: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")],
+    scene: str | None = None,
+    mesh: Path | None = None,
+    port: int = 8080,
+    host: str = "127.0.0.1",
+    browser: bool = True,
+    at: str = "start",
+    photos: PhotosArgument = ALL_PHOTOS,
+) -> int:
+    """Open the debugger on a recorded run, with the scene and the photos it was recorded on.
+
+    Args:
+        run: The folder `fair` wrote, or its run.trace; or the .flips beside a mesh that `triangulate` wrote.
+        scene: The scene it was recorded on, where it has moved. Default: where the run says it was.
+        mesh: The mesh it was recorded on. Default: where the run says it was; with --scene the scene's own.
+        port: Port of the page; the next free one is taken if it is in use.
+        host: Address to listen on. 0.0.0.0 lets other machines in.
+        browser: Open the page in the browser.
+        at: The moment to open at: level:sweep:vertex:iteration from 1, `start` or `end`.
+    """
+    if run.suffix == FLIPS:
+        return _replay_flips(run, scene, host, port, browser, photos)
+    trace, source, path = find_run(run, scene, mesh, photos)
+    wanted = parse_moment_id(at, options_from_dict(trace.header["options"]).n_levels)
+
+    def open_session() -> "Session":
+        from fairing.run.session import Session
+
+        session = Session(load_with_progress(source, Console(stderr=True)), trace=trace)
+        session.go_to(find_moment(trace, wanted))
+        return session
+
+    return _serve(open_session, host, port, browser, None, path)
+
+
+def _replay_flips(run: Path, scene: str | None, host: str, port: int, browser: bool, photos: PhotoChoice) -> int:
+    from app.cli.serve import stay
+
+    def open_app(server: "viser.ViserServer") -> Callable[[], None]:
+        from app.flips.opening import open_flips
+
+        return open_flips(server, run, scene, photos).stop
+
+    stay(open_app, host, port, open_browser=browser)
+    return 0
+
+
+def _serve(
+    open_session: Callable[[], "Session"],
+    host: str,
+    port: int,
+    browser: bool,
+    save_to: Path | None,
+    recorded_in: Path | None,
+    page_first: bool = True,
+    lesson: str | None = None,
+) -> int:
+    from app.cli.serve import serve
+
+    serve(
+        open_session, host=host, port=port, open_browser=browser, save_to=save_to, recorded_in=recorded_in,
+        page_first=page_first, lesson=lesson,
+    )  # fmt: skip
+    return 0
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Carry out a command line; returns the exit code.
+
+    Raises:
+        SystemExit: wrong usage (2) or help (0), from the parser.
+    """
+    if not arguments or (arguments[0].startswith("-") and arguments[0] not in ("-h", "--help")):
+        arguments = ["view", "cube", *arguments]
+    commands: dict[str, Callable[..., int]] = {"view": view, "replay": replay}
+    prog, description = "eigenfairing", DESCRIPTION
+    if arguments[0] == "experiment" and len(arguments) > 1:
+        from app.cli.experiment import ABOUT, experiment_commands
+
+        commands, prog, description = experiment_commands(arguments), "eigenfairing experiment", ABOUT
+        arguments = arguments[1:]
+    elif arguments[0] not in commands:
+        from app.cli.batch_commands import batch_commands
+
+        commands |= batch_commands(arguments)
+    try:
+        return tyro.extras.subcommand_cli_from_dict(commands, prog=prog, description=description, args=arguments)
+    except InputError as error:
+        return _fail(str(error))
+    except OSError as error:
+        return _fail(f"{error.filename or 'disk'}: {error.strerror or error}")
+    except MemoryError:
+        return _fail("not enough memory; use smaller photos or fewer of them")
+    except KeyboardInterrupt:
+        _fail("cancelled")
+        return 130
+
+
+def _fail(line: str) -> int:
+    sys.stderr.write(f"eigenfairing: {line}\n")
+    return 1
+
+
+def main() -> None:
+    """The entry point of the command `eigenfairing`."""
+    code = run(sys.argv[1:])
+    # A thread still inside compiled code (painting a large mesh, say) would be torn out of it by the interpreter's own way
+    # out, which aborts. Everything has been saved and closed by now.
+    if any(thread.daemon for thread in threading.enumerate()):
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
+    sys.exit(code)
