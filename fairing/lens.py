@@ -1,6 +1,6 @@
-"""The distortion of a real lens, and how photos and pixels are freed of it.
+"""Lens distortion: the polynomial model, and the undistortion of photos and pixels.
 
-Everything behind `Lens` is a pinhole camera: photos are resampled when they are loaded, observed pixels when they are
+Downstream of `Lens` every camera is a pinhole: photos are resampled when they are loaded, observed pixels when they are
 read.
 """
 
@@ -12,6 +12,7 @@ import numpy as np
 
 from fairing.camera import resizing
 from fairing.errors import InputError
+from fairing.util.guards import check_focal_lengths, check_size
 
 # Newton-like iterations of cv2.undistortPoints; the default of 5 leaves 0.01 px on a phone's wide lens.
 _CONVERGED = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 200, 1e-13)
@@ -37,7 +38,8 @@ class Lens:
         width, height: size of the photo in pixels.
 
     Raises:
-        InputError: not finite, or a distortion so strong that the photo folds over itself.
+        InputError: the parameters are not finite or implausible, the principal point lies outside a distorted photo, or
+            the distortion is so strong that the photo folds over itself.
     """
 
     K: np.ndarray
@@ -53,6 +55,8 @@ class Lens:
                 "lens: expected finite parameters and positive focal lengths, "
                 f"found {', '.join(f'{p:g}' for p in (*self.K[:2].ravel()[[0, 4, 2, 5]], *self.distortion))}"
             )
+        check_size(self.width, self.height, "lens")
+        check_focal_lengths(np.diag(self.K)[:2], self.width, self.height, "lens")
         if not self.is_distorted:
             return
         cx, cy = self.K[:2, 2]

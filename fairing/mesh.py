@@ -7,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from fairing.errors import InputError
+from fairing.util.guards import check_coordinates
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,7 +19,7 @@ class Mesh:
         faces: (m, 3) int, indices into `vertices`.
 
     Raises:
-        InputError: no faces, non-finite vertices, or an index out of range.
+        InputError: no faces, vertices that are not finite or implausibly large, or an index out of range.
     """
 
     vertices: np.ndarray
@@ -34,6 +35,7 @@ class Mesh:
         bad = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
         if len(bad):
             raise InputError(f"mesh: vertex {bad[0]} is not finite ({len(bad)} such vertices); repair the mesh")
+        check_coordinates(vertices, "mesh")
         out = np.flatnonzero((faces < 0).any(axis=1) | (faces >= len(vertices)).any(axis=1))
         if len(out):
             raise InputError(

@@ -8,6 +8,7 @@ from fairing.camera import Camera
 from fairing.errors import InputError
 from fairing.mesh import Mesh, weld
 from fairing.photo import Mask, Photo, ResizedPhoto
+from fairing.util.guards import check_coordinates, check_name
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,7 +20,8 @@ class View:
         weight: how much the photo counts beside the others, more than 0.
 
     Raises:
-        InputError: photo or mask cannot be read, or a size contradicts the camera's; the weight is not positive.
+        InputError: photo or mask cannot be read, a size contradicts the camera's, the weight is not positive, or the
+            name cannot be written to a file.
     """
 
     name: str
@@ -29,6 +31,7 @@ class View:
     weight: float = 1.0
 
     def __post_init__(self) -> None:
+        check_name(self.name, "photo")
         expected, found = (self.camera.width, self.camera.height), self.photo.size
         if self.mask is not None and self.mask.size != expected:
             width, height = self.mask.size
@@ -61,12 +64,19 @@ class SparsePoints:
         colors: (n, 3) uint8, RGB.
         observations: (o, 2) int: a point's index and a view's index.
         pixels: (o, 2) float, pixels: where that view saw that point.
+
+    Raises:
+        InputError: positions or pixels are not finite or implausibly large.
     """
 
     positions: np.ndarray
     colors: np.ndarray
     observations: np.ndarray
     pixels: np.ndarray
+
+    def __post_init__(self) -> None:
+        check_coordinates(self.positions, "sparse points")
+        check_coordinates(self.pixels, "observations of sparse points")
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,6 +18,17 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fairing.errors import InputError
+from fairing.mesh import Mesh
+from fairing.trace_check import (
+    Field,
+    check_counts,
+    check_fields,
+    check_ids,
+    check_positions,
+    check_run_header,
+    naming_block,
+    read_header,
+)
 from fairing.util.block_file import BlockFile, pack, read_blocks, unpack
 
 MAGIC = b"EIGENFAIRING TRACE 1\n"
@@ -271,17 +282,51 @@ class Trace:
 
     @classmethod
     def load(cls, path: Path) -> "Trace":
-        """Read a trace file; steps cut short at its end are dropped.
+        """Read a trace file; a truncated step at its end is dropped.
 
         Raises:
-            InputError: the file is missing or no trace.
+            InputError: the file is missing, no trace, or holds a header or a step that no run can have written.
         """
         blocks = read_blocks(path, MAGIC, "trace")
-        texts, arrays = unpack(blocks[0])
-        trace = cls(json.loads(texts["header"]), arrays["start"], arrays["faces"])
-        for block in blocks[1:]:
-            trace._index(_unpack_record(block))
+        with naming_block(f"trace {path}"):
+            texts, arrays = unpack(blocks[0])
+            header = read_header(texts)
+            check_run_header(header)
+            check_fields(arrays, _MESH_FIELDS, {})
+            mesh = Mesh(arrays["start"], arrays["faces"])
+        trace = cls(header, mesh.vertices, mesh.faces)
+        for moment, block in enumerate(blocks[1:]):
+            with naming_block(f"trace {path}: step {moment + 1}"):
+                trace._index(trace._unpack_record(block))
         return trace
+
+    def _unpack_record(self, block: bytes) -> StepRecord:
+        """The record that a block holds, which continues this trace.
+
+        Raises:
+            InputError: a field is missing, unknown, of another shape or type, or out of range.
+            ValueError: the block is no archive of arrays.
+        """
+        _, values = unpack(block)
+        check_fields(values, _STEP_FIELDS, {"V": len(self.header["views"])})
+        for name in ("position", "next_position", "rejections"):
+            check_counts(values[name], name)
+        check_ids(values["sweep_moment"], len(self.steps) + 1, "sweep_moment")
+        check_ids(values["vertices"], len(self.start), "vertices")
+        check_ids(values["faces"], len(self.faces), "faces")
+        check_ids(values["reasons"], len(StepReason), "reasons")
+        for name in ("before", "after"):
+            check_positions(values[name], name)
+        return StepRecord(
+            **{
+                **values,
+                "position": SchedulePosition(*values["position"].tolist()),
+                "next_position": SchedulePosition(*values["next_position"].tolist()),
+                "sweep_moment": int(values["sweep_moment"]),
+                "objective_before": float(values["objective_before"]),
+                "objective_after": float(values["objective_after"]),
+            }
+        )
 
     def _index(self, record: StepRecord) -> None:
         self.steps.append(record)
@@ -297,15 +342,27 @@ def _pack_record(record: StepRecord) -> bytes:
     return pack({}, **{field.name: np.asarray(getattr(record, field.name)) for field in fields(StepRecord)})
 
 
-def _unpack_record(block: bytes) -> StepRecord:
-    _, values = unpack(block)
-    return StepRecord(
-        **{
-            **values,
-            "position": SchedulePosition(*values["position"].tolist()),
-            "next_position": SchedulePosition(*values["next_position"].tolist()),
-            "sweep_moment": int(values["sweep_moment"]),
-            "objective_before": float(values["objective_before"]),
-            "objective_after": float(values["objective_after"]),
-        }
-    )
+_MESH_FIELDS = {"start": Field("f", ("n", 3)), "faces": Field("iu", ("m", 3))}
+# What the solver left behind may be infinite where it failed; everything a reader computes with is finite.
+_STEP_FIELDS = {
+    "position": Field("iu", (4,)),
+    "next_position": Field("iu", (4,)),
+    "sweep_moment": Field("iu"),
+    "vertices": Field("iu", ("u",)),
+    "before": Field("f", ("u", 3), is_finite=True),
+    "proposed": Field("f", ("u", 3)),
+    "after": Field("f", ("u", 3), is_finite=True),
+    "step_px": Field("f", ("u",)),
+    "damping": Field("f", ("u",)),
+    "eigenvalues": Field("f", ("u", 3)),
+    "reasons": Field("iu", ("u",)),
+    "objective_before": Field("f", is_finite=True),
+    "objective_after": Field("f", is_finite=True),
+    "faces": Field("iu", ("F",)),
+    "face_energy_before": Field("f", ("F",), is_finite=True),
+    "face_energy_after": Field("f", ("F",), is_finite=True),
+    "view_energy_before": Field("f", ("V",), is_finite=True),
+    "view_energy_after": Field("f", ("V",), is_finite=True),
+    "damping_next": Field("f", ("u",)),
+    "rejections": Field("iu", ("u",)),
+}

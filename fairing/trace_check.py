@@ -4,14 +4,16 @@ Runs are exchanged between people, so a file with correct checksums may still ho
 """
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from fairing.errors import InputError
-from fairing.guards import check_coordinates
 from fairing.option_check import check_options
 from fairing.options import options_from_dict
+from fairing.util.guards import check_coordinates
 
 _LARGEST_COUNT = 1 << 40  # of levels, sweeps, blocks, iterations and rejections
 
@@ -28,6 +30,15 @@ class Field(NamedTuple):
     kinds: str
     shape: tuple[int | str, ...] = ()
     is_finite: bool = False
+
+
+@contextmanager
+def naming_block(place: str) -> Iterator[None]:
+    """Raises failures while a block is read as InputError that begins with its place."""
+    try:
+        yield
+    except (ValueError, OverflowError) as error:  # InputError is a ValueError, too
+        raise InputError(f"{place}: {error}") from None
 
 
 def read_header(texts: dict[str, str]) -> dict[str, Any]:

@@ -1,16 +1,35 @@
 """Arguments that several commands have in common."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Annotated, Literal
 
 import tyro
 
 from fairing.io import PhotoChoice
+from fairing.io.photo_choice import SceneFormat
 from fairing.options import PRESETS, FairingOptions
 
 ALL_PHOTOS = PhotoChoice()
 SceneArgument = Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="SCENE")]
 PhotosArgument = Annotated[PhotoChoice, tyro.conf.arg(name="")]
+
+
+@dataclass(frozen=True)
+class ConvertedPhotos(PhotoChoice):
+    """Photo choice of `convert`, whose `--format` is the format it writes."""
+
+    format: Annotated[SceneFormat | None, tyro.conf.arg(name="from-format")] = None
+    """Format to read where a folder holds cameras in several. Default: the readable one with the most photos, then with
+    sparse points."""
+
+    def choice(self) -> PhotoChoice:
+        """The same choice as every other command has it."""
+        return PhotoChoice(**vars(self))
+
+
+ALL_CONVERTED_PHOTOS = ConvertedPhotos()
+ConvertedPhotosArgument = Annotated[ConvertedPhotos, tyro.conf.arg(name="")]
 Preset = Literal["accurate", "paper"]
 
 

@@ -7,7 +7,15 @@ from typing import Annotated, Literal
 import tyro
 from rich.console import Console
 
-from app.cli.arguments import ALL_PHOTOS, PhotosArgument, Preset, SceneArgument, chosen_preset
+from app.cli.arguments import (
+    ALL_CONVERTED_PHOTOS,
+    ALL_PHOTOS,
+    ConvertedPhotosArgument,
+    PhotosArgument,
+    Preset,
+    SceneArgument,
+    chosen_preset,
+)
 from app.cli.check import check_to_console
 from app.cli.convert import convert_to_folder
 from app.cli.demo_scan import write_demo_scan
@@ -46,7 +54,7 @@ def convert(
     out: Path,
     mesh: Path | None = None,
     format: Literal["colmap", "scene.json"] = "colmap",
-    photos: PhotosArgument = ALL_PHOTOS,
+    photos: ConvertedPhotosArgument = ALL_CONVERTED_PHOTOS,
 ) -> int:
     """Write a scene in another format, with its photos straightened, sparse points, masks and mesh.
 
@@ -56,7 +64,7 @@ def convert(
         mesh: The mesh to put beside. Default: the one the scene names, or the only one in its folder, if any.
         format: colmap: a COLMAP text model, sparse/ and images/. scene.json: EigenFairing's own.
     """
-    return convert_to_folder(SceneSource.typed(scene, mesh, photos), out, format, Console(stderr=True))
+    return convert_to_folder(SceneSource.typed(scene, mesh, photos.choice()), out, format, Console(stderr=True))
 
 
 def texture(

@@ -17,8 +17,8 @@ from fairing.io.capture import Capture, files_in, listed, naming
 from fairing.io.json_file import Item, holds, read_json
 from fairing.lens import Lens
 
+NAME = "meshroom"
 FORMAT = "Meshroom / AliceVision (.sfm)"
-HOLDS_POINTS = True
 
 # Which of k1, k2, p1, p2, k3 the parameters are, by the distortion's name and by the old type's.
 _DISTORTIONS: dict[str, tuple[int, ...]] = {
@@ -31,6 +31,8 @@ _DISTORTIONS: dict[str, tuple[int, ...]] = {
     "brown": (0, 1, 4, 2, 3),
 }
 
+_LARGEST_VERSION = 1e6
+
 
 def recognises(path: Path) -> bool:
     return _file(path) is not None
@@ -41,7 +43,7 @@ def read(path: Path) -> Capture:
     assert file is not None
     content = read_json(file, "a Meshroom scene", quoted=True)
     with naming(file):
-        version = tuple(int(number) for number in content["version"].numbers(3))
+        version = _version(content["version"])
         lenses = {item["intrinsicId"].whole(): _lens(item, version) for item in _items(content, "intrinsics")}
         poses = {item["poseId"].whole(): item["pose"]["transform"] for item in _items(content, "poses")}
         if not poses:
@@ -63,6 +65,13 @@ def read(path: Path) -> Capture:
             photos.append(CalibratedPhoto(photo, lens, R, pose_of_center(R, C)))
         warnings = (f"photos left out, without a pose: {len(left_out)} ({listed(left_out)})",) if left_out else ()
         return build_capture(photos, _points(content, photo_of_view), warnings)
+
+
+def _version(item: Item) -> tuple[int, ...]:
+    numbers = item.numbers(3)
+    if not (np.abs(numbers) < _LARGEST_VERSION).all():
+        raise InputError(f"{item.where}: expected 3 numbers such as 1.2.14, found {item.kind}")
+    return tuple(int(number) for number in numbers)
 
 
 def _lens(item: Item, version: tuple[int, ...]) -> Lens:

@@ -18,8 +18,8 @@ from fairing.io.number_file import NumberFile
 from fairing.lens import Lens
 from fairing.photo import FilePhoto
 
+NAME = "bundler"
 FORMAT = "Bundler (bundle.out with list.txt)"
-HOLDS_POINTS = True
 
 _HEADER = b"# Bundle file v0.3"
 _FLIP = np.diag([1.0, -1.0, -1.0])

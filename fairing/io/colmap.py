@@ -23,8 +23,8 @@ from fairing.lens import DISTORTION, Lens
 from fairing.photo import FilePhoto
 from fairing.scene import SparsePoints, View
 
+NAME = "colmap"
 FORMAT = "COLMAP model (cameras and images, .txt or .bin, in the folder, sparse/ or sparse/0/)"
-HOLDS_POINTS = True
 
 _HALF_PIXEL = 0.5
 

@@ -1,4 +1,4 @@
-"""JSON files, read item by item: whatever is missing or of another kind is said with its place in the file."""
+"""JSON files read item by item: errors name the path of the offending value in the file."""
 
 import json
 from collections.abc import Iterator
@@ -10,6 +10,7 @@ import numpy as np
 
 from fairing.errors import InputError
 from fairing.io.capture import listed, naming, read_text
+from fairing.util.guards import check_name
 
 
 @dataclass(frozen=True)
@@ -47,10 +48,11 @@ class Item:
         """The keys of an object."""
         return list(self._object())
 
-    def text(self) -> str:
-        """A text that is not empty."""
-        if not isinstance(self.value, str) or not self.value:
+    def text(self, may_be_empty: bool = False) -> str:
+        """A string without NUL characters that UTF-8 can hold; not empty by default."""
+        if not isinstance(self.value, str) or not (self.value or may_be_empty):
             raise InputError(f"{self.where}: expected a text, found {self.kind}")
+        check_name(self.value, self.where)
         return self.value
 
     def whole(self, lowest: int = 0) -> int:
@@ -60,6 +62,8 @@ class Item:
             number = int(number)
         if not isinstance(number, int) or isinstance(number, bool) or number < lowest:
             raise InputError(f"{self.where}: expected a {_WHOLE[lowest]} number, found {self.kind}")
+        if number > _LARGEST_WHOLE:
+            raise InputError(f"{self.where}: expected a {_WHOLE[lowest]} number below 2^63, found {self.kind}")
         return number
 
     def number(self) -> float:
@@ -72,11 +76,11 @@ class Item:
         return float(number)
 
     def numbers(self, *shape: int) -> np.ndarray:
-        """An array of exactly this shape; finite or not is for the caller to judge."""
+        """A float array of exactly this shape. Its values may be NaN or infinite."""
         expected = f"{'x'.join(map(str, shape))} numbers"
         try:
             array = np.array(self.value)
-        except ValueError:
+        except (ValueError, RecursionError):
             raise InputError(f"{self.where}: expected {expected}, found rows of different lengths") from None
         if array.dtype.kind == "U" and self.quoted:
             try:
@@ -89,8 +93,11 @@ class Item:
 
     @property
     def kind(self) -> str:
-        """A short form of the value, for messages."""
-        text = json.dumps(self.value)
+        """The value as JSON for messages, at most 40 characters."""
+        try:
+            text = json.dumps(self.value)
+        except RecursionError:
+            return "deeply nested JSON"
         return text if len(text) <= 40 else f"{text[:37]}..."
 
     def _object(self) -> dict[str, Any]:
@@ -110,6 +117,7 @@ class Item:
 
 
 _WHOLE = {0: "whole", 1: "positive whole"}
+_LARGEST_WHOLE = (1 << 63) - 1
 
 
 def read_json(path: Path, expected: str, quoted: bool = False) -> Item:
@@ -131,7 +139,7 @@ def read_json(path: Path, expected: str, quoted: bool = False) -> Item:
 
 
 def holds(path: Path, *words: str) -> bool:
-    """Whether a JSON file begins like one that has all these keys; damaged files are recognised, too."""
+    """Whether the first 64 KiB of a JSON file hold all these keys; the file may be damaged."""
     if path.suffix.lower() not in (".json", ".sfm") or not path.is_file():
         return False
     try:

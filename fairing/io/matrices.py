@@ -15,8 +15,8 @@ from fairing.io.capture import PHOTO_SUFFIXES, Capture, files_in, listed, naming
 from fairing.photo import FilePhoto
 from fairing.scene import View
 
+NAME = "matrices"
 FORMAT = "plain matrices (for each photo a text file of 12 numbers with the same stem, beside it or in cameras/)"
-HOLDS_POINTS = False
 
 _SUFFIXES = frozenset({".txt", ".p"})
 _LARGEST_FILE = 4096

@@ -15,6 +15,7 @@ from fairing.errors import InputError
 from fairing.io.atomic import write_atomically
 from fairing.io.capture import read_text, reading
 
+_LARGEST_INDEX = 1 << 40
 MESH_SUFFIXES = frozenset({".ply", ".obj", ".off", ".stl", ".glb", ".gltf"})
 
 
@@ -79,7 +80,7 @@ def _read_obj(path: Path) -> tuple[np.ndarray, np.ndarray]:
                 vertices.append([float(x), float(y), float(z)])
             elif fields[:1] == ["f"]:
                 corners = [int(field.split("/")[0]) for field in fields[1:]]
-                if len(corners) < 3 or 0 in corners:
+                if len(corners) < 3 or 0 in corners or max(map(abs, corners)) > _LARGEST_INDEX:
                     raise ValueError("not a polygon")
                 corners = [corner - 1 if corner > 0 else len(vertices) + corner for corner in corners]
                 faces.extend([corners[0], b, c] for b, c in pairwise(corners[1:]))

@@ -15,8 +15,8 @@ from fairing.io.number_file import NumberFile
 from fairing.lens import Lens
 from fairing.photo import FilePhoto
 
+NAME = "middlebury"
 FORMAT = "Middlebury parameters (*_par.txt)"
-HOLDS_POINTS = False
 
 
 def recognises(path: Path) -> bool:

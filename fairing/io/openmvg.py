@@ -16,8 +16,8 @@ from fairing.io.capture import Capture, files_in, listed, naming
 from fairing.io.json_file import Item, holds, read_json
 from fairing.lens import Lens
 
+NAME = "openmvg"
 FORMAT = "OpenMVG (sfm_data.json with poses)"
-HOLDS_POINTS = True
 
 # Where each type's parameters stand, and which of k1, k2, p1, p2, k3 they are.
 _DISTORTIONS: dict[str, tuple[str, tuple[int, ...]]] = {
@@ -44,7 +44,8 @@ def read(path: Path) -> Capture:
             raise InputError(
                 "expected poses (extrinsics), found none; run OpenMVG's reconstruction and give its sfm_data"
             )
-        folders = [Path(content["root_path"].value or "."), file.parent] if "root_path" in content else [file.parent]
+        root = content["root_path"].text(may_be_empty=True) if "root_path" in content else ""
+        folders = [Path(root), file.parent] if root else [file.parent]
         photos, photo_of_view, left_out = [], {}, []
         for item in content["views"]:
             view = _base(_data(item["value"]))
@@ -54,7 +55,7 @@ def read(path: Path) -> Capture:
                 continue
             pose = poses[view["id_pose"].whole()]
             R, C = pose["rotation"].numbers(3, 3), pose["center"].numbers(3)
-            local = view["local_path"].value if "local_path" in view else ""
+            local = view["local_path"].text(may_be_empty=True) if "local_path" in view else ""
             with naming(view.where):
                 photo = find_photo(f"{local}/{written}" if local else written, folders)
             photo_of_view[view["id_view"].whole()] = len(photos)

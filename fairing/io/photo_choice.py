@@ -1,9 +1,10 @@
-"""What of a capture's photos counts: photos left out, masks, weights, and the resolution to work at."""
+"""Photo choice: the scene format, photos left out, masks, weights, and the resolution to work at."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -12,6 +13,9 @@ from fairing.io.capture import Capture, files_below, listed, reading
 from fairing.photo import FilePhoto, Mask
 from fairing.scene import SparsePoints, View
 
+SceneFormat = Literal[
+    "colmap", "bundler", "openmvg", "meshroom", "transforms.json", "middlebury", "strecha", "matrices", "scene.json"
+]
 MASK_FOLDER = "masks"
 _SMALLEST_SCALE = 0.05
 _PNG = frozenset({".png"})
@@ -19,27 +23,45 @@ _PNG = frozenset({".png"})
 
 @dataclass(frozen=True)
 class PhotoChoice:
-    """Photos are named as in the list that `eigenfairing check` prints; * and ? stand for any characters."""
+    """Photos are named as in the list that `eigenfairing check` prints; * and ? are wildcards."""
 
     leave_out: tuple[str, ...] = ()
     """Photos to leave out, by name: `--leave-out 0003.jpg "night/*"`."""
     masks: Path | None = None
-    """Folder of masks: of photo a.jpg the image a.jpg.png, black where the photo does not count (as COLMAP). Default:
-    the folder `masks` beside the cameras, where there is one."""
+    """Folder of masks: for photo a.jpg the image a.jpg.png, black where the photo is ignored (as in COLMAP). Default:
+    the folder `masks` beside the cameras, if there is one."""
     photo_weights: tuple[str, ...] = ()
-    """How much photos count beside the others: `--photo-weights 0003.jpg=0.5 "night/*=0.1"`. Default: 1 each."""
+    """Weights of photos relative to the others: `--photo-weights 0003.jpg=0.5 "night/*=0.1"`. Default: 1 each."""
     photo_scale: float = 1.0
-    """Work on photos of this part of their width and height, 0.05 to 1: less memory and time, less accuracy."""
+    """Scale photos to this fraction of their width and height, 0.05 to 1: less memory and time, less accuracy."""
+    format: SceneFormat | None = None
+    """Format to read where a folder holds cameras in several. Default: the readable one with the most photos, then with
+    sparse points."""
+
+
+def check_format(name: str | None, where: object) -> SceneFormat | None:
+    """A format read from a file.
+
+    Raises:
+        InputError: there is no format of this name.
+    """
+    for known in get_args(SceneFormat):
+        if name == known:
+            return known
+    if name is not None:
+        raise InputError(f"{where}: format: expected one of {', '.join(get_args(SceneFormat))}, found {name[:40]!r}")
+    return None
 
 
 def apply_choice(capture: Capture, choice: PhotoChoice, folder: Path) -> Capture:
-    """The capture with what was chosen of it.
+    """The capture reduced to the chosen photos, with masks and weights, at the chosen scale.
 
     Args:
-        folder: where the cameras lie.
+        folder: the folder of the cameras.
 
     Raises:
-        InputError: a name that no photo has, a weight that is none, a mask that cannot be read or is of another size.
+        InputError: no photo has a given name, a weight is not a positive number, or a mask cannot be read or has
+            another size than its photo.
     """
     names = [view.name for view in capture.views]
     if not _SMALLEST_SCALE <= choice.photo_scale <= 1:

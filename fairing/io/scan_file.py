@@ -1,4 +1,4 @@
-"""Range data and the points somebody matched in it, as files."""
+"""Scan files and match files: range data, and points matched between a scan and the photos."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,6 +13,7 @@ from fairing.io.capture import read_text, reading
 from fairing.mesh import Mesh
 from fairing.registration.alignment import Match
 from fairing.scene import View
+from fairing.util.guards import LARGEST_COORDINATE, check_coordinates
 
 SCAN_SUFFIXES = frozenset({".ply", ".xyz", ".obj", ".off", ".stl", ".glb"})
 
@@ -41,8 +42,7 @@ def read_scan(path: Path) -> Mesh | np.ndarray:
     except Exception as error:  # trimesh's parsers raise whatever the damaged bytes make numpy, json or struct raise
         reason = str(error) or type(error).__name__
         raise InputError(f"{path}: expected a scan, cannot be read ({reason}); export it again") from None
-    if not np.isfinite(points).all():
-        raise InputError(f"{path}: expected finite coordinates, found NaN or infinity; clean the scan")
+    check_coordinates(points, str(path))
     if faces and sum(map(len, faces)):
         return Mesh(points, np.concatenate(faces))
     return points
@@ -102,6 +102,6 @@ def _numbers(words: list[str], count: int) -> np.ndarray:
         values = np.array([float(word) for word in words])
     except ValueError:
         raise ValueError(" ".join(words)[:60]) from None
-    if not np.isfinite(values).all():
+    if not (np.abs(values) <= LARGEST_COORDINATE).all():
         raise ValueError(" ".join(words)[:60])
     return values

@@ -1,4 +1,4 @@
-"""Our own format: one `scene.json` that names a mesh, photos and cameras.
+"""EigenFairing's own format: one `scene.json` that names a mesh, photos and cameras.
 
     {
       "mesh": "mesh.ply",
@@ -36,13 +36,13 @@ from fairing.camera import Camera
 from fairing.errors import InputError
 from fairing.io.atomic import write_atomically
 from fairing.io.capture import Capture, listed, naming
-from fairing.io.json_file import Item, read_json
+from fairing.io.json_file import Item, holds, read_json
 from fairing.io.points_file import read_points, write_points
 from fairing.photo import FilePhoto, Mask
 from fairing.scene import SparsePoints, View
 
+NAME = "scene.json"
 FORMAT = "scene.json (EigenFairing's own: mesh, photos and cameras in one file)"
-HOLDS_POINTS = True
 FILE = "scene.json"
 
 _POINTS = "points.npz"
@@ -51,7 +51,13 @@ _POSE_KEYS = ("K", "R", "t")
 
 
 def recognises(path: Path) -> bool:
-    return path.name == FILE if path.is_file() else (path / FILE).is_file()
+    """By the file's keys, because other programs write a scene.json of their own."""
+    file = path if path.is_file() else path / FILE
+    return (
+        file.name == FILE
+        and holds(file, "views", "photo")
+        and any(holds(file, key) for key in (*_MATRIX_KEYS, *_POSE_KEYS))
+    )
 
 
 def read(path: Path) -> Capture:

@@ -15,8 +15,8 @@ from fairing.io.capture import Capture, files_in, naming
 from fairing.io.number_file import NumberFile
 from fairing.lens import Lens
 
+NAME = "strecha"
 FORMAT = "Strecha's cameras (for each photo a file <photo>.camera)"
-HOLDS_POINTS = False
 
 _SUFFIXES = frozenset({".camera"})
 

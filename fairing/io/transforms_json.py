@@ -21,8 +21,8 @@ from fairing.io.json_file import Item, holds, read_json
 from fairing.lens import DISTORTION, Lens
 from fairing.photo import FilePhoto
 
+NAME = "transforms.json"
 FORMAT = "transforms.json (nerfstudio, instant-ngp, NeRF)"
-HOLDS_POINTS = False
 
 _MODELS = ("PERSPECTIVE", "SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV")
 _OPENCV_FROM_OPENGL = np.array([1.0, -1.0, -1.0])
@@ -34,8 +34,7 @@ def recognises(path: Path) -> bool:
 
 
 def read(path: Path) -> Capture:
-    file = _file(path)
-    assert file is not None
+    file = _file(path) or (path if path.is_file() else next(path / name for name in _SPLITS if (path / name).is_file()))
     content = read_json(file, "cameras")
     with naming(file):
         photos = [_photo(content, frame, file.parent) for frame in content["frames"]]
@@ -44,8 +43,8 @@ def read(path: Path) -> Capture:
 
 def _file(path: Path) -> Path | None:
     if path.is_file():
-        return path if path.name in _SPLITS or holds(path, "frames", "transform_matrix") else None
-    return next((path / name for name in _SPLITS if (path / name).is_file()), None)
+        return path if holds(path, "frames", "transform_matrix") else None
+    return next((path / name for name in _SPLITS if holds(path / name, "frames")), None)
 
 
 def _other_splits(path: Path, file: Path) -> tuple[str, ...]:

@@ -13,6 +13,9 @@ from typing import Any
 
 import numpy as np
 
+from fairing.errors import InputError
+from fairing.mesh import Mesh
+from fairing.trace_check import Field, check_counts, check_fields, check_ids, naming_block, read_header
 from fairing.triangulation.quads import Quads, Verdict
 from fairing.util.block_file import BlockFile, pack, read_blocks, unpack
 
@@ -48,6 +51,19 @@ class FlipRecord:
     def quads(self) -> Quads:
         """The quad, as the one of a list."""
         return Quads(self.edge[None], self.opposite[None], self.faces[None], 0)
+
+    def apply_to(self, faces: np.ndarray) -> None:
+        """Replace the two faces of the quad in faces (m, 3) int, in place.
+
+        Raises:
+            InputError: the faces are not those on either side of the edge.
+        """
+        (a, b), (c, d) = self.edge.tolist(), self.opposite.tolist()
+        if [set(faces[face].tolist()) for face in self.faces] != [{a, b, c}, {a, b, d}]:
+            raise InputError(
+                f"expected the faces {self.faces.tolist()} beside the edge ({a}, {b}), found others; triangulate again"
+            )
+        (faces[self.faces[0]],), (faces[self.faces[1]],) = self.quads.flipped()
 
     @property
     def reason(self) -> str:
@@ -85,7 +101,7 @@ class FlipTrace:
             raise IndexError(f"moment {moment}: this record has moments 0 to {len(self.flips)}")
         faces = self._start.copy()
         for flip in self.flips[:moment]:
-            (faces[flip.faces[0]],), (faces[flip.faces[1]],) = flip.quads.flipped()
+            flip.apply_to(faces)
         return faces
 
     def append(self, record: FlipRecord) -> None:
@@ -120,16 +136,26 @@ class FlipTrace:
 
     @classmethod
     def load(cls, path: Path) -> "FlipTrace":
-        """Read a record; flips cut short at its end are dropped.
+        """Read a record; a truncated flip at its end is dropped.
 
         Raises:
-            InputError: the file is missing or no such record.
+            InputError: the file is missing, no such record, or holds a header or a flip that no triangulation can have
+                written.
         """
-        blocks = read_blocks(path, MAGIC, "record of flips")
-        texts, arrays = unpack(blocks[0])
-        trace = cls(json.loads(texts["header"]), arrays["vertices"], arrays["faces"])
-        for block in blocks[1:]:
-            trace.flips.append(_unpack_flip(block))
+        kind = "record of flips"
+        blocks = read_blocks(path, MAGIC, kind)
+        with naming_block(f"{kind} {path}"):
+            texts, arrays = unpack(blocks[0])
+            header = read_header(texts)
+            check_fields(arrays, _MESH_FIELDS, {})
+            mesh = Mesh(arrays["vertices"], arrays["faces"])
+        trace = cls(header, mesh.vertices, mesh.faces)
+        faces = mesh.faces.copy()
+        for i, block in enumerate(blocks[1:]):
+            with naming_block(f"{kind} {path}: flip {i + 1}"):
+                flip = _unpack_flip(block, len(mesh.vertices), len(faces))
+                flip.apply_to(faces)
+            trace.flips.append(flip)
         return trace
 
 
@@ -146,8 +172,33 @@ def _pack_flip(record: FlipRecord) -> bytes:
     return pack({}, **{field.name: np.asarray(getattr(record, field.name)) for field in fields(FlipRecord)})
 
 
-def _unpack_flip(block: bytes) -> FlipRecord:
+_MESH_FIELDS = {"vertices": Field("f", ("n", 3)), "faces": Field("iu", ("m", 3))}
+_FLIP_FIELDS = {
+    "round": Field("iu"),
+    "edge": Field("iu", (2,)),
+    "opposite": Field("iu", (2,)),
+    "faces": Field("iu", (2,)),
+    "energy": Field("f", (2,), is_finite=True),
+    "common_loss": Field("f", (2,), is_finite=True),
+    "n_views": Field("iu"),
+    "round_energy": Field("f", (2,), is_finite=True),
+}
+
+
+def _unpack_flip(block: bytes, n_vertices: int, n_faces: int) -> FlipRecord:
+    """The flip that a block holds.
+
+    Raises:
+        InputError: a field is missing, unknown, of another shape or type, or out of range.
+        ValueError: the block is no archive of arrays.
+    """
     _, values = unpack(block)
+    check_fields(values, _FLIP_FIELDS, {})
+    for name in ("edge", "opposite"):
+        check_ids(values[name], n_vertices, name)
+    check_ids(values["faces"], n_faces, "faces")
+    for name in ("round", "n_views"):
+        check_counts(values[name], name)
     pairs = {name: tuple(values[name].tolist()) for name in ("energy", "common_loss", "round_energy")}
     numbers = {name: int(values[name]) for name in ("round", "n_views")}
     return FlipRecord(**{**values, **pairs, **numbers})

@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 
 from fairing.errors import InputError
-from fairing.guards import check_regular_file
-from fairing.npz import read_npz
-from fairing.part_file import part_path, remove_parts_of, sync_folder
+from fairing.util.guards import check_regular_file
+from fairing.util.npz import read_npz
+from fairing.util.part_file import part_path, remove_parts_of, sync_folder
 
 SYNC_EVERY = 1.0
 """Seconds: appended blocks reach the disk at least this often, so that a power failure loses no more work. They reach

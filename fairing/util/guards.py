@@ -43,7 +43,7 @@ def check_name(name: str, what: str) -> None:
     try:
         name.encode()
     except UnicodeEncodeError:
-        raise InputError(f"{what} {ascii(name)}: expected a name in valid UTF-8; rename the file") from None
+        raise InputError(f"{what} {name!a}: expected a name in valid UTF-8; rename the file") from None
 
 
 def check_coordinates(values: np.ndarray, what: str) -> None:
@@ -73,7 +73,9 @@ def check_size(width: int, height: int, what: str) -> None:
         InputError: a side is not within 1 to `LARGEST_SIDE` pixels.
     """
     if not (1 <= width <= LARGEST_SIDE and 1 <= height <= LARGEST_SIDE):
-        found = "x".join(str(side) if abs(side) < 10**18 else f"{float(str(side)[:300]):.3g}..." for side in (width, height))
+        found = "x".join(
+            str(side) if abs(side) < 10**18 else f"{float(str(side)[:300]):.3g}..." for side in (width, height)
+        )
         raise InputError(f"{what}: expected a photo size of 1 to {LARGEST_SIDE} px, found {found}")
 
 
