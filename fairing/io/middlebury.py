@@ -43,7 +43,8 @@ def read(path: Path) -> Capture:
 def _pinhole(K: np.ndarray, size: tuple[int, int]) -> Lens:
     if np.any(np.tril(K, -1)) or K[2, 2] == 0:
         raise InputError("expected an upper triangular K, found numbers below its diagonal or a zero at its end")
-    return Lens(K / K[2, 2], np.zeros(0), *size)
+    with np.errstate(over="ignore"):  # `Lens` refuses infinity
+        return Lens(K / K[2, 2], np.zeros(0), *size)
 
 
 def _file(path: Path) -> Path | None:

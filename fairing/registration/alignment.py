@@ -24,6 +24,7 @@ NEIGHBOURS = 12  # points that a normal of a point cloud is fitted to
 KEPT = 0.8  # of the pairs in each round, the nearest: the rest is taken for what only one side saw
 MAX_ROUNDS = 60
 WEAK = 0.05  # of the strongest singular value: a scale held more weakly stays as the matches gave it
+LARGEST_ERROR = 1e50  # px: its fourth power, which the solver computes, is finite
 CONVERGED = 1e-7  # of the diagonal: movement of the scan in a round
 
 
@@ -110,7 +111,8 @@ def register_matches(matches: Sequence[Match], views: Sequence[View]) -> Registe
                 result.extend((focal / distance).max() * (position - match.world))
             for view, pixel in match.sightings:
                 result.extend(views[view].camera.project(position)[0] - pixel)
-        return np.nan_to_num(np.array(result), nan=1e6, posinf=1e6, neginf=-1e6)
+        finite = np.nan_to_num(np.array(result), nan=1e6, posinf=1e6, neginf=-1e6)
+        return np.clip(finite, -LARGEST_ERROR, LARGEST_ERROR)
 
     fitted = least_squares(errors, np.zeros(7), loss="cauchy", f_scale=OUTLIER_PX, x_scale="jac")
     each = _norms_by_match(errors(fitted.x), matches)
