@@ -49,6 +49,7 @@ def replaced(file: str, old: str, new: str) -> Callable[[Path], None]:
 REGRESSIONS = {
     "a number of 5000 digits": ("Middlebury", replaced("small_par.txt", "110.0", "1" + "0" * 5000)),
     "K of infinity after its scale": ("Middlebury", replaced("small_par.txt", " 1.0 ", " 1e-320 ")),
+    "a color that is no number": ("Meshroom", replaced("cameras.sfm", '"color": ["0"', '"color": ["nan"')),
     "a sighting at 1e31 px": ("matches", replaced("matches.txt", "a.png ", "a.png 4.5e31 1 b.png 3e31 ")),
     "a world point at 1e90": ("matches", replaced("matches.txt", "-0.3", "8e90")),
 }

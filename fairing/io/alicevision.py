@@ -125,7 +125,7 @@ def _points(content: Item, photo_of_view: dict[int, int]) -> ObservedPoints:
         colors.append(landmark["color"].numbers(3) if "color" in landmark else np.full(3, 128.0))
     return ObservedPoints(
         np.array(positions).reshape(-1, 3),
-        np.clip(np.array(colors).reshape(-1, 3), 0, 255).astype(np.uint8),
+        np.clip(np.nan_to_num(np.array(colors)).reshape(-1, 3), 0, 255).astype(np.uint8),
         np.array(observations, dtype=np.int64).reshape(-1, 2),
         np.array(pixels).reshape(-1, 2),
     )
