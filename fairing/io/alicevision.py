@@ -1,7 +1,7 @@
-"""Meshroom's (AliceVision's) `.sfm` and its .json: views, intrinsics, poses and landmarks, all numbers as texts.
+"""Meshroom (AliceVision): `.sfm` and its .json with views, intrinsics, poses and landmarks; all numbers are strings.
 
-World to camera: R (X - C); R stands column by column. Pixel centres lie at integers. Since version 1.2.1 the principal
-point counts from the middle of the photo (width / 2, height / 2), before from its corner. The focal length is given in
+World to camera: R (X - C); R is stored column by column. Pixel centres lie at integers. Since version 1.2.1 the principal
+point is relative to the middle of the photo (width / 2, height / 2), before to its corner. The focal length is given in
 pixels before 1.2.2, then in millimetres of a sensor `sensorWidth` wide; `pixelRatio` is fx / fy before 1.2.5 and fy / fx
 since. Distortions: none, radialk1, radialk3 and brown (k1, k2, k3, p1, p2), before 1.2.6 named by the camera's type
 (pinhole, radial1, radial3, brown). Source: AliceVision's sfmDataIO/jsonIO.cpp and its compatibilityData.
@@ -20,7 +20,7 @@ from fairing.lens import Lens
 NAME = "meshroom"
 FORMAT = "Meshroom / AliceVision (.sfm)"
 
-# Which of k1, k2, p1, p2, k3 the parameters are, by the distortion's name and by the old type's.
+# Indices of the parameters among k1, k2, p1, p2, k3, by the name of the distortion and of the old camera type.
 _DISTORTIONS: dict[str, tuple[int, ...]] = {
     "none": (),
     "pinhole": (),
@@ -132,7 +132,7 @@ def _points(content: Item, photo_of_view: dict[int, int]) -> ObservedPoints:
 
 
 def _items(item: Item, key: str) -> list[Item]:
-    """A list that may be missing; an empty one is written as an empty text."""
+    """The items of a list that may be missing; an empty list is stored as an empty string."""
     return list(item[key]) if key in item and item[key].value != "" else []
 
 

@@ -18,8 +18,8 @@ class Item:
     """A value of a JSON file.
 
     Attributes:
-        where: its place, such as `views[3].camera`; empty for the whole file.
-        quoted: numbers may be written as texts ("1.5").
+        where: the path of the value, such as `views[3].camera`; empty for the whole file.
+        quoted: whether numbers may be strings ("1.5").
     """
 
     value: Any
@@ -30,14 +30,14 @@ class Item:
         return key in self._object()
 
     def __getitem__(self, key: str) -> "Item":
-        """The value of a key of an object."""
+        """The value of an object's key."""
         content = self._object()
         if key not in content:
             raise InputError(f"{self.where or 'the file'}: expected {key}, found only {listed(content) or 'nothing'}")
         return Item(content[key], f"{self.where}.{key}" if self.where else key, self.quoted)
 
     def __iter__(self) -> Iterator["Item"]:
-        """The values of a list."""
+        """The items of a list."""
         if not isinstance(self.value, list):
             raise InputError(f"{self.where}: expected a list, found {self.kind}")
         for i, value in enumerate(self.value):
@@ -56,7 +56,7 @@ class Item:
         return self.value
 
     def whole(self, lowest: int = 0) -> int:
-        """A whole number; also written as 3.0."""
+        """A whole number, which may be written as 3.0."""
         number = self._unquoted()
         if isinstance(number, float) and number.is_integer():
             number = int(number)
@@ -124,7 +124,7 @@ def read_json(path: Path, expected: str, quoted: bool = False) -> Item:
     """The content of a JSON file.
 
     Raises:
-        InputError: it cannot be read or is no JSON.
+        InputError: the file cannot be read or is no JSON.
     """
     text = read_text(path, expected)
     with naming(path):

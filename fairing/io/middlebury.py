@@ -1,7 +1,7 @@
-"""Middlebury multi-view stereo: `<name>_par.txt`, a line a photo, beside the photos (or beside `images/`).
+"""Middlebury multi-view stereo: `<name>_par.txt`, one line per photo, beside the photos (or beside `images/`).
 
 A line is `photo k11 k12 ... k33 r11 ... r33 t1 t2 t3`, and P = K [R | t]. "The image origin is top-left, x to the right,
-y down" (vision.middlebury.edu/mview/data); pixel centres are taken to lie at integers.
+y down" (vision.middlebury.edu/mview/data); pixel centres are assumed to lie at integers.
 """
 
 from pathlib import Path

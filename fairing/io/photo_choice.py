@@ -75,7 +75,7 @@ def apply_choice(capture: Capture, choice: PhotoChoice, folder: Path) -> Capture
             weights[name] = weight
     if choice.masks is not None and not choice.masks.is_dir():
         raise InputError(f"--masks {choice.masks}: expected a folder, found none")
-    # Masks a format names itself stay, where no folder has one.
+    # Masks named by the format are used where the folder has none.
     own = {view.mask.path for view in capture.views if view.mask is not None}
     masks, warnings = _masks(choice.masks or folder / MASK_FOLDER, names, own)
     kept = [i for i, name in enumerate(names) if name not in left_out]
@@ -100,7 +100,7 @@ def _matching(patterns: Iterable[str], names: Sequence[str], flag: str) -> set[s
     for pattern in patterns:
         matching = {name for name in names if name == pattern or fnmatchcase(name, pattern)}
         if not matching:
-            raise InputError(f"{flag} {pattern}: no photo is named so; the photos are {listed(names)}")
+            raise InputError(f"{flag} {pattern}: no photo has this name; the photos are {listed(names)}")
         found |= matching
     return found
 
@@ -116,10 +116,10 @@ def _weight(number: str, text: str) -> float:
 
 
 def _masks(folder: Path, names: Sequence[str], own: set[Path]) -> tuple[dict[str, Path], tuple[str, ...]]:
-    """Masks by photo. A photo images/a.jpg may have its mask as a.jpg.png, too.
+    """Masks by photo, and warnings. The mask of images/a.jpg may also be named a.jpg.png.
 
     Args:
-        own: masks that the capture's format names itself.
+        own: masks named by the capture's format.
     """
     if not folder.is_dir():
         return {}, ()
@@ -136,7 +136,7 @@ def _masks(folder: Path, names: Sequence[str], own: set[Path]) -> tuple[dict[str
     unused = [file for file, path in files.items() if path not in masks.values() and path not in own]
     if unused:
         warnings.append(
-            f"masks that belong to no photo: {len(unused)} ({listed(unused)}); a mask is named as its photo with .png behind"
+            f"masks that belong to no photo: {len(unused)} ({listed(unused)}); name a mask as its photo with .png appended"
         )
     return masks, tuple(warnings)
 
@@ -148,7 +148,7 @@ def _mask_of(view: View, masks: dict[str, Path]) -> Mask | None:
 
 
 def _of_views(sparse: SparsePoints, kept: list[int], n_views: int) -> SparsePoints:
-    """The points as the kept views saw them; those that none saw stay, as places without observations."""
+    """The points with the observations of the kept views; points without observations are kept."""
     new_index = np.full(n_views, -1)
     new_index[kept] = np.arange(len(kept))
     seen = new_index[sparse.observations[:, 1]] >= 0
@@ -162,7 +162,7 @@ def _resized(view: View, scale: float) -> View:
 
 
 def _at_sizes(sparse: SparsePoints, before: Sequence[View], after: Sequence[View]) -> SparsePoints:
-    """The points as views of other sizes see them."""
+    """The points with their observations scaled to views of other sizes."""
     if not before:
         return sparse
     factors = np.array(

@@ -16,13 +16,13 @@
 - `mesh` (optional): a mesh file.
 - `views`: at least three. Each has `photo` (undistorted), `width` and `height` in pixels, and its camera: either the
   3x4 projection matrix `image_from_world`, or `K`, `R`, `t` with pixels = K (R x + t), axes x right, y down, z forward.
-  Pixel centres lie at integers: the top-left pixel's centre is (0, 0). Without `name` a view is named as its photo.
-  `mask` (optional) is an image of the same size, black where the photo does not count; `weight` (optional, 1) is how much
-  it counts beside the others.
+  Pixel centres lie at integers: the top-left pixel's centre is (0, 0). The default `name` is the photo's path.
+  `mask` (optional) is an image of the same size, black where the photo is ignored; `weight` (optional, default 1) is its
+  weight relative to the other photos.
 - `points` (optional): sparse points as a NumPy file of the arrays `positions` (n, 3), `colors` (n, 3) uint8,
   `observations` (o, 2) of a point's and a view's index, and `pixels` (o, 2), see `fairing.scene.SparsePoints`.
 
-Paths are relative to the json file. Anything else in the file is an error, so that no misspelt name goes unnoticed.
+Paths are relative to the JSON file. Unknown keys are errors, so that a misspelt key does not go unnoticed.
 """
 
 import json
@@ -74,7 +74,7 @@ def read(path: Path) -> Capture:
 def write(folder: Path, views: Sequence[View], sparse: SparsePoints | None, mesh: str | None) -> None:
     """Write scene.json and the sparse points to a folder that holds the photos in images/ and the masks in masks/.
 
-    Cameras are written as matrices: any camera is one, and no digit is lost.
+    Cameras are written as matrices, which represent every camera without loss.
 
     Args:
         mesh: the mesh's file name, or None.

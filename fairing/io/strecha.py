@@ -32,7 +32,7 @@ def read(path: Path) -> Capture:
 
 
 def _files(path: Path) -> list[Path]:
-    """A file stands for all of its folder."""
+    """The camera files of the folder; one of them stands for all."""
     if path.is_file():
         return files_in(path.parent, _SUFFIXES) if path.suffix == ".camera" else []
     return files_in(path, _SUFFIXES) or files_in(path / "images", _SUFFIXES)
