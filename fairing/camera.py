@@ -1,7 +1,7 @@
-"""A calibrated, undistorted pinhole camera.
+"""Calibrated, undistorted pinhole cameras.
 
-Conventions, stated once: OpenCV axes (x right, y down, z forward), pixel centres at integers (the top-left pixel's
-centre is (0, 0)), no lens distortion. Transforms read right to left: `image_from_world` takes world points to pixels.
+Conventions: OpenCV axes (x right, y down, z forward), pixel centres at integers (the top-left pixel's
+centre is (0, 0)), no lens distortion. Transforms read right to left: `image_from_world` maps world points to pixels.
 """
 
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from fairing.util.guards import check_coordinates, check_focal_lengths, check_si
 def resizing(before: tuple[int, int], after: tuple[int, int]) -> np.ndarray:
     """(3, 3): pixels of a photo of size (width, height) `after` from pixels of the same photo of size `before`.
 
-    The photo's outer borders are the same, half a pixel beyond the centres of the outer pixels.
+    The photo's outer borders, half a pixel beyond the centres of the outer pixels, are the same.
     """
     sx, sy = after[0] / before[0], after[1] / before[1]
     return np.array([[sx, 0, (sx - 1) / 2], [0, sy, (sy - 1) / 2], [0, 0, 1]])
@@ -56,7 +56,7 @@ class Camera:
                 "camera matrix: its left 3x3 part is singular, so it has no centre; "
                 "give a perspective projection (orthographic cameras are not supported)"
             )
-        # P and -P are the same camera; the one with a positive determinant has positive depth in front.
+        # P and -P are the same camera; depth is positive in front of the one with a positive determinant.
         with np.errstate(over="ignore", invalid="ignore"):
             P = P * (np.sign(determinant) / row_norms[2])
             # |m1 x m3| and |m2 x m3|: Hartley and Zisserman, section 6.2.4, without a decomposition.
@@ -96,12 +96,12 @@ class Camera:
         return cls(P, width, height)
 
     def resized(self, width: int, height: int) -> "Camera":
-        """The camera of the same photo at another size (width, height), the outer borders of its pixels unmoved."""
+        """The camera of the same photo at another size (width, height) in pixels, with the same outer borders."""
         return Camera(resizing((self.width, self.height), (width, height)) @ self.image_from_world, width, height)
 
     @cached_property
     def center(self) -> np.ndarray:
-        """(3,) float, world units: the point all rays pass through."""
+        """(3,) float, world units: the centre of projection."""
         return -np.linalg.solve(self.image_from_world[:, :3], self.image_from_world[:, 3])
 
     @cached_property
@@ -124,7 +124,10 @@ class Camera:
         return K * signs / (K[2, 2] * signs[2]), R * signs[:, None]
 
     def project(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Pixels (..., 2) and depths (...,) in world units of world points (..., 3). Points behind have depth <= 0."""
+        """Pixels (..., 2) float and depths (...,) float, world units, of world points (..., 3).
+
+        Points behind the camera have depth <= 0; their pixels have no meaning and may be infinite.
+        """
         homogeneous = points @ self.image_from_world[:, :3].T + self.image_from_world[:, 3]
         depth = homogeneous[..., 2]
         with np.errstate(divide="ignore", invalid="ignore"):

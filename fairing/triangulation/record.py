@@ -1,7 +1,7 @@
-"""The record of a triangulation: every flip, appended to a file as it happens and readable after a crash.
+"""Flip records: every edge flip of a triangulation, appended to a file and readable after a crash.
 
-Moment 0 is the start mesh, moment k the mesh after k flips. A flip leaves the vertices, and the number and order of
-faces, as they are: the two faces of the quad get other corners.
+Moment 0 is the start mesh, moment k the mesh after k flips. A flip changes the corners of the quad's two faces; vertices
+and the number and order of faces stay the same.
 
 On disk it is a `fairing.util.block_file`.
 """
@@ -27,15 +27,16 @@ class FlipRecord:
     """One edge replaced by the other diagonal of its quad.
 
     Attributes:
-        round: in which round, from 0.
-        edge: (2,) int: the vertices a, b of the edge that went.
-        opposite: (2,) int: the vertices c, d of the edge that came.
+        round: number of the round, from 0.
+        edge: (2,) int: the vertices a, b of the removed edge.
+        opposite: (2,) int: the vertices c, d of the new edge.
         faces: (2,) int: (a, b, c) and (b, a, d) became (a, d, c) and (d, b, c).
-        energy: what the two faces add to the mesh's energy before and after: loss per pixel times surface in pixels,
-            each over the photos that see it.
-        common_loss: loss per pixel (0 to 1) of both pairs over the photos that see all four faces; this decides.
-        n_views: how many photos those are.
-        round_energy: energy of the mesh before the round and after all of it, with the visibility of each.
+        energy: contribution of the two faces to the mesh's energy before and after: loss per pixel times area in
+            pixels, over the photos that see each face.
+        common_loss: loss per pixel (0 to 1) of both pairs over the photos that see all four faces; the
+            criterion for the flip.
+        n_views: number of those photos.
+        round_energy: energy of the mesh before and after the whole round, each with its own visibility.
     """
 
     round: int
@@ -49,7 +50,7 @@ class FlipRecord:
 
     @property
     def quads(self) -> Quads:
-        """The quad, as the one of a list."""
+        """The quad as a list of one."""
         return Quads(self.edge[None], self.opposite[None], self.faces[None], 0)
 
     def apply_to(self, faces: np.ndarray) -> None:
@@ -67,16 +68,16 @@ class FlipRecord:
 
     @property
     def reason(self) -> str:
-        """A sentence for users."""
+        """The reason of the flip as a sentence for users."""
         before, after = self.common_loss
         return f"{Verdict.FLIPPED.text} ({self.n_views} photos, loss {before:.3f} -> {after:.3f})"
 
 
 class FlipTrace:
-    """Start mesh and flips; optionally mirrored to a file.
+    """Start mesh and flips; optionally attached to a file.
 
     Attributes:
-        header: JSON-able facts: options, scene.
+        header: facts of the triangulation that JSON can hold: options, scene.
         vertices: (n, 3) float, world units.
         flips: the records.
     """
@@ -92,7 +93,7 @@ class FlipTrace:
         return len(self.flips)
 
     def faces_at(self, moment: int) -> np.ndarray:
-        """(m, 3) int: the mesh after so many flips.
+        """(m, 3) int: the faces at a moment.
 
         Raises:
             IndexError: there is no such moment.
@@ -105,7 +106,7 @@ class FlipTrace:
         return faces
 
     def append(self, record: FlipRecord) -> None:
-        """Add a flip, and write it to the file if one is attached.
+        """Add a flip and write it to the attached file, if any.
 
         Raises:
             InputError: the disk is full.
@@ -115,21 +116,21 @@ class FlipTrace:
             self._file.append(_pack_flip(record))
 
     def attach(self, path: Path) -> None:
-        """Write the record to `path` (replacing what is there by renaming) and keep it up to date from now on.
+        """Write the record to `path`, replacing an existing file, and append further flips to it.
 
         Raises:
-            InputError: the disk is full, or the folder is not there.
+            InputError: the disk is full, or the folder is missing.
         """
         header = pack({"header": json.dumps(self.header)}, vertices=self.vertices, faces=self._start)
         self._file = BlockFile(path, MAGIC, [header, *map(_pack_flip, self.flips)])
 
     def flush(self) -> None:
-        """Make sure that what was appended survives a crash of the machine."""
+        """Write all flips to the disk, so that they survive a crash of the machine."""
         if self._file is not None:
             self._file.flush()
 
     def detach(self) -> None:
-        """Stop writing to the file."""
+        """Flush and close the attached file."""
         if self._file is not None:
             self._file.close()
             self._file = None
@@ -161,6 +162,8 @@ class FlipTrace:
 
 def is_flip_record(path: Path) -> bool:
     """Whether a file is a record of flips, by its first bytes."""
+    if not path.is_file():  # a pipe would block
+        return False
     try:
         with path.open("rb") as file:
             return file.read(len(MAGIC)) == MAGIC

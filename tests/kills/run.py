@@ -20,7 +20,7 @@ KINDS = ("moment", "rename", "write", "resume", "full disk", "full folder")
 """How a run ends; "full folder" needs the right to mount a tmpfs, and is a full disk otherwise."""
 _RENAMES = 4  # of a run: trace, mesh, report, and one more that does not come
 _LIMITS = (2_000, 400_000)  # bytes a file may have on a full disk
-_FOLDER = 256  # KiB of the small tmpfs
+_FOLDER = (48, 400)  # KiB of the small tmpfs
 
 
 class Reference:
@@ -61,7 +61,7 @@ def kill_and_resume(reference: Reference, kind: str, rng: np.random.Generator, f
     """
     out, steps_done = folder / "out", folder / "steps"
     folder.mkdir()
-    is_mounted = kind == "full folder" and _mount(out, _FOLDER)
+    is_mounted = kind == "full folder" and _mount(out, int(rng.integers(*_FOLDER)))
     try:
         first = "write" if kind == "resume" else kind
         done = _end(reference, first, rng, out, steps_done, resume=False, is_mounted=is_mounted)
