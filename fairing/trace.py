@@ -68,13 +68,13 @@ _REASON_TEXTS = {
     StepReason.LOCKED: "not moved: locked",
     StepReason.RESTING: "rests: its steps were rejected too often in this sweep",
     StepReason.RETURNED: "returned: the fine-level energy had been lower",
-    StepReason.FOUND_PLACE: "searched: a better place was found near by",
-    StepReason.FOUND_TOGETHER: "tried again from the start, with its neighbours: a better place was found",
-    StepReason.NO_BETTER_PLACE: "searched: no place near by is better",
+    StepReason.FOUND_PLACE: "searched: a better place was found nearby",
+    StepReason.FOUND_TOGETHER: "restarted from the start with its neighbours: a better place was found",
+    StepReason.NO_BETTER_PLACE: "searched: no place nearby is better",
     StepReason.MOVED_MANUALLY: "moved by hand",
     StepReason.RESET_MANUALLY: "put back to its start by hand",
     StepReason.SMOOTHED: "smoothed: the photos agree better with the start's noise filtered out",
-    StepReason.FITTED_TO_POINTS: "drawn to the sparse points: half of them are used, and the photos agree",
+    StepReason.FITTED_TO_POINTS: "fitted to the sparse points: half of them are used, and the photos agree",
 }
 PREPARING = (StepReason.SMOOTHED, StepReason.FITTED_TO_POINTS)
 MANUAL_REASONS = (StepReason.MOVED_MANUALLY, StepReason.RESET_MANUALLY)
