@@ -9,6 +9,7 @@ from typing import Any, get_args
 import numpy as np
 import pytest
 
+from app.cli.main import run
 from fairing.errors import InputError
 from fairing.io import PhotoChoice, load_scene, prepare_output_folder
 from fairing.io.load import READERS
@@ -215,6 +216,16 @@ def test_the_format_can_be_chosen(tmp_path: Path, format: SceneFormat, photos: i
     assert len(scene.views) == photos
     assert (scene.sparse_points is not None) == (format == "colmap")
     assert not any("it also holds" in warning for warning in scene.warnings)
+
+
+def test_the_commands_take_the_format(tmp_path: Path, capsys: pytest.CaptureFixture):
+    """`convert --format` is the format it writes, so the one it reads is `--from-format`."""
+    write_three_models(tmp_path / "scene")
+    command = ["convert", str(tmp_path / "scene"), "--out", str(tmp_path / "out"), "--format", "scene.json"]
+    assert run([*command, "--from-format", "matrices"]) == 0
+    assert "3 photos, 0 sparse points" in capsys.readouterr().err
+    assert run(["check", str(tmp_path / "scene"), "--format", "bundler"]) == 1
+    assert "--format bundler: expected" in capsys.readouterr().err
 
 
 def test_a_format_that_is_not_there_is_refused(tmp_path: Path):
