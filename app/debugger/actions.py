@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from app.debugger.commands import Back, Command, Extent, Forward, JumpTo, Pause, Restart, Run, RunBack
+from app.debugger.commands import Back, Command, Extent, Forward, JumpTo, Pause, Restart, Run, RunBack, SaveReport
 
 
 @dataclass(frozen=True)
@@ -47,6 +47,7 @@ ACTIONS: tuple[Action, ...] = (
     Action("start", "To the start", JumpTo(0), (("H", None),), "start"),
     Action("end", "To the end of the record", JumpTo(-1), (("J", None),), "end"),
     Action("restart", "Restart", Restart(), (("R", None),), "restart"),
+    Action("report", "Save a problem report", SaveReport()),
 )
 
 
@@ -74,7 +75,7 @@ VERTEX_KEYS = (
 
 def key_list() -> list[tuple[str, str]]:
     """Every key and what it does, for the help."""
-    actions = [(", ".join(key_text(*key) for key in action.keys), action.label) for action in ACTIONS]
+    actions = [(", ".join(key_text(*key) for key in action.keys), action.label) for action in ACTIONS if action.keys]
     return [*actions, *CAMERA_KEYS, *VERTEX_KEYS]
 
 

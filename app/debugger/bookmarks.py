@@ -1,4 +1,4 @@
-"""Moments with a note, and the file beside a run that keeps them."""
+"""Bookmarks: moments with a note, kept in a file beside the record of their run."""
 
 import json
 from dataclasses import dataclass, replace
@@ -13,12 +13,14 @@ MAX_NOTE = 200  # characters
 
 @dataclass(frozen=True)
 class Bookmark:
-    """Attributes:
-    number: its name.
-    run_id: the run it belongs to.
-    moment: in that run.
-    at: the moment's id, for `--at`.
-    note: what somebody wrote.
+    """A moment with a note.
+
+    Attributes:
+        number: identifies the bookmark.
+        run_id: the run it belongs to.
+        moment: in that run.
+        at: the moment's id, for `--at`.
+        note: free text.
     """
 
     number: int
@@ -29,13 +31,13 @@ class Bookmark:
 
 
 class Bookmarks:
-    """An unchangeable list of them; every change gives a new one."""
+    """An immutable list of bookmarks; every change returns a new list."""
 
-    def __init__(self, items: tuple[Bookmark, ...] = (), following: int = 1) -> None:
-        self.items, self._following = items, following
+    def __init__(self, items: tuple[Bookmark, ...] = (), next_number: int = 1) -> None:
+        self.items, self._next_number = items, next_number
 
     def added(self, run_id: int, moment: int, at: str, note: str) -> "Bookmarks":
-        """With one more; the note of one that is there already is replaced.
+        """With one more. If the moment has a bookmark already, its note is replaced.
 
         Raises:
             InputError: the note is too long, or there are too many.
@@ -46,40 +48,40 @@ class Bookmarks:
         for item in self.items:
             if (item.run_id, item.moment) == (run_id, moment):
                 changed = replace(item, note=note or item.note)
-                return Bookmarks(tuple(changed if other is item else other for other in self.items), self._following)
+                return Bookmarks(tuple(changed if other is item else other for other in self.items), self._next_number)
         if len(self.items) >= MAX_BOOKMARKS:
             raise InputError(f"expected at most {MAX_BOOKMARKS} bookmarks; remove some first")
-        items = (*self.items, Bookmark(self._following, run_id, moment, at, note))
-        return Bookmarks(tuple(sorted(items, key=lambda b: (b.run_id, b.moment))), self._following + 1)
+        items = (*self.items, Bookmark(self._next_number, run_id, moment, at, note))
+        return Bookmarks(tuple(sorted(items, key=lambda b: (b.run_id, b.moment))), self._next_number + 1)
 
     def removed(self, number: int) -> "Bookmarks":
-        return Bookmarks(tuple(item for item in self.items if item.number != number), self._following)
+        return Bookmarks(tuple(item for item in self.items if item.number != number), self._next_number)
 
     def without_run(self, run_id: int) -> "Bookmarks":
-        return Bookmarks(tuple(item for item in self.items if item.run_id != run_id), self._following)
+        return Bookmarks(tuple(item for item in self.items if item.run_id != run_id), self._next_number)
 
     def numbered(self, number: int) -> Bookmark:
-        """The one of that number.
+        """The bookmark with that number.
 
         Raises:
-            InputError: it is not there.
+            InputError: there is none.
         """
         for item in self.items:
             if item.number == number:
                 return item
-        raise InputError(f"bookmark {number}: is not there any more")
+        raise InputError(f"bookmark {number}: was deleted")
 
     def of_run(self, run_id: int) -> tuple[Bookmark, ...]:
         return tuple(item for item in self.items if item.run_id == run_id)
 
 
 def file_beside(trace: Path) -> Path:
-    """Where the bookmarks of a record are kept: `run.trace` has them in `run.bookmarks.json`."""
+    """The file for the bookmarks of a record: `run.bookmarks.json` for `run.trace`."""
     return trace.with_suffix(".bookmarks.json")
 
 
 def write_bookmarks(path: Path, items: tuple[Bookmark, ...]) -> None:
-    """Write them, complete or not at all.
+    """Write the bookmarks atomically.
 
     Raises:
         InputError: the file cannot be written.
@@ -90,10 +92,10 @@ def write_bookmarks(path: Path, items: tuple[Bookmark, ...]) -> None:
 
 
 def read_bookmarks(path: Path, last_moment: int) -> Bookmarks:
-    """Those of the first run, from its file; none if there is no file. Moments beyond the record are left out.
+    """Read the bookmarks of the first run; none if there is no file. Moments beyond the record are skipped.
 
     Raises:
-        InputError: the file is no list of bookmarks.
+        InputError: the file is not a list of bookmarks.
     """
     try:
         rows = json.loads(path.read_text(encoding="utf-8"))["bookmarks"]
@@ -102,9 +104,9 @@ def read_bookmarks(path: Path, last_moment: int) -> Bookmarks:
         return Bookmarks()
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from None
-    except (ValueError, KeyError, TypeError):
+    except (ValueError, KeyError, TypeError, OverflowError, RecursionError):
         raise InputError(
-            f"{path}: expected a JSON list of bookmarks, each with moment, at and note; mend it or move it away"
+            f"{path}: expected a JSON list of bookmarks, each with moment, at and note; repair or remove it"
         ) from None
     bookmarks = Bookmarks()
     for moment, at, note in found:

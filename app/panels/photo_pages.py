@@ -84,7 +84,9 @@ class PhotoPages:
         """The newest there is of a vertex and its key; asks for the present one when the engine rests."""
         if state.activity is Activity.PAUSED:
             moment = state.moment
-            self._lookup.request((state.run_id, moment, vertex), lambda session: vertex_in_photos(session, vertex, moment))
+            self._lookup.request(
+                (state.run_id, moment, vertex), lambda session: vertex_in_photos(session, vertex, moment)
+            )
         found = self._lookup.latest
         return found if found is not None and (found[0][0], found[0][2]) == (state.run_id, vertex) else None
 
