@@ -1,4 +1,4 @@
-"""The ball by which the selected vertices are dragged, and what they would look like where they are."""
+"""Drag handle: a ball that drags the selected vertices, with a preview of the edges around them."""
 
 from collections.abc import Callable
 from typing import Any
@@ -14,17 +14,17 @@ from app.picking import nearest_to_ray
 from app.stage import Stage
 from fairing.mesh import Mesh
 
-LARGER = 2.1  # than the mark of a vertex
-MAX_PREVIEW = 3000  # edges that follow the hand
+LARGER = 2.1  # radius of the ball, in radii of a vertex mark
+MAX_PREVIEW = 3000  # edges drawn while dragging
 
 
 class DragHandleLayer:
-    """Sits on the current vertex unless that is locked; all selected vertices move with it, parallel to the window.
+    """A ball at the current vertex unless it is locked. Dragging it moves all selected vertices parallel to the screen.
 
     Args:
-        on_click: told of a click on the ball, with the vertex and whether Shift was held.
-        on_grab: told when it is taken; says where all vertices are, (n, 3), world units.
-        on_drop: told the selected vertices (u,) and where they were dropped (u, 3), world units.
+        on_click: called on a click on the ball with the vertex and whether Shift was held.
+        on_grab: called when a drag starts; returns the positions of all vertices (n, 3), world units.
+        on_drop: called when a drag ends with the selected vertices (u,) and their positions (u, 3), world units.
     """
 
     def __init__(
@@ -61,7 +61,7 @@ class DragHandleLayer:
         self._way = lines("/drag_handle/way", nothing, HAND, thickness=2.0, thickness_units="screen", visible=False)
 
         def clicked(event: viser.SceneNodePointerEvent) -> None:
-            # The ball may still be drawn where it was when the user aimed at it, so its place does not tell the vertex.
+            # The ball may have been drawn at an older position when the user clicked, so the vertex follows from the ray.
             vertex = nearest_to_ray(self._points, np.array(event.ray_origin), np.array(event.ray_direction))
             on_click(vertex, event.modifier == "shift")
 
@@ -69,9 +69,9 @@ class DragHandleLayer:
         self._ball.on_click(modifier="shift")(clicked)
         watch(self._ball)
 
-        # A coroutine, so that the phases of a drag come in their order.
+        # A coroutine, so that the phases of a drag arrive in order.
         async def dragged(event: Any) -> None:
-            if event.phase == "start":  # later the event's start moves with the ball
+            if event.phase == "start":  # in later events the start position moves with the ball
                 self._taken_at = np.array(event.start_position)
             self._drag(event.phase, np.array(event.end_position) - self._taken_at)
 
@@ -91,7 +91,7 @@ class DragHandleLayer:
         self._ball.visible = is_visible
 
     def _drag(self, phase: str, offset: np.ndarray) -> None:
-        """`offset` (3,) page units: how far the hand is from where it took the ball."""
+        """Handle a phase of a drag. `offset` (3,), page units: movement of the pointer since the drag started."""
         if phase == "start":
             self._grabbed = self._on_grab() if len(self._selected) else None
         if self._grabbed is None:

@@ -1,4 +1,4 @@
-"""One picture of the cells panel enlarged, with its scale and the values under the pointer."""
+"""Lens: one picture of the cells panel enlarged, with its colour scale and the values under the pointer."""
 
 from collections.abc import Callable
 
@@ -25,7 +25,7 @@ FRAME = 362  # px of the lens
 
 
 class CellLens:
-    """Floats beside the panel while something is enlarged."""
+    """Floats beside the cells panel while a picture is enlarged."""
 
     def __init__(
         self,
@@ -65,7 +65,7 @@ class CellLens:
             self._panel.set(self._content(found[1], *enlarged, page_state))
 
     def _show_photo(self, state: RunState, page_state: PageState, vertex: int, view_id: int, kind: str) -> None:
-        """A photo around the vertex, or a picture of the pair."""
+        """Show a crop of a photo around the vertex, or a picture of the pair."""
         found = self._pages.newest(state, vertex)
         if found is None:
             return
@@ -119,7 +119,7 @@ class CellLens:
         )
 
     def _around(self, views: list[int], view_id: int, kind: str) -> str:
-        """Buttons to the photo before and after."""
+        """Buttons for the previous and the next photo."""
         at = views.index(view_id) if view_id in views else 0
         return "".join(
             button(
@@ -170,7 +170,7 @@ class CellLens:
 
 
 def _read_out(size: int, pictures: CellPictures) -> str:
-    """JavaScript for the picture: what its sample under the pointer says goes into the line two below."""
+    """JavaScript that writes the values of the sample under the pointer into the second element after the picture."""
     return (
         "var t=this,d=t.dataset.values,v=t.d===d?t.v:(t.d=d,t.v=new Int16Array(Uint8Array.from(atob(d),"
         "c=>c.charCodeAt(0)).buffer)),"

@@ -1,4 +1,4 @@
-"""Expressions somebody watches: their value now, and how they went."""
+"""Watch panel: expressions with their current value and a sparkline of their history."""
 
 from collections.abc import Callable
 
@@ -36,7 +36,7 @@ class WatchControls:
 
 
 class WatchPanel:
-    """Every browser has expressions of its own."""
+    """The watch expressions of one browser."""
 
     def __init__(
         self,
@@ -58,7 +58,9 @@ class WatchPanel:
                 raise
             republish()
 
-        line = Line(gui, bridge, "Watch", "Such as energy / 1000, moved(0) or 100 * weakest. Enter adds it.", add)
+        line = Line(
+            gui, bridge, "Watch", "An expression such as energy / 1000, moved(0) or 100 * weakest. Enter adds it.", add
+        )
         self._panel = HtmlPanel(gui)
 
     def show(self, state: RunState, page_state: PageState) -> None:
@@ -93,7 +95,7 @@ class WatchPanel:
         )
         return (
             f'<svg viewBox="0 0 {width} {height}" style="width:{width}px;height:{height}px;cursor:pointer" '
-            f'onpointerdown="{text(press)}"><title>{text(number(low))} to {text(number(high))}; click to go there</title>'
+            f'onpointerdown="{text(press)}"><title>{text(number(low))} to {text(number(high))}; click to go to a moment</title>'
             f'<rect width="{width}" height="{height}" fill="transparent"/>'
             f'<polyline points="{points}" fill="none" stroke="{css(NOW)}" stroke-width="1.4"/>'
             f'<line x1="{at:.1f}" x2="{at:.1f}" y1="0" y2="{height}" stroke="{css(SELECTED)}"/></svg>'

@@ -16,13 +16,13 @@ SEAM = 236  # grey level of the line between photo and prediction
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """One photo as the model predicts it.
+    """A photo predicted from the mesh and the other photos.
 
     Attributes:
         view_id: of the photo.
-        vertices: (n, 3) float, world units: the mesh it was rendered from.
+        vertices: (n, 3) float, world units: vertices of the mesh.
         image: (h, w, 3) float32, RGB grey levels.
-        is_known: (h, w) bool: where the other photos say anything.
+        is_known: (h, w) bool: pixels that the other photos predict.
     """
 
     view_id: int
@@ -31,12 +31,12 @@ class Prediction:
     is_known: np.ndarray
 
     def over(self, photo: np.ndarray, share: float) -> np.ndarray:
-        """(h, w, 3) uint8: the photo with a share, 0 to 1, of the prediction laid over it where that is known."""
+        """(h, w, 3) uint8: blend of the photo (h, w, 3) and the prediction, weighted by `share`, 0 to 1, where known."""
         weight = (share * self.is_known)[..., None].astype(np.float32)
         return np.clip(photo + weight * (self.image - photo) + 0.5, 0, 255).astype(np.uint8)
 
     def beside(self, photo: np.ndarray, share: float) -> np.ndarray:
-        """(h, w, 3) uint8: the photo, and right of a line the prediction, on a share, 0 to 1, of the width."""
+        """(h, w, 3) uint8: the photo at the left and the prediction at the right, on a `share`, 0 to 1, of the width."""
         shown, width = self.over(photo, 1.0), photo.shape[1]
         seam, thickness = round((1 - share) * width), max(1, width // 400)
         shown[:, :seam] = photo[:, :seam]
@@ -54,7 +54,7 @@ class Predictor:
         self._lock = threading.Lock()
         self.newest: Prediction | None = None
 
-    def ask(self, view_id: int, vertices: np.ndarray) -> None:
+    def request(self, view_id: int, vertices: np.ndarray) -> None:
         """Render a photo from vertices (n, 3), identified by the array; `on_ready` is called when it is done."""
         with self._lock:
             if self._requested is None or self._requested[0] != view_id or self._requested[1] is not vertices:

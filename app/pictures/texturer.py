@@ -1,4 +1,4 @@
-"""Paints meshes from the photos on threads of their own: one image, or one that follows the eye."""
+"""Texturer: computes textures of meshes from the photos on background threads, static or view-dependent."""
 
 import logging
 import threading
@@ -19,23 +19,23 @@ from fairing.texture import AtlasLayout, EigenTexture, eigen_texture, textured_m
 from fairing.texture.eigen import GUTTER
 
 JPEG_QUALITY = 92
-LARGEST = 2048  # texels: what a browser unpacks within a second even without a graphics card
-LARGEST_VIEW_DEPENDENT = 1024  # texels: sent anew several times a second
+LARGEST = 2048  # texels per side: a browser unpacks it within 1 s even without a graphics card
+LARGEST_VIEW_DEPENDENT = 1024  # texels per side: sent several times per second
 MOST_FACES, MOST_FACES_VIEW_DEPENDENT = (
     AtlasLayout.most_faces(LARGEST),
     AtlasLayout.most_faces(LARGEST_VIEW_DEPENDENT, GUTTER),
 )
-KEPT_VIEW_DEPENDENT = 3  # these hold their eigenspaces, up to 50 MB each
-KEPT = 8  # painted meshes, so that going back and forth between shapes paints nothing again
+KEPT_VIEW_DEPENDENT = 3  # cached meshes; each holds its eigenspaces, up to 50 MB
+KEPT = 8  # cached meshes, so that switching between start, now and truth paints nothing again
 
 
 @dataclass(frozen=True, eq=False)
 class TexturedMesh:
-    """A painted mesh as the page wants it.
+    """A mesh with a static texture.
 
     Attributes:
         vertices: (n, 3) float, world units: the positions it was painted at.
-        glb: the file.
+        glb: contents of a GLB file, vertices in page units.
     """
 
     vertices: np.ndarray
@@ -44,12 +44,12 @@ class TexturedMesh:
 
 @dataclass(frozen=True, eq=False)
 class ViewDependentMesh:
-    """A mesh painted for every eye.
+    """A mesh with a view-dependent texture.
 
     Attributes:
         vertices: (n, 3) float, world units: the positions it was painted at.
-        texture: the image for an eye.
-        corners: (3 m, 3) float, page units: where the faces' corners are drawn.
+        texture: renders the texture for a viewpoint.
+        corners: (3 m, 3) float, page units: positions at which the corners of the faces are drawn.
     """
 
     vertices: np.ndarray
@@ -57,7 +57,7 @@ class ViewDependentMesh:
     corners: np.ndarray
 
     def seen_from(self, eye: np.ndarray) -> TexturedMesh:
-        """As an eye at (3,), world units, sees it."""
+        """The mesh with its texture for a viewpoint (3,), world units."""
         image = self.texture.image_for(eye)
         return TexturedMesh(self.vertices, _glb(self.corners, self.texture.layout.uv, image))
 
@@ -114,12 +114,12 @@ class Painter(Generic[Painted]):
 
 
 class Texturer:
-    """The painters that all pages share.
+    """The painters shared by all pages.
 
     Attributes:
-        static: paints meshes with one image.
-        by_eye: paints meshes whose image depends on the eye.
-        frames: makes the images for an eye, of those one page wants only the newest.
+        static: paints meshes with static textures.
+        view_dependent: paints meshes with view-dependent textures.
+        frames: renders the textures for a viewpoint; of each page's requests only the latest.
     """
 
     def __init__(self, scene: Scene, stage: Stage, on_ready: Callable[[], None]) -> None:
@@ -138,13 +138,13 @@ class Texturer:
 
 
 def paint(scene: Scene, stage: Stage, vertices: np.ndarray) -> TexturedMesh:
-    """The mesh of a scene at vertices (n, 3), world units, with one image."""
+    """The mesh of a scene at vertices (n, 3), world units, with a static texture."""
     model = textured_model(scene, vertices, LARGEST)
     return TexturedMesh(vertices, _glb(_corners(scene, stage, vertices), model.uv, model.image))
 
 
 def _corners(scene: Scene, stage: Stage, vertices: np.ndarray) -> np.ndarray:
-    """(3 m, 3) float, page units: where the faces' corners are drawn."""
+    """(3 m, 3) float, page units: positions at which the corners of the faces are drawn."""
     return set_back(vertices, scene, stage)[scene.mesh.faces].reshape(-1, 3)
 
 
