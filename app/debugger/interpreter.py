@@ -40,6 +40,7 @@ from app.debugger.step_text import step_outcome
 from fairing.errors import Cancelled
 from fairing.options import FairingOptions
 from fairing.run.session import Session
+from fairing.trace import SchedulePosition
 
 STEPS_TIMED = 8  # recent steps in the mean computing time
 
@@ -144,13 +145,15 @@ class Interpreter:
         session = self._session
         if session.finished:
             return session.stop_reason
-        began, self._stopped = session.position, session.vertices
+        began: SchedulePosition | None = None
+        self._stopped = session.vertices
         while not session.finished:
             is_new = session.moment == len(session.trace)
             started = time.perf_counter()
             session.step()
             if is_new:
                 self._step_seconds.append(time.perf_counter() - started)
+            began = began or session.trace.steps[session.moment - 1].position
             if extent is not Extent.ITERATION and (stop := self._markers.check(session, self._stopped)):
                 return stop
             if until is not None and self._holds(until):
