@@ -189,7 +189,7 @@ class _Parser:
             return lambda q: q.values[token.text]()
         if token.kind == "name" and token.text not in ("and", "or", "not"):
             known = ", ".join(sorted(self._values) + sorted(f"{name}()" for name in self._functions))
-            raise self._error(f"{token.text!r} is not a known name; known names: {known}")
+            raise self._error(f"{token.text!r} is not known; known names are {known}")
         raise self._error("expected a number or a name")
 
     def _check_limit(self, function: str) -> None:
