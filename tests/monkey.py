@@ -28,7 +28,8 @@ from tests.small_scene import corner_scene, small_options
 REST_LIMIT = 1.0  # s from Pause to rest, of this process's computing time or of the clock, whichever is less
 STUCK_LIMIT = 60.0  # s
 BURST = 12  # commands between two checks at rest, at most
-WAITS = (0.0, 0.0, 0.0, 0.002, 0.01, 0.05)  # s after a command
+WAITS = (0.0, 0.0, 0.0, 0.002, 0.01, 0.05)  # s after a command, on the corner
+SLOWER = {"corner": 1.0, "cube": 4.0, "facade": 40.0}  # factors for the waits, so that steps come to their end
 CONDITIONS = (
     "rejected > 0",
     "moment == 7",
@@ -72,10 +73,11 @@ class Monkey:
     Args:
         make: makes the session to begin with.
         variants: options for branches, restarts and races.
+        slower: factor for the waits between commands.
     """
 
-    def __init__(self, make: Callable[[], Session], variants: list[FairingOptions]) -> None:
-        self._make, self._variants = make, variants
+    def __init__(self, make: Callable[[], Session], variants: list[FairingOptions], slower: float = 1.0) -> None:
+        self._make, self._variants, self._slower = make, variants, slower
 
     def warm_up(self) -> None:
         """Compile the engine, which cannot be cancelled."""
@@ -104,7 +106,7 @@ class Monkey:
                     act(controller)
                 except InputError:
                     outcome.refusals += 1
-                time.sleep(rng.choice(WAITS))
+                time.sleep(self._slower * rng.choice(WAITS))
                 if rng.random() < 1 / BURST:
                     self._check_rest(controller, outcome)
                 if count % 50 == 0:
@@ -384,7 +386,7 @@ def monkey_on(name: str) -> Monkey:
 
     scene: Scene = load_demo(name)
     variants = list(PRESETS.values())
-    return Monkey(lambda: Session(scene, variants[0]), variants)
+    return Monkey(lambda: Session(scene, variants[0]), variants, SLOWER.get(name, 1.0))
 
 
 def shrunk(monkey: Monkey, seed: int, begin: int, end: int, tries: int = 3) -> range:
