@@ -282,7 +282,7 @@ class Page:
 
     def _add_commands(self) -> None:
         for action in ACTIONS:
-            for n, (key, modifier) in enumerate(action.keys):
+            for n, (key, modifier) in enumerate(action.keys or ((None, None),)):
                 label = action.label if n == 0 else f"{action.label} ({key})"
                 self._command(label, self._run.poster(action.command), key, modifier)
         for view_id, view in enumerate(self._shared.scene.views[:9]):
