@@ -63,7 +63,7 @@ _REASON_TEXTS = {
     StepReason.MOVED_MANUALLY: "moved by hand",
     StepReason.RESET_MANUALLY: "put back to its start by hand",
     StepReason.SMOOTHED: "smoothed: the photos agree better with the start's noise filtered out",
-    StepReason.FITTED_TO_POINTS: "drawn to the sparse points: half of them are used, and the photos agree",
+    StepReason.FITTED_TO_POINTS: "fitted to the sparse points: half of them are used, and the photos agree",
 }
 PREPARING = (StepReason.SMOOTHED, StepReason.FITTED_TO_POINTS)
 MANUAL_REASONS = (StepReason.MOVED_MANUALLY, StepReason.RESET_MANUALLY)

@@ -62,7 +62,7 @@ VERTEX_KEYS = (
     ("K", "Bookmark this moment"),
     ("C", "Compare with this moment from now on"),
     ("X", "Surface before or now"),
-    ("-", "Texture static or by the eye"),
+    ("-", "Texture static or view-dependent"),
     ("Y", "Dark or light"),
     ("M", "Show the mesh"),
     ("V", "Show mesh and cameras"),

@@ -13,7 +13,7 @@ LAYERS: dict[str, str] = {
     "truth": "True mesh",
     "vertices": "Vertices",
     "paths": "Vertex paths",
-    "certainty": "What the photos determine",
+    "certainty": "Certainty ellipsoids",
     "cameras": "Cameras",
     "points": "Sparse points",
 }
@@ -52,7 +52,7 @@ class PageState:
     speed: of playing the record; 1 is four moments a second.
     strip: what the timeline's strip shows, of `app.pictures.strip.KINDS`.
     surface: how the faces are shown: a key of `SURFACES` or of `app.pictures.coloring.COLORINGS`.
-    by_eye: the texture of a resting surface follows the eye.
+    by_eye: the texture of a paused surface is view-dependent.
     shape: where the surface's vertices are: 0 at the start, 1 now, 2 at the truth, and anything between.
     model_share: of the model laid over a photo looked through, 0 to 1.
     experiment: the one shown, of `fairing.experiments.EXPERIMENTS`.
