@@ -120,13 +120,13 @@ class Plot:
         whose = "vertex" if selected is None else f"v {selected}"
         vertex = button(
             whose, self._controls.vertex, hint="Plot the selected vertex (instead of the whole run)",
-            css_class="chip tight on" if plot.of_vertex else "chip tight",
+            css_class="chip tight first on" if plot.of_vertex else "chip tight first",
         )  # fmt: skip
         log = button(
             "log", self._controls.log, hint="Logarithmic scale",
             css_class="chip tight on" if is_log(plot) else "chip tight",
         )  # fmt: skip
-        return f"<div class='row chips'>{quantities}<span class='grow'></span>{vertex}{log}</div>"
+        return f"<div class='row chips quantities'>{quantities}{vertex}{log}</div>"
 
     def _picture(
         self, state: RunState, plot: PlotView, lines: list[Line], compared: Compared | None, others: list[Line]
