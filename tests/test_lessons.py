@@ -56,6 +56,7 @@ def lesson() -> Lesson:
     return load_lesson("model")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", lesson_names())
 def test_every_claim_of_every_lesson_holds(name: str):
     lesson = load_lesson(name)

@@ -60,7 +60,7 @@ def page_data(facts: RunFacts, at: int, on_progress: Callable[[float], None]) ->
         **_changes(facts),
         "steps": _steps(facts),
         "sweeps": np.unique(facts.energies.sweeps).tolist(),
-        "energy": _energy_lines(facts),
+        "energy": [{"moments": m.tolist(), "values": values.tolist()} for m, values in facts.energy_lines],
         "errors": None if facts.errors is None else facts.errors.tolist(),
         "levels": _levels(facts),
         "kinds": [kind._asdict() for kind in KINDS],
@@ -140,16 +140,6 @@ def _steps(facts: RunFacts) -> list[dict[str, Any]]:
         }
         for step, record in enumerate(facts.trace.steps)
     ]
-
-
-def _energy_lines(facts: RunFacts) -> list[dict[str, Any]]:
-    """One line per sweep: energies of different sweeps are not comparable."""
-    before, after, sweeps = facts.energies.before, facts.energies.after, facts.energies.sweeps
-    starts = np.flatnonzero(np.diff(sweeps, prepend=-1)).tolist()
-    return [
-        {"moments": list(range(first, end + 1)), "values": [float(before[first]), *after[first:end].tolist()]}
-        for first, end in zip(starts, [*starts[1:], facts.length], strict=True)
-    ] if starts else []  # fmt: skip
 
 
 def _levels(facts: RunFacts) -> list[dict[str, Any]]:
