@@ -93,13 +93,13 @@ def _keyframe(keyframe: TextureKeyframe) -> dict[str, Any]:
 
 def _changes(facts: RunFacts) -> dict[str, Any]:
     """The vertices that every step moved, with their displacements; and the vertices it involved, with reasons."""
-    moved, ways, involved, reasons = [], [np.zeros((0, 3), dtype=np.int32)], [], []
+    moved, displacements, involved, reasons = [], [np.zeros((0, 3), dtype=np.int32)], [], []
     place = _on_grid(facts, facts.trace.start)
     for record in facts.trace.steps:
         after = _on_grid(facts, record.after)
         has_moved = (after != place[record.vertices]).any(axis=1)
         moved.append(record.vertices[has_moved])
-        ways.append((after - place[record.vertices])[has_moved])
+        displacements.append((after - place[record.vertices])[has_moved])
         place[record.vertices] = after
         involved.append(record.vertices)
         reasons.append(record.reasons)
@@ -107,7 +107,7 @@ def _changes(facts: RunFacts) -> dict[str, Any]:
         "moved": {
             "starts": packed(_starts(moved)),
             "vertices": packed(_joined(moved).astype(np.uint32)),
-            "ways": packed(np.concatenate(ways)),
+            "displacements": packed(np.concatenate(displacements)),
         },
         "involved": {
             "starts": packed(_starts(involved)),

@@ -58,7 +58,9 @@ class DragHandleLayer:
         self._edges = lines(
             "/drag_handle/edges", nothing, SELECTED, thickness=2.0, thickness_units="screen", visible=False
         )
-        self._way = lines("/drag_handle/way", nothing, HAND, thickness=2.0, thickness_units="screen", visible=False)
+        self._displacement = lines(
+            "/drag_handle/displacement", nothing, HAND, thickness=2.0, thickness_units="screen", visible=False
+        )
 
         def clicked(event: viser.SceneNodePointerEvent) -> None:
             # The ball may have been drawn at an older position when the user clicked, so the vertex follows from the ray.
@@ -99,7 +101,7 @@ class DragHandleLayer:
         after = self._grabbed.copy()
         after[self._selected] += offset / self._stage.scale
         if phase == "end":
-            self._edges.visible = self._way.visible = False
+            self._edges.visible = self._displacement.visible = False
             self._grabbed = None
             self._on_drop(self._selected, after[self._selected])
             return
@@ -107,5 +109,5 @@ class DragHandleLayer:
         page = self._stage.page_from_world
         self._ball.position = page(after[self._selected[-1]])
         self._edges.points = page(after[around])
-        self._way.points = page(np.stack([self._grabbed[self._selected], after[self._selected]], axis=1))
-        self._edges.visible = self._way.visible = True
+        self._displacement.points = page(np.stack([self._grabbed[self._selected], after[self._selected]], axis=1))
+        self._edges.visible = self._displacement.visible = True
