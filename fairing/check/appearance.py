@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from fairing.cells.visibility import Visibility, depth_map
+from fairing.cells.depth_map import depth_map
+from fairing.cells.visibility import Visibility
 from fairing.scene import Scene
 
 _STEP = 2

@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fairing.cells.context import blur_of_rung, blur_rungs
-from fairing.cells.point_spread import MOST_PIXELS, pixels_around
-from fairing.cells.scale_space import AT_ONCE, KEPT_PHOTOS, LARGE, reduction
+from fairing.cells.pair_photos import blur_octaves, blur_of_octave
+from fairing.cells.point_spread import MAX_PATCH_PIXELS, patch_pixels
+from fairing.cells.scale_space import LARGE_SCENE_PIXELS, MAX_CONCURRENT_PHOTOS, MAX_DECODED_BYTES, reduction
 from fairing.cells.visibility import Visibility, footprints
 from fairing.options import FairingOptions, by_level
 from fairing.scene import Scene
@@ -34,9 +34,10 @@ def memory_needed(scene: Scene, options: FairingOptions, scale: float = 1.0) -> 
     channels, n_faces = 3 if options.cells.color else 1, len(scene.mesh.faces)
     threads = min(options.threads or os.cpu_count() or 1, len(sizes))
     laid_out = 4 * channels * _pixels_laid_out(scene, options, scale, sizes)
-    decoded = min((3 if options.cells.color else 2) * float(sizes.sum()), KEPT_PHOTOS)
+    decoded = min((3 if options.cells.color else 2) * float(sizes.sum()), MAX_DECODED_BYTES)
     in_work = float(sizes.max()) * max(
-        min(threads, AT_ONCE) * PER_PIXEL_IN_WORK, threads * PER_MAP_PIXEL / options.visibility.reduction**2
+        min(threads, MAX_CONCURRENT_PHOTOS) * PER_PIXEL_IN_WORK,
+        threads * PER_MAP_PIXEL / options.visibility.reduction**2,
     )
     masked = np.array([view.mask is not None for view in scene.views])
     masks = float(sizes[masked].sum()) / options.visibility.reduction**2
@@ -52,23 +53,23 @@ def _pixels_laid_out(scene: Scene, options: FairingOptions, scale: float, sizes:
     Args:
         sizes: (V,) float: pixels of the photos.
     """
-    laid_out, is_large = np.zeros(options.n_levels), float(sizes.sum()) > LARGE
+    laid_out, is_large = np.zeros(options.n_levels), float(sizes.sum()) > LARGE_SCENE_PIXELS
     parts, count = np.zeros(len(scene.mesh.faces)), np.zeros(len(scene.mesh.faces))
     everywhere = replace(options.visibility, min_angle=0.0, min_footprint=0.0)
     for v, view in enumerate(scene.views):
         outline = footprints(scene.mesh.vertices, scene.mesh.faces, view.camera, 1, everywhere, 0.0)
         is_seen = np.isin(outline.reason, (Visibility.SEEN, Visibility.TURNED_AWAY))
         longest, height = scale * outline.longest_edge[is_seen], scale * outline.height[is_seen]
-        parts[is_seen] += pixels_around(longest, height)
+        parts[is_seen] += patch_pixels(longest, height)
         count[is_seen] += 1
         for level, blur in enumerate(options.schedule.blur):
-            rungs = np.unique(blur_rungs(longest / by_level(options.cells.size, level), blur)).tolist()
-            for rung in rungs or [0]:
-                factor = reduction(is_large, (view.camera.width, view.camera.height), blur_of_rung(rung, blur))
+            octaves = np.unique(blur_octaves(longest / by_level(options.cells.size, level), blur)).tolist()
+            for octave in octaves or [0]:
+                factor = reduction(is_large, (view.camera.width, view.camera.height), blur_of_octave(octave, blur))
                 laid_out[level] += sizes[v] / factor**2
     of_parts = float((parts * np.minimum(1, options.visibility.max_views / np.maximum(count, 1))).sum())
     levels = [by_level(options.cells.point_spread, level) for level in range(options.n_levels)]
-    is_in_parts = [spread == "common" and of_parts <= MOST_PIXELS for spread in levels]
+    is_in_parts = [spread == "common" and of_parts <= MAX_PATCH_PIXELS for spread in levels]
     return max(of_parts if parts else float(laid_out[level]) for level, parts in enumerate(is_in_parts))
 
 

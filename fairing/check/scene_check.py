@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from fairing.cells.context import CellContext, build_context, facing
+from fairing.cells.context import CellContext, build_context
 from fairing.cells.scale_space import ScaleSpace
-from fairing.cells.visibility import Visibility
+from fairing.cells.visibility import Visibility, mesh_orientation
 from fairing.check.appearance import Appearance, exposures, measure_appearance
 from fairing.check.conventions import explain_reprojection, median_shift
 from fairing.check.hints import find_hints, find_suggestions
@@ -46,7 +46,7 @@ def check_scene(scene: Scene, options: FairingOptions | None = None) -> SceneChe
     as_seen = replace(options, cells=replace(options.cells, point_spread=("as_seen",)))  # no photo need be read
     with ThreadPoolExecutor(options.threads or os.cpu_count()) as pool:
         context = build_context(
-            scene, _MasksAlone(scene, color=False), as_seen, level, vertices, facing(scene, vertices), sound, pool
+            scene, _MasksAlone(scene, color=False), as_seen, level, vertices, mesh_orientation(scene, vertices), sound, pool
         )  # fmt: skip
     appearance = measure_appearance(scene, context.reasons)
     bright = exposures(appearance.mean)

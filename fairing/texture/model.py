@@ -13,7 +13,7 @@ import cv2
 import numba
 import numpy as np
 
-from fairing.geometry.rasterize import rasterize
+from fairing.geometry.rasterize import HIDDEN_DEPTH, rasterize
 from fairing.scene import Scene, View
 from fairing.texture.layout import AtlasLayout
 from fairing.texture.texels import columns, place, rows
@@ -21,7 +21,6 @@ from fairing.texture.texels import columns, place, rows
 VIEWS_PER_FACE = 8
 SMALLEST_SINE = np.sin(np.radians(12.0))  # of the angle between line of sight and face
 LEAST_SCORE = 0.2  # of the best photo's: photos that resolve a face much less blur it more than they help
-HIDDEN_DEPTH = 4.0  # pixels' worth of depth by which something in front hides a texel
 OUTLIER = 20.0  # grey levels, sigma of the Geman-McClure weight
 ROUNDS = 4
 SAMPLE_BUDGET = 400_000_000  # bytes of samples held at a time

@@ -9,9 +9,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fairing.cells.context import Occluders, build_context, facing
+from fairing.cells.context import build_context
+from fairing.cells.depth_map import DepthMap, depth_map
+from fairing.cells.sample_masks import Occluders
 from fairing.cells.scale_space import ScaleSpace
-from fairing.cells.visibility import DepthMap, depth_map
+from fairing.cells.visibility import mesh_orientation
 from fairing.geometry.normals import face_normals
 from fairing.mesh import Mesh
 from fairing.options import (
@@ -116,7 +118,7 @@ class Judge:
         self._photos = ScaleSpace(scene, color=False)
         self._evaluator = Evaluator(options.threads)
         self.vertices = scene.mesh.vertices
-        self.orientation = facing(scene, self.vertices)
+        self.orientation = mesh_orientation(scene, self.vertices)
 
     def depth_maps(self, faces: np.ndarray) -> list[DepthMap]:
         """What hides what, in every photo, if these are the faces (m, 3)."""
