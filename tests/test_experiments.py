@@ -128,9 +128,9 @@ def test_the_bound_grows_with_the_noise_and_with_fewer_photos(monkeypatch):
 
 
 def test_a_bound_on_a_scene_without_truth_or_on_an_unseen_vertex_is_refused():
-    with pytest.raises(InputError, match="true places"):
+    with pytest.raises(InputError, match="true positions"):
         cramer_rao_bound(replace(corner_scene(), truth=None), 0, 1.0)
-    with pytest.raises(InputError, match="leave a direction open"):
+    with pytest.raises(InputError, match="leave a direction undetermined"):
         cramer_rao_covariance(corner_scene(), 0, 1.0, {face: np.zeros(0, int) for face in range(6)})
 
 
