@@ -167,7 +167,7 @@ def test_a_near_start_comes_back_and_one_across_the_edge_does_not(setting: Setti
     assert near["end_percent"] < 0.4
     assert far["end_percent"] > 9
     assert "up to 4 %" in experiment.finding([near, far])
-    assert "From 90 % it came back from 0 of 1." in experiment.finding([near, far])
+    assert "From 90 % it converged from 0 of 1 directions." in experiment.finding([near, far])
 
 
 def test_the_end_error_is_that_of_an_ordinary_run(setting: Setting):
@@ -196,7 +196,7 @@ def test_what_all_draws_share_is_told_from_their_spread():
     rows = [{"noise": 2.0, "bound_percent": 0.01, "end_percent": end, "error": [end]} for end in (0.10, 0.12, 0.11)]
     said = NoiseAgainstBound().finding(rows)
     assert "0.11 % of the edge (rms of 3), 11.0 times the bound" in said
-    assert "Without what all draws have in common it is 1.0 times." in said
+    assert "The spread about the mean is 1.0 times the bound." in said
 
 
 def test_an_eigenspace_of_more_dimensions_explains_more_misalignment_away(setting: Setting):

@@ -163,7 +163,7 @@ def test_a_run_that_does_not_fit_is_refused_in_one_line(
     tmp_path, capsys, monkeypatch: pytest.MonkeyPatch, total: int, free: int, code: int
 ):
     write_corner(tmp_path / "corner")
-    monkeypatch.setattr(memory, "memory_there", lambda: (total, free))
+    monkeypatch.setattr(memory, "memory_available", lambda: (total, free))
     arguments = ["fair", str(tmp_path / "corner"), "--out", str(tmp_path / "out"), "--schedule.blur", "1.2"]
     assert run(arguments) == code
     lines = [line for line in capsys.readouterr().err.splitlines() if "GB of memory" in line]
@@ -175,11 +175,11 @@ def test_a_run_that_does_not_fit_is_refused_in_one_line(
 def test_the_remedy_is_a_scale_that_fits(monkeypatch: pytest.MonkeyPatch):
     scene, options = corner_scene(), PRESETS["accurate"]
     monkeypatch.setattr(memory, "PROGRAM", 0)
-    monkeypatch.setattr(memory, "memory_there", lambda: (memory_needed(scene, options) - 1,) * 2)
+    monkeypatch.setattr(memory, "memory_available", lambda: (memory_needed(scene, options) - 1,) * 2)
     warning = memory_warning(scene, options)
     assert warning is not None
     assert warning.is_too_much
     scale = float(warning.line.rsplit("--photo-scale ", 1)[1])
     assert memory_needed(scene, options, scale) <= memory.SPARE * (memory_needed(scene, options) - 1)
-    monkeypatch.setattr(memory, "memory_there", lambda: None)
+    monkeypatch.setattr(memory, "memory_available", lambda: None)
     assert memory_warning(scene, options) is None

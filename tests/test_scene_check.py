@@ -94,7 +94,7 @@ def test_points_of_one_photo_alone_do_not_blame_all_cameras():
     assert explain_reprojection(scene) is None
     check = check_scene(scene)
     assert check.verdict == "doubtful"
-    assert any("photo photo0: sparse points lie 3" in hint for hint in check.hints)
+    assert any("photo photo0: the reprojection error of the sparse points is 3" in hint for hint in check.hints)
     shift = median_shift(scene, 0)
     assert shift is not None
     assert shift == pytest.approx((3, 0), abs=0.15)
@@ -160,7 +160,7 @@ def test_every_face_has_its_views_size_texture_and_reason():
 def test_suggestions_name_the_first_level_and_an_open_mesh():
     scene = corner_scene()
     found = " ".join(check_scene(scene).suggestions)
-    assert "a run begins about level" in found
+    assert "a run starts at about level" in found
 
 
 def test_the_overlay_shows_what_takes_part_and_what_is_masked(tmp_path: Path):
@@ -245,4 +245,4 @@ def test_a_scene_with_half_a_pixel_amiss_is_doubtful_from_its_files_on(tmp_path:
     cameras.write_text(cameras.read_text().replace("48.0 36.0", "48.5 36.5"))
     check = check_scene(load_scene(source))
     assert check.verdict != "good"
-    assert check.hints[0].startswith("in all photos alike sparse points lie (+0.50, +0.50) px")
+    assert check.hints[0].startswith("in all photos sparse points are shifted by (+0.50, +0.50) px")

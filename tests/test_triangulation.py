@@ -285,7 +285,7 @@ def test_points_that_cannot_be_trusted_are_left_out_and_said():
     mesh = start_mesh(VIEWS, points, TriangulationOptions())
     assert not np.isin(np.arange(23), mesh.point_ids).any()
     assert mesh.left_out["seen by fewer than 3 photos"] == 20
-    assert mesh.left_out["far from where the photos see it"] == 1
+    assert mesh.left_out["reprojection error too large"] == 1
     assert mesh.left_out["far from all others"] == 2
     assert np.abs(mesh.vertices[:, 2] - 0.2 * mesh.vertices[:, 0]).max() < 1e-12
 
