@@ -7,7 +7,7 @@ import pytest
 from fairing.scene import Scene
 from fairing.texture import EigenTexture, TexturedModel, eigen_texture, textured_model
 from tests.small_scene import FACES, HEIGHT, VERTICES, WIDTH, cameras, corner_scene, photos
-from tests.test_texture import inner, shown_in
+from tests.texture_view import inner, shown_in
 
 
 def glossy_photos() -> dict[int, np.ndarray]:

@@ -8,12 +8,13 @@ import pytest
 from scipy.ndimage import map_coordinates
 
 from demo_scenes import load_demo
-from fairing import cramer_rao
-from fairing.cells.context import cell_grid
+from fairing.cells.layout import cell_grid
+from fairing.cells.scale_space import LUMA
 from fairing.errors import InputError
 from fairing.experiments import CaptureRange, KSweep, NoiseAgainstBound, Setting, WarpComparison, results
 from fairing.experiments.k_sweep import part_left
 from fairing.experiments.noise import noisy_views
+from fairing.judge import cramer_rao
 from fairing.judge.cramer_rao import cramer_rao_bound, cramer_rao_covariance, luma_noise
 from fairing.photo import ArrayPhoto
 from fairing.run.session import Session
@@ -138,7 +139,7 @@ def test_luma_noise_is_what_noise_in_three_channels_makes():
     rng = np.random.default_rng(0)
     smooth = rng.uniform(50, 200, (200_000, 1))
     noisy = np.rint(smooth + 3 * rng.standard_normal((200_000, 3)))
-    luma = (noisy - smooth) @ cramer_rao.LUMA
+    luma = (noisy - smooth) @ LUMA
     assert luma.std() == pytest.approx(luma_noise(3.0), rel=0.01)
 
 

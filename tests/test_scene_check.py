@@ -64,9 +64,9 @@ def posed(change: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> Callable[[C
 MISTAKES: dict[str, tuple[Callable[[Camera], np.ndarray], str | None]] = {
     "none": (lambda camera: camera.image_from_world, None),
     "a tenth": (shifted(0.1, -0.1), None),
-    "half a pixel": (shifted(0.5, 0.5), r"half a pixel.*centre of the top-left pixel for \(0\.5, 0\.5\)"),
-    "half a pixel back": (shifted(-0.5, -0.5), r"half a pixel.*top-left pixel for \(0, 0\) where it is \(0\.5, 0\.5\)"),
-    "principal point": (shifted(0.3, 1.2), r"\(\+0\.\d+, \+1\.\d+\) px .*principal point is off"),
+    "half a pixel": (shifted(0.5, 0.5), r"half a pixel.*centre of the top-left pixel at \(0\.5, 0\.5\)"),
+    "half a pixel back": (shifted(-0.5, -0.5), r"half a pixel.*top-left pixel at \(0, 0\) instead of \(0\.5, 0\.5\)"),
+    "principal point": (shifted(0.3, 1.2), r"\(\+0\.\d+, \+1\.\d+\) px .*principal point is wrong"),
     "opengl": (posed(lambda R, t: AXES @ np.column_stack([R, t])), r"if axes are y up, z backwards"),
     "inverse": (posed(lambda R, t: np.column_stack([R.T, -R.T @ t])), r"if poses are camera to world"),
     "left and right": (lambda c: np.array([[-1, 0, WIDTH - 1], [0, 1, 0], [0, 0, 1]]) @ c.image_from_world, "mirrored"),

@@ -5,14 +5,12 @@ import json
 import struct
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 import trimesh
 from PIL import Image
 
 from app.cli.main import run
-from fairing.camera import Camera
 from fairing.errors import InputError
 from fairing.geometry.rasterize import rasterize
 from fairing.io import read_mesh, write_mesh
@@ -23,6 +21,7 @@ from fairing.photo import ArrayPhoto
 from fairing.scene import Scene, View
 from fairing.texture import AtlasLayout, TexturedModel, textured_model
 from tests.small_scene import FACES, VERTICES, corner_scene, photos, write_corner
+from tests.texture_view import inner, shown_in
 
 RNG = np.random.default_rng(3)
 
@@ -34,27 +33,6 @@ def test_as_many_faces_fit_as_is_said_and_not_one_more(largest, gutter):
     assert max(layout.width, layout.height) <= largest
     with pytest.raises(ValueError, match="do not fit"):
         AtlasLayout.plan(np.ones((most + 1, 3)), largest, gutter)
-
-
-def shown_in(model: TexturedModel, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
-    """The model in a camera (h, w, 3), looked up by its texture coordinates alone, and where it is (h, w)."""
-    face_id, depth = rasterize(model.vertices, model.faces, camera)
-    rows, columns = np.nonzero(face_id >= 0)
-    face = face_id[rows, columns]
-    rays = depth[rows, columns] * np.stack([columns, rows, np.ones(len(rows))])
-    points = np.linalg.solve(camera.image_from_world[:, :3], rays - camera.image_from_world[:, 3:]).T
-    weights = trimesh.triangles.points_to_barycentric(model.vertices[model.faces[face]], points)
-    uv = np.einsum("qc,qcx->qx", weights, model.uv[face])
-    height, width = model.image.shape[:2]
-    x, y = (uv * (width, height) - 0.5).astype(np.float32).T
-    colors = cv2.remap(model.image.astype(np.float32), x[None], y[None], cv2.INTER_LINEAR)[0]
-    image = np.zeros((camera.height, camera.width, 3))
-    image[rows, columns] = colors
-    return image, face_id >= 0
-
-
-def inner(is_shown: np.ndarray) -> np.ndarray:
-    return cv2.erode(is_shown.astype(np.uint8), np.ones((5, 5), np.uint8), borderValue=0) > 0
 
 
 @pytest.mark.parametrize("largest", [4096, 500])
