@@ -6,6 +6,7 @@ import pytest
 from scipy.ndimage import map_coordinates, spline_filter
 from scipy.optimize import approx_fprime, least_squares
 
+from fairing.geometry.normals import face_quality, folded_faces
 from fairing.mesh import Mesh
 from fairing.options import StepOptions
 from fairing.run.session import Session
@@ -13,14 +14,12 @@ from fairing.solve.energy import Evaluator, FaceSystem
 from fairing.solve.normal_equations import (
     Prior,
     QuadraticPrior,
-    face_quality,
-    folded_faces,
     solve_jointly,
     solve_vertices,
     undetermined_directions,
     vertex_systems,
 )
-from tests.kernel_inputs import ALL_CORNERS, FACE_IDS, prepared, sample_points, sharp_options
+from tests.cell_cases import ALL_CORNERS, FACE_IDS, prepared, sample_points, sharp_options
 from tests.small_scene import FACES, VERTICES, photos, small_options
 
 SMOOTH = {"interpolation": ["cubic"], "weighting": "cell", "size": [32], "inset": [0.5]}

@@ -8,7 +8,7 @@ from fairing.judge.inspect import energies_by_dimension, face_cells
 from fairing.options import FairingOptions
 from fairing.run.session import Session
 from fairing.trace import Trace
-from tests.kernel_inputs import blurred
+from tests.blurred_photo import blurred
 from tests.small_scene import corner_scene, small_options
 
 

@@ -14,7 +14,8 @@ from fairing.kernels.faces import evaluate_faces, show_face
 from fairing.kernels.robust import HISTOGRAM_STEP, weigh
 from fairing.run.session import SweepState
 from fairing.solve.energy import Evaluator, robust_scale
-from tests.kernel_inputs import ALL_CORNERS, FACE_IDS, blurred, prepared, sample_points, sharp_options
+from tests.blurred_photo import blurred
+from tests.cell_cases import ALL_CORNERS, FACE_IDS, prepared, sample_points, sharp_options
 from tests.numpy_twin import TwinPhotos, evaluate_face
 from tests.small_scene import FACES, HEIGHT, WIDTH, corner_scene, photos, small_options
 

@@ -17,14 +17,15 @@ from playwright.sync_api import Browser, Page
 from app.export.page import write_page
 from app.export.picture import picture
 from app.export.run_facts import RunFacts
-from app.lessons.look import AT_FRONT
+from app.lessons.page_settings import AT_FRONT
 from app.lessons.player import Status
 from app.lessons.scenes import load_lesson_scene
 from app.page.server import App, start
 from demo_scenes import load_demo
 from fairing.options import PRESETS
 from fairing.run.session import Session
-from tests.browser.driver import WINDOW, Visitor, chromium, wait_for
+from tests.browser.driver import WINDOW, Visitor, chromium
+from tests.waiting import wait_for
 
 PICTURES = Path(__file__).parents[1] / "app" / "pictures"
 QUALITY = 82
@@ -110,7 +111,7 @@ def replay(page: Page, session: Session) -> np.ndarray:
         path = Path(folder) / "page.html"
         write_page(RunFacts(session, path.parent), path, 2, lambda fraction: None)
         page.goto(path.as_uri())
-        wait_for(lambda: page.evaluate("viewer.loaded === data.paintings.length"))
+        wait_for(lambda: page.evaluate("viewer.loaded === data.keyframes.length"))
         page.get_by_role("button", name="Both", exact=True).click()
         page.evaluate("go(data.length)")
         return settled(page)

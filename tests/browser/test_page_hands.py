@@ -6,7 +6,8 @@ import pytest
 from app.debugger.commands import JumpTo
 from app.page_state.selection import Selection
 from fairing.options import FairingOptions, ScheduleOptions
-from tests.browser.driver import IN_BROWSER, Visitor, wait_for
+from tests.browser.driver import IN_BROWSER, Visitor
+from tests.waiting import wait_for
 
 pytestmark = IN_BROWSER
 
@@ -16,20 +17,20 @@ OPTIONS = FairingOptions(
 
 
 @pytest.fixture
-def visitor(visitor_for_all: Visitor):
+def visitor(module_visitor: Visitor):
     """A page at the start of the recorded run, nothing selected; fails a test that left trouble behind."""
-    visitor_for_all.app.controller.post(JumpTo(0))
-    visitor_for_all.app.controller.wait_until_idle()
-    hands, view = page_of(visitor_for_all)._hands, page_of(visitor_for_all).view
+    module_visitor.app.controller.post(JumpTo(0))
+    module_visitor.app.controller.wait_until_idle()
+    hands, view = page_of(module_visitor)._hands, page_of(module_visitor).view
 
     def nothing_is_chosen() -> bool:
         if view.selection.vertices:  # a click of the test before may still be on its way
             hands.choose(Selection())
-        return visitor_for_all.input_of("Vertices").input_value() == ""
+        return module_visitor.input_of("Vertices").input_value() == ""
 
     wait_for(nothing_is_chosen)
-    yield visitor_for_all
-    assert visitor_for_all.troubles == []
+    yield module_visitor
+    assert module_visitor.troubles == []
 
 
 def page_of(visitor: Visitor):
@@ -115,13 +116,13 @@ def test_a_vertex_is_dragged_and_the_move_is_part_of_the_record(visitor: Visitor
     visitor.click_vertex(0)
     visitor.page.get_by_text("Drag the yellow ball").wait_for()
     x, y = visitor.drawn_at(0) + corner
-    visitor.page.wait_for_function("() => window.__viserMutable.nodeRefFromName['/grip/ball']?.visible")
+    visitor.page.wait_for_function("() => window.__viserMutable.nodeRefFromName['/drag_handle/ball']?.visible")
     before = controller.state.serial
     visitor.page.mouse.move(x, y)
     visitor.page.mouse.down()
     visitor.page.mouse.move(x + 12, y + 4)
     visitor.page.mouse.move(x + 24, y + 8)
-    visitor.page.wait_for_function("() => window.__viserMutable.nodeRefFromName['/grip/edges']?.visible")
+    visitor.page.wait_for_function("() => window.__viserMutable.nodeRefFromName['/drag_handle/edges']?.visible")
     visitor.page.mouse.up()
     state = visitor.settle(before)
     assert (state.moment, state.length) == (began.length + 1, began.length + 1)
@@ -143,7 +144,7 @@ def test_locked_vertices_are_drawn_as_blocks_and_cannot_be_taken(visitor: Visito
     state = visitor.press("Lock")
     assert np.flatnonzero(state.locked).tolist() == [2, 4]
     visitor.page.wait_for_function("() => window.__viserMutable.nodeRefFromName['/vertices/locked']?.visible")
-    visitor.page.wait_for_function("() => !window.__viserMutable.nodeRefFromName['/grip/ball']?.visible")
+    visitor.page.wait_for_function("() => !window.__viserMutable.nodeRefFromName['/drag_handle/ball']?.visible")
     visitor.page.get_by_text("drawn as a block").wait_for()
     visitor.click_vertex(2)
     wait_for(lambda: selected(visitor) == [2])

@@ -1,12 +1,11 @@
-"""Inputs of kernel tests: sessions on the corner, and its samples and blurred photos computed independently."""
+"""Sessions on the corner whose cells an oracle can compute: one level, no masks, known sample points."""
 
-import cv2
 import numpy as np
 
 from fairing.judge.inspect import face_cells
 from fairing.options import FairingOptions
 from fairing.run.session import Session, SweepState
-from tests.small_scene import corner_scene, photos, small_options
+from tests.small_scene import corner_scene, small_options
 
 FACE_IDS = np.arange(6)
 ALL_CORNERS = np.full(6, -1)
@@ -41,10 +40,3 @@ def sample_points(session: Session, sweep: SweepState, face: int) -> np.ndarray:
     a = inset + (1 - 3 * inset) * (columns + 1 / 3) / size
     b = inset + (1 - 3 * inset) * (rows + 1 / 3) / size
     return np.stack([a, b, 1 - a - b], axis=1)
-
-
-def blurred(view: int, blur: float) -> np.ndarray:
-    """(h, w): the photo smoothed by OpenCV's Gaussian."""
-    grey = photos()[view][..., 0].astype(np.float32)
-    size = 2 * int(np.ceil(4 * blur)) + 1
-    return cv2.GaussianBlur(grey, (size, size), blur, borderType=cv2.BORDER_REFLECT_101).astype(np.float64)
