@@ -8,9 +8,7 @@ from scipy.ndimage import map_coordinates
 import fairing.solve.energy
 from fairing.errors import Cancelled
 from fairing.judge.inspect import face_cells
-from fairing.kernels.compiled import SOURCE
 from fairing.kernels.eigenspace import fit_face
-from fairing.kernels.faces import evaluate_faces, show_face
 from fairing.kernels.robust import HISTOGRAM_STEP, weigh
 from fairing.run.session import SweepState
 from fairing.solve.energy import Evaluator, robust_scale
@@ -223,11 +221,6 @@ def test_a_corner_behind_a_camera_makes_the_energy_infinite_and_nothing_else():
     vertices[0] = session.scene.views[0].camera.center + np.array([0.5, 0.5, 0.5])
     found = Evaluator(1).measure(sweep.context, vertices, FACE_IDS, sweep.scale)
     assert np.isinf(found.energy).all()
-
-
-def test_the_disk_cache_depends_on_every_file_of_the_package():
-    for function in (evaluate_faces, show_face):
-        assert SOURCE in [cell.cell_contents for cell in function.py_func.__closure__]
 
 
 def test_threads_do_not_change_a_bit():

@@ -72,11 +72,11 @@ def blurred_photos_for_pairs(
     octave = blur_octaves(spacing, blur)
     octaves = int(octave.max(initial=0)) + 1
     kinds, kind = np.unique(pair_view * octaves + octave, return_inverse=True)
-    wanted = [(v, blur_of_octave(o, blur)) for v, o in (divmod(int(k), octaves) for k in kinds)]
-    pixels, starts = photos.lay_out(blur, cubic, wanted, pool)
-    base, frame, camera = (np.zeros(shape, np.int64) for shape in (len(wanted), (len(wanted), 4), len(wanted)))
+    requested = [(v, blur_of_octave(o, blur)) for v, o in (divmod(int(k), octaves) for k in kinds)]
+    pixels, starts = photos.lay_out(blur, cubic, requested, pool)
+    base, frame, camera = (np.zeros(shape, np.int64) for shape in (len(requested), (len(requested), 4), len(requested)))
     reduced = []
-    for k, (view, sigma) in enumerate(wanted):
+    for k, (view, sigma) in enumerate(requested):
         base[k], frame[k, 2:], camera[k] = starts[view, sigma], photos.size_at(view, sigma), view
         factor = photos.reduction(view, sigma)
         if factor > 1:

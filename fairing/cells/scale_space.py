@@ -92,30 +92,30 @@ class ScaleSpace:
         return np.float32(1.0 if self._color else 1 / 8)
 
     def lay_out(
-        self, blur: float, cubic: bool, wanted: Iterable[tuple[int, float]], pool: Executor
+        self, blur: float, cubic: bool, requested: Iterable[tuple[int, float]], pool: Executor
     ) -> tuple[np.ndarray, dict[tuple[int, float], int]]:
         """Blurred photos in one flat array.
 
         Args:
             blur: of the level, px; the array of a level is kept until `forget_all_but`.
             cubic: store cubic B-spline coefficients instead of pixels.
-            wanted: view ids, each with the sigma of a Gaussian, px; 0 for none.
+            requested: view ids, each with the sigma of a Gaussian, px; 0 for none.
             pool: executes several photos at a time.
 
         Returns:
             The array, flat float32, grey levels: planes (channels, height, width) of each photo at `size_at`; and the index at
-            which each wanted photo starts in it.
+            which each requested photo starts in it.
         """
         with self._laying_out:
-            return self._laid_out(blur, cubic, wanted, pool)
+            return self._laid_out(blur, cubic, requested, pool)
 
     def _laid_out(
-        self, blur: float, cubic: bool, wanted: Iterable[tuple[int, float]], pool: Executor
+        self, blur: float, cubic: bool, requested: Iterable[tuple[int, float]], pool: Executor
     ) -> tuple[np.ndarray, dict[tuple[int, float], int]]:
         nothing = np.zeros(0, np.float32)
         reserved, pixels, starts = self._layouts.get((blur, cubic), _Layout(nothing, nothing, {}))
         missing: dict[int, list[float]] = {}
-        for view, sigma in wanted:
+        for view, sigma in requested:
             if (view, sigma) not in starts:
                 missing.setdefault(view, []).append(sigma)
         if missing:

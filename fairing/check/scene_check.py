@@ -28,9 +28,9 @@ class _MasksOnly(ScaleSpace):
     """Scale space without photos: the check samples no cells."""
 
     def lay_out(
-        self, blur: float, cubic: bool, wanted: Iterable[tuple[int, float]], pool: Executor
+        self, blur: float, cubic: bool, requested: Iterable[tuple[int, float]], pool: Executor
     ) -> tuple[np.ndarray, dict[tuple[int, float], int]]:
-        return np.zeros(0, dtype=np.float32), dict.fromkeys(wanted, 0)
+        return np.zeros(0, dtype=np.float32), dict.fromkeys(requested, 0)
 
 
 def check_scene(scene: Scene, options: FairingOptions | None = None) -> SceneCheck:

@@ -38,13 +38,13 @@ def _evaluate_faces(data, vertices, todo, corners, squared_scale, solver, energy
         p_most = max(p_most, data.grid_start[data.face_grid[f] + 1] - data.grid_start[data.face_grid[f]])
     p_most *= data.channels
     k_most = max(1, data.face_dimensions.max()) + 1
-    want = solver != SOLVER_NONE
+    with_system = solver != SOLVER_NONE
     all_components = 9 if data.affine and corners.min() < 0 else 3
     cells_buffer = np.empty(n_most * p_most, dtype=np.float32)
     residual_buffer = np.empty(n_most * p_most, dtype=np.float32)
     weights_buffer = np.empty(n_most * p_most, dtype=np.float32)
     mask_buffer = np.empty(n_most * p_most if data.masks.shape[0] > 0 else 1, dtype=np.float32)
-    G_buffer = np.empty(all_components * n_most * p_most if want else 1, dtype=np.float32)
+    G_buffer = np.empty(all_components * n_most * p_most if with_system else 1, dtype=np.float32)
     hats_buffer = np.empty(3 * p_most, dtype=np.float32)
     basis_buffer = np.empty(k_most * p_most, dtype=np.float32)
     strip = np.empty((5, STRIP), dtype=np.float32)
@@ -69,12 +69,12 @@ def _evaluate_faces(data, vertices, todo, corners, squared_scale, solver, energy
         residual = residual_buffer[: n * pc].reshape(n, pc)
         weights = weights_buffer[: n * pc].reshape(n, pc)
         mask_weight = mask_buffer[: n * pc].reshape(n, pc) if data.masks.shape[0] > 0 else mask_buffer.reshape(1, 1)
-        G = G_buffer[: components * n * pc if want else 0].reshape(components if want else 0, n, pc)
+        G = G_buffer[: components * n * pc if with_system else 0].reshape(components if with_system else 0, n, pc)
         hats = hats_buffer[: 3 * pc].reshape(3, pc)
-        if not sample_face(data, vertices, face, corner, want, cells, G, hats, strip, taps, index):
+        if not sample_face(data, vertices, face, corner, with_system, cells, G, hats, strip, taps, index):
             energy[at] = np.inf
             continue
-        masked = apply_masks(data, face, p, mask_weight, G, components if want else 0)
+        masked = apply_masks(data, face, p, mask_weight, G, components if with_system else 0)
         if data.remove_bias:
             remove_means(cells, mask_weight, masked)
         V = np.zeros((n, k + 1))
@@ -84,7 +84,7 @@ def _evaluate_faces(data, vertices, todo, corners, squared_scale, solver, energy
             rho = weigh(residual[i], data.norm, squared_scale[face], weights[i])
             pair_energy[first + i] = data.pair_weight[first + i] * rho
             energy[at] += pair_energy[first + i]
-        if want:
+        if with_system:
             used = k
             if data.centered:
                 V[:, k] = 1 / np.sqrt(n)

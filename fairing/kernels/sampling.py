@@ -8,7 +8,7 @@ from fairing.kernels.rows import STRIP
 
 
 @plain
-def sample_face(data, vertices, face, corner, want_gradient, cells, G, hats, strip, taps, index):
+def sample_face(data, vertices, face, corner, with_gradient, cells, G, hats, strip, taps, index):
     """Cells of a face, and the derivative of every sample with respect to the face's corners.
 
     de/d eta = grad I . (hat * J_image_wrt_point), Eq. 5-11 with the image's gradient; G excludes the factor hat, which is returned
@@ -19,7 +19,7 @@ def sample_face(data, vertices, face, corner, want_gradient, cells, G, hats, str
         vertices: (n, 3) float64, world units.
         face: face id.
         corner: 0, 1 or 2 for the derivative by one corner, -1 for all three.
-        want_gradient: fill G.
+        with_gradient: fill G.
         cells: (n, p * channels) float32, out, grey levels.
         G: (c, n, p * channels) float32, out, grey levels / world unit: c = 3 world axes, or 9 with the affine warp and corner -1.
         hats: (3, p * channels) float32, out: barycentric weights of the three corners.
@@ -95,7 +95,7 @@ def sample_face(data, vertices, face, corner, want_gradient, cells, G, hats, str
                 else:
                     load_bilinear(image, width, index[:count], taps)
                     bilinear(x, y, taps, cell, gx, gy)
-                if not want_gradient:
+                if not with_gradient:
                     continue
                 if data.affine:
                     low = 0 if corner < 0 else 3 * corner
