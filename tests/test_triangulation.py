@@ -1,4 +1,4 @@
-"""Image-consistent triangulation: the right diagonal is found, wrong flips are not made, points become a start mesh."""
+"""Image-consistent triangulation: correct flips are made, wrong ones are not, and points become a start mesh."""
 
 import numpy as np
 import pytest
@@ -39,7 +39,7 @@ def last_faces(flipper: EdgeFlipper) -> np.ndarray:
 
 @pytest.mark.parametrize("truth", ["AB", "CD"])
 @pytest.mark.parametrize("start", ["AB", "CD"])
-def test_the_ridge_ends_where_the_photos_have_it(truth, start):
+def test_the_ridge_of_the_photos_is_found(truth, start):
     scene = roof_scene(truth, start)
     flipper = EdgeFlipper(scene)
     summary = flipper.run()
@@ -52,7 +52,7 @@ def test_the_ridge_ends_where_the_photos_have_it(truth, start):
     assert edges_of(last_faces(flipper)) - {ridge} == {(0, 2), (0, 3), (1, 2), (1, 3)}
 
 
-def test_the_energy_of_the_right_roof_is_that_of_starting_there():
+def test_the_final_energy_equals_that_of_a_correct_start():
     wrong, right = EdgeFlipper(roof_scene("AB", "CD")), EdgeFlipper(roof_scene("AB", "AB"))
     found, there = wrong.run(), right.run()
     assert found.energy_before > 100 * found.energy_after
@@ -66,7 +66,7 @@ def test_the_energy_of_the_right_roof_is_that_of_starting_there():
 
 
 @pytest.mark.parametrize("orientation", [1, -1])
-def test_a_mesh_turned_inside_out_is_flipped_alike(orientation):
+def test_an_inverted_mesh_gets_the_same_flips(orientation):
     scene = roof_scene("AB", "CD")
     flipper = EdgeFlipper(Scene.build("roof", VERTICES, scene.mesh.faces[:, ::orientation], scene.views))
     flipper.run()
@@ -75,7 +75,7 @@ def test_a_mesh_turned_inside_out_is_flipped_alike(orientation):
     assert (np.sign(turned[:, 2]) == orientation).all()
 
 
-def test_a_flat_patch_stays_as_it_is():
+def test_a_flat_patch_is_not_changed():
     vertices = plane_vertices()
     faces = counter_clockwise(Delaunay(vertices[:, :2]).simplices, vertices)
     flipper = EdgeFlipper(Scene.build("plane", vertices, faces, views_of(plane_photos())))
@@ -122,7 +122,7 @@ def test_after_the_run_no_flip_lowers_the_energy(terrain_scene):
     assert again.run().inconsistent_before == 0
 
 
-def test_the_same_flips_whatever_the_number_of_threads(terrain_scene, tmp_path):
+def test_flips_do_not_depend_on_the_number_of_threads(terrain_scene, tmp_path):
     records = []
     for threads in (1, 3):
         flipper = EdgeFlipper(terrain_scene, TriangulationOptions(threads=threads))
@@ -164,7 +164,7 @@ def test_the_record_replays_to_the_same_mesh(terrain_scene, tmp_path):
         FlipTrace.load(path)
 
 
-def test_a_run_stops_when_asked_and_keeps_what_it_has(terrain_scene):
+def test_a_stopped_run_keeps_its_flips(terrain_scene):
     flipper = EdgeFlipper(terrain_scene)
     summary = flipper.run(should_stop=lambda: len(flipper.trace) > 0)
     assert summary.stop_reason == "stopped on request"
@@ -205,7 +205,7 @@ def test_an_edge_of_a_tetrahedron_cannot_be_flipped():
     assert (judge_shapes(quads, faces, vertices) == Verdict.TWICE).all()
 
 
-def test_only_edges_of_two_faces_turned_alike_are_looked_at():
+def test_only_edges_of_two_consistently_oriented_faces_are_considered():
     assert len(find_quads(np.array([[0, 1, 2], [1, 0, 3]])).edge) == 1
     turned = find_quads(np.array([[0, 1, 2], [0, 1, 3]]))
     assert (len(turned.edge), turned.n_other) == (0, 5)
@@ -236,13 +236,13 @@ def test_points_become_a_sound_mesh_that_faces_the_central_photo():
 
 
 @pytest.mark.parametrize("most", [12, 40])
-def test_vertices_keep_to_the_number_wanted(most):
+def test_the_number_of_vertices_is_limited(most):
     mesh = start_mesh(VIEWS, seen_points(wall()), TriangulationOptions(max_vertices=most))
     assert 0.5 * most <= len(mesh.vertices) <= most
     assert np.ptp(mesh.vertices[:, 0]) > 1.5  # still spread over the wall
 
 
-def test_points_that_cannot_be_trusted_are_left_out_and_said():
+def test_outliers_are_left_out_and_reported():
     positions = wall()
     sees = np.ones((5, 300), bool)
     sees[2:, :20] = False  # too few photos
@@ -258,7 +258,7 @@ def test_points_that_cannot_be_trusted_are_left_out_and_said():
     assert np.abs(mesh.vertices[:, 2] - 0.2 * mesh.vertices[:, 0]).max() < 1e-12
 
 
-def test_a_jump_in_depth_is_not_bridged():
+def test_a_depth_discontinuity_is_not_bridged():
     positions = np.vstack([wall(200, 1) * [0.45, 1, 0] - [0.8, 0, 0], wall(200, 2) * [0.45, 1, 0] + [0.75, 0, -4]])
     mesh = start_mesh(VIEWS, seen_points(positions), TriangulationOptions())
     in_front = mesh.vertices[mesh.faces][:, :, 2] > -2
@@ -266,7 +266,7 @@ def test_a_jump_in_depth_is_not_bridged():
     assert inspect_mesh(Mesh(mesh.vertices, mesh.faces)).n_components == 2
 
 
-def test_what_the_central_photo_cannot_see_becomes_another_patch():
+def test_surfaces_hidden_from_the_central_photo_become_another_patch():
     back = tuple(
         View(f"back{i}", pinhole([x, y, -6], [0, 0, 0]), BLANK) for i, (x, y) in enumerate(((0, 0.1), (1, 1), (-1, 1)))
     )
@@ -281,7 +281,7 @@ def test_what_the_central_photo_cannot_see_becomes_another_patch():
     assert (patch.all(axis=1) | ~patch.any(axis=1)).all()
 
 
-def test_what_cannot_be_triangulated_is_one_line():
+def test_errors_are_one_line():
     def message(points, **options) -> str:
         with pytest.raises(InputError) as caught:
             triangulate("capture", VIEWS, points, TriangulationOptions(**options))
