@@ -24,7 +24,7 @@ SHARP_AT_LAST = {"cells": {"point_spread": ["as_seen", "common"], "interpolation
 
 def searching(start_error: float, **changes) -> FairingOptions:
     """Two fine levels, each searched first."""
-    schedule = {"blur": [1.2, 0.6], "search": [1.0, 0.5], "start_error": start_error, "start": "first"}
+    schedule = {"blur": [1.2, 0.6], "search": [1.0, 0.5], "start_error": start_error, "first_level": "first"}
     return small_options(schedule=schedule | changes.pop("schedule", {}), **changes)
 
 
@@ -199,7 +199,7 @@ def test_the_estimated_error_is_the_distance_in_the_photos(displacement):
 
 def test_a_start_near_its_truth_gets_few_sweeps_at_fine_levels():
     schedule = {
-        "blur": [1.2, 1.2, 0.6], "search": [1.0, 0.8, 0.5], "start": "auto", "max_sweeps": [4], "sweep_tolerance": 0.0,
+        "blur": [1.2, 1.2, 0.6], "search": [1.0, 0.8, 0.5], "first_level": "auto", "max_sweeps": [4], "sweep_tolerance": 0.0,
         "max_iterations": [1], "sweeps_near_truth": [1, 1, 2],
     }  # fmt: skip
 

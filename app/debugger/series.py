@@ -55,7 +55,7 @@ QUANTITIES: dict[str, Quantity] = {
         lambda record: float(record.step_px.max(initial=0)), lambda record, slot, ring: float(record.step_px[slot]),
     ),
     "damping": Quantity(
-        "damping", "largest Levenberg-Marquardt damping, relative to the normal matrix's diagonal", True,
+        "damping", "largest Levenberg-Marquardt damping, relative to the normal matrix's largest eigenvalue", True,
         lambda record: float(record.damping.max(initial=0)), lambda record, slot, ring: float(record.damping[slot]),
     ),
     "eigen": Quantity(

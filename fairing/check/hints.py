@@ -86,7 +86,7 @@ def find_suggestions(scene: Scene, check: SceneCheck, options: FairingOptions) -
     typical = check.footprint[2]
     blurs = options.schedule.blur
     first = level_for_footprint(typical, options)
-    coarsest = "" if first == 0 else "; --schedule.start first begins with the coarsest"
+    coarsest = "" if first == 0 else "; --schedule.first-level first begins with the coarsest"
     suggestions.append(
         f"faces measure {typical:.0f} px, so a run begins about level {first + 1} of {len(blurs)} (blur "
         f"{blurs[first]:g} px){coarsest}"
