@@ -302,6 +302,8 @@ class Controller:
         session = self._session
         if session.finished:
             return session.stop_reason
+        if session.moment == len(session.trace):
+            session.make_plan()  # the position at the start depends on it
         began, self._stopped = session.position, session.vertices
         while not session.finished:
             is_new = session.moment == len(session.trace)

@@ -16,7 +16,7 @@ from fairing.run.gauss_newton_step import gauss_newton_step
 from fairing.run.phases import GaussNewton, Level, Schedule
 from fairing.run.records import empty_record, moved_record
 from fairing.run.search_step import search_around, sharp_options
-from fairing.run.sweep import POOR_FIT, SweepState, begin_sweep, fits_poorly
+from fairing.run.sweep import SweepState, begin_sweep, fits_poorly
 from fairing.solve.blocks import Block, group_block
 from fairing.solve.problem import Problem
 from fairing.trace import SchedulePosition, StepReason, StepRecord
@@ -48,7 +48,7 @@ def restart(
     mesh, number = problem.scene.mesh, position.level
     sharp = problem.under(_sharp_with_fixed_sigma(problem.options))
     context = sharp.context(number, vertices)
-    poor = fits_poorly(mesh, context, sharp.measure(context, vertices, sweep.scale), sweep.free, POOR_FIT)
+    poor = fits_poorly(mesh, context, sharp.measure(context, vertices, sweep.scale), sweep.free)
     ids = block.vertices[poor[block.vertices]]
     if len(ids) == 0:
         return empty_record(problem, position, sweep.moment, position)

@@ -121,8 +121,13 @@ def begin_sweep(
     )
 
 
-def fits_poorly(mesh: Mesh, context: CellContext, system: FaceSystem, among: np.ndarray, factor: float) -> np.ndarray:
-    """(n,) bool: vertices whose faces have a mean loss above a factor times the median over a mask (n,).
+def fits_poorly(mesh: Mesh, context: CellContext, system: FaceSystem, among: np.ndarray) -> np.ndarray:
+    """(n,) bool: vertices whose faces have a mean loss above `POOR_FIT` times the median over a mask (n,) bool."""
+    return _above_median(mesh, context, system, among, POOR_FIT)
+
+
+def _above_median(mesh: Mesh, context: CellContext, system: FaceSystem, among: np.ndarray, factor: float) -> np.ndarray:
+    """(n,) bool: vertices whose faces have a mean loss above a factor times the median over a mask (n,) bool.
 
     (ledger: searched vertices)
     """
@@ -161,8 +166,8 @@ def _search_blocks(
     movable = movable & _well_seen(mesh, context.takes_part)
     poor = np.zeros(len(movable), dtype=bool)
     if phase.is_sharp:
-        poor = movable & fits_poorly(mesh, context, system, movable, POOR_FIT)
-        movable = movable & fits_poorly(mesh, context, system, movable, 1.0)
+        poor = movable & fits_poorly(mesh, context, system, movable)
+        movable = movable & _above_median(mesh, context, system, movable, 1.0)
     blocks = plan_blocks(mesh, movable, "independent", system.energy)
     if phase.restart_level is not None and poor.any():
         blocks.append(restart_block(mesh, np.flatnonzero(poor), phase.restart_level))
