@@ -33,8 +33,8 @@ def without_photos(scene: Scene) -> Scene:
 
 
 def planned() -> FairingOptions:
-    """A start error to be estimated, a start to be smoothed perhaps: planning searches and reads all photos."""
-    return searching(-1.0, step={"smoothing": [0.1]}, schedule=QUICK)
+    """A start error to be estimated: planning reads all photos and searches."""
+    return searching(-1.0, schedule=QUICK)
 
 
 def everything_shown(session: Session) -> tuple:
