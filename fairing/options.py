@@ -1,7 +1,8 @@
 """Options of the engine: defaults, units and meanings.
 
-The flags of the command line and the widgets of the page are generated from these fields. Values "by level" are tuples; the
-last value holds for all further levels.
+The flags of the command line and the widgets of the page are generated from these fields, with their texts. Values "by level"
+are tuples; the last value holds for all further levels. The measurements behind the defaults are in the ledger
+(`tests/ledger.md`).
 """
 
 from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
@@ -25,7 +26,7 @@ class CellOptions:
     """How a face's footprint in a photo becomes a cell."""
 
     warp: Literal["homography", "affine"] = "homography"
-    """homography: exact for a plane. affine: the approximation of the paper, which biases the minimum (ledger: warp)."""
+    """homography: exact for a plane. affine: the approximation of the paper, which biases the minimum."""
     size: tuple[int, ...] = (64, 64, 64, 64, 64, 64, 256)
     """Size of the largest cell, by level: samples along an edge."""
     adaptive: bool = True
@@ -97,7 +98,7 @@ class StepOptions:
     """Longest step in a photo, in units of max(1 px, blur of the level)."""
     damping_always: bool = False
     """Use Levenberg-Marquardt damping from the first step on, instead of only after a rejection. It narrows the basin of
-    attraction. (ledger: damping)"""
+    attraction."""
     initial_damping: float = 1e-3
     """First damping after a rejection, as a fraction of the largest eigenvalue of the vertex's normal matrix."""
     max_rejections: int = 6
@@ -113,7 +114,7 @@ class StepOptions:
     """A direction is also undetermined when the variance of the incident face normals along it is below this."""
     smoothing: tuple[float, ...] = (0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.0)
     """Strength of the smoothness prior, by level, for a start whose smoothed version fits the photos better; relative to the median
-    of the vertices' largest eigenvalues. 0 on all levels: smooth nothing, not even the start. (ledger: smoothness prior)"""
+    of the vertices' largest eigenvalues. 0 on all levels: smooth nothing, not even the start."""
     points: tuple[float, ...] = (0.3,)
     """Strength of the prior to the sparse points, by level, if fitting the start to them lowers the photo loss; relative to the
     median of the vertices' largest eigenvalues, for a direction that the points determine as well as an average one. Every
@@ -134,7 +135,7 @@ class VisibilityOptions:
     """Smallest height of the footprint, in units of max(1 px, blur of the level)."""
     edge_margin: float = 2.0
     """Samples nearer than this to a depth edge are left out, in units of the blur of the level, at least one pixel: blurring a
-    photo mixes colours across depth edges. (ledger: edge margin)"""
+    photo mixes colours across depth edges."""
     min_samples: float = 0.4
     """A cell is used if at least this fraction of its samples is visible."""
     reduction: int = 2
@@ -167,7 +168,7 @@ class ScheduleOptions:
     """Largest number of Gauss-Newton sweeps, by level; visibility is updated at the beginning of each."""
     sweeps_near_truth: tuple[int, ...] = (1, 1, 1, 1, 1, 1, 2)
     """Largest number of Gauss-Newton sweeps, by level, if the estimated start error is 0 and no sparse points constrain the mesh:
-    vertices drift in directions that the photos barely determine. (ledger: sweeps near truth)"""
+    vertices drift in directions that the photos barely determine."""
     max_iterations: tuple[int, ...] = (4, 4, 3)
     """Largest number of Gauss-Newton iterations of a block of vertices within a sweep, by level."""
     sweep_tolerance: float = 0.02
