@@ -81,7 +81,7 @@ class FilePhoto:
 # Straightened photos, those used last. A photo is loaded several times in a run (engine, textures, report). At 20 Mpx
 # straightening takes 1.7 s of CPU, decoding a JPEG 0.2 s and a PNG 0.6 s. So a cache on disk would save about a second a
 # photo of runs that take minutes; who wants that converts the capture (`eigenfairing convert`).
-_STRAIGHT: BoundedCache[FilePhoto] = BoundedCache(room=500_000_000)
+_STRAIGHT: BoundedCache[FilePhoto] = BoundedCache(max_bytes=500_000_000)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,7 +1,7 @@
-"""From a registered scan to the few points a start mesh is made of: where it bends or ends, and some between.
+"""Scan points for a start mesh: points of a registered scan at bends and ends of the surface, and some between.
 
-The paper samples range data "at points of high curvature and discontinuity"; fairing then moves them onto the real
-corners, which the scan's rays missed.
+The paper samples range data "at points of high curvature and discontinuity"; fairing then moves them onto the real corners,
+which the scan's rays missed.
 """
 
 from collections.abc import Sequence
@@ -14,20 +14,22 @@ from fairing.errors import InputError
 from fairing.scene import SparsePoints, View
 
 NEIGHBOURS = 24
-MOST_POINTS = 200_000  # looked at; of larger scans evenly chosen ones
-GAP = np.radians(120.0)  # a point whose neighbours leave such an angle free lies at an end of the surface
-BENT = 0.01  # surface variation (0 to 1/3) from which on a surface bends: two planes at 25 degrees
-FILL = 2.5  # spacings between points where nothing bends or ends
-SPLAT = 0.35  # of the spacing: how far around a point of the scan hides what lies behind
-BEHIND = 2.0  # spacings a point may lie behind what hides it and still be seen: surfaces up to 80 degrees aslant
+MAX_POINTS = 200_000  # larger scans are subsampled evenly
+GAP = np.radians(120.0)  # a point whose neighbours leave such an angle empty lies at an end of the surface
+BENT = 0.01  # surface variation (0 to 1/3) above which a surface bends: two planes at 25 degrees
+FILL = 2.5  # spacings between points away from bends and ends
+SPLAT = 0.35  # radius, in spacings, of the disc that a scan point occludes
+BEHIND = 2.0  # spacings: depth tolerance of visibility, for surfaces inclined by up to 80 degrees
 
 
 @dataclass(frozen=True, eq=False)
 class CriticalPoints:
-    """Attributes:
-    positions: (k, 3) float: chosen points of the scan, the most critical first.
-    variation: (k,) float: surface variation, 0 in a plane.
-    is_end: (k,) bool: points where the surface ends.
+    """Chosen points of a scan, the most critical first.
+
+    Attributes:
+        positions: (k, 3) float, in the scan's unit.
+        variation: (k,) float: surface variation, 0 in a plane to 1/3.
+        is_end: (k,) bool: points where the surface ends.
     """
 
     positions: np.ndarray
@@ -36,23 +38,27 @@ class CriticalPoints:
 
 
 def critical_points(points: np.ndarray, spacing: float) -> CriticalPoints:
-    """Points of a scan (n, 3) at least `spacing` apart where it bends or ends, and 2.5 times that elsewhere.
+    """Points of a scan at least `spacing` apart where it bends or ends, and `FILL` times that elsewhere.
+
+    Args:
+        points: (n, 3) float, in any unit.
+        spacing: in that unit.
 
     Raises:
         InputError: fewer than 50 points.
     """
     if len(points) < 50:
         raise InputError(f"scan: expected at least 50 points, found {len(points)}")
-    points = np.asarray(points, dtype=np.float64)[:: max(1, -(-len(points) // MOST_POINTS))]
+    points = np.asarray(points, dtype=np.float64)[:: max(1, -(-len(points) // MAX_POINTS))]
     variation, is_end = _shape(points)
-    # Ends come before bends: where a surface ends, its variation says nothing.
+    # Ends come before bends, because the variation is meaningless where a surface ends.
     order = np.lexsort((np.arange(len(points)), -variation, ~is_end))
     is_critical = is_end | (variation > BENT)
     tree = KDTree(points)
     is_free = np.ones(len(points), dtype=bool)
     chosen: list[int] = []
     for radius, candidates in ((spacing, order[is_critical[order]]), (FILL * spacing, order[~is_critical[order]])):
-        if radius > spacing:  # keep the wider distance to what is chosen, too
+        if radius > spacing:  # keep the wider distance to the points chosen before, too
             for point in chosen:
                 is_free[tree.query_ball_point(points[point], radius)] = False
         for point in candidates.tolist():
@@ -63,7 +69,7 @@ def critical_points(points: np.ndarray, spacing: float) -> CriticalPoints:
 
 
 def _shape(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Surface variation (n,) (Pauly, Gross, Kobbelt 2002) and whether the surface ends at a point (n,)."""
+    """Surface variation (n,) float (Pauly, Gross, Kobbelt 2002), and whether the surface ends at a point (n,) bool."""
     neighbours = np.asarray(KDTree(points).query(points, k=min(NEIGHBOURS, len(points)))[1])
     variation, is_end = np.empty(len(points)), np.empty(len(points), dtype=bool)
     for block in np.array_split(np.arange(len(points)), max(1, len(points) // 20_000)):
@@ -80,9 +86,15 @@ def _shape(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def seen_points(scan: np.ndarray, chosen: np.ndarray, views: Sequence[View], spacing: float) -> SparsePoints:
-    """Chosen points (k, 3) of a registered scan (n, 3) with the photos that see them, as a reconstruction has them.
+    """Chosen points of a registered scan as sparse points, with the photos that see them.
 
-    A photo sees a point that lies inside of it and not behind another point of the scan, which hides a disc around it.
+    A photo sees a point that projects into it and does not lie behind the discs that the points of the scan occlude.
+
+    Args:
+        scan: (n, 3) float, world units.
+        chosen: (k, 3) float, world units.
+        views: V views.
+        spacing: distance of the chosen points, world units.
     """
     observations, pixels = [], []
     for v, view in enumerate(views):

@@ -43,7 +43,7 @@ def fused(problem: Problem, sweep: SweepState, first: np.ndarray, second: np.nda
         folded[mesh.faces[folded_faces(result, tried, problem.start, mesh.faces, problem.options.step)]] = True
         around = np.zeros(len(mesh.faces), dtype=bool)
         around[block.faces] = True
-        here, there = problem.evaluator.side_by_side(
+        here, there = problem.evaluator.map_concurrently(
             lambda places: group_losses(sweep, mesh, evaluate_faces(problem, sweep, places, around), block),
             (result, tried),
         )

@@ -92,7 +92,7 @@ def gauss_newton_step(
 
     accepted_faces = np.zeros(len(mesh.faces), dtype=bool)
     accepted_faces[block.faces] = accepted[block.owner]
-    pair_energy = np.where(sweep.context.by_pair(accepted_faces), new_system.pair_energy, system.pair_energy)
+    pair_energy = np.where(sweep.context.broadcast_to_pairs(accepted_faces), new_system.pair_energy, system.pair_energy)
     face_energy = np.where(accepted[block.owner], new_system.energy, system.energy)
     # A vertex at rest proposes a zero step, which is always accepted: it stays at rest until the sweep ends.
     rejections = np.where(accepted & ~is_resting, 0, rejections + 1)
@@ -107,8 +107,8 @@ def gauss_newton_step(
         objectives=(float(old_objective.sum()), float(new_objective.sum())),
         faces=block.faces,
         energies=(
-            Energies(system.energy, sweep.context.by_view(system.pair_energy)),
-            Energies(face_energy, sweep.context.by_view(pair_energy)),
+            Energies(system.energy, sweep.context.sum_by_view(system.pair_energy)),
+            Energies(face_energy, sweep.context.sum_by_view(pair_energy)),
         ),
         solver=SolverState(damping, np.linalg.eigvalsh(H[ids]), _next_damping(options, damping, accepted), rejections),
     )

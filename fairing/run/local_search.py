@@ -159,7 +159,7 @@ def search_block(
 
     threshold = score_before * (1 - options.schedule.search_gain)
     best_score, best = threshold, vertices[ids].copy()
-    for found, found_score in evaluator.side_by_side(tried, np.vstack([np.zeros(3), search_directions()])):
+    for found, found_score in evaluator.map_concurrently(tried, np.vstack([np.zeros(3), search_directions()])):
         improved = found_score < best_score
         best[improved] = found[improved]
         best_score = np.where(improved, found_score, best_score)

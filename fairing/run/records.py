@@ -175,4 +175,4 @@ def returned_if_worse(
 
 def _energies(evaluation: Evaluation) -> Energies:
     system = evaluation.system
-    return Energies(system.energy, evaluation.context.by_view(system.pair_energy))
+    return Energies(system.energy, evaluation.context.sum_by_view(system.pair_energy))

@@ -148,7 +148,7 @@ def _context_and_sigma(
     context = problem.context(level, vertices, among)
     unscaled = np.ones(len(problem.scene.mesh.faces))
     measured = problem.measure(context, vertices, unscaled)
-    shorter = context.without_noise_dimensions(
+    shorter = context.with_reduced_dimensions(
         measured.singular_value_ratio, by_level(options.eigenspace.significance, level)
     )
     if shorter is not context:

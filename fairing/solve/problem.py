@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from fairing.cells.context import CellContext, build_context, facing
+from fairing.cells.context import CellContext, build_context
 from fairing.cells.scale_space import ScaleSpace
-from fairing.cells.visibility import Visibility
+from fairing.cells.visibility import Visibility, mesh_orientation
 from fairing.errors import Cancelled, InputError
 from fairing.geometry.mesh_check import inspect_mesh
 from fairing.options import FairingOptions
@@ -39,7 +39,7 @@ class Problem:
 
     Attributes:
         locked: (n,) bool: vertices that never move, by option or because they belong to a degenerate face.
-        orientation: see `fairing.cells.context.facing`.
+        orientation: see `fairing.cells.visibility.mesh_orientation`.
         evaluator: computes energies and normal equations.
         warnings: of the scene and of the run so far, a line each.
         seconds: time spent on "photos" and on "visibility", s.
@@ -68,7 +68,7 @@ class Problem:
         self._usable[degenerate] = False
         self.locked = locked_by_options(scene, options)
         self.locked[scene.mesh.faces[degenerate]] = True
-        self.orientation = facing(scene, start) if like is None else like.orientation
+        self.orientation = mesh_orientation(scene, start) if like is None else like.orientation
         if like is not None and options.cells.color == like.options.cells.color:
             self._photos = like._photos
         if self.orientation < 0:
@@ -94,7 +94,7 @@ class Problem:
         on_photos = self._photos.seconds - photos_before
         self.seconds["photos"] += on_photos
         self.seconds["visibility"] += time.perf_counter() - began - on_photos
-        if context.too_many_parts and TOO_MANY_PARTS not in self.warnings:
+        if context.point_spread_fallback and TOO_MANY_PARTS not in self.warnings:
             self.warnings.append(TOO_MANY_PARTS)
         if among is None and not context.takes_part.any() and level == self.options.n_levels - 1:
             counts = {reason: int((context.reasons == reason).sum()) for reason in Visibility}
