@@ -243,6 +243,8 @@ def options_from_dict(values: dict[str, Any]) -> FairingOptions:
 
 
 def _from_dict(default: Any, values: dict[str, Any], where: str) -> Any:
+    if not isinstance(values, dict):
+        raise InputError(f"{where}: expected options by name, found {values!r:.60}")
     known = {f.name for f in fields(default)}
     values = {FORMER_NAMES.get(f"{where}.{name}", name): value for name, value in values.items()}
     unknown = set(values) - known

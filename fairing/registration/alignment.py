@@ -1,4 +1,4 @@
-"""Alignment of a scan with the frame of the photos: first by matched points, then by iterated closest points.
+"""Scan registration: the similarity from a scan to the frame of the photos, by matched points, then by closest points.
 
 A scan has its own frame and often its own unit; a similarity x -> s R x + t maps it to the world.
 """
@@ -19,12 +19,13 @@ from fairing.mesh import Mesh
 from fairing.scene import View
 
 FEWEST_MATCHES = 3
-OUTLIER_PX = 3.0  # scale of the Cauchy loss of errors
-NEIGHBOURS = 12  # points that a normal of a point cloud is fitted to
-KEPT = 0.8  # part of the pairs used in each round, the nearest; the others may have no counterpart
+OUTLIER_PX = 3.0  # pixels: larger errors of an observation lose influence
+NEIGHBOURS = 12  # number of neighbours that a point cloud's normal is fitted to
+KEPT = 0.8  # fraction of the pairs used in each round, the nearest ones; the rest may be seen by one side only
 MAX_ROUNDS = 60
-WEAK = 0.05  # smallest singular value over the largest, below which the scale stays fixed
-CONVERGED = 1e-7  # movement of the scan in a round over its diagonal
+WEAK = 0.05  # fraction of the largest singular value; below it the scale of the matches is kept
+LARGEST_ERROR = 1e50  # px: its fourth power, which the solver computes, is finite
+CONVERGED = 1e-7  # fraction of the diagonal: largest movement of the scan in the last round
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,22 +43,22 @@ class Similarity:
     translation: np.ndarray
 
     def apply(self, points: np.ndarray) -> np.ndarray:
-        """World positions (n, 3) of positions (n, 3) in the scan."""
+        """World positions (n, 3) float from positions (n, 3) float in the scan."""
         return self.scale * points @ self.rotation.T + self.translation
 
     def undo(self, points: np.ndarray) -> np.ndarray:
-        """Positions (n, 3) in the scan of world positions (n, 3)."""
+        """Positions (n, 3) float in the scan from world positions (n, 3) float."""
         return (points - self.translation) @ self.rotation / self.scale
 
 
 @dataclass(frozen=True, eq=False)
 class Match:
-    """A point of the scan with a known world position, or known pixels in photos.
+    """A point of the scan with its world position or its pixels in photos.
 
     Attributes:
         point: (3,) float, in the scan's frame and unit.
         world: (3,) float, world units, or None.
-        sightings: pairs of a view id and the pixel (2,) float that shows the point.
+        sightings: (view id, (2,) float pixels) for each photo that observes the point.
     """
 
     point: np.ndarray
@@ -67,12 +68,12 @@ class Match:
 
 @dataclass(frozen=True, eq=False)
 class Registered:
-    """A similarity and how well it fits.
+    """A similarity and its residuals.
 
     Attributes:
-        world_from_scan: the similarity.
-        errors: (n,) float: errors of the matches, px (of a world point as projected into the nearest photo), or distances of
-            the closest points, world units.
+        world_from_scan: the fitted similarity.
+        errors: (n,) float: errors of the matches in pixels (for a world point in the photo nearest to it), or of
+            closest points in world units.
     """
 
     world_from_scan: Similarity
@@ -80,14 +81,14 @@ class Registered:
 
 
 def register_matches(matches: Sequence[Match], views: Sequence[View]) -> Registered:
-    """The similarity that maps the scan's points to their world points and to the pixels that show them.
+    """The similarity that maps the scan's points to their world positions and observed pixels.
 
-    Minimises the Cauchy loss of all errors in pixels (with the Huber loss one wrong match of twelve shifts the scan). The
-    initial value is the closed form (Umeyama 1991) for the points whose world position is given or follows from two photos;
-    with fewer than three of them, the pose from one photo (PnP, assuming the scan's unit is the world's).
+    Minimizes the Cauchy loss of all errors in pixels (ledger: loss of matches). The initial value is the closed form
+    (Umeyama 1991) for points whose world position is given or triangulated from two photos; with fewer than three such
+    points it is the pose from one photo (PnP), where the scan's unit is assumed to be the world's.
 
     Raises:
-        InputError: fewer than three matches, matches on one line, or too few to find an initial value.
+        InputError: there are fewer than three matches, they are collinear, or they do not determine an initial value.
     """
     if len(matches) < FEWEST_MATCHES:
         raise InputError(
@@ -110,7 +111,8 @@ def register_matches(matches: Sequence[Match], views: Sequence[View]) -> Registe
                 result.extend((focal / distance).max() * (position - match.world))
             for view, pixel in match.sightings:
                 result.extend(views[view].camera.project(position)[0] - pixel)
-        return np.nan_to_num(np.array(result), nan=1e6, posinf=1e6, neginf=-1e6)
+        finite = np.nan_to_num(np.array(result), nan=1e6, posinf=1e6, neginf=-1e6)
+        return np.clip(finite, -LARGEST_ERROR, LARGEST_ERROR)
 
     fitted = least_squares(errors, np.zeros(7), loss="cauchy", f_scale=OUTLIER_PX, x_scale="jac")
     each = _norms_by_match(errors(fitted.x), matches)
@@ -118,15 +120,15 @@ def register_matches(matches: Sequence[Match], views: Sequence[View]) -> Registe
 
 
 def refine_by_closest_points(scan: Mesh | np.ndarray, start: Similarity, targets: np.ndarray) -> Registered:
-    """Iterated closest points, point to plane (Chen and Medioni 1992), trimmed to the nearest 80 % (Chetverikov 2002).
+    """Iterative closest points, point to plane (Chen and Medioni 1992), trimmed to the nearest 80 % (Chetverikov 2002).
 
     Args:
-        scan: a surface, or points (n, 3) float, in the scan's frame.
-        start: from `register_matches`; must lie within the basin of convergence.
-        targets: (p, 3) float, world units: known points of the surface, for example a capture's sparse points.
+        scan: a surface, or points (n, 3) float.
+        start: initial similarity from `register_matches`, within the basin of attraction.
+        targets: (p, 3) float, world units: points on the surface, for example a capture's sparse points.
 
     Returns:
-        The similarity of the round with the least median distance, which is at most that of the start.
+        The similarity of the round with the smallest median distance, which never exceeds that of `start`.
 
     Raises:
         InputError: fewer than ten targets.
@@ -183,7 +185,7 @@ def _first_guess(matches: Sequence[Match], views: Sequence[View]) -> Similarity:
 
 
 def _world_of(match: Match, views: Sequence[View]) -> np.ndarray | None:
-    """World position (3,) of the match: as given, or triangulated from two or more photos; None otherwise."""
+    """The match's world position: given, or triangulated from two or more photos; else None."""
     if match.world is not None:
         return match.world
     if len(match.sightings) < 2:
@@ -197,14 +199,14 @@ def _world_of(match: Match, views: Sequence[View]) -> np.ndarray | None:
 
 
 def _similarity(parameters: np.ndarray, start: Similarity) -> Similarity:
-    """The similarity `start` changed by a rotation vector (3), a shift (3, in units of the scan) and a log scale (1)."""
+    """The similarity changed by a rotation vector (3), a translation (3) in units of the scan and a log scale (1)."""
     turn = Rotation.from_rotvec(parameters[:3]).as_matrix()
     scale = start.scale * float(np.exp(parameters[6]))
     return Similarity(scale, turn @ start.rotation, start.translation + start.scale * parameters[3:6])
 
 
 def _norms_by_match(errors: np.ndarray, matches: Sequence[Match]) -> np.ndarray:
-    """(n,) float, px: the largest error of each match, from the stacked error components."""
+    """(n,) float: the largest error of each match, pixels."""
     result, at = [], 0
     for match in matches:
         sizes = ([3] if match.world is not None else []) + [2] * len(match.sightings)
@@ -242,14 +244,8 @@ def _closest_on(scan: Mesh | np.ndarray):
 def normals_and_variation(points: np.ndarray, tree: KDTree) -> tuple[np.ndarray, np.ndarray]:
     """Unit normals and surface variation of a point cloud (Pauly et al. 2002).
 
-    From the covariance of each point's nearest neighbours: the direction of least variance, and its share of the variance.
-
-    Args:
-        points: (n, 3) float, in any unit.
-        tree: of the points.
-
-    Returns:
-        (n, 3) float, unit vectors of arbitrary sign, and (n,) float, 0 in a plane to 1/3.
+    Both follow from the covariance of each point's nearest neighbours: the direction of the smallest variance, and its
+    fraction of the total variance.
     """
     neighbours = tree.query(points, k=min(NEIGHBOURS, len(points)))[1]
     around = points[neighbours] - points[neighbours].mean(axis=1, keepdims=True)
@@ -258,13 +254,13 @@ def normals_and_variation(points: np.ndarray, tree: KDTree) -> tuple[np.ndarray,
 
 
 def _point_to_plane(found: np.ndarray, targets: np.ndarray, normals: np.ndarray, current: Similarity) -> Similarity:
-    """The similarity after a linearised step that minimises the distances of `found` (p, 3) to the planes through `targets`."""
+    """The similarity after one linearised step that moves `found` onto the planes through `targets`."""
     middle = found.mean(axis=0)
     size = float(np.sqrt(((found - middle) ** 2).sum(axis=1).mean()))
     arm = (found - middle) / size
     J = np.column_stack([np.cross(arm, normals), normals, (arm * normals).sum(axis=1)])
     residual = ((found - targets) * normals).sum(axis=1) / size
-    # Three planes that meet in a corner fit at any size: the scale then stays fixed. A plane leaves sliding and turning free.
+    # Three planes that meet in a corner fit at any scale, so the scale is kept. One plane leaves sliding and turning free.
     values = np.linalg.svd(J, compute_uv=False)
     free = 7 if values[-1] > WEAK * values[0] else 6
     step = np.zeros(7)

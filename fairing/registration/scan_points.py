@@ -1,7 +1,7 @@
-"""Scan points for a start mesh: points of a registered scan at bends and ends of the surface, and some between.
+"""Scan sampling: the points of a registered scan that become vertices, at bends, at ends and sparsely in between.
 
-The paper samples range data "at points of high curvature and discontinuity"; fairing then moves them onto the real corners,
-which the scan's rays missed.
+The paper samples range data "at points of high curvature and discontinuity"; fairing then moves the vertices onto the real
+corners, which the rays of the scan missed.
 """
 
 from collections.abc import Sequence
@@ -14,12 +14,12 @@ from fairing.errors import InputError
 from fairing.scene import SparsePoints, View
 
 NEIGHBOURS = 24
-MAX_POINTS = 200_000  # larger scans are subsampled evenly
-GAP = np.radians(120.0)  # a point whose neighbours leave such an angle empty lies at an end of the surface
+MOST_POINTS = 200_000  # larger scans are subsampled evenly to this many
+GAP = np.radians(120.0)  # a point with such an angle free of neighbours lies at an end of the surface
 BENT = 0.01  # surface variation (0 to 1/3) above which a surface bends: two planes at 25 degrees
-FILL = 2.5  # spacings between points away from bends and ends
-SPLAT = 0.35  # radius, in spacings, of the disc that a scan point occludes
-BEHIND = 2.0  # spacings: depth tolerance of visibility, for surfaces inclined by up to 80 degrees
+FILL = 2.5  # spacings between points where nothing bends or ends
+SPLAT = 0.35  # fraction of the spacing: radius around a point of the scan that occludes
+BEHIND = 2.0  # spacings: a point less far behind its occluder is visible, for surfaces at up to 80 degrees
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,18 +38,14 @@ class CriticalPoints:
 
 
 def critical_points(points: np.ndarray, spacing: float) -> CriticalPoints:
-    """Points of a scan at least `spacing` apart where it bends or ends, and `FILL` times that elsewhere.
-
-    Args:
-        points: (n, 3) float, in any unit.
-        spacing: in that unit.
+    """Points of a scan (n, 3) float at least `spacing` apart where it bends or ends, and 2.5 times that elsewhere.
 
     Raises:
         InputError: fewer than 50 points.
     """
     if len(points) < 50:
         raise InputError(f"scan: expected at least 50 points, found {len(points)}")
-    points = np.asarray(points, dtype=np.float64)[:: max(1, -(-len(points) // MAX_POINTS))]
+    points = np.asarray(points, dtype=np.float64)[:: max(1, -(-len(points) // MOST_POINTS))]
     variation, is_end = _shape(points)
     # Ends come before bends, because the variation is meaningless where a surface ends.
     order = np.lexsort((np.arange(len(points)), -variation, ~is_end))

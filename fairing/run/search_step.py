@@ -44,7 +44,9 @@ def search_step(
     moved_faces[block.faces[moved[block.owner]]] = True
     before, after = found.system_before.pair_energy, found.system_after.pair_energy
     # Faces of a vertex that stays keep their energy, even if a neighbour that moved changes their visibility.
-    by_view = found.context_before.sum_by_view(before, ~moved_faces) + found.context_after.sum_by_view(after, moved_faces)
+    by_view = found.context_before.sum_by_view(before, ~moved_faces) + found.context_after.sum_by_view(
+        after, moved_faces
+    )
     return build_record(
         position,
         sweep.moment,

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fairing.errors import InputError
 from fairing.run.gauss_newton_step import gauss_newton_step
 from fairing.run.phases import GaussNewton
 from fairing.run.preparation import preparation_reasons, preparation_step
@@ -57,9 +58,19 @@ class Stepper:
             if not isinstance(sweep.phase, GaussNewton):
                 following = position._replace(sweep=position.sweep + 1)
             return self._returned_if_worse(empty_record(problem, position, sweep.moment, following), sweep, moment)
+        if position.block >= len(sweep.blocks):
+            raise InputError(
+                f"trace: continues at block {position.block + 1} of a sweep with {len(sweep.blocks)} blocks; it was recorded "
+                "on other photos or changed since, run it again"
+            )
         block = sweep.blocks[position.block]
+        previous = trace.steps[moment - 1] if position.iteration else None
+        if previous is not None and not np.array_equal(previous.vertices, block.vertices):
+            raise InputError(
+                f"trace: step {moment} moved other vertices than the block it continues with; it was recorded on other "
+                "photos or changed since, run it again"
+            )
         if isinstance(sweep.phase, GaussNewton):
-            previous = trace.steps[moment - 1] if position.iteration else None
             system = self._carried_system(moment, block)
             iteration = gauss_newton_step(problem, sweep, block, position, vertices, previous, system)
             self._carried = _CarriedSystem(moment + 1, block, iteration.system)
