@@ -12,7 +12,8 @@ from fairing.mesh import Mesh
 from fairing.options import FairingOptions
 from fairing.run.session import Session
 from fairing.scene import Scene
-from fairing.solve.point_fit import fitted_to_points, fitting_points, kept_points
+from fairing.solve.point_fit import fitted_to_points
+from fairing.solve.point_split import fitting_points, kept_points
 from fairing.solve.problem import Problem
 from fairing.trace import StepReason, Trace
 from tests.small_scene import FACES, START, VERTICES, corner_scene, small_options, sparse_points

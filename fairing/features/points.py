@@ -1,7 +1,7 @@
 """Feature points: positions with covariances and the observations they were triangulated from."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -51,6 +51,34 @@ class FeaturePoints:
             np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros(0), 0.0, reason,
         )  # fmt: skip
 
+    @classmethod
+    def of_sparse_points(cls, sparse: SparsePoints, cameras: Sequence[Camera]) -> "FeaturePoints":
+        """The sparse points of a capture that at least two photos observe, with covariances from their residuals.
+
+        Args:
+            cameras: of the views that the observations index.
+        """
+        order = np.lexsort((sparse.observations[:, 1], sparse.observations[:, 0]))
+        point, photos = sparse.observations[order].T
+        n_views = np.bincount(point, minlength=len(sparse.positions))
+        is_used = n_views >= 2
+        if not is_used.any():
+            return cls.none("no sparse point is observed by two photos")
+        kept = is_used[point]
+        return _with_covariances(
+            cameras, sparse.positions[is_used], n_views[is_used], photos[kept], sparse.pixels[order][kept],
+            np.ones(int(kept.sum())), sparse.colors[is_used],
+        )  # fmt: skip
+
+    def subset(self, chosen: np.ndarray) -> "FeaturePoints":
+        """The points of a mask (p,) bool, with their observations."""
+        observed = np.repeat(chosen, self.n_views)
+        offsets = np.concatenate([[0], np.cumsum(self.n_views[chosen])])
+        return replace(
+            self, positions=self.positions[chosen], covariance=self.covariance[chosen], colors=self.colors[chosen],
+            offsets=offsets, photos=self.photos[observed], pixels=self.pixels[observed], residual=self.residual[chosen],
+        )  # fmt: skip
+
     def __len__(self) -> int:
         return len(self.positions)
 
@@ -87,6 +115,21 @@ def points_of_tracks(
     track = np.repeat(np.arange(len(tracks)), np.diff(tracks.offsets))[found.kept]
     photos, pixels, colors, sigma = (of_all[found.kept] for of_all in (tracks.photos, pixels, colors, sigma))
     positions, n_views = found.positions[found.is_good], np.bincount(track, minlength=len(tracks))[found.is_good]
+    starts = np.concatenate([[0], np.cumsum(n_views)])[:-1]
+    mean_color = np.add.reduceat(colors.astype(float), starts) / n_views[:, None]
+    return _with_covariances(cameras, positions, n_views, photos, pixels, sigma, np.round(mean_color).astype(np.uint8))
+
+
+def _with_covariances(
+    cameras: Sequence[Camera],
+    positions: np.ndarray,
+    n_views: np.ndarray,
+    photos: np.ndarray,
+    pixels: np.ndarray,
+    sigma: np.ndarray,
+    colors: np.ndarray,
+) -> FeaturePoints:
+    """Points (p, 3) with covariances, from their observations (o,) in the order of the points; see `points_of_tracks`."""
     offsets = np.concatenate([[0], np.cumsum(n_views)])
     starts, row = offsets[:-1], np.repeat(np.arange(len(positions)), n_views)
     P = np.array([camera.image_from_world for camera in cameras])
@@ -95,9 +138,5 @@ def points_of_tracks(
     common = squares.sum() / freedom.sum()
     variance = (PRIOR_FREEDOM * common + squares) / (PRIOR_FREEDOM + freedom)
     covariance = variance[:, None, None] * np.linalg.inv(information(P, positions, photos, sigma, starts, row))
-    mean_color = np.add.reduceat(colors.astype(float), starts) / n_views[:, None]
     mean_residual = np.add.reduceat(residual, starts) / n_views
-    return FeaturePoints(
-        positions, covariance, np.round(mean_color).astype(np.uint8), offsets, photos, pixels, mean_residual,
-        float(np.sqrt(common)),
-    )  # fmt: skip
+    return FeaturePoints(positions, covariance, colors, offsets, photos, pixels, mean_residual, float(np.sqrt(common)))

@@ -32,6 +32,8 @@ VOTES = 0.5
 """Least share of a point's photos that see its face in its direction."""
 RIM = 0.05
 """Barycentric: a point's foot may lie that far outside its face."""
+JUDGING_SIGMA = 0.2
+"""Percent of the diagonal: scale of the loss by which whole meshes are compared."""
 HELD_BACK = 4
 """Every so many points the fit does not use; they judge it."""
 LEAST_PART = 1 / 32
@@ -78,22 +80,26 @@ class RobustFit:
     loss: tuple[float, float]
 
 
-def robust_fit(mesh: Mesh, cameras: Sequence[Camera], points: FeaturePoints) -> RobustFit:
+def robust_fit(
+    mesh: Mesh, cameras: Sequence[Camera], points: FeaturePoints, locked: np.ndarray | None = None
+) -> RobustFit:
     """Move the vertices of a mesh towards feature points.
 
     A vertex keeps its place where points held back do not prefer the new one, and all do where these points gain too little.
 
     Args:
         cameras: of the photos that `points.photos` counts.
+        locked: (n,) bool: vertices that never move; default: none.
     """
     start, unit = mesh.vertices, mesh.diagonal / 100
+    free = np.ones(len(start), dtype=bool) if locked is None else ~locked
     rays = _Rays(cameras, points)
-    held_back = np.arange(len(points)) % HELD_BACK == HELD_BACK - 1
+    held_back = held_back_points(points)
     vertices = start
     for gate in GATES:
         for _ in range(STEPS):
             found = rays.assign(mesh.moved(vertices), REACH * gate * unit, ~held_back)
-            vertices = _step(mesh, start, vertices, found, points.covariance, gate * unit, unit)
+            vertices = _step(mesh, start, vertices, found, points.covariance, free, gate * unit, unit)
     vertices = _judged(mesh, _unfolded(mesh, vertices), rays, held_back, unit)
     everything = np.ones(len(points), dtype=bool)
     before = rays.assign(mesh, GATES[0] * unit, everything)
@@ -104,6 +110,32 @@ def robust_fit(mesh: Mesh, cameras: Sequence[Camera], points: FeaturePoints) -> 
     if not _is_clearly_less(losses):
         return RobustFit(start, error, len(before.points), (loss[0], loss[0]))
     return RobustFit(vertices, error, len(after.points), loss)
+
+
+def held_back_points(points: FeaturePoints) -> np.ndarray:
+    """(p,) bool: the points that the fit never uses."""
+    return np.arange(len(points)) % HELD_BACK == HELD_BACK - 1
+
+
+def held_back_loss(mesh: Mesh, cameras: Sequence[Camera], points: FeaturePoints) -> float:
+    """Mean loss of the points held back, 0 to 1; a point that belongs to no face of the mesh costs 1.
+
+    Args:
+        cameras: of the photos that `points.photos` counts.
+    """
+    unit, judges = mesh.diagonal / 100, held_back_points(points)
+    found = _Rays(cameras, points).assign(mesh, GATES[0] * unit, judges)
+    losses = np.ones(len(points))
+    losses[found.points] = found.distances**2 / ((JUDGING_SIGMA * unit) ** 2 + found.distances**2)
+    return float(losses[judges].mean()) if judges.any() else 1.0
+
+
+def points_on_surface(mesh: Mesh, cameras: Sequence[Camera], points: FeaturePoints) -> np.ndarray:
+    """(p,) bool: the points that belong to a face: their own photos see it there, and it lies within the first gate."""
+    result = np.zeros(len(points), dtype=bool)
+    everything = np.ones(len(points), dtype=bool)
+    result[_Rays(cameras, points).assign(mesh, GATES[0] * mesh.diagonal / 100, everything).points] = True
+    return result
 
 
 class _Rays:
@@ -150,6 +182,7 @@ def _step(
     vertices: np.ndarray,
     found: Assignment,
     covariance: np.ndarray,
+    free: np.ndarray,
     gate: float,
     unit: float,
 ) -> np.ndarray:
@@ -168,7 +201,11 @@ def _step(
     J = coo_array((rows.ravel(), index), shape=(len(rows), 3 * n)).tocsr()
     H = (J.T @ J.multiply(information[:, None])).tocsc() + prior * eye_array(3 * n, format="csc")
     g = J.T @ (information * found.distances) + prior * (start - vertices).ravel()
-    return vertices + splu(H.tocsc()).solve(g).reshape(-1, 3)
+    moving = np.flatnonzero(np.repeat(free, 3))
+    step = np.zeros(3 * n)
+    if len(moving):
+        step[moving] = splu(H[:, moving][moving].tocsc()).solve(g[moving])
+    return vertices + step.reshape(-1, 3)
 
 
 def _unfolded(mesh: Mesh, vertices: np.ndarray) -> np.ndarray:

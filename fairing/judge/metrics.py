@@ -15,7 +15,7 @@ from fairing.mesh import Mesh
 from fairing.run.session import Session
 from fairing.scene import Scene
 from fairing.solve.energy import Evaluator
-from fairing.solve.point_fit import kept_points
+from fairing.solve.point_split import kept_points
 
 SURFACE_SAMPLES = 20_000
 SEEN_FRACTION = 0.3

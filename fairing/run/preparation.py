@@ -6,12 +6,14 @@ from typing import NamedTuple
 import numpy as np
 
 from fairing.cells.level_choice import first_fine_level
+from fairing.features.robust_fit import held_back_loss, robust_fit
 from fairing.geometry.normal_filter import smoothed
 from fairing.run.records import Evaluation, moved_record
 from fairing.run_plan import RunPlan
 from fairing.solve.energy import robust_scale, robust_sigma
 from fairing.solve.face_loss import loss_of_faces
-from fairing.solve.point_fit import fitted_to_points, fitting_points
+from fairing.solve.point_fit import fitted_to_points
+from fairing.solve.point_split import fitting_points
 from fairing.solve.problem import Problem
 from fairing.trace import SchedulePosition, StepReason, StepRecord
 
@@ -36,19 +38,19 @@ def find_preparations(problem: Problem) -> list[Preparation]:
     """The preparations of the start, in their order, that are enabled and lower the mean loss of the photos by `GAIN`.
 
     Smoothing does so where the vertices are noisy. Such a run also uses the smoothness prior at its levels, which
-    determines the vertices no photo sees. The fit needs as many points as unlocked coordinates: fewer points would be
-    met with all their noise.
+    determines the vertices no photo sees. If the capture has observed points, those decide about smoothing before the photos
+    do: they also measure a start whose vertices are displaced along its surface, where smoothing does harm. The fit needs as
+    many points as unlocked coordinates: fewer points would be met with all their noise.
 
     Raises:
         Cancelled: cancellation was requested.
     """
     step, vertices = problem.options.step, problem.start
+    fits = any(step.points) and _points_suffice(problem)
+    smooths = any(step.smoothing) and not (fits and len(problem.observed_points) and not _smoothing_helps_fit(problem))
     done: list[Preparation] = []
     loss = None  # at `vertices`, computed when it is first needed
-    for reason, is_enabled in (
-        (StepReason.SMOOTHED, any(step.smoothing)),
-        (StepReason.FITTED_TO_POINTS, any(step.points) and _points_suffice(problem)),
-    ):
+    for reason, is_enabled in ((StepReason.SMOOTHED, smooths), (StepReason.FITTED_TO_POINTS, fits)):
         if not is_enabled:
             continue
         after = _PREPARED[reason](problem, vertices)
@@ -99,7 +101,26 @@ def _smoothed(problem: Problem, vertices: np.ndarray) -> np.ndarray:
 
 def _fitted(problem: Problem, vertices: np.ndarray) -> np.ndarray:
     """(n, 3) float: vertices (n, 3) after the fit to the sparse points."""
-    return fitted_to_points(problem, vertices, FIT_ROUNDS).targets
+    problem.raise_if_cancelled()
+    if len(problem.observed_points) == 0:
+        return fitted_to_points(problem, vertices, FIT_ROUNDS).targets
+    cameras = [view.camera for view in problem.scene.views]
+    mesh, ids = problem.scene.mesh.moved(vertices), np.flatnonzero(~problem.locked)
+    fitted = robust_fit(mesh, cameras, problem.observed_points, problem.locked).vertices
+    moves, _ = problem.unfolded(vertices, ids, (fitted - vertices)[ids])
+    after = vertices.copy()
+    after[ids] += moves
+    return after
+
+
+def _smoothing_helps_fit(problem: Problem) -> bool:
+    """Whether the points held back prefer the fit of the smoothed start to the fit of the start by `GAIN`."""
+    cameras = [view.camera for view in problem.scene.views]
+    plain, smooth = (
+        held_back_loss(problem.scene.mesh.moved(_fitted(problem, vertices)), cameras, problem.observed_points)
+        for vertices in (problem.start, _smoothed(problem, problem.start))
+    )
+    return smooth < (1 - GAIN) * plain
 
 
 _PREPARED: dict[StepReason, Callable[[Problem, np.ndarray], np.ndarray]] = {

@@ -11,11 +11,12 @@ import trimesh
 from scipy.sparse import coo_array, diags_array, eye_array
 from scipy.sparse.linalg import splu
 
+from fairing.features.robust_fit import points_on_surface
 from fairing.geometry.closest_point import SurfaceTree
 from fairing.geometry.normals import face_normals
 from fairing.mesh import Mesh
-from fairing.scene import Scene
 from fairing.solve.normal_equations import QuadraticPrior
+from fairing.solve.point_split import fitting_points
 from fairing.solve.problem import Problem
 
 MAX_DISTANCE = 0.5  # of a point to a face, in mean edges of the face: points farther away belong to other surfaces
@@ -26,16 +27,6 @@ ROUNDING = 1e-6  # in units of the maximum distance: smaller residuals are equal
 REGULARIZATION = (
     0.03  # towards the positions before the fit, relative to the mean diagonal of the normal matrix (ledger)
 )
-
-
-def fitting_points(scene: Scene) -> np.ndarray:
-    """(p, 3) float, world units: the sparse points used for the fit, every second one."""
-    return scene.sparse_positions[::2]
-
-
-def kept_points(scene: Scene) -> np.ndarray:
-    """(p, 3) float, world units: the sparse points kept for evaluation."""
-    return scene.sparse_positions[1::2]
 
 
 def fitted_to_points(problem: Problem, vertices: np.ndarray, rounds: int) -> QuadraticPrior:
@@ -52,7 +43,7 @@ def fitted_to_points(problem: Problem, vertices: np.ndarray, rounds: int) -> Qua
     Raises:
         Cancelled: cancellation was requested.
     """
-    mesh, points = problem.scene.mesh, fitting_points(problem.scene)
+    mesh, points = problem.scene.mesh, _surface_positions(problem, vertices)
     ids = np.flatnonzero(~problem.locked)
     columns = (3 * ids[:, None] + np.arange(3)).ravel()
     edges = vertices[np.roll(mesh.faces, -1, axis=1)] - vertices[mesh.faces]
@@ -83,6 +74,19 @@ def fitted_to_points(problem: Problem, vertices: np.ndarray, rounds: int) -> Qua
         hessians = np.zeros((len(vertices), 3, 3))
         np.add.at(hessians, corners, robust[:, None, None, None] * rows[:, :, :, None] * rows[:, :, None, :])
     return QuadraticPrior(hessians / max(average, 1e-300), places)
+
+
+def _surface_positions(problem: Problem, vertices: np.ndarray) -> np.ndarray:
+    """(p, 3) float: fitting points on the surface with vertices (n, 3); all of them if the capture has no observations.
+
+    Points of the ground and the background lie near the boundary of the mesh too, but their own photos do not see the mesh
+    at their place.
+    """
+    observed = problem.observed_points
+    if len(observed) == 0:
+        return fitting_points(problem.scene)
+    cameras = [view.camera for view in problem.scene.views]
+    return observed.positions[points_on_surface(problem.scene.mesh.moved(vertices), cameras, observed)]
 
 
 def _residuals(mesh: Mesh, points: np.ndarray, max_distance: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

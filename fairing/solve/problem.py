@@ -13,11 +13,13 @@ from fairing.cells.context import CellContext, build_context
 from fairing.cells.scale_space import ScaleSpace
 from fairing.cells.visibility import Visibility, mesh_orientation
 from fairing.errors import Cancelled, InputError
+from fairing.features.points import FeaturePoints
 from fairing.geometry.mesh_check import inspect_mesh
 from fairing.options import FairingOptions
 from fairing.scene import Scene
 from fairing.solve.energy import Evaluator, FaceSystem
 from fairing.solve.locks import locked_by_options
+from fairing.solve.point_split import observed_fitting_points
 from fairing.solve.step_limits import pixels_moved, shortened, unfolded
 
 TOO_MANY_PARTS = (
@@ -40,6 +42,7 @@ class Problem:
     Attributes:
         locked: (n,) bool: vertices that never move, by option or because they belong to a degenerate face.
         orientation: see `fairing.cells.visibility.mesh_orientation`.
+        observed_points: the sparse points used for fits, with their observations; empty if the capture has none.
         evaluator: computes energies and normal equations.
         warnings: of the scene and of the run so far, a line each.
         seconds: time spent on "photos" and on "visibility", s.
@@ -68,6 +71,7 @@ class Problem:
         self._usable[degenerate] = False
         self.locked = locked_by_options(scene, options)
         self.locked[scene.mesh.faces[degenerate]] = True
+        self.observed_points: FeaturePoints = observed_fitting_points(scene) if like is None else like.observed_points
         self.orientation = mesh_orientation(scene, start) if like is None else like.orientation
         if like is not None and options.cells.color == like.options.cells.color:
             self._photos = like._photos
