@@ -89,7 +89,7 @@ def test_the_desk_works_beside_its_user_and_keeps_the_outcome(setting: Setting, 
     runner = ExperimentRunner(setting.scene, "corner", told.set)
     assert runner.obstacle() == ""
     runner.start(EXPERIMENT, ONE_LEVEL)
-    with pytest.raises(InputError, match="Capture range is at work"):
+    with pytest.raises(InputError, match="Capture range is running"):
         runner.start(WarpComparison(), ONE_LEVEL)
     wait_for(lambda: runner.working is None, 300)
     outcome = runner.outcome("capture-range")
