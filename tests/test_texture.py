@@ -23,8 +23,6 @@ from fairing.texture import AtlasLayout, TexturedModel, textured_model
 from tests.small_scene import FACES, VERTICES, corner_scene, photos, write_corner
 from tests.texture_view import inner, shown_in
 
-RNG = np.random.default_rng(3)
-
 
 @pytest.mark.parametrize(("largest", "gutter"), [(1024, 2), (300, 4)])
 def test_most_faces_is_the_exact_limit(largest, gutter):
@@ -37,8 +35,9 @@ def test_most_faces_is_the_exact_limit(largest, gutter):
 
 @pytest.mark.parametrize("largest", [4096, 500])
 def test_no_face_reads_the_texels_of_another(largest):
-    lengths = np.exp(RNG.uniform(np.log(5), np.log(150), 60))
-    edges = np.column_stack([lengths, lengths * RNG.uniform(0.7, 1, 60), lengths * RNG.uniform(0.4, 0.9, 60)])
+    rng = np.random.default_rng(3)
+    lengths = np.exp(rng.uniform(np.log(5), np.log(150), 60))
+    edges = np.column_stack([lengths, lengths * rng.uniform(0.7, 1, 60), lengths * rng.uniform(0.4, 0.9, 60)])
     layout = AtlasLayout.plan(edges, largest)
     assert max(layout.width, layout.height) <= largest
     owner = np.full((layout.height, layout.width), -1)
@@ -186,7 +185,6 @@ def test_the_command_writes_a_model_and_refuses_bad_sizes(tmp_path: Path, capsys
     assert len(capsys.readouterr().err.splitlines()) == 1
 
 
-@pytest.mark.slow
 def test_fair_writes_models_and_the_evaluation_on_left_out_photos(tmp_path: Path, capsys):
     write_corner(tmp_path / "corner")
     out = tmp_path / "out"
@@ -202,7 +200,6 @@ def test_fair_writes_models_and_the_evaluation_on_left_out_photos(tmp_path: Path
     assert f"{proof['judged_share']:.0%} of their pixels" in capsys.readouterr().err
 
 
-@pytest.mark.slow
 def test_another_mesh_is_evaluated_on_the_pixels_that_both_show(tmp_path: Path, capsys):
     """The start without one of its six faces: where both show a surface it is the same as the start."""
     write_corner(tmp_path / "corner")

@@ -107,7 +107,11 @@ def footprints_in_views(
     """`footprints` in all photos, several at a time: arrays of shape (m, V).
 
     Args:
+        vertices: (n, 3) float, world units.
+        faces: (m, 3) int.
         cameras: V cameras.
+        orientation: see `mesh_orientation`.
+        blur: sigma_smooth of the level, px.
         pool: executes one task per photo.
     """
     # Face-major: numpy's sums over the views of a face depend on the memory layout.

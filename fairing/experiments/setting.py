@@ -92,7 +92,7 @@ class Setting:
         return 100 / self.edge * self.determined @ (vertices[self.vertex] - self.truth[self.vertex])
 
     def distance(self, vertices: np.ndarray) -> float:
-        """Length of `error`, percent of the edge."""
+        """Length of `error` for vertices (n, 3), percent of the edge."""
         return float(np.linalg.norm(self.error(vertices)))
 
 

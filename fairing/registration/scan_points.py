@@ -14,7 +14,7 @@ from fairing.errors import InputError
 from fairing.scene import SparsePoints, View
 
 NEIGHBOURS = 24
-MOST_POINTS = 200_000  # larger scans are subsampled evenly to this many
+MAX_POINTS = 200_000  # larger scans are subsampled evenly to this many
 GAP = np.radians(120.0)  # a point with such an angle free of neighbours lies at an end of the surface
 BENT = 0.01  # surface variation (0 to 1/3) above which a surface bends: two planes at 25 degrees
 FILL = 2.5  # spacings between points where nothing bends or ends
@@ -45,7 +45,7 @@ def critical_points(points: np.ndarray, spacing: float) -> CriticalPoints:
     """
     if len(points) < 50:
         raise InputError(f"scan: expected at least 50 points, found {len(points)}")
-    points = np.asarray(points, dtype=np.float64)[:: max(1, -(-len(points) // MOST_POINTS))]
+    points = np.asarray(points, dtype=np.float64)[:: max(1, -(-len(points) // MAX_POINTS))]
     variation, is_end = _shape(points)
     # Ends come before bends, because the variation is meaningless where a surface ends.
     order = np.lexsort((np.arange(len(points)), -variation, ~is_end))

@@ -75,7 +75,7 @@ class FaceLosses:
         return np.where(total > 0, (self.weight * self.loss).sum(axis=1) / np.maximum(total, 1e-300), UNSEEN_LOSS)
 
     def of(self, rows: np.ndarray) -> "FaceLosses":
-        """The losses of some faces, by index."""
+        """The losses of some faces, by index (k,) int."""
         return FaceLosses(self.weight[rows], self.loss[rows])
 
 

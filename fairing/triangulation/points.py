@@ -39,7 +39,7 @@ class PointFacts:
         return self.left_out == ""
 
     def leave_out(self, ids: np.ndarray, reason: str) -> None:
-        """Leave out points for a reason; only those that are still undecided change."""
+        """Leave out points, by index (k,) int, for a reason; only those that are still undecided change."""
         ids = np.asarray(ids, dtype=np.int64)
         self.left_out[ids[self.left_out[ids] == ""]] = reason
 

@@ -61,7 +61,7 @@ class Quads:
     n_other: int
 
     def of(self, rows: np.ndarray) -> "Quads":
-        """A subset, by index."""
+        """A subset, by index (k,) int."""
         return Quads(self.edge[rows], self.opposite[rows], self.faces[rows], self.n_other)
 
     def flipped(self) -> tuple[np.ndarray, np.ndarray]:
