@@ -94,12 +94,11 @@ def test_bookmarks_are_saved_beside_the_run_and_come_back_with_it(scene: Scene, 
 
 def test_a_damaged_file_of_bookmarks_is_said(tmp_path):
     path = tmp_path / "run.bookmarks.json"
-    no_list = "expected a JSON list of bookmarks"
     damaged = {
         "": "line 1: expected JSON",
-        "[]": no_list,
-        '{"bookmarks": [{"at": 1}]}': no_list,
-        '{"bookmarks": 3}': no_list,
+        "[]": r"expected an object, found \[\]",
+        '{"bookmarks": [{"at": 1}]}': r"bookmarks\[0\]: expected moment",
+        '{"bookmarks": 3}': "bookmarks: expected a list, found 3",
     }
     for content, said in damaged.items():
         path.write_text(content)
