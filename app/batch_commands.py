@@ -20,7 +20,7 @@ from app.run_extras import TEXTURE_SIZE, RunExtras
 from app.scene_source import SceneSource
 from app.texture_command import texture_to_file
 from app.triangulate_command import triangulate_to_file
-from demo_scenes import DEMOS
+from demo_scenes import BUILDING, DEMOS
 from fairing.options import FairingOptions
 from fairing.triangulation import TriangulationOptions
 
@@ -149,8 +149,8 @@ def demos(scan: Path | None = None) -> int:
     console = Console()
     if scan is not None:
         return write_demo_scan(scan, console)
-    for demo in DEMOS.values():
-        console.print(f"{demo.name:10}{demo.description}", highlight=False, soft_wrap=True)
+    for demo in [*DEMOS.values(), BUILDING]:
+        console.print(f"{demo.name:15}{demo.description}", highlight=False, soft_wrap=True)
     return 0
 
 

@@ -16,7 +16,7 @@ from app.experiments.workers import measure_all
 from app.headless import Interrupt
 from app.loading import load_with_progress
 from app.scene_source import SceneSource
-from demo_scenes import DEMOS
+from demo_scenes import DEMO_NAMES, is_demo
 from fairing.errors import InputError
 from fairing.experiments import EXPERIMENTS, Experiment, Row, Setting
 from fairing.experiments.experiment import open_cases
@@ -61,9 +61,9 @@ def _command(kind: type[Experiment], default: FairingOptions) -> Callable[..., i
         preset: Options of every run, but for what the experiment varies; further flags change single ones.
         resume: Go on with an interrupted experiment in `out`.
         """
-        if scene not in DEMOS:
+        if not is_demo(scene):
             raise InputError(
-                f"{scene}: expected a demo ({', '.join(DEMOS)}), found another scene; experiments measure errors against "
+                f"{scene}: expected a demo ({DEMO_NAMES}), found another scene; experiments measure errors against "
                 "the truth, which only demos know"
             )
         source = SceneSource.typed(scene, None)

@@ -10,7 +10,7 @@ from app.headless import Interrupt, write_json
 from app.loading import load_with_progress
 from app.run_files import FLIPS
 from app.scene_source import SceneSource
-from demo_scenes import DEMOS
+from demo_scenes import is_demo
 from fairing.errors import InputError
 from fairing.io import read_capture, read_mesh, write_mesh
 from fairing.io.capture import naming
@@ -32,7 +32,7 @@ def triangulate_to_file(source: SceneSource, out: Path, options: TriangulationOp
     """
     check_triangulation_output(out)
     mesh = None
-    if source.scene in DEMOS:
+    if is_demo(source.scene):
         scene = load_with_progress(source, console)
         views, points, warnings = scene.views, scene.sparse_points, scene.warnings
     else:

@@ -3,7 +3,7 @@
 import hashlib
 import os
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
@@ -67,9 +67,23 @@ def _write(path: Path, photos: np.ndarray) -> None:
 
 @cache
 def _code_digest() -> str:
-    """Changes whenever the code that decides over a photo's pixels does."""
+    """Digest of the code that determines a photo's pixels, except for the code of single scenes in sub-packages."""
+    modules = [Path(fairing.rasterize.__file__), Path(fairing.camera.__file__)]
+    return source_digest([*_modules_in(Path(__file__).parent), *modules])
+
+
+def package_digest(package: Path) -> str:
+    """Digest of all modules of a package: for the key of photos that depend on it."""
+    return source_digest(_modules_in(package))
+
+
+def source_digest(modules: Iterable[Path]) -> str:
+    """Digest of source files, 12 hexadecimal digits."""
     digest = hashlib.sha256()
-    sources = sorted(Path(__file__).parent.glob("*.py"))
-    for source in [*sources, Path(fairing.rasterize.__file__), Path(fairing.camera.__file__)]:
-        digest.update(source.read_bytes())
+    for module in modules:
+        digest.update(module.read_bytes())
     return digest.hexdigest()[:12]
+
+
+def _modules_in(package: Path) -> list[Path]:
+    return sorted(package.glob("*.py"))

@@ -9,11 +9,10 @@ from demo_scenes.graphics import poster
 from demo_scenes.lighting import spread_over_cap
 from demo_scenes.materials import brick, planks
 from demo_scenes.photography import GLOSS_LEVELS, Photography, Progress, looking_at, take_photos
-from demo_scenes.start import determined_normals
+from demo_scenes.start import faceted_truth
 from demo_scenes.surface import PaintedSurface, Stage, painted
 from fairing.camera import Camera
-from fairing.mesh import Mesh
-from fairing.scene import Scene, Truth
+from fairing.scene import Scene
 
 # Vertex 0 is A; all six triangles contain it. Two triangles a square: z = 1, x = 1, y = 1, in this order.
 VERTICES = np.array([[1, 1, 1], [0, 1, 1], [0, 0, 1], [1, 0, 1], [1, 0, 0], [1, 1, 0], [0, 1, 0]], float)
@@ -53,8 +52,7 @@ def cube_scene(
     )
     start = VERTICES.copy()
     start[0] += displacement
-    truth = Truth(Mesh(VERTICES, FACES), VERTICES, determined_normals(VERTICES, FACES))
-    return Scene.build("cube", start, FACES, views, truth=truth)
+    return Scene.build("cube", start, FACES, views, truth=faceted_truth(VERTICES, FACES))
 
 
 def cube_cameras() -> list[Camera]:

@@ -16,12 +16,13 @@ BLUR = 0.6  # sigma, photo pixels
 FINENESS = 2  # the image the lens forms is traced so many times finer than the pixels
 
 
-def expose(stage: Stage, light: np.ndarray, camera: Camera, samples: int) -> np.ndarray:
+def expose(stage: Stage, light: np.ndarray, camera: Camera, samples: int, blur: float = BLUR) -> np.ndarray:
     """The photo of a real lens on a noiseless sensor: (height, width, 3) float64, grey levels, not clipped.
 
     Args:
         light: from `light_lattice(stage)`.
         samples: rays along a pixel's side; a multiple of FINENESS.
+        blur: sigma of the lens's blur, photo pixels.
     """
     shift = (FINENESS - 1) / 2
     finer = np.array([[FINENESS, 0, shift], [0, FINENESS, shift], [0, 0, 1]]) @ camera.image_from_world
@@ -29,5 +30,5 @@ def expose(stage: Stage, light: np.ndarray, camera: Camera, samples: int) -> np.
         stage, light, Camera(finer, camera.width * FINENESS, camera.height * FINENESS), samples // FINENESS
     )
     for axis in (0, 1):
-        image = gaussian_filter1d(image, BLUR * FINENESS, axis=axis, mode="nearest", truncate=5)
+        image = gaussian_filter1d(image, blur * FINENESS, axis=axis, mode="nearest", truncate=5)
     return image.reshape(camera.height, FINENESS, camera.width, FINENESS, 3).mean(axis=(1, 3))

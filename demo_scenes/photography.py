@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from demo_scenes.cache import cached_photos
-from demo_scenes.lens import expose
+from demo_scenes.lens import BLUR, expose
 from demo_scenes.lighting import light_lattice
 from demo_scenes.noise import seeded
 from demo_scenes.occluders import passer_by, pole_and_leaves
@@ -30,7 +30,8 @@ class Photography:
         occluders: a pole, leaves and passers-by stand before the scene; they are not part of its mesh.
         gloss: the surface shines: a highlight that moves with the camera.
         blank_wall: one wall is of a single colour (scenes without a wall ignore it).
-        seed: of everything drawn here.
+        seed: seed of all random numbers.
+        blur: largest blur of a photo beyond the lens's own, pixels (sigma); drawn for each photo.
     """
 
     noise: float = 0.0
@@ -39,6 +40,7 @@ class Photography:
     gloss: bool = False
     blank_wall: bool = False
     seed: int = 0
+    blur: float = 0.0
 
 
 GLOSS_LEVELS = 70.0
@@ -80,7 +82,7 @@ def take_photos(
                 person = passer_by(subject, cameras[k], stage.up, seeded(photography.seed, k, 22))
                 seen = replace(stage, surface=stage.surface.joined(person))
                 lit = np.concatenate([light, np.ones((len(person.faces), *light.shape[1:]))])
-            photos[k] = _develop(expose(seen, lit, cameras[k], samples), photography, k)
+            photos[k] = _develop(expose(seen, lit, cameras[k], samples, _blur_of(photography, k)), photography, k)
 
         with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
             waiting = [pool.submit(take, k) for k in range(len(cameras))]
@@ -120,6 +122,11 @@ def looking_at(
     R = np.array([right, down, forward])
     K = np.array([[focal_px, 0, (width - 1) / 2], [0, focal_px, (height - 1) / 2], [0, 0, 1]])
     return Camera.from_krt(K, R, -R @ eye, width, height)
+
+
+def _blur_of(photography: Photography, photo_id: int) -> float:
+    """Sigma of a photo's blur, pixels: the lens's, and independent of it what was drawn for the photo."""
+    return float(np.hypot(BLUR, photography.blur * seeded(photography.seed, photo_id, 23).random()))
 
 
 def _develop(levels: np.ndarray, photography: Photography, photo_id: int) -> np.ndarray:

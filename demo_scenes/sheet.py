@@ -88,16 +88,16 @@ class SheetBuilder:
         return [(x0, y0, z1), (x1, y0, z1), (x1, y1, z1), (x0, y1, z1)]
 
     def box_ledge(
-        self, x: tuple[float, float], y: tuple[float, float], depth: float, material: str
+        self, x: tuple[float, float], y: tuple[float, float], depth: float, material: str, wall: float = 0.0
     ) -> list[tuple[float, float, float]]:
-        """A block that stands out of the wall z = 0 by `depth`; returns its section there, the wall's hole."""
-        z = (0.0, depth)
-        self.rectangle(x, y, (depth, depth), (0, 0, 1), material)
+        """Add a block that projects by `depth` from the wall at z = `wall`; returns its section, the hole in the wall."""
+        z = (wall, wall + depth)
+        self.rectangle(x, y, (z[1], z[1]), (0, 0, 1), material)
         self.rectangle(x, (y[0], y[0]), z, (0, -1, 0), material)
         self.rectangle(x, (y[1], y[1]), z, (0, 1, 0), material)
         self.rectangle((x[0], x[0]), y, z, (-1, 0, 0), material)
         self.rectangle((x[1], x[1]), y, z, (1, 0, 0), material)
-        return [(x[0], y[0], 0.0), (x[1], y[0], 0.0), (x[1], y[1], 0.0), (x[0], y[1], 0.0)]
+        return [(x[0], y[0], wall), (x[1], y[0], wall), (x[1], y[1], wall), (x[0], y[1], wall)]
 
     def rectangle(
         self,

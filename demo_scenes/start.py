@@ -5,7 +5,7 @@ import numpy as np
 from demo_scenes.surface import face_normals
 from fairing.mesh import Mesh
 from fairing.rasterize import rasterize
-from fairing.scene import SparsePoints, View
+from fairing.scene import SparsePoints, Truth, View
 
 
 def slide_off_corners(
@@ -39,6 +39,11 @@ def slide_off_corners(
                 break
         start[v] = best
     return start
+
+
+def faceted_truth(vertices: np.ndarray, faces: np.ndarray) -> Truth:
+    """The truth of a surface of plane faces whose vertices (n, 3) are where those of the start mesh belong."""
+    return Truth(Mesh(vertices, faces), vertices, determined_normals(vertices, faces))
 
 
 def determined_normals(vertices: np.ndarray, faces: np.ndarray, least_angle: float = 0.17) -> list[np.ndarray]:
