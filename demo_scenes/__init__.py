@@ -13,7 +13,18 @@ if TYPE_CHECKING:
     from demo_scenes.photography import Photography, Progress
     from fairing.scene import Scene
 
-__all__ = ["BUILDING", "DEMOS", "DEMO_NAMES", "Demo", "Photography", "Progress", "cube_scene", "find_demo", "is_demo", "load_demo"]
+__all__ = [
+    "BUILDING",
+    "DEMOS",
+    "DEMO_NAMES",
+    "Demo",
+    "Photography",
+    "Progress",
+    "cube_scene",
+    "find_demo",
+    "is_demo",
+    "load_demo",
+]
 
 
 @dataclass(frozen=True)
@@ -74,7 +85,9 @@ def find_demo(name: str) -> Demo:
     if name.startswith(_FAMILY):
         seed = name.removeprefix(_FAMILY)
         if not re.fullmatch(r"-?[0-9]{1,18}", seed):
-            raise InputError(f"demo {name}: expected an integer as the seed, such as {_FAMILY}7, found {seed or 'none'}")
+            raise InputError(
+                f"demo {name}: expected an integer as the seed, such as {_FAMILY}7, found {seed or 'none'}"
+            )
         return Demo(f"{_FAMILY}{int(seed)}", BUILDING.description, int(seed))
     raise InputError(f"demo {name}: expected one of {DEMO_NAMES}")
 

@@ -92,9 +92,7 @@ def clothed(sheet: Sheet, coats: Mapping[str, Coat]) -> PaintedSurface:
 
 def window_coats(names: str, seed: int, n: int = 512) -> dict[str, Coat]:
     """Coats "window a", "window b", ... for the letters in `names`: (n, n, 3) textures stretched over a pane each."""
-    return {
-        f"window {name}": Coat(lambda k=k: window(n, seed=seed + k), n - 1.0) for k, name in enumerate(names)
-    }
+    return {f"window {name}": Coat(lambda k=k: window(n, seed=seed + k), n - 1.0) for k, name in enumerate(names)}
 
 
 def camera_on_arc(

@@ -4,6 +4,8 @@ Each function adds the patches of one element to a sheet, and its opening to the
 generator; `smooth` multiplies the number of facets of curved parts, which then approximate true curves.
 """
 
+from itertools import pairwise
+
 import numpy as np
 
 from demo_scenes.building.storey import Outline, Slot
@@ -80,8 +82,10 @@ def door_with_stairs(sheet: SheetBuilder, slot: Slot, rng: np.random.Generator, 
     _door(sheet, (door_left, door_right), (sill, head), (back, wall))
     sheet.rectangle((door_left, door_right), (sill, sill), (back, wall), (0, 1, 0), "stone")
     slot.storey.notches.append(
-        [(left, 0.0), (left, sill), (door_left, sill), (door_left, head)]
-        + [(door_right, head), (door_right, sill), (right, sill), (right, 0.0)]
+        [
+            *[(left, 0.0), (left, sill), (door_left, sill), (door_left, head)],
+            *[(door_right, head), (door_right, sill), (right, sill), (right, 0.0)],
+        ]
     )
 
 
@@ -143,7 +147,7 @@ def tower(sheet: SheetBuilder, slot: Slot, rng: np.random.Generator, smooth: int
     center, wall = slot.center, slot.storey.z
     turn = np.pi * np.arange(TOWER_SEGMENTS * smooth + 1) / (TOWER_SEGMENTS * smooth)
     ring = [(center - radius * float(np.cos(t)), wall + round(radius * float(np.sin(t)), 12)) for t in turn]
-    for k, ((x0, z0), (x1, z1)) in enumerate(zip(ring[:-1], ring[1:], strict=True)):
+    for k, ((x0, z0), (x1, z1)) in enumerate(pairwise(ring)):
         outward = ((x0 + x1) / 2 - center, 0.0, (z0 + z1) / 2 - wall)
         along = radius * float(turn[1]) * k
 

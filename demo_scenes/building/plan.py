@@ -79,7 +79,6 @@ class Plan:
         return place_cameras(self.shoot, *self.frame.extent, self.seed)
 
 
-
 def draw_plan(seed: int) -> Plan:
     """The plan that belongs to a seed: the first of its draws that keeps the family's limits."""
     for attempt in range(ATTEMPTS):
@@ -123,7 +122,7 @@ def _draw(key: tuple[int, ...]) -> Plan | None:
 
 def _draw_frame(wanted: float, rng: np.random.Generator) -> Frame:
     """A building whose elements alone make up about half the wanted faces."""
-    slots = max(1, round(wanted / rng.uniform(22, 44)))
+    slots = max(2, round(wanted / rng.uniform(22, 44)))
     n_storeys = min(int(rng.integers(1, 4)), slots)
     n_bays = int(np.clip(round(slots / n_storeys), 1, 6))
     bay = rng.uniform(2.3, 3.2)
@@ -135,10 +134,13 @@ def _draw_frame(wanted: float, rng: np.random.Generator) -> Frame:
         first = int(rng.integers(n_bays - 1))
         behind = int(rng.integers(first + 1, n_bays)) if first == 0 else int(rng.integers(first + 1, n_bays + 1))
         wing = first, behind, int(rng.integers(1, n_storeys)), round(rng.uniform(0.8, 1.8), 3)
+    front, head = round(rng.uniform(0.35, 0.7), 3), round(storeys[-1] + rng.uniform(0.3, 0.5), 3)
+    ridge, back = round(head + rng.uniform(1.6, 2.6), 3), round(front - rng.uniform(2.0, 3.2), 3)
     return Frame(
         bays,
         storeys,
         wing,
+        eaves=(front, head, ridge, back),
         roof=("flat", "cornice", "eaves", "gable")[int(rng.integers(4))],
         sides=round(rng.uniform(1.5, 3.5), 3) if rng.random() < 0.5 else 0.0,
         is_smooth=bool(rng.random() < 0.4),

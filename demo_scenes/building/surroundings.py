@@ -8,6 +8,7 @@ from demo_scenes.noise import seeded
 from demo_scenes.outdoors import UP, tile_grid
 from demo_scenes.sheet import Sheet, SheetBuilder
 
+BACK = -7.0  # metres: z of the building's rear
 TILE = 2.5  # metres: ground, and edges of all that is not in the mesh
 BEHIND = 13.0  # metres from the front to the end of the ground
 LEAVES = 320  # of a tree
@@ -53,21 +54,26 @@ def _rest_of_building(sheet: SheetBuilder, plan: Plan) -> None:
     """Side walls behind the mesh's, and the roof behind a gable."""
     frame = plan.frame
     (left, right), top = frame.x, frame.top
-    front, back = -frame.sides, -7.0
     for x, facing in ((left, -1), (right, 1)):
-        sheet.rectangle((x, x), (0, top), (back, front), (facing, 0, 0), "wall a")
+        sheet.rectangle((x, x), (0, top), (BACK, -frame.sides), (facing, 0, 0), "wall a")
     if frame.roof == "gable":
         ridge = top + frame.gable
         for x, facing in ((left, -1), (right, 1)):
-            slope = [(x, top, 0), (x, top, back), (0, ridge, back), (0, ridge, 0)]
+            slope = [(x, top, 0), (x, top, BACK), (0, ridge, BACK), (0, ridge, 0)]
             sheet.add(slope, (facing * frame.gable, right, 0), "tiles")
-    elif frame.roof == "flat":
-        sheet.rectangle((left, right), (top, top), (back, 0), (0, 1, 0), "gravel")
+    elif frame.roof == "eaves":
+        front, head, ridge, back = frame.eaves
+        above_wall = head + (ridge - head) * front / (front - back)
+        for x, facing in ((left, -1), (right, 1)):
+            side = [(x, top, 0), (x, above_wall, 0), (x, ridge, back), (x, top, BACK)]
+            sheet.add(side, (facing, 0, 0), "wall a")
+        rear = [(left, ridge, back), (right, ridge, back), (right, top, BACK), (left, top, BACK)]
+        sheet.add(rear, (0, back - BACK, top - ridge), "tiles")
+    else:
+        sheet.rectangle((left, right), (top, top), (BACK, 0), (0, 1, 0), "gravel")
 
 
-def _house(
-    sheet: SheetBuilder, x: tuple[float, float], front: float, height: float, rng: np.random.Generator
-) -> None:
+def _house(sheet: SheetBuilder, x: tuple[float, float], front: float, height: float, rng: np.random.Generator) -> None:
     """A plain house with rows of windows in its wall."""
     material = ("wall c", "wall d")[int(rng.integers(2))]
     depth, n_rows, n_columns = 7.0, max(1, int(height / 3.1)), max(1, int((x[1] - x[0]) / 2.4))

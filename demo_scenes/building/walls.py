@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -26,7 +27,8 @@ UPPER: tuple[tuple[Element, float], ...] = (
     (elements.balcony, 0.22),
     (elements.ledge, 0.16),
 )
-EMPTY_SLOTS = 0.12
+EMPTY_SLOTS = 0.12  # share of slots without an element
+FEW_SLOTS = 3  # buildings with no more slots have no empty one
 SHOULDER = 0.45  # metres between a wing and the end of the main wall
 PANES = ("window a", "window b", "window c")
 
@@ -40,6 +42,7 @@ class Frame:
         storeys: y of the storeys' boundaries, metres, from 0.
         wing: first bay, bay behind the last, storeys and depth (metres) of a part that stands out; None: no wing.
         roof: "flat", "cornice", "eaves" or "gable".
+        eaves: z of the eaves' and the cornice's front, y of its upper edge, y and z of the ridge, metres.
         sides: depth of the side walls, metres; 0: the mesh ends at the corners.
         is_smooth: whether curved parts are true curves; otherwise they are polygons.
         plain: whether part of the walls has no texture.
@@ -49,6 +52,7 @@ class Frame:
     storeys: tuple[float, ...]
     wing: tuple[int, int, int, float] | None
     roof: str
+    eaves: tuple[float, float, float, float]
     sides: float
     is_smooth: bool
     plain: bool
@@ -64,6 +68,11 @@ class Frame:
         return self.storeys[-1]
 
     @property
+    def slots(self) -> int:
+        """Number of bays times number of storeys."""
+        return (len(self.bays) - 1) * (len(self.storeys) - 1)
+
+    @property
     def gable(self) -> float:
         """Height of the main gable, metres."""
         return round(0.28 * (self.x[1] - self.x[0]), 3) if self.roof == "gable" else 0.0
@@ -71,7 +80,7 @@ class Frame:
     @property
     def extent(self) -> tuple[float, float]:
         """Width and height, metres, with the roof."""
-        return self.x[1] - self.x[0], self.top + self.gable + (2.5 if self.roof == "eaves" else 0.0)
+        return self.x[1] - self.x[0], self.eaves[2] if self.roof == "eaves" else self.top + self.gable
 
     @property
     def is_tall(self) -> bool:
@@ -111,17 +120,16 @@ class _Walls:
         self._roof()
         if frame.sides > 0:
             for x, facing in zip(frame.x, (-1, 1), strict=True):
-                for y in zip(frame.storeys[:-1], frame.storeys[1:], strict=True):
+                for y in pairwise(frame.storeys):
                     self.sheet.rectangle((x, x), y, (-frame.sides, 0), (facing, 0, 0), "wall a")
         return self.sheet.build()
 
     def _main_storey(self, k: int, wing: "_Wing | None") -> None:
         """The storey's wall to the left and the right of the wing, or as a whole above it."""
         frame, y = self.frame, (self.frame.storeys[k], self.frame.storeys[k + 1])
+        parts = [frame.x]
         if wing is not None and k < wing.storeys:
             parts = [(frame.x[0], wing.x[0]), (wing.x[1], frame.x[1])]
-        else:
-            parts = [frame.x]
         is_top = k == len(frame.storeys) - 2
         for x in parts:
             storey = Storey(x, y, 0.0, self.materials[k])
@@ -137,7 +145,7 @@ class _Walls:
             self._fill(storey, bays, y, k == 0)
 
     def _bays(self) -> list[tuple[float, float]]:
-        return list(zip(self.frame.bays[:-1], self.frame.bays[1:], strict=True))
+        return list(pairwise(self.frame.bays))
 
     def _fill(self, storey: Storey, bays: list[tuple[float, float]], y: tuple[float, float], is_ground: bool) -> None:
         """Elements in the bays, pilasters between them, then the wall around all of them."""
@@ -145,7 +153,7 @@ class _Walls:
         pilasters = rng.random() < 0.35
         for k, bay in enumerate(bays):
             slot = Slot(storey, bay, y, is_ground, PANES)
-            if rng.random() >= EMPTY_SLOTS:
+            if rng.random() >= (EMPTY_SLOTS if self.frame.slots > FEW_SLOTS else 0.0):
                 choices, weights = zip(*(GROUND if is_ground else UPPER), strict=True)
                 choices[int(rng.choice(len(choices), p=np.array(weights)))](self.sheet, slot, rng, self.smooth)
             is_inside = k + 1 < len(bays) and bays[k + 1][0] == bay[1]
@@ -173,7 +181,7 @@ class _Walls:
                 storey.peak = (middle, top + rise)
             n = behind - first
             edges = [x[0] + (x[1] - x[0]) * i / n for i in range(n + 1)]
-            self._fill(storey, list(zip(edges[:-1], edges[1:], strict=True)), y, k == 0)
+            self._fill(storey, list(pairwise(edges)), y, k == 0)
             for side, facing in ((x[0], -1), (x[1], 1)):
                 sheet.rectangle((side, side), y, (0, depth), (facing, 0, 0), material)
         (left, right), ridge = x, top + rise
@@ -188,7 +196,9 @@ class _Walls:
             for side, facing in ((left, -1), (right, 1)):
                 sheet.add([(side, top, 0), (side, top, depth), (side, ridge, 0)], (facing, 0, 0), material)
             sheet.add(
-                [(left, top, depth), (right, top, depth), (right, ridge, 0), (left, ridge, 0)], (0, depth, rise), "tiles"
+                [(left, top, depth), (right, top, depth), (right, ridge, 0), (left, ridge, 0)],
+                (0, depth, rise),
+                "tiles",
             )
         else:
             sheet.rectangle(x, (top, top), (0, depth), (0, 1, 0), "inside")
@@ -200,13 +210,12 @@ class _Walls:
         if frame.roof not in ("cornice", "eaves"):
             return
         (left, right), top = frame.x, frame.top
-        front, head = round(self.rng.uniform(0.35, 0.7), 3), round(top + self.rng.uniform(0.3, 0.5), 3)
+        front, head, ridge, back = frame.eaves
         sheet.rectangle((left, right), (top, top), (0, front), (0, -1, 0), "wood")
         sheet.rectangle((left, right), (top, head), (front, front), (0, 0, 1), "stone")
         if frame.roof == "cornice":
             sheet.rectangle((left, right), (head, head), (-0.4, front), (0, 1, 0), "inside")
             return
-        back, ridge = round(front - self.rng.uniform(2.0, 3.2), 3), round(head + self.rng.uniform(1.6, 3.0), 3)
         slope = [(left, head, front), (right, head, front), (right, ridge, back), (left, ridge, back)]
         sheet.add(slope, (0, front - back, ridge - head), "tiles")
 
