@@ -111,8 +111,7 @@ def _draw(key: tuple[int, ...]) -> Plan | None:
         "neighbours": (bool(rng.random() < 0.6), bool(rng.random() < 0.6)),
         "sun": (float(rng.uniform(-0.8, 0.8)), float(rng.uniform(0.5, 0.9)), float(rng.uniform(0.3, 0.8))),
     }
-    plan = Plan(key, frame, shoot, photography, 1.0, 1.0, start, start_px, **options)
-    px_per_metre = shoot.focal_px / shoot.distance(*plan.frame.extent)
+    px_per_metre = _typical_scale(frame, shoot, key)
     spacing = _spacing(frame, key, wanted, (18 / px_per_metre, 140 / px_per_metre))
     if spacing is None:
         return None
@@ -157,6 +156,14 @@ def _draw_photography(rng: np.random.Generator) -> Photography:
         seed=int(rng.integers(1 << 30)),
         blur=round(float(rng.uniform(0.3, 1.2)) if rng.random() < 0.5 else 0.0, 2),
     )
+
+
+def _typical_scale(frame: Frame, shoot: Shoot, key: tuple[int, ...]) -> float:
+    """Pixels per metre at the middle of the front, median over the photos."""
+    width, height = frame.extent
+    middle = np.array([0, height / 2, 0])
+    distances = [np.linalg.norm(camera.center - middle) for camera in place_cameras(shoot, width, height, key)]
+    return shoot.focal_px / float(np.median(distances))
 
 
 def _spacing(frame: Frame, key: tuple[int, ...], wanted: float, limits: tuple[float, float]) -> float | None:
