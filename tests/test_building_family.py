@@ -175,14 +175,12 @@ def test_photos_agree_on_points_of_the_true_surface(plans):
     assert np.median(spread) < 0.15 * texture, (np.median(spread), texture)
 
 
-def test_truth_lies_on_the_surface_and_starts_are_as_wrong_as_drawn(plans, without_photos):
+def test_truth_lies_on_the_surface_and_starts_are_as_wrong_as_drawn(without_photos):
     kinds = set()
-    for seed in range(0, 40, 2):
-        plan = plans.get(seed) or draw_plan(seed)
-        if plan.start in kinds:
-            continue
+    for seed in (20, 14, 8, 10):
+        plan = draw_plan(seed)
         kinds.add(plan.start)
-        scene = scene_of_plan("start", small(plan, plan.shoot.photos, plan.shoot.size))
+        scene = scene_of_plan("start", small(plan, 8, plan.shoot.size))
         assert scene.truth is not None
         tree = SurfaceTree(scene.truth.surface)
         error = plan.start_error
@@ -196,7 +194,7 @@ def test_truth_lies_on_the_surface_and_starts_are_as_wrong_as_drawn(plans, witho
             assert determined.max() == 0
         else:
             assert scene.truth.vertices is None
-            assert 0.05 * error < np.sqrt((off**2).mean()) < 4 * error + 0.05, (seed, off.mean(), error)
+            assert 0.3 * error < np.sqrt((off**2).mean()) < 1.5 * error, (seed, np.sqrt((off**2).mean()), error)
         if plan.start == "corners" and not plan.frame.is_smooth:
             assert off.max() < 1e-6, off.max()
         assert FACES[0] * 0.6 <= len(scene.mesh.faces) <= FACES[1] * 1.1
@@ -207,7 +205,9 @@ def test_truth_lies_on_the_surface_and_starts_are_as_wrong_as_drawn(plans, witho
 
 def test_curves_have_one_normal_inside_and_edges_have_two(without_photos):
     """A tower's vertices may slide around it: their determined direction is the radius."""
-    plan = next(p for p in (draw_plan(seed) for seed in range(0, 200, 2)) if p.frame.is_smooth and p.start == "noise")
+    plan = draw_plan(14)
+    assert plan.frame.is_smooth
+    assert plan.start == "noise"
     scene = scene_of_plan("smooth", small(plan))
     assert scene.truth is not None
     assert scene.truth.normals is not None

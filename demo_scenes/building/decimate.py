@@ -6,6 +6,7 @@ import numpy as np
 
 BORDER_WEIGHT = 10.0  # of the planes that hold border edges, relative to those of faces
 LEAST_COSINE = 0.3  # between a face's normals before and after a collapse
+LEAST_SHAPE = 0.1  # height of a face over its longest edge after a collapse, unless it was flatter before
 REGULARIZATION = 1e-6  # pull of the optimal place to the edge's middle where the quadric leaves it free
 
 
@@ -99,8 +100,7 @@ class _State:
             moved = np.array([place if v in (a, b) else self.places[v] for v in self._corners(f)])
             before, after = (np.cross(c[1] - c[0], c[2] - c[0]) for c in (corners, moved))
             size = float(np.linalg.norm(before) * np.linalg.norm(after))
-            longest = float(((moved - np.roll(moved, 1, axis=0)) ** 2).sum(axis=1).max())
-            if before @ after < LEAST_COSINE * size or np.linalg.norm(after) < 0.1 * longest:
+            if before @ after < LEAST_COSINE * size or _shape(moved) < min(LEAST_SHAPE, 0.7 * _shape(corners)):
                 return False
         for f in shared:
             for v in self._corners(f):
@@ -130,3 +130,9 @@ class _State:
 
     def _is_border(self, v: int) -> bool:
         return len(self.neighbours(v)) != len(self.ring[v])
+
+
+def _shape(corners: np.ndarray) -> float:
+    """Smallest height of a triangle (3, 3) over its longest edge: at most 0.87."""
+    longest = float(((corners - np.roll(corners, 1, axis=0)) ** 2).sum(axis=1).max())
+    return float(np.linalg.norm(np.cross(corners[1] - corners[0], corners[2] - corners[0]))) / max(longest, 1e-300)

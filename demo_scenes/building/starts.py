@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from demo_scenes.building.decimate import decimate
-from demo_scenes.building.plan import FACES, SMOOTH, Plan
+from demo_scenes.building.plan import FACES, Plan
 from demo_scenes.building.points import SfmPoints
 from demo_scenes.building.walls import build_walls
 from demo_scenes.noise import seeded
@@ -93,8 +93,8 @@ def _spanning(meeting: np.ndarray) -> np.ndarray:
 
 def _decimated(plan: Plan, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     """A dense mesh with errors along its normals, rough and wavy, decimated to the plan's number of faces."""
-    smooth = SMOOTH if plan.frame.is_smooth else 1
-    dense = build_walls(plan.frame, plan.seed, DENSE * plan.spacing, smooth)
+    # Curved parts keep the mesh's own facets: finer ones are slivers, on which decimation would spend its faces.
+    dense = build_walls(plan.frame, plan.seed, DENSE * plan.spacing)
     normals = np.zeros_like(dense.vertices)
     for k in range(3):
         np.add.at(normals, dense.faces[:, k], face_normals(dense.vertices, dense.faces))
