@@ -5,8 +5,8 @@ import viser
 import viser.transforms
 
 from fairing.camera import Camera
+from fairing.geometry.rasterize import rasterize
 from fairing.mesh import Mesh
-from fairing.rasterize import rasterize
 
 HEIGHT = 540  # px: of the picture that decides what is hidden
 NEARER = 0.01  # relative depth: nearer than this to what is seen at its place, a vertex is seen

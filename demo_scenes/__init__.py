@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from fairing.errors import InputError
-from fairing.on_demand import on_demand
+from fairing.util.on_demand import on_demand
 
 if TYPE_CHECKING:
     from demo_scenes.cube import cube_scene

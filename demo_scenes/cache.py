@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 import fairing.camera
-import fairing.rasterize
+import fairing.geometry.rasterize
 
 
 def cache_folder() -> Path:
@@ -68,7 +68,7 @@ def _write(path: Path, photos: np.ndarray) -> None:
 @cache
 def _code_digest() -> str:
     """Digest of the code that determines a photo's pixels, except for the code of single scenes in sub-packages."""
-    modules = [Path(fairing.rasterize.__file__), Path(fairing.camera.__file__)]
+    modules = [Path(fairing.geometry.rasterize.__file__), Path(fairing.camera.__file__)]
     return source_digest([*_modules_in(Path(__file__).parent), *modules])
 
 

@@ -10,7 +10,7 @@ from numba import njit
 
 from demo_scenes.surface import PaintedSurface, Stage
 from fairing.camera import Camera
-from fairing.rasterize import rasterize
+from fairing.geometry.rasterize import rasterize
 
 MAP_SIZE = 1024
 SKY_DIRECTIONS = 40

@@ -7,7 +7,7 @@ from numba import njit
 
 from demo_scenes.surface import Stage
 from fairing.camera import Camera
-from fairing.rasterize import rasterize
+from fairing.geometry.rasterize import rasterize
 
 STRIP_ROWS = 48  # photo rows rendered at a time, to bound memory
 SHININESS = 10.0  # a broad lobe: brushed or wet matter, not a mirror

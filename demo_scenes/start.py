@@ -3,8 +3,8 @@
 import numpy as np
 
 from demo_scenes.surface import face_normals
+from fairing.geometry.rasterize import rasterize
 from fairing.mesh import Mesh
-from fairing.rasterize import rasterize
 from fairing.scene import SparsePoints, Truth, View
 
 

@@ -10,19 +10,19 @@ positions = session.scene.unweld(session.vertices)
 
 from typing import TYPE_CHECKING
 
-from fairing.on_demand import on_demand
+from fairing.util.on_demand import on_demand
 
 if TYPE_CHECKING:
     from fairing.api import fair
     from fairing.camera import Camera
     from fairing.errors import InputError
-    from fairing.inspect import FaceCells, face_cells
     from fairing.io import PhotoChoice, load_scene, read_mesh, write_mesh
+    from fairing.judge.inspect import FaceCells, face_cells
     from fairing.mesh import Mesh
     from fairing.options import PRESETS, FairingOptions
     from fairing.photo import ArrayPhoto, FilePhoto
+    from fairing.run.session import Session
     from fairing.scene import Scene, SparsePoints, Truth, View
-    from fairing.session import Session
     from fairing.trace import StepReason, StepRecord, Trace
     from fairing.triangulation import FlipTrace, triangulate
 
@@ -59,7 +59,7 @@ __getattr__ = on_demand(
         "PRESETS": "fairing.options",
         "ArrayPhoto": "fairing.photo",
         "Camera": "fairing.camera",
-        "FaceCells": "fairing.inspect",
+        "FaceCells": "fairing.judge.inspect",
         "FairingOptions": "fairing.options",
         "FilePhoto": "fairing.photo",
         "FlipTrace": "fairing.triangulation",
@@ -67,14 +67,14 @@ __getattr__ = on_demand(
         "Mesh": "fairing.mesh",
         "PhotoChoice": "fairing.io",
         "Scene": "fairing.scene",
-        "Session": "fairing.session",
+        "Session": "fairing.run.session",
         "SparsePoints": "fairing.scene",
         "StepReason": "fairing.trace",
         "StepRecord": "fairing.trace",
         "Trace": "fairing.trace",
         "Truth": "fairing.scene",
         "View": "fairing.scene",
-        "face_cells": "fairing.inspect",
+        "face_cells": "fairing.judge.inspect",
         "fair": "fairing.api",
         "load_scene": "fairing.io",
         "read_mesh": "fairing.io",

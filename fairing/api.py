@@ -3,8 +3,8 @@
 from collections.abc import Callable
 
 from fairing.options import FairingOptions
+from fairing.run.session import Session
 from fairing.scene import Scene
-from fairing.session import Session
 from fairing.trace import StepRecord
 
 

@@ -13,5 +13,5 @@ class InputError(ValueError):
         super().__init__(" ".join(message.splitlines()))
 
 
-class Interrupted(Exception):  # noqa: N818 - nothing is wrong
-    """A step was dropped as if it had never begun, because `Session.is_unwanted` said so."""
+class Cancelled(Exception):  # noqa: N818 - nothing is wrong
+    """A step was dropped as if it had never begun, because `Session.cancel_requested` said so."""

@@ -11,9 +11,9 @@ import cv2
 import numpy as np
 from PIL import Image, UnidentifiedImageError
 
-from fairing.bounded_cache import BoundedCache
 from fairing.errors import InputError
 from fairing.lens import Lens
+from fairing.util.bounded_cache import BoundedCache
 
 
 class Photo(Protocol):

@@ -17,8 +17,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fairing.block_file import BlockFile, pack, read_blocks, unpack
 from fairing.errors import InputError
+from fairing.util.block_file import BlockFile, pack, read_blocks, unpack
 
 MAGIC = b"EIGENFAIRING TRACE 1\n"
 KEYFRAME_EVERY = 64
@@ -37,8 +37,8 @@ class StepReason(IntEnum):
     RETURNED = 7
     FOUND_PLACE = 8
     NO_BETTER_PLACE = 9
-    MOVED_BY_HAND = 10
-    RESET_BY_HAND = 11
+    MOVED_MANUALLY = 10
+    RESET_MANUALLY = 11
     SMOOTHED = 12
     FITTED_TO_POINTS = 13
     FOUND_TOGETHER = 14
@@ -60,16 +60,16 @@ _REASON_TEXTS = {
     StepReason.FOUND_PLACE: "searched: a better place was found near by",
     StepReason.FOUND_TOGETHER: "tried again from the start, with its neighbours: a better place was found",
     StepReason.NO_BETTER_PLACE: "searched: no place near by is better",
-    StepReason.MOVED_BY_HAND: "moved by hand",
-    StepReason.RESET_BY_HAND: "put back to its start by hand",
+    StepReason.MOVED_MANUALLY: "moved by hand",
+    StepReason.RESET_MANUALLY: "put back to its start by hand",
     StepReason.SMOOTHED: "smoothed: the photos agree better with the start's noise filtered out",
     StepReason.FITTED_TO_POINTS: "drawn to the sparse points: half of them are used, and the photos agree",
 }
 PREPARING = (StepReason.SMOOTHED, StepReason.FITTED_TO_POINTS)
-BY_HAND = (StepReason.MOVED_BY_HAND, StepReason.RESET_BY_HAND)
+MANUAL_REASONS = (StepReason.MOVED_MANUALLY, StepReason.RESET_MANUALLY)
 
 
-class Position(NamedTuple):
+class SchedulePosition(NamedTuple):
     """Where in the schedule a step belongs."""
 
     level: int
@@ -105,8 +105,8 @@ class StepRecord:
         damping_next, rejections: (u,): solver state for the next iteration.
     """
 
-    position: Position
-    next_position: Position
+    position: SchedulePosition
+    next_position: SchedulePosition
     sweep_moment: int
     vertices: np.ndarray
     before: np.ndarray
@@ -132,9 +132,9 @@ class StepRecord:
         return bool((self.before != self.after).any())
 
     @property
-    def is_by_hand(self) -> bool:
+    def is_manual(self) -> bool:
         """Whether a user made this step."""
-        return len(self.reasons) > 0 and int(self.reasons[0]) in BY_HAND
+        return len(self.reasons) > 0 and int(self.reasons[0]) in MANUAL_REASONS
 
     @property
     def is_preparing(self) -> bool:
@@ -164,7 +164,7 @@ class Trace:
         start: (n, 3) float, vertices at moment 0.
         faces: (m, 3) int.
         steps: the records.
-        hand_moments: the moments after steps that a user made.
+        manual_moments: the moments after steps that a user made.
     """
 
     def __init__(self, header: dict[str, Any], start: np.ndarray, faces: np.ndarray) -> None:
@@ -172,7 +172,7 @@ class Trace:
         self.start = np.array(start, dtype=np.float64)
         self.faces = np.array(faces, dtype=np.int64)
         self.steps: list[StepRecord] = []
-        self.hand_moments: list[int] = []
+        self.manual_moments: list[int] = []
         self._keyframes: dict[int, np.ndarray] = {0: self.start}
         self._newest: tuple[int, np.ndarray] = (0, self.start.copy())
         self._file: BlockFile | None = None
@@ -218,7 +218,7 @@ class Trace:
     def origin_at(self, moment: int) -> np.ndarray:
         """(n, 3) float: from where the engine moved each vertex: its (prepared) start, or where a hand had last put it."""
         origin = self.vertices_at(min(moment, len(self.preparations)))
-        for made in self.hand_moments:
+        for made in self.manual_moments:
             if made <= moment:
                 record = self.steps[made - 1]
                 origin[record.vertices] = record.after
@@ -264,7 +264,7 @@ class Trace:
             branch._index(record)
         return branch
 
-    def go_on_at(self, position: Position) -> None:
+    def continue_at(self, position: SchedulePosition) -> None:
         """Let the run continue elsewhere after its last step than that step had planned."""
         assert self._file is None, "a trace on disk only grows"
         self.steps[-1] = replace(self.steps[-1], next_position=position)
@@ -287,8 +287,8 @@ class Trace:
         self.steps.append(record)
         vertices = record.applied_to(self._newest[1])  # a copy: another thread may be reading the present ones
         self._newest = (len(self.steps), vertices)
-        if record.is_by_hand:
-            self.hand_moments.append(len(self.steps))
+        if record.is_manual:
+            self.manual_moments.append(len(self.steps))
         if len(self.steps) % KEYFRAME_EVERY == 0:
             self._keyframes[len(self.steps)] = vertices.copy()
 
@@ -302,8 +302,8 @@ def _unpack_record(block: bytes) -> StepRecord:
     return StepRecord(
         **{
             **values,
-            "position": Position(*values["position"].tolist()),
-            "next_position": Position(*values["next_position"].tolist()),
+            "position": SchedulePosition(*values["position"].tolist()),
+            "next_position": SchedulePosition(*values["next_position"].tolist()),
             "sweep_moment": int(values["sweep_moment"]),
             "objective_before": float(values["objective_before"]),
             "objective_after": float(values["objective_after"]),

@@ -8,9 +8,10 @@ import pdoc
 import pdoc.render
 
 MODULES = (
-    "fairing", "fairing.options", "fairing.session", "fairing.trace", "fairing.inspect", "fairing.flow",
-    "fairing.certainty", "fairing.metrics", "fairing.report", "fairing.io", "fairing.texture", "fairing.triangulation",
-    "fairing.registration", "fairing.experiments", "fairing.cramer_rao", "demo_scenes",
+    "fairing", "fairing.options", "fairing.run.session", "fairing.trace", "fairing.judge.inspect", "fairing.judge.flow",
+    "fairing.judge.certainty", "fairing.judge.metrics", "fairing.judge.report",
+    "fairing.io", "fairing.texture", "fairing.triangulation",
+    "fairing.registration.alignment", "fairing.experiments", "fairing.judge.cramer_rao", "demo_scenes",
 )  # fmt: skip
 
 

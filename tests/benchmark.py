@@ -25,16 +25,16 @@ import tyro
 from skimage import data as photographs
 
 from demo_scenes import DEMOS, load_demo
-from fairing.cramer_rao import cramer_rao_bound, luma_noise
-from fairing.energy import Evaluator
+from fairing.check.memory import memory_needed
 from fairing.experiments.noise import noisy_views
 from fairing.io import load_scene
-from fairing.memory import memory_needed
-from fairing.metrics import quality_report, surface_distance
+from fairing.judge.cramer_rao import cramer_rao_bound, luma_noise
+from fairing.judge.metrics import quality_report, surface_distance
+from fairing.judge.report import run_report
 from fairing.options import PRESETS, FairingOptions
-from fairing.report import run_report
+from fairing.run.session import Session
 from fairing.scene import Scene
-from fairing.session import Session
+from fairing.solve.energy import Evaluator
 from tests.best_mesh import best_mesh
 from tests.family import default_results, family_seeds, measure_family
 from tests.large_capture import write_terrain

@@ -4,8 +4,8 @@ import numpy as np
 from scipy.sparse import block_diag, coo_array, csr_array, diags_array, eye_array
 from scipy.sparse.linalg import splu
 
-from fairing.closest_point import SurfaceTree
-from fairing.gauss_newton import face_normals
+from fairing.geometry.closest_point import SurfaceTree
+from fairing.geometry.normals import face_normals
 from fairing.mesh import Mesh
 
 SUBDIVISIONS = 8  # of a face's edges; each small triangle's centre is a sample

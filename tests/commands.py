@@ -1,7 +1,7 @@
 """Commands to a controller, one after another."""
 
-from app.controller import Controller
-from app.run_state import RunState
+from app.debugger.controller import Controller
+from app.debugger.run_state import RunState
 
 
 def do(controller: Controller, *commands) -> RunState:

@@ -23,11 +23,11 @@ import fairing
 from demo_scenes import load_demo
 from demo_scenes.building.plan import draw_plan
 from demo_scenes.cache import cache_folder, source_digest
-from fairing.closest_point import SurfaceTree
 from fairing.errors import InputError
-from fairing.metrics import surface_distance, vertex_errors
+from fairing.geometry.closest_point import SurfaceTree
+from fairing.judge.metrics import surface_distance, vertex_errors
+from fairing.run.session import Session
 from fairing.scene import Scene
-from fairing.session import Session
 
 Row = dict[str, Any]
 BEGINNINGS = ("start", "truth")

@@ -10,9 +10,9 @@ import cv2
 import numpy as np
 
 from fairing.camera import Camera
+from fairing.geometry.rasterize import rasterize
 from fairing.io import scene_json, write_mesh
 from fairing.photo import FilePhoto
-from fairing.rasterize import rasterize
 from fairing.scene import View
 
 SEEN_BY = 16  # photos that see a place, about

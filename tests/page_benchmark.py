@@ -28,13 +28,14 @@ from playwright.sync_api import Browser, ViewportSize
 from rich.console import Console
 from rich.table import Table
 
-from app.commands import Extent, Forward, Restart, Run
-from app.run_state import Activity
-from app.scene_source import SceneSource
-from app.server import start
+from app.debugger.commands import Extent, Forward, Restart, Run
+from app.debugger.run_state import Activity
+from app.files.scene_source import SceneSource
+from app.page.server import start
+from fairing.run.session import Session
 from fairing.scene import Scene
-from fairing.session import Session
-from tests.browser.driver import Visitor, chromium, wait_for
+from tests.browser.driver import Visitor, chromium
+from tests.waiting import wait_for
 
 CLICKS = 15
 RUN_SECONDS = 20.0  # of a run, for the updates a second
@@ -176,15 +177,15 @@ def page_over_headless(scene: Scene, browser: Browser) -> tuple[float, float]:
     app = start(watched, port=0)
     try:
         visitor = Visitor(browser, app)
-        app.controller.post(Forward(Extent.ITERATION))
-        app.controller.wait_until_idle(120)
-        app.controller.edit_breakpoints(lambda b: b.added(f"moment == {SAME_STEPS + 1}"))
+        app.debugger.controller.post(Forward(Extent.ITERATION))
+        app.debugger.controller.wait_until_idle(120)
+        app.debugger.controller.edit_breakpoints(lambda b: b.added(f"moment == {SAME_STEPS + 1}"))
         time.sleep(2)  # until the texture of the first step is painted
 
         def run() -> None:
-            app.controller.post(Run())
-            wait_for(lambda: app.controller.state.moment > 1, 600)
-            app.controller.wait_until_idle(600)
+            app.debugger.controller.post(Run())
+            wait_for(lambda: app.debugger.controller.state.moment > 1, 600)
+            app.debugger.controller.wait_until_idle(600)
 
         with_page, processor_with_page = costs(watched, run)
         assert len(watched.trace) == len(alone.trace)

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from fairing.step import Stepper
+from fairing.run.stepper import Stepper
 from fairing.trace import StepRecord
 
 _known: dict[tuple[str, str, int], StepRecord] = {}

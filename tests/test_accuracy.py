@@ -8,7 +8,7 @@ import pytest
 from demo_scenes import load_demo
 from fairing import fair
 from fairing.options import PRESETS
-from fairing.session import Session
+from fairing.run.session import Session
 
 OTHERS = (1, 2, 3, 4, 5, 6)
 PLACE = np.ones(3)

@@ -2,7 +2,7 @@
 
 from collections import Counter
 
-from app.actions import ACTIONS, VERTEX_KEYS
+from app.debugger.actions import ACTIONS, VERTEX_KEYS
 
 CAMERA = [(key, None) for key in "WASDQE"]
 

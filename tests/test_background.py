@@ -2,8 +2,8 @@
 
 import threading
 
-from app.background import Background
-from app.lookup import Lookup
+from app.background_worker import Background
+from app.query_cache import QueryCache
 
 
 class Collector:
@@ -48,7 +48,7 @@ def test_what_a_job_raises_is_its_answer_and_the_next_one_is_done():
 
 def test_a_lookup_asks_once_for_each_key_and_keeps_the_newest_answer():
     send = Collector()
-    lookup: Lookup[str, str] = Lookup(send)
+    lookup: QueryCache[str, str] = QueryCache(send)
     for key in ("one", "one", "two"):
         lookup.want(key, lambda key=key: key.upper())
     assert len(send.asked) == 2

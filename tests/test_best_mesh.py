@@ -3,7 +3,7 @@
 import numpy as np
 
 from demo_scenes.dome import sphere_cap
-from fairing.metrics import surface_distance
+from fairing.judge.metrics import surface_distance
 from tests.best_mesh import best_mesh
 
 

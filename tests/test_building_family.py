@@ -16,11 +16,11 @@ from demo_scenes.building.plan import FACES, PHOTOS, STARTS, Plan, draw_plan
 from demo_scenes.building.scene import scene_of_plan
 from demo_scenes.building.surroundings import build_surroundings, joined
 from demo_scenes.surface import face_normals
-from fairing.closest_point import SurfaceTree
 from fairing.errors import InputError
+from fairing.geometry.closest_point import SurfaceTree
+from fairing.geometry.rasterize import rasterize
+from fairing.judge.metrics import vertex_errors
 from fairing.mesh import Mesh
-from fairing.metrics import vertex_errors
-from fairing.rasterize import rasterize
 from fairing.scene import Scene
 
 SEEDS = range(0, 20, 2)

@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from app.by_hand import named
-from app.commands import Extent, Forward, JumpTo, Lock, Place, Reset, Run
-from app.controller import Controller
+from app.debugger.commands import Extent, Forward, JumpTo, Lock, Place, Reset, Run
+from app.debugger.controller import Controller
+from app.debugger.manual_edits import named
+from app.debugger.run_state import RunState
+from app.debugger.runs import Runs
 from app.palette import HAND
-from app.run_state import RunState
-from app.runs import Runs
-from app.strip import StepHistory
+from app.pictures.strip import StepHistory
 from fairing.options import FairingOptions
-from fairing.session import Session
+from fairing.run.session import Session
 from fairing.trace import StepReason, Trace
 from tests.commands import do
 from tests.small_scene import corner_scene, small_options
@@ -41,7 +41,7 @@ def test_a_move_at_the_end_of_the_record_is_one_more_step_of_it(controller: Cont
     assert (state.run_id, state.length - 1) == began
     assert state.moment == state.length
     assert state.record is not None
-    assert state.record.is_by_hand
+    assert state.record.is_manual
     assert state.reason.startswith("vertex 0 moved by hand")
     assert do(controller, Run()).finished
 
@@ -113,8 +113,8 @@ def test_the_file_has_the_move_and_the_locks(tmp_path):
     resumed = Session(corner_scene(), trace=Trace.load(path))
     assert np.array_equal(resumed.vertices, state.vertices)
     assert resumed.options.locked_vertices == (2,)
-    assert resumed.trace.hand_moments == state.trace.hand_moments
-    assert len(state.trace.hand_moments) == 1
+    assert resumed.trace.manual_moments == state.trace.manual_moments
+    assert len(state.trace.manual_moments) == 1
 
 
 def test_a_run_with_moves_by_hand_does_not_count_as_one_with_its_options_all_along():
@@ -137,4 +137,4 @@ def test_few_vertices_are_named_and_many_counted():
     assert named((4,)) == "vertex 4"
     assert named((4, 7, 1)) == "vertices 4, 7, 1"
     assert named(tuple(range(9))) == "9 vertices"
-    assert StepReason.MOVED_BY_HAND.text == "moved by hand"
+    assert StepReason.MOVED_MANUALLY.text == "moved by hand"

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from fairing.certainty import certainties
-from fairing.cramer_rao import cramer_rao_bound
+from fairing.judge.certainty import certainties
+from fairing.judge.cramer_rao import cramer_rao_bound
+from fairing.run.session import Session
 from fairing.scene import Scene
-from fairing.session import Session
 from tests.small_scene import FACES, VERTICES, corner_scene, photos, small_options
 
 FINEST = small_options(schedule={"blur": [0.3]}, eigenspace={"dimensions": [1]}, cells={"color": False})

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from app.layers.certainty import LONGEST, ellipsoid_lines
-from fairing.certainty import Certainty
+from fairing.judge.certainty import Certainty
 
 TURN = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))[0]
 

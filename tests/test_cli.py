@@ -12,14 +12,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app import headless
-from app.cli import run
-from app.scene_source import SceneSource
-from fairing.cells import build_context
+from app.cli import fair as headless
+from app.cli.main import run
+from app.files.scene_source import SceneSource
+from fairing.cells.context import build_context
 from fairing.io import load_scene, read_mesh
-from fairing.problem import Problem
-from fairing.session import Session
-from fairing.step import Stepper
+from fairing.run.session import Session
+from fairing.run.stepper import Stepper
+from fairing.solve.problem import Problem
 from fairing.trace import Trace
 from tests.small_scene import VERTICES, write_corner
 
@@ -57,7 +57,7 @@ def test_fair_writes_a_mesh_in_the_input_s_order_a_report_and_a_trace(scene, tmp
 
 
 def test_into_a_file_progress_is_plain_lines(scene, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(headless, "TELL_EVERY", 0.0)
+    monkeypatch.setattr("app.cli.run_progress.LINE_EVERY", 0.0)
     fair(scene, tmp_path / "out")
     lines = capsys.readouterr().err.splitlines()
     assert any(line.startswith("preparing: photo 2 of 8 (0 % done") for line in lines)
@@ -177,7 +177,7 @@ def test_ctrl_c_before_the_first_step_saves_the_start_without_another_look_at_th
         signal.raise_signal(signal.SIGINT)
         return build_context(*arguments, **named)
 
-    monkeypatch.setattr("fairing.problem.build_context", interrupted)
+    monkeypatch.setattr("fairing.solve.problem.build_context", interrupted)
     assert fair(scene, out) == 130
     assert len(contexts) == 1
     report = json.loads((out / "report.json").read_text())
@@ -321,7 +321,7 @@ def test_ctrl_c_ends_the_debugger_cleanly_with_the_run_saved(scene, tmp_path):
 
 def test_the_debugger_says_its_address_before_it_imports_the_engine():
     """A browser unpacks the viewer meanwhile; what a command line needs until then is quick to import."""
-    script = "import sys, app.cli, app.serve; print(*sorted({'numba', 'trimesh', 'scipy'} & set(sys.modules)))"
+    script = "import sys, app.cli.main, app.cli.serve; print(*sorted({'numba', 'trimesh', 'scipy'} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, env=os.environ, check=True)
     assert done.stdout.split() == []
 

@@ -4,11 +4,11 @@ import cv2
 import numpy as np
 import pytest
 
-from app.coloring import COLORINGS, REASON_COLORS, color_map, color_mesh
 from app.html import text
 from app.panels.legend import legend_html
-from fairing import quantities
-from fairing.session import Session
+from app.pictures.coloring import COLORINGS, REASON_COLORS, color_map, color_mesh
+from fairing.judge import quantities
+from fairing.run.session import Session
 from fairing.trace import StepReason
 from tests.small_scene import FACES, VERTICES, corner_scene, small_options
 

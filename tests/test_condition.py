@@ -2,11 +2,11 @@
 
 import pytest
 
-from app.breakpoints import Breakpoints
-from app.condition import Quantities, parse_condition
-from app.quantities import FUNCTIONS, VALUES, understand
-from app.selection import Selection
-from app.view import View
+from app.debugger.breakpoints import Breakpoints
+from app.debugger.condition import Quantities, parse_condition
+from app.debugger.quantities import FUNCTIONS, VALUES, understand
+from app.page_state.page_state import PageState
+from app.page_state.selection import Selection
 from fairing.errors import InputError
 
 QUANTITIES = Quantities(
@@ -94,5 +94,5 @@ def test_every_word_that_is_offered_is_understood():
         understand(f"{name} > 0")
     for name in FUNCTIONS:
         understand(f"{name}(1) > 0")
-    for condition in ready_made(View(Selection((3,)), entered=2)).values():
+    for condition in ready_made(PageState(Selection((3,)), entered=2)).values():
         understand(condition)

@@ -7,9 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import fairing.sweeps
-from app.commands import (
-    Ask,
+import fairing.run.sweep_cache
+from app.debugger.commands import (
     Back,
     Branch,
     DeleteRun,
@@ -18,6 +17,7 @@ from app.commands import (
     JumpTo,
     Pause,
     Play,
+    Query,
     Race,
     Restart,
     Run,
@@ -25,15 +25,15 @@ from app.commands import (
     SwitchTo,
     ToBeginning,
 )
-from app.controller import Controller, boundary_before
-from app.history import EnergyHistory, PathHistory
-from app.run_state import Activity, RunState
+from app.debugger.controller import Controller, boundary_before
+from app.debugger.history import EnergyHistory, PathHistory
+from app.debugger.run_state import Activity, RunState
 from demo_scenes import Photography, load_demo
-from fairing.errors import Interrupted
+from fairing.errors import Cancelled
 from fairing.options import FairingOptions, ScheduleOptions
-from fairing.problem import Problem
+from fairing.run.session import Session
 from fairing.scene import Scene
-from fairing.session import Session
+from fairing.solve.problem import Problem
 from fairing.trace import StepReason, Trace
 from tests.commands import do
 from tests.small_scene import corner_scene, small_options
@@ -250,17 +250,17 @@ def test_a_step_that_is_interrupted_has_never_begun(controller: Controller, scen
     asked = dropped = 0
     session = Session(scene, OPTIONS)
 
-    def is_unwanted() -> bool:  # a little later every time, so that every step comes to its end
+    def cancel_requested() -> bool:  # a little later every time, so that every step comes to its end
         nonlocal asked
         asked += 1
         return asked > 7 * dropped
 
-    session.is_unwanted = is_unwanted
+    session.cancel_requested = cancel_requested
     while not session.finished:
         before = session.moment
         try:
             session.step()
-        except Interrupted:
+        except Cancelled:
             asked, dropped = 0, dropped + 1
             assert (session.moment, len(session.trace)) == (before, before)
     assert dropped > 5
@@ -270,21 +270,21 @@ def test_a_step_that_is_interrupted_has_never_begun(controller: Controller, scen
 
 def test_pause_does_not_wait_for_a_long_step(controller: Controller, monkeypatch: pytest.MonkeyPatch):
     began = threading.Event()
-    begin = fairing.sweeps.begin_sweep
+    begin = fairing.run.sweep_cache.begin_sweep
 
     def endless(problem: Problem, *args):
         began.set()
         while True:
-            problem._stop_if_unwanted()
+            problem._raise_if_cancelled()
             time.sleep(0.001)
 
-    monkeypatch.setattr(fairing.sweeps, "begin_sweep", endless)
+    monkeypatch.setattr(fairing.run.sweep_cache, "begin_sweep", endless)
     controller.post(Run())
     began.wait(5)
     controller.post(Pause())
     state = controller.wait_until_idle(5)
     assert (state.moment, state.reason) == (0, "paused")
-    monkeypatch.setattr(fairing.sweeps, "begin_sweep", begin)
+    monkeypatch.setattr(fairing.run.sweep_cache, "begin_sweep", begin)
     assert do(controller, Forward(Extent.ITERATION)).moment == 1
 
 
@@ -366,8 +366,8 @@ def test_a_failing_listener_does_not_silence_the_others(controller: Controller):
 def test_a_question_is_answered_on_the_engine_thread_and_changes_nothing(controller: Controller):
     before = do(controller, Forward(Extent.UNIT))
     answers = []
-    controller.post(Ask("me", lambda session: (threading.current_thread().name, session.moment), answers.append))
-    controller.post(Ask("you", lambda session: 1 / 0, answers.append))
+    controller.post(Query("me", lambda session: (threading.current_thread().name, session.moment), answers.append))
+    controller.post(Query("you", lambda session: 1 / 0, answers.append))
     wait_for(lambda: len(answers) == 2)
     assert answers[0] == ("engine", before.moment)
     assert isinstance(answers[1], ZeroDivisionError)
@@ -453,7 +453,7 @@ def test_paths_lead_from_the_start_to_now(controller: Controller, scene: Scene):
 
 
 def test_of_too_many_paths_the_longest_are_kept_whole(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("app.history.PATH_SEGMENTS", 30)
+    monkeypatch.setattr("app.debugger.history.PATH_SEGMENTS", 30)
     session = Session(corner_scene(), small_options())
     controller = Controller(session)
     state = do(controller, Run())
@@ -461,9 +461,9 @@ def test_of_too_many_paths_the_longest_are_kept_whole(monkeypatch: pytest.Monkey
     every, few = PathHistory(len(state.vertices)), PathHistory(len(state.vertices))
     every.update(state)
     few.update(state)
-    monkeypatch.setattr("app.history.PATH_SEGMENTS", 8)
+    monkeypatch.setattr("app.debugger.history.PATH_SEGMENTS", 8)
     pieces, _, owner = few.segments(state)
-    monkeypatch.setattr("app.history.PATH_SEGMENTS", 10_000)
+    monkeypatch.setattr("app.debugger.history.PATH_SEGMENTS", 10_000)
     all_pieces, _, all_owner = every.segments(state)
     assert 0 < len(pieces) <= 8 < len(all_pieces)
     lengths = {

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from app.cli import run
-from app.scene_source import SceneSource
+from app.cli.main import run
+from app.files.scene_source import SceneSource
 from fairing.errors import InputError
 from fairing.io import PhotoChoice, load_scene, prepare_output_folder, read_capture
 from fairing.io import convert as convert_module

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
-from app.cli import run
+from app.cli.main import run
 from demo_scenes import load_demo
 from demo_scenes.range_data.scan import RANGE_NOISE, WORLD_FROM_SCAN
 from fairing import load_scene
-from fairing.closest_point import SurfaceTree
+from fairing.geometry.closest_point import SurfaceTree
 from fairing.io import read_capture
 from fairing.io.scan_file import read_matches, read_scan
-from fairing.registration import refine_by_closest_points, register_matches
+from fairing.registration.alignment import refine_by_closest_points, register_matches
 
 
 @pytest.fixture(scope="module")

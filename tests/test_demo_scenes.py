@@ -19,7 +19,7 @@ from demo_scenes.raycast import SHININESS, photograph
 from demo_scenes.surface import PaintedSurface, Stage, face_normals
 from fairing.camera import Camera
 from fairing.errors import InputError
-from fairing.rasterize import rasterize
+from fairing.geometry.rasterize import rasterize
 from fairing.scene import Scene
 
 

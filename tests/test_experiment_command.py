@@ -15,15 +15,15 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from app.cli import run
+from app.cli.main import run
 from app.experiments.chart import charts_of
 from app.experiments.desk import Desk, Status
 from app.experiments.record import Record
 from app.experiments.workers import measure_all
 from fairing.errors import InputError
 from fairing.experiments import EXPERIMENTS, CaptureRange, Row, Setting, WarpComparison, results
-from tests.browser.driver import wait_for
 from tests.small_scene import corner_scene, small_options
+from tests.waiting import wait_for
 
 ONE_LEVEL = small_options(schedule={"blur": [1.2], "max_sweeps": [3]}, cells={"size": [32]})
 FLAGS = ["--starts", "4", "8", "--directions", "2", "--schedule.blur", "1.2", "--schedule.max-sweeps", "2"]
@@ -194,7 +194,7 @@ def test_ctrl_c_keeps_what_is_done_and_resume_ends_where_an_unbroken_one_ends(tm
     _, errors = process.communicate(timeout=300)
     assert process.returncode == 130, errors
     assert "Traceback" not in errors
-    assert "go on with --resume" in errors
+    assert "continue with --resume" in errors
     record = json.loads((broken / "capture-range.json").read_text())
     assert 1 <= len(record["rows"]) < 4
     assert not record["finished"]

@@ -8,15 +8,15 @@ import pytest
 from scipy.ndimage import map_coordinates
 
 from demo_scenes import load_demo
-from fairing import cramer_rao
-from fairing.cells import cell_grid
-from fairing.cramer_rao import cramer_rao_bound, cramer_rao_covariance, luma_noise
+from fairing.cells.context import cell_grid
 from fairing.errors import InputError
 from fairing.experiments import CaptureRange, KSweep, NoiseAgainstBound, Setting, WarpComparison, results
 from fairing.experiments.k_sweep import part_left
 from fairing.experiments.noise import noisy_views
+from fairing.judge import cramer_rao
+from fairing.judge.cramer_rao import cramer_rao_bound, cramer_rao_covariance, luma_noise
 from fairing.photo import ArrayPhoto
-from fairing.session import Session
+from fairing.run.session import Session
 from tests.small_scene import FACES, VERTICES, corner_scene, small_options
 
 ONE_LEVEL = small_options(schedule={"blur": [1.2], "max_sweeps": [4]}, cells={"size": [48]})

@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from app.cli import run
+from app.cli.main import run
 from app.export import picture, video
 from app.export.run_facts import RunFacts
-from app.open_run import find_run
+from app.files.recorded_run import find_run
 from fairing.camera import Camera
 from fairing.io import PhotoChoice
-from fairing.session import Session
+from fairing.run.session import Session
 from fairing.texture import Drawing
 from tests.small_scene import write_corner
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter, shift
 
-from fairing.flow import lucas_kanade, model_flow, optical_flow, step_flow
-from fairing.inspect import face_cells
-from fairing.session import Session
+from fairing.judge.flow import lucas_kanade, model_flow, optical_flow, step_flow
+from fairing.judge.inspect import face_cells
+from fairing.run.session import Session
 from tests.small_scene import FACES, START, VERTICES, corner_scene, small_options
 
 

@@ -6,20 +6,19 @@ import pytest
 from scipy.ndimage import map_coordinates, spline_filter
 from scipy.optimize import approx_fprime, least_squares
 
-from fairing.energy import Evaluator, FaceSystem
-from fairing.gauss_newton import (
+from fairing.geometry.normals import face_quality, folded_faces
+from fairing.mesh import Mesh
+from fairing.options import StepOptions
+from fairing.run.session import Session
+from fairing.solve.energy import Evaluator, FaceSystem
+from fairing.solve.normal_equations import (
     Prior,
-    Pull,
-    face_quality,
-    folded_faces,
+    QuadraticPrior,
     solve_jointly,
     solve_vertices,
     undetermined_directions,
     vertex_systems,
 )
-from fairing.mesh import Mesh
-from fairing.options import StepOptions
-from fairing.session import Session
 from tests.small_scene import FACES, VERTICES, photos, small_options
 from tests.test_kernels import ALL_CORNERS, FACE_IDS, prepared, sample_points, sharp_options
 
@@ -106,7 +105,7 @@ def test_prior_gradient_is_the_slope_of_its_energy():
     rng = np.random.default_rng(4)
     roots = rng.normal(size=(2, 7, 3, 3))
     sliding, weak = roots @ roots.transpose(0, 1, 3, 2)
-    prior = Prior((Pull(sliding, VERTICES + 0.1), Pull(weak, VERTICES - 0.2)))
+    prior = Prior((QuadraticPrior(sliding, VERTICES + 0.1), QuadraticPrior(weak, VERTICES - 0.2)))
     ids = np.array([1, 4, 6])
     vertices = VERTICES + rng.normal(size=(7, 3))
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from fairing.errors import InputError
-from fairing.hand import with_locks
 from fairing.options import FairingOptions
+from fairing.run.manual_edits import with_locks
+from fairing.run.session import Session
 from fairing.scene import Scene
-from fairing.session import Session
 from fairing.trace import StepReason, Trace
 from tests.small_scene import START, VERTICES, corner_scene, small_options
 
@@ -43,8 +43,8 @@ def test_a_move_by_hand_is_a_step_that_can_be_gone_back_over(order, steps):
     session = session_after(steps, quick(order))
     before, target = session.vertices, shifted(session, (0.03, 0.02, -0.04))
     record = session.place(CORNER, target)
-    assert record.is_by_hand
-    assert record.reasons.tolist() == [StepReason.MOVED_BY_HAND]
+    assert record.is_manual
+    assert record.reasons.tolist() == [StepReason.MOVED_MANUALLY]
     assert session.moment == len(session.trace) == steps + 1
     assert np.array_equal(session.vertices[CORNER], target)
     session.run()
@@ -128,7 +128,7 @@ def test_reset_puts_vertices_back_to_their_start():
     session = session_after(4)
     assert (session.vertices != session.trace.start).any(axis=1).sum() > 3
     record = session.reset(np.array([0, 2]))
-    assert record.reasons.tolist() == [StepReason.RESET_BY_HAND] * 2
+    assert record.reasons.tolist() == [StepReason.RESET_MANUALLY] * 2
     assert np.array_equal(session.vertices[[0, 2]], session.trace.start[[0, 2]])
     assert np.array_equal(session.trace.origin_at(session.moment), session.trace.start)
 

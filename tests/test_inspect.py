@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from fairing.errors import InputError
-from fairing.inspect import energies_by_dimension, face_cells
+from fairing.judge.inspect import energies_by_dimension, face_cells
 from fairing.options import FairingOptions
-from fairing.session import Session
+from fairing.run.session import Session
 from fairing.trace import Trace
 from tests.small_scene import corner_scene, small_options
 from tests.test_kernels import blurred

@@ -2,7 +2,7 @@
 
 import json
 
-from app.json_file import MANY, write_json
+from app.files.json_file import MANY, write_json
 
 
 def test_what_is_written_is_read_back_and_no_number_is_left_that_json_does_not_know(tmp_path):

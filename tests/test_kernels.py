@@ -5,16 +5,16 @@ import numpy as np
 import pytest
 from scipy.ndimage import map_coordinates
 
-import fairing.energy
-from fairing.energy import Evaluator, robust_scale
-from fairing.errors import Interrupted
-from fairing.inspect import face_cells
+import fairing.solve.energy
+from fairing.errors import Cancelled
+from fairing.judge.inspect import face_cells
 from fairing.kernels.compiled import SOURCE
 from fairing.kernels.eigenspace import fit_face
 from fairing.kernels.faces import evaluate_faces, show_face
 from fairing.kernels.robust import HISTOGRAM_STEP, weigh
 from fairing.options import FairingOptions
-from fairing.session import Session, SweepState
+from fairing.run.session import Session, SweepState
+from fairing.solve.energy import Evaluator, robust_scale
 from tests.numpy_twin import TwinPhotos, evaluate_face
 from tests.small_scene import FACES, HEIGHT, WIDTH, corner_scene, photos, small_options
 
@@ -285,7 +285,7 @@ def test_threads_do_not_change_a_bit():
 def test_a_long_list_is_computed_in_parts_and_can_be_given_up(monkeypatch: pytest.MonkeyPatch):
     session, sweep = prepared(small_options(), masks=True)
     whole = Evaluator(1).measure(sweep.context, session.vertices, FACE_IDS, sweep.scale)
-    monkeypatch.setattr(fairing.energy, "MOST_SAMPLES", 1)
+    monkeypatch.setattr(fairing.solve.energy, "MOST_SAMPLES", 1)
     asked = []
     in_parts = Evaluator(1, lambda: asked.append(1)).measure(sweep.context, session.vertices, FACE_IDS, sweep.scale)
     assert len(asked) == len(FACE_IDS)
@@ -295,9 +295,9 @@ def test_a_long_list_is_computed_in_parts_and_can_be_given_up(monkeypatch: pytes
     def give_up() -> None:
         asked.append(1)
         if len(asked) == len(FACE_IDS) + 2:
-            raise Interrupted
+            raise Cancelled
 
-    with pytest.raises(Interrupted):
+    with pytest.raises(Cancelled):
         Evaluator(1, give_up).measure(sweep.context, session.vertices, FACE_IDS, sweep.scale)
 
 
@@ -316,7 +316,7 @@ def test_a_dimension_that_only_learns_noise_is_given_up():
     found = Evaluator(1).measure(sweep.context, session.vertices, FACE_IDS, sweep.scale)
     squared = [face_cells(session, face).singular_values ** 2 for face in range(6)]
     expected = np.array([values[1] / values[2:].mean() for values in squared])
-    assert np.allclose(found.standing_out, expected, rtol=1e-4)
+    assert np.allclose(found.singular_value_ratio, expected, rtol=1e-4)
     least = float(np.median(expected))
-    k = sweep.context.without_noise(found.standing_out, least).kernel.face_dimensions
+    k = sweep.context.without_noise_dimensions(found.singular_value_ratio, least).kernel.face_dimensions
     assert np.array_equal(k[FACE_IDS], np.where(expected < least, 1, 2))

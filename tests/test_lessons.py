@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.commands import DeleteRun, JumpTo, Pause, Restart, Run
-from app.controller import Controller
+from app.debugger.commands import DeleteRun, JumpTo, Pause, Restart, Run
+from app.debugger.controller import Controller
+from app.files.scene_source import SceneSource
 from app.lessons.facts import FUNCTIONS, VALUES, facts_of
 from app.lessons.lesson import ANY_SCENE, Lesson
 from app.lessons.opening import scene_of_lesson
@@ -17,11 +18,10 @@ from app.lessons.reader import lesson_names, load_lesson, read_lesson
 from app.lessons.scenes import is_at_hand, load_lesson_scene
 from app.lessons.typeset import formula, line, paragraphs
 from app.lessons.vocabulary import understand_action
-from app.scene_source import SceneSource
-from app.selection import Selection
-from app.view import View
+from app.page_state.page_state import PageState
+from app.page_state.selection import Selection
 from fairing.errors import InputError
-from fairing.session import Session
+from fairing.run.session import Session
 from tests.small_scene import corner_scene
 
 pytestmark = pytest.mark.usefixtures("remembered_steps")
@@ -78,9 +78,9 @@ def test_every_claim_of_every_lesson_holds(name: str):
         controller.close()
 
 
-def _led(player: Player) -> View:
+def _led(player: Player) -> PageState:
     """A view that the player has led."""
-    view = View()
+    view = PageState()
     due = player.take_look()
     assert due is not None
     due[0].set_in(view)

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from app.cli import run
-from app.option_fields import option_fields
+from app.cli.main import run
+from app.debugger.option_fields import option_fields
 from fairing.errors import InputError
 from fairing.io import read_mesh
-from fairing.locks import inside_boxes
 from fairing.option_check import check_options
 from fairing.options import FairingOptions
-from fairing.session import Session
+from fairing.run.session import Session
+from fairing.solve.locks import inside_boxes
 from tests.small_scene import VERTICES, corner_scene, small_options, write_corner
 
 AROUND_CORNER = (0.9, 0.9, 0.9, 1.2, 1.2, 1.2)

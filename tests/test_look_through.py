@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from app.look_through import fit_photo, photo_behind
+from app.page.camera_view import fit_photo, photo_behind
 from fairing.camera import Camera
 
 

@@ -6,15 +6,15 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from app.cli import run
-from fairing import memory
-from fairing.errors import Interrupted
-from fairing.memory import memory_needed, memory_warning
+from app.cli.main import run
+from fairing.cells.scale_space import ScaleSpace
+from fairing.check import memory
+from fairing.check.memory import memory_needed, memory_warning
+from fairing.check.scene_check import check_scene
+from fairing.errors import Cancelled
 from fairing.options import PRESETS
-from fairing.problem import TOO_MANY_PARTS, Problem
-from fairing.scale_space import ScaleSpace
-from fairing.scene_check import check_scene
-from fairing.session import Session
+from fairing.run.session import Session
+from fairing.solve.problem import TOO_MANY_PARTS, Problem
 from tests.small_scene import HEIGHT, VERTICES, WIDTH, corner_scene, small_options, write_corner
 
 GIGABYTE = 10**9
@@ -41,7 +41,7 @@ def test_a_photo_is_laid_out_only_where_it_is_wanted_and_stays_the_same_as_other
         assert len(few) == 2 * WIDTH * HEIGHT
         more, later = photos.lay_out(2.0, False, [(3, 2.0), (0, 2.0), (3, 4.0)], pool)
         assert len(more) == 4 * WIDTH * HEIGHT
-        monkeypatch.setattr("fairing.scale_space.KEPT_PHOTOS", 0)
+        monkeypatch.setattr("fairing.cells.scale_space.KEPT_PHOTOS", 0)
         anew, third = ScaleSpace(corner_scene(), color=False).lay_out(2.0, False, [(3, 2.0)], pool)
     size = WIDTH * HEIGHT
     np.testing.assert_array_equal(few[starts[3, 2.0] :][:size], more[later[3, 2.0] :][:size])
@@ -51,8 +51,8 @@ def test_a_photo_is_laid_out_only_where_it_is_wanted_and_stays_the_same_as_other
 
 def small_reductions(monkeypatch: pytest.MonkeyPatch) -> None:
     """Treat the corner as a scene of more pixels than are kept."""
-    monkeypatch.setattr("fairing.scale_space.LARGE", 0)
-    monkeypatch.setattr("fairing.scale_space.SMALLEST", 8)
+    monkeypatch.setattr("fairing.cells.scale_space.LARGE", 0)
+    monkeypatch.setattr("fairing.cells.scale_space.SMALLEST", 8)
 
 
 def test_of_a_large_scene_every_so_manieth_pixel_of_a_blurred_photo_is_kept(monkeypatch: pytest.MonkeyPatch):
@@ -102,7 +102,7 @@ def test_a_scene_of_which_less_is_kept_needs_less_memory(monkeypatch: pytest.Mon
 @pytest.mark.parametrize("call", ["_filtered", "mask"])  # while photos are read, and while visibility is judged
 def test_a_run_nobody_wants_stops_between_two_photos(call: str, monkeypatch: pytest.MonkeyPatch):
     scene, seen = corner_scene(), []
-    problem = Problem(scene, small_options(threads=1), scene.mesh.vertices, is_unwanted=lambda: len(seen) == 3)
+    problem = Problem(scene, small_options(threads=1), scene.mesh.vertices, cancel_requested=lambda: len(seen) == 3)
     before = getattr(ScaleSpace, call)
 
     def counted(*arguments):
@@ -110,7 +110,7 @@ def test_a_run_nobody_wants_stops_between_two_photos(call: str, monkeypatch: pyt
         return before(*arguments)
 
     monkeypatch.setattr(ScaleSpace, call, counted)
-    with pytest.raises(Interrupted):
+    with pytest.raises(Cancelled):
         problem.context(0, scene.mesh.vertices)
     assert len(seen) == 3
     seen.append(None)  # wanted again
@@ -122,7 +122,7 @@ def test_photos_in_strips_become_the_same_grey(monkeypatch: pytest.MonkeyPatch):
     scene = corner_scene()
     with ThreadPoolExecutor(1) as pool:
         whole, _ = ScaleSpace(scene, color=False).lay_out(0.0, False, [(0, 0.0)], pool)
-        monkeypatch.setattr("fairing.scale_space.ROWS", 7)
+        monkeypatch.setattr("fairing.cells.scale_space.ROWS", 7)
         strips, _ = ScaleSpace(scene, color=False).lay_out(0.0, False, [(0, 0.0)], pool)
     np.testing.assert_array_equal(whole, strips)
 
@@ -142,7 +142,7 @@ def test_with_too_many_parts_of_photos_the_last_level_reads_them_whole_and_says_
     parts = problem.context(last, start).kernel
     assert (parts.pair_frame[:, 2] < WIDTH).any()
     assert TOO_MANY_PARTS not in problem.warnings
-    monkeypatch.setattr("fairing.cells.MOST_PIXELS", 0)
+    monkeypatch.setattr("fairing.cells.context.MOST_PIXELS", 0)
     whole = problem.context(last, start).kernel
     assert (whole.pair_frame == (0, 0, WIDTH, HEIGHT)).all()
     assert len(whole.pixels) == len(scene.views) * WIDTH * HEIGHT

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from fairing.errors import InputError
+from fairing.geometry.mesh_check import inspect_mesh
 from fairing.mesh import Mesh, weld
-from fairing.mesh_check import inspect_mesh
 from tests.synthetic_capture import CUBE_FACES, CUBE_VERTICES
 
 SQUARE = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])

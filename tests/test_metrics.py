@@ -10,10 +10,10 @@ from PIL import Image
 from skimage.metrics import peak_signal_noise_ratio, structural_similarity
 
 from fairing.camera import Camera
-from fairing.closest_point import SurfaceTree
-from fairing.left_out import Prediction, leave_one_out, psnr, ssim_map
-from fairing.mesh import Mesh
-from fairing.metrics import (
+from fairing.geometry.closest_point import SurfaceTree
+from fairing.geometry.rasterize import rasterize
+from fairing.judge.left_out import Prediction, leave_one_out, psnr, ssim_map
+from fairing.judge.metrics import (
     Distances,
     determined_part,
     energy_summary,
@@ -25,11 +25,11 @@ from fairing.metrics import (
     surface_distance,
     vertex_errors,
 )
+from fairing.judge.render import OUTLIER, Renderer, robust_mean
+from fairing.mesh import Mesh
 from fairing.photo import ArrayPhoto, Mask
-from fairing.rasterize import rasterize
-from fairing.render import OUTLIER, Renderer, robust_mean
+from fairing.run.session import Session
 from fairing.scene import Scene, View
-from fairing.session import Session
 from tests.small_scene import FACES, START, VERTICES, corner_scene, small_options, sparse_points
 
 
@@ -281,12 +281,12 @@ def test_a_photo_colours_by_its_weight():
 def test_large_photos_are_rendered_smaller_and_from_the_best_sources_only(monkeypatch: pytest.MonkeyPatch):
     scene = layered_scene()
     whole = Renderer(scene, scene.mesh.vertices).render(2)
-    monkeypatch.setattr("fairing.render.LARGEST", 60 * 45)
+    monkeypatch.setattr("fairing.judge.render.LARGEST", 60 * 45)
     small = Renderer(scene, scene.mesh.vertices).render(2)
     assert small.image.shape == (45, 59, 3)
     image, known = small.at_size(121, 91)
     assert np.median(np.abs(image - whole.image)[known & whole.is_known]) < 0.5
-    monkeypatch.setattr("fairing.render.MOST_SOURCES", 2)
+    monkeypatch.setattr("fairing.judge.render.MOST_SOURCES", 2)
     few = Renderer(scene, scene.mesh.vertices)
     assert few.render(2).n_sources.max() == 2
     # The neighbours show the wall as this one does; those farther aside miss a part.

@@ -6,21 +6,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app import serve
-from app.bookmarks import Bookmarks, read_bookmarks
-from app.cli import run
-from app.commands import Branch, DeleteRun, Extent, Forward, JumpTo, Run, SwitchTo
-from app.compare import Reference, RunEnergies, distances, look_up
-from app.controller import Controller
-from app.history import EnergyHistory
-from app.moment_id import find_moment, moment_id, parse_moment_id
-from app.runs import options_differing, run_title
+from app.cli import serve
+from app.cli.main import run
+from app.debugger.bookmarks import Bookmarks, read_bookmarks
+from app.debugger.commands import Branch, DeleteRun, Extent, Forward, JumpTo, Run, SwitchTo
+from app.debugger.compare import Reference, RunEnergies, distances, look_up
+from app.debugger.controller import Controller
+from app.debugger.history import EnergyHistory
+from app.debugger.moment_id import find_moment, moment_id, parse_moment_id
+from app.debugger.runs import options_differing, run_title
 from demo_scenes import Photography, load_demo
 from fairing.errors import InputError
 from fairing.options import PRESETS, FairingOptions, ScheduleOptions
+from fairing.run.session import Session
 from fairing.scene import Scene
-from fairing.session import Session
-from fairing.trace import Position, Trace
+from fairing.trace import SchedulePosition, Trace
 from tests.commands import do
 from tests.small_scene import write_corner
 
@@ -52,9 +52,9 @@ def test_every_moment_s_name_leads_back_to_it(finished: Session):
 
 
 def test_a_moment_that_the_run_passed_by_is_the_next_one(finished: Session):
-    beyond = Position(0, 0, 99, 0)
+    beyond = SchedulePosition(0, 0, 99, 0)
     found = find_moment(finished.trace, beyond)
-    assert finished.trace.steps[found - 1].next_position == Position(0, 1, 0, 0)
+    assert finished.trace.steps[found - 1].next_position == SchedulePosition(0, 1, 0, 0)
 
 
 @pytest.mark.parametrize("text", ["", "1:1:1", "0:1:1:1", "3:1:1:1", "1:1:1:x", "1:1:1:1:1", "-1:1:1:1", "9" * 500])
@@ -167,9 +167,9 @@ def test_replay_opens_at_the_moment_it_is_told(
     finished.trace.header["source"] = {"scene": "cube", "mesh": None}
     finished.trace.attach(path)
     finished.trace.detach()
-    monkeypatch.setattr("app.scene_source.load_demo", lambda *_, **__: scene)
+    monkeypatch.setattr("app.files.scene_source.load_demo", lambda *_, **__: scene)
     assert opened(monkeypatch, "replay", str(path)).moment == 0
     assert opened(monkeypatch, "replay", str(path), "--at", "end").moment == len(finished.trace)
-    assert opened(monkeypatch, "replay", str(path), "--at", "1:1:2:1").position == Position(0, 0, 1, 0)
+    assert opened(monkeypatch, "replay", str(path), "--at", "1:1:2:1").position == SchedulePosition(0, 0, 1, 0)
     assert run(["replay", str(path), "--at", "nowhere"]) == 1
     assert "level:sweep:vertex:iteration" in capsys.readouterr().err

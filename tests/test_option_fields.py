@@ -2,7 +2,7 @@
 
 import pytest
 
-from app.option_fields import changed_options, option_fields
+from app.debugger.option_fields import changed_options, option_fields
 from fairing.errors import InputError
 from fairing.options import PRESETS, FairingOptions, options_from_dict
 

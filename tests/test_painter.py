@@ -4,7 +4,7 @@ import threading
 
 import numpy as np
 
-from app.texturer import Painter, TexturedMesh
+from app.pictures.texturer import Painter, TexturedMesh
 
 
 def test_what_cannot_be_painted_is_not_tried_again_until_the_shape_changes():

@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from fairing.inspect import face_cells
+from fairing.cells.visibility import Visibility
+from fairing.judge.inspect import face_cells
 from fairing.photo import Mask
+from fairing.run.session import Session
 from fairing.scene import Scene
-from fairing.session import Session
-from fairing.visibility import Visibility
 from tests.small_scene import HEIGHT, WIDTH, corner_scene, photos, small_options
 
 STICKER = np.s_[40:75, 70:100]

@@ -5,9 +5,9 @@ import pytest
 
 from app.layers.step_arrow import pixel_arrow
 from app.panels.photo_pages import chosen_pair, vertex_in_photos
-from app.photo_crops import OUTSIDE, Window, face_pair, photo_from_photo
-from app.photo_store import PhotoStore
-from fairing.session import Session
+from app.pictures.photo_crops import OUTSIDE, Window, face_pair, photo_from_photo
+from app.pictures.photo_store import PhotoStore
+from fairing.run.session import Session
 from tests.small_scene import FACES, VERTICES, cameras, corner_scene, photos, small_options
 
 
@@ -114,7 +114,7 @@ def test_a_pair_has_two_views_and_the_wanted_ones_where_they_see_the_face():
 
 def test_the_store_keeps_as_many_photos_as_fit(monkeypatch: pytest.MonkeyPatch):
     scene = corner_scene()
-    monkeypatch.setattr("app.photo_store.MAX_BYTES", 2 * photos()[0].nbytes)
+    monkeypatch.setattr("app.pictures.photo_store.MAX_BYTES", 2 * photos()[0].nbytes)
     store = PhotoStore(scene)
     for view_id in (0, 1, 0, 2):
         assert np.array_equal(store[view_id], photos()[view_id])

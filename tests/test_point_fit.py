@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from fairing.errors import InputError
-from fairing.gauss_newton import face_normals
+from fairing.geometry.normals import face_normals
+from fairing.judge.report import run_report
 from fairing.mesh import Mesh
 from fairing.options import FairingOptions
-from fairing.point_fit import fitted_to_points, fitting_points, kept_points
-from fairing.problem import Problem
-from fairing.report import run_report
+from fairing.run.session import Session
 from fairing.scene import Scene
-from fairing.session import Session
+from fairing.solve.point_fit import fitted_to_points, fitting_points, kept_points
+from fairing.solve.problem import Problem
 from fairing.trace import StepReason, Trace
 from tests.small_scene import FACES, START, VERTICES, corner_scene, small_options, sparse_points
 

@@ -8,9 +8,9 @@ import pytest
 from scipy.ndimage import gaussian_filter, map_coordinates, spline_filter
 
 from fairing.camera import Camera
+from fairing.cells.point_spread import LENS_VARIANCE, WIDEST, equally_sharp, missing_blur
+from fairing.cells.scale_space import ScaleSpace
 from fairing.photo import ArrayPhoto
-from fairing.point_spread import LENS_VARIANCE, WIDEST, equally_sharp, missing_blur
-from fairing.scale_space import ScaleSpace
 from fairing.scene import Scene, View
 from tests.small_scene import FACES, VERTICES, corner_scene
 

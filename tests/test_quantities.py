@@ -5,16 +5,16 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from app.commands import JumpTo, Run
-from app.controller import Controller
-from app.quantities import Around, limits_of, quantities_of, understand
+from app.debugger.commands import JumpTo, Run
+from app.debugger.controller import Controller
+from app.debugger.quantities import Around, limits_of, quantities_of, understand
 from demo_scenes import Photography, load_demo
+from fairing.cells.visibility import Visibility
 from fairing.errors import InputError
-from fairing.inspect import face_cells
+from fairing.judge.inspect import face_cells
 from fairing.options import FairingOptions, RobustOptions, ScheduleOptions
+from fairing.run.session import Session
 from fairing.scene import Scene
-from fairing.session import Session
-from fairing.visibility import Visibility
 
 OPTIONS = FairingOptions(
     robust=RobustOptions(sigma_rule=("fixed",), sigma=3),

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from app.cli import run
-from fairing.closest_point import SurfaceTree
+from app.cli.main import run
 from fairing.errors import InputError
+from fairing.geometry.closest_point import SurfaceTree
 from fairing.io import read_mesh, write_mesh
 from fairing.io.scan_file import read_matches, read_scan
 from fairing.mesh import Mesh
-from fairing.registration import Similarity
+from fairing.registration.alignment import Similarity
 from tests.small_scene import FACES, VERTICES, corner_scene, write_corner
 
 TRUE = Similarity(0.4, Rotation.from_euler("xyz", [40, -70, 130], degrees=True).as_matrix(), np.array([3.0, -1, 0.5]))

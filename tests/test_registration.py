@@ -5,10 +5,10 @@ import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from fairing.closest_point import SurfaceTree
 from fairing.errors import InputError
+from fairing.geometry.closest_point import SurfaceTree
 from fairing.mesh import Mesh
-from fairing.registration import Match, Similarity, refine_by_closest_points, register_matches
+from fairing.registration.alignment import Match, Similarity, refine_by_closest_points, register_matches
 from tests.small_scene import FACES, VERTICES, corner_scene
 
 RNG = np.random.default_rng(11)

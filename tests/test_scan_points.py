@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from fairing.errors import InputError
-from fairing.rasterize import rasterize
-from fairing.scan_points import critical_points, seen_points
+from fairing.geometry.rasterize import rasterize
+from fairing.registration.scan_points import critical_points, seen_points
 from tests.small_scene import FACES, VERTICES, corner_scene
 
 

@@ -11,18 +11,18 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from app.check_page import check_page
-from app.check_pictures import HELD_BACK, IN_PART, OUT, contact_sheet, overlay
-from app.cli import run
-from fairing.appearance import exposures, measure_appearance
+from app.cli.main import run
+from app.files.check_page import check_page
+from app.pictures.check_pictures import HELD_BACK, IN_PART, OUT, contact_sheet, overlay
 from fairing.camera import Camera
-from fairing.conventions import explain_reprojection, median_shift
+from fairing.check.appearance import exposures, measure_appearance
+from fairing.check.conventions import explain_reprojection, median_shift
+from fairing.check.scene_check import check_scene
 from fairing.errors import InputError
 from fairing.io import load_scene
 from fairing.io.in_view import check_mesh_in_view
 from fairing.photo import ArrayPhoto, Mask
 from fairing.scene import Scene, SparsePoints, View
-from fairing.scene_check import check_scene
 from tests.foreign_formats import ForeignCapture, write_scene
 from tests.small_scene import HEIGHT, WIDTH, corner_scene, photos, write_corner
 
@@ -235,7 +235,7 @@ def test_check_writes_page_sheet_data_and_overlays(tmp_path: Path, capsys: pytes
     found = json.loads((out / "check.json").read_text())
     assert found["views"][0]["exposure"] == pytest.approx(1, abs=0.1)
     assert len(found["faces"]["n_views"]) == 6
-    assert "to know: faces measure" in capsys.readouterr().out
+    assert "suggestion: faces measure" in capsys.readouterr().out
 
 
 def test_a_scene_with_half_a_pixel_amiss_is_doubtful_from_its_files_on(tmp_path: Path):

@@ -3,16 +3,16 @@
 import pytest
 
 from fairing.options import ScheduleOptions
-from fairing.schedule import LevelPlan, next_position
-from fairing.trace import Position
+from fairing.run.schedule import LevelPlan, next_position
+from fairing.trace import SchedulePosition
 
 LEVEL = 2
 SCHEDULE = ScheduleOptions(blur=(2.0, 2.0, 2.0, 2.0), max_iterations=(1,), sweep_tolerance=0.05)
 
 
-def walk(plan: LevelPlan, longest_move: float) -> tuple[str, Position]:
+def walk(plan: LevelPlan, longest_move: float) -> tuple[str, SchedulePosition]:
     """The sweeps of a level in their order, S earches, T ries and G auss-Newton, and where the run goes on after it."""
-    position, kinds = Position(LEVEL, 0, 0, 0), ""
+    position, kinds = SchedulePosition(LEVEL, 0, 0, 0), ""
     while position.level == LEVEL:
         kind = "T" if plan.is_second_try(position.sweep) else "S" if plan.searches(position.sweep) else "G"
         assert plan.searches(position.sweep) == (kind != "G")
@@ -30,7 +30,7 @@ def walk(plan: LevelPlan, longest_move: float) -> tuple[str, Position]:
     ],
 )
 def test_sweeps_go_on_while_vertices_move_and_every_round_is_begun(plan: LevelPlan, moving: str, resting: str):
-    after = Position(LEVEL + 1, 0, 0, 0)
+    after = SchedulePosition(LEVEL + 1, 0, 0, 0)
     assert walk(plan, 0.11) == (moving, after)
     assert walk(plan, 0.09) == (resting, after)
     assert plan.n_sweeps == len(moving)
@@ -39,7 +39,7 @@ def test_sweeps_go_on_while_vertices_move_and_every_round_is_begun(plan: LevelPl
 def test_within_a_sweep_iterations_come_first_then_units():
     plan = LevelPlan(is_searched=False, sweeps=2, tries=0)
     schedule = ScheduleOptions(blur=(2.0,), max_iterations=(3,))
-    position, seen = Position(0, 0, 0, 0), []
+    position, seen = SchedulePosition(0, 0, 0, 0), []
     while position.level == 0:
         seen.append(tuple(position[1:]))
         position = next_position(schedule, plan, position, position.unit == 1, 3, lambda: 9.0)

@@ -5,14 +5,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-import fairing.search_step
-from fairing.cells import CellContext
-from fairing.energy import Evaluator
+import fairing.run.search_step
+from fairing.cells.context import CellContext
 from fairing.options import FairingOptions
+from fairing.run.local_search import Found, search_directions
+from fairing.run.session import Session
+from fairing.run.start_estimate import REACH
 from fairing.scene import Scene
-from fairing.search import Found, search_directions
-from fairing.session import Session
-from fairing.start import REACH
+from fairing.solve.energy import Evaluator
 from fairing.trace import StepReason, StepRecord, Trace
 from tests.small_scene import VERTICES, corner_scene, small_options
 
@@ -56,14 +56,14 @@ class Call:
 @pytest.fixture
 def calls(monkeypatch) -> list[Call]:
     seen = []
-    search = fairing.search_step.search_unit
+    search = fairing.run.search_step.search_block
 
     def spy(*args):
         found = search(*args)
         seen.append(Call(args, found))
         return found
 
-    monkeypatch.setattr(fairing.search_step, "search_unit", spy)
+    monkeypatch.setattr(fairing.run.search_step, "search_block", spy)
     return seen
 
 

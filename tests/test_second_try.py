@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import fairing.second_try
-import fairing.sweep
+import fairing.run.restart
+import fairing.run.sweep
 from fairing.options import FairingOptions
-from fairing.schedule import TRIES
-from fairing.second_try import fused, second_try
-from fairing.session import Session
-from fairing.sweep import SweepState
-from fairing.trace import Position, StepReason, Trace
-from fairing.units import connected_groups
+from fairing.run.restart import fused, restart
+from fairing.run.schedule import TRIES
+from fairing.run.session import Session
+from fairing.run.sweep import SweepState
+from fairing.solve.blocks import connected_groups
+from fairing.trace import SchedulePosition, StepReason, Trace
 from tests.small_scene import VERTICES, corner_scene
 from tests.test_search import SHARP_AT_LAST, rough_scene, searching
 
@@ -24,8 +24,8 @@ WRONG = {0: (-0.1, 0.11, 0.1), 1: (0.09, 0.1, -0.08)}  # 8 to 12 px
 @pytest.fixture(autouse=True)
 def most_fit_badly(monkeypatch):
     """All faces of this scene meet at vertex 0, so nothing fits twice as badly as half of its vertices."""
-    monkeypatch.setattr(fairing.second_try, "BADLY", 0.5)
-    monkeypatch.setattr(fairing.sweep, "BADLY", 0.5)
+    monkeypatch.setattr(fairing.run.restart, "BADLY", 0.5)
+    monkeypatch.setattr(fairing.run.sweep, "BADLY", 0.5)
 
 
 def sharp_session(**changes) -> Session:
@@ -39,7 +39,7 @@ def searching_sweep(session: Session, vertices: np.ndarray) -> SweepState:
             session.trace.steps[0],
             vertices=np.arange(len(vertices)),
             after=vertices,
-            next_position=Position(LEVEL, 0, 0, 0),
+            next_position=SchedulePosition(LEVEL, 0, 0, 0),
         )
     )
     return session.sweep_state(len(session.trace))
@@ -66,7 +66,7 @@ def errors(vertices: np.ndarray) -> np.ndarray:
 def test_vertices_that_are_wrong_together_are_freed(begun):
     vertices = wrong_together()
     sweep = searching_sweep(begun, vertices)
-    record = second_try(begun._problem, begun.start, sweep, np.arange(7), 0, Position(LEVEL, 0, 0, 0), vertices)
+    record = restart(begun._problem, begun.start, sweep, np.arange(7), 0, SchedulePosition(LEVEL, 0, 0, 0), vertices)
     assert set(record.vertices.tolist()) & set(WRONG)
     after = record.applied_to(vertices)
     assert errors(after)[0] < 0.02 < 0.15 < errors(vertices)[0]
@@ -78,7 +78,9 @@ def test_vertices_that_are_wrong_together_are_freed(begun):
 
 def test_nothing_worse_is_taken_at_the_truth(begun):
     sweep = searching_sweep(begun, VERTICES)
-    record = second_try(begun._problem, begun.start, sweep, np.arange(7), 0, Position(LEVEL, 0, 0, 0), VERTICES.copy())
+    record = restart(
+        begun._problem, begun.start, sweep, np.arange(7), 0, SchedulePosition(LEVEL, 0, 0, 0), VERTICES.copy()
+    )
     assert record.objective_after <= record.objective_before
     assert errors(record.applied_to(VERTICES)).max() < 0.01
 
@@ -136,8 +138,8 @@ def test_a_run_resumed_around_a_second_try_writes_the_same_bytes(tmp_path):
 def test_the_default_begins_again_at_its_first_searching_level():
     options = FairingOptions(schedule=replace(FairingOptions().schedule, start_error=9.0))
     session = Session(corner_scene(), options)
-    assert session.start.again_from(6) == max(2, session.start.first_level)
-    assert session.start.again_from(5) is None
+    assert session.start.restart_level(6) == max(2, session.start.first_level)
+    assert session.start.restart_level(5) is None
 
 
 def test_groups_are_those_of_a_walk_along_edges():

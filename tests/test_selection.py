@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from app.page_state.selection import Selection, list_vertices, parse_vertices
 from app.picking import nearest_to_ray, vertices_within
-from app.selection import Selection, list_vertices, parse_vertices
 from fairing.camera import Camera
 from fairing.errors import InputError
 from fairing.mesh import Mesh

@@ -6,12 +6,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from app.recorded import ITEMS, last_change, value_at
-from app.series import QUANTITIES, Series, series_of, thinned
-from app.watch import understand_watch, watch_series, with_watch
+from app.debugger.recorded_values import ITEMS, last_change, value_at
+from app.debugger.series import QUANTITIES, Series, series_of, thinned
+from app.debugger.watch import understand_watch, watch_series, with_watch
 from fairing.errors import InputError
-from fairing.session import Session
-from fairing.trace import Position, StepReason, StepRecord
+from fairing.run.session import Session
+from fairing.trace import SchedulePosition, StepReason, StepRecord
 from tests.small_scene import corner_scene, small_options
 
 ITEM = {item.name: item for item in ITEMS}
@@ -21,7 +21,7 @@ def record(vertices: list[int], n: int, **changes) -> StepRecord:
     """A step of some vertices whose numbers come from n."""
     u = len(vertices)
     base = StepRecord(
-        position=Position(0, 0, n, 0), next_position=Position(0, 0, n + 1, 0), sweep_moment=0,
+        position=SchedulePosition(0, 0, n, 0), next_position=SchedulePosition(0, 0, n + 1, 0), sweep_moment=0,
         vertices=np.array(vertices), before=np.full((u, 3), float(n)), proposed=np.ones((u, 3)),
         after=np.full((u, 3), n + 1.0), step_px=np.full(u, 0.5 * n), damping=np.zeros(u),
         eigenvalues=np.tile([1.0, 2.0, 4.0], (u, 1)), reasons=np.full(u, StepReason.ACCEPTED, dtype=np.int8),

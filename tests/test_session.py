@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from fairing.errors import InputError
-from fairing.gauss_newton import face_normals
+from fairing.geometry.normals import face_normals
 from fairing.options import FairingOptions, options_to_dict
-from fairing.session import Session
+from fairing.run.session import Session
 from fairing.trace import StepReason, Trace
 from tests.small_scene import FACES, START, VERTICES, corner_scene, photos, small_options
 
@@ -247,7 +247,7 @@ def test_stepping_back_and_forth_keeps_what_holds_for_a_sweep():
 
 def test_units_sweeps_and_levels_end_where_their_names_say():
     session = Session(corner_scene(), quick("sequential"))
-    session.step_unit()
+    session.step_block()
     assert session.position[:3] == (0, 0, 1)
     session.step_sweep()
     assert session.position in {(0, 1, 0, 0), (1, 0, 0, 0)}

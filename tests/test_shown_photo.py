@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from app.predictor import SEAM, Prediction
-from app.shown_photo import LEFT_OF_IT, shown_photo
+from app.pictures.predictor import SEAM, Prediction
+from app.pictures.shown_photo import LEFT_OF_IT, shown_photo
 from fairing.camera import Camera
 from fairing.photo import ArrayPhoto, Mask
 from fairing.scene import View

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from fairing.geometry.normal_filter import smoothed
 from fairing.mesh import Mesh
-from fairing.session import Session
-from fairing.smoothing import smoothed
+from fairing.run.session import Session
 from fairing.trace import StepReason, Trace
 from tests.small_scene import FACES, VERTICES, corner_scene, small_options
 

@@ -5,16 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.commands import Extent, Forward
-from app.controller import Controller
-from app.look_back import look_back
+from app.debugger.commands import Extent, Forward
+from app.debugger.controller import Controller
+from app.debugger.run_state import Activity, RunState
+from app.page_state.page_state import PageState
+from app.page_state.past_moment import at_viewed_moment
 from app.palette import NOW, REJECTED, START
-from app.run_state import Activity, RunState
-from app.strip import KINDS, MAX_PIXELS, StepHistory, _log_part
-from app.view import View
+from app.pictures.strip import KINDS, MAX_PIXELS, StepHistory, _log_part
 from demo_scenes import Photography, load_demo
 from fairing.options import FairingOptions, ScheduleOptions
-from fairing.session import Session
+from fairing.run.session import Session
 
 OPTIONS = FairingOptions(
     schedule=ScheduleOptions(blur=(3.6, 2.0), order="sequential", max_sweeps=(2,), max_iterations=(3,), start="first")
@@ -62,11 +62,11 @@ def test_the_scale_of_a_strip_is_logarithmic(value: float, part: float):
 
 
 def test_a_look_back_shows_the_past_only_while_the_run_goes_on(state: RunState):
-    view = View(looks_at=3)
+    view = PageState(looks_at=3)
     running = replace(state, activity=Activity.RUNNING)
-    past = look_back(running, view)
+    past = at_viewed_moment(running, view)
     assert (past.moment, past.length) == (3, state.length)
     np.testing.assert_array_equal(past.vertices, state.trace.vertices_at(3))
     assert past.position == state.trace.steps[3].position
-    assert look_back(state, view) is state
+    assert at_viewed_moment(state, view) is state
     assert view.looks_at is None

@@ -11,15 +11,15 @@ import pytest
 import trimesh
 from PIL import Image
 
-from app.cli import run
+from app.cli.main import run
 from fairing.camera import Camera
 from fairing.errors import InputError
+from fairing.geometry.rasterize import rasterize
 from fairing.io import read_mesh, write_mesh
 from fairing.io.textured_mesh import write_textured
-from fairing.left_out import psnr
+from fairing.judge.left_out import psnr
 from fairing.mesh import Mesh
 from fairing.photo import ArrayPhoto
-from fairing.rasterize import rasterize
 from fairing.scene import Scene, View
 from fairing.texture import AtlasLayout, TexturedModel, textured_model
 from tests.small_scene import FACES, VERTICES, corner_scene, photos, write_corner

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fairing.errors import InputError
-from fairing.session import Session
+from fairing.run.session import Session
 from fairing.trace import KEYFRAME_EVERY, MAGIC, StepRecord, Trace
 from tests.small_scene import corner_scene, small_options
 

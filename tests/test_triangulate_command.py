@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app import triangulate_command
-from app.cli import run
-from app.scene_source import SceneSource
+from app.cli import triangulate as triangulate_command
+from app.cli.main import run
+from app.files.scene_source import SceneSource
 from fairing.io import prepare_output_folder, read_mesh, write_mesh
 from fairing.io.convert import write_capture
-from fairing.session import Session
+from fairing.run.session import Session
 from fairing.trace import Trace
 from fairing.triangulation import FlipTrace
 from tests.test_triangulation import seen_points, terrain
@@ -53,7 +53,7 @@ def test_points_become_a_mesh_with_a_record_and_a_report(capture, tmp_path, caps
     assert report["inconsistent_edges"]["after"] < report["inconsistent_edges"]["before"]
     assert report["vertices"] + sum(report["points_left_out"].values()) == 25
     said = " ".join(capsys.readouterr().err.split())
-    assert f"{len(vertices)} points are vertices, triangulated in photo" in said
+    assert f"{len(vertices)} points became vertices, triangulated in photo" in said
     assert "no flip lowers the energy any more" in said
 
     assert run(["triangulate", str(capture), "--out", str(out), "--max-vertices", "14"]) == 0
@@ -65,7 +65,7 @@ def test_nothing_of_others_is_overwritten(capture, tmp_path, capsys):
     out.write_bytes(b"precious")
     assert run(["triangulate", str(capture), "--out", str(out)]) == 1
     assert out.read_bytes() == b"precious"
-    assert "mine.ply is there already and not of ours" in capsys.readouterr().err
+    assert "mine.ply exists and is not of an earlier triangulation" in capsys.readouterr().err
     assert [path.name for path in tmp_path.iterdir()] == ["mine.ply"]
 
 

@@ -6,9 +6,9 @@ from scipy.spatial import Delaunay
 
 from fairing.camera import Camera
 from fairing.errors import InputError
-from fairing.gauss_newton import face_normals
+from fairing.geometry.mesh_check import inspect_mesh
+from fairing.geometry.normals import face_normals
 from fairing.mesh import Mesh
-from fairing.mesh_check import inspect_mesh
 from fairing.photo import ArrayPhoto
 from fairing.scene import Scene, SparsePoints, View
 from fairing.triangulation import (

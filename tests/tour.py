@@ -20,11 +20,12 @@ from app.export.run_facts import RunFacts
 from app.lessons.look import AT_FRONT
 from app.lessons.player import Status
 from app.lessons.scenes import load_lesson_scene
-from app.server import App, start
+from app.page.server import App, start
 from demo_scenes import load_demo
 from fairing.options import PRESETS
-from fairing.session import Session
-from tests.browser.driver import WINDOW, Visitor, chromium, wait_for
+from fairing.run.session import Session
+from tests.browser.driver import WINDOW, Visitor, chromium
+from tests.waiting import wait_for
 
 PICTURES = Path(__file__).parents[1] / "app" / "pictures"
 QUALITY = 82

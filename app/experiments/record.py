@@ -10,12 +10,12 @@ from typing import Any
 
 from app.experiments.chart import charts_of
 from app.experiments.picture import png_of
-from app.json_file import write_json
+from app.files.json_file import write_json
 from fairing.errors import InputError
 from fairing.experiments import Experiment, Row, Setting
 from fairing.io import write_atomically
+from fairing.judge.report import versions
 from fairing.options import options_to_dict
-from fairing.report import versions
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,13 +14,13 @@ import numpy as np
 
 from app.export.packing import packed
 from app.export.run_facts import RunFacts
-from fairing.cells import ANTI_ALIASING, NORMS, CellContext, blur_rungs
+from fairing.cells.context import ANTI_ALIASING, NORMS, CellContext, blur_rungs
+from fairing.cells.point_spread import missing_blur
+from fairing.cells.scale_space import ScaleSpace
 from fairing.errors import InputError
-from fairing.inspect import FaceCells, face_cells
+from fairing.judge.inspect import FaceCells, face_cells
 from fairing.options import by_level
-from fairing.point_spread import missing_blur
-from fairing.scale_space import ScaleSpace
-from fairing.sweep import SweepState
+from fairing.run.sweep import SweepState
 
 ALL_FACES = 24  # of a mesh with no more, all are shown
 CHOSEN_VERTICES = 24
@@ -173,7 +173,7 @@ def _blur(
     sizes: np.ndarray,
     is_common: bool,
 ) -> np.ndarray:
-    """(P, 3) float: what `fairing.cells.build_context` blurs the photos of each pair by."""
+    """(P, 3) float: what `fairing.cells.context.build_context` blurs the photos of each pair by."""
     blur = facts.options.schedule.blur[context.level]
     cameras = [view.camera for view in facts.scene.views]
     corners = context.vertices[facts.scene.mesh.faces[faces]]

@@ -11,13 +11,13 @@ from typing import Any
 import cv2
 import numpy as np
 
+from app.debugger.step_text import step_outcome
 from app.export.frame import first_eye
 from app.export.packing import packed
 from app.export.page_cells import cells_of_run, chosen_vertices
 from app.export.paintings import Painting, paint
 from app.export.run_facts import RunFacts
 from app.export.step_kinds import INTRO, KINDS, kind_of, level_text
-from app.outcome import step_outcome
 from app.palette import CAMERA, NOW, SELECTED, START, TRUTH, solid
 from fairing.trace import StepReason
 

@@ -11,16 +11,16 @@ from typing import Any
 
 import numpy as np
 
-from app.document import NEUTRAL, banner, bullets, document, jpeg_uri, tile
 from app.export.charts import curve_chart
 from app.export.paintings import Painter, paint
 from app.export.picture import TEXELS, framed
 from app.export.report_tables import left_out_table, levels_table, seconds_table, vertices_table
 from app.export.run_facts import RunFacts
 from app.export.run_tables import figure_rows, machine_rows, options_list, table
+from app.files.document import NEUTRAL, banner, bullets, document, jpeg_uri, tile
+from app.files.run_files import LEFT_OUT
 from app.html import number, text
 from app.palette import BACKGROUND, BRAND, NOW, SELECTED, START, TRUTH, css
-from app.run_extras import LEFT_OUT
 from fairing.io import write_atomically
 
 PICTURE = 600  # px

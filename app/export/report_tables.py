@@ -7,7 +7,7 @@ from typing import Any
 
 import cv2
 
-from app.document import jpeg_uri
+from app.files.document import jpeg_uri
 from app.html import number, text
 from fairing.errors import InputError
 

@@ -8,15 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from app.history import EnergyHistory
-from app.run_files import REPORT
-from app.runs import run_title
+from app.debugger.history import EnergyHistory
+from app.debugger.runs import run_title
+from app.files.run_files import REPORT
 from app.stage import Stage
-from fairing.energy import Evaluator
 from fairing.errors import InputError
-from fairing.metrics import determined_part, quality_report
-from fairing.report import run_report
-from fairing.session import Session
+from fairing.judge.metrics import determined_part, quality_report
+from fairing.judge.report import run_report
+from fairing.run.session import Session
+from fairing.solve.energy import Evaluator
 
 REPORT_FORMAT = "eigenfairing report 1"
 _NEEDED = {

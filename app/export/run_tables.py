@@ -2,9 +2,9 @@
 
 from typing import Any
 
+from app.debugger.option_fields import option_fields
 from app.export.run_facts import RunFacts
 from app.html import number, text
-from app.option_fields import option_fields
 from fairing.options import PRESETS, FairingOptions
 
 Rows = list[tuple[str, str]]

@@ -60,8 +60,8 @@ _OF_REASON = {
     StepReason.SMOOTHED: 2,
     StepReason.FITTED_TO_POINTS: 3,
     StepReason.RETURNED: 4,
-    StepReason.MOVED_BY_HAND: 5,
-    StepReason.RESET_BY_HAND: 5,
+    StepReason.MOVED_MANUALLY: 5,
+    StepReason.RESET_MANUALLY: 5,
 }
 
 

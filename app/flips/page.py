@@ -8,26 +8,26 @@ from typing import Any
 import numpy as np
 import viser
 
-from app.background import Background
-from app.bridge import Bridge, whole_number
+from app.background_worker import Background
 from app.flips.film import FlipFilm
 from app.flips.panels import SPEEDS, Presses, buttons, energy_plot, facts, legend, strip
 from app.flips.player import Player
 from app.flips.scene_layers import FlipLayers
-from app.focus import release_focus_after_use
-from app.guard import Guard
 from app.html import STYLE, button, icon, text
-from app.in_place import change_in_place
 from app.layers.cameras import CamerasLayer, Thumbnails
-from app.look_through import LookThrough
+from app.page.camera_view import CameraView
 from app.panels.choice import choice
-from app.panels.followed import Followed
-from app.panels.html_panel import HtmlPanel
 from app.stage import FIELD_OF_VIEW, Stage
-from app.style_sheet import lay_style_sheet
-from app.theme import Theme
-from app.timeline_place import TimelinePlace
-from app.viewer import address_of, stop_viewer
+from app.viser_bridge.error_toasts import Guard
+from app.viser_bridge.html_events import Bridge, whole_number
+from app.viser_bridge.html_panel import HtmlPanel
+from app.viser_bridge.in_place import change_in_place
+from app.viser_bridge.keyboard_focus import release_focus_after_use
+from app.viser_bridge.style_sheet import lay_style_sheet
+from app.viser_bridge.synced_widget import Followed
+from app.viser_bridge.theme import Theme
+from app.viser_bridge.timeline_placement import TimelinePlace
+from app.viser_bridge.viewer import address_of, stop_viewer
 from fairing.scene import Scene
 from fairing.triangulation import FlipTrace
 
@@ -45,7 +45,7 @@ class FlipPage:
         self._is_textured = True
         self._showing = threading.RLock()  # a play and a click may come at the same time
         self._theme = Theme(client)
-        self._look_through = LookThrough(client, stage, scene, self._theme, self.show)
+        self._look_through = CameraView(client, stage, scene, self._theme, self.show)
         client.gui.set_panel_label(f"EigenFairing · flips of {scene.name}")
         self._layers = FlipLayers(client, stage, scene, film, painter, self.show)
         self._cameras = CamerasLayer(client, stage, scene, thumbnails, self._guard(self._enter), lambda node: None)

@@ -4,12 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from app.cell_images import data_uri
 from app.flips.film import FlipFilm
 from app.flips.scene_layers import MEANINGS
 from app.html import button, icon, number, table, text
 from app.palette import BACKGROUND, NOW, SELECTED, START, css, solid
 from app.panels.plot_drawing import BOTTOM, HEIGHT, LEFT, RIGHT, TOP, WIDTH, Line, frame, line_at
+from app.pictures.cell_images import data_uri
 from app.ticks import ticks
 
 SPEEDS = (2, 10, 50)  # flips a second

@@ -6,12 +6,12 @@ from dataclasses import replace
 import numpy as np
 import viser
 
-from app.background import Background
+from app.background_worker import Background
 from app.flips.film import Edges, FlipFilm
-from app.layers.taking_turns import TakingTurns
 from app.palette import HAND, NOW, REJECTED, RGB, SELECTED, START, SURFACE
+from app.pictures.texturer import TexturedMesh, paint
 from app.stage import Stage
-from app.texturer import TexturedMesh, paint
+from app.viser_bridge.mesh_swap import TakingTurns
 from fairing.mesh import Mesh
 from fairing.scene import Scene
 

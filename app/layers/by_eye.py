@@ -7,9 +7,9 @@ from collections.abc import Callable
 import numpy as np
 import viser
 
-from app.layers.taking_turns import TakingTurns
+from app.pictures.texturer import EyeTexturedMesh, TexturedMesh, Texturer
 from app.stage import Stage
-from app.texturer import EyeTexturedMesh, TexturedMesh, Texturer
+from app.viser_bridge.mesh_swap import TakingTurns
 
 UNPACK_SECONDS = 0.3  # at most 1024 texels: three textures a second
 LEAST_TURN = np.radians(0.3)  # as seen from the middle of the mesh

@@ -7,12 +7,12 @@ import numpy as np
 import viser
 import viser.transforms
 
-from app.background import Background
+from app.background_worker import Background
+from app.debugger.run_state import RunState
+from app.page_state.page_state import PageState
 from app.palette import CAMERA
-from app.run_state import RunState
-from app.shown_photo import shown_photo
+from app.pictures.shown_photo import shown_photo
 from app.stage import Stage
-from app.view import View
 from fairing.camera import Camera
 from fairing.errors import InputError
 from fairing.scene import Scene
@@ -95,7 +95,7 @@ class CamerasLayer:
             watch(frustum)
             thumbnails.send(view_id, lambda image, frustum=frustum: setattr(frustum, "image", image))
 
-    def show(self, state: RunState, view: View) -> None:
+    def show(self, state: RunState, view: PageState) -> None:
         self.set_visible(view.shows("cameras") and view.entered is None)
 
     def set_visible(self, visible: bool) -> None:

@@ -3,12 +3,12 @@
 import numpy as np
 import viser
 
-from app.certainty_source import CertaintySource
+from app.debugger.run_state import RunState
 from app.layers.lines import Lines
-from app.run_state import RunState
+from app.page_state.certainty_source import CertaintySource
+from app.page_state.page_state import PageState
 from app.stage import Stage
-from app.view import View
-from fairing.certainty import Certainty
+from fairing.judge.certainty import Certainty
 from fairing.mesh import Mesh
 
 SHORTEST = 0.08  # half-axis, of the mean edge at the vertex: larger than any real deviation, so that it can be seen
@@ -38,7 +38,7 @@ class CertaintyLayer:
         self._stage, self._mesh, self._source = stage, mesh, source
         self._lines = Lines(client, "/certainty", thickness=1.8)
 
-    def show(self, state: RunState, view: View) -> None:
+    def show(self, state: RunState, view: PageState) -> None:
         found: list[Certainty] = []
         if view.shows("certainty") and not state.is_moving:
             found = [certainty for certainty in self._source.newest(state, view) if certainty.is_seen]

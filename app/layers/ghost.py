@@ -2,12 +2,12 @@
 
 import viser
 
-from app.compare import look_up
+from app.debugger.compare import look_up
+from app.debugger.run_state import RunState
 from app.layers.wires import COARSE, MAX_RUNNING_EDGES, Wire
+from app.page_state.page_state import PageState
 from app.palette import REFERENCE
-from app.run_state import RunState
 from app.stage import Stage
-from app.view import View
 from fairing.mesh import Mesh
 
 
@@ -18,7 +18,7 @@ class GhostLayer:
         self._follows_a_run = len(mesh.edges) <= MAX_RUNNING_EDGES
         self._wire = Wire(client, stage, "/mesh/reference", mesh, REFERENCE, 2.5 if len(mesh.edges) < COARSE else 1.4)
 
-    def show(self, state: RunState, view: View) -> None:
+    def show(self, state: RunState, view: PageState) -> None:
         compared = look_up(view.reference, state)
         follows = self._follows_a_run or not state.is_moving
         if compared is not None and follows:

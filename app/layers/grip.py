@@ -6,12 +6,12 @@ from typing import Any
 import numpy as np
 import viser
 
+from app.debugger.run_state import RunState
 from app.layers.marks import ball, mark_radius
+from app.page_state.page_state import PageState
 from app.palette import HAND, SELECTED
 from app.picking import nearest_to_ray
-from app.run_state import RunState
 from app.stage import Stage
-from app.view import View
 from fairing.mesh import Mesh
 
 LARGER = 2.1  # than the mark of a vertex
@@ -69,7 +69,7 @@ class GripLayer:
 
         self._ball.on_drag("left")(dragged)
 
-    def show(self, state: RunState, view: View) -> None:
+    def show(self, state: RunState, view: PageState) -> None:
         if self._grabbed is not None:
             return
         self._points = self._stage.page_from_world(state.vertices)

@@ -3,11 +3,11 @@
 import numpy as np
 import viser
 
-from app.history import PathHistory
+from app.debugger.history import PathHistory
+from app.debugger.run_state import RunState
+from app.page_state.page_state import PageState
 from app.palette import NOW, START
-from app.run_state import RunState
 from app.stage import Stage
-from app.view import View
 
 
 class PathsLayer:
@@ -24,7 +24,7 @@ class PathsLayer:
             visible=False,
         )
 
-    def show(self, state: RunState, view: View) -> None:
+    def show(self, state: RunState, view: PageState) -> None:
         if not view.shows("paths"):
             self._handle.visible = False
             return

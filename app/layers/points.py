@@ -2,9 +2,9 @@
 
 import viser
 
-from app.run_state import RunState
+from app.debugger.run_state import RunState
+from app.page_state.page_state import PageState
 from app.stage import SIZE, Stage
-from app.view import View
 from fairing.scene import SparsePoints
 
 
@@ -24,6 +24,6 @@ class PointsLayer:
                 visible=False,
             )
 
-    def show(self, state: RunState, view: View) -> None:
+    def show(self, state: RunState, view: PageState) -> None:
         if self._handle is not None:
             self._handle.visible = view.shows("points")

@@ -3,11 +3,11 @@
 import numpy as np
 import viser
 
-from app.history import last_step_about
+from app.debugger.history import last_step_about
+from app.debugger.run_state import RunState
 from app.layers.lines import Lines
-from app.run_state import RunState
+from app.page_state.page_state import PageState
 from app.stage import Stage
-from app.view import View
 from fairing.camera import Camera
 from fairing.scene import Scene
 
@@ -46,11 +46,11 @@ class StepArrowLayer:
         self._stage, self._scene = stage, scene
         self._lines = Lines(client, "/step_arrow", thickness=3.0)
 
-    def show(self, state: RunState, view: View) -> None:
+    def show(self, state: RunState, view: PageState) -> None:
         arrow = self._arrow(state, view)
         self._lines.show(None if arrow is None else self._stage.page_from_world(arrow))
 
-    def _arrow(self, state: RunState, view: View) -> np.ndarray | None:
+    def _arrow(self, state: RunState, view: PageState) -> np.ndarray | None:
         if view.entered is None or view.selected is None:
             return None
         found = last_step_about(state.trace.steps, state.moment, view.selected)

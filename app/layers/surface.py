@@ -5,18 +5,18 @@ from dataclasses import dataclass
 import numpy as np
 import viser
 
-from app.coloring import COLORINGS, DIFFERENCE, Legend, color_mesh
-from app.commands import Ask
-from app.compare import distances, look_up
-from app.controller import Controller
+from app.debugger.commands import Query
+from app.debugger.compare import distances, look_up
+from app.debugger.controller import Controller
+from app.debugger.run_state import Activity, RunState
 from app.layers.by_eye import ByEye
-from app.layers.taking_turns import Drawn, TakingTurns
+from app.page_state.page_state import NOW_SHAPE, START_SHAPE, TRUE_SHAPE, PageState
 from app.palette import SURFACE
-from app.run_state import Activity, RunState
-from app.set_back import set_back
+from app.pictures.coloring import COLORINGS, DIFFERENCE, Legend, color_mesh
+from app.pictures.texturer import MOST_FACES, MOST_FACES_BY_EYE, Texturer
 from app.stage import Stage
-from app.texturer import MOST_FACES, MOST_FACES_BY_EYE, Texturer
-from app.view import NOW_SHAPE, START_SHAPE, TRUE_SHAPE, View
+from app.surface_offset import set_back
+from app.viser_bridge.mesh_swap import Drawn, TakingTurns
 from fairing.io.glb import write_glb
 from fairing.scene import Scene
 
@@ -65,7 +65,7 @@ class SurfaceLayer:
         self.legend: Legend | None = None
         """What the colours in sight mean; None without."""
 
-    def show(self, state: RunState, view: View) -> None:
+    def show(self, state: RunState, view: PageState) -> None:
         vertices = self.vertices_of(state, view.shape)
         self._plain.vertices = self._stage.page_from_world(vertices)
         outside, resting = view.entered is None, state.activity is Activity.PAUSED
@@ -121,7 +121,7 @@ class SurfaceLayer:
         is_fit = turns.shown is not None and (shape == NOW_SHAPE or turns.shown is painted)
         return turns if is_fit else None
 
-    def _color(self, state: RunState, view: View, vertices: np.ndarray, resting: bool) -> TakingTurns | None:
+    def _color(self, state: RunState, view: PageState, vertices: np.ndarray, resting: bool) -> TakingTurns | None:
         name = view.surface
         compared = look_up(view.reference, state) if name == DIFFERENCE else None
         reference = None if compared is None else (compared.run.run_id, compared.moment)
@@ -139,7 +139,7 @@ class SurfaceLayer:
 
     def _ask(self, wanted: Wanted) -> None:
         self._controller.post(
-            Ask(
+            Query(
                 asker=(id(self), "colors"),
                 question=lambda session: COLORINGS[wanted.coloring].ask(session, session.moment),
                 answer=lambda found: self._take(wanted, found),

@@ -5,12 +5,12 @@ from collections.abc import Callable
 import numpy as np
 import viser
 
-from app.history import REJECTIONS
+from app.debugger.history import REJECTIONS
+from app.debugger.run_state import RunState
 from app.layers.marks import Shape, ball, block, mark_radius
+from app.page_state.page_state import PageState
 from app.palette import LOCKED, NOW, REJECTED, SELECTED, START
-from app.run_state import RunState
 from app.stage import Stage
-from app.view import View
 from fairing.mesh import Mesh
 
 MANY = 1500  # marks, each of fewer triangles then: 5,000 balls of 80 took 0.1 s of every frame drawn by a processor
@@ -32,7 +32,7 @@ class VerticesLayer:
         )
         self._locked = _Marks(client, stage, "/vertices/locked", block(), mesh, on_click, watch)
 
-    def show(self, state: RunState, view: View) -> None:
+    def show(self, state: RunState, view: PageState) -> None:
         colors = vertex_colors(state, view.selection.vertices)
         scales = np.full(len(state.vertices), self._radius * (0.6 if view.entered is not None else 1), dtype=np.float32)
         scales[list(view.selection.vertices)] *= 1.4

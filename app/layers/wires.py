@@ -3,10 +3,10 @@
 import numpy as np
 import viser
 
+from app.debugger.run_state import RunState
+from app.page_state.page_state import PageState
 from app.palette import NOW, RGB, START, TRUTH
-from app.run_state import RunState
 from app.stage import SIZE, Stage
-from app.view import View
 from fairing.mesh import Mesh
 from fairing.scene import Scene
 
@@ -57,7 +57,7 @@ class WiresLayer:
             Wire(client, stage, "/mesh/truth", scene.truth.surface, TRUTH, 1.5) if scene.truth is not None else None
         )
 
-    def show(self, state: RunState, view: View) -> None:
+    def show(self, state: RunState, view: PageState) -> None:
         follows = self._follows_a_run or not state.is_moving
         if follows:
             self._start.move(state.trace.start, unless_at=state.vertices)

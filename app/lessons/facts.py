@@ -6,13 +6,13 @@ from typing import SupportsFloat
 
 import numpy as np
 
-from app import quantities
-from app.condition import Quantities
-from app.quantities import Around, quantities_of
-from fairing.certainty import Certainty, certainties
+from app.debugger import quantities
+from app.debugger.condition import Quantities
+from app.debugger.quantities import Around, quantities_of
 from fairing.errors import InputError
-from fairing.inspect import FaceCells, energies_by_dimension, face_cells
-from fairing.session import Session
+from fairing.judge.certainty import Certainty, certainties
+from fairing.judge.inspect import FaceCells, energies_by_dimension, face_cells
+from fairing.run.session import Session
 
 NAN = float("nan")
 OF_MOMENT: dict[str, str] = {
@@ -51,7 +51,7 @@ def facts_of(session: Session, face: int | None, kept: Mapping[str, float]) -> Q
     """
     moment, scene = session.moment, session.scene
     steps = session.trace.steps[:moment]
-    engines = [step for step in steps if not step.is_by_hand]
+    engines = [step for step in steps if not step.is_manual]
     if moment:
         recorded = quantities_of(steps[-1], moment, Around(session, session.trace.start))
         values, functions = dict(recorded.values), dict(recorded.functions)

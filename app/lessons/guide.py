@@ -2,10 +2,10 @@
 
 from collections.abc import Callable
 
+from app.debugger.run_state import RunState
 from app.lessons.look import Look
 from app.lessons.player import Player
-from app.run_state import RunState
-from app.view import View
+from app.page_state.page_state import PageState
 
 
 class Guide:
@@ -28,7 +28,7 @@ class Guide:
         self._show_tab, self._show_heading = show_tab, show_heading
         self._last = Look()
 
-    def show(self, state: RunState, view: View) -> None:
+    def show(self, state: RunState, view: PageState) -> None:
         """To be called before the layers and panels are shown."""
         due = self._player.take_look()
         if due is None:

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from functools import reduce
 
-from app.condition import Condition
+from app.debugger.condition import Condition
 from app.lessons.look import Look, LookChange
 from app.lessons.work import Work
 

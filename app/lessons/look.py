@@ -3,8 +3,8 @@
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
-from app.selection import Selection
-from app.view import View
+from app.page_state.page_state import PageState
+from app.page_state.selection import Selection
 
 AT_MESH, AT_FRONT, AT_CAMERAS = "mesh", "front", "cameras"
 
@@ -18,7 +18,7 @@ class Look:
     compared: name of a run of the lesson that the page compares with; empty: with nothing.
     tab: the tab in front.
     heading: what the panel of the cells is scrolled to.
-    settings: fields of `View` by name.
+    settings: fields of `PageState` by name.
     cells: fields of `CellsView` by name.
     layers: shown or not, by name.
 
@@ -35,7 +35,7 @@ class Look:
     cells: dict[str, object] = field(default_factory=dict)
     layers: dict[str, bool] = field(default_factory=dict)
 
-    def set_in(self, view: View) -> None:
+    def set_in(self, view: PageState) -> None:
         """Make a view show it, but for eye, comparison, tab and heading, which are not the view's alone."""
         if self.vertices is not None:
             view.selection = Selection(self.vertices)
@@ -46,9 +46,9 @@ class Look:
         view.cells = replace(view.cells, **self.cells)  # pyright: ignore[reportArgumentType] - checked on reading
         view.shown.update(self.layers)
 
-    def is_seen_in(self, view: View) -> bool:
+    def is_seen_in(self, view: PageState) -> bool:
         """Whether a view shows what the lesson speaks of: the vertices, the face, the photo and the surface."""
-        wanted = View(selection=view.selection, face=view.face, cells=view.cells, shown=dict(view.shown))
+        wanted = PageState(selection=view.selection, face=view.face, cells=view.cells, shown=dict(view.shown))
         wanted.surface, wanted.shape = view.surface, view.shape
         self.set_in(wanted)
         same = all(getattr(wanted, name) == getattr(view, name) for name in ("selection", "face", "surface", "shape"))

@@ -2,10 +2,10 @@
 
 from collections.abc import Callable
 
+from app.files.scene_source import SceneSource
 from app.lessons.lesson import ANY_SCENE
 from app.lessons.reader import load_lesson
 from app.lessons.scenes import LESSON_SCENES, load_lesson_scene
-from app.scene_source import SceneSource
 from fairing.errors import InputError
 from fairing.scene import Scene
 

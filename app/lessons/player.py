@@ -10,31 +10,31 @@ from collections.abc import Callable, Generator
 from dataclasses import dataclass
 from enum import Enum
 
-from app.commands import (
-    Ask,
+from app.debugger.commands import (
     Branch,
     Command,
     Forward,
     Pause,
     Place,
+    Query,
     Race,
     Restart,
     Run,
     SwitchTo,
 )
-from app.compare import Reference
-from app.controller import Controller
+from app.debugger.compare import Reference
+from app.debugger.controller import Controller
+from app.debugger.option_fields import changed_options
+from app.debugger.run_state import RunState
+from app.debugger.runs import RunInfo
 from app.lessons.facts import facts_of
 from app.lessons.lesson import ANY_SCENE, Lesson, LessonStep
 from app.lessons.look import Look
 from app.lessons.scenes import is_at_hand
 from app.lessons.work import Advance, Contest, GoOn, Put, Start, Take, Work
-from app.option_fields import changed_options
-from app.run_state import RunState
-from app.runs import RunInfo
-from app.view import View
+from app.page_state.page_state import PageState
 from fairing.errors import InputError
-from fairing.session import Session
+from fairing.run.session import Session
 
 CUT_SHORT = ("paused", "breakpoint")  # why a command stopped before its end
 
@@ -182,7 +182,7 @@ class Player:
         run_id = self._runs.get(look.compared or "")
         return None if run_id is None else Reference(run_id)
 
-    def has_strayed(self, state: RunState, view: View) -> bool:
+    def has_strayed(self, state: RunState, view: PageState) -> bool:
         """Whether the run or the page are no longer where this step has brought them."""
         if self.lesson is None or self.status is not Status.THERE or self._look_due is not None:
             return False
@@ -251,7 +251,7 @@ class Player:
     def _made_before(self, start: Start, state: RunState) -> RunInfo | None:
         """A run from the start with these options, put by hand like this and no further."""
         for run in state.runs:
-            by_hand = run.trace.hand_moments
+            by_hand = run.trace.manual_moments
             if run.parent is not None or run.options != start.options or by_hand != list(range(1, len(start.puts) + 1)):
                 continue
             places = [self._place(put) for put in start.puts]
@@ -277,15 +277,15 @@ class Player:
             self._post(asked)
 
     def _post(self, asked: Command | _Examine) -> None:
-        """Ask the engine for something; an Ask behind it tells when it is done."""
+        """Query the engine for something; an Query behind it tells when it is done."""
         self._asked, turn = asked, self._turn
         if isinstance(asked, _Examine):
             question = self._examination(asked.step)
-            self._controller.post(Ask(self, question, lambda found: self._take_findings(turn, asked.step, found)))
+            self._controller.post(Query(self, question, lambda found: self._take_findings(turn, asked.step, found)))
             return
         problems = self._controller.state.problems
         self._controller.post(asked)
-        self._controller.post(Ask(self, lambda _: None, lambda _: self._arrived(turn, problems)))
+        self._controller.post(Query(self, lambda _: None, lambda _: self._arrived(turn, problems)))
 
     def _arrived(self, turn: int, problems: int) -> None:
         with self._lock:

@@ -14,7 +14,7 @@ import re
 from functools import cache
 from importlib.resources import files
 
-from app.condition import Condition, parse_condition
+from app.debugger.condition import Condition, parse_condition
 from app.lessons.facts import FUNCTIONS, VALUES
 from app.lessons.lesson import ANY_SCENE, Kept, Lesson, LessonStep, Question
 from app.lessons.pseudo_code import LINES

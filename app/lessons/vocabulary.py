@@ -24,15 +24,15 @@ import re
 from collections.abc import Callable
 from dataclasses import replace
 
-from app.cells_view import ARROW_SCALES, KINDS, PAGES, SPANS
-from app.coloring import COLORINGS
-from app.commands import Command, Extent, Forward, JumpTo, Run
+from app.debugger.commands import Command, Extent, Forward, JumpTo, Run
+from app.debugger.option_fields import changed_options, option_fields
+from app.debugger.quantities import understand
+from app.debugger.series import QUANTITIES
 from app.lessons.look import AT_CAMERAS, AT_FRONT, AT_MESH, LookChange
 from app.lessons.work import Advance, Contest, GoOn, Put, Start, Take, Work
-from app.option_fields import changed_options, option_fields
-from app.quantities import understand
-from app.series import QUANTITIES
-from app.view import LAYERS, MAX_MAGNIFICATION, NOW_SHAPE, START_SHAPE, SURFACES, TRUE_SHAPE, PlotView
+from app.page_state.cells_state import ARROW_SCALES, KINDS, PAGES, SPANS
+from app.page_state.page_state import LAYERS, MAX_MAGNIFICATION, NOW_SHAPE, START_SHAPE, SURFACES, TRUE_SHAPE, PlotView
+from app.pictures.coloring import COLORINGS
 from fairing.errors import InputError
 from fairing.experiments import EXPERIMENTS
 from fairing.option_check import check_options

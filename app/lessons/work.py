@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Any
 
-from app.commands import Command
+from app.debugger.commands import Command
 from fairing.options import FairingOptions
 
 

@@ -2,13 +2,13 @@
 
 from typing import Protocol
 
-from app.run_state import RunState
-from app.view import View
+from app.debugger.run_state import RunState
+from app.page_state.page_state import PageState
 
 
 class Panel(Protocol):
     """Something beside the 3D view."""
 
-    def show(self, state: RunState, view: View) -> None:
+    def show(self, state: RunState, view: PageState) -> None:
         """Bring the browser up to date."""
         ...

@@ -4,17 +4,17 @@ from collections.abc import Callable
 
 import viser
 
-from app.bookmarks import Bookmark, Bookmarks
-from app.bridge import Bridge, whole_number
-from app.commands import SwitchTo
-from app.compare import Reference
-from app.controller import Controller
+from app.debugger.bookmarks import Bookmark, Bookmarks
+from app.debugger.commands import SwitchTo
+from app.debugger.compare import Reference
+from app.debugger.controller import Controller
+from app.debugger.moment_id import moment_id
+from app.debugger.run_state import RunState
 from app.html import button, copy_button, icon, text
-from app.moment_id import moment_id
-from app.panels.html_panel import HtmlPanel
-from app.panels.line import Line
-from app.run_state import RunState
-from app.view import View
+from app.page_state.page_state import PageState
+from app.viser_bridge.html_events import Bridge, whole_number
+from app.viser_bridge.html_panel import HtmlPanel
+from app.viser_bridge.text_field import Line
 
 
 class BookmarksPanel:
@@ -26,7 +26,7 @@ class BookmarksPanel:
         press.take_note = note.take_draft
         self._panel = HtmlPanel(gui)
 
-    def show(self, state: RunState, view: View) -> None:
+    def show(self, state: RunState, view: PageState) -> None:
         here = moment_id(state.position, state.moment, state.options.n_levels)
         keep = button("Bookmark this moment", self._press.keep, hint="Keep the present moment with the note (K)")
         rows = "".join(self._row(item, state) for item in state.bookmarks)
@@ -60,7 +60,7 @@ class BookmarkButtons:
     def __init__(
         self,
         controller: Controller,
-        view: View,
+        view: PageState,
         bridge: Bridge,
     ) -> None:
         self._controller, self._view = controller, view

@@ -5,15 +5,15 @@ from dataclasses import replace
 
 import viser
 
-from app.breakpoints import Breakpoint, Breakpoints
-from app.bridge import Bridge, whole_number
-from app.controller import Controller
+from app.debugger.breakpoints import Breakpoint, Breakpoints
+from app.debugger.controller import Controller
+from app.debugger.quantities import FUNCTIONS, VALUES, limits_of
+from app.debugger.run_state import RunState
 from app.html import button, icon, text
-from app.panels.html_panel import HtmlPanel
-from app.panels.line import Line
-from app.quantities import FUNCTIONS, VALUES, limits_of
-from app.run_state import RunState
-from app.view import View
+from app.page_state.page_state import PageState
+from app.viser_bridge.html_events import Bridge, whole_number
+from app.viser_bridge.html_panel import HtmlPanel
+from app.viser_bridge.text_field import Line
 from fairing.errors import InputError
 
 READY_MADE: dict[str, str] = {
@@ -26,7 +26,7 @@ READY_MADE: dict[str, str] = {
 }
 
 
-def ready_made(view: View) -> dict[str, str]:
+def ready_made(view: PageState) -> dict[str, str]:
     """Conditions by what they say: those that always fit, and those about what is selected and looked through."""
     about = {}
     if view.selected is not None:
@@ -37,7 +37,7 @@ def ready_made(view: View) -> dict[str, str]:
     if view.entered is not None:
         about |= {
             f"The energy rises in view {view.entered}": f"view({view.entered}) > 0",
-            f"View {view.entered} has 30 % outliers": f"outliers({view.entered}) > 0.3",
+            f"PageState {view.entered} has 30 % outliers": f"outliers({view.entered}) > 0.3",
         }
     return about | READY_MADE
 
@@ -59,7 +59,7 @@ class BreakpointsPanel:
         self._panel = HtmlPanel(gui)
         press.on_add = lambda: self._add(self._line.take_draft())
 
-    def show(self, state: RunState, view: View) -> None:
+    def show(self, state: RunState, view: PageState) -> None:
         rows = "".join(self._row(item) for item in state.breakpoints)
         ready = "".join(
             button(name, self._press.ready_made(str(k)), hint=f"Stop when {condition}", css_class="layer")
@@ -123,7 +123,7 @@ class BreakpointButtons:
     def __init__(
         self,
         controller: Controller,
-        view: View,
+        view: PageState,
         bridge: Bridge,
     ) -> None:
         self.on_add: Callable[[], None] = lambda: None

@@ -4,15 +4,15 @@ from collections.abc import Callable
 
 import viser
 
-from app.bridge import Bridge, whole_number
+from app.debugger.run_state import RunState
 from app.html import button, icon, text
+from app.page_state.page_state import PageState
 from app.panels.choice import choice
-from app.panels.floating import MARGIN
-from app.panels.followed import Followed
-from app.panels.html_panel import HtmlPanel
 from app.panels.surface_panel import SHAPES, SurfaceButtons
-from app.run_state import RunState
-from app.view import View
+from app.viser_bridge.floating import MARGIN
+from app.viser_bridge.html_events import Bridge, whole_number
+from app.viser_bridge.html_panel import HtmlPanel
+from app.viser_bridge.synced_widget import Followed
 from fairing.scene import Scene
 
 WIDTH = 300
@@ -22,7 +22,9 @@ LAID = {False: "Blend", True: "Swipe"}
 class CameraButtons:
     """JavaScript for the box's buttons, made where it stays on the page when the box is not."""
 
-    def __init__(self, bridge: Bridge, view: View, leave: Callable[[], None], republish: Callable[[], None]) -> None:
+    def __init__(
+        self, bridge: Bridge, view: PageState, leave: Callable[[], None], republish: Callable[[], None]
+    ) -> None:
         def lay(swipes: bool) -> None:
             # A swipe from the edge would show nothing new.
             view.swipes, view.model_share = swipes, view.model_share or 0.5
@@ -39,7 +41,7 @@ class CameraBox:
         self,
         gui: viser.GuiApi,
         scene: Scene,
-        view: View,
+        view: PageState,
         press: CameraButtons,
         surface: SurfaceButtons,
         guarded: Callable[[Callable[..., None]], Callable[..., None]],
@@ -61,7 +63,7 @@ class CameraBox:
         self._followed = Followed(share, guarded(set_share))
         self._box.float(x=-MARGIN, y=MARGIN, width=WIDTH)
 
-    def show(self, state: RunState, view: View) -> None:
+    def show(self, state: RunState, view: PageState) -> None:
         self._box.visible = view.entered is not None
         if view.entered is None:
             return

@@ -4,20 +4,20 @@ from collections.abc import Callable
 
 import viser
 
-from app.background import Background
-from app.cell_facts import CellFacts
-from app.cell_images import FLOW_COLORS, CellPictures, data_uri
-from app.cells_controls import CellsControls
-from app.cells_view import ARROW_KINDS, CROP, HEADS, KINDS, PAIR_KINDS, PAIR_PICTURES, PAIR_TIMES
+from app.background_worker import Background
+from app.debugger.cell_queries import CellFacts
+from app.debugger.run_state import RunState
 from app.html import button, icon, text
-from app.lookup import Lookup
+from app.page_state.cells_controls import CellsControls
+from app.page_state.cells_state import ARROW_KINDS, CROP, HEADS, KINDS, PAIR_KINDS, PAIR_PICTURES, PAIR_TIMES
+from app.page_state.page_state import PageState
 from app.palette import css
 from app.panels.cell_source import CellSource, chosen_face
-from app.panels.floating import MARGIN
-from app.panels.html_panel import HtmlPanel
 from app.panels.photo_pages import PhotoPages
-from app.run_state import RunState
-from app.view import View
+from app.pictures.cell_images import FLOW_COLORS, CellPictures, data_uri
+from app.query_cache import QueryCache
+from app.viser_bridge.floating import MARGIN
+from app.viser_bridge.html_panel import HtmlPanel
 from fairing.scene import Scene
 
 SIDE = 332  # px of the picture
@@ -43,10 +43,10 @@ class CellLens:
             self._panel = HtmlPanel(gui)
         self._frame.float(x=MARGIN, y=MARGIN, width=FRAME)
         self._pages = pages
-        self._drawing: Lookup[tuple, str] = Lookup(background.post)
+        self._drawing: QueryCache[tuple, str] = QueryCache(background.post)
         self._drawn: object = None
 
-    def show(self, state: RunState, view: View) -> None:
+    def show(self, state: RunState, view: PageState) -> None:
         enlarged = view.cells.in_lens
         if enlarged is not None and enlarged[1] in (CROP, *PAIR_KINDS) and view.selected is not None:
             self._show_photo(state, view, view.selected, *enlarged)
@@ -64,7 +64,7 @@ class CellLens:
             self._drawn = key
             self._panel.set(self._content(found[1], *enlarged, view))
 
-    def _show_photo(self, state: RunState, view: View, vertex: int, view_id: int, kind: str) -> None:
+    def _show_photo(self, state: RunState, view: PageState, vertex: int, view_id: int, kind: str) -> None:
         """A photo around the vertex, or a picture of the pair."""
         found = self._pages.newest(state, vertex)
         if found is None:
@@ -132,7 +132,7 @@ class CellLens:
             for step, word in ((-1, "Previous"), (1, "Next"))
         )
 
-    def _content(self, facts: CellFacts, view_id: int, kind: str, view: View) -> str:
+    def _content(self, facts: CellFacts, view_id: int, kind: str, view: PageState) -> str:
         cells = facts.cells
         views = cells.views.tolist()
         name = self._scene.views[view_id].name

@@ -1,16 +1,16 @@
 """The cells that the panel and its lens show, asked of the engine whenever it rests and something else is looked at."""
 
-from app.cell_facts import CellFacts, CellQuestion, cell_facts
-from app.cells_view import ARROW_KINDS
-from app.commands import Ask
-from app.controller import Controller
-from app.lookup import Lookup
-from app.run_state import Activity, RunState
-from app.view import View
+from app.debugger.cell_queries import CellFacts, CellQuestion, cell_facts
+from app.debugger.commands import Query
+from app.debugger.controller import Controller
+from app.debugger.run_state import Activity, RunState
+from app.page_state.cells_state import ARROW_KINDS
+from app.page_state.page_state import PageState
+from app.query_cache import QueryCache
 from fairing.mesh import Mesh
 
 
-def chosen_face(mesh: Mesh, view: View) -> int | None:
+def chosen_face(mesh: Mesh, view: PageState) -> int | None:
     """The face looked at: the one chosen if it has the selected vertex, else that vertex' first."""
     if view.selected is None:
         return None
@@ -25,17 +25,17 @@ class CellSource:
 
     def __init__(self, controller: Controller, mesh: Mesh) -> None:
         self._mesh = mesh
-        self._lookup: Lookup[CellQuestion, CellFacts] = Lookup(
-            lambda asker, work, answer: controller.post(Ask(asker, work, answer))
+        self._lookup: QueryCache[CellQuestion, CellFacts] = QueryCache(
+            lambda asker, work, answer: controller.post(Query(asker, work, answer))
         )
 
-    def want(self, state: RunState, view: View) -> None:
-        """Ask if it is time."""
+    def want(self, state: RunState, view: PageState) -> None:
+        """Query if it is time."""
         question = self._question(state, view)
         if question is not None and state.activity is Activity.PAUSED:
             self._lookup.want(question, lambda session: cell_facts(session, question))
 
-    def newest(self, state: RunState, view: View) -> tuple[CellQuestion, CellFacts | Exception] | None:
+    def newest(self, state: RunState, view: PageState) -> tuple[CellQuestion, CellFacts | Exception] | None:
         """What is known of the face looked at; a moment that has just gone serves until the next is there."""
         found, question = self._lookup.newest, self._question(state, view)
         if found is None or question is None:
@@ -43,7 +43,7 @@ class CellSource:
         same = (found[0].run_id, found[0].face, found[0].vertex) == (question.run_id, question.face, question.vertex)
         return found if same else None
 
-    def _question(self, state: RunState, view: View) -> CellQuestion | None:
+    def _question(self, state: RunState, view: PageState) -> CellQuestion | None:
         face = chosen_face(self._mesh, view)
         if face is None or view.selected is None:
             return None

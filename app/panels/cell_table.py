@@ -4,13 +4,13 @@ from collections.abc import Callable
 
 import numpy as np
 
-from app.cell_facts import CellFacts
-from app.cell_images import FLOW_COLORS, GAP, CellPictures, strip_of_basis
-from app.cells_controls import CellsControls
-from app.cells_view import ARROW_KINDS, ARROW_SCALES, HEADS, KINDS, CellsView
+from app.debugger.cell_queries import CellFacts
 from app.html import button, number, text
+from app.page_state.cells_controls import CellsControls
+from app.page_state.cells_state import ARROW_KINDS, ARROW_SCALES, HEADS, KINDS, CellsView
 from app.palette import css
-from fairing.inspect import FaceCells
+from app.pictures.cell_images import FLOW_COLORS, GAP, CellPictures, strip_of_basis
+from fairing.judge.inspect import FaceCells
 from fairing.scene import Scene
 
 WIDTH = 326  # px within the panel

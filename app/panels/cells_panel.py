@@ -4,18 +4,18 @@ from collections.abc import Callable
 
 import viser
 
-from app.background import Background
-from app.cells_controls import CellsControls
-from app.cells_view import PAGES
+from app.background_worker import Background
+from app.debugger.run_state import RunState
 from app.html import button, text
-from app.lookup import Lookup
+from app.page_state.cells_controls import CellsControls
+from app.page_state.cells_state import PAGES
+from app.page_state.page_state import PageState
 from app.panels.cell_source import CellSource, chosen_face
 from app.panels.cell_table import cell_table
-from app.panels.followed import Followed
-from app.panels.html_panel import HtmlPanel
 from app.panels.photo_pages import PhotoPages
-from app.run_state import RunState
-from app.view import View
+from app.query_cache import QueryCache
+from app.viser_bridge.html_panel import HtmlPanel
+from app.viser_bridge.synced_widget import Followed
 from fairing.scene import Scene
 
 
@@ -49,9 +49,9 @@ class CellsPanel:
         )
         self._followed = Followed(self._k, guarded(controls.look_at_k))
         self._body = HtmlPanel(gui)
-        self._drawing: Lookup[tuple, str] = Lookup(background.post)
+        self._drawing: QueryCache[tuple, str] = QueryCache(background.post)
 
-    def show(self, state: RunState, view: View) -> None:
+    def show(self, state: RunState, view: PageState) -> None:
         face = chosen_face(self._scene.mesh, view)
         if face is None or view.selected is None:
             note = "Click a vertex to see the cells of its faces."
@@ -67,7 +67,7 @@ class CellsPanel:
         else:
             self._show_photos(state, view, view.selected, face)
 
-    def _choices(self, view: View, vertex: int, face: int) -> str:
+    def _choices(self, view: PageState, vertex: int, face: int) -> str:
         faces = "".join(
             button(
                 str(f),
@@ -88,7 +88,7 @@ class CellsPanel:
         )
         return f"<div class='row chips'>{pages}</div><div class='row faces'><span class='dim'>Face</span>{faces}</div>"
 
-    def _show_cells(self, state: RunState, view: View) -> None:
+    def _show_cells(self, state: RunState, view: PageState) -> None:
         self._source.want(state, view)
         found = self._source.newest(state, view)
         if found is None:
@@ -106,7 +106,7 @@ class CellsPanel:
             lambda: cell_table(facts, cells_view, self._scene, self._controls, self._enter),
         )
 
-    def _show_photos(self, state: RunState, view: View, vertex: int, face: int) -> None:
+    def _show_photos(self, state: RunState, view: PageState, vertex: int, face: int) -> None:
         self._k.visible = False
         found = self._pages.newest(state, vertex)
         if found is None:

@@ -2,12 +2,12 @@
 
 import viser
 
-from app.certainty_source import CertaintySource
+from app.debugger.run_state import RunState
 from app.html import number, table
-from app.panels.html_panel import HtmlPanel
-from app.run_state import RunState
-from app.view import View
-from fairing.certainty import Certainty
+from app.page_state.certainty_source import CertaintySource
+from app.page_state.page_state import PageState
+from app.viser_bridge.html_panel import HtmlPanel
+from fairing.judge.certainty import Certainty
 
 DEVIATIONS = 3
 
@@ -19,7 +19,7 @@ class CertaintyPanel:
         self._source = source
         self._panel = HtmlPanel(gui)
 
-    def show(self, state: RunState, view: View) -> None:
+    def show(self, state: RunState, view: PageState) -> None:
         self._source.want(state, view)
         if state.is_moving:
             return

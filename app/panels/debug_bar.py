@@ -2,11 +2,11 @@
 
 import viser
 
-from app.actions import ACTIONS
+from app.debugger.actions import ACTIONS
+from app.debugger.run_state import RunState
 from app.html import button, icon
-from app.panels.html_panel import HtmlPanel
-from app.run_state import RunState
-from app.view import View
+from app.page_state.page_state import PageState
+from app.viser_bridge.html_panel import HtmlPanel
 
 UNIT_NAMES = {"sequential": "vertex", "worst_first": "vertex", "independent": "set", "joint": "vertices"}
 
@@ -19,7 +19,7 @@ class DebugBar:
         self._press = press
         self._actions = {action.name: action for action in ACTIONS}
 
-    def show(self, state: RunState, view: View) -> None:
+    def show(self, state: RunState, view: PageState) -> None:
         running = state.is_moving
         unit = UNIT_NAMES.get(state.options.schedule.order, "vertex")
         forward, back = not state.finished, state.moment > 0

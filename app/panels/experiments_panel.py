@@ -2,15 +2,15 @@
 
 import viser
 
-from app.bridge import Bridge, whole_number
-from app.controller import Controller
+from app.debugger.controller import Controller
+from app.debugger.run_state import RunState
 from app.experiments.chart import charts_of
 from app.experiments.desk import Desk, Outcome, Status
 from app.html import button, icon, text
+from app.page_state.page_state import PageState
 from app.panels.chart_svg import charts_svg
-from app.panels.html_panel import HtmlPanel
-from app.run_state import RunState
-from app.view import View
+from app.viser_bridge.html_events import Bridge, whole_number
+from app.viser_bridge.html_panel import HtmlPanel
 from fairing.errors import InputError
 from fairing.experiments import EXPERIMENTS
 from fairing.options import PRESETS, FairingOptions
@@ -25,7 +25,7 @@ class ExperimentsPanel:
         self._panel = HtmlPanel(gui)
         self._shown: object = None
 
-    def show(self, state: RunState, view: View) -> None:
+    def show(self, state: RunState, view: PageState) -> None:
         outcome = self._desk.outcome(view.experiment)
         key = (view.experiment, outcome, self._desk.working, view.selected, state.options)
         if key == self._shown:
@@ -34,7 +34,7 @@ class ExperimentsPanel:
         results = "" if outcome is None else _progress(outcome) + self._findings(outcome)
         self._panel.set(self._choices(view) + self._start(state, view, outcome) + results)
 
-    def _choices(self, view: View) -> str:
+    def _choices(self, view: PageState) -> str:
         chips = "".join(
             button(
                 experiment.title, self._press.choose(str(n)), hint=experiment.question,
@@ -44,7 +44,7 @@ class ExperimentsPanel:
         )  # fmt: skip
         return f"<div class='row chips'>{chips}</div><div>{text(EXPERIMENTS[view.experiment].question)}</div>"
 
-    def _start(self, state: RunState, view: View, outcome: Outcome | None) -> str:
+    def _start(self, state: RunState, view: PageState, outcome: Outcome | None) -> str:
         if self._obstacle:
             return f"<div class='note dim'>{text(self._obstacle)}.</div>"
         working = self._desk.working
@@ -85,7 +85,7 @@ class ExperimentButtons:
     """What the panel's buttons do; made where they stay on the page when the panel is not."""
 
     def __init__(
-        self, client: viser.ClientHandle, desk: Desk, controller: Controller, view: View, bridge: Bridge
+        self, client: viser.ClientHandle, desk: Desk, controller: Controller, view: PageState, bridge: Bridge
     ) -> None:
         self._client, self._desk, self._controller, self._view = client, desk, controller, view
         names = list(EXPERIMENTS)

@@ -2,11 +2,11 @@
 
 import viser
 
+from app.debugger.run_state import RunState
 from app.html import button, text
+from app.page_state.page_state import LAYERS, PageState
 from app.palette import CAMERA, NOW, POINTS, RGB, SELECTED, START, TRUTH, solid
-from app.panels.html_panel import HtmlPanel
-from app.run_state import RunState
-from app.view import LAYERS, View
+from app.viser_bridge.html_panel import HtmlPanel
 from fairing.scene import Scene
 
 SWATCHES: dict[str, RGB] = {
@@ -35,7 +35,7 @@ class LayersPanel:
         self._theme = button("Dark or light", switch_theme, hint="Dark or light (Y)", css_class="wide")
         self._panel = HtmlPanel(gui)
 
-    def show(self, state: RunState, view: View) -> None:
+    def show(self, state: RunState, view: PageState) -> None:
         switches = "".join(self._switch(name, view.shows(name)) for name in self._press)
         self._panel.set(f"<div class='layers'>{switches}</div><h4>Theme</h4>{self._theme}")
 

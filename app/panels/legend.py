@@ -2,11 +2,11 @@
 
 import viser
 
-from app.coloring import UNKNOWN, Legend, Scale, color_map
 from app.html import number, text
 from app.palette import RGB, solid
-from app.panels.floating import MARGIN
-from app.panels.html_panel import HtmlPanel
+from app.pictures.coloring import UNKNOWN, Legend, Scale, color_map
+from app.viser_bridge.floating import MARGIN
+from app.viser_bridge.html_panel import HtmlPanel
 
 WIDTH = 236
 STOPS = 16

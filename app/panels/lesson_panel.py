@@ -5,16 +5,16 @@ from dataclasses import dataclass
 
 import viser
 
-from app.bridge import Bridge, whole_number
+from app.debugger.run_state import RunState
 from app.html import button, icon, text
 from app.lessons.lesson import Lesson, LessonStep
 from app.lessons.player import Findings, Player, Status
 from app.lessons.pseudo_code import LINES
 from app.lessons.typeset import line, paragraphs
+from app.page_state.page_state import PageState
 from app.palette import NOW, SELECTED, START, css
-from app.panels.html_panel import HtmlPanel
-from app.run_state import RunState
-from app.view import View
+from app.viser_bridge.html_events import Bridge, whole_number
+from app.viser_bridge.html_panel import HtmlPanel
 
 MOST_CHOICES = 6
 LINES_SHOWN = 3  # of the pseudo-code: with all of it the text would be out of sight
@@ -77,7 +77,7 @@ class LessonPanel:
         self._player, self._press = player, press
         self._panel = HtmlPanel(gui)
 
-    def show(self, state: RunState, view: View) -> None:
+    def show(self, state: RunState, view: PageState) -> None:
         player = self._player
         lesson = player.lesson
         if lesson is None:

@@ -2,13 +2,13 @@
 
 import viser
 
+from app.debugger.run_state import RunState
 from app.html import button, text
 from app.lessons.lesson import Lesson
 from app.lessons.player import Player
 from app.lessons.scenes import LESSON_SCENES
-from app.panels.html_panel import HtmlPanel
-from app.run_state import RunState
-from app.view import View
+from app.page_state.page_state import PageState
+from app.viser_bridge.html_panel import HtmlPanel
 
 
 class LessonsPanel:
@@ -18,7 +18,7 @@ class LessonsPanel:
         self._player, self._press, self._lessons = player, press, lessons
         self._panel = HtmlPanel(gui)
 
-    def show(self, state: RunState, view: View) -> None:
+    def show(self, state: RunState, view: PageState) -> None:
         rows = "".join(self._row(n, lesson) for n, lesson in enumerate(self._lessons, 1))
         self._panel.set(f"<div class='lessons'>{rows}</div>")
 

@@ -5,13 +5,13 @@ from typing import Any
 
 import viser
 
-from app.commands import Branch, Restart
-from app.controller import Controller
+from app.debugger.commands import Branch, Restart
+from app.debugger.controller import Controller
+from app.debugger.option_fields import OptionField, changed_options, option_fields
+from app.debugger.run_state import RunState
 from app.html import button, text
-from app.option_fields import OptionField, changed_options, option_fields
-from app.panels.html_panel import HtmlPanel
-from app.run_state import RunState
-from app.view import View
+from app.page_state.page_state import PageState
+from app.viser_bridge.html_panel import HtmlPanel
 from fairing.errors import InputError
 from fairing.option_check import check_options
 from fairing.options import PRESETS, FairingOptions
@@ -54,7 +54,7 @@ class OptionsPanel:
                     widget.on_update(lambda event: controller.republish() if event.client is not None else None)
                     self._widgets.append((field, widget))
 
-    def show(self, state: RunState, view: View) -> None:
+    def show(self, state: RunState, view: PageState) -> None:
         if state.options is not self._shown:
             before, self._shown = self._shown, state.options
             self._fill_in(state.options, before)

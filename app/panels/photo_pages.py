@@ -5,22 +5,22 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from app.cell_images import arrow_path, data_uri
-from app.cells_controls import CellsControls
-from app.cells_view import ARROW_SCALES, CROP, PAIR_PICTURES, PAIR_TIMES, SPANS, CellsView
-from app.commands import Ask
-from app.controller import Controller
-from app.history import last_step_about
+from app.debugger.commands import Query
+from app.debugger.controller import Controller
+from app.debugger.history import last_step_about
+from app.debugger.run_state import Activity, RunState
+from app.debugger.step_text import slot_of
 from app.html import button, number, text
-from app.lookup import Lookup
-from app.outcome import slot_of
+from app.page_state.cells_controls import CellsControls
+from app.page_state.cells_state import ARROW_SCALES, CROP, PAIR_PICTURES, PAIR_TIMES, SPANS, CellsView
 from app.palette import NOW, RGB, SELECTED, START, css
-from app.photo_crops import FacePair, Window, face_pair
-from app.photo_store import PhotoStore
-from app.run_state import Activity, RunState
+from app.pictures.cell_images import arrow_path, data_uri
+from app.pictures.photo_crops import FacePair, Window, face_pair
+from app.pictures.photo_store import PhotoStore
+from app.query_cache import QueryCache
 from fairing.camera import Camera
+from fairing.run.session import Session
 from fairing.scene import Scene
-from fairing.session import Session
 
 CROP_SIDE = 158  # px
 PAIR_SIDE = 158
@@ -79,8 +79,8 @@ class PhotoPages:
         enter: Callable[[str], str],
     ) -> None:  # fmt: skip
         self._scene, self._photos, self._controls, self._enter = scene, photos, controls, enter
-        self._lookup: Lookup[tuple[int, int, int], VertexInPhotos] = Lookup(
-            lambda asker, work, answer: controller.post(Ask(asker, work, answer))
+        self._lookup: QueryCache[tuple[int, int, int], VertexInPhotos] = QueryCache(
+            lambda asker, work, answer: controller.post(Query(asker, work, answer))
         )
 
     def newest(self, state: RunState, vertex: int) -> tuple[tuple[int, int, int], VertexInPhotos | Exception] | None:

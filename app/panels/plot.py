@@ -9,17 +9,17 @@ from dataclasses import replace
 import numpy as np
 import viser
 
-from app.bridge import Bridge, whole_number
-from app.compare import Compared, RunEnergies, look_up
-from app.history import EnergyHistory, Recorded
+from app.debugger.compare import Compared, RunEnergies, look_up
+from app.debugger.history import EnergyHistory, Recorded
+from app.debugger.run_state import RunState
+from app.debugger.series import QUANTITIES, Series, series_of
 from app.html import button, number, text
+from app.page_state.page_state import PageState, PlotView
 from app.palette import NOW, REFERENCE, SELECTED, css
-from app.panels.html_panel import HtmlPanel
 from app.panels.plot_drawing import BOTTOM, HEIGHT, LEFT, RIGHT, TOP, WIDTH, Line, band, frame, line_at
-from app.run_state import RunState
-from app.series import QUANTITIES, Series, series_of
 from app.ticks import log_ticks, ticks
-from app.view import PlotView, View
+from app.viser_bridge.html_events import Bridge, whole_number
+from app.viser_bridge.html_panel import HtmlPanel
 from fairing.mesh import Mesh
 
 
@@ -27,7 +27,7 @@ class PlotControls:
     """JavaScript for the plot's chips."""
 
     def __init__(
-        self, bridge: Bridge, view: View, jump: Callable[[object], None], republish: Callable[[], None]
+        self, bridge: Bridge, view: PageState, jump: Callable[[object], None], republish: Callable[[], None]
     ) -> None:
         def change(**changes: object) -> None:
             view.plot = replace(view.plot, **changes)
@@ -64,7 +64,7 @@ class Plot:
         self._series: dict[str, tuple[object, Series]] = {}
         self._shown: object = None
 
-    def show(self, state: RunState, view: View) -> None:
+    def show(self, state: RunState, view: PageState) -> None:
         plot = view.plot
         vertex = view.selected if plot.of_vertex else None
         compared = look_up(view.reference, state)

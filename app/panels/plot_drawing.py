@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from app.debugger.series import thinned
 from app.html import text
 from app.palette import RGB, css
-from app.series import thinned
 from app.ticks import tick_labels
 
 WIDTH, HEIGHT = 312, 132

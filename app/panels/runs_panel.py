@@ -5,17 +5,17 @@ from dataclasses import replace
 import numpy as np
 import viser
 
-from app.bridge import Bridge, whole_number
-from app.commands import DeleteRun, Pause, Race, SwitchTo
-from app.compare import Reference, RunEnergies, distances, look_up
-from app.controller import Controller
+from app.debugger.commands import DeleteRun, Pause, Race, SwitchTo
+from app.debugger.compare import Reference, RunEnergies, distances, look_up
+from app.debugger.controller import Controller
+from app.debugger.run_state import RunState
+from app.debugger.runs import RunInfo
 from app.html import button, icon, number, text
+from app.page_state.page_state import PageState
 from app.palette import REFERENCE, css
-from app.panels.html_panel import HtmlPanel
-from app.run_state import RunState
-from app.runs import RunInfo
-from app.view import View
-from fairing.metrics import vertex_errors
+from app.viser_bridge.html_events import Bridge, whole_number
+from app.viser_bridge.html_panel import HtmlPanel
+from fairing.judge.metrics import vertex_errors
 from fairing.options import PRESETS
 from fairing.scene import Scene
 
@@ -31,7 +31,7 @@ class RunsPanel:
         self._errors: dict[int, tuple[int, str]] = {}
         self._panel = HtmlPanel(gui)
 
-    def show(self, state: RunState, view: View) -> None:
+    def show(self, state: RunState, view: PageState) -> None:
         knows_truth = self._scene.truth is not None and self._scene.truth.vertices is not None
         error = (
             "<th class='n' title='Distance to the truth, of what photos determine: rms in % of the diagonal'>error</th>"
@@ -44,7 +44,7 @@ class RunsPanel:
             f"{error if knows_truth else ''}<th></th></tr>{rows}</table></div>"
         )
 
-    def _comparison(self, state: RunState, view: View) -> str:
+    def _comparison(self, state: RunState, view: PageState) -> str:
         race = button(
             "Race the presets",
             self._press.race,
@@ -66,7 +66,7 @@ class RunsPanel:
             f"most {_percent(apart.max())}</span></span>{back}{clear}{mark}{race}"
         )
 
-    def _row(self, run: RunInfo, state: RunState, view: View, knows_truth: bool) -> str:
+    def _row(self, run: RunInfo, state: RunState, view: PageState, knows_truth: bool) -> str:
         at_hand = run.run_id == state.run_id
         is_reference = view.reference is not None and view.reference.run_id == run.run_id
         number_of = str(run.run_id)
@@ -119,7 +119,7 @@ class RunButtons:
     def __init__(
         self,
         controller: Controller,
-        view: View,
+        view: PageState,
         bridge: Bridge,
     ) -> None:
         self._controller, self._view = controller, view

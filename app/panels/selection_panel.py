@@ -4,13 +4,13 @@ from collections.abc import Callable
 
 import viser
 
-from app.bridge import Bridge
-from app.controller import RunState
+from app.debugger.controller import RunState
 from app.html import button, icon, text
-from app.panels.html_panel import HtmlPanel
-from app.panels.line import Line
-from app.selection import Selection, list_vertices, parse_vertices
-from app.view import View
+from app.page_state.page_state import PageState
+from app.page_state.selection import Selection, list_vertices, parse_vertices
+from app.viser_bridge.html_events import Bridge
+from app.viser_bridge.html_panel import HtmlPanel
+from app.viser_bridge.text_field import Line
 
 
 class SelectionPanel:
@@ -32,7 +32,7 @@ class SelectionPanel:
         )  # fmt: skip
         self._panel = HtmlPanel(gui)
 
-    def show(self, state: RunState, view: View) -> None:
+    def show(self, state: RunState, view: PageState) -> None:
         if view.selection != self._shown:
             self._shown = view.selection
             self._line.write(list_vertices(view.selection.vertices))

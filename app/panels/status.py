@@ -4,14 +4,14 @@ from collections.abc import Callable
 
 import viser
 
-from app.commands import Extent
-from app.history import EnergyHistory
+from app.debugger.commands import Extent
+from app.debugger.history import EnergyHistory
+from app.debugger.moment_id import moment_id
+from app.debugger.run_state import Activity, RunState
+from app.debugger.step_text import step_outcome
 from app.html import copy_button, number, text
-from app.moment_id import moment_id
-from app.outcome import step_outcome
-from app.panels.html_panel import HtmlPanel
-from app.run_state import Activity, RunState
-from app.view import View
+from app.page_state.page_state import PageState
+from app.viser_bridge.html_panel import HtmlPanel
 
 
 class Status:
@@ -25,7 +25,7 @@ class Status:
         self._panel = HtmlPanel(gui)
         self._energies, self._to_beginning = energies, to_beginning
 
-    def show(self, state: RunState, view: View) -> None:
+    def show(self, state: RunState, view: PageState) -> None:
         record = state.record
         outcome = "no step yet" if record is None else step_outcome(record)
         reason = "\u00a0" if state.is_moving or state.reason == outcome else _sentence(state.reason)
@@ -79,7 +79,7 @@ class Status:
         )
 
 
-def _headline(state: RunState, view: View) -> str:
+def _headline(state: RunState, view: PageState) -> str:
     if view.looks_at is not None:
         return f"Running · a look at moment {view.looks_at}"
     if state.activity is Activity.PAUSED and state.finished:

@@ -4,13 +4,13 @@ from collections.abc import Callable
 
 import viser
 
-from app.coloring import COLORINGS, available_colorings
+from app.debugger.run_state import RunState
+from app.page_state.page_state import NOW_SHAPE, START_SHAPE, SURFACES, TRUE_SHAPE, PageState
 from app.panels.choice import choice
-from app.panels.followed import Followed
-from app.panels.html_panel import HtmlPanel
-from app.run_state import RunState
-from app.texturer import MOST_FACES, MOST_FACES_BY_EYE
-from app.view import NOW_SHAPE, START_SHAPE, SURFACES, TRUE_SHAPE, View
+from app.pictures.coloring import COLORINGS, available_colorings
+from app.pictures.texturer import MOST_FACES, MOST_FACES_BY_EYE
+from app.viser_bridge.html_panel import HtmlPanel
+from app.viser_bridge.synced_widget import Followed
 from fairing.errors import InputError
 from fairing.scene import Scene
 
@@ -25,7 +25,7 @@ class SurfaceButtons:
     def __init__(
         self,
         scene: Scene,
-        view: View,
+        view: PageState,
         button: Callable[[Callable[[], None]], str],
         republish: Callable[[], None],
     ) -> None:
@@ -54,7 +54,7 @@ class SurfaceButtons:
         self.choose_texture(not self._view.by_eye)
 
     def choose_shape(self, shape: object) -> None:
-        """0 to 2, see `View.shape`.
+        """0 to 2, see `PageState.shape`.
 
         Raises:
             InputError: it is something else.
@@ -91,7 +91,7 @@ class SurfacePanel:
         )
         self._followed = Followed(slider, guarded(buttons.choose_shape))
 
-    def show(self, state: RunState, view: View) -> None:
+    def show(self, state: RunState, view: PageState) -> None:
         press = self._buttons.press_surface
         how = choice({name: (label, press[name]) for name, label in SURFACES.items()}, view.surface, "Surface")
         textures = {by_eye: (TEXTURES[by_eye], js) for by_eye, js in self._buttons.press_texture.items()}

@@ -7,16 +7,16 @@ import numpy as np
 import viser
 from viser._messages import GuiSliderMark
 
-from app.bridge import Bridge, whole_number
-from app.cell_images import data_uri
-from app.commands import Pause, Play
-from app.controller import Controller
-from app.history import EnergyHistory
+from app.debugger.commands import Pause, Play
+from app.debugger.controller import Controller
+from app.debugger.history import EnergyHistory
+from app.debugger.run_state import Activity, RunState
 from app.html import button, icon, text
-from app.panels.html_panel import HtmlPanel
-from app.run_state import Activity, RunState
-from app.strip import KINDS, StepHistory
-from app.view import View
+from app.page_state.page_state import PageState
+from app.pictures.cell_images import data_uri
+from app.pictures.strip import KINDS, StepHistory
+from app.viser_bridge.html_events import Bridge, whole_number
+from app.viser_bridge.html_panel import HtmlPanel
 
 SETTLE = 0.5  # s: after the user moved the slider it is not moved back by states that are on their way
 SPEEDS = (0.5, 1.0, 5.0, 20.0, 50.0)
@@ -50,7 +50,7 @@ class Timeline:
                 self._moved = time.monotonic()
                 on_jump(self._slider.value)
 
-    def show(self, state: RunState, view: View) -> None:
+    def show(self, state: RunState, view: PageState) -> None:
         last = max(1, state.length)
         if self._slider.max != last:
             self._slider.max = last
@@ -64,7 +64,7 @@ class Timeline:
         self._history.update(state)
         self._panel.set(f"<div class='row tools'>{self._buttons(state, view)}</div>{self._picture(state, view)}")
 
-    def _buttons(self, state: RunState, view: View) -> str:
+    def _buttons(self, state: RunState, view: PageState) -> str:
         if view.looks_at is not None:
             player = button(
                 "Follow live",
@@ -95,7 +95,7 @@ class Timeline:
         )
         return f"{player}{speeds}<span class='grow'></span>{self._moves(state, view)}<span class='grow'></span>{kinds}"
 
-    def _moves(self, state: RunState, view: View) -> str:
+    def _moves(self, state: RunState, view: PageState) -> str:
         enabled = view.selected is not None and state.length > 0
         moves = (
             "<span class='dim'>Moves</span>"
@@ -118,7 +118,7 @@ class Timeline:
         )
         return f"{moves}{before}{after}"
 
-    def _picture(self, state: RunState, view: View) -> str:
+    def _picture(self, state: RunState, view: PageState) -> str:
         if state.length == 0:
             return "<div class='strip'></div>"
         cursor = 100 * state.moment / state.length
@@ -154,7 +154,7 @@ class TimelineButtons:
     def __init__(
         self,
         controller: Controller,
-        view: View,
+        view: PageState,
         bridge: Bridge,
     ) -> None:
         self._controller, self._view = controller, view

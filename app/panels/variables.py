@@ -5,12 +5,12 @@ from collections.abc import Callable
 import numpy as np
 import viser
 
-from app.history import last_step_about
+from app.debugger.history import last_step_about
+from app.debugger.recorded_values import ITEMS, Item, value_at
+from app.debugger.run_state import RunState
 from app.html import number, table, text
-from app.panels.html_panel import HtmlPanel
-from app.recorded import ITEMS, Item, value_at
-from app.run_state import RunState
-from app.view import View
+from app.page_state.page_state import PageState
+from app.viser_bridge.html_panel import HtmlPanel
 from fairing.mesh import Mesh
 
 
@@ -26,7 +26,7 @@ class Variables:
         self._panel = HtmlPanel(gui)
         self._shown: object = None
 
-    def show(self, state: RunState, view: View) -> None:
+    def show(self, state: RunState, view: PageState) -> None:
         key = (state.serial, view.selected)
         if key != self._shown:
             self._shown = key

@@ -4,16 +4,16 @@ from collections.abc import Callable
 
 import viser
 
-from app.bridge import Bridge, whole_number
-from app.condition import Condition
+from app.debugger.condition import Condition
+from app.debugger.run_state import RunState
+from app.debugger.series import Series, thinned
+from app.debugger.watch import understand_watch, watch_series, with_watch
 from app.html import button, icon, number, text
+from app.page_state.page_state import PageState
 from app.palette import NOW, SELECTED, css
-from app.panels.html_panel import HtmlPanel
-from app.panels.line import Line
-from app.run_state import RunState
-from app.series import Series, thinned
-from app.view import View
-from app.watch import understand_watch, watch_series, with_watch
+from app.viser_bridge.html_events import Bridge, whole_number
+from app.viser_bridge.html_panel import HtmlPanel
+from app.viser_bridge.text_field import Line
 from fairing.errors import InputError
 from fairing.scene import Scene
 
@@ -24,7 +24,7 @@ class WatchControls:
     """JavaScript for the panel's buttons; made where they stay on the page when the panel is not."""
 
     def __init__(
-        self, bridge: Bridge, view: View, jump: Callable[[object], None], republish: Callable[[], None]
+        self, bridge: Bridge, view: PageState, jump: Callable[[object], None], republish: Callable[[], None]
     ) -> None:
         def remove(n: object) -> None:
             at = whole_number(n, 0, max(0, len(view.watches) - 1), "watch")
@@ -42,7 +42,7 @@ class WatchPanel:
         self,
         gui: viser.GuiApi,
         scene: Scene,
-        view: View,
+        view: PageState,
         controls: WatchControls,
         bridge: Bridge,
         republish: Callable[[], None],
@@ -61,7 +61,7 @@ class WatchPanel:
         line = Line(gui, bridge, "Watch", "Such as energy / 1000, moved(0) or 100 * weakest. Enter adds it.", add)
         self._panel = HtmlPanel(gui)
 
-    def show(self, state: RunState, view: View) -> None:
+    def show(self, state: RunState, view: PageState) -> None:
         self._series = {watch.text: self._series.get(watch.text) or watch_series(watch) for watch in view.watches}
         self._panel.set("".join(self._row(n, watch, state) for n, watch in enumerate(view.watches)))
 

@@ -10,7 +10,7 @@ from demo_scenes.noise import seeded
 from demo_scenes.photography import Photography
 from demo_scenes.sheet import Sheet
 from fairing.camera import Camera
-from fairing.rasterize import rasterize
+from fairing.geometry.rasterize import rasterize
 
 FACES = (60, 800)
 FACE_PX = (15.0, 150.0)

@@ -7,7 +7,7 @@ import numpy as np
 from demo_scenes.building.plan import Plan
 from demo_scenes.noise import seeded
 from demo_scenes.sheet import Sheet
-from fairing.rasterize import rasterize
+from fairing.geometry.rasterize import rasterize
 from fairing.scene import SparsePoints, View
 
 KEYPOINTS_PER_MEGAPIXEL = 2200  # of each photo

@@ -13,9 +13,9 @@ from demo_scenes.noise import seeded
 from demo_scenes.photography import looking_at
 from demo_scenes.start import observed_points
 from fairing.camera import Camera
+from fairing.geometry.rasterize import rasterize
 from fairing.mesh import Mesh
-from fairing.rasterize import rasterize
-from fairing.registration import Similarity
+from fairing.registration.alignment import Similarity
 from fairing.scene import Scene, SparsePoints
 
 STATIONS = ((-8.0, 1.7, 11.0), (0.5, 1.7, 14.0), (8.5, 1.7, 10.5))  # metres, in front of the facade

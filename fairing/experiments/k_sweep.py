@@ -9,9 +9,9 @@ import numpy as np
 from fairing.errors import InputError
 from fairing.experiments.experiment import Row
 from fairing.experiments.setting import Setting
-from fairing.inspect import FaceCells, face_cells
+from fairing.judge.inspect import FaceCells, face_cells
 from fairing.options import CellOptions, FairingOptions
-from fairing.session import Session
+from fairing.run.session import Session
 
 START_PERCENT = 10.0
 MISALIGNED_PERCENT = 2.0

@@ -7,9 +7,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from fairing.cramer_rao import ROUNDING, cramer_rao_covariance, luma_noise
 from fairing.experiments.experiment import Row
 from fairing.experiments.setting import Setting
+from fairing.judge.cramer_rao import ROUNDING, cramer_rao_covariance, luma_noise
 from fairing.options import VisibilityOptions
 from fairing.photo import ArrayPhoto
 from fairing.scene import View

@@ -6,11 +6,11 @@ from functools import cached_property
 import numpy as np
 
 from fairing.errors import InputError
-from fairing.gauss_newton import face_normals
-from fairing.metrics import SPAN_TOLERANCE
+from fairing.geometry.normals import face_normals
+from fairing.judge.metrics import SPAN_TOLERANCE
 from fairing.options import FairingOptions
+from fairing.run.session import Session
 from fairing.scene import Scene
-from fairing.session import Session
 
 GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
 

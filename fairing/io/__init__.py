@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from fairing.on_demand import on_demand
+from fairing.util.on_demand import on_demand
 
 if TYPE_CHECKING:
     from fairing.io.atomic import write_atomically

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from fairing.conventions import explain_view
+from fairing.check.conventions import explain_view
 from fairing.errors import InputError
 from fairing.scene import Scene
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from fairing.errors import InputError
+from fairing.geometry.mesh_check import inspect_mesh
 from fairing.io import (
     alicevision,
     bundler,
@@ -23,7 +24,6 @@ from fairing.io.in_view import check_mesh_in_view
 from fairing.io.mesh_file import MESH_SUFFIXES, read_mesh
 from fairing.io.photo_choice import PhotoChoice, apply_choice
 from fairing.mesh import Mesh
-from fairing.mesh_check import inspect_mesh
 from fairing.scene import Scene
 
 READERS: tuple[Reader, ...] = (

@@ -11,7 +11,7 @@ from fairing.errors import InputError
 from fairing.io.atomic import write_atomically
 from fairing.io.capture import read_text, reading
 from fairing.mesh import Mesh
-from fairing.registration import Match
+from fairing.registration.alignment import Match
 from fairing.scene import View
 
 SCAN_SUFFIXES = frozenset({".ply", ".xyz", ".obj", ".off", ".stl", ".glb"})

@@ -9,7 +9,7 @@ NORM_GEMAN_MCCLURE, NORM_HUBER, NORM_LEAST_SQUARES = 0, 1, 2
 
 
 class KernelData(NamedTuple):
-    """What stays fixed while vertices move (built by `fairing.cells.CellContext`). P pairs of face and view, V views.
+    """What stays fixed while vertices move (built by `fairing.cells.context.CellContext`). P pairs of face and view, V views.
 
     Attributes:
         faces: (m, 3) int64.

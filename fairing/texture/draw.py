@@ -5,7 +5,7 @@ import numba
 import numpy as np
 
 from fairing.camera import Camera
-from fairing.rasterize import rasterize
+from fairing.geometry.rasterize import rasterize
 
 RGB = tuple[int, int, int]
 OVERSAMPLING = 2

@@ -13,7 +13,7 @@ import cv2
 import numba
 import numpy as np
 
-from fairing.rasterize import rasterize
+from fairing.geometry.rasterize import rasterize
 from fairing.scene import Scene, View
 from fairing.texture.layout import AtlasLayout
 from fairing.texture.texels import columns, place, rows

@@ -2,15 +2,15 @@
 
 from typing import TYPE_CHECKING
 
-from fairing.on_demand import on_demand
+from fairing.util.on_demand import on_demand
 
 if TYPE_CHECKING:
     from fairing.triangulation.flips import EdgeFlipper, FlipSummary
+    from fairing.triangulation.initial_mesh import StartMesh, start_mesh
     from fairing.triangulation.options import TriangulationOptions
     from fairing.triangulation.quads import Verdict
     from fairing.triangulation.record import FlipRecord, FlipTrace, is_flip_record
     from fairing.triangulation.run import Triangulation, flip_progress, triangulate
-    from fairing.triangulation.start import StartMesh, start_mesh
 
 __all__ = [
     "EdgeFlipper",
@@ -34,13 +34,13 @@ __getattr__ = on_demand(
         "FlipRecord": "fairing.triangulation.record",
         "FlipSummary": "fairing.triangulation.flips",
         "FlipTrace": "fairing.triangulation.record",
-        "StartMesh": "fairing.triangulation.start",
+        "StartMesh": "fairing.triangulation.initial_mesh",
         "Triangulation": "fairing.triangulation.run",
         "TriangulationOptions": "fairing.triangulation.options",
         "Verdict": "fairing.triangulation.quads",
         "flip_progress": "fairing.triangulation.run",
         "is_flip_record": "fairing.triangulation.record",
-        "start_mesh": "fairing.triangulation.start",
+        "start_mesh": "fairing.triangulation.initial_mesh",
         "triangulate": "fairing.triangulation.run",
     },
 )

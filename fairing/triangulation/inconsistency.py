@@ -9,9 +9,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fairing.cells import Occluders, build_context, facing
-from fairing.energy import Evaluator
-from fairing.gauss_newton import face_normals
+from fairing.cells.context import Occluders, build_context, facing
+from fairing.cells.scale_space import ScaleSpace
+from fairing.cells.visibility import DepthMap, depth_map
+from fairing.geometry.normals import face_normals
 from fairing.mesh import Mesh
 from fairing.options import (
     CellOptions,
@@ -21,10 +22,9 @@ from fairing.options import (
     ScheduleOptions,
     VisibilityOptions,
 )
-from fairing.scale_space import ScaleSpace
 from fairing.scene import Scene
+from fairing.solve.energy import Evaluator
 from fairing.triangulation.options import TriangulationOptions
-from fairing.visibility import DepthMap, depth_map
 
 UNSEEN_LOSS = 0.25
 """What a face costs per pixel that no three photos see: as residuals of 0.6 sigma would."""

@@ -5,7 +5,7 @@ from enum import IntEnum
 
 import numpy as np
 
-from fairing.gauss_newton import face_normals, face_quality
+from fairing.geometry.normals import face_normals, face_quality
 
 MIN_QUALITY = 0.05
 """Height over longest edge of a face; thinner ones are made only in place of still thinner ones."""

@@ -3,7 +3,7 @@
 Moment 0 is the start mesh, moment k the mesh after k flips. A flip leaves the vertices, and the number and order of
 faces, as they are: the two faces of the quad get other corners.
 
-On disk it is a `fairing.block_file`.
+On disk it is a `fairing.util.block_file`.
 """
 
 import json
@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from fairing.block_file import BlockFile, pack, read_blocks, unpack
 from fairing.triangulation.quads import Quads, Verdict
+from fairing.util.block_file import BlockFile, pack, read_blocks, unpack
 
 MAGIC = b"EIGENFAIRING FLIPS 1\n"
 

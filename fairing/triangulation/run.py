@@ -10,9 +10,9 @@ import numpy as np
 from fairing.errors import InputError
 from fairing.scene import Scene, SparsePoints, View
 from fairing.triangulation.flips import EdgeFlipper, FlipSummary
+from fairing.triangulation.initial_mesh import StartMesh, start_mesh
 from fairing.triangulation.options import TriangulationOptions
 from fairing.triangulation.record import FlipTrace
-from fairing.triangulation.start import StartMesh, start_mesh
 
 
 @dataclass(frozen=True, eq=False)

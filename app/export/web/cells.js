@@ -111,7 +111,7 @@ class Cells {
       }
   }
 
-  // A colour for a value of each kind, on scales common to all photos. As in app/cell_images.py.
+  // A colour for a value of each kind, on scales common to all photos. As in app/pictures/cell_images.py.
   painters(found) {
     const seen = [], every = Math.max(1, Math.floor(found.observed[0].length * found.observed.length / 20000));
     found.observed.forEach((cell, i) => { for (let t = i % every; t < cell.length; t += every) if (!found.counts[i] || found.counts[i][t]) seen.push(cell[t]); });

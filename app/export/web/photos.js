@@ -1,5 +1,5 @@
 // Photos as the engine reads them: kept as tiles, blurred around a face as a sweep wants them, sampled cell by cell.
-// A twin of fairing/scale_space.py, point_spread.py and kernels/sampling.py.
+// A twin of fairing/cells/scale_space.py, point_spread.py and kernels/sampling.py.
 "use strict";
 
 const AROUND = 8; // px beyond the face that are blurred, too: there the next moments of a sweep find all they read

@@ -1,0 +1,184 @@
+"""`fair`: a run without a browser, from a scene to a folder of results."""
+
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import fields, is_dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import tyro
+from rich.console import Console
+
+from app.cli.arguments import ALL_PHOTOS, MeshArgument, PhotosArgument, Preset, SceneArgument
+from app.cli.interrupt import Interrupt
+from app.cli.lines import print_line
+from app.cli.loading import load_with_progress
+from app.cli.run_extras import RunExtras, predict_left_out, write_models
+from app.cli.run_progress import RunProgress
+from app.files.json_file import write_json
+from app.files.run_files import MESH, REPORT, TRACE
+from app.files.scene_source import SceneSource
+from fairing.check.memory import memory_warning
+from fairing.errors import Cancelled, InputError
+from fairing.io import prepare_output_folder, write_mesh
+from fairing.judge.metrics import quality_report
+from fairing.judge.report import run_report
+from fairing.option_check import check_options
+from fairing.options import FairingOptions, options_from_dict
+from fairing.run.session import Session
+from fairing.trace import Trace
+
+START_MESH = "start.ply"
+NO_EXTRAS = RunExtras()
+
+
+def fair_command(default: FairingOptions) -> Callable[..., int]:
+    """The command `fair`, with the options of the chosen preset as the defaults of its flags."""
+
+    def fair(
+        scene: SceneArgument,
+        out: Path,
+        mesh: MeshArgument = None,
+        preset: Preset = "accurate",
+        resume: bool = False,
+        extras: Annotated[RunExtras, tyro.conf.arg(name="")] = NO_EXTRAS,
+        photos: PhotosArgument = ALL_PHOTOS,
+        options: Annotated[FairingOptions, tyro.conf.arg(name="")] = default,
+    ) -> int:
+        """Refine the mesh of a scene without a browser. Writes mesh.ply, report.json and run.trace.
+
+        Args:
+            out: Folder for the results: new, empty, or of an earlier run.
+            preset: Options to start from; further flags change single ones.
+            resume: Continue the run in `out`, which was recorded on the same scene with the same options.
+        """
+        console = Console(stderr=True)
+        return fair_to_folder(SceneSource.typed(scene, mesh, photos), out, preset, options, resume, extras, console)
+
+    return fair
+
+
+def fair_to_folder(
+    source: SceneSource,
+    out: Path,
+    preset: str,
+    options: FairingOptions,
+    resume: bool,
+    extras: RunExtras,
+    console: Console,
+) -> int:
+    """Run to the end or to Ctrl-C and write mesh, report and trace; after the end also the extras.
+
+    Returns:
+        Exit code: 0, or 130 if it was interrupted.
+    """
+    check_options(options)
+    beside = extras.other_mesh()
+    began = time.perf_counter()
+    if resume and source.mesh is None and (out / START_MESH).exists():
+        source = replace(source, mesh=str((out / START_MESH).resolve()))
+    scene = load_with_progress(source, console)
+    low_memory = memory_warning(scene, options)
+    if low_memory and low_memory.is_too_much:
+        raise InputError(f"{source.scene}: {low_memory.line}")
+    prepare_output_folder(out)
+    if scene.triangulated:  # kept, so that opening the run needs no triangulation
+        write_mesh(out / START_MESH, scene.unweld(scene.mesh.vertices), scene.original_faces)
+        source = replace(source, mesh=str((out / START_MESH).resolve()))
+    elif not resume:
+        (out / START_MESH).unlink(missing_ok=True)  # of an earlier run
+    trace = _earlier_run(out / TRACE, options) if resume else None
+    if low_memory:
+        print_line(console, f"note: {low_memory.line}")
+    session = Session(scene, options, trace)
+    source.note_in(session.trace.header)
+    session.trace.attach(out / TRACE)
+    loading = time.perf_counter() - began
+    interrupt = Interrupt()
+    session.cancel_requested = lambda: interrupt.requested  # a step of a large mesh takes a minute
+    try:
+        with interrupt.listening(), RunProgress(console, session) as progress, suppress(Cancelled):
+            session.run(should_stop=lambda: interrupt.requested, on_step=progress.show)
+    except BaseException:
+        _save(session, out, preset, loading)
+        raise
+    session.cancel_requested = lambda: False
+    report = _save(session, out, preset, loading)
+    session.forget_computed()
+    for warning in session.warnings:
+        print_line(console, f"note: {warning}")
+    stopped = interrupt.requested and not session.finished
+    reason = f"interrupted; continue with --resume --out {out}" if stopped else session.stop_reason
+    print_line(console, f"{reason}; wrote {out / MESH}, {REPORT}, {TRACE}")
+    if stopped:
+        return 130
+    if points := report["quality"].get("sparse_points_to_surface"):
+        before, after = (f"{points[state]['median_percent']:.3g}" for state in ("before", "after"))
+        line = f"held-out sparse points: median distance to the surface {before} -> {after} % of the diagonal"
+        print_line(console, line)
+    write_models(scene, session.trace.start, session.vertices, extras, out, console)
+    if extras.left_out:
+        report["left_out"] = predict_left_out(scene, session.trace.start, session.vertices, beside, out, console)
+        write_json(out / REPORT, report)
+    return 0
+
+
+def _save(session: Session, out: Path, preset: str, loading: float) -> dict[str, Any]:
+    """Write mesh, trace and report. One that fails does not keep the others from being written.
+
+    Returns:
+        The content of report.json.
+    """
+    report: dict[str, Any] = {}
+    failures = []
+
+    def save_report() -> None:
+        report.update(_report(session, preset, loading))
+        write_json(out / REPORT, report)
+
+    for write in (
+        lambda: write_mesh(out / MESH, session.scene.unweld(session.vertices), session.scene.original_faces),
+        session.trace.detach,
+        save_report,
+    ):
+        try:
+            write()
+        except InputError as error:
+            failures.append(error)
+    if failures:
+        raise failures[0]
+    return report
+
+
+def _report(session: Session, preset: str, loading: float) -> dict[str, Any]:
+    began = time.perf_counter()
+    quality = quality_report(session.scene, session.trace.start, session.vertices)
+    return run_report(session, preset, {"loading": loading, "metrics": time.perf_counter() - began}, quality)
+
+
+def _earlier_run(path: Path, options: FairingOptions) -> Trace | None:
+    """The trace to continue; None if there is none yet.
+
+    Raises:
+        InputError: it was recorded with other options.
+    """
+    if not path.exists():
+        return None
+    trace = Trace.load(path)
+    difference = _first_difference(options_from_dict(trace.header["options"]), options, "")
+    if difference:
+        raise InputError(
+            f"{path}: was recorded with other options ({difference}); give the same options or another --out"
+        )
+    return trace
+
+
+def _first_difference(recorded: Any, wanted: Any, prefix: str) -> str:
+    for field in fields(recorded):
+        one, other = getattr(recorded, field.name), getattr(wanted, field.name)
+        if one == other or field.name == "threads":
+            continue
+        name = prefix + field.name
+        return _first_difference(one, other, name + ".") if is_dataclass(one) else f"{name} was {one}, now {other}"
+    return ""

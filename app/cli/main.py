@@ -1,0 +1,211 @@
+"""The command `eigenfairing`.
+
+Exit codes: 0 done, 1 the input or the run failed (one line says why), 2 wrong usage, 130 cancelled.
+
+The debugger's commands are here. They import as little as possible before the page is served: the engine and the other
+commands take a second to import, during which a browser can already load the viewer.
+"""
+
+import os
+import sys
+import threading
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+from rich.console import Console
+
+from app.cli.arguments import (
+    ALL_PHOTOS,
+    BrowserArgument,
+    HostArgument,
+    MeshArgument,
+    PhotosArgument,
+    PortArgument,
+    Preset,
+    RecordedMeshArgument,
+    RecordedSceneArgument,
+    SceneArgument,
+)
+from app.cli.loading import load_with_bar, load_with_progress
+from app.debugger.moment_id import START, find_moment, parse_moment_id
+from app.files.recorded_run import find_run
+from app.files.run_files import FLIPS
+from app.files.scene_source import SceneSource
+from fairing.errors import InputError
+from fairing.io import PhotoChoice
+from fairing.options import PRESETS, options_from_dict
+
+if TYPE_CHECKING:
+    import viser
+
+    from fairing.run.session import Session
+
+DESCRIPTION = (
+    "See how photographs pull a triangle mesh onto the truth. "
+    "Without a command it opens the demo cube, with the flags of `view`."
+)
+
+
+def view(
+    scene: SceneArgument = "cube",
+    mesh: MeshArgument = None,
+    preset: Preset = "accurate",
+    port: PortArgument = 8080,
+    host: HostArgument = "127.0.0.1",
+    browser: BrowserArgument = True,
+    save_to: Path | None = None,
+    at: str = "start",
+    lesson: str | None = None,
+    photos: PhotosArgument = ALL_PHOTOS,
+) -> int:
+    """Open the debugger on a scene, paused.
+
+    Args:
+        preset: Options to start from.
+        save_to: File for the record of all steps, for `eigenfairing replay`.
+        at: Run to this moment first and open there: level:sweep:vertex:iteration from 1, `start` or `end`.
+        lesson: Open this lesson, on the scene that it uses. The page lists all lessons.
+    """
+    console = Console(stderr=True)
+    source = SceneSource.typed(scene, mesh, photos)
+    wanted = parse_moment_id(at, PRESETS[preset].n_levels)
+    load = source.load
+    if lesson is not None:
+        from app.lessons.opening import scene_of_lesson
+
+        load = scene_of_lesson(lesson, source)
+
+    def open_session() -> "Session":
+        from fairing.run.session import Session
+
+        session = Session(load_with_bar(source.scene, load, console), PRESETS[preset])
+        if lesson is None or session.scene.name == source.scene:  # a lesson's own scene has no name to find it by
+            source.note_in(session.trace.header)
+        return session
+
+    if at.strip() == START:
+        return _serve(open_session, host, port, browser, save_to, None, lesson=lesson)
+    from app.cli.run_progress import run_to
+
+    session = open_session()
+    run_to(session, wanted, console)
+    return _serve(lambda: session, host, port, browser, save_to, None, page_first=False, lesson=lesson)
+
+
+def replay(
+    run: Annotated[
+        Path,
+        tyro.conf.Positional,
+        tyro.conf.arg(
+            metavar="RUN",
+            help="The folder that `fair` wrote, or its run.trace; or the .flips file that `triangulate` wrote.",
+        ),
+    ],
+    scene: RecordedSceneArgument = None,
+    mesh: RecordedMeshArgument = None,
+    port: PortArgument = 8080,
+    host: HostArgument = "127.0.0.1",
+    browser: BrowserArgument = True,
+    at: str = "start",
+    photos: PhotosArgument = ALL_PHOTOS,
+) -> int:
+    """Open the debugger on a recorded run, with the scene and the photos it was recorded on.
+
+    Args:
+        at: The moment to open at: level:sweep:vertex:iteration from 1, `start` or `end`.
+    """
+    if run.suffix == FLIPS:
+        return _replay_flips(run, scene, host, port, browser, photos)
+    trace, source, path = find_run(run, scene, mesh, photos)
+    wanted = parse_moment_id(at, options_from_dict(trace.header["options"]).n_levels)
+
+    def open_session() -> "Session":
+        from fairing.run.session import Session
+
+        session = Session(load_with_progress(source, Console(stderr=True)), trace=trace)
+        session.go_to(find_moment(trace, wanted))
+        return session
+
+    return _serve(open_session, host, port, browser, None, path)
+
+
+def _replay_flips(run: Path, scene: str | None, host: str, port: int, browser: bool, photos: PhotoChoice) -> int:
+    from app.cli.serve import stay
+
+    def open_app(server: "viser.ViserServer") -> Callable[[], None]:
+        from app.flips.opening import open_flips
+
+        return open_flips(server, run, scene, photos).stop
+
+    stay(open_app, host, port, open_browser=browser)
+    return 0
+
+
+def _serve(
+    open_session: Callable[[], "Session"],
+    host: str,
+    port: int,
+    browser: bool,
+    save_to: Path | None,
+    recorded_in: Path | None,
+    page_first: bool = True,
+    lesson: str | None = None,
+) -> int:
+    from app.cli.serve import serve
+
+    serve(
+        open_session, host=host, port=port, open_browser=browser, save_to=save_to, recorded_in=recorded_in,
+        page_first=page_first, lesson=lesson,
+    )  # fmt: skip
+    return 0
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Execute a command line and return the exit code.
+
+    Raises:
+        SystemExit: wrong usage (2) or help (0), from the parser.
+    """
+    if not arguments or (arguments[0].startswith("-") and arguments[0] not in ("-h", "--help")):
+        arguments = ["view", "cube", *arguments]
+    commands: dict[str, Callable[..., int]] = {"view": view, "replay": replay}
+    prog, description = "eigenfairing", DESCRIPTION
+    if arguments[0] == "experiment" and len(arguments) > 1:
+        from app.cli.experiment import ABOUT, experiment_commands
+
+        commands, prog, description = experiment_commands(arguments), "eigenfairing experiment", ABOUT
+        arguments = arguments[1:]
+    elif arguments[0] not in commands:
+        from app.cli.batch_commands import batch_commands
+
+        commands |= batch_commands(arguments)
+    try:
+        return tyro.extras.subcommand_cli_from_dict(commands, prog=prog, description=description, args=arguments)
+    except InputError as error:
+        return _fail(str(error))
+    except OSError as error:
+        return _fail(f"{error.filename or 'disk'}: {error.strerror or error}")
+    except MemoryError:
+        return _fail("not enough memory; use smaller photos or fewer of them")
+    except KeyboardInterrupt:
+        _fail("cancelled")
+        return 130
+
+
+def _fail(line: str) -> int:
+    sys.stderr.write(f"eigenfairing: {line}\n")
+    return 1
+
+
+def main() -> None:
+    """The entry point of the command `eigenfairing`."""
+    code = run(sys.argv[1:])
+    # The interpreter aborts if it exits while a daemon thread is inside compiled code, for example while it computes the
+    # texture of a large mesh. Everything is saved and closed at this point.
+    if any(thread.daemon for thread in threading.enumerate()):
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
+    sys.exit(code)

@@ -1,0 +1,143 @@
+"""`triangulate`: a mesh from sparse points, or better edges for a given mesh, with a record of every flip."""
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import tyro
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+from app.cli.arguments import ALL_PHOTOS, PhotosArgument, SceneArgument
+from app.cli.interrupt import Interrupt
+from app.cli.lines import print_line
+from app.cli.loading import load_with_progress
+from app.files.json_file import write_json
+from app.files.run_files import FLIPS
+from app.files.scene_source import SceneSource
+from demo_scenes import is_demo
+from fairing.errors import InputError
+from fairing.io import read_capture, read_mesh, write_mesh
+from fairing.io.capture import naming
+from fairing.mesh import Mesh
+from fairing.scene import SparsePoints, View
+from fairing.triangulation import Triangulation, TriangulationOptions, flip_progress, is_flip_record, triangulate
+
+REPORT_SUFFIX = ".report.json"
+DEFAULTS = TriangulationOptions()
+
+
+def triangulate_command(
+    scene: SceneArgument,
+    out: Path,
+    mesh: Annotated[Path | None, tyro.conf.arg(help="Flip the edges of this mesh instead.")] = None,
+    max_vertices: int | None = None,
+    spacing: float = DEFAULTS.spacing,
+    photos: PhotosArgument = ALL_PHOTOS,
+) -> int:
+    """Make a start mesh from sparse points: Delaunay triangulation, then edge flips where the photos agree better.
+
+    Args:
+        out: The mesh (.ply or .obj). Beside it go the record of flips (.flips) and a report (.report.json).
+        max_vertices: Largest number of points that become vertices: those that most photos see, evenly spread.
+        spacing: Smallest distance of two vertices in the central photo, pixels.
+    """
+    options = TriangulationOptions(max_vertices=max_vertices, spacing=spacing)
+    return triangulate_to_file(SceneSource.typed(scene, mesh, photos), out, options, Console(stderr=True))
+
+
+def triangulate_to_file(source: SceneSource, out: Path, options: TriangulationOptions, console: Console) -> int:
+    """Triangulate, and write the mesh, the record of flips and a report.
+
+    Returns:
+        Exit code: 0, or 130 if it was interrupted, with the mesh as it was by then.
+
+    Raises:
+        InputError: the input cannot be used, or the output would replace files that are not of an earlier triangulation.
+    """
+    check_triangulation_output(out)
+    mesh = None
+    if is_demo(source.scene):
+        scene = load_with_progress(source, console)
+        views, points, warnings = scene.views, scene.sparse_points, scene.warnings
+    else:
+        capture = read_capture(source.scene, source.choice)
+        views, points, warnings = capture.views, capture.sparse_points, capture.warnings
+    if source.mesh is not None:
+        mesh = read_mesh(Path(source.mesh))
+        with naming(source.mesh):
+            Mesh(*mesh)
+    done, interrupted = triangulate_with_progress(source, views, points, mesh, out, options, console)
+    for warning in warnings:
+        print_line(console, f"note: {warning}")
+    names = f"{out}, {out.with_suffix(FLIPS).name}, {out.with_suffix(REPORT_SUFFIX).name}"
+    for line in [*summary_lines(done), f"wrote {names}"]:
+        print_line(console, line)
+    return 130 if interrupted else 0
+
+
+def triangulate_with_progress(
+    source: SceneSource,
+    views: tuple[View, ...],
+    points: SparsePoints | None,
+    mesh: tuple[np.ndarray, np.ndarray] | None,
+    out: Path,
+    options: TriangulationOptions,
+    console: Console,
+) -> tuple[Triangulation, bool]:
+    """Triangulate with a progress bar and write the files; also returns whether Ctrl-C ended it early."""
+    header: dict = {}
+    source.note_in(header)
+    interrupt = Interrupt()
+    with interrupt.listening(), _bar(console) as bar:
+        task = bar.add_task("triangulating", total=1.0)
+
+        def show(flips: int, open_edges: int, energy: float) -> None:
+            line = f"{flips} flips, {open_edges} edges to flip, energy {energy:.5g}"
+            bar.update(task, description=line, completed=flip_progress(flips, open_edges))
+            if not console.is_terminal:
+                console.print(line, highlight=False)
+
+        name, record = Path(source.scene).name, out.with_suffix(FLIPS)
+        done = triangulate(name, views, points, options, mesh, record, header, lambda: interrupt.requested, show)
+    write_mesh(out, *done.mesh())
+    write_json(out.with_suffix(REPORT_SUFFIX), done.report())
+    return done, interrupt.requested and done.summary.inconsistent_after is None
+
+
+def summary_lines(done: Triangulation) -> list[str]:
+    """Summary lines: points, edges, energy and the stop reason."""
+    summary, lines = done.summary, []
+    if done.start is not None:
+        names = ", ".join(done.scene.views[v].name for v in done.start.central_views)
+        lines.append(
+            f"{len(done.start.vertices)} points became vertices, triangulated in {names}; left out: "
+            + "; ".join(f"{count} {reason}" for reason, count in done.start.left_out.items())
+        )
+    after = "not counted" if summary.inconsistent_after is None else str(summary.inconsistent_after)
+    lines.append(
+        f"{len(done.faces)} faces, {len(done.trace)} flips; inconsistent edges {summary.inconsistent_before} -> "
+        f"{after}; energy {summary.energy_before:.5g} -> {summary.energy_after:.5g}; {summary.stop_reason}"
+    )
+    return lines
+
+
+def check_triangulation_output(out: Path) -> None:
+    """Raises InputError for another suffix, a missing folder, or files that are not of an earlier triangulation."""
+    record, report = out.with_suffix(FLIPS), out.with_suffix(REPORT_SUFFIX)
+    if out.suffix.lower() not in (".ply", ".obj"):
+        raise InputError(f"--out {out}: expected a mesh file (.ply, .obj), found {out.suffix or 'no suffix'}")
+    if not out.parent.is_dir():
+        raise InputError(f"--out {out}: expected a folder to write to, found none; create {out.parent}")
+    existing = [path for path in (out, record, report) if path.exists()]
+    if existing and not is_flip_record(record):
+        raise InputError(
+            f"--out {out}: {existing[0].name} exists and is not of an earlier triangulation; choose another name"
+        )
+
+
+def _bar(console: Console) -> Progress:
+    return Progress(
+        TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:3.0f} %"), TimeElapsedColumn(),
+        console=console, transient=True, disable=not console.is_terminal,
+    )  # fmt: skip

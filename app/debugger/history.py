@@ -1,0 +1,172 @@
+"""What the record says over time, gathered once for all pages: energies and paths. Both only ever read new steps."""
+
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+
+from app.debugger.run_state import RunState
+from app.debugger.step_text import slot_of
+from fairing.trace import StepReason, StepRecord, Trace
+
+
+class Recorded(Protocol):
+    """A record that may grow: a state, or what is known of a run."""
+
+    @property
+    def run_id(self) -> int: ...
+    @property
+    def trace(self) -> Trace: ...
+    @property
+    def length(self) -> int: ...
+
+
+REJECTIONS = [StepReason.REJECTED_ENERGY, StepReason.REJECTED_FOLD]
+# Line segments that a page draws smoothly: drawn by a processor, 25,000 took 0.4 s of a frame.
+PATH_SEGMENTS = 6000
+
+
+class EnergyHistory:
+    """The energy of the whole mesh after every step.
+
+    A step knows the faces around its unit only; the others keep what they had. A face that was never measured before
+    had, as far as anybody knows, its first energy all along. The energies of two sweeps do not compare: each has
+    cells of its own.
+    """
+
+    def __init__(self, n_faces: int) -> None:
+        self._n_faces = n_faces
+        self._clear()
+
+    def _clear(self) -> None:
+        self._run_id = -1
+        self._faces = np.full(self._n_faces, np.nan)
+        self._before = np.zeros(0)
+        self._after = np.zeros(0)
+        self._levels = np.zeros(0, dtype=int)
+        self._sweeps = np.zeros(0, dtype=int)
+        self._known = 0
+
+    def update(self, state: Recorded) -> None:
+        """Take in the steps that are new."""
+        if state.run_id != self._run_id:
+            self._clear()
+            self._run_id = state.run_id
+        new = state.length - self._known
+        if new <= 0:
+            return
+        before, after = np.zeros(new), np.zeros(new)
+        levels, sweeps = np.zeros(new, dtype=int), np.zeros(new, dtype=int)
+        for k, record in enumerate(state.trace.steps[self._known : state.length]):
+            unknown = np.isnan(self._faces[record.faces])
+            if unknown.any():
+                late = float(record.face_energy_before[unknown].sum())
+                self._before += late
+                self._after += late
+                before[:k] += late
+                after[:k] += late
+            self._faces[record.faces] = record.face_energy_before
+            before[k] = np.nansum(self._faces)
+            self._faces[record.faces] = record.face_energy_after
+            after[k] = np.nansum(self._faces)
+            levels[k], sweeps[k] = record.position.level, record.sweep_moment
+        self._before = np.concatenate([self._before, before])
+        self._after = np.concatenate([self._after, after])
+        self._levels = np.concatenate([self._levels, levels])
+        self._sweeps = np.concatenate([self._sweeps, sweeps])
+        self._known = state.length
+
+    @property
+    def after(self) -> np.ndarray:
+        """(steps,) float: energy after each step."""
+        return self._after
+
+    @property
+    def before(self) -> np.ndarray:
+        """(steps,) float: energy before each step, under the cells of its sweep."""
+        return self._before
+
+    @property
+    def levels(self) -> np.ndarray:
+        """(steps,) int: level of each step."""
+        return self._levels
+
+    @property
+    def sweeps(self) -> np.ndarray:
+        """(steps,) int: the moment at which the sweep of each step began."""
+        return self._sweeps
+
+
+@dataclass
+class PathHistory:
+    """Positions of all vertices at moments spread over the record, few enough to draw.
+
+    Whenever there are too many, every second one is dropped and the distance between moments doubles.
+    """
+
+    n_vertices: int
+    _run_id: int = -1
+    _stride: int = 1
+    _known: int = 0
+    _positions: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
+    _samples: list[tuple[int, np.ndarray]] = field(default_factory=list)
+
+    def update(self, state: RunState) -> None:
+        """Take in the steps that are new."""
+        if state.run_id != self._run_id:
+            self._run_id, self._stride, self._known = state.run_id, 1, 0
+            self._positions = state.trace.start.copy()
+            self._samples = [(0, state.trace.start)]
+        limit = max(4, 2 * PATH_SEGMENTS // self.n_vertices)
+        for moment in range(self._known + 1, state.length + 1):
+            record = state.trace.steps[moment - 1]
+            self._positions[record.vertices] = record.after
+            if moment % self._stride == 0:
+                self._samples.append((moment, self._positions.copy()))
+            if len(self._samples) > limit:
+                self._stride *= 2
+                self._samples = [sample for sample in self._samples if sample[0] % self._stride == 0]
+        self._known = max(self._known, state.length)
+
+    def segments(self, state: RunState) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Pieces of path (s, 2, 3), world units; when their ends were reached (s, 2), start 0 to now 1; whose (s,).
+
+        Where there are too many, the vertices with the longest paths are shown.
+        """
+        moments = [moment for moment, _ in self._samples if moment < state.moment]
+        positions = [position for moment, position in self._samples if moment < state.moment]
+        if not positions:
+            return np.zeros((0, 2, 3)), np.zeros((0, 2)), np.zeros(0, dtype=int)
+        at = np.array([*moments, state.moment]) / max(1, state.moment)
+        points = np.stack([*positions, state.vertices])
+        pieces = np.stack([points[:-1], points[1:]], axis=2)  # (k, n, 2, 3)
+        moved = (pieces[:, :, 0] != pieces[:, :, 1]).any(axis=-1)
+        if moved.sum() > PATH_SEGMENTS:
+            length = np.linalg.norm(pieces[:, :, 1] - pieces[:, :, 0], axis=-1).sum(axis=0)
+            longest_first = np.argsort(-length, kind="stable")
+            is_kept = np.zeros(len(length), dtype=bool)
+            is_kept[longest_first] = np.cumsum(moved.sum(axis=0)[longest_first]) <= PATH_SEGMENTS
+            moved &= is_kept
+        when = np.broadcast_to(np.stack([at[:-1], at[1:]], axis=1)[:, None], (*pieces.shape[:2], 2))
+        return pieces[moved], when[moved], np.nonzero(moved)[1]
+
+
+def last_step_about(steps: list[StepRecord], moment: int, vertex: int) -> tuple[int, StepRecord, int] | None:
+    """The last step up to a moment that was about a vertex: the moment it led to, the record, the vertex's place in it."""
+    for led_to in range(moment, 0, -1):
+        record = steps[led_to - 1]
+        slot = slot_of(record, vertex)
+        if slot is not None:
+            return led_to, record, slot
+    return None
+
+
+def next_move(state: RunState, vertex: int, direction: int) -> int | None:
+    """The moment after the next recorded step, forward (1) or back (-1), that moved a vertex."""
+    moments = range(state.moment + 1, state.length + 1) if direction > 0 else range(state.moment - 1, 0, -1)
+    for moment in moments:
+        record = state.trace.steps[moment - 1]
+        slot = slot_of(record, vertex)
+        if slot is not None and (record.before[slot] != record.after[slot]).any():
+            return moment
+    return None

@@ -1,0 +1,52 @@
+"""The name of a moment: `level:sweep:vertex:iteration` of the step that follows it, from 1; `start`; `end`."""
+
+import re
+
+from fairing.errors import InputError
+from fairing.trace import SchedulePosition, Trace
+
+START, END = "start", "end"
+_ID = re.compile(r"([1-9]\d{0,8}):([1-9]\d{0,8}):([1-9]\d{0,8}):([1-9]\d{0,8})")
+
+
+def moment_id(position: SchedulePosition, moment: int, n_levels: int) -> str:
+    """What `--at` takes for the moment before the step of that position."""
+    if moment == 0:
+        return START
+    return END if position.level >= n_levels else ":".join(str(part + 1) for part in position)
+
+
+def parse_moment_id(text: str, n_levels: int) -> SchedulePosition:
+    """The position that a moment's name stands for; `end` is the one after the last level.
+
+    Raises:
+        InputError: it is none, or there is no such level.
+    """
+    found = _ID.fullmatch(text.strip())
+    if text.strip() == START:
+        return SchedulePosition(0, 0, 0, 0)
+    if text.strip() == END:
+        return SchedulePosition(n_levels, 0, 0, 0)
+    if found is None:
+        raise InputError(
+            f"--at {text:.60}: expected level:sweep:vertex:iteration, each from 1, such as 2:1:3:1, or {START} or {END}"
+        )
+    position = SchedulePosition(*(int(part) - 1 for part in found.groups()))
+    if position.level >= n_levels:
+        raise InputError(f"--at {text}: expected a level from 1 to {n_levels}, found {position.level + 1}")
+    return position
+
+
+def find_moment(trace: Trace, wanted: SchedulePosition) -> int:
+    """The first recorded moment at or after a position; the last one if the record does not reach so far.
+
+    A branch may pass a position twice; then the first time counts.
+    """
+    if wanted == SchedulePosition(0, 0, 0, 0):
+        return 0
+    positions = [record.next_position for record in trace.steps]
+    if trace.steps and trace.steps[0].position == wanted:
+        return 0
+    if wanted in positions:
+        return positions.index(wanted) + 1
+    return next((moment for moment, position in enumerate(positions, 1) if position > wanted), len(positions))

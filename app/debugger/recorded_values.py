@@ -1,0 +1,111 @@
+"""What is recorded of a step, by name and with its unit, and where it last changed."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from app.debugger.history import last_step_about
+from app.html import number, text
+from fairing.trace import StepReason, StepRecord
+
+
+@dataclass(frozen=True)
+class Item:
+    """One recorded quantity.
+
+    Attributes:
+        name: with its unit, where it has one.
+        read: from a record and, of a vertex, its slot.
+        of_vertex: whether it belongs to a vertex; else to every step.
+        shown: as markup.
+    """
+
+    name: str
+    read: Callable[[StepRecord, int], Any]
+    of_vertex: bool = True
+    shown: Callable[[Any], str] = lambda value: number(float(value))
+
+
+def _length(vectors: np.ndarray) -> float:
+    return float(np.linalg.norm(vectors))
+
+
+def _three(values: np.ndarray) -> str:
+    return " · ".join(number(float(value), 2) for value in values)
+
+
+def _pair(values: tuple[float, float]) -> str:
+    return f"{number(values[0])} → {number(values[1])}"
+
+
+def _whole(value: Any) -> str:
+    return text(int(value))
+
+
+ITEMS: tuple[Item, ...] = (
+    Item("position", lambda r, i: r.after[i], shown=lambda p: ", ".join(f"{x:.5g}" for x in p)),
+    Item("step in the photos, px", lambda r, i: r.step_px[i]),
+    Item("step proposed, units", lambda r, i: _length(r.proposed[i])),
+    Item("step made, units", lambda r, i: _length(r.after[i] - r.before[i])),
+    Item("damping", lambda r, i: r.damping[i]),
+    Item("damping next", lambda r, i: r.damping_next[i]),
+    Item("rejections in a row", lambda r, i: r.rejections[i], shown=_whole),
+    Item("eigenvalues", lambda r, i: r.eigenvalues[i], shown=_three),
+    Item(
+        "weakest / strongest",
+        lambda r, i: r.eigenvalues[i, 0] / r.eigenvalues[i, 2] if r.eigenvalues[i, 2] > 0 else 0.0,
+        shown=lambda value: number(float(value), 3),
+    ),
+    Item("reason", lambda r, i: int(r.reasons[i]), shown=lambda reason: text(StepReason(reason).text)),
+    Item("level", lambda r, i: r.position.level + 1, of_vertex=False, shown=_whole),
+    Item("sweep of the level", lambda r, i: r.position.sweep + 1, of_vertex=False, shown=_whole),
+    Item("unit of the sweep", lambda r, i: r.position.unit + 1, of_vertex=False, shown=_whole),
+    Item("iteration of the unit", lambda r, i: r.position.iteration + 1, of_vertex=False, shown=_whole),
+    Item("sweep began at moment", lambda r, i: r.sweep_moment, of_vertex=False, shown=_whole),
+    Item("vertices of the unit", lambda r, i: len(r.vertices), of_vertex=False, shown=_whole),
+    Item("faces around them", lambda r, i: len(r.faces), of_vertex=False, shown=_whole),
+    Item("energy of these faces", lambda r, i: (r.energy_before, r.energy_after), of_vertex=False, shown=_pair),
+    Item("with priors, as tried", lambda r, i: (r.objective_before, r.objective_after), of_vertex=False, shown=_pair),
+    Item(
+        "vertices rejected",
+        lambda r, i: int(np.isin(r.reasons, [StepReason.REJECTED_ENERGY, StepReason.REJECTED_FOLD]).sum()),
+        of_vertex=False,
+        shown=_whole,
+    ),
+    Item("photo whose energy fell most", lambda r, i: _most_changed(r), of_vertex=False, shown=_whole),
+)
+
+
+def _most_changed(record: StepRecord) -> int:
+    change = record.view_energy_after - record.view_energy_before
+    return int(np.argmin(change)) if len(change) else 0
+
+
+def value_at(item: Item, steps: list[StepRecord], moment: int, vertex: int) -> Any:
+    """What holds at a moment: recorded by the last step (about the vertex); None before the first."""
+    found = _last(item, steps, moment, vertex)
+    return None if found is None else item.read(found[1], found[2])
+
+
+def last_change(item: Item, steps: list[StepRecord], moment: int, vertex: int) -> int | None:
+    """The last moment before `moment` at which the value became another than it had been; None if it never did.
+
+    Its first value counts as a change. Asked again from there, it gives the change before that.
+    """
+    found = _last(item, steps, moment, vertex)
+    while found is not None:
+        led_to, record, slot = found
+        before = _last(item, steps, led_to - 1, vertex)
+        is_new = before is None or not np.array_equal(item.read(record, slot), item.read(before[1], before[2]))
+        if is_new and led_to < moment:
+            return led_to
+        found = before
+    return None
+
+
+def _last(item: Item, steps: list[StepRecord], moment: int, vertex: int) -> tuple[int, StepRecord, int] | None:
+    if item.of_vertex:
+        return last_step_about(steps, moment, vertex)
+    return (moment, steps[moment - 1], 0) if moment > 0 else None

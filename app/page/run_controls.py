@@ -1,0 +1,74 @@
+"""What a user of one browser does to the run: go to moments, stop at them."""
+
+from collections.abc import Callable
+
+from app.debugger.breakpoints import Breakpoints
+from app.debugger.commands import Command, Extent, JumpTo, ToBeginning
+from app.debugger.controller import Controller
+from app.debugger.history import next_move
+from app.debugger.recorded_values import ITEMS, last_change
+from app.debugger.run_state import Activity
+from app.page_state.page_state import PageState
+from app.viser_bridge.html_events import whole_number
+from fairing.errors import InputError
+
+
+class RunControls:
+    """Each of these may be called with anything a browser sends.
+
+    All raise InputError with one line on a value that makes no sense.
+    """
+
+    def __init__(self, controller: Controller, view: PageState) -> None:
+        self._controller, self._view = controller, view
+
+    def poster(self, command: Command) -> Callable[[], None]:
+        """What posts a command."""
+        return lambda: self._controller.post(command)
+
+    def jump(self, moment: object) -> None:
+        """To a moment of the record; during a run only this browser looks at it."""
+        state = self._controller.state
+        wanted = whole_number(moment, 0, max(1, state.length), "moment")
+        if state.activity is Activity.RUNNING:
+            self._view.looks_at = wanted
+            self._controller.republish()
+        else:
+            self._controller.post(JumpTo(wanted))
+
+    def to_change(self, n: object) -> None:
+        """To where a recorded value of the selected vertex last changed."""
+        item, state = ITEMS[whole_number(n, 0, len(ITEMS) - 1, "value")], self._controller.state
+        if self._view.selected is None:
+            return
+        moment = last_change(item, state.trace.steps, state.moment, self._view.selected)
+        if moment is None:
+            raise InputError(f"{item.name}: did not change before moment {state.moment}")
+        self._controller.post(JumpTo(moment))
+
+    def to_beginning(self, extent: object) -> None:
+        """To the beginning of the present level, sweep or unit."""
+        self._controller.post(ToBeginning(Extent(whole_number(extent, Extent.LEVEL, Extent.UNIT, "extent"))))
+
+    def to_move_of_selected(self, direction: int) -> None:
+        """To the next step, forward or back, that moved the selected vertex."""
+        moment = next_move(self._controller.state, self._selected(), direction)
+        if moment is not None:
+            self._controller.post(JumpTo(moment))
+
+    def toggle_breakpoint(self) -> None:
+        """A breakpoint on the selected vertex, or none any more."""
+        condition = f"about({self._selected()})"
+
+        def toggled(breakpoints: Breakpoints) -> Breakpoints:
+            for item in breakpoints.items:
+                if item.condition.text == condition:
+                    return breakpoints.removed(item.number)
+            return breakpoints.added(condition)
+
+        self._controller.edit_breakpoints(toggled)
+
+    def _selected(self) -> int:
+        if self._view.selected is None:
+            raise InputError("no vertex is selected; click one first")
+        return self._view.selected

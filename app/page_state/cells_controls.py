@@ -1,0 +1,99 @@
+"""What a user can change about how the cells are looked at; every value from the browser is checked."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+from app.html import text
+from app.page_state.cells_state import ARROW_SCALES, CROP, KINDS, PAGES, PAIR_KINDS, SPANS
+from app.page_state.page_state import PageState
+from app.viser_bridge.html_events import Bridge, whole_number
+from fairing.scene import Scene
+
+MAX_K = 1000
+_LENS_KINDS = (*KINDS, CROP, *PAIR_KINDS)
+_NOWHERE = -1
+_REST = 200  # ms on a picture, before it is enlarged: who only passes by sees no flicker
+
+
+class CellsControls:
+    """JavaScript for the cells' buttons, made where it stays on the page. Each is a function of a JavaScript number.
+
+    Args:
+        republish: has the present state shown again.
+    """
+
+    def __init__(self, bridge: Bridge, view: PageState, scene: Scene, republish: Callable[[], None]) -> None:
+        self._view, self._scene, self._republish = view, scene, republish
+        self._n_views = len(scene.views)
+        self.page = bridge.number(lambda n: self._choose("page", PAGES, n))
+        self.column = bridge.number(self._toggle_column)
+        self.scale = bridge.number(lambda n: self._change(arrow_scale=ARROW_SCALES[_index(n, ARROW_SCALES)]))
+        self.span = bridge.number(lambda n: self._choose("span", SPANS, n))
+        self.dimensions = bridge.number(self.look_at_k)
+        self.enlarge = bridge.number(self._enlarge)
+        self._hover = bridge.number(lambda code: self._change(hovered=self._picture(code)))
+        self.close = bridge.button(lambda: self._change(enlarged=None, hovered=None))
+        self.first = bridge.number(lambda n: self._change(pair=(self._view_id(n), view.cells.pair[1])))
+        self.second = bridge.number(lambda n: self._change(pair=(view.cells.pair[0], self._view_id(n))))
+
+    def look_at_k(self, k: object) -> None:
+        """Look at another k; 0: at the run's own."""
+        found = whole_number(k, 0, MAX_K, "k")
+        self._change(dimensions=found or None)
+
+    def lens_of(self, view_id: int, kind: str) -> str:
+        """JavaScript that enlarges a picture."""
+        return self.enlarge(str(self.code(view_id, kind)))
+
+    def enlarged_by(self, code: str, prepare: str = "") -> str:
+        """Attributes of a picture that is enlarged while a mouse rests on it, and stays so when it is clicked.
+
+        Args:
+            code: a JavaScript expression for the code of the picture under the pointer.
+            prepare: JavaScript before it.
+        """
+        over = (
+            f"if(event.pointerType==='mouse'){{{prepare}var c={code};if(c!==window.efOver){{window.efOver=c;"
+            f"clearTimeout(window.efRest);window.efRest=setTimeout(()=>{{{self._hover('c')}}},{_REST})}}}}"
+        )
+        out = (
+            f"if(event.pointerType==='mouse'){{window.efOver={_NOWHERE};clearTimeout(window.efRest);"
+            f"window.efRest=setTimeout(()=>{{{self._hover(str(_NOWHERE))}}},{_REST})}}"
+        )
+        # A rest that is still waited for must not show its picture over the one that is chosen meanwhile, by a key.
+        click = f"clearTimeout(window.efRest);{prepare}{self.enlarge(code)}"
+        return f'onpointermove="{text(over)}" onpointerleave="{text(out)}" onclick="{text(click)}"'
+
+    @staticmethod
+    def code(view_id: int, kind: str) -> int:
+        """A picture as the number that `enlarge` takes."""
+        return view_id * len(_LENS_KINDS) + _LENS_KINDS.index(kind)
+
+    def _enlarge(self, code: object) -> None:
+        self._change(enlarged=self._picture(code), hovered=None)
+
+    def _picture(self, code: object) -> tuple[int, str] | None:
+        found = whole_number(code, _NOWHERE, self._n_views * len(_LENS_KINDS) - 1, "picture")
+        if found == _NOWHERE:
+            return None
+        view_id, kind = divmod(found, len(_LENS_KINDS))
+        return view_id, _LENS_KINDS[kind]
+
+    def _toggle_column(self, n: object) -> None:
+        self._view.cells = self._view.cells.toggled(list(KINDS)[_index(n, KINDS)])
+        self._republish()
+
+    def _choose(self, name: str, names: dict[str, str], n: object) -> None:
+        self._change(**{name: list(names)[_index(n, names)]})
+
+    def _view_id(self, n: object) -> int:
+        return whole_number(n, 0, self._n_views - 1, "camera")
+
+    def _change(self, **changes: Any) -> None:
+        self._view.cells = replace(self._view.cells, **changes)
+        self._republish()
+
+
+def _index(n: object, choices: Any) -> int:
+    return whole_number(n, 0, len(choices) - 1, "choice")

@@ -1,0 +1,18 @@
+"""A look at a past moment while the run goes on."""
+
+from dataclasses import replace
+
+from app.debugger.run_state import Activity, RunState
+from app.page_state.page_state import PageState
+
+
+def at_viewed_moment(state: RunState, view: PageState) -> RunState:
+    """The state as this browser wants to see it. Once the run rests, every browser is where the run is again."""
+    if state.activity is not Activity.RUNNING or (view.looks_at is not None and view.looks_at > state.length):
+        view.looks_at = None
+    if view.looks_at is None:
+        return state
+    moment = view.looks_at
+    position = state.trace.steps[moment].position if moment < state.length else state.position
+    vertices = state.trace.vertices_at(moment) if moment < state.length else state.vertices
+    return replace(state, moment=moment, vertices=vertices, position=position, finished=False)

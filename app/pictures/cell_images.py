@@ -1,0 +1,230 @@
+"""The cells of a face as pictures: what each photo shows, what the eigenspace makes of it, and what remains."""
+
+import base64
+from collections.abc import Callable
+
+import cv2
+import numpy as np
+
+from app.debugger.cell_queries import StepFlows
+from app.html import number
+from app.palette import NOW, RGB, SELECTED, TRUTH, css
+from fairing.judge.inspect import FaceCells
+
+GAP = 2
+EMPTY: RGB = (36, 39, 43)  # outside of the triangle
+MASKED: RGB = (58, 62, 68)  # samples that the photo does not really show
+ZERO = 18  # grey of a residual of nothing
+FLOW_COLORS: dict[str, RGB] = {"model": NOW, "flow": (242, 244, 247)}
+MIN_CONFIDENCE = 0.3  # arrows of the optical flow that are believed less are left out
+MIN_ARROW = 1.2  # px
+
+
+class CellPictures:
+    """Pictures of a face's cells on scales common to all photos.
+
+    Args:
+        cells: of the face.
+        flows: the arrows and the cells they lie over; None: those columns stay dark.
+        residual_scale: residual of full colour, grey levels; default: where residuals count as large.
+    """
+
+    def __init__(self, cells: FaceCells, flows: StepFlows | None = None, residual_scale: float | None = None) -> None:
+        self.cells, self._flows = cells, flows
+        shown = cells.observed[cells.counts] if cells.counts.any() else cells.observed.ravel()
+        low, high = (float(value) for value in np.percentile(shown, (0.5, 99.5)))
+        self.dark, self.bright = low, max(high, low + 8.0)
+        self.threshold = _threshold(cells)
+        scale = residual_scale or self.threshold
+        self.largest_rho = max(float(np.percentile(cells.rho, 99.5)), 1e-12)
+        self.largest_weight = max(float(cells.weights.max(initial=0)), 1e-12)
+        self._draw: dict[str, Callable[[int], np.ndarray]] = {
+            "photo": lambda row: self._stretched(cells.observed[row]),
+            "reconstruction": lambda row: self._stretched(cells.reconstruction[row]),
+            "residual": lambda row: _signed(cells.residual[row] / scale),
+            "weight": self._weight,
+            "norm": lambda row: _fire(cells.rho[row] / self.largest_rho),
+        }
+
+    def strip(self, row: int, kinds: tuple[str, ...], tile: int) -> str:
+        """Some kinds of one photo's cell side by side, as a data URI, each `tile` px wide."""
+        gap = np.full((tile, GAP, 3), EMPTY, dtype=np.uint8)
+        parts = [part for kind in kinds for part in (_scaled(self.picture(row, kind), tile), gap)]
+        return data_uri(np.concatenate(parts[:-1], axis=1))
+
+    def picture(self, row: int, kind: str) -> np.ndarray:
+        """(N, N, 3) uint8: one cell, a pixel a sample; of arrows what they lie over."""
+        if kind in FLOW_COLORS:
+            at = self._flow_row(row)
+            if self._flows is None or at is None:
+                return _placed(self.cells, np.full((self.cells.residual.shape[1], 3), ZERO, dtype=np.uint8), None)
+            before = self._flows.cells
+            over = _grey(ZERO + 130 * np.sqrt(np.abs(before.residual[at]) / _threshold(before)))
+            return _placed(before, over, before.counts[at])
+        counts = None if kind in ("photo", "reconstruction") else self.cells.counts[row]
+        return _placed(self.cells, self._draw[kind](row), counts)
+
+    def arrows(self, row: int, kind: str, tile: float, scale: float, every: int = 1) -> str:
+        """The path of an SVG with a cell's arrows, a tile being `tile` px wide; empty where there are none.
+
+        Args:
+            scale: arrows are so many times longer than the flow.
+            every: of the arrows in each direction only every so many.
+        """
+        at = self._flow_row(row)
+        if self._flows is None or at is None:
+            return ""
+        size = self._flows.cells.size
+        if kind == "model":
+            flow, shown = self._flows.model, None
+        else:
+            flow, shown = self._flows.optical, self._flows.optical.confidence[at] > MIN_CONFIDENCE
+        if flow is None:
+            return ""
+        column, line = (np.unique(flow.places[:, k], return_inverse=True)[1] for k in (0, 1))
+        chosen = (column % every == every // 2) & (line % every == every // 2)
+        if shown is not None:
+            chosen &= shown
+        unit = tile / size
+        starts = (flow.places[chosen] + 1 / 3) * unit
+        return arrow_path(starts, starts + scale * unit * flow.vectors[at][chosen])
+
+    def legend(self, kind: str) -> str:
+        """What the colours of a kind mean, as markup."""
+        if kind in ("photo", "reconstruction"):
+            return _bar("#000", "#fff", number(self.dark, 3), "grey levels", number(self.bright, 3))
+        if kind == "residual":
+            edge, name = number(self.threshold, 3), self._threshold_name()
+            return _gradient(
+                _css_gradient(_signed(np.linspace(-1, 1, 17))), f"−{edge}", f"0; ends at {name}", f"+{edge}"
+            )
+        if kind == "weight":
+            outlier = f"<span style='color:{css(SELECTED)}'>■</span> |e| &gt; {self._threshold_name()}"
+            return _bar("#000", "#e6e6e6", "0", f"of the largest weight · {outlier}", "1")
+        if kind == "norm":
+            return _gradient(_css_gradient(_fire(np.linspace(0, 1, 9))), "0", "ρ(e)", number(self.largest_rho, 3))
+        word = "υ, displacement of the step" if kind == "model" else "f, optical flow from I to U c"
+        return (
+            f"<div class='dim'><span style='color:{css(FLOW_COLORS[kind])}'>→</span> {word}; behind it |I − U c|</div>"
+        )
+
+    def values(self, row: int) -> str:
+        """I, U c and weight of every sample of a cell for the page's script: int16, base64.
+
+        Levels in 1/64, weights in 1/10000 of the largest, -1 where the sample does not count.
+        """
+        cells = self.cells
+        samples = len(cells.rows_and_columns[0])
+        weight = np.where(cells.counts[row], 1e4 * cells.weights[row] / self.largest_weight, -1)
+        table = np.stack([64 * cells.observed[row], 64 * cells.reconstruction[row], weight])[:, :samples]
+        return base64.b64encode(np.clip(np.round(table), -32768, 32767).astype("<i2").tobytes()).decode()
+
+    def _flow_row(self, row: int) -> int | None:
+        """Where a photo stands among the cells before the step."""
+        if self._flows is None:
+            return None
+        found = np.flatnonzero(self._flows.cells.views == self.cells.views[row])
+        return int(found[0]) if len(found) else None
+
+    def _threshold_name(self) -> str:
+        return "e<sub>T</sub>" if np.isfinite(self.cells.outlier_threshold) else "three standard deviations"
+
+    def _stretched(self, values: np.ndarray) -> np.ndarray:
+        return _grey((values - self.dark) * 255 / (self.bright - self.dark))
+
+    def _weight(self, row: int) -> np.ndarray:
+        """Bright where a residual counts fully, yellow beyond the outlier threshold."""
+        shade = _grey(230 * self.cells.weights[row] / self.largest_weight)
+        is_outlier = np.abs(self.cells.residual[row]) > self.threshold
+        return np.where(is_outlier[:, None], np.array(SELECTED, dtype=np.uint8), shade)
+
+
+def strip_of_basis(cells: FaceCells, tile: int) -> str:
+    """The basis images, zero in the middle grey, as a data URI."""
+    gap = np.full((tile, GAP, 3), EMPTY, dtype=np.uint8)
+    parts = []
+    for image in cells.basis:
+        largest = max(float(np.abs(image).max()), 1e-12)
+        parts += [_scaled(_placed(cells, _grey(127.5 + 127.5 * image / largest), None), tile), gap]
+    return data_uri(np.concatenate(parts[:-1], axis=1) if parts else gap)
+
+
+def arrow_path(starts: np.ndarray, ends: np.ndarray) -> str:
+    """SVG path of arrows from `starts` to `ends`, both (n, 2) px; those too short to see are left out."""
+    parts = []
+    along = ends - starts
+    length = np.linalg.norm(along, axis=1)
+    for (x, y), (dx, dy), size in zip(starts, along, length, strict=True):
+        if size < MIN_ARROW:
+            continue
+        head = min(4.0, 0.4 * size) / size
+        hx, hy, sx, sy = head * dx, head * dy, 0.6 * head * dy, 0.6 * head * dx
+        parts.append(
+            f"M{x:.1f} {y:.1f}l{dx:.1f} {dy:.1f}m{-hx - sx:.1f} {-hy + sy:.1f}"
+            f"L{x + dx:.1f} {y + dy:.1f}l{-hx + sx:.1f} {-hy - sy:.1f}"
+        )
+    return "".join(parts)
+
+
+def data_uri(pixels: np.ndarray, *, jpeg: bool = False) -> str:
+    """A PNG (or JPEG) within a text, from (h, w, 3) uint8, RGB."""
+    kind, options = (".jpg", [cv2.IMWRITE_JPEG_QUALITY, 88]) if jpeg else (".png", [cv2.IMWRITE_PNG_COMPRESSION, 3])
+    _, encoded = cv2.imencode(kind, np.ascontiguousarray(pixels[..., ::-1]), options)
+    return f"data:image/{'jpeg' if jpeg else 'png'};base64," + base64.b64encode(encoded.tobytes()).decode()
+
+
+def _threshold(cells: FaceCells) -> float:
+    """Where residuals count as large: the robust norm's turning point, else three times their spread."""
+    if np.isfinite(cells.outlier_threshold):
+        return max(float(cells.outlier_threshold), 1e-6)
+    return max(3 * float(np.std(cells.residual[cells.counts])) if cells.counts.any() else 1.0, 1e-6)
+
+
+def _placed(cells: FaceCells, colors: np.ndarray, counts: np.ndarray | None) -> np.ndarray:
+    """(N, N, 3) uint8 from colours (p, 3) of the samples; with colour photos the first channel stands for all."""
+    rows, columns = cells.rows_and_columns
+    samples = len(rows)
+    image = np.empty((cells.size, cells.size, 3), dtype=np.uint8)
+    image[:] = EMPTY
+    image[rows, columns] = (
+        colors[:samples] if counts is None else np.where(counts[:samples, None], colors[:samples], MASKED)
+    )
+    return image
+
+
+def _scaled(image: np.ndarray, tile: int) -> np.ndarray:
+    method = cv2.INTER_AREA if len(image) > tile else cv2.INTER_LINEAR
+    return cv2.resize(image, (tile, tile), interpolation=method)
+
+
+def _grey(values: np.ndarray) -> np.ndarray:
+    return np.repeat(np.clip(values, 0, 255)[:, None], 3, axis=1).astype(np.uint8)
+
+
+def _signed(values: np.ndarray) -> np.ndarray:
+    """Blue for -1, dark for 0, red for 1."""
+    strength = np.sqrt(np.clip(np.abs(values), 0, 1))[:, None]  # small ones are there, too
+    color = np.where((values < 0)[:, None], np.array(TRUTH), np.array(NOW))
+    return ((1 - strength) * ZERO + strength * color).astype(np.uint8)
+
+
+def _fire(values: np.ndarray) -> np.ndarray:
+    """Dark to bright, through the colours of fire."""
+    levels = (255 * np.clip(values, 0, 1)).astype(np.uint8)
+    return cv2.applyColorMap(levels[:, None], cv2.COLORMAP_INFERNO)[:, 0, ::-1]
+
+
+def _bar(left: str, right: str, low: str, middle: str, high: str) -> str:
+    return _gradient(f"linear-gradient(90deg,{left},{right})", low, middle, high)
+
+
+def _css_gradient(colors: np.ndarray) -> str:
+    return f"linear-gradient(90deg,{','.join(f'rgb({r},{g},{b})' for r, g, b in colors.tolist())})"
+
+
+def _gradient(colors: str, low: str, middle: str, high: str) -> str:
+    return (
+        f"<div style='height:10px;border-radius:2px;background:{colors}'></div>"
+        f"<div class='row dim'><span>{low}</span><span class='grow' style='text-align:center'>{middle}</span>"
+        f"<span>{high}</span></div>"
+    )

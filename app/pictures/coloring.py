@@ -1,0 +1,213 @@
+"""Colours a mesh by a quantity: which colour each corner gets, and what the colours mean.
+
+Colours are looked up in a small picture of the scale by texture coordinates, so that between vertices values are
+interpolated rather than colours. Viser's tone mapping brightens the mesh by up to about 11 of 255 against the legend.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum
+
+import cv2
+import numpy as np
+
+from app.palette import LOCKED, NOW, REFERENCE, REJECTED, RGB, SELECTED, START, TRUTH
+from fairing.judge import quantities
+from fairing.run.session import Session
+from fairing.scene import Scene
+from fairing.trace import StepReason
+
+SHADES = 256
+UNKNOWN: RGB = (92, 96, 102)
+ROBUST_RANGE = (2.0, 98.0)  # percentiles: a few extreme values must not take all the colours
+DECADES = 4  # of a logarithmic scale, at most
+
+REASON_COLORS: dict[StepReason, tuple[str, RGB]] = {
+    StepReason.ACCEPTED: ("accepted", START),
+    StepReason.CONVERGED: ("converged", TRUTH),
+    StepReason.REJECTED_ENERGY: ("rejected: energy", REJECTED),
+    StepReason.REJECTED_FOLD: ("rejected: fold", NOW),
+    StepReason.RESTING: ("rests", (230, 159, 0)),
+    StepReason.FOUND_PLACE: ("found a better place", (0, 114, 178)),
+    StepReason.FOUND_TOGETHER: ("found a better place at the second try", (86, 180, 233)),
+    StepReason.NO_BETTER_PLACE: ("found no better place", REFERENCE),
+    StepReason.RETURNED: ("returned to the start", (240, 228, 66)),
+    StepReason.UNSEEN: ("not seen by 3 photos", (60, 60, 60)),
+    StepReason.LOCKED: ("locked", LOCKED),
+    StepReason.MOVED_MANUALLY: ("moved by hand", SELECTED),
+    StepReason.RESET_MANUALLY: ("reset by hand", (150, 120, 20)),
+    StepReason.SMOOTHED: ("smoothed", (170, 210, 170)),
+    StepReason.FITTED_TO_POINTS: ("drawn to points", (110, 180, 200)),
+}
+
+
+class Scale(Enum):
+    LINEAR = "linear"
+    LOGARITHMIC = "logarithmic"
+    COUNT = "count"
+    REASON = "reason"
+
+
+@dataclass(frozen=True)
+class Coloring:
+    """A quantity and how it is shown.
+
+    Attributes:
+        label: on its button. title: in the legend. unit: of the legend's numbers, may be empty.
+        by_face: one value a face rather than a vertex.
+        ask: reads the values from a session at a moment.
+    """
+
+    label: str
+    title: str
+    unit: str
+    by_face: bool
+    scale: Scale
+    ask: Callable[[Session, int], np.ndarray]
+
+
+DIFFERENCE = "difference"
+
+
+def _nowhere(session: Session, moment: int) -> np.ndarray:
+    """What a session cannot know: A is chosen on a page. Without A there is no distance to it."""
+    return np.full(len(session.scene.mesh.vertices), np.nan)
+
+
+COLORINGS: dict[str, Coloring] = {
+    "energy": Coloring("Energy", "Energy of each face", "", True, Scale.LINEAR, quantities.face_energy),
+    "moved": Coloring("Moved", "Moved from the start", "%", False, Scale.LINEAR, quantities.displacement),
+    "distance": Coloring("To truth", "Distance to the truth", "%", False, Scale.LINEAR, quantities.distance_to_truth),
+    DIFFERENCE: Coloring("To A", "Distance to where A has it", "%", False, Scale.LINEAR, _nowhere),
+    "photos": Coloring("Photos", "Photos that see each face", "", True, Scale.COUNT, quantities.view_count),
+    "determined": Coloring(
+        "Determined", "Weakest / strongest eigenvalue", "", False, Scale.LOGARITHMIC, quantities.determinacy
+    ),
+    "reason": Coloring("Last step", "Last step of each vertex", "", False, Scale.REASON, quantities.last_reason),
+}
+
+
+def available_colorings(scene: Scene) -> list[str]:
+    """The quantities that this scene has something for."""
+    return [name for name in COLORINGS if name != "distance" or scene.truth is not None]
+
+
+@dataclass(frozen=True, eq=False)
+class Legend:
+    """What the colours mean.
+
+    Attributes:
+        low, high: the values at the ends of the scale; equal if there is but one.
+        smallest, largest: of all values; they may lie beyond the ends.
+        unknown: how many faces or vertices have no value.
+        categories: names, colours and counts, of a scale without ends.
+    """
+
+    coloring: Coloring
+    low: float = 0.0
+    high: float = 0.0
+    smallest: float = 0.0
+    largest: float = 0.0
+    unknown: int = 0
+    categories: tuple[tuple[str, RGB, int], ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class ColoredMesh:
+    """A mesh of separate triangles that look their colours up in a picture.
+
+    Attributes:
+        vertices: (c, 3) float, in the units of the vertices given. faces: (t, 3) int. uv: (c, 2) float.
+        picture: the scale, a PNG file.
+    """
+
+    vertices: np.ndarray
+    faces: np.ndarray
+    uv: np.ndarray
+    picture: bytes
+    legend: Legend
+
+
+def color_mesh(coloring: Coloring, values: np.ndarray, vertices: np.ndarray, faces: np.ndarray) -> ColoredMesh:
+    """Colour a mesh.
+
+    Args:
+        values: (m,) or (n,) float, by face or by vertex, NaN where unknown.
+        vertices: (n, 3) float.
+        faces: (m, 3) int.
+    """
+    if coloring.scale is Scale.REASON:
+        corners, owner = _around_each_vertex(vertices, faces)
+        at, legend = _by_category(coloring, values)
+        colors = np.array([color for _, color in REASON_COLORS.values()], dtype=np.uint8)
+        corner_at = at[owner]
+    else:
+        corners = vertices[faces].reshape(-1, 3)
+        at, legend = _by_value(coloring, values)
+        colors = color_map()
+        corner_at = np.repeat(at, 3) if coloring.by_face else at[faces.ravel()]
+    known = ~np.isnan(corner_at)
+    # Texels' centres are where a value is exact: the first and the last are the ends of the scale.
+    u = (np.nan_to_num(corner_at) * (len(colors) - 1) + 0.5) / len(colors)
+    uv = np.stack([u, np.where(known, 0.25, 0.75)], axis=1)
+    return ColoredMesh(corners, np.arange(len(corners)).reshape(-1, 3), uv, _picture(colors), legend)
+
+
+def color_map() -> np.ndarray:
+    """(256, 3) uint8: cividis, from low (dark blue) to high (yellow); alike for all kinds of colour vision."""
+    ramp = np.arange(SHADES, dtype=np.uint8)[:, None]
+    return cv2.applyColorMap(ramp, cv2.COLORMAP_CIVIDIS)[:, 0, ::-1]
+
+
+def _by_value(coloring: Coloring, values: np.ndarray) -> tuple[np.ndarray, Legend]:
+    """Place of each value on the scale, 0 to 1, NaN where unknown."""
+    known = values[np.isfinite(values)]
+    if len(known) == 0:
+        return np.full(len(values), np.nan), Legend(coloring, unknown=len(values))
+    smallest, largest = float(known.min()), float(known.max())
+    if coloring.scale is Scale.COUNT:
+        low, high = smallest, largest
+    else:
+        low, high = (float(x) for x in np.percentile(known, ROBUST_RANGE))
+    scaled, ends = values.astype(float), (low, high)
+    if coloring.scale is Scale.LINEAR:
+        ends = (low, high) = (0.0, high)
+    elif coloring.scale is Scale.LOGARITHMIC:
+        low = max(low, high * 10.0**-DECADES)
+        with np.errstate(divide="ignore"):
+            scaled, ends = np.log(np.maximum(scaled, 0)), (np.log(max(low, 1e-300)), np.log(max(high, 1e-300)))
+    span = ends[1] - ends[0]
+    at = np.clip((scaled - ends[0]) / span, 0, 1) if span > 0 else np.where(np.isnan(scaled), np.nan, 0.0)
+    return at, Legend(coloring, low, high, smallest, largest, int(np.isnan(values).sum()))
+
+
+def _by_category(coloring: Coloring, values: np.ndarray) -> tuple[np.ndarray, Legend]:
+    at = np.full(len(values), np.nan)
+    categories = []
+    for k, (reason, (name, color)) in enumerate(REASON_COLORS.items()):
+        chosen = values == reason
+        at[chosen] = k / (len(REASON_COLORS) - 1)
+        if chosen.any():
+            categories.append((name, color, int(chosen.sum())))
+    return at, Legend(coloring, unknown=int(np.isnan(values).sum()), categories=tuple(categories))
+
+
+def _around_each_vertex(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Corners (18 m, 3) of six triangles a face, and for each the vertex it lies nearest to (18 m,)."""
+    points = vertices[faces]
+    middle = points.mean(axis=1)
+    pieces, owner = [], []
+    for k in range(3):
+        here, ahead, behind = points[:, k], points[:, (k + 1) % 3], points[:, (k + 2) % 3]
+        to_next, from_last = (here + ahead) / 2, (behind + here) / 2
+        pieces += [np.stack([here, to_next, middle], axis=1), np.stack([here, middle, from_last], axis=1)]
+        owner += [faces[:, k], faces[:, k]]
+    return np.concatenate(pieces).reshape(-1, 3), np.repeat(np.concatenate(owner), 3)
+
+
+def _picture(colors: np.ndarray) -> bytes:
+    """A PNG file: the colours above, the colour of the unknown below."""
+    below = np.tile(np.array(UNKNOWN, dtype=np.uint8), (len(colors), 1))
+    ok, encoded = cv2.imencode(".png", np.stack([colors, below])[..., ::-1])
+    assert ok
+    return encoded.tobytes()

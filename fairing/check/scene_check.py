@@ -1,0 +1,148 @@
+"""Can this input work? Cameras, coverage, sizes, texture and exposure, judged before a run with the run's own rules."""
+
+import os
+from collections.abc import Iterable
+from concurrent.futures import Executor, ThreadPoolExecutor
+from dataclasses import replace
+
+import numpy as np
+
+from fairing.cells.context import CellContext, build_context, facing
+from fairing.cells.scale_space import ScaleSpace
+from fairing.cells.visibility import Visibility
+from fairing.check.appearance import Appearance, exposures, measure_appearance
+from fairing.check.conventions import explain_reprojection, median_shift
+from fairing.check.hints import find_hints, find_suggestions
+from fairing.check.memory import memory_needed
+from fairing.check.result import SEEN, FaceChecks, SceneCheck, ViewCheck
+from fairing.geometry.mesh_check import inspect_mesh
+from fairing.geometry.rasterize import rasterize
+from fairing.options import FairingOptions
+from fairing.scene import Scene
+
+MOST_FACES = 10_000  # asked about their parallax: evenly chosen ones stand for all
+COVERAGE_WIDTH = 500  # px of the picture that tells how much of a photo the mesh covers
+
+
+class _MasksAlone(ScaleSpace):
+    """No cell is sampled here, so no photo is laid out."""
+
+    def lay_out(
+        self, blur: float, cubic: bool, wanted: Iterable[tuple[int, float]], pool: Executor
+    ) -> tuple[np.ndarray, dict[tuple[int, float], int]]:
+        return np.zeros(0, dtype=np.float32), dict.fromkeys(wanted, 0)
+
+
+def check_scene(scene: Scene, options: FairingOptions | None = None) -> SceneCheck:
+    """Judge a scene at the finest level of the options.
+
+    Raises:
+        InputError: a photo cannot be decoded.
+    """
+    options = options or FairingOptions()
+    sound = np.ones(len(scene.mesh.faces), dtype=bool)
+    sound[inspect_mesh(scene.mesh).degenerate_faces] = False
+    vertices, level = scene.mesh.vertices, options.n_levels - 1
+    as_seen = replace(options, cells=replace(options.cells, point_spread=("as_seen",)))  # no photo need be read
+    with ThreadPoolExecutor(options.threads or os.cpu_count()) as pool:
+        context = build_context(
+            scene, _MasksAlone(scene, color=False), as_seen, level, vertices, facing(scene, vertices), sound, pool
+        )  # fmt: skip
+    appearance = measure_appearance(scene, context.reasons)
+    bright = exposures(appearance.mean)
+    views = tuple(_check_view(scene, v, context, bright[v]) for v in range(len(scene.views)))
+    part = context.takes_part
+    codes, counts = np.unique(context.reasons, return_counts=True)
+    faces = _check_faces(context, appearance)
+    check = SceneCheck(
+        verdict="good",
+        n_faces=len(part),
+        faces_in_part=int(part.sum()),
+        views_per_face=_percentiles(context.n_views),
+        footprint=_percentiles(faces.footprint[part]),
+        texture=_percentiles(faces.texture[part & np.isfinite(faces.texture)]),
+        reasons={Visibility(code).name.lower(): int(count) for code, count in zip(codes, counts, strict=True)},
+        parallax=_parallax(scene, context),
+        mistake=explain_reprojection(scene),
+        memory=memory_needed(scene, options),
+        views=views,
+        faces=faces,
+        visibility=context.reasons,
+        warnings=scene.warnings,
+        hints=(),
+        suggestions=(),
+    )
+    hints = find_hints(check)
+    return replace(
+        check,
+        verdict="unusable" if not part.any() else "doubtful" if hints else "good",
+        hints=tuple(hints),
+        suggestions=tuple(find_suggestions(scene, check, options)),
+    )
+
+
+def _check_faces(context: CellContext, appearance: Appearance) -> FaceChecks:
+    part = context.takes_part
+    counts = np.stack([(context.reasons == code).sum(axis=1) for code in Visibility], axis=1)
+    counts[:, list(SEEN)] = 0
+    names = [code.name.lower() for code in Visibility]
+    reasons = [
+        "" if takes_part else names[most] if number else "too_few_photos"
+        for takes_part, most, number in zip(
+            part.tolist(), counts.argmax(axis=1).tolist(), counts.max(axis=1).tolist(), strict=True
+        )
+    ]
+    return FaceChecks(
+        context.n_views, part, np.sqrt(context.footprint_area), appearance.texture, appearance.weakest, reasons
+    )
+
+
+def _check_view(scene: Scene, v: int, context: CellContext, exposure: float) -> ViewCheck:
+    view = scene.views[v]
+    seen = np.isin(context.reasons[:, v], SEEN)
+    shrink = min(1.0, COVERAGE_WIDTH / view.camera.width)
+    small = view.camera.resized(*(max(1, round(shrink * size)) for size in (view.camera.width, view.camera.height)))
+    face_id, _ = rasterize(scene.mesh.vertices, scene.mesh.faces[seen], small)
+    _, depth = view.camera.project(scene.mesh.vertices)
+    shift = median_shift(scene, v)
+    used = np.unique(scene.mesh.faces)
+    return ViewCheck(
+        name=view.name,
+        width=view.camera.width,
+        height=view.camera.height,
+        focal_length=float(view.camera.K[0, 0]),
+        faces=int(seen.sum()),
+        mesh_share=float((face_id >= 0).mean()),
+        in_front=float((depth[used] > 0).mean()),
+        reprojection=_reprojection(scene, v),
+        shift=None if shift is None else (float(shift[0]), float(shift[1])),
+        exposure=float(exposure) if np.isfinite(exposure) else None,
+        masked=0.0 if view.mask is None else float(1 - view.mask.load().mean()),
+    )
+
+
+def _reprojection(scene: Scene, v: int) -> float | None:
+    sparse = scene.sparse_points
+    if sparse is None or not (sparse.observations[:, 1] == v).any():
+        return None
+    mine = sparse.observations[:, 1] == v
+    uv, _ = scene.views[v].camera.project(sparse.positions[sparse.observations[mine, 0]])
+    return float(np.median(np.linalg.norm(uv - sparse.pixels[mine], axis=1)))
+
+
+def _parallax(scene: Scene, context: CellContext) -> float | None:
+    """Median over faces of the widest angle between lines of sight, degrees."""
+    centers = np.array([view.camera.center for view in scene.views])
+    widest = []
+    part = np.flatnonzero(context.takes_part)
+    for face in part[:: -(-len(part) // MOST_FACES) or 1].tolist():
+        rays = centers[context.kernel.pair_view[context.pairs_of(face)]] - scene.mesh.vertices[
+            scene.mesh.faces[face]
+        ].mean(axis=0)
+        rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+        widest.append(np.degrees(np.arccos(np.clip((rays @ rays.T).min(), -1, 1))))
+    return float(np.median(widest)) if widest else None
+
+
+def _percentiles(values: np.ndarray) -> tuple[float, ...]:
+    return tuple(np.percentile(values, [0, 25, 50, 75, 100]).tolist()) if len(values) else ()

@@ -1,0 +1,226 @@
+"""Flows to look at (the paper's figure 4): what a displaced vertex does to cells, and what cells ask for.
+
+Two fields over the same cells, with opposite signs by construction:
+
+- `model_flow`: a displacement eta of the vertex moves the places where the photo is read by upsilon(u, eta), so that
+  the new cell is I(u + upsilon). Arrows show upsilon.
+- `optical_flow`: how the texture has to move to get from the cell to its reconstruction, [U c](u + f) = I(u) (constant
+  brightness). Arrows show f.
+
+Eq. 4 asks for upsilon with I(u + upsilon) = [U c](u). So for the right eta f = -upsilon: the two counter-balance, as
+the paper says. It shows best with few eigenspace dimensions; more of them explain part of the misalignment away. Both
+flows are for display; the engine uses neither.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.ndimage import gaussian_filter
+
+from fairing.camera import Camera
+from fairing.judge.inspect import FaceCells
+from fairing.scene import Scene
+
+# Least eigenvalue of a window's structure tensor, (grey levels / cell pixel)^2, at which a flow is half believed.
+HALF_CONFIDENCE = 4.0
+
+
+@dataclass(frozen=True, eq=False)
+class ModelFlow:
+    """What a displacement of one vertex does to the cells of a face, n views, p places.
+
+    Attributes:
+        places: (p, 2) float: column and row in the cell, cell pixels.
+        vectors: (n, p, 2) float: upsilon, cell pixels (column, row).
+        photo_places: (n, p, 2) float: the same places in the photos, px.
+        photo_vectors: (n, p, 2) float: their displacement, px.
+        vertex_vectors: (n, 2) float: delta u_iv, displacement of the vertex itself in each photo, px.
+    """
+
+    places: np.ndarray
+    vectors: np.ndarray
+    photo_places: np.ndarray
+    photo_vectors: np.ndarray
+    vertex_vectors: np.ndarray
+
+
+def model_flow(
+    scene: Scene,
+    vertices: np.ndarray,
+    cells: FaceCells,
+    vertex: int,
+    displacement: np.ndarray,
+    affine: bool = False,
+    spacing: int = 1,
+) -> ModelFlow:
+    """Cell-pixel displacements induced by a small displacement eta of a vertex.
+
+    delta u = hat J eta (Eq. 10 and the linear variation of section 4.3), upsilon = H_2x2 delta u (Eq. 11 without the
+    neglected delta H), where H_2x2 is the linear part of cell_from_image at the place: constant over the cell with the
+    affine warp, else that of the homography.
+
+    Args:
+        vertices: (n, 3) float: positions the cells belong to.
+        vertex: one of the face's corners.
+        displacement: (3,) float, eta, world units.
+        affine: as in the options of the run.
+        spacing: every how many cell pixels to give a vector.
+
+    Raises:
+        ValueError: the vertex is no corner of the face.
+    """
+    face = scene.mesh.faces[cells.face]
+    if vertex not in face:
+        raise ValueError(f"vertex {vertex}: expected a corner of face {cells.face}, one of {face.tolist()}")
+    rows, columns = cells.rows_and_columns
+    chosen = (rows % spacing == 0) & (columns % spacing == 0)
+    rows, columns = rows[chosen], columns[chosen]
+    ramp = np.stack([columns + 1 / 3, rows + 1 / 3], axis=1) / cells.size
+    bary = np.column_stack([ramp, 1 - ramp.sum(axis=1)])
+    hat = bary[:, int(np.flatnonzero(face == vertex)[0])]
+    corners = vertices[face]
+    cameras = [scene.views[v].camera for v in cells.views]
+    found = [_in_photo(camera, corners, vertices[vertex], bary, hat, displacement, affine) for camera in cameras]
+    photo_places, photo_vectors, image_from_ramp, of_vertex = (np.array(part) for part in zip(*found, strict=True))
+    # One step of the ramp is `size` cell pixels.
+    vectors = cells.size * np.linalg.solve(image_from_ramp, photo_vectors[..., None])[..., 0]
+    places = np.stack([columns, rows], axis=1).astype(float)
+    return ModelFlow(places, vectors, photo_places, photo_vectors, of_vertex)
+
+
+def step_flow(
+    scene: Scene, before: np.ndarray, after: np.ndarray, cells: FaceCells, affine: bool = False, spacing: int = 1
+) -> ModelFlow | None:
+    """Cell-pixel displacements of a step: the sum over the face's corners that it moved. None if it moved none.
+
+    Args:
+        before, after: (n, 3) float: positions of all vertices; the cells belong to those before.
+        affine, spacing: as in `model_flow`.
+    """
+    moved = [int(v) for v in scene.mesh.faces[cells.face] if (before[v] != after[v]).any()]
+    flows = [model_flow(scene, before, cells, v, after[v] - before[v], affine, spacing) for v in moved]
+    if not flows:
+        return None
+    return replace(
+        flows[0],
+        vectors=np.sum([flow.vectors for flow in flows], axis=0),
+        photo_vectors=np.sum([flow.photo_vectors for flow in flows], axis=0),
+    )
+
+
+def _in_photo(
+    camera: Camera,
+    corners: np.ndarray,
+    vertex: np.ndarray,
+    bary: np.ndarray,
+    hat: np.ndarray,
+    displacement: np.ndarray,
+    affine: bool,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """In one photo, px: places (p, 2), their displacements (p, 2), the derivative of a place by the weights of corners
+    0 and 1 (p, 2, 2), and the vertex' displacement (2,)."""
+    of_vertex = camera.J_image_wrt_point(vertex) @ displacement
+    edges = corners[:2] - corners[2]
+    if affine:
+        uv, _ = camera.project(corners)
+        image_from_ramp = np.broadcast_to((uv[:2] - uv[2]).T, (len(bary), 2, 2))
+        return bary @ uv, hat[:, None] * of_vertex, image_from_ramp, of_vertex
+    points = bary @ corners
+    J = camera.J_image_wrt_point(points)
+    return camera.project(points)[0], hat[:, None] * (J @ displacement), J @ edges.T, of_vertex
+
+
+@dataclass(frozen=True, eq=False)
+class OpticalFlow:
+    """Motion of the texture from each cell to its reconstruction.
+
+    Attributes:
+        places: (q, 2) float: column and row in the cell, cell pixels.
+        vectors: (n, q, 2) float: f, cell pixels (column, row); 0 where nothing is known.
+        confidence: (n, q) float, 0 to 1: how well the texture in the window determines both components (from the
+            smaller eigenvalue of its structure tensor; 0 along a mere edge).
+    """
+
+    places: np.ndarray
+    vectors: np.ndarray
+    confidence: np.ndarray
+
+
+def optical_flow(cells: FaceCells, window: float = 4.0, spacing: int = 1, reduction: int = 1) -> OpticalFlow:
+    """Flow from each cell to its reconstruction.
+
+    Args:
+        window: sigma of the Gaussian window, cell pixels.
+        spacing: every how many cell pixels to give a vector.
+        reduction: average blocks of so many cell pixels first: faster by its square; what is smaller is lost.
+    """
+    one, other = cells.as_images(cells.observed), cells.as_images(cells.reconstruction)
+    valid = cells.as_images(cells.counts.astype(float))
+    if cells.channels > 1:
+        one, other, valid = one.mean(axis=-1), other.mean(axis=-1), valid[..., 0]
+    if reduction > 1:
+        one, other, valid = (_reduced(images, reduction) for images in (one, other, valid))
+    rows, columns = cells.rows_and_columns
+    last = one.shape[1] * reduction  # what is left over at the ends of a reduced cell has no flow
+    chosen = (rows % spacing == 0) & (columns % spacing == 0) & (rows < last) & (columns < last)
+    rows, columns = rows[chosen], columns[chosen]
+    at = rows // reduction, columns // reduction
+    flows = [lucas_kanade(a, b, v == 1, window / reduction) for a, b, v in zip(one, other, valid, strict=True)]
+    shape = (len(flows), len(rows))
+    vectors = reduction * np.array([flow[at] for flow, _ in flows]).reshape(*shape, 2)
+    confidence = np.array([belief[at] for _, belief in flows]).reshape(shape)
+    return OpticalFlow(np.stack([columns, rows], axis=1).astype(float), vectors, confidence)
+
+
+def _reduced(images: np.ndarray, reduction: int) -> np.ndarray:
+    """(n, N // r, N // r): means of blocks; NaN where a block reaches out of the triangle."""
+    size = images.shape[1] // reduction
+    blocks = images[:, : size * reduction, : size * reduction].reshape(-1, size, reduction, size, reduction)
+    return blocks.mean(axis=(2, 4))
+
+
+def lucas_kanade(
+    image: np.ndarray, target: np.ndarray, valid: np.ndarray, window: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Flow f (h, w, 2) with target(u + f) = image(u), least squares in a Gaussian window, and confidence (h, w).
+
+    Brightness constancy, linearised with the mean of both gradients g (the error is then of third order in f):
+    g . f + (target - image) = 0. The window's normal equations (sum g g^T) f = -sum g (target - image), Lucas and
+    Kanade 1981, are damped so that f falls to 0 where there is no texture.
+
+    Args:
+        image, target: (h, w) float, grey levels; NaN is allowed where not valid.
+        valid: (h, w) bool: pixels that count.
+        window: sigma, pixels.
+    """
+    mean = np.where(valid, 0.5 * (image + target), 0)
+    difference = np.where(valid, target - image, 0)
+    gx, usable_x = _slope(mean, valid, axis=1)
+    gy, usable_y = _slope(mean, valid, axis=0)
+    weight = (valid & usable_x & usable_y).astype(float)
+    total = np.maximum(gaussian_filter(weight, window), 1e-9)
+
+    def average(values: np.ndarray) -> np.ndarray:
+        return gaussian_filter(weight * values, window) / total
+
+    xx, xy, yy = average(gx * gx), average(gx * gy), average(gy * gy)
+    bx, by = -average(gx * difference), -average(gy * difference)
+    root = np.sqrt((0.5 * (xx - yy)) ** 2 + xy**2)
+    smaller = np.maximum(0.5 * (xx + yy) - root, 0)
+    ridge = 1e-3 * (xx + yy) + 1e-9
+    determinant = (xx + ridge) * (yy + ridge) - xy**2
+    flow = np.stack([(yy + ridge) * bx - xy * by, (xx + ridge) * by - xy * bx], axis=-1) / determinant[..., None]
+    known = valid & (total > 1e-3)
+    confidence = np.where(known, smaller / (smaller + HALF_CONFIDENCE), 0)
+    return np.where(known[..., None], flow, 0), confidence
+
+
+def _slope(image: np.ndarray, valid: np.ndarray, axis: int) -> tuple[np.ndarray, np.ndarray]:
+    """Central difference along an axis, and where both neighbours count."""
+    ahead, behind = np.roll(image, -1, axis), np.roll(image, 1, axis)
+    usable = np.roll(valid, -1, axis) & np.roll(valid, 1, axis)
+    edge = [slice(None), slice(None)]
+    for end in (0, -1):
+        edge[axis] = slice(end, None) if end else slice(0, 1)
+        usable[tuple(edge)] = False
+    return np.where(usable, 0.5 * (ahead - behind), 0), usable

@@ -1,0 +1,210 @@
+"""The cells of any recorded moment, computed again on demand: the paper's figure 3, for every face and view.
+
+Nothing of this is stored. A trace holds the vertices to the bit, a sweep's visibility and robust scale follow from
+them, and the same compiled functions as in the run give the same cells, residuals and energies, to the last bit.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from fairing.cells.context import CellContext
+from fairing.errors import InputError
+from fairing.kernels.data import NORM_GEMAN_MCCLURE, NORM_HUBER, KernelData
+from fairing.kernels.faces import show_face
+from fairing.run.session import Session
+
+
+@dataclass(frozen=True, eq=False)
+class FaceCells:
+    """The cells of one face, n views, N x N samples in a right triangle, p samples (times three with colour).
+
+    A sample stands at row r and column c of the cell. Corner 2 of the face is the cell's right angle at the top left,
+    corner 0 lies to its right, corner 1 below it. `as_images` puts values in that place.
+
+    Attributes:
+        face: id.
+        moment: the moment they belong to.
+        size: N.
+        channels: 1 (grey) or 3.
+        views: (n,) int: the view of each cell.
+        observed: (n, p) float32: I, grey levels.
+        reconstruction: (n, p) float32: U c, grey levels (with mean cell and means added where options take them off).
+        residual: (n, p) float32: e = I - U c, 0 where masked.
+        counts: (n, p) bool: samples that this view really shows; others take no part.
+        weights: (n, p) float32: robust weight rho'(e) / e.
+        rho: (n, p) float: robust norm of the residual; n energies are its sums over p times `pair_weight`.
+        sigma: scale parameter of the robust norm, grey levels.
+        outlier_threshold: e_T, |e| at which a residual begins to lose influence, grey levels; infinite if never.
+        pair_weight: (n,) float: photo pixels a sample stands for.
+        view_energy: (n,) float: exactly as recorded.
+        basis: (k, p) float32: basis images U, rows orthonormal; k = 0 if too few views see the face.
+        singular_values: (n,) float, descending.
+        coefficients: (n, k) float: c.
+        corners_px: (n, 3, 2) float: the face's corners in the photos, px.
+    """
+
+    face: int
+    moment: int
+    size: int
+    channels: int
+    views: np.ndarray
+    observed: np.ndarray
+    reconstruction: np.ndarray
+    residual: np.ndarray
+    counts: np.ndarray
+    weights: np.ndarray
+    rho: np.ndarray
+    sigma: float
+    outlier_threshold: float
+    pair_weight: np.ndarray
+    view_energy: np.ndarray
+    basis: np.ndarray
+    singular_values: np.ndarray
+    coefficients: np.ndarray
+    corners_px: np.ndarray
+
+    @property
+    def takes_part(self) -> bool:
+        """Whether the face has an energy at all (at least three views, k >= 1)."""
+        return len(self.basis) > 0
+
+    @property
+    def energy(self) -> float:
+        """E of Eq. 2 for this face, exactly as recorded."""
+        total = 0.0
+        for energy in self.view_energy.tolist():
+            total += energy
+        return total
+
+    @cached_property
+    def rows_and_columns(self) -> tuple[np.ndarray, np.ndarray]:
+        """Row and column (p / channels,) of every sample."""
+        rows, columns = np.nonzero(np.add.outer(np.arange(self.size), np.arange(self.size)) < self.size)
+        return rows, columns
+
+    def as_images(self, values: np.ndarray) -> np.ndarray:
+        """(n, N, N) float, or (n, N, N, 3) in colour, from values (n, p); NaN outside the triangle."""
+        rows, columns = self.rows_and_columns
+        planes = values.reshape(len(values), self.channels, len(rows))
+        images = np.full((len(values), self.size, self.size, self.channels), np.nan)
+        images[:, rows, columns] = planes.transpose(0, 2, 1)
+        return images[..., 0] if self.channels == 1 else images
+
+
+def face_cells(session: Session, face: int, moment: int | None = None, dimensions: int | None = None) -> FaceCells:
+    """Cells of a face at a moment, under the visibility and robust scale of the sweep of the moment's next step.
+
+    Their energy is the `face_energy_before` of that step, if it is a Gauss-Newton step that looks at the face
+    (searches and the smoothing of the start compare places with cells of their own).
+
+    Args:
+        face: id.
+        moment: default: the session's present one.
+        dimensions: k to look at instead of the run's own; the run is not changed by it.
+
+    Raises:
+        IndexError: no such face or moment.
+        InputError: a corner of the face lies behind a camera at that moment, or k does not fit the views.
+    """
+    moment = session.moment if moment is None else moment
+    if not 0 <= face < len(session.scene.mesh.faces):
+        raise IndexError(f"face {face}: this mesh has faces 0 to {len(session.scene.mesh.faces) - 1}")
+    vertices = session.trace.vertices_at(moment)
+    sweep = session.sweep_state(moment)
+    context = sweep.context if dimensions is None else _with_dimensions(sweep.context, face, dimensions)
+    return cells_in_context(
+        session, context, vertices, face, moment, float(sweep.sigma[face]), float(sweep.scale[face])
+    )
+
+
+def energies_by_dimension(session: Session, face: int, moment: int | None = None) -> np.ndarray:
+    """(n - 2,) float: the face's energy E with k = 1, 2 ... n - 2, n views; empty where fewer than three see it.
+
+    sigma stays the run's. To first order the misalignment of the cells spans three dimensions, so the first few k take
+    up most of a misplaced face's energy: the eigenspace absorbs what should move the vertex.
+    """
+    moment = session.moment if moment is None else moment
+    largest = int(session.sweep_state(moment).context.n_views[face]) - 2
+    return np.array([face_cells(session, face, moment, k).energy for k in range(1, largest + 1)])
+
+
+def _with_dimensions(context: CellContext, face: int, dimensions: int) -> CellContext:
+    """The context with another k for one face."""
+    largest = max(0, int(context.n_views[face]) - 2)
+    if not 1 <= dimensions <= largest:
+        raise InputError(
+            f"k = {dimensions}: face {face} is seen by {context.n_views[face]} photos, so k is 1 to {largest}"
+        )
+    k = context.kernel.face_dimensions.copy()
+    k[face] = dimensions
+    return replace(context, kernel=context.kernel._replace(face_dimensions=k))
+
+
+def cells_in_context(
+    session: Session, context: CellContext, vertices: np.ndarray, face: int, moment: int, sigma: float, scale: float
+) -> FaceCells:
+    """Cells of a face at any vertex positions (n, 3); `scale` is what the kernel wants of sigma."""
+    data = context.kernel
+    pairs = context.pairs_of(face)
+    n, k = pairs.stop - pairs.start, int(data.face_dimensions[face])
+    grid = int(data.face_grid[face])
+    p = int(data.grid_start[grid + 1] - data.grid_start[grid]) * data.channels
+    raw, residual, weights, counts = (np.zeros((n, p), dtype=np.float32) for _ in range(4))
+    bias = np.zeros(n, dtype=np.float32)
+    basis, V = np.zeros((k + 1, p), dtype=np.float32), np.zeros((n, k + 1))
+    singular_values, view_energy = np.zeros(n), np.zeros(n)
+    fitted = show_face(
+        data, np.ascontiguousarray(vertices), face, scale,
+        raw, bias, residual, weights, counts, basis, V, singular_values, view_energy,
+    )  # fmt: skip
+    if fitted is None:
+        raise InputError(f"face {face}: a corner lies behind a camera at moment {moment}, so it has no cells")
+    views = data.pair_view[pairs]
+    cameras = [session.scene.views[v].camera for v in views]
+    corners = vertices[session.scene.mesh.faces[face]]
+    return FaceCells(
+        face=face,
+        moment=moment,
+        size=round((np.sqrt(8 * p / data.channels + 1) - 1) / 2),
+        channels=data.channels,
+        views=views,
+        observed=raw,
+        reconstruction=_reconstruction(raw, fitted, bias[:, None], residual, counts > 0),
+        residual=residual,
+        counts=counts > 0,
+        weights=weights,
+        rho=_rho(data, residual, scale) if k else np.zeros((n, p)),
+        sigma=sigma,
+        outlier_threshold=float(np.sqrt(scale / 3)) if data.norm == NORM_GEMAN_MCCLURE else float("inf"),
+        pair_weight=data.pair_weight[pairs],
+        view_energy=view_energy,
+        basis=basis[:k],
+        singular_values=singular_values,
+        coefficients=V[:, :k] * singular_values[:k],
+        corners_px=np.stack([camera.project(corners)[0] for camera in cameras]) if n else np.zeros((0, 3, 2)),
+    )
+
+
+def _reconstruction(
+    raw: np.ndarray, fitted: np.ndarray, bias: np.ndarray, residual: np.ndarray, counts: np.ndarray
+) -> np.ndarray:
+    """U c in grey levels (n, p): I - e where the view shows the sample; elsewhere what the eigenspace predicts.
+
+    `fitted` differs from `raw` by each cell's `bias` and, with a centred eigenspace, by the mean cell; both are added
+    again.
+    """
+    mean_cell = np.where(counts, raw - fitted - bias, 0).sum(axis=0) / np.maximum(counts.sum(axis=0), 1)
+    return np.where(counts, raw - residual, fitted - residual + bias + mean_cell).astype(np.float32)
+
+
+def _rho(data: KernelData, residual: np.ndarray, scale: float) -> np.ndarray:
+    """The robust norm of each residual (as the kernel's `_weigh`, which returns only their sum)."""
+    squared = residual.astype(np.float64) ** 2
+    if data.norm == NORM_GEMAN_MCCLURE:
+        return squared / (scale + squared)
+    if data.norm == NORM_HUBER:
+        size = np.abs(residual.astype(np.float64))
+        return np.where(squared <= scale, squared, 2 * size * np.sqrt(scale) - scale) / scale
+    return squared / scale

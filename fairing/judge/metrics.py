@@ -1,0 +1,248 @@
+"""How good a mesh is: against the truth where it is known, against sparse points, and against photos left out.
+
+Distances come in world units and in percent of the diagonal of the scene's start mesh.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fairing.geometry.closest_point import SurfaceTree
+from fairing.geometry.normals import face_normals
+from fairing.geometry.rasterize import rasterize
+from fairing.mesh import Mesh
+from fairing.run.session import Session
+from fairing.scene import Scene
+from fairing.solve.energy import Evaluator
+from fairing.solve.point_fit import kept_points
+
+SURFACE_SAMPLES = 20_000
+SEEN_FRACTION = 0.3
+SEEN_PIXELS = 30
+SPAN_TOLERANCE = 0.05
+"""Normals that span less than this (sine of their angle) count as parallel."""
+
+
+@dataclass(frozen=True, eq=False)
+class Distances:
+    """Distances and the length that percentages refer to.
+
+    Attributes:
+        values: (n,) float, world units.
+        diagonal: world units.
+    """
+
+    values: np.ndarray
+    diagonal: float
+
+    @property
+    def percent(self) -> np.ndarray:
+        """(n,) float, percent of the diagonal."""
+        return 100 * self.values / self.diagonal
+
+    def summary(self) -> dict[str, float]:
+        """rms, mean, median and maximum, in percent of the diagonal and in world units."""
+        result = {}
+        for suffix, values in (("percent", self.percent), ("world", self.values)):
+            result |= {
+                f"rms_{suffix}": float(np.sqrt((values**2).mean())),
+                f"mean_{suffix}": float(values.mean()),
+                f"median_{suffix}": float(np.median(values)),
+                f"max_{suffix}": float(values.max()),
+            }
+        return result
+
+
+@dataclass(frozen=True, eq=False)
+class VertexErrors:
+    """How far vertices are from their true places, split by what photos can determine.
+
+    Attributes:
+        total: all of it.
+        determined: the part in the span of the normals of the true surfaces that meet at the vertex.
+        sliding: the rest: along a plane or an edge, where the surface moves in itself.
+        seen: the part of `determined` in the span of the normals of those true faces that at least three photos see.
+    """
+
+    total: Distances
+    determined: Distances
+    sliding: Distances
+    seen: Distances
+
+
+def vertex_errors(scene: Scene, vertices: np.ndarray) -> VertexErrors:
+    """Distances of vertices (n, 3) to the truth. Without known normals everything counts as determined."""
+    error = vertices - _true_vertices(scene)
+    determined = determined_part(scene, error)
+    diagonal = scene.mesh.diagonal
+    parts = (error, determined, error - determined, seen_part(scene, determined))
+    return VertexErrors(*(Distances(np.linalg.norm(part, axis=1), diagonal) for part in parts))
+
+
+def determined_part(scene: Scene, error: np.ndarray) -> np.ndarray:
+    """(n, 3) float: projection of each vertex's error (n, 3) on the span of its true normals."""
+    normals = scene.truth.normals if scene.truth is not None else None
+    if normals is None:
+        return error.copy()
+    result = np.empty_like(error)
+    for v, meeting in enumerate(normals):
+        _, strength, directions = np.linalg.svd(meeting, full_matrices=False)
+        basis = directions[strength > SPAN_TOLERANCE * strength[0]]
+        result[v] = basis.T @ (basis @ error[v])
+    return result
+
+
+def seen_part(scene: Scene, error: np.ndarray) -> np.ndarray:
+    """(n, 3) float: projection of each vertex's error (n, 3) on the span of the normals of its seen true faces.
+
+    What lies inside a porch or behind a pillar no photo can correct. A photo sees a face when `SEEN_FRACTION` of its
+    outline, and `SEEN_PIXELS`, shows the face itself; three photos are the least that determine anything.
+    """
+    vertices, faces = _true_vertices(scene), scene.mesh.faces
+    normals = face_normals(vertices, faces)
+    photos = np.zeros(len(faces), dtype=int)
+    for view in scene.views:
+        shown = rasterize(vertices, faces, view.camera)[0]
+        pixels = np.bincount(shown[shown >= 0], minlength=len(faces))
+        uv, depth = view.camera.project(vertices)
+        a, b, c = uv[faces].transpose(1, 0, 2)
+        area = 0.5 * np.abs((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
+        front = (normals * (view.camera.center - vertices[faces[:, 0]])).sum(axis=1) > 0
+        photos += front & (depth[faces] > 0).all(axis=1) & (pixels >= np.maximum(SEEN_FRACTION * area, SEEN_PIXELS))
+    unit = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+    result = np.zeros_like(error)
+    for v, ring in enumerate(scene.mesh.one_rings):
+        seen = ring[photos[ring] >= 3]
+        if len(seen) == 0:
+            continue
+        _, strength, directions = np.linalg.svd(unit[seen], full_matrices=False)
+        basis = directions[strength > SPAN_TOLERANCE * strength[0]]
+        result[v] = basis.T @ (basis @ error[v])
+    return result
+
+
+def sample_surface(mesh: Mesh, count: int = SURFACE_SAMPLES, seed: int = 0) -> np.ndarray:
+    """(count, 3) float: points spread evenly over the area of a mesh, always the same ones."""
+    rng = np.random.default_rng(seed)
+    area = np.linalg.norm(face_normals(mesh.vertices, mesh.faces), axis=1)
+    # Evenly spaced along the summed areas with one random offset each: less spread than independent draws.
+    where = (np.arange(count) + rng.random(count)) / count * area.sum()
+    face = np.minimum(np.searchsorted(np.cumsum(area), where, side="right"), len(area) - 1)
+    a, b = rng.random(count), rng.random(count)
+    a, b = np.where(a + b > 1, 1 - a, a), np.where(a + b > 1, 1 - b, b)
+    corners = mesh.vertices[mesh.faces[face]]
+    return a[:, None] * corners[:, 0] + b[:, None] * corners[:, 1] + (1 - a - b)[:, None] * corners[:, 2]
+
+
+def surface_distance(mesh: Mesh, surface: Mesh | SurfaceTree, diagonal: float) -> Distances:
+    """Distances of 20,000 samples of a mesh to a true or reference surface, exact."""
+    tree = surface if isinstance(surface, SurfaceTree) else SurfaceTree(surface)
+    return Distances(tree.distance(sample_surface(mesh)), diagonal)
+
+
+def sparse_point_distance(scene: Scene, vertices: np.ndarray) -> Distances | None:
+    """Distances of those sparse points that no vertex is ever drawn to, to the mesh at the given vertices (n, 3).
+
+    None where there are no such points.
+    """
+    points = kept_points(scene)
+    if len(points) == 0:
+        return None
+    return Distances(SurfaceTree(scene.mesh.moved(vertices)).distance(points), scene.mesh.diagonal)
+
+
+def reprojection_error(scene: Scene, vertices: np.ndarray, determined_only: bool = True) -> np.ndarray:
+    """(n,) float, px: how far vertices (n, 3) appear from their true places, rms over the photos they fall into.
+
+    NaN for a vertex outside all photos.
+
+    Args:
+        determined_only: leave out the part of the error that slides along the surface.
+    """
+    truth = _true_vertices(scene)
+    error = vertices - truth
+    moved = truth + (determined_part(scene, error) if determined_only else error)
+    total, count = np.zeros(len(vertices)), np.zeros(len(vertices))
+    for view in scene.views:
+        (there, depth), (here, _) = view.camera.project(truth), view.camera.project(moved)
+        size = np.array([view.camera.width, view.camera.height])
+        inside = (depth > 0) & (there >= 0).all(axis=1) & (there <= size - 1).all(axis=1)
+        total[inside] += ((here - there)[inside] ** 2).sum(axis=1)
+        count += inside
+    with np.errstate(invalid="ignore"):
+        return np.sqrt(total / count)
+
+
+def flipped_faces(start: np.ndarray, end: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """(f,) int: faces whose normal has turned by more than a right angle between two states of the vertices (n, 3)."""
+    return np.flatnonzero((face_normals(start, faces) * face_normals(end, faces)).sum(axis=1) < 0)
+
+
+@dataclass(frozen=True, eq=False)
+class EnergySummary:
+    """E of Eq. 2 at one moment, under the visibility and robust scale of that moment's sweep.
+
+    Attributes:
+        total: sum.
+        by_face: (m,) float.
+        by_view: (V,) float.
+        median_residual: (m,) float, grey levels; 0 for faces that take no part.
+    """
+
+    total: float
+    by_face: np.ndarray
+    by_view: np.ndarray
+    median_residual: np.ndarray
+
+
+def energy_summary(session: Session, moment: int | None = None) -> EnergySummary:
+    """The energy of all faces at a moment (default: now)."""
+    moment = session.moment if moment is None else moment
+    sweep = session.sweep_state(moment)
+    everything = np.arange(len(session.scene.mesh.faces))
+    evaluator = Evaluator(session.options.threads)
+    found = evaluator.measure(sweep.context, session.trace.vertices_at(moment), everything, sweep.scale)
+    by_view = sweep.context.by_view(found.pair_energy)
+    return EnergySummary(float(found.energy.sum()), found.energy, by_view, found.median)
+
+
+def quality_report(scene: Scene, start: np.ndarray, end: np.ndarray) -> dict[str, Any]:
+    """What can be said of a run without further photos, as plain numbers: before, after, and what got worse.
+
+    Args:
+        start, end: (n, 3) float: vertices of the welded mesh.
+    """
+    report: dict[str, Any] = {"flipped_faces": flipped_faces(start, end, scene.mesh.faces).tolist()}
+    states = {"before": start, "after": end}
+    for name, vertices in states.items():
+        if (distances := sparse_point_distance(scene, vertices)) is not None:
+            report.setdefault("sparse_points_to_surface", {})[name] = distances.summary()
+    if scene.truth is None:
+        return report
+    tree = SurfaceTree(scene.truth.surface)
+    report["surface_to_truth"] = {
+        name: surface_distance(scene.mesh.moved(vertices), tree, scene.mesh.diagonal).summary()
+        for name, vertices in states.items()
+    }
+    if scene.truth.vertices is not None:
+        errors = {name: vertex_errors(scene, vertices) for name, vertices in states.items()}
+        for part in ("total", "determined", "sliding", "seen"):
+            report[f"vertices_{part}"] = {name: getattr(error, part).summary() for name, error in errors.items()}
+        worse = errors["after"].determined.percent - errors["before"].determined.percent
+        report["vertices_determined"]["most_worsened_percent"] = float(worse.max())
+        report["reprojection_px"] = {
+            name: {
+                "rms": float(np.sqrt(np.nanmean(e**2))),
+                "median": float(np.nanmedian(e)),
+                "max": float(np.nanmax(e)),
+            }
+            for name, e in ((name, reprojection_error(scene, vertices)) for name, vertices in states.items())
+        }
+    return report
+
+
+def _true_vertices(scene: Scene) -> np.ndarray:
+    assert scene.truth is not None, "the scene has no truth"
+    assert scene.truth.vertices is not None, "the scene's truth names no vertices"
+    return scene.truth.vertices

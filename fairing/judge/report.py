@@ -1,0 +1,222 @@
+"""What a run did, as plain numbers for `report.json`."""
+
+import platform
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+import numpy as np
+
+from fairing.cells.context import CellContext
+from fairing.cells.visibility import Visibility
+from fairing.options import by_level, options_to_dict
+from fairing.run.session import Session
+from fairing.trace import StepReason, StepRecord, Trace
+
+PACKAGES = ("eigenfairing", "numpy", "scipy", "numba", "opencv-python-headless", "trimesh")
+
+
+@dataclass
+class SweepEnergy:
+    """Energy of the faces that a sweep touched, all under the visibility and robust scale of that sweep.
+
+    Energies of different sweeps differ in what they measure; only before and after of one sweep compare.
+
+    Attributes:
+        before, after: sums over faces.
+        steps, accepted: iterations, and vertex moves accepted in them.
+        longest_step_px: the farthest accepted move of a vertex in any photo.
+    """
+
+    level: int
+    sweep: int
+    before: float = 0.0
+    after: float = 0.0
+    steps: int = 0
+    accepted: int = 0
+    longest_step_px: float = 0.0
+
+
+class EnergyTally:
+    """Adds up the energies of a run, step by step."""
+
+    def __init__(self, n_faces: int) -> None:
+        self.sweeps: list[SweepEnergy] = []
+        self._before = np.zeros(n_faces)
+        self._after = np.zeros(n_faces)
+        self._touched = np.zeros(n_faces, dtype=bool)
+        self._is_preparing = False
+
+    def add(self, record: StepRecord) -> SweepEnergy:
+        """Count one step; returns the state of its sweep."""
+        level, sweep = record.position[:2]
+        if self._is_preparing:  # what was done to the start was judged by other cells than the first sweep's
+            self.sweeps.pop()
+        self._is_preparing = record.is_preparing
+        if not self.sweeps or (self.sweeps[-1].level, self.sweeps[-1].sweep) != (level, sweep):
+            self.sweeps.append(SweepEnergy(level, sweep))
+            self._touched[:] = False
+            self._before[:] = 0
+            self._after[:] = 0
+        new = ~self._touched[record.faces]
+        self._before[record.faces[new]] = record.face_energy_before[new]
+        self._touched[record.faces] = True
+        self._after[record.faces] = record.face_energy_after
+        current = self.sweeps[-1]
+        moved = (record.before != record.after).any(axis=1)
+        current.before, current.after = float(self._before.sum()), float(self._after.sum())
+        current.steps += 1
+        current.accepted += int(moved.sum())
+        current.longest_step_px = max(current.longest_step_px, float(record.step_px[moved].max(initial=0)))
+        return current
+
+
+def sweep_energies(trace: Trace) -> list[SweepEnergy]:
+    """Energy before and after every sweep of a run."""
+    tally = EnergyTally(len(trace.faces))
+    for record in trace.steps:
+        tally.add(record)
+    return tally.sweeps
+
+
+def run_report(session: Session, preset: str, seconds: dict[str, float], quality: dict[str, Any]) -> dict[str, Any]:
+    """Everything worth keeping about a run, ready for JSON.
+
+    Args:
+        preset: name of the preset the options began with.
+        seconds: time spent outside the session, by stage (loading, for example).
+        quality: what `fairing.judge.metrics.quality_report` says.
+    """
+    own = dict(session.seconds)
+    # Of a run cut short between two sweeps the next one would take minutes to prepare, only to be told of here.
+    sweep = session.sweep_state() if session.finished else session.latest_sweep
+    context = sweep.context if sweep else None
+    computing = max(own["steps"] - own["photos"] - own["visibility"], 1e-9)
+    stages = seconds | {"photos": own["photos"], "visibility": own["visibility"], "steps": computing}
+    return {
+        "format": "eigenfairing report 1",
+        "preset": preset,
+        "options": options_to_dict(session.options),
+        "versions": versions(),
+        "scene": _scene_facts(session),
+        "preparations": [reason.name.lower() for reason in session.trace.preparations],
+        "stop_reason": session.stop_reason,
+        "finished": session.finished,
+        "seconds": {"total": sum(stages.values())} | stages,
+        "samples": session.samples,
+        "samples_per_second": session.samples / computing,
+        "sweeps": [
+            vars(sweep) | {"blur_px": session.options.schedule.blur[sweep.level]}
+            for sweep in sweep_energies(session.trace)
+        ],
+        "skipped": _skipped(session, context),
+        "warnings": list(session.warnings),
+        "quality": quality,
+        "vertices": _vertices(session, context),
+    }
+
+
+def versions() -> dict[str, str | None]:
+    """Of Python, of this package and of those that results depend on."""
+    return {"python": platform.python_version()} | {name: _version(name) for name in PACKAGES}
+
+
+def _version(package: str) -> str | None:
+    """None for a package that is used from its source folder."""
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return None
+
+
+def _scene_facts(session: Session) -> dict[str, Any]:
+    scene = session.scene
+    return {
+        "name": scene.name,
+        "input_vertices": len(scene.original_from_welded),
+        "vertices": len(scene.mesh.vertices),
+        "faces": len(scene.mesh.faces),
+        "diagonal": scene.mesh.diagonal,
+        "photos": [
+            {"name": view.name, "width": view.camera.width, "height": view.camera.height} for view in scene.views
+        ],
+        "sparse_points": None if scene.sparse_points is None else len(scene.sparse_points.positions),
+        "truth_known": scene.truth is not None,
+    }
+
+
+def _skipped(session: Session, context: CellContext | None) -> dict[str, Any]:
+    """Faces and vertices that took no part at the last level, with the reasons; None: no sweep has begun."""
+    if context is None:
+        return {"faces": [], "faces_with_fewer_dimensions": [], "vertices": []}
+    asked = by_level(session.options.eigenspace.dimensions, context.level)
+    takes_part = context.takes_part
+    out = np.flatnonzero(~takes_part)
+    lowered = np.flatnonzero(takes_part & (context.kernel.face_dimensions < asked))
+    return {
+        "faces": [
+            {"face": int(face), "views": int(context.n_views[face]), "reasons": _reasons(context.reasons[face])}
+            for face in out
+        ],
+        "faces_with_fewer_dimensions": [
+            {"face": int(face), "views": int(context.n_views[face]), "k": int(context.kernel.face_dimensions[face])}
+            for face in lowered
+        ],
+        "vertices": [
+            {"vertex": vertex, "reason": _reason_for_rest(session, takes_part, vertex)}
+            for vertex in np.flatnonzero(~_ever_tried(session.trace)).tolist()
+        ],
+    }
+
+
+def _reasons(codes: np.ndarray) -> dict[str, int]:
+    values, counts = np.unique(codes, return_counts=True)
+    return {Visibility(value).name.lower(): int(count) for value, count in zip(values, counts, strict=True)}
+
+
+def _ever_tried(trace: Trace) -> np.ndarray:
+    tried = np.zeros(len(trace.start), dtype=bool)
+    for record in trace.steps:
+        tried[record.vertices] = True
+    return tried
+
+
+def _reason_for_rest(session: Session, takes_part: np.ndarray, vertex: int) -> str:
+    """Why a vertex did not move; takes_part (m,) bool: of faces at the last level."""
+    if session.locked[vertex]:
+        return StepReason.LOCKED.text
+    faces = session.scene.mesh.one_rings[vertex]
+    if not takes_part[faces].any():
+        return StepReason.UNSEEN.text
+    return "not reached" if not session.finished else StepReason.UNSEEN.text
+
+
+def _vertices(session: Session, context: CellContext | None) -> list[dict[str, Any]]:
+    """Every welded vertex, by the numbers its copies have in the input."""
+    n = len(session.scene.mesh.vertices)
+    takes_part = context.takes_part if context else np.ones(len(session.scene.mesh.faces), dtype=bool)
+    views = context.vertex_views.sum(axis=1) if context else np.zeros(n, dtype=int)
+    last_reason = np.full(n, -1)
+    eigenvalues = np.full((n, 3), np.nan)
+    for record in session.trace.steps:
+        returned = record.reasons == StepReason.RETURNED
+        eigenvalues[record.vertices[~returned]] = record.eigenvalues[~returned]
+        last_reason[record.vertices] = record.reasons
+    order = np.argsort(session.scene.original_from_welded, kind="stable")
+    copies = np.split(order, np.cumsum(np.bincount(session.scene.original_from_welded, minlength=n))[:-1])
+    start, end = session.trace.start, session.vertices
+    moved = np.linalg.norm(end - start, axis=1)
+    return [
+        {
+            "input_vertices": copies[v].tolist(),
+            "start": start[v].tolist(),
+            "end": end[v].tolist(),
+            "moved": float(moved[v]),
+            "views": int(views[v]),
+            "eigenvalues": None if np.isnan(eigenvalues[v]).any() else eigenvalues[v].tolist(),
+            "stop_reason": StepReason(last_reason[v]).text
+            if last_reason[v] >= 0
+            else _reason_for_rest(session, takes_part, v),
+        }
+        for v in range(n)
+    ]

@@ -1,0 +1,107 @@
+"""Which vertices move together, and in which order."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from fairing.mesh import Mesh
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """Vertices that take a step at the same time.
+
+    Attributes:
+        vertices: (u,) int, ids.
+        faces: (F,) int: the faces around them, ascending.
+        corners: (F,) int: the corner of each face that moves, -1 where several may.
+        owner: (F,) int: for each face the position in `vertices` of the vertex it counts for.
+        coupled: whether the vertices share faces and are solved by one system.
+        restart_level: the level at which a second try of the vertices begins; None: no second try.
+    """
+
+    vertices: np.ndarray
+    faces: np.ndarray
+    corners: np.ndarray
+    owner: np.ndarray
+    coupled: bool
+    restart_level: int | None = None
+
+
+def plan_blocks(mesh: Mesh, free: np.ndarray, order: str, face_energy: np.ndarray) -> list[Block]:
+    """The units of a sweep.
+
+    Args:
+        free: (n,) bool: vertices that may move.
+        order: see `ScheduleOptions.order`.
+        face_energy: (m,) float, for `worst_first`.
+    """
+    ids = np.flatnonzero(free)
+    if len(ids) == 0:
+        return []
+    if order == "joint":
+        faces = np.arange(len(mesh.faces))
+        slot = np.full(len(mesh.vertices), -1)
+        slot[ids] = np.arange(len(ids))
+        corners = slot[mesh.faces]
+        # A face counts for its first free vertex; faces without one keep a constant energy and count for any.
+        first = np.argmax(corners >= 0, axis=1)
+        owner = np.maximum(corners[faces, first], 0)
+        return [Block(ids, faces, np.full(len(faces), -1), owner, coupled=True)]
+    if order == "sequential":
+        return [independent_block(mesh, np.array([v])) for v in ids]
+    if order == "worst_first":
+        energy = np.array([face_energy[mesh.one_rings[v]].sum() for v in ids])
+        return [independent_block(mesh, np.array([v])) for v in ids[np.argsort(-energy, kind="stable")]]
+    return [independent_block(mesh, group) for group in independent_sets(mesh, ids)]
+
+
+def independent_sets(mesh: Mesh, ids: np.ndarray) -> list[np.ndarray]:
+    """Greedy colouring: sets of the given vertices, no two of a set on one face."""
+    neighbours: list[set[int]] = [set() for _ in range(len(mesh.vertices))]
+    for a, b in mesh.edges:
+        neighbours[a].add(int(b))
+        neighbours[b].add(int(a))
+    color = np.full(len(mesh.vertices), -1)
+    for v in ids:
+        taken = {int(color[w]) for w in neighbours[v]}
+        color[v] = next(c for c in range(len(taken) + 1) if c not in taken)
+    return [np.flatnonzero(color == c) for c in range(color.max() + 1)]
+
+
+def independent_block(mesh: Mesh, vertices: np.ndarray) -> Block:
+    """A unit of vertices (u,) that share no face, with the faces around them."""
+    faces = np.concatenate([mesh.one_rings[v] for v in vertices])
+    owner = np.repeat(np.arange(len(vertices)), [len(mesh.one_rings[v]) for v in vertices])
+    corners = np.argmax(mesh.faces[faces] == vertices[owner][:, None], axis=1)
+    order = np.argsort(faces, kind="stable")
+    return Block(vertices, faces[order], corners[order], owner[order], coupled=False)
+
+
+def group_block(mesh: Mesh, groups: list[np.ndarray]) -> Block:
+    """A unit of groups of vertices that share no face with another group: the first of each stands for its group."""
+    group = np.full(len(mesh.vertices), -1)
+    for k, ids in enumerate(groups):
+        group[ids] = k
+    owner = group[mesh.faces].max(axis=1)
+    faces = np.flatnonzero(owner >= 0)
+    first = np.array([ids[0] for ids in groups])
+    return Block(first, faces, np.full(len(faces), -1), owner[faces], coupled=True)
+
+
+def restart_block(mesh: Mesh, ids: np.ndarray, level: int) -> Block:
+    """A unit of vertices that are tried again from a level on."""
+    faces = np.flatnonzero(np.isin(mesh.faces, ids).any(axis=1))
+    return Block(
+        ids, faces, np.full(len(faces), -1), np.zeros(len(faces), dtype=int), coupled=True, restart_level=level
+    )
+
+
+def connected_groups(mesh: Mesh, mask: np.ndarray) -> list[np.ndarray]:
+    """The vertices of a mask (n,), by connected groups."""
+    edges = mesh.edges[mask[mesh.edges].all(axis=1)]
+    n = len(mesh.vertices)
+    _, label = connected_components(coo_array((np.ones(len(edges)), edges.T), shape=(n, n)), directed=False)
+    return [np.flatnonzero(mask & (label == k)) for k in np.unique(label[mask])]

@@ -1,0 +1,75 @@
+"""How far vertices move in the photos, and how far a step may take them."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from fairing.geometry.normals import folded_faces
+from fairing.options import StepOptions
+from fairing.scene import View
+
+_HALVINGS = 3
+
+
+def pixels_moved(
+    views: Sequence[View], vertex_views: np.ndarray, vertices: np.ndarray, ids: np.ndarray, steps: np.ndarray
+) -> np.ndarray:
+    """(u,) float: how far each step moves its vertex in the photo where it moves most, px.
+
+    Args:
+        vertex_views: (n, V) bool: photos that count for each vertex.
+        ids: (u,) int: vertices that move.
+        steps: (u, 3) float, world units.
+    """
+    longest = np.zeros(len(ids))
+    seen = vertex_views[ids]
+    for v in np.flatnonzero(seen.any(axis=0)).tolist():
+        rows = np.flatnonzero(seen[:, v])
+        J = views[v].camera.J_image_wrt_point(vertices[ids[rows]])
+        longest[rows] = np.maximum(longest[rows], np.linalg.norm(np.einsum("nij,nj->ni", J, steps[rows]), axis=1))
+    return longest
+
+
+def pixels_per_unit(views: Sequence[View], vertex_views: np.ndarray, vertices: np.ndarray) -> np.ndarray:
+    """(n,) float: how far a vertex moves at most in a photo, px per world unit; 0 where no photo counts."""
+    longest = np.zeros(len(vertices))
+    for v, view in enumerate(views):
+        ids = np.flatnonzero(vertex_views[:, v])
+        J = view.camera.J_image_wrt_point(vertices[ids])
+        longest[ids] = np.maximum(longest[ids], np.linalg.norm(J, 2, axis=(1, 2)) if len(ids) else 0)
+    return longest
+
+
+def shortened(
+    views: Sequence[View],
+    vertex_views: np.ndarray,
+    vertices: np.ndarray,
+    ids: np.ndarray,
+    steps: np.ndarray,
+    longest: float,
+) -> np.ndarray:
+    """Steps (u, 3) that move no vertex farther than `longest` in any photo, px."""
+    pixels = pixels_moved(views, vertex_views, vertices, ids, steps)
+    return steps * np.minimum(1, longest / np.maximum(pixels, 1e-12))[:, None]
+
+
+def unfolded(
+    vertices: np.ndarray,
+    ids: np.ndarray,
+    steps: np.ndarray,
+    start: np.ndarray,
+    faces: np.ndarray,
+    options: StepOptions,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Steps (u, 3) shortened until no face folds or collapses; and (u,) bool: which vertices were held back."""
+    tried, folds = steps.copy(), np.zeros(len(ids), dtype=bool)
+    after = vertices.copy()
+    attempt = 0
+    while True:
+        after[ids] = vertices[ids] + tried
+        hit = np.isin(ids, faces[folded_faces(vertices, after, start, faces, options)])
+        folds |= hit
+        if not tried[hit].any():
+            return tried, folds
+        tried[hit] *= 0.5 if attempt < _HALVINGS else 0.0
+        attempt += 1

@@ -1,0 +1,4 @@
+"""Helpers without any knowledge of meshes or photos.
+
+Holds lazy imports, the append-only block file and the bounded cache. May import `fairing.errors` only.
+"""

@@ -1,0 +1,315 @@
+"""The page in a real browser: what is drawn is what the record says, and nothing a user does breaks it."""
+
+import http.client
+import socket
+import time
+
+import numpy as np
+import pytest
+
+from app.debugger.commands import JumpTo
+from app.debugger.run_state import Activity
+from app.page.server import App, start
+from demo_scenes import load_demo
+from fairing.errors import InputError
+from fairing.options import FairingOptions, ScheduleOptions
+from fairing.run.session import Session
+from tests.browser.driver import IN_BROWSER, Visitor, letterboxed
+from tests.waiting import PATIENCE, wait_for
+
+pytestmark = IN_BROWSER
+
+OPTIONS = FairingOptions(
+    schedule=ScheduleOptions(blur=(3.6, 2.0), order="sequential", max_sweeps=(2,), max_iterations=(3,), start="first")
+)
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return load_demo("cube")
+
+
+@pytest.fixture(scope="module")
+def app(scene):
+    app = start(Session(scene, OPTIONS), port=0)
+    yield app
+    app.stop()
+
+
+@pytest.fixture
+def visitor(module_visitor: Visitor):
+    """A page at the start of the recorded run; fails a test that left trouble behind."""
+    visitor = module_visitor
+    visitor.app.controller.post(JumpTo(0))
+    visitor.app.controller.wait_until_idle()
+    yield visitor
+    assert visitor.troubles == []
+
+
+def page_vertices(app: App, moment: int) -> np.ndarray:
+    return app._shared.stage.page_from_world(app.debugger.controller.state.trace.vertices_at(moment))
+
+
+def test_opens_paused_at_the_start(visitor: Visitor):
+    assert visitor.app.controller.state.activity is Activity.PAUSED
+    visitor.page.get_by_text("Paused", exact=True).wait_for()
+    visitor.sees_vertices(page_vertices(visitor.app, 0))
+
+
+def test_steps_forward_and_back_by_button(visitor: Visitor):
+    for extent in ("iteration", "vertex", "sweep", "level"):
+        began = visitor.app.controller.state.moment
+        state = visitor.press(f"Step one {extent}")
+        assert state.moment > began, f"step one {extent} did not move on"
+        visitor.sees_vertices(page_vertices(visitor.app, state.moment))
+    for extent in ("iteration", "vertex", "sweep", "level"):
+        began = visitor.app.controller.state.moment
+        state = visitor.press(f"Back one {extent}")
+        assert state.moment < began, f"back one {extent} did not go back"
+        visitor.sees_vertices(page_vertices(visitor.app, state.moment))
+
+
+def test_steps_by_key_and_keys_live_on_after_a_click_on_a_button(visitor: Visitor):
+    assert visitor.key("i").moment == 1
+    visitor.page.get_by_role("tab", name="Layers").click()
+    visitor.button("Hide cameras").click()
+    assert visitor.key("F11").moment == 2
+    assert visitor.key(",").moment == 1
+    visitor.button("Show cameras").click()
+
+
+def test_runs_to_the_end_and_pauses_on_request(visitor: Visitor, monkeypatch: pytest.MonkeyPatch):
+    controller = visitor.app.controller
+    visitor.press("Restart")
+    step = Session.step
+    with monkeypatch.context() as patch:
+        patch.setattr(Session, "step", lambda self: time.sleep(0.2) or step(self))
+        visitor.button("Run").click()
+        wait_for(lambda: controller.state.moment > 1)
+        visitor.page.keyboard.press("p")
+        paused = controller.wait_until_idle()
+    assert not paused.finished
+    visitor.sees_vertices(page_vertices(visitor.app, paused.moment))
+    visitor.button("Run").click()
+    wait_for(lambda: controller.state.finished and controller.state.activity is Activity.PAUSED)
+    visitor.page.get_by_text("Finished", exact=True).wait_for()
+    visitor.sees_vertices(page_vertices(visitor.app, controller.state.moment))
+
+
+def test_scrubbing_shows_the_recorded_vertices(visitor: Visitor):
+    visitor.press("Step one level")
+    visitor.press("To the start")
+    length = visitor.app.controller.state.length
+    slider = visitor.page.get_by_role("slider").last
+    wait_for(lambda: slider.get_attribute("aria-valuemax") == str(length))
+    box = visitor.box_of(slider.locator("xpath=ancestor::*[contains(@class,'Slider-track')][1]"))
+    for fraction in (0.3, 0.8, 0.5):
+        before = visitor.app.controller.state.serial
+        visitor.page.mouse.click(box["x"] + fraction * box["width"], box["y"] + box["height"] / 2)
+        state = visitor.settle(before)
+        assert abs(state.moment - fraction * length) <= 1
+        visitor.sees_vertices(page_vertices(visitor.app, state.moment))
+
+
+def test_a_click_into_the_energy_plot_goes_to_that_moment_even_twice(visitor: Visitor):
+    length = visitor.press("Step one level").length
+    for _ in range(2):
+        visitor.app.controller.post(JumpTo(0))
+        before = visitor.app.controller.wait_until_idle().serial
+        time.sleep(0.3)  # a second click at once is the same click
+        plot = visitor.page.get_by_role("img", name="Energy plot")
+        box = visitor.box_of(plot)
+        plot.click(position={"x": 0.6 * box["width"], "y": box["height"] / 2})  # scrolls to it where need be
+        wait_for(lambda before=before: visitor.app.controller.state.serial > before)
+        wait_for(lambda: abs(visitor.app.controller.state.moment - 0.53 * length) < 0.1 * length)
+
+
+def test_a_click_selects_a_vertex_and_shows_its_variables(visitor: Visitor):
+    state = visitor.press("Step one sweep")
+    visitor.sees_vertices(page_vertices(visitor.app, state.moment))  # what is drawn anew under a click swallows it
+    visitor.page.get_by_role("tab", name="Vertex").click()
+    visitor.click_vertex(0)
+    visitor.page.get_by_text("moved from the start").wait_for()
+    visitor.page.get_by_text("step in the photos").wait_for()
+    assert visitor.input_of("Vertices").input_value() == "0"
+
+
+def test_the_cells_of_the_selected_vertex_are_shown_and_lead_into_their_photo(visitor: Visitor, scene):
+    page = next(iter(visitor.app._pages.values()))
+    page._hands.select(0)
+    visitor.press("Step one iteration")
+    visitor.page.get_by_role("button", name="Cells of face 3").click()
+    name = scene.views[1].name
+    strip = visitor.page.get_by_role("button", name=f"Enlarge a cell in {name}", exact=True)
+    strip.wait_for()
+    assert visitor.page.get_by_alt_text(f"cells in {name}").evaluate(
+        "image => image.complete && image.naturalWidth > 200"
+    )
+    visitor.button(f"Look through {name}").first.click()
+    wait_for(lambda: page.view.entered == 1)
+    visitor.button("Leave the camera").click()
+    wait_for(lambda: page.view.entered is None)
+
+
+def test_a_breakpoint_that_is_typed_in_stops_the_run(visitor: Visitor):
+    controller = visitor.app.controller
+    visitor.page.get_by_role("tab", name="Breakpoints").click()
+    entry = visitor.input_of("Stop when")
+    entry.fill("moment == ")
+    entry.press("Enter")
+    visitor.page.get_by_text("condition, column 11").first.wait_for()
+    entry.fill("moment == 5")
+    entry.press("Enter")
+    wait_for(lambda: len(controller.state.breakpoints) == 1)
+    visitor.button("Run").click()
+    wait_for(lambda: controller.state.moment == 5 and controller.state.activity is Activity.PAUSED)
+    visitor.page.get_by_text("Breakpoint: moment == 5").wait_for()
+    visitor.button("Remove").click()
+    wait_for(lambda: not controller.state.breakpoints)
+    visitor.page.get_by_role("tab", name="Vertex").click()
+
+
+def test_another_k_makes_a_branch_from_here(visitor: Visitor):
+    began = visitor.press("Step one sweep")
+    visitor.page.get_by_role("tab", name="Options").click()
+    visitor.page.get_by_text("Eigenspace", exact=True).click()
+    entry = visitor.input_of("dimensions")
+    entry.fill("none")
+    visitor.button("Keep the past, go on with these").click()
+    visitor.page.get_by_text("option eigenspace.dimensions").first.wait_for()
+    entry.fill("1")
+    visitor.page.get_by_text("Changed: dimensions").wait_for()
+    visitor.button("Keep the past, go on with these").click()
+    wait_for(lambda: visitor.app.controller.state.options.eigenspace.dimensions == (1,))
+    state = visitor.app.controller.wait_until_idle()
+    assert state.moment == state.length == began.moment
+    visitor.sees_vertices(page_vertices(visitor.app, state.moment))
+    visitor.page.get_by_role("tab", name="Vertex").click()
+
+
+def test_the_help_lists_the_keys(visitor: Visitor):
+    visitor.page.keyboard.press("Shift+?")
+    visitor.page.get_by_text("Look through a camera", exact=True).wait_for()
+    visitor.button("Close").click()
+
+
+@pytest.mark.parametrize("size", [(1280, 720), (1500, 640)])
+def test_through_a_camera_the_mesh_lies_on_its_photo(visitor: Visitor, scene, size):
+    visitor.page.set_viewport_size({"width": size[0], "height": size[1]})
+    page = next(iter(visitor.app._pages.values()))
+    try:
+        time.sleep(0.3)
+        visitor.page.keyboard.press("3")
+        wait_for(lambda: page.view.entered == 2)
+        visitor.page.get_by_role("button", name="Leave the camera").wait_for()
+        camera = scene.views[2].camera
+        vertices = visitor.app.controller.state.vertices
+        offsets = np.inf
+        deadline = time.monotonic() + PATIENCE  # the window's new size must have reached the server
+        while offsets > 1.5 and time.monotonic() < deadline:
+            width, height = visitor.canvas_size()
+            expected = [letterboxed(camera, vertex, width, height) for vertex in vertices]
+            drawn = [visitor.drawn_at(vertex) for vertex in range(len(vertices))]
+            offsets = np.linalg.norm(np.subtract(drawn, expected), axis=1).max()
+        assert offsets < 1.5, f"vertices are up to {offsets:.2f} px off their place in the photo"
+        visitor.page.keyboard.press("0")
+        wait_for(lambda: page.view.entered is None)
+    finally:
+        visitor.page.set_viewport_size({"width": 1280, "height": 720})
+
+
+def test_two_browsers_share_the_run_but_not_the_selection(browser, visitor: Visitor):
+    other = Visitor(browser, visitor.app)
+    try:
+        views = [page.view for page in visitor.app._pages.values()]
+        assert len(views) == 2
+        state = other.press("Step one vertex")
+        for tab in (visitor, other):
+            tab.sees_vertices(page_vertices(visitor.app, state.moment))
+        other.click_vertex(6)
+        wait_for(lambda: views[1].selected == 6)
+        assert views[0].selected != 6
+        assert other.troubles == []
+    finally:
+        other.page.close()
+
+
+def test_reload_and_reconnect_keep_the_state(visitor: Visitor):
+    state = visitor.press("Step one sweep")
+    page = next(iter(visitor.app._pages.values()))
+    page._hands.select(3)
+    visitor.open()
+    visitor.sees_vertices(page_vertices(visitor.app, state.moment))
+    wait_for(lambda: [page.view.selected for page in visitor.app._pages.values()] == [3])
+    visitor.app._server._websock_server.disconnect_all_clients()
+    wait_for(lambda: page not in visitor.app._pages.values())
+    wait_for(lambda: len(visitor.app._pages) == 1)
+    visitor.button("Step one iteration").wait_for()
+    state = visitor.press("Step one iteration")
+    visitor.sees_vertices(page_vertices(visitor.app, state.moment))
+    # The browser reports the connection that was cut; that is the test's doing.
+    visitor.troubles[:] = [trouble for trouble in visitor.troubles if "WebSocket" not in trouble]
+
+
+def test_a_failure_in_a_click_is_shown_and_the_page_lives_on(visitor: Visitor, monkeypatch: pytest.MonkeyPatch):
+    def fail(self: Session) -> None:
+        raise RuntimeError("<b>the disk is on fire</b>")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Session, "step", fail)
+        visitor.press("Step one iteration")
+        visitor.page.get_by_text("RuntimeError: <b>the disk is on fire</b>").first.wait_for()
+    assert visitor.press("Step one iteration").moment == 1
+
+
+def test_nonsense_from_a_browser_is_refused(visitor: Visitor):
+    page = next(iter(visitor.app._pages.values()))
+    length = visitor.app.controller.state.length
+    for value in (float("nan"), 1e308, -7, "17", None, {"a": 1}, True):
+        page._guard(page._run.jump)(value)
+        page._guard(page._hands.select)(value)
+        page._guard(page._enter)(value)
+    state = visitor.app.controller.wait_until_idle()
+    assert (state.moment, state.length) == (0, length)
+
+
+def test_pages_of_others_are_refused(app: App):
+    assert upgrade_status(app, f"http://127.0.0.1:{app.port}") == 101
+    assert upgrade_status(app, "http://evil.example") == 403
+    assert upgrade_status(app, f"http://127.0.0.1.evil.example:{app.port}") == 403
+
+
+def test_a_busy_port_and_a_wrong_host_are_said(app: App, scene):
+    with pytest.raises(InputError, match=f"port {app.port} .*already in use"):
+        start(Session(scene, OPTIONS), port=app.port)
+    with pytest.raises(InputError, match=r"host 203\.0\.113\.7"):
+        start(Session(scene, OPTIONS), host="203.0.113.7", port=0)
+
+
+def test_ends_cleanly_and_frees_its_port(scene, tmp_path):
+    app = start(Session(scene, OPTIONS), port=0, save_to=tmp_path / "run.trace")
+    app.stop()
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        probe.bind(("127.0.0.1", app.port))
+    assert (tmp_path / "run.trace").stat().st_size > 0
+
+
+def upgrade_status(app: App, origin: str) -> int:
+    """What the server answers to a websocket request from a page of that origin."""
+    connection = http.client.HTTPConnection("127.0.0.1", app.port, timeout=300)
+    connection.request(
+        "GET",
+        "/",
+        headers={
+            "Connection": "Upgrade",
+            "Upgrade": "websocket",
+            "Sec-WebSocket-Version": "13",
+            "Sec-WebSocket-Key": "dGhlIHNhbXBsZSBub25jZQ==",
+            "Sec-WebSocket-Protocol": "viser-v1.1.1",
+            "Origin": origin,
+        },
+    )
+    status = connection.getresponse().status
+    connection.close()
+    return status

@@ -1,0 +1,191 @@
+"""What a user does with hands, in a real browser: choose vertices, move them, and go on with the keys."""
+
+import numpy as np
+import pytest
+
+from app.debugger.commands import JumpTo
+from app.page_state.selection import Selection
+from fairing.options import FairingOptions, ScheduleOptions
+from tests.browser.driver import IN_BROWSER, Visitor
+from tests.waiting import wait_for
+
+pytestmark = IN_BROWSER
+
+OPTIONS = FairingOptions(
+    schedule=ScheduleOptions(blur=(3.6, 2.0), order="sequential", max_sweeps=(2,), max_iterations=(3,), start="first")
+)
+
+
+@pytest.fixture
+def visitor(module_visitor: Visitor):
+    """A page at the start of the recorded run, nothing selected; fails a test that left trouble behind."""
+    module_visitor.app.controller.post(JumpTo(0))
+    module_visitor.app.controller.wait_until_idle()
+    hands, view = page_of(module_visitor)._hands, page_of(module_visitor).view
+
+    def nothing_is_chosen() -> bool:
+        if view.selection.vertices:  # a click of the test before may still be on its way
+            hands.choose(Selection())
+        return module_visitor.input_of("Vertices").input_value() == ""
+
+    wait_for(nothing_is_chosen)
+    yield module_visitor
+    assert module_visitor.troubles == []
+
+
+def page_of(visitor: Visitor):
+    return next(iter(visitor.app._pages.values()))
+
+
+def page_vertices(visitor: Visitor, moment: int) -> np.ndarray:
+    return visitor.app._shared.stage.page_from_world(visitor.app.controller.state.trace.vertices_at(moment))
+
+
+def selected(visitor: Visitor) -> list[int]:
+    return sorted(page_of(visitor).view.selection.vertices)
+
+
+def test_clicks_choose_one_and_with_shift_more(visitor: Visitor):
+    view = page_of(visitor).view
+    visitor.click_vertex(0)
+    wait_for(lambda: view.selection.vertices == (0,))
+    visitor.page.keyboard.down("Shift")
+    visitor.click_vertex(2)
+    wait_for(lambda: view.selection.vertices == (0, 2))
+    visitor.click_vertex(0)
+    wait_for(lambda: view.selection.vertices == (2,))
+    visitor.click_vertex(0)
+    visitor.page.keyboard.up("Shift")
+    visitor.page.get_by_text("and 1 more selected").wait_for()
+    visitor.click_vertex(2)
+    wait_for(lambda: view.selection.vertices == (2,))
+
+
+def test_a_rectangle_chooses_what_is_in_it_and_a_click_beside_nothing(visitor: Visitor):
+    canvas = visitor.canvas_box()
+    mouse = visitor.page.mouse
+    x, y = visitor.drawn_at(0)
+    visitor.page.keyboard.down("Shift")
+    mouse.move(canvas["x"] + x - 25, canvas["y"] + y - 25)
+    mouse.down()
+    mouse.move(canvas["x"] + x + 10, canvas["y"] + y + 10)
+    mouse.move(canvas["x"] + x + 25, canvas["y"] + y + 25)
+    mouse.up()
+    visitor.page.keyboard.up("Shift")
+    wait_for(lambda: selected(visitor) == [0])
+    mouse.click(canvas["x"] + 30, canvas["y"] + canvas["height"] / 2)
+    wait_for(lambda: selected(visitor) == [])
+
+
+def test_numbers_choose_and_show_what_the_mouse_chose(visitor: Visitor):
+    entry = visitor.input_of("Vertices")
+    entry.fill("2, 4-6")
+    entry.press("Enter")
+    wait_for(lambda: selected(visitor) == [2, 4, 5, 6])
+    assert page_of(visitor).view.selected == 2
+
+    entry.fill("2, 400")
+    entry.press("Enter")
+    visitor.page.get_by_text("expected numbers 0 to 6, found 400").first.wait_for()
+    visitor.click_vertex(0)
+    wait_for(lambda: entry.input_value() == "0")
+
+
+def test_a_click_on_a_camera_keeps_the_selection(visitor: Visitor):
+    """One click is reported for the node and for the scene; only the first may count."""
+    page = page_of(visitor)
+    page._hands.choose(Selection((3,)))
+    visitor.page.keyboard.press("v")
+    canvas = visitor.canvas_box()
+    wait_for(lambda: 0 < visitor.photo_drawn_at(2)[1] < canvas["height"])
+    x, y = visitor.photo_drawn_at(2)
+    visitor.page.mouse.click(canvas["x"] + x, canvas["y"] + y)
+    wait_for(lambda: page.view.entered is not None)
+    assert page.view.selected == 3
+    visitor.page.keyboard.press("0")
+    wait_for(lambda: page.view.entered is None)
+    visitor.page.keyboard.press("m")
+
+
+def test_a_vertex_is_dragged_and_the_move_is_part_of_the_record(visitor: Visitor):
+    controller, canvas = visitor.app.controller, visitor.canvas_box()
+    corner = np.array([canvas["x"], canvas["y"]])
+    visitor.press("Step one iteration")
+    controller.post(JumpTo(-1))
+    began = controller.wait_until_idle()
+    visitor.click_vertex(0)
+    visitor.page.get_by_text("Drag the yellow ball").wait_for()
+    x, y = visitor.drawn_at(0) + corner
+    visitor.page.wait_for_function("() => window.__viserMutable.nodeRefFromName['/grip/ball']?.visible")
+    before = controller.state.serial
+    visitor.page.mouse.move(x, y)
+    visitor.page.mouse.down()
+    visitor.page.mouse.move(x + 12, y + 4)
+    visitor.page.mouse.move(x + 24, y + 8)
+    visitor.page.wait_for_function("() => window.__viserMutable.nodeRefFromName['/grip/edges']?.visible")
+    visitor.page.mouse.up()
+    state = visitor.settle(before)
+    assert (state.moment, state.length) == (began.length + 1, began.length + 1)
+    assert state.record is not None
+    assert state.record.is_manual
+    visitor.sees_vertices(page_vertices(visitor, state.moment))
+    moved = visitor.drawn_at(0) + corner - [x, y]
+    assert np.abs(moved - [24, 8]).max() < 4, f"dropped {moved} px from where it was taken"
+    state = visitor.key(",")
+    visitor.sees_vertices(page_vertices(visitor, began.length))
+    state = visitor.key("z")  # at a past moment this forks a run
+    assert np.array_equal(state.vertices[0], state.trace.start[0])
+    visitor.sees_vertices(page_vertices(visitor, state.moment))
+
+
+def test_locked_vertices_are_drawn_as_blocks_and_cannot_be_taken(visitor: Visitor):
+    page_of(visitor)._hands.choose(Selection((2, 4)))
+    visitor.page.get_by_text("and 1 more selected").wait_for()
+    state = visitor.press("Lock")
+    assert np.flatnonzero(state.locked).tolist() == [2, 4]
+    visitor.page.wait_for_function("() => window.__viserMutable.nodeRefFromName['/vertices/locked']?.visible")
+    visitor.page.wait_for_function("() => !window.__viserMutable.nodeRefFromName['/grip/ball']?.visible")
+    visitor.page.get_by_text("drawn as a block").wait_for()
+    visitor.click_vertex(2)
+    wait_for(lambda: selected(visitor) == [2])
+    assert np.flatnonzero(visitor.key("f").locked).tolist() == [4]
+
+
+def test_keys_live_on_after_every_kind_of_widget(visitor: Visitor):
+    """The browser gives no hotkeys while a text line, a checkbox or a dropdown has the focus."""
+    page, slider = visitor.page, visitor.page.get_by_role("slider")
+
+    def key_advances() -> None:
+        visitor.app.controller.post(JumpTo(0))
+        visitor.app.controller.wait_until_idle()
+        assert visitor.key("n").moment > 0
+
+    entry = visitor.input_of("Vertices")
+    for ending in ("Enter", "Escape"):
+        entry.fill("3")
+        page.keyboard.type("n")  # while somebody types it is a letter
+        assert entry.input_value() == "3n"
+        entry.fill("3")
+        page.keyboard.press(ending)
+        key_advances()
+    page.get_by_role("tab", name="Layers").click()
+    key_advances()
+    slider.first.click()
+    key_advances()
+    visitor.button("Hide vertices").click()
+    key_advances()
+    visitor.button("Show vertices").click()
+    page.get_by_role("tab", name="Options").click()
+    page.get_by_text("Robust", exact=True).click()
+    key_advances()
+    page.get_by_role("combobox", name="norm").click()
+    page.get_by_role("option", name="huber").click()
+    key_advances()
+    page.get_by_text("Step", exact=True).click()
+    page.get_by_label("damping always").click()
+    key_advances()
+    visitor.input_of("max rejections").click()
+    canvas = visitor.canvas_box()
+    page.mouse.click(canvas["x"] + 30, canvas["y"] + canvas["height"] / 2)
+    key_advances()
+    page.get_by_role("tab", name="Vertex").click()

@@ -1,0 +1,158 @@
+"""Lessons in a real browser: every step shows its text, leads the page, and ends where the engine's record says."""
+
+import pytest
+
+from app.debugger.commands import JumpTo
+from app.lessons.player import Player, Status
+from app.lessons.reader import lesson_names, load_lesson
+from app.lessons.scenes import load_lesson_scene
+from app.page.server import App, start
+from fairing.run.session import Session
+from tests.browser.driver import IN_BROWSER, Visitor
+from tests.waiting import wait_for
+
+pytestmark = [*IN_BROWSER, pytest.mark.usefixtures("remembered_steps")]
+
+SLOW = 240.0  # s: for a step's work on a loaded machine that compiles the engine first
+PHOTOS = 300.0  # s: for a scene's photos, which are taken on first use
+CUBE_LESSONS = [name for name in lesson_names() if load_lesson(name).scene == "cube"]
+
+
+@pytest.fixture(scope="module")
+def app():
+    app = start(Session(load_lesson_scene("cube")), port=0)
+    yield app
+    app.stop()
+
+
+def page_of(app: App):
+    return next(iter(app._pages.values()))
+
+
+def player_of(app: App) -> Player:
+    return page_of(app)._lessons.player
+
+
+def arrive(visitor: Visitor, step: int) -> None:
+    """Wait until the page shows a step whose work is done, and hold its claims against it."""
+    player = player_of(visitor.app)
+    # A click on a lesson may still be on its way.
+    wait_for(lambda: player.lesson is not None and player.step == step and player.status is not Status.AT_WORK, SLOW)
+    assert player.status is Status.THERE, player.problem
+    assert player.lesson is not None
+    claims = player.findings[step].claims
+    assert [claim for claim, holds in claims if not holds] == [], f"{player.lesson.name}, step {step + 1}"
+    visitor.page.get_by_role("heading", name=player.lesson.steps[step].title, exact=True).wait_for()
+    if claims:
+        visitor.page.get_by_text(f"{len(claims)} checked against the engine just now").wait_for()
+
+
+def choose_lesson(visitor: Visitor, name: str) -> None:
+    visitor.page.get_by_role("tab", name="Lessons").click()
+    visitor.button(f"Lesson: {load_lesson(name).title}").click()
+
+
+def finish(visitor: Visitor) -> None:
+    """From the first step to the last."""
+    lesson = player_of(visitor.app).lesson
+    assert lesson is not None
+    for n in range(1, len(lesson.steps)):
+        visitor.page.keyboard.press("PageDown")
+        arrive(visitor, n)
+
+
+def wait_for_scene(visitor: Visitor, name: str) -> None:
+    """Wait until the page has come anew with another scene and its lesson."""
+    wait_for(lambda: visitor.app.controller.scene.name == name, PHOTOS)
+    wait_for(lambda: bool(visitor.app._pages) and player_of(visitor.app).lesson is not None, SLOW)
+    arrive(visitor, 0)
+
+
+def test_the_first_lesson_is_read_with_the_mouse(visitor: Visitor):
+    lesson, app, page = load_lesson("model"), visitor.app, visitor.page
+    choose_lesson(visitor, "model")
+    arrive(visitor, 0)
+    page.get_by_role("tab", name="Cells", selected=True).wait_for()
+    visitor.button("Answer 2").click()
+    page.get_by_text("The mesh puts their pixels in the wrong place.").wait_for()
+    for n in range(1, len(lesson.steps)):
+        visitor.button("Next step of the lesson").click()
+        arrive(visitor, n)
+        if "$$" in lesson.steps[n].text:
+            formula = page.locator(".lesson math[display=block]").bounding_box()
+            assert formula is not None
+            assert formula["height"] > 15
+    state = app.debugger.controller.wait_until_idle()
+    visitor.sees_vertices(app._shared.stage.page_from_world(state.vertices))
+    assert page_of(app).view.cells.page == "pair"
+    visitor.button("Begin the next lesson").wait_for()
+
+
+def test_a_walk_of_ones_own_is_noticed_and_the_lesson_resumed(visitor: Visitor):
+    app, page = visitor.app, visitor.page
+    choose_lesson(visitor, "model")
+    arrive(visitor, 0)
+    page_of(app)._guard(player_of(app).go)(5)
+    arrive(visitor, 5)
+    app.debugger.controller.post(JumpTo(0))
+    visitor.button("Back to where this step was").wait_for()
+    assert app.debugger.controller.wait_until_idle().moment == 0
+    visitor.button("Back to where this step was").click()
+    visitor.button("Back to where this step was").wait_for(state="hidden")
+    assert app.debugger.controller.wait_until_idle().moment == 1
+    page.keyboard.press("PageUp")
+    arrive(visitor, 4)
+    assert app.debugger.controller.wait_until_idle().moment == 0
+
+
+@pytest.mark.parametrize("name", CUBE_LESSONS[1:])
+def test_every_lesson_on_the_cube_runs_to_its_end(visitor: Visitor, name: str):
+    choose_lesson(visitor, name)
+    arrive(visitor, 0)
+    finish(visitor)
+
+
+def test_the_palette_opens_a_lesson_and_the_cross_closes_it(visitor: Visitor):
+    page, lesson = visitor.page, load_lesson("model")
+    page.keyboard.press("Control+k")
+    page.get_by_placeholder("Search").fill(lesson.title[:20])
+    page.keyboard.press("Enter")
+    arrive(visitor, 0)
+    visitor.button("Close the lesson").click()
+    page.get_by_role("tab", name="Lesson", exact=True).wait_for(state="hidden")
+    assert player_of(visitor.app).lesson is None
+
+
+def test_the_lesson_on_photographs_says_what_to_open_and_runs_on_what_there_is(visitor: Visitor):
+    choose_lesson(visitor, "capture")
+    visitor.page.get_by_text("This lesson is about real photographs.").wait_for()
+    visitor.button("Open the demo archway").wait_for()
+    visitor.button("Stay with the cube").click()
+    wait_for(lambda: player_of(visitor.app).lesson is load_lesson("capture"))
+    arrive(visitor, 0)
+    finish(visitor)
+
+
+def test_the_lesson_on_photographs_opens_the_archway_in_their_place(visitor: Visitor):
+    choose_lesson(visitor, "capture")
+    visitor.button("Open the demo archway").click()
+    wait_for_scene(visitor, "archway")
+    assert player_of(visitor.app).lesson is load_lesson("capture")
+    visitor.page.keyboard.press("PageDown")
+    arrive(visitor, 1)
+
+
+def test_a_lesson_on_another_scene_opens_that_and_runs_there(visitor: Visitor):
+    choose_lesson(visitor, "robust")
+    wait_for_scene(visitor, "occluded-cube")
+    finish(visitor)
+
+
+def test_runs_of_ones_own_are_not_left_unasked(visitor: Visitor):
+    app = visitor.app
+    visitor.button("Close the lesson").click()
+    wait_for(lambda: player_of(app).lesson is None)
+    choose_lesson(visitor, "model")
+    visitor.page.get_by_text("What was recorded on this one is left").wait_for()
+    visitor.button("Stay here").click()
+    assert app.debugger.controller.scene.name == "occluded-cube"

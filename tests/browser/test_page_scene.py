@@ -1,0 +1,151 @@
+"""What stands in the 3D view, in a real browser: colours, shapes, photos behind the mesh, dark and light."""
+
+import numpy as np
+import pytest
+from playwright.sync_api import Browser
+
+from app.layers.certainty import PIECES, CertaintyLayer
+from app.page.server import App, start
+from app.page_state.selection import Selection
+from demo_scenes import load_demo
+from fairing.options import FairingOptions, ScheduleOptions
+from fairing.run.session import Session
+from tests.browser.driver import IN_BROWSER, WINDOW, Visitor
+from tests.waiting import PATIENCE, wait_for
+
+pytestmark = IN_BROWSER
+
+OPTIONS = FairingOptions(
+    schedule=ScheduleOptions(blur=(3.6, 2.0), order="joint", max_sweeps=(1,), max_iterations=(3,), start="first")
+)
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return load_demo("cube")
+
+
+@pytest.fixture(scope="module")
+def app(scene):
+    session = Session(scene, OPTIONS)
+    session.step()
+    app = start(session, port=0)
+    yield app
+    app.stop()
+
+
+@pytest.fixture
+def visitor(module_visitor: Visitor):
+    module_visitor.app.controller.wait_until_idle()
+    module_visitor.page.get_by_role("tab", name="Layers").click()
+    yield module_visitor
+    assert module_visitor.troubles == []
+
+
+def test_the_theme_switches_and_the_browser_remembers_it(visitor: Visitor):
+    def ground() -> str:
+        return visitor.page.evaluate("getComputedStyle(document.querySelector('.ef')).getPropertyValue('--button')")
+
+    dark = ground()
+    visitor.page.keyboard.press("y")
+    visitor.page.wait_for_selector("html[data-mantine-color-scheme=light]")
+    assert ground() != dark
+    visitor.open()
+    visitor.page.wait_for_selector("html[data-mantine-color-scheme=light]")
+    visitor.page.keyboard.press("y")
+    visitor.page.wait_for_selector("html[data-mantine-color-scheme=dark]")
+    assert ground() == dark
+
+
+def drawn_colors(visitor: Visitor, node: str) -> bool:
+    """Whether a drawn mesh of that name is in sight."""
+    return visitor.page.evaluate(
+        """name => ['a', 'b'].some(side => {
+            let node = window.__viserMutable.nodeRefFromName[`${name}_${side}`];
+            let seen = false;
+            node?.traverse?.(part => { seen = seen || Boolean(part.isMesh); });
+            for (; node; node = node.parent) seen = seen && node.visible;
+            return seen;
+        })""",
+        node,
+    )
+
+
+def test_the_surface_is_coloured_by_a_quantity_with_a_legend(visitor: Visitor):
+    visitor.button("Coloured by: Moved").click()
+    visitor.page.get_by_text("Moved from the start", exact=True).wait_for()
+    wait_for(lambda: drawn_colors(visitor, "/mesh/colored"))
+    visitor.button("Coloured by: Last step").click()
+    visitor.page.get_by_text("Last step of each vertex", exact=True).wait_for()
+    visitor.button("Surface: Textured").click()
+    wait_for(lambda: not drawn_colors(visitor, "/mesh/colored"))
+    visitor.page.get_by_text("Last step of each vertex", exact=True).wait_for(state="hidden")
+
+
+def test_the_surface_stands_before_now_and_at_the_truth_with_textures_of_its_own(visitor: Visitor, scene):
+    stage, state = visitor.app._shared.stage, visitor.app.controller.state
+    places = {"Start": state.trace.start, "Truth": scene.truth.vertices, "Now": state.vertices}
+    for name, vertices in places.items():
+        visitor.button(f"Shape: {name}").click()
+        visitor.sees_vertices(stage.page_from_world(vertices))
+        wait_for(lambda name=name: drawn_colors(visitor, f"/mesh/textured_{name.lower()}"))
+    visitor.page.keyboard.press("x")
+    visitor.sees_vertices(stage.page_from_world(state.trace.start))
+    visitor.page.keyboard.press("x")
+    visitor.sees_vertices(stage.page_from_world(state.vertices))
+
+
+def test_the_model_is_laid_over_the_photo_looked_through(visitor: Visitor, scene):
+    page = next(iter(visitor.app._pages.values()))
+    visitor.page.keyboard.press("3")
+    wait_for(lambda: page.view.entered == 2)
+    visitor.page.get_by_text("Photo – model", exact=True).wait_for()
+    page.view.model_share = 1.0
+    visitor.app.controller.republish()
+    # The renderer is compiled on its first use.
+    wait_for(lambda: page._look_through._laid is not None and page._look_through._laid[1] == 1.0)
+    laid = page._look_through._laid[0]
+    assert laid.view_id == 2
+    photo = scene.views[2].photo.load()
+    assert np.array_equal(laid.over(photo, 0.0), photo)
+    half, whole = laid.over(photo, 0.5).astype(int), laid.over(photo, 1.0).astype(int)
+    assert np.array_equal(half[~laid.is_known], photo[~laid.is_known])
+    assert np.abs(half - (photo.astype(int) + whole) / 2).max() <= 1
+    assert np.abs(whole - photo)[laid.is_known].mean() < 30, "the prediction shows the same thing as the photo"
+    visitor.button("Lay over: Swipe").click()
+    wait_for(lambda: page._look_through._laid == (laid, 1.0, True))
+    page.view.model_share = 0.0
+    visitor.page.keyboard.press("0")
+    wait_for(lambda: page.view.entered is None)
+
+
+def test_what_the_photos_determine_is_drawn_at_the_selected_vertices_and_told(visitor: Visitor):
+    page = next(iter(visitor.app._pages.values()))
+    page._hands.choose(Selection((1, 0)))
+    visitor.button("Show what the photos determine").click()
+    visitor.page.wait_for_function("() => window.__viserMutable.nodeRefFromName['/certainty']?.visible")
+    lines = next(layer for layer in page._layers if isinstance(layer, CertaintyLayer))._lines._node
+    wait_for(lambda: len(lines.points) == 2 * (3 * PIECES + 1))
+    visitor.page.get_by_role("tab", name="Vertex").click()
+    visitor.page.get_by_text("3 std deviations, units", exact=True).wait_for()
+    visitor.page.get_by_role("tab", name="Layers").click()
+    visitor.button("Hide what the photos determine").click()
+    visitor.page.wait_for_function("() => !window.__viserMutable.nodeRefFromName['/certainty'].visible")
+
+
+def test_the_timeline_is_as_wide_as_the_view_whatever_the_pixels_of_the_screen(app: App, browser: Browser):
+    context = browser.new_context(device_scale_factor=2, viewport=WINDOW)
+    page = context.new_page()
+    page.goto(app.url)
+    page.wait_for_function(
+        """() => {
+            const canvas = window.__viserMutable?.canvas;
+            const strip = document.querySelector('.ef .strip');
+            if (!canvas || !strip) return false;
+            const view = canvas.getBoundingClientRect(), box = strip.getBoundingClientRect();
+            return canvas.width > 1.2 * view.width && box.left > view.left && box.right < view.right &&
+                box.width > 0.85 * view.width;
+        }""",
+        timeout=1000 * PATIENCE,
+    )
+    context.close()
