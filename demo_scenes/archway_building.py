@@ -1,13 +1,13 @@
-"""The archway's geometry in metres: two deep round arches, a balcony with a low parapet, a block higher up."""
+"""Geometry of the demo `archway`, metres: two deep round arches, a balcony with a low parapet, a block above it."""
 
 from demo_scenes.parts import add_parapet, add_soffit, arch_outline, parapet_section
 from demo_scenes.sheet import Sheet, SheetBuilder
 
-SPACING = 1.15  # aimed-at edge length
+SPACING = 1.15  # target edge length
 LEFT, RIGHT, TOP = -4.6, 4.6, 7.4
 ARCH_CENTERS, ARCH_RADIUS, ARCH_SPRING, ARCH_SEGMENTS, ARCH_DEPTH = (-2.1, 2.1), 1.15, 2.0, 8, 1.0
 
-# Left, right, bottom, floor, the parapet's top, how far it stands out.
+# Left, right, bottom, floor, top of the parapet, projection from the wall.
 BALCONY = (-3.6, 3.6, 3.75, 4.35, 4.65, 1.2)
 PARAPET = 0.3
 

@@ -1,4 +1,4 @@
-"""Photos kept in the user's cache folder, so that only the first use of a scene pays for them."""
+"""Cache of rendered photos in the user's cache folder."""
 
 import hashlib
 import os
@@ -25,10 +25,10 @@ def cache_folder() -> Path:
 def cached_photos(
     scene: str, options: str, shape: tuple[int, int, int, int], make: Callable[[], np.ndarray]
 ) -> np.ndarray:
-    """Photos of a scene (n, height, width, 3) uint8: read from the cache, else made and put there.
+    """Photos of a scene (n, height, width, 3) uint8: read from the cache, or made and written to it.
 
-    The file's name holds the scene, a digest of the options and one of the code that makes photos. A file that is
-    damaged or of another shape is made again; a cache that cannot be written is no reason to fail.
+    The file name holds the scene, a digest of the options and a digest of the code that makes photos. A file that is
+    damaged or of another shape is replaced. Errors in writing the cache are ignored.
     """
     prefix = f"{scene}-{hashlib.sha256(options.encode()).hexdigest()[:12]}-"
     path = cache_folder() / f"{prefix}{_code_digest()}.npz"
@@ -45,7 +45,7 @@ def cached_photos(
 
 
 def _read(path: Path) -> np.ndarray | None:
-    """The photos in a file, None where it is missing or fails its zip checksum."""
+    """The photos in a file; None if it is missing or damaged."""
     try:
         with np.load(path, allow_pickle=False) as archive:
             return archive["photos"]
@@ -54,7 +54,7 @@ def _read(path: Path) -> np.ndarray | None:
 
 
 def _write(path: Path, photos: np.ndarray) -> None:
-    """Write aside, then rename: readers never see half a file."""
+    """Write to a temporary file and rename it, so that readers never see a partial file."""
     path.parent.mkdir(parents=True, exist_ok=True)
     aside = path.with_name(f".{path.name}.{os.getpid()}")
     try:

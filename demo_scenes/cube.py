@@ -1,4 +1,4 @@
-"""The paper's illustration: three faces of a unit cube that meet in corner A, which is off its place."""
+"""Demo scene `cube`, the paper's illustration: three faces of a unit cube that meet in a displaced corner A."""
 
 import hashlib
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ from fairing.scene import Scene
 # Vertex 0 is A; all six triangles contain it. Two triangles a square: z = 1, x = 1, y = 1, in this order.
 VERTICES = np.array([[1, 1, 1], [0, 1, 1], [0, 0, 1], [1, 0, 1], [1, 0, 0], [1, 1, 0], [0, 1, 0]], float)
 FACES = np.array([[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 5], [0, 5, 6], [0, 6, 1]])
-# Where the corners of those triangles lie on their square's texture (right, down), in units of its side.
+# Texture coordinates (right, down) of those triangles' corners on their square, in units of its side.
 _CORNERS = np.array([[[0, 1], [0, 0], [1, 0]], [[0, 1], [1, 0], [1, 1]]], float)
 _ON_SIDE = np.array([[[1, 0], [0, 0], [0, 1]], [[1, 0], [0, 1], [1, 1]]], float)
 _ON_OTHER_SIDE = np.array([[[0, 0], [0, 1], [1, 1]], [[0, 0], [1, 1], [1, 0]]], float)
@@ -36,10 +36,10 @@ def cube_scene(
     displacement: np.ndarray = DEFAULT_DISPLACEMENT,
     textures: Sequence[np.ndarray] | None = None,
 ) -> Scene:
-    """The cube with corner A (vertex 0) off its place.
+    """The cube with corner A (vertex 0) displaced.
 
     Args:
-        displacement: (3,) float, edges: start of A minus its true place. The photos do not depend on it.
+        displacement: (3,) float, edges: start minus true position of A. The photos do not depend on it.
         textures: three (h, w, 3) or (h, w) arrays in grey levels for the sides z = 1, x = 1 and y = 1 instead of the
             painted ones.
     """

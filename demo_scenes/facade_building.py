@@ -1,7 +1,8 @@
-"""The facade's geometry in metres: x right, y up, z towards the street.
+"""Geometry of the demo `facade`, metres: x right, y up, z towards the street.
 
-A plastered main wall with eaves and a tiled roof; a gabled brick wing that stands out to the left, with an apse under
-a round arch; a porch on two pillars whose parapet hides part of the wall; deep windows, a string course, a door.
+The parts are a plastered main wall with eaves and a tiled roof; a gabled brick wing that projects on the left, with an
+apse under a round arch; a porch on two pillars whose parapet hides part of the wall; deep windows, a string course, a
+door.
 """
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy as np
 from demo_scenes.parts import Outline, add_apse, add_parapet, add_soffit, arch_outline, parapet_section
 from demo_scenes.sheet import Sheet, SheetBuilder
 
-SPACING = 1.3  # aimed-at edge length
+SPACING = 1.3  # target edge length
 LEFT, RIGHT, TOP = -6.0, 6.0, 7.6
 
 WING_LEFT, WING_RIGHT, WING_FRONT = -5.0, -0.8, 1.6
@@ -18,7 +19,7 @@ SLOPE = (GABLE_TOP - WALL_HEAD) / (GABLE_X - WING_LEFT)
 OVERHANG, ROOF_THICKNESS = 0.45, 0.36
 
 ARCH_RADIUS, ARCH_SPRING, ARCH_SEGMENTS = 1.05, 2.2, 8
-APSE_Z = WING_FRONT - 0.45  # where the arch's soffit ends and the apse begins
+APSE_Z = WING_FRONT - 0.45  # end of the arch's soffit, beginning of the apse
 
 PORCH_LEFT, PORCH_RIGHT, PORCH_FRONT = 0.6, 3.4, 1.7
 SLAB_BOTTOM, SLAB_TOP, PARAPET_TOP = 2.9, 3.25, 4.0
@@ -66,7 +67,7 @@ def _eaves_and_roof(sheet: SheetBuilder) -> None:
 
 
 def _gable_outline() -> list[tuple[float, float]]:
-    """The wing against the main wall (x, y): up its left wall, over the roof, down its right wall."""
+    """Section (x, y) of the wing with the main wall: up its left wall, over the roof, down its right wall."""
     eave_left, eave_right = WING_LEFT - OVERHANG, WING_RIGHT + OVERHANG
     eave = WALL_HEAD - OVERHANG * SLOPE
     return [
@@ -126,7 +127,7 @@ def _wing_roof(sheet: SheetBuilder) -> None:
 
 
 def _apse(sheet: SheetBuilder) -> None:
-    """The arch's soffit, then the apse behind it."""
+    """Add the arch's soffit and the apse behind it."""
     add_soffit(sheet, _arch(), WING_FRONT, APSE_Z, "stone")
     center = np.array([GABLE_X, ARCH_SPRING, APSE_Z])
     add_apse(sheet, center, ARCH_RADIUS, ARCH_SEGMENTS, 3, "plaster inside", "mosaic")

@@ -1,4 +1,4 @@
-"""Taking the photos of a scene: what may go wrong on a real shoot, and the views that come of it."""
+"""Photos of a scene: flaws of real photography, rendering in threads, and the resulting views."""
 
 import os
 from collections.abc import Callable, Sequence
@@ -22,13 +22,13 @@ Progress = Callable[[float, str], None]
 
 @dataclass(frozen=True)
 class Photography:
-    """How the photos of a demo scene are taken; the defaults are ideal.
+    """Settings of the photos of a demo scene; the defaults are ideal.
 
     Attributes:
         noise: standard deviation of the sensor's noise, grey levels.
         exposure: largest gain error of a photo; 0.15 is +-15 %, drawn for each photo.
-        occluders: a pole, leaves and passers-by stand before the scene; they are not part of its mesh.
-        gloss: the surface shines: a highlight that moves with the camera.
+        occluders: a pole, leaves and passers-by stand in front of the scene; the mesh does not contain them.
+        gloss: the surface has a specular highlight, which moves with the camera.
         blank_wall: one wall is of a single colour (scenes without a wall ignore it).
         seed: seed of all random numbers.
         blur: largest blur of a photo beyond the lens's own, pixels (sigma); drawn for each photo.
@@ -56,13 +56,13 @@ def take_photos(
     progress: Progress | None,
     variant: str = "",
 ) -> tuple[View, ...]:
-    """Views of a scene, from the cache where they have been taken before.
+    """Views of a scene; the photos are rendered on first use and cached.
 
     Args:
-        build_stage: paints what the cameras see; called only when photos are to be made.
-        subject: (n, 3) float, points of what the photos are about; occluders stand before them.
+        build_stage: builds what the cameras see; called only if photos have to be rendered.
+        subject: (n, 3) float, points of the photographed object; occluders stand in front of them.
         samples: rays along a pixel's side.
-        variant: whatever else the photos depend on (goes into the cache's key).
+        variant: anything else the photos depend on; part of the cache key.
     """
 
     def shoot() -> np.ndarray:
@@ -91,7 +91,7 @@ def take_photos(
                     future.result()
                     report(0.3 + 0.7 * count / len(cameras), f"{scene}: photo {count} of {len(cameras)}")
             finally:
-                # Whoever interrupts does not wait for the photos that have not been begun.
+                # After an interruption, photos that have not been started are cancelled.
                 pool.shutdown(cancel_futures=True)
         return photos
 

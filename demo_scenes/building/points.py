@@ -60,7 +60,8 @@ def sfm_points(plan: Plan, everything: Sheet, building_faces: int, views: tuple[
     level = np.where(sees, colors.mean(axis=2), np.nan)
     sees &= sees.sum(axis=1, keepdims=True) >= LEAST_TRACK
     kept = np.flatnonzero(sees.any(axis=1))
-    sees, X, face, pixels, colors, level = (array[kept] for array in (sees, X, face, pixels, colors, level))
+    sees, X, face = sees[kept], X[kept], face[kept]
+    pixels, colors, level = pixels[kept], colors[kept], level[kept]
     sees &= np.abs(level - np.nanmedian(level, axis=1, keepdims=True)) < DIFFERENT
     pixels = pixels + plan.point_px * rng.standard_normal(pixels.shape)
     X, residual = _triangulated(views, X, pixels, sees)
