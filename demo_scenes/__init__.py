@@ -44,12 +44,11 @@ class Demo:
     def build(self, *args: Any, **scene_options: Any) -> "Scene":
         """Build the scene from a `Photography` and a progress callback; further keywords are the scene's own."""
         # Modules of scenes are imported on first use, so that listing the scenes is fast.
+        module, function = f"demo_scenes.{self.name}", f"{self.name}_scene"
         if self.seed is not None:
-            from demo_scenes.building.scene import building_scene
-
-            return building_scene(*args, seed=self.seed, **scene_options)
-        module = importlib.import_module(f"demo_scenes.{self.name}")
-        return getattr(module, f"{self.name}_scene")(*args, **scene_options)
+            module, function = "demo_scenes.building.scene", "building_scene"
+            scene_options = {"seed": self.seed, **scene_options}
+        return getattr(importlib.import_module(module), function)(*args, **scene_options)
 
 
 DEMOS: dict[str, Demo] = {
