@@ -17,7 +17,7 @@ from playwright.sync_api import Browser, Page
 from app.export.page import write_page
 from app.export.picture import picture
 from app.export.run_facts import RunFacts
-from app.lessons.look import AT_FRONT
+from app.lessons.page_settings import AT_FRONT
 from app.lessons.player import Status
 from app.lessons.scenes import load_lesson_scene
 from app.page.server import App, start
@@ -111,7 +111,7 @@ def replay(page: Page, session: Session) -> np.ndarray:
         path = Path(folder) / "page.html"
         write_page(RunFacts(session, path.parent), path, 2, lambda fraction: None)
         page.goto(path.as_uri())
-        wait_for(lambda: page.evaluate("viewer.loaded === data.paintings.length"))
+        wait_for(lambda: page.evaluate("viewer.loaded === data.keyframes.length"))
         page.get_by_role("button", name="Both", exact=True).click()
         page.evaluate("go(data.length)")
         return settled(page)

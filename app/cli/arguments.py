@@ -1,12 +1,14 @@
 """Arguments that several commands have in common, with their help."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
 import tyro
 
 from fairing.io import PhotoChoice
+from fairing.io.photo_choice import SceneFormat
 from fairing.options import PRESETS, FairingOptions
 
 ALL_PHOTOS = PhotoChoice()
@@ -54,6 +56,23 @@ HostArgument = Annotated[
 ]
 BrowserArgument = Annotated[bool, tyro.conf.arg(help="Open the page in the default browser.")]
 PhotosArgument = Annotated[PhotoChoice, tyro.conf.arg(name="")]
+
+
+@dataclass(frozen=True)
+class ConvertedPhotos(PhotoChoice):
+    """Photo choice of `convert`, whose `--format` is the format it writes."""
+
+    format: Annotated[SceneFormat | None, tyro.conf.arg(name="from-format")] = None
+    """Format to read where a folder holds cameras in several. Default: the readable one with the most photos, then with
+    sparse points."""
+
+    def choice(self) -> PhotoChoice:
+        """The photo choice with `--from-format` as its format."""
+        return PhotoChoice(**vars(self))
+
+
+ALL_CONVERTED_PHOTOS = ConvertedPhotos()
+ConvertedPhotosArgument = Annotated[ConvertedPhotos, tyro.conf.arg(name="")]
 Preset = Literal["accurate", "paper"]
 
 

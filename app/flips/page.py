@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import viser
 
-from app.background_worker import Background
+from app.background_worker import BackgroundWorker
 from app.flips.film import FlipFilm
 from app.flips.panels import SPEEDS, Presses, buttons, energy_plot, facts, legend, strip
 from app.flips.player import Player
@@ -37,7 +37,7 @@ class FlipPage:
 
     def __init__(
         self, client: viser.ClientHandle, scene: Scene, stage: Stage, film: FlipFilm, thumbnails: Thumbnails,
-        painter: Background,
+        painter: BackgroundWorker,
     ) -> None:  # fmt: skip
         self._client, self._scene, self._stage, self._film = client, scene, stage, film
         self._guard = Guard(client)
@@ -195,7 +195,7 @@ class FlipApp:
         self._server, self._scene = server, scene
         self.film = FlipFilm(trace)
         self.stage = Stage.of(scene)
-        self._thumbnails, self._painter = Thumbnails(scene), Background(lambda: None)
+        self._thumbnails, self._painter = Thumbnails(scene), BackgroundWorker()
         self.pages: dict[int, FlipPage] = {}
         server.scene.set_up_direction(tuple(self.stage.up))
         camera = server.initial_camera

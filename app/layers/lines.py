@@ -1,4 +1,4 @@
-"""Lines of the selection's colour in one node, away where there are none."""
+"""Line segments in the colour of the selection, in one scene node that is hidden when there are none."""
 
 import numpy as np
 import viser

@@ -1,4 +1,4 @@
-"""The sparse points of a reconstruction."""
+"""Points layer: the sparse points of the reconstruction."""
 
 import viser
 
@@ -9,7 +9,7 @@ from fairing.scene import SparsePoints
 
 
 class PointsLayer:
-    """A point cloud in its own colours; nothing where the scene has none."""
+    """A point cloud in the colours of its points; empty if the scene has no sparse points."""
 
     def __init__(self, client: viser.ClientHandle, stage: Stage, points: SparsePoints | None) -> None:
         self._handle = None
@@ -24,6 +24,6 @@ class PointsLayer:
                 visible=False,
             )
 
-    def show(self, state: RunState, view: PageState) -> None:
+    def show(self, state: RunState, page_state: PageState) -> None:
         if self._handle is not None:
-            self._handle.visible = view.shows("points")
+            self._handle.visible = page_state.shows("points")

@@ -1,4 +1,4 @@
-"""Seen through a camera: how far the selected vertex' last step moved it in the photo (the paper's figure 4a)."""
+"""Step arrow layer: the last step of the selected vertex in the photo looked through (the paper's figure 4a)."""
 
 import numpy as np
 import viser
@@ -11,19 +11,19 @@ from app.stage import Stage
 from fairing.camera import Camera
 from fairing.scene import Scene
 
-NEARER = 0.9  # of the vertex' depth: in front of what the camera sees there
-HEAD = 0.25  # of the arrow's length
+NEARER = 0.9  # depth of the arrow in depths of the vertex, so that the surface does not hide it
+HEAD = 0.25  # length of the head, in lengths of the arrow
 
 
 def pixel_arrow(camera: Camera, before: np.ndarray, after: np.ndarray, scale: float) -> np.ndarray | None:
-    """(3, 2, 3) float, world units: shaft and head of an arrow that the camera sees as the step's pixel displacement.
+    """(3, 2, 3) float, world units: shaft and head of an arrow that projects to the step's displacement in the photo.
 
     Args:
         before, after: (3,) float, world units.
-        scale: the arrow is so many times longer than the displacement.
+        scale: length of the arrow, in lengths of the displacement.
 
     Returns:
-        None where a point lies behind the camera or the step moves no pixel.
+        None if a point lies behind the camera or the displacement is zero.
     """
     (tail, tip), depths = camera.project(np.stack([before, after]))
     along = scale * (tip - tail)
@@ -40,22 +40,22 @@ def pixel_arrow(camera: Camera, before: np.ndarray, after: np.ndarray, scale: fl
 
 
 class StepArrowLayer:
-    """One arrow, only while a camera is looked through."""
+    """One arrow, shown while a camera is looked through."""
 
     def __init__(self, client: viser.ClientHandle, stage: Stage, scene: Scene) -> None:
         self._stage, self._scene = stage, scene
         self._lines = Lines(client, "/step_arrow", thickness=3.0)
 
-    def show(self, state: RunState, view: PageState) -> None:
-        arrow = self._arrow(state, view)
+    def show(self, state: RunState, page_state: PageState) -> None:
+        arrow = self._arrow(state, page_state)
         self._lines.show(None if arrow is None else self._stage.page_from_world(arrow))
 
-    def _arrow(self, state: RunState, view: PageState) -> np.ndarray | None:
-        if view.entered is None or view.selected is None:
+    def _arrow(self, state: RunState, page_state: PageState) -> np.ndarray | None:
+        if page_state.entered is None or page_state.selected is None:
             return None
-        found = last_step_about(state.trace.steps, state.moment, view.selected)
+        found = last_step_about(state.trace.steps, state.moment, page_state.selected)
         if found is None:
             return None
         _, record, slot = found
-        camera = self._scene.views[view.entered].camera
-        return pixel_arrow(camera, record.before[slot], record.after[slot], view.cells.arrow_scale)
+        camera = self._scene.views[page_state.entered].camera
+        return pixel_arrow(camera, record.before[slot], record.after[slot], page_state.cells.arrow_scale)

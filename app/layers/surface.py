@@ -1,4 +1,4 @@
-"""The mesh as a surface: painted from the photos or coloured by a quantity when the run rests, plain while it moves."""
+"""Surface layer: the mesh textured from the photos or coloured by a quantity while paused, plain while a run moves it."""
 
 from dataclasses import dataclass
 
@@ -9,11 +9,11 @@ from app.debugger.commands import Query
 from app.debugger.compare import distances, look_up
 from app.debugger.controller import Controller
 from app.debugger.run_state import Activity, RunState
-from app.layers.by_eye import ByEye
+from app.layers.view_dependent_texture import ViewDependentTexture
 from app.page_state.page_state import NOW_SHAPE, START_SHAPE, TRUE_SHAPE, PageState
 from app.palette import SURFACE
 from app.pictures.coloring import COLORINGS, DIFFERENCE, Legend, color_mesh
-from app.pictures.texturer import MOST_FACES, MOST_FACES_BY_EYE, Texturer
+from app.pictures.texturer import MOST_FACES, MOST_FACES_VIEW_DEPENDENT, Texturer
 from app.stage import Stage
 from app.surface_offset import set_back
 from app.viser_bridge.mesh_swap import Drawn, TakingTurns
@@ -25,7 +25,7 @@ UNPACK_COLORED = 0.25  # s: without a large texture
 
 @dataclass(frozen=True)
 class Wanted:
-    """What the colours are of."""
+    """Key of a surface colouring: run, moment, quantity, and the reference (run, moment) it is compared with."""
 
     run_id: int
     moment: int
@@ -34,7 +34,10 @@ class Wanted:
 
 
 class SurfaceLayer:
-    """A plain mesh that follows every state, and drawn ones for each of the shapes before, now, truth and between."""
+    """A plain mesh that follows every state, and textured or coloured meshes at the start, now, at the truth and between.
+
+    See `PageState.shape` for the positions of the surface's vertices.
+    """
 
     def __init__(
         self, client: viser.ClientHandle, stage: Stage, scene: Scene, texturer: Texturer, controller: Controller
@@ -56,49 +59,49 @@ class SurfaceLayer:
             shape: TakingTurns(client, f"/mesh/textured_{name}", controller.republish)
             for shape, name in ((START_SHAPE, "start"), (NOW_SHAPE, "now"), (TRUE_SHAPE, "truth"), (None, "between"))
         }
-        self._by_eye = ByEye(client, stage, texturer, controller.republish)
+        self._view_dependent = ViewDependentTexture(client, stage, texturer, controller.republish)
         self._colored = TakingTurns(client, "/mesh/colored", controller.republish, UNPACK_COLORED)
         self._between: tuple[float, np.ndarray, np.ndarray] | None = None
         self._wanted: Wanted | None = None
         self._answer: tuple[Wanted, np.ndarray | Exception] | None = None
         self._drawn: tuple[Wanted, np.ndarray, Legend] | None = None
         self.legend: Legend | None = None
-        """What the colours in sight mean; None without."""
+        """Legend of the colours shown; None if the surface is not coloured."""
 
-    def show(self, state: RunState, view: PageState) -> None:
-        vertices = self.vertices_of(state, view.shape)
+    def show(self, state: RunState, page_state: PageState) -> None:
+        vertices = self.vertices_of(state, page_state.shape)
         self._plain.vertices = self._stage.page_from_world(vertices)
-        outside, resting = view.entered is None, state.activity is Activity.PAUSED
+        outside, resting = page_state.entered is None, state.activity is Activity.PAUSED
         front: TakingTurns | None = None
-        follows_eye = False
+        is_view_dependent = False
         self.legend = None
         if outside and not state.is_moving:
-            if view.surface in COLORINGS:
-                front = self._color(state, view, vertices, resting)
-            elif view.surface == "textured":
-                front = self._texture(view.shape, vertices, resting and len(self._scene.mesh.faces) <= MOST_FACES)
-                if view.by_eye and resting and len(self._scene.mesh.faces) <= MOST_FACES_BY_EYE:
-                    front = self._by_eye.show(vertices) or front
-                    follows_eye = True
-        if not follows_eye:
-            self._by_eye.rest()
+            if page_state.surface in COLORINGS:
+                front = self._color(state, page_state, vertices, resting)
+            elif page_state.surface == "textured":
+                front = self._texture(page_state.shape, vertices, resting and len(self._scene.mesh.faces) <= MOST_FACES)
+                if page_state.by_eye and resting and len(self._scene.mesh.faces) <= MOST_FACES_VIEW_DEPENDENT:
+                    front = self._view_dependent.show(vertices) or front
+                    is_view_dependent = True
+        if not is_view_dependent:
+            self._view_dependent.rest()
         if front is not self._colored and self.legend is None:
             self._colored.forget()
             self._wanted = self._drawn = None
-        if state.is_moving:  # what is painted is of the past
+        if state.is_moving:  # the texture belongs to an earlier moment
             self._textured[NOW_SHAPE].forget()
         with self._client.atomic():
-            for turns in (*self._textured.values(), self._by_eye.turns, self._colored):
+            for turns in (*self._textured.values(), self._view_dependent.turns, self._colored):
                 turns.set_visible(turns is front)
-            self._plain.visible = outside and view.surface != "none" and front is None
+            self._plain.visible = outside and page_state.surface != "none" and front is None
 
     def close(self) -> None:
         for turns in (*self._textured.values(), self._colored):
             turns.close()
-        self._by_eye.close()
+        self._view_dependent.close()
 
     def vertices_of(self, state: RunState, shape: float) -> np.ndarray:
-        """(n, 3) float, world units: the shape looked at; the same array as long as it is the same shape."""
+        """(n, 3) float, world units: vertices for a `PageState.shape`. Equal shapes return the identical array."""
         truth = self._scene.truth.vertices if self._scene.truth is not None else None
         if shape == NOW_SHAPE or (shape > NOW_SHAPE and truth is None):
             return state.vertices
@@ -117,13 +120,13 @@ class SurfaceLayer:
         painted = self._texturer.static.painted(self, vertices) if resting else None
         if painted is not None:
             turns.offer(painted)
-        # After a step the last texture stays for the second that the next one takes.
+        # After a step the previous texture stays until the next one is painted.
         is_fit = turns.shown is not None and (shape == NOW_SHAPE or turns.shown is painted)
         return turns if is_fit else None
 
-    def _color(self, state: RunState, view: PageState, vertices: np.ndarray, resting: bool) -> TakingTurns | None:
-        name = view.surface
-        compared = look_up(view.reference, state) if name == DIFFERENCE else None
+    def _color(self, state: RunState, page_state: PageState, vertices: np.ndarray, resting: bool) -> TakingTurns | None:
+        name = page_state.surface
+        compared = look_up(page_state.reference, state) if name == DIFFERENCE else None
         reference = None if compared is None else (compared.run.run_id, compared.moment)
         wanted = Wanted(state.run_id, state.moment, name, reference)
         if resting and wanted != self._wanted:
@@ -131,18 +134,18 @@ class SurfaceLayer:
             if compared is not None:
                 self._take(wanted, 100 * distances(compared, state.vertices) / self._scene.mesh.diagonal)
             else:
-                self._ask(wanted)
+                self._query(wanted)
         if self._answer is not None and self._answer[0] == wanted and not isinstance(self._answer[1], Exception):
             self._draw(wanted, self._answer[1], vertices)
         self.legend = self._drawn[2] if self._drawn is not None else None
         return self._colored if self._colored.shown is not None else None
 
-    def _ask(self, wanted: Wanted) -> None:
+    def _query(self, wanted: Wanted) -> None:
         self._controller.post(
             Query(
-                asker=(id(self), "colors"),
-                question=lambda session: COLORINGS[wanted.coloring].ask(session, session.moment),
-                answer=lambda found: self._take(wanted, found),
+                key=(id(self), "colors"),
+                compute=lambda session: COLORINGS[wanted.coloring].values(session, session.moment),
+                callback=lambda found: self._take(wanted, found),
             )
         )
 

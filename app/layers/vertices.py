@@ -1,4 +1,4 @@
-"""The vertices as marks that can be clicked: spheres, and blocks where they are locked."""
+"""Vertices layer: clickable marks for the vertices, spheres for free ones and blocks for locked ones."""
 
 from collections.abc import Callable
 
@@ -13,14 +13,14 @@ from app.palette import LOCKED, NOW, REJECTED, SELECTED, START
 from app.stage import Stage
 from fairing.mesh import Mesh
 
-MANY = 1500  # marks, each of fewer triangles then: 5,000 balls of 80 took 0.1 s of every frame drawn by a processor
+MANY = 1500  # vertices; beyond this, marks have 20 triangles instead of 80 (ledger: vertex mark triangles)
 
 OnClick = Callable[[int, bool], None]
 Watch = Callable[[viser.BatchedMeshHandle], None]
 
 
 class VerticesLayer:
-    """Green at its start, red once it moved, violet if just rejected, grey and square if locked, yellow if selected.
+    """Green: unmoved. Red: moved. Pink: last step rejected. Grey blocks: locked. Yellow: selected.
 
     The current vertex of the selection is larger than the others.
     """
@@ -32,23 +32,25 @@ class VerticesLayer:
         )
         self._locked = _Marks(client, stage, "/vertices/locked", block(), mesh, on_click, watch)
 
-    def show(self, state: RunState, view: PageState) -> None:
-        colors = vertex_colors(state, view.selection.vertices)
-        scales = np.full(len(state.vertices), self._radius * (0.6 if view.entered is not None else 1), dtype=np.float32)
-        scales[list(view.selection.vertices)] *= 1.4
-        if view.selected is not None:
-            scales[view.selected] *= 1.25
-        is_visible = view.shows("vertices")
+    def show(self, state: RunState, page_state: PageState) -> None:
+        colors = vertex_colors(state, page_state.selection.vertices)
+        scales = np.full(
+            len(state.vertices), self._radius * (0.6 if page_state.entered is not None else 1), dtype=np.float32
+        )
+        scales[list(page_state.selection.vertices)] *= 1.4
+        if page_state.selected is not None:
+            scales[page_state.selected] *= 1.25
+        is_visible = page_state.shows("vertices")
         positions = self._stage.page_from_world(state.vertices)
         for marks, chosen in ((self._free, ~state.locked), (self._locked, state.locked)):
             marks.show(chosen, positions, colors, scales, is_visible)
 
 
 class _Marks:
-    """One node with a mark for every vertex, those that are not to be seen of no size.
+    """One node with a mark for every vertex; hidden marks have size zero.
 
-    With marks for only some of the vertices it would be made anew whenever others are locked, and a click that meets
-    it before the browser has its bindings is lost.
+    A node with marks for only some vertices would be created again whenever the locks change, and a click that arrives
+    before the browser has the new node's bindings would be lost.
     """
 
     def __init__(
@@ -86,7 +88,14 @@ class _Marks:
     def show(
         self, chosen: np.ndarray, positions: np.ndarray, colors: np.ndarray, scales: np.ndarray, is_visible: bool
     ) -> None:
-        """Chosen vertices (n,) bool; positions (n, 3) and scales (n,) in page units, colours (n, 3) uint8, of all."""
+        """Show the chosen vertices.
+
+        Args:
+            chosen: (n,) bool.
+            positions: (n, 3) float, page units, of all vertices.
+            colors: (n, 3) uint8, of all vertices.
+            scales: (n,) float, page units: radii of all marks.
+        """
         is_visible = is_visible and bool(chosen.any())
         if is_visible:
             self._handle.batched_positions = positions
@@ -96,7 +105,7 @@ class _Marks:
 
 
 def vertex_colors(state: RunState, selected: tuple[int, ...]) -> np.ndarray:
-    """(n, 3) uint8: what the colour of a mark says about its vertex."""
+    """(n, 3) uint8: colours of the marks, see `VerticesLayer`."""
     colors = np.tile(np.array(START, dtype=np.uint8), (len(state.vertices), 1))
     colors[(state.vertices != state.trace.start).any(axis=1)] = NOW
     record = state.record

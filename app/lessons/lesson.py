@@ -1,11 +1,11 @@
-"""What a lesson is, once it is read."""
+"""Lesson: data classes of a parsed lesson."""
 
 from dataclasses import dataclass
 from functools import reduce
 
 from app.debugger.condition import Condition
-from app.lessons.look import Look, LookChange
-from app.lessons.work import Work
+from app.lessons.engine_actions import EngineAction
+from app.lessons.page_settings import PageSettings, SettingsChange
 
 ANY_SCENE = "any"
 
@@ -27,7 +27,7 @@ class Question:
 
 @dataclass(frozen=True)
 class Kept:
-    """A number that later steps may speak of by its name."""
+    """A number that later steps can use by its name."""
 
     name: str
     expression: Condition
@@ -37,20 +37,20 @@ class Kept:
 class LessonStep:
     """Attributes:
     title: plain text.
-    text: Markdown with formulas in $ or $$ and numbers of the engine in braces, such as {off(0)}.
-    works: what the engine does when the step is reached from the one before.
-    looks: what the page shows from this step on.
-    code: the line of pseudo-code at work, a key of `pseudo_code.LINES`; None for none.
-    question: asked below the text.
-    keeps: numbers named at the end of the step.
-    claims: what holds at the end of the step.
-    numbers: the expressions in the braces of all texts, by their text.
+    text: Markdown with formulas in $ or $$, and expressions over engine quantities in braces, such as {off(0)}.
+    actions: of the engine, when the step is reached from the previous one.
+    settings_changes: changes of the page settings, in effect from this step on.
+    code: the highlighted line of pseudo-code, a key of `pseudo_code.LINES`; None for none.
+    question: shown below the text.
+    keeps: numbers computed at the end of the step, for later steps.
+    claims: conditions that hold at the end of the step.
+    numbers: the expressions in braces of all texts, by their text.
     """
 
     title: str
     text: str
-    works: tuple[Work, ...]
-    looks: tuple[LookChange, ...]
+    actions: tuple[EngineAction, ...]
+    settings_changes: tuple[SettingsChange, ...]
     code: str | None
     question: Question | None
     keeps: tuple[Kept, ...]
@@ -61,10 +61,10 @@ class LessonStep:
 @dataclass(frozen=True)
 class Lesson:
     """Attributes:
-    name: short and unique, as typed after --lesson.
+    name: short and unique, the argument of --lesson.
     title: plain text.
     about: one sentence, plain text.
-    scene: the name of the demo scene it plays on (see `app.lessons.scenes`), or `ANY_SCENE`.
+    scene: name of its demo scene (see `app.lessons.scenes`), or `ANY_SCENE`.
     steps: 6 to 12.
     """
 
@@ -74,7 +74,7 @@ class Lesson:
     scene: str
     steps: tuple[LessonStep, ...]
 
-    def look_at(self, step: int) -> Look:
-        """What the page shows at a step: what all steps so far have asked for."""
-        changes = [change for earlier in self.steps[: step + 1] for change in earlier.looks]
-        return reduce(lambda look, change: change(look), changes, Look())
+    def page_settings_at(self, step: int) -> PageSettings:
+        """Page settings at a step: the changes of all steps up to it, applied in order."""
+        changes = [change for earlier in self.steps[: step + 1] for change in earlier.settings_changes]
+        return reduce(lambda settings, change: change(settings), changes, PageSettings())

@@ -131,7 +131,7 @@ class CameraView:
         if view_id is None:
             return
         if view.model_share > 0 and state.activity is Activity.PAUSED:
-            self._predictor.ask(view_id, vertices)
+            self._predictor.request(view_id, vertices)
         with self._placing:
             self._share, self._swipes = view.model_share, view.swipes
             if self._inside == view_id:

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from app.debugger.commands import Query
 from app.debugger.controller import Controller
 from app.debugger.run_state import Activity, RunState
 from app.page_state.page_state import PageState
@@ -30,21 +29,19 @@ class CertaintySource:
     """Of one browser."""
 
     def __init__(self, controller: Controller) -> None:
-        self._lookup: QueryCache[CertaintyQuestion, list[Certainty]] = QueryCache(
-            lambda asker, work, answer: controller.post(Query(asker, work, answer))
-        )
+        self._lookup: QueryCache[CertaintyQuestion, list[Certainty]] = QueryCache(controller.query)
 
     def want(self, state: RunState, view: PageState) -> None:
         """Query if it is time."""
         question = certainty_question(state, view)
         if question is not None and state.activity is Activity.PAUSED:
-            self._lookup.want(
+            self._lookup.request(
                 question, lambda session: certainties(session, np.array(question.vertices), question.moment)
             )
 
     def newest(self, state: RunState, view: PageState) -> list[Certainty]:
         """What is known of the vertices looked at; a moment that has just gone serves until the next is there."""
-        found, question = self._lookup.newest, certainty_question(state, view)
+        found, question = self._lookup.latest, certainty_question(state, view)
         if found is None or question is None or isinstance(found[1], Exception):
             return []
         asked = found[0]

@@ -1,4 +1,4 @@
-"""Moments with a note: listed, gone to, compared with, copied by name."""
+"""Bookmarks panel: lists bookmarked moments, jumps to them, compares with them, copies their names."""
 
 from collections.abc import Callable
 
@@ -18,22 +18,22 @@ from app.viser_bridge.text_field import Line
 
 
 class BookmarksPanel:
-    """The list, and a line to write a note and keep the present moment."""
+    """The list of bookmarks, and a text field to bookmark the current moment with a note."""
 
     def __init__(self, gui: viser.GuiApi, bridge: Bridge, press: "BookmarkButtons") -> None:
         self._press = press
-        note = Line(gui, bridge, "Note", "Enter keeps the present moment with this note.", press.keep_with)
+        note = Line(gui, bridge, "Note", "Enter bookmarks the current moment with this note.", press.keep_with)
         press.take_note = note.take_draft
         self._panel = HtmlPanel(gui)
 
-    def show(self, state: RunState, view: PageState) -> None:
+    def show(self, state: RunState, page_state: PageState) -> None:
         here = moment_id(state.position, state.moment, state.options.n_levels)
-        keep = button("Bookmark this moment", self._press.keep, hint="Keep the present moment with the note (K)")
+        keep = button("Bookmark this moment", self._press.keep, hint="Bookmark this moment (K) with the note")
         rows = "".join(self._row(item, state) for item in state.bookmarks)
-        none = "<div class='dim note'>No bookmarks yet. Saved runs keep them beside their file.</div>"
+        none = "<div class='dim note'>No bookmarks yet. They are saved with the run.</div>"
         self._panel.set(
             f"<div class='row'>{keep}<span class='dim grow'>now: <code>{text(here)}</code></span>"
-            f"{copy_button(here, 'Copy the name of this moment, for --at')}</div>"
+            f"{copy_button(here, 'Copy the name of this moment (for --at)')}</div>"
             f"<div class='scroll'>{f'<table class=runs>{rows}</table>' if rows else none}</div>"
         )
 
@@ -46,11 +46,14 @@ class BookmarksPanel:
             hint=f"Go to moment {item.moment} of run {item.run_id}",
             css_class="small on" if is_here else "small",
         )
+        copy = copy_button(item.at, "Copy the name of this moment (for --at)")
         compare = button("A", self._press.compare(number_of), hint="Compare with this moment", css_class="small")
-        remove = button("", self._press.remove(number_of), hint="Remove", icon=icon("leave"), css_class="small")
+        remove = button(
+            "", self._press.remove(number_of), hint="Remove this bookmark", icon=icon("leave"), css_class="small"
+        )
         return (
             f"<tr><td>{go}</td><td class='dim n'>run {item.run_id}</td><td class='what'>{text(item.note)}</td>"
-            f"<td><div class='row tools'>{copy_button(item.at, 'Copy its name, for --at')}{compare}{remove}</div></td></tr>"
+            f"<td><div class='row tools'>{copy}{compare}{remove}</div></td></tr>"
         )
 
 

@@ -1,10 +1,10 @@
-"""One picture of the cells panel enlarged, with its scale and the values under the pointer."""
+"""Lens: one picture of the cells panel enlarged, with its colour scale and the values under the pointer."""
 
 from collections.abc import Callable
 
 import viser
 
-from app.background_worker import Background
+from app.background_worker import BackgroundWorker
 from app.debugger.cell_queries import CellFacts
 from app.debugger.run_state import RunState
 from app.html import button, icon, text
@@ -25,7 +25,7 @@ FRAME = 362  # px of the lens
 
 
 class CellLens:
-    """Floats beside the panel while something is enlarged."""
+    """Floats beside the cells panel while a picture is enlarged."""
 
     def __init__(
         self,
@@ -33,7 +33,7 @@ class CellLens:
         scene: Scene,
         source: CellSource,
         pages: PhotoPages,
-        background: Background,
+        background: BackgroundWorker,
         controls: CellsControls,
         enter: Callable[[str], str],
     ) -> None:
@@ -46,26 +46,26 @@ class CellLens:
         self._drawing: QueryCache[tuple, str] = QueryCache(background.post)
         self._drawn: object = None
 
-    def show(self, state: RunState, view: PageState) -> None:
-        enlarged = view.cells.in_lens
-        if enlarged is not None and enlarged[1] in (CROP, *PAIR_KINDS) and view.selected is not None:
-            self._show_photo(state, view, view.selected, *enlarged)
+    def show(self, state: RunState, page_state: PageState) -> None:
+        enlarged = page_state.cells.in_lens
+        if enlarged is not None and enlarged[1] in (CROP, *PAIR_KINDS) and page_state.selected is not None:
+            self._show_photo(state, page_state, page_state.selected, *enlarged)
             return
         if enlarged is not None:
-            self._source.want(state, view)
-        found = self._source.newest(state, view) if enlarged is not None else None
+            self._source.want(state, page_state)
+        found = self._source.newest(state, page_state) if enlarged is not None else None
         visible = found is not None and not isinstance(found[1], Exception) and found[1].cells.takes_part
         if self._frame.visible != visible:
             self._frame.visible = visible
         if not visible or found is None or isinstance(found[1], Exception) or enlarged is None:
             return
-        key = (found[0], view.cells)
+        key = (found[0], page_state.cells)
         if key != self._drawn:
             self._drawn = key
-            self._panel.set(self._content(found[1], *enlarged, view))
+            self._panel.set(self._content(found[1], *enlarged, page_state))
 
-    def _show_photo(self, state: RunState, view: PageState, vertex: int, view_id: int, kind: str) -> None:
-        """A photo around the vertex, or a picture of the pair."""
+    def _show_photo(self, state: RunState, page_state: PageState, vertex: int, view_id: int, kind: str) -> None:
+        """Show a crop of a photo around the vertex, or a picture of the pair."""
         found = self._pages.newest(state, vertex)
         if found is None:
             return
@@ -74,20 +74,20 @@ class CellLens:
             return
         if not self._frame.visible:
             self._frame.visible = True
-        cells_view, face = view.cells, chosen_face(self._scene.mesh, view)
+        cells_view, face = page_state.cells, chosen_face(self._scene.mesh, page_state)
         if kind == CROP or face is None:
-            self._drawing.want(
+            self._drawing.request(
                 (key, view_id, kind, cells_view.span, cells_view.arrow_scale),
                 lambda: self._pages.crop(known, view_id, cells_view, SIDE),
             )
         else:
             slot = self._scene.mesh.one_rings[vertex].tolist().index(face)
             affine = state.options.cells.warp == "affine"
-            self._drawing.want(
+            self._drawing.request(
                 (key, face, kind, cells_view.pair),
                 lambda: self._pages.enlarged_pair(known, face, slot, cells_view, affine, kind, SIDE),
             )
-        drawn = self._drawing.newest
+        drawn = self._drawing.latest
         if drawn is None or drawn == self._drawn:
             return
         self._drawn = drawn
@@ -119,7 +119,7 @@ class CellLens:
         )
 
     def _around(self, views: list[int], view_id: int, kind: str) -> str:
-        """Buttons to the photo before and after."""
+        """Buttons for the previous and the next photo."""
         at = views.index(view_id) if view_id in views else 0
         return "".join(
             button(
@@ -132,7 +132,7 @@ class CellLens:
             for step, word in ((-1, "Previous"), (1, "Next"))
         )
 
-    def _content(self, facts: CellFacts, view_id: int, kind: str, view: PageState) -> str:
+    def _content(self, facts: CellFacts, view_id: int, kind: str, page_state: PageState) -> str:
         cells = facts.cells
         views = cells.views.tolist()
         name = self._scene.views[view_id].name
@@ -155,7 +155,7 @@ class CellLens:
         )
         arrows = ""
         if kind in ARROW_KINDS:
-            path = pictures.arrows(row, kind, SIDE, view.cells.arrow_scale)
+            path = pictures.arrows(row, kind, SIDE, page_state.cells.arrow_scale)
             arrows = f'<path stroke="{css(FLOW_COLORS[kind])}" style="stroke-width:1.6" d="{path}"/>'
         return (
             f"<div class='row'><span class='grow one'>{go} <span class='dim'>face {cells.face}</span></span>"
@@ -170,7 +170,7 @@ class CellLens:
 
 
 def _read_out(size: int, pictures: CellPictures) -> str:
-    """JavaScript for the picture: what its sample under the pointer says goes into the line two below."""
+    """JavaScript that writes the values of the sample under the pointer into the second element after the picture."""
     return (
         "var t=this,d=t.dataset.values,v=t.d===d?t.v:(t.d=d,t.v=new Int16Array(Uint8Array.from(atob(d),"
         "c=>c.charCodeAt(0)).buffer)),"

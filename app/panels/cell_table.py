@@ -1,4 +1,4 @@
-"""The cells of a face, a row a photo: the paper's figures 3, 4b and 4c, live."""
+"""Cell table: the cells of a face, one row per photo (the paper's figures 3, 4b and 4c)."""
 
 from collections.abc import Callable
 
@@ -19,24 +19,26 @@ CHART = (158, 54)
 
 
 def cell_table(
-    facts: CellFacts, view: CellsView, scene: Scene, controls: CellsControls, enter: Callable[[str], str]
+    facts: CellFacts, cells_view: CellsView, scene: Scene, controls: CellsControls, enter: Callable[[str], str]
 ) -> str:
-    """Markup of the whole page."""
+    """Markup of the page "Cells"."""
     cells = facts.cells
     if not cells.takes_part:
         return (
-            f"<div class='note'>Face {cells.face} takes no part: {len(cells.views)} photos see it well enough, "
+            f"<div class='note'>Face {cells.face} is not used: {len(cells.views)} photos see it well enough, "
             "three are needed.</div>"
         )
-    tile = min(MAX_TILE, (WIDTH - GAP * (len(view.columns) - 1)) // len(view.columns))
+    tile = min(MAX_TILE, (WIDTH - GAP * (len(cells_view.columns) - 1)) // len(cells_view.columns))
     pictures = CellPictures(cells, facts.flows)
     heads = "".join(
         f"<span style='width:{tile + GAP}px' title='{text(KINDS[kind])}'>{text(HEADS[kind])}</span>"
-        for kind in view.columns
+        for kind in cells_view.columns
     )
-    rows = "".join(_row(facts, pictures, row, view, tile, scene, controls, enter) for row in range(len(cells.views)))
+    rows = "".join(
+        _row(facts, pictures, row, cells_view, tile, scene, controls, enter) for row in range(len(cells.views))
+    )
     return (
-        f"{_facts(facts, controls)}{_basis(facts, controls)}<h4>Cells by photo</h4>{_chips(facts, view, controls)}"
+        f"{_facts(facts, controls)}{_basis(facts, controls)}<h4>Cells by photo</h4>{_chips(facts, cells_view, controls)}"
         f"<div class='row kinds'>{heads}</div>{rows}"
     )
 
@@ -47,7 +49,7 @@ def _facts(facts: CellFacts, controls: CellsControls) -> str:
     k = len(cells.basis)
     own = ""
     if k != facts.own_dimensions:
-        back = button(f"the run's {facts.own_dimensions}", controls.dimensions("0"), hint="Back to the run's own k",
+        back = button(f"the run's {facts.own_dimensions}", controls.dimensions("0"), hint="Back to the k of the run",
                       css_class="small")  # fmt: skip
         before = float(facts.energies[facts.own_dimensions - 1])
         own = f"<div class='row'><span class='selected'>k = {k} instead of</span>{back}<span class='dim'>energy " \
@@ -60,7 +62,7 @@ def _facts(facts: CellFacts, controls: CellsControls) -> str:
 
 
 def _basis(facts: CellFacts, controls: CellsControls) -> str:
-    """Basis images, singular values, and the energy that would be left with every k."""
+    """Basis images, singular values, and the energy for every number of dimensions k."""
     cells, k = facts.cells, len(facts.cells.basis)
     tile = min(60, WIDTH // k - GAP)
     values = np.log1p(cells.singular_values)
@@ -69,12 +71,12 @@ def _basis(facts: CellFacts, controls: CellsControls) -> str:
         [f"singular value {i + 1}: {number(float(value))}" for i, value in enumerate(cells.singular_values)],
         lambda i: "on" if i < k else "",
     )
-    # A scale of four decades: what is left with all but one of the dimensions is small.
+    # Logarithmic over four decades, because the energy falls steeply with k.
     left = facts.energies / max(float(facts.energies.max(initial=0)), 1e-12)
     fall = _bars(
         1 + np.log10(np.clip(left, 1e-4, 1)) / 4,
         [
-            f"k = {i + 1}: energy {number(float(energy))}; click to look at it"
+            f"k = {i + 1}: energy {number(float(energy))}; click to show the cells with this k"
             for i, energy in enumerate(facts.energies)
         ],
         lambda i: "chosen" if i + 1 == k else "own" if i + 1 == facts.own_dimensions else "",
@@ -83,7 +85,7 @@ def _basis(facts: CellFacts, controls: CellsControls) -> str:
     return (
         f"<h4>Basis images</h4><img src='{strip_of_basis(cells, tile)}' alt='basis images'>"
         f"<div class='charts'><div>{scree}<span class='dim'>singular values</span></div>"
-        f"<div>{fall}<span class='dim'>energy left, by k</span></div></div>"
+        f"<div>{fall}<span class='dim'>energy by k (log scale)</span></div></div>"
     )
 
 
@@ -93,7 +95,7 @@ def _bars(
     css_class: Callable[[int], str],
     press: Callable[[int], str] | None = None,
 ) -> str:
-    """A bar chart, heights 0 to 1; with `press`, bars can be clicked over the whole height."""
+    """A bar chart of heights from 0 to 1. With `press`, a click anywhere in a bar's column counts."""
     width, height = CHART
     step = width / max(len(heights), 1)
     parts = []
@@ -110,25 +112,25 @@ def _bars(
     return f'<svg class="bars" viewBox="0 0 {width} {height}" style="{size}">{"".join(parts)}</svg>'
 
 
-def _chips(facts: CellFacts, view: CellsView, controls: CellsControls) -> str:
-    """Which columns, and how long the arrows."""
+def _chips(facts: CellFacts, cells_view: CellsView, controls: CellsControls) -> str:
+    """Buttons for the columns shown and for the length of the arrows."""
     columns = "".join(
         button(
             HEADS[kind],
             controls.column(str(n)),
-            hint=f"{'Hide' if kind in view.columns else 'Show'} {KINDS[kind]}",
-            css_class="chip on" if kind in view.columns else "chip",
+            hint=f"{'Hide' if kind in cells_view.columns else 'Show'} {KINDS[kind]}",
+            css_class="chip on" if kind in cells_view.columns else "chip",
         )
         for n, kind in enumerate(KINDS)
     )
     arrows = ""
-    if any(kind in ARROW_KINDS for kind in view.columns):
+    if any(kind in ARROW_KINDS for kind in cells_view.columns):
         scales = "".join(
             button(
                 f"×{scale}",
                 controls.scale(str(n)),
                 hint=f"Arrows {scale} times longer than the flow",
-                css_class="chip on" if scale == view.arrow_scale else "chip",
+                css_class="chip on" if scale == cells_view.arrow_scale else "chip",
             )
             for n, scale in enumerate(ARROW_SCALES)
         )
@@ -138,9 +140,9 @@ def _chips(facts: CellFacts, view: CellsView, controls: CellsControls) -> str:
 
 def _flow_note(facts: CellFacts) -> str:
     if facts.flows is None:
-        note = "the face took no part before that step"
+        note = "the face was not used before that step"
     elif facts.flows.moment is None:
-        note = "no step yet: f of the present cells"
+        note = "no step yet; f of the current cells"
     else:
         note = f"of the step to moment {facts.flows.moment}"
         note += "; it moved no corner of this face" if facts.flows.model is None else ""
@@ -151,7 +153,7 @@ def _row(
     facts: CellFacts,
     pictures: CellPictures,
     row: int,
-    view: CellsView,
+    cells_view: CellsView,
     tile: int,
     scene: Scene,
     controls: CellsControls,
@@ -163,15 +165,15 @@ def _row(
     seen = 100 * float(cells.counts[row].mean())
     energy = number(float(cells.view_energy[row]), 3)
     coefficients = " ".join(number(float(value), 3) for value in cells.coefficients[row])
-    width = (tile + GAP) * len(view.columns) - GAP
+    width = (tile + GAP) * len(cells_view.columns) - GAP
     paths = "".join(
         f'<path transform="translate({n * (tile + GAP)} 0)" stroke="{css(FLOW_COLORS[kind])}" '
-        f'd="{pictures.arrows(row, kind, tile, view.arrow_scale, every=2)}"/>'
-        for n, kind in enumerate(view.columns)
+        f'd="{pictures.arrows(row, kind, tile, cells_view.arrow_scale, every=2)}"/>'
+        for n, kind in enumerate(cells_view.columns)
         if kind in ARROW_KINDS
     )
-    codes = str([controls.code(view_id, kind) for kind in view.columns])
-    column = f"Math.max(0,Math.min({len(view.columns) - 1},Math.floor((event.clientX-r.left)/{tile + GAP})))"
+    codes = str([controls.code(view_id, kind) for kind in cells_view.columns])
+    column = f"Math.max(0,Math.min({len(cells_view.columns) - 1},Math.floor((event.clientX-r.left)/{tile + GAP})))"
     enlarged = controls.enlarged_by(f"{codes}[{column}]", "var r=this.getBoundingClientRect();")
     facts_line = f"c = {coefficients} · {seen:.0f} % of the cell seen"
     shown = f"<span class='dim one grow' title='{text(facts_line)}'>c {text(coefficients)}</span>"
@@ -181,6 +183,6 @@ def _row(
         f"<div class='cell'><div class='row'>{go}{shown}</div>"
         f"<div class='tiles' role='button' tabindex='0' aria-label='Enlarge a cell in {text(name)}' "
         f"style='width:{width}px;height:{tile}px' {enlarged}>"
-        f"<img src='{pictures.strip(row, view.columns, tile)}' alt='cells in {text(name)}'>"
+        f"<img src='{pictures.strip(row, cells_view.columns, tile)}' alt='cells in {text(name)}'>"
         f"<svg class='over' viewBox='0 0 {width} {tile}'>{paths}</svg></div></div>"
     )

@@ -1,4 +1,4 @@
-"""The buttons that step, run and go back."""
+"""Debug bar: the buttons that run, pause, step forward and step back."""
 
 import viser
 
@@ -12,14 +12,14 @@ UNIT_NAMES = {"sequential": "vertex", "worst_first": "vertex", "independent": "s
 
 
 class DebugBar:
-    """Forward on the first line, back on the second, from one iteration to a whole level."""
+    """Run controls, a row of forward steps and a row of backward steps, from one iteration to a whole level."""
 
     def __init__(self, gui: viser.GuiApi, press: dict[str, str]) -> None:
         self._panel = HtmlPanel(gui)
         self._press = press
         self._actions = {action.name: action for action in ACTIONS}
 
-    def show(self, state: RunState, view: PageState) -> None:
+    def show(self, state: RunState, page_state: PageState) -> None:
         running = state.is_moving
         unit = UNIT_NAMES.get(state.options.schedule.order, "vertex")
         forward, back = not state.finished, state.moment > 0

@@ -1,4 +1,4 @@
-"""What of the scene is drawn."""
+"""Layers panel: switches for the layers of the 3D view and for the theme."""
 
 import viser
 
@@ -22,21 +22,21 @@ SWATCHES: dict[str, RGB] = {
 
 
 def available_layers(scene: Scene) -> list[str]:
-    """The layers that this scene has something for."""
+    """Names of the layers for which the scene has data."""
     missing = {"truth": scene.truth is None, "points": scene.sparse_points is None}
     return [name for name in LAYERS if not missing.get(name, False)]
 
 
 class LayersPanel:
-    """A switch a layer; its colour is the one in the scene."""
+    """One switch per layer, with the colour that the layer has in the 3D view."""
 
     def __init__(self, gui: viser.GuiApi, press: dict[str, str], switch_theme: str) -> None:
         self._press = press
         self._theme = button("Dark or light", switch_theme, hint="Dark or light (Y)", css_class="wide")
         self._panel = HtmlPanel(gui)
 
-    def show(self, state: RunState, view: PageState) -> None:
-        switches = "".join(self._switch(name, view.shows(name)) for name in self._press)
+    def show(self, state: RunState, page_state: PageState) -> None:
+        switches = "".join(self._switch(name, page_state.shows(name)) for name in self._press)
         self._panel.set(f"<div class='layers'>{switches}</div><h4>Theme</h4>{self._theme}")
 
     def _switch(self, name: str, is_on: bool) -> str:

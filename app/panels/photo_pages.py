@@ -1,11 +1,10 @@
-"""Two pages of the cells panel: the vertex in the photos (figures 4a, 4d) and a face in a pair of photos (figure 2)."""
+"""Photo pages of the cells panel: the vertex in every photo (figures 4a, 4d), and a face in two photos (figure 2)."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from app.debugger.commands import Query
 from app.debugger.controller import Controller
 from app.debugger.history import last_step_about
 from app.debugger.run_state import Activity, RunState
@@ -29,14 +28,14 @@ MAX_PATH = 200  # points
 
 @dataclass(frozen=True, eq=False)
 class VertexInPhotos:
-    """What the crops show of a vertex.
+    """Geometry of a vertex and its one-ring at one moment, for drawing over photos.
 
     Attributes:
         views: ids of the photos that see a face of it.
-        path: (n, 3) float: its positions from the start to now, world units.
-        step: (2, 3) float: before and after its last step; None if there was none.
-        ring_start, ring_now: (F, 3, 3) float: the corners of its faces.
-        face_views: views of every face, by its id.
+        path: (n, 3) float, world units: positions from the start to the current moment.
+        step: (2, 3) float, world units: positions before and after its last step; None if there was none.
+        ring_start, ring_now: (F, 3, 3) float, world units: the corners of its F faces at the start and now.
+        face_views: ids of the photos that see a face, by face id.
     """
 
     views: list[int]
@@ -48,7 +47,7 @@ class VertexInPhotos:
 
 
 def vertex_in_photos(session: Session, vertex: int, moment: int) -> VertexInPhotos:
-    """Look it up."""
+    """Collect the geometry of a vertex at a moment from the session."""
     context, mesh, trace = session.sweep_state(moment).context, session.scene.mesh, session.trace
     faces = mesh.one_rings[vertex]
     path = [trace.start[vertex]]
@@ -72,39 +71,39 @@ _BEHIND = "<div class='note'>A corner of the face lies behind one of these camer
 
 
 class PhotoPages:
-    """Asks for what the pages show and draws them, where slowness does no harm."""
+    """Queries the engine for the photo pages and draws them. The drawing methods run on the background worker."""
 
     def __init__(
         self, controller: Controller, scene: Scene, photos: PhotoStore, controls: CellsControls,
         enter: Callable[[str], str],
     ) -> None:  # fmt: skip
         self._scene, self._photos, self._controls, self._enter = scene, photos, controls, enter
-        self._lookup: QueryCache[tuple[int, int, int], VertexInPhotos] = QueryCache(
-            lambda asker, work, answer: controller.post(Query(asker, work, answer))
-        )
+        self._lookup: QueryCache[tuple[int, int, int], VertexInPhotos] = QueryCache(controller.query)
 
     def newest(self, state: RunState, vertex: int) -> tuple[tuple[int, int, int], VertexInPhotos | Exception] | None:
-        """The newest there is of a vertex and its key; asks for the present one when the engine rests."""
+        """The latest query result for a vertex, with its key (run, moment, vertex). Posts a query while paused."""
         if state.activity is Activity.PAUSED:
             moment = state.moment
-            self._lookup.want((state.run_id, moment, vertex), lambda session: vertex_in_photos(session, vertex, moment))
-        found = self._lookup.newest
+            self._lookup.request(
+                (state.run_id, moment, vertex), lambda session: vertex_in_photos(session, vertex, moment)
+            )
+        found = self._lookup.latest
         return found if found is not None and (found[0][0], found[0][2]) == (state.run_id, vertex) else None
 
-    def crops(self, known: VertexInPhotos, view: CellsView) -> str:
-        """Markup of the first page. On the background's thread."""
+    def crops(self, known: VertexInPhotos, cells_view: CellsView) -> str:
+        """Markup of the page with a crop of every photo. Runs on the background thread."""
         if not known.views:
             return "<div class='note'>No photo sees a face of this vertex well enough.</div>"
-        spans = _chips(SPANS.values(), list(SPANS).index(view.span), self._controls.span, "Show {} in each photo")
+        spans = _chips(SPANS.values(), list(SPANS).index(cells_view.span), self._controls.span, "Show {} in each photo")
         scales = _chips(
-            [f"×{scale}" for scale in ARROW_SCALES], ARROW_SCALES.index(view.arrow_scale), self._controls.scale,
+            [f"×{scale}" for scale in ARROW_SCALES], ARROW_SCALES.index(cells_view.arrow_scale), self._controls.scale,
             "Draw the step {}",
         )  # fmt: skip
         tiles = "".join(
             f"<div>{self._name(view_id)}<div role='button' tabindex='0' style='cursor:zoom-in' "
             f"aria-label='Enlarge {text(self._scene.views[view_id].name)}' "
             f"{self._controls.enlarged_by(str(self._controls.code(view_id, CROP)))}>"
-            f"{self.crop(known, view_id, view, CROP_SIDE)}"
+            f"{self.crop(known, view_id, cells_view, CROP_SIDE)}"
             "</div></div>"
             for view_id in known.views
         )
@@ -112,19 +111,19 @@ class PhotoPages:
             f"<div class='row chips'><span class='dim'>Show</span>{spans}</div>"
             f"<div class='row chips'><span class='dim'>Step</span>{scales}</div>"
             f"<div class='dim'><span class='start'>—</span> start <span class='now'>—</span> now and the path "
-            f"<span class='selected'>→</span> its last step, ×{view.arrow_scale}</div>"
+            f"<span class='selected'>→</span> its last step, ×{cells_view.arrow_scale}</div>"
             f"<div class='crops'>{tiles}</div>"
         )
 
-    def crop(self, known: VertexInPhotos, view_id: int, view: CellsView, side: int) -> str:
-        """One photo around the vertex: its faces at the start and now, its path, its last step."""
+    def crop(self, known: VertexInPhotos, view_id: int, cells_view: CellsView, side: int) -> str:
+        """A crop of one photo with the faces at the start and now, the vertex path and the last step."""
         camera = self._scene.views[view_id].camera
         start, now, path = (camera.project(p)[0] for p in (known.ring_start, known.ring_now, known.path))
         arrow = np.zeros((0, 2, 2))
         if known.step is not None:
             tail, head = camera.project(known.step)[0]
-            arrow = np.stack([tail, tail + view.arrow_scale * (head - tail)])[None]
-        if view.span == "faces":
+            arrow = np.stack([tail, tail + cells_view.arrow_scale * (head - tail)])[None]
+        if cells_view.span == "faces":
             window = Window.around(np.concatenate([start.reshape(-1, 2), now.reshape(-1, 2)]), side)
         else:
             window = Window.around(np.concatenate([path, arrow.reshape(-1, 2)]), side, margin=0.3)
@@ -139,12 +138,16 @@ class PhotoPages:
             + f'<path d="{step}" stroke="{css(SELECTED)}" style="stroke-width:2"/>',
         )  # fmt: skip
 
-    def pair(self, known: VertexInPhotos, face: int, slot: int, view: CellsView, affine: bool) -> str:
-        """Markup of the second page; `slot` is the face's place in the vertex' ring. On the background's thread."""
+    def pair(self, known: VertexInPhotos, face: int, slot: int, cells_view: CellsView, affine: bool) -> str:
+        """Markup of the page with a pair of photos. Runs on the background thread.
+
+        Args:
+            slot: index of the face in the one-ring of the vertex.
+        """
         views = known.face_views.get(face, [])
         if len(views) < 2:
             return "<div class='note'>Fewer than two photos see this face well enough.</div>"
-        first, second = chosen_pair(views, view.pair)
+        first, second = chosen_pair(views, cells_view.pair)
         i, j = (self._scene.views[v] for v in (first, second))
         names = [text(i.name), text(j.name)]
         picks = "".join(
@@ -165,10 +168,10 @@ class PhotoPages:
         if not pairs:
             return picks + _BEHIND
         columns = "".join(self._pair_column(when, pair) for when, pair in pairs.items())
-        warp = "affine" if affine else "plane's homography"
+        warp = "the affine map" if affine else "the plane-induced homography"
         return (
-            f"{picks}<div class='note dim'>{names[0]} warped into {names[1]} by the {warp}. Edges that are twice in "
-            f"the average show a vertex off its place.</div>"
+            f"{picks}<div class='note dim'>{names[0]} warped into {names[1]} by {warp}. Doubled edges in the average "
+            f"show that a vertex is misplaced.</div>"
             f"<div class='crops'>{columns}</div>"
         )
 
@@ -185,13 +188,13 @@ class PhotoPages:
         return {when: face_pair(photos, (i, j), c, window, affine) for when, c in corners.items()}
 
     def enlarged_pair(
-        self, known: VertexInPhotos, face: int, slot: int, view: CellsView, affine: bool, kind: str, side: int
+        self, known: VertexInPhotos, face: int, slot: int, cells_view: CellsView, affine: bool, kind: str, side: int
     ) -> str:
-        """Markup of one of the pair's pictures for the lens; `kind` is of `PAIR_KINDS`. On the background's thread."""
+        """Markup of one picture of the pair for the lens; `kind` is one of `PAIR_KINDS`. Runs on the background thread."""
         views = known.face_views.get(face, [])
         if len(views) < 2:
             return ""
-        first, second = chosen_pair(views, view.pair)
+        first, second = chosen_pair(views, cells_view.pair)
         pairs, (when, picture) = self._face_pairs(known, slot, (first, second), affine, side), kind.split()
         if not pairs:
             return _BEHIND
@@ -221,7 +224,7 @@ class PhotoPages:
 
 
 def chosen_pair(views: list[int], wanted: tuple[int | None, int | None]) -> tuple[int, int]:
-    """Two different views of those that see a face, as wanted where that is possible."""
+    """Two different photos of those that see a face, preferably the ones in `wanted`."""
     second = wanted[1] if wanted[1] in views else None
     first = wanted[0] if wanted[0] in views and wanted[0] != second else next(v for v in views if v != second)
     return first, second if second is not None else next(v for v in views[len(views) // 2 :] + views if v != first)

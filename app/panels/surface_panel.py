@@ -1,4 +1,4 @@
-"""How the surface is shown: plain, painted, coloured; before, now or as it truly is."""
+"""Surface panel: plain, textured or coloured surface, with its vertices at the start, now or at the truth."""
 
 from collections.abc import Callable
 
@@ -8,14 +8,14 @@ from app.debugger.run_state import RunState
 from app.page_state.page_state import NOW_SHAPE, START_SHAPE, SURFACES, TRUE_SHAPE, PageState
 from app.panels.choice import choice
 from app.pictures.coloring import COLORINGS, available_colorings
-from app.pictures.texturer import MOST_FACES, MOST_FACES_BY_EYE
+from app.pictures.texturer import MOST_FACES, MOST_FACES_VIEW_DEPENDENT
 from app.viser_bridge.html_panel import HtmlPanel
 from app.viser_bridge.synced_widget import Followed
 from fairing.errors import InputError
 from fairing.scene import Scene
 
 SHAPES = {START_SHAPE: "Start", NOW_SHAPE: "Now", TRUE_SHAPE: "Truth"}
-TEXTURES = {False: "Static", True: "By the eye"}
+TEXTURES = {False: "Static", True: "View-dependent"}
 STEP = 0.05
 
 
@@ -70,7 +70,7 @@ class SurfaceButtons:
 
 
 class SurfacePanel:
-    """Rows of buttons of which one is down, and a slider through the shapes."""
+    """Segmented controls, and a slider that moves the surface between start, now and truth."""
 
     def __init__(
         self,
@@ -82,36 +82,36 @@ class SurfacePanel:
         self._buttons, self._note = buttons, limit_note(n_faces)
         self._panel = HtmlPanel(gui)
         slider = gui.add_slider(
-            "Shape",
+            f"Start – {SHAPES[buttons.last_shape].lower()}",
             min=START_SHAPE,
             max=buttons.last_shape,
             step=STEP,
             initial_value=NOW_SHAPE,
-            hint="Moves the surface from where it began to where it is now, and on to the truth where that is known.",
+            hint="Moves the surface from its start through the current moment to the truth, if that is known.",
         )
         self._followed = Followed(slider, guarded(buttons.choose_shape))
 
-    def show(self, state: RunState, view: PageState) -> None:
+    def show(self, state: RunState, page_state: PageState) -> None:
         press = self._buttons.press_surface
-        how = choice({name: (label, press[name]) for name, label in SURFACES.items()}, view.surface, "Surface")
+        how = choice({name: (label, press[name]) for name, label in SURFACES.items()}, page_state.surface, "Surface")
         textures = {by_eye: (TEXTURES[by_eye], js) for by_eye, js in self._buttons.press_texture.items()}
-        texture = view.by_eye if view.surface == "textured" else None
+        texture = page_state.by_eye if page_state.surface == "textured" else None
         colors = {name: (COLORINGS[name].label, press[name]) for name in press if name in COLORINGS}
         shapes = {shape: (SHAPES[shape], js) for shape, js in self._buttons.press_shape.items()}
         self._panel.set(
             f"<h4>Surface</h4>{how}<div class='dim note'>texture</div>{choice(textures, texture, 'Texture')}{self._note}"
-            f"<div class='dim note'>coloured by</div>{choice(colors, view.surface, 'Coloured by')}"
-            f"<div class='dim note'>as it is</div>{choice(shapes, view.shape, 'Shape')}"
+            f"<div class='dim note'>coloured by</div>{choice(colors, page_state.surface, 'Coloured by')}"
+            f"<div class='dim note'>vertices at</div>{choice(shapes, page_state.shape, 'Vertices at')}"
         )
-        self._followed.follow(view.shape)
+        self._followed.follow(page_state.shape)
 
 
 def limit_note(n_faces: int) -> str:
-    """Which texture a mesh of so many faces is too fine for, if any."""
+    """A note that the mesh has too many faces for a texture; empty if it has not."""
     if n_faces > MOST_FACES:
         what, most = "Textures hold", MOST_FACES
-    elif n_faces > MOST_FACES_BY_EYE:
-        what, most = "A texture by the eye holds", MOST_FACES_BY_EYE
+    elif n_faces > MOST_FACES_VIEW_DEPENDENT:
+        what, most = "A view-dependent texture holds", MOST_FACES_VIEW_DEPENDENT
     else:
         return ""
     return f"<div class='note'>{what} at most {most:,} faces; this mesh has {n_faces:,}.</div>".replace(",", "\u2009")

@@ -1,4 +1,4 @@
-"""A slider over every recorded moment, a strip that shows what happened at each, and a player."""
+"""Timeline: a slider over the recorded moments, a strip with one colour per moment, and playback controls."""
 
 import time
 from collections.abc import Callable
@@ -18,15 +18,15 @@ from app.pictures.strip import KINDS, StepHistory
 from app.viser_bridge.html_events import Bridge, whole_number
 from app.viser_bridge.html_panel import HtmlPanel
 
-SETTLE = 0.5  # s: after the user moved the slider it is not moved back by states that are on their way
+SETTLE = 0.5  # s after a move by the user, in which states already on their way do not move the slider back
 SPEEDS = (0.5, 1.0, 5.0, 20.0, 50.0)
 MOMENTS_PER_SECOND = 4.0  # at speed 1
 MAX_TICKS = 80
-MARKS_APART = 0.07  # of the slider: nearer than this, their words would overlap
+MARKS_APART = 0.07  # of the slider's length: at smaller distances the labels would overlap
 
 
 class Timeline:
-    """Moves the run to any moment. Strip and slider have ticks where sweeps and levels begin."""
+    """Moves the run to any recorded moment. Strip and slider have ticks where sweeps and levels begin."""
 
     def __init__(
         self,
@@ -50,7 +50,7 @@ class Timeline:
                 self._moved = time.monotonic()
                 on_jump(self._slider.value)
 
-    def show(self, state: RunState, view: PageState) -> None:
+    def show(self, state: RunState, page_state: PageState) -> None:
         last = max(1, state.length)
         if self._slider.max != last:
             self._slider.max = last
@@ -62,14 +62,16 @@ class Timeline:
             self._marks = marks
             self._slider._marks = marks
         self._history.update(state)
-        self._panel.set(f"<div class='row tools'>{self._buttons(state, view)}</div>{self._picture(state, view)}")
+        self._panel.set(
+            f"<div class='row tools'>{self._buttons(state, page_state)}</div>{self._picture(state, page_state)}"
+        )
 
-    def _buttons(self, state: RunState, view: PageState) -> str:
-        if view.looks_at is not None:
+    def _buttons(self, state: RunState, page_state: PageState) -> str:
+        if page_state.looks_at is not None:
             player = button(
                 "Follow live",
                 self._press.follow,
-                hint="Back to where the run is",
+                hint="Follow live (return to the current moment of the run)",
                 icon=icon("end"),
                 css_class="small on",
             )
@@ -78,29 +80,36 @@ class Timeline:
         else:
             enabled = state.length > 0 and state.activity is Activity.PAUSED
             player = button(
-                "", self._press.play, hint="Play the record (T)", icon=icon("run"), css_class="small", enabled=enabled
+                "",
+                self._press.play,
+                hint="Play the recorded steps (T)",
+                icon=icon("run"),
+                css_class="small",
+                enabled=enabled,
             )
         speeds = "".join(
             button(
                 f"×{'½' if speed == 0.5 else f'{speed:g}'}",
                 self._press.speed(str(k)),
                 hint=f"Play {speed * MOMENTS_PER_SECOND:g} moments a second",
-                css_class="small on" if speed == view.speed else "small",
+                css_class="small on" if speed == page_state.speed else "small",
             )
             for k, speed in enumerate(SPEEDS)
         )
         kinds = "".join(
-            button(kind, self._press.kind(str(k)), hint=hint, css_class="small on" if kind == view.strip else "small")
+            button(
+                kind, self._press.kind(str(k)), hint=hint, css_class="small on" if kind == page_state.strip else "small"
+            )
             for k, (kind, hint) in enumerate(KINDS.items())
         )
-        return f"{player}{speeds}<span class='grow'></span>{self._moves(state, view)}<span class='grow'></span>{kinds}"
+        return f"{player}{speeds}<span class='grow'></span>{self._moves(state, page_state)}<span class='grow'></span>{kinds}"
 
-    def _moves(self, state: RunState, view: PageState) -> str:
-        enabled = view.selected is not None and state.length > 0
+    def _moves(self, state: RunState, page_state: PageState) -> str:
+        enabled = page_state.selected is not None and state.length > 0
         moves = (
             "<span class='dim'>Moves</span>"
-            if view.selected is None
-            else f"<span class='dim' style='white-space:nowrap' title='Moves of this vertex'>v {view.selected}</span>"
+            if page_state.selected is None
+            else f"<span class='dim' style='white-space:nowrap' title='Moves of this vertex'>v {page_state.selected}</span>"
         )
         before, after = (
             button(
@@ -118,7 +127,7 @@ class Timeline:
         )
         return f"{moves}{before}{after}"
 
-    def _picture(self, state: RunState, view: PageState) -> str:
+    def _picture(self, state: RunState, page_state: PageState) -> str:
         if state.length == 0:
             return "<div class='strip'></div>"
         cursor = 100 * state.moment / state.length
@@ -128,14 +137,14 @@ class Timeline:
             + self._jump("m")
         )
         return (
-            f"<div class='strip' role='img' aria-label='What happened' onpointerdown=\"{text(press)}\" "
-            f"title='{text(KINDS[view.strip])} Click to go there.'>"
-            f"<img src='{data_uri(self._history.picture(view.strip))}' alt=''>{self._ticks(state)}"
+            f"<div class='strip' role='img' aria-label='Recorded moments' onpointerdown=\"{text(press)}\" "
+            f"title='{text(KINDS[page_state.strip])} Click to go to a moment.'>"
+            f"<img src='{data_uri(self._history.picture(page_state.strip))}' alt=''>{self._ticks(state)}"
             f"<i style='left:{cursor:.2f}%'></i></div>"
         )
 
     def _ticks(self, state: RunState) -> str:
-        """Long ones where levels begin, short ones where sweeps do, as long as there is room."""
+        """Long ticks at the beginning of levels; short ticks at sweeps, unless there are more than `MAX_TICKS`."""
         levels = _begins(self._energies.levels[: state.length])
         sweeps = np.setdiff1d(_begins(self._energies.sweeps[: state.length]), levels)
         ticks = [(moment, "level") for moment in levels]
@@ -187,12 +196,12 @@ class TimelineButtons:
 
 
 def _begins(values: np.ndarray) -> np.ndarray:
-    """Where runs of equal values begin."""
+    """Indices at which runs of equal values begin."""
     return np.flatnonzero(np.diff(values, prepend=values[:1] - 1))
 
 
 def _level_marks(levels: np.ndarray) -> tuple[GuiSliderMark, ...]:
-    """A tick where each level begins; with its name where there is room."""
+    """A mark at the beginning of each level, with its name if there is room."""
     marks, named = [], -1.0
     for moment in _begins(levels):
         has_room = moment >= named + MARKS_APART * len(levels)

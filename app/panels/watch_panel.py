@@ -1,4 +1,4 @@
-"""Expressions somebody watches: their value now, and how they went."""
+"""Watch panel: expressions with their current value and a sparkline of their history."""
 
 from collections.abc import Callable
 
@@ -36,13 +36,13 @@ class WatchControls:
 
 
 class WatchPanel:
-    """Every browser has expressions of its own."""
+    """The watch expressions of one browser."""
 
     def __init__(
         self,
         gui: viser.GuiApi,
         scene: Scene,
-        view: PageState,
+        page_state: PageState,
         controls: WatchControls,
         bridge: Bridge,
         republish: Callable[[], None],
@@ -52,18 +52,20 @@ class WatchPanel:
 
         def add(expression: str) -> None:
             try:
-                view.watches = with_watch(view.watches, understand_watch(expression, scene))
+                page_state.watches = with_watch(page_state.watches, understand_watch(expression, scene))
             except InputError:
                 line.write(expression)
                 raise
             republish()
 
-        line = Line(gui, bridge, "Watch", "Such as energy / 1000, moved(0) or 100 * weakest. Enter adds it.", add)
+        line = Line(
+            gui, bridge, "Watch", "An expression such as energy / 1000, moved(0) or 100 * weakest. Enter adds it.", add
+        )
         self._panel = HtmlPanel(gui)
 
-    def show(self, state: RunState, view: PageState) -> None:
-        self._series = {watch.text: self._series.get(watch.text) or watch_series(watch) for watch in view.watches}
-        self._panel.set("".join(self._row(n, watch, state) for n, watch in enumerate(view.watches)))
+    def show(self, state: RunState, page_state: PageState) -> None:
+        self._series = {watch.text: self._series.get(watch.text) or watch_series(watch) for watch in page_state.watches}
+        self._panel.set("".join(self._row(n, watch, state) for n, watch in enumerate(page_state.watches)))
 
     def _row(self, n: int, watch: Condition, state: RunState) -> str:
         series = self._series[watch.text]
@@ -93,7 +95,7 @@ class WatchPanel:
         )
         return (
             f'<svg viewBox="0 0 {width} {height}" style="width:{width}px;height:{height}px;cursor:pointer" '
-            f'onpointerdown="{text(press)}"><title>{text(number(low))} to {text(number(high))}; click to go there</title>'
+            f'onpointerdown="{text(press)}"><title>{text(number(low))} to {text(number(high))}; click to go to a moment</title>'
             f'<rect width="{width}" height="{height}" fill="transparent"/>'
             f'<polyline points="{points}" fill="none" stroke="{css(NOW)}" stroke-width="1.4"/>'
             f'<line x1="{at:.1f}" x2="{at:.1f}" y1="0" y2="{height}" stroke="{css(SELECTED)}"/></svg>'

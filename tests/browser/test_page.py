@@ -164,7 +164,7 @@ def test_a_breakpoint_that_is_typed_in_stops_the_run(visitor: Visitor):
     visitor.button("Run").click()
     wait_for(lambda: controller.state.moment == 5 and controller.state.activity is Activity.PAUSED)
     visitor.page.get_by_text("Breakpoint: moment == 5").wait_for()
-    visitor.button("Remove").click()
+    visitor.button("Remove this breakpoint").click()
     wait_for(lambda: not controller.state.breakpoints)
     visitor.page.get_by_role("tab", name="Vertex").click()
 

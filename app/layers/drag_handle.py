@@ -1,4 +1,4 @@
-"""The ball by which the selected vertices are dragged, and what they would look like where they are."""
+"""Drag handle: a ball that drags the selected vertices, with a preview of the edges around them."""
 
 from collections.abc import Callable
 from typing import Any
@@ -14,17 +14,17 @@ from app.picking import nearest_to_ray
 from app.stage import Stage
 from fairing.mesh import Mesh
 
-LARGER = 2.1  # than the mark of a vertex
-MAX_PREVIEW = 3000  # edges that follow the hand
+LARGER = 2.1  # radius of the ball, in radii of a vertex mark
+MAX_PREVIEW = 3000  # edges drawn while dragging
 
 
-class GripLayer:
-    """Sits on the current vertex unless that is locked; all selected vertices move with it, parallel to the window.
+class DragHandleLayer:
+    """A ball at the current vertex unless it is locked. Dragging it moves all selected vertices parallel to the screen.
 
     Args:
-        on_click: told of a click on the ball, with the vertex and whether Shift was held.
-        on_grab: told when it is taken; says where all vertices are, (n, 3), world units.
-        on_drop: told the selected vertices (u,) and where they were dropped (u, 3), world units.
+        on_click: called on a click on the ball with the vertex and whether Shift was held.
+        on_grab: called when a drag starts; returns the positions of all vertices (n, 3), world units.
+        on_drop: called when a drag ends with the selected vertices (u,) and their positions (u, 3), world units.
     """
 
     def __init__(
@@ -45,15 +45,23 @@ class GripLayer:
         self._grabbed: np.ndarray | None = None
         self._taken_at = np.zeros(3)
         self._ball = client.scene.add_mesh_simple(
-            "/grip/ball", *ball(2), color=SELECTED, opacity=0.45, cast_shadow=False, receive_shadow=False, visible=False
+            "/drag_handle/ball",
+            *ball(2),
+            color=SELECTED,
+            opacity=0.45,
+            cast_shadow=False,
+            receive_shadow=False,
+            visible=False,
         )
         nothing = np.zeros((1, 2, 3), dtype=np.float32)
         lines = client.scene.add_line_segments
-        self._edges = lines("/grip/edges", nothing, SELECTED, thickness=2.0, thickness_units="screen", visible=False)
-        self._way = lines("/grip/way", nothing, HAND, thickness=2.0, thickness_units="screen", visible=False)
+        self._edges = lines(
+            "/drag_handle/edges", nothing, SELECTED, thickness=2.0, thickness_units="screen", visible=False
+        )
+        self._way = lines("/drag_handle/way", nothing, HAND, thickness=2.0, thickness_units="screen", visible=False)
 
         def clicked(event: viser.SceneNodePointerEvent) -> None:
-            # The ball may still be drawn where it was when the user aimed at it, so its place does not tell the vertex.
+            # The ball may have been drawn at an older position when the user clicked, so the vertex follows from the ray.
             vertex = nearest_to_ray(self._points, np.array(event.ray_origin), np.array(event.ray_direction))
             on_click(vertex, event.modifier == "shift")
 
@@ -61,29 +69,29 @@ class GripLayer:
         self._ball.on_click(modifier="shift")(clicked)
         watch(self._ball)
 
-        # A coroutine, so that the phases of a drag come in their order.
+        # A coroutine, so that the phases of a drag arrive in order.
         async def dragged(event: Any) -> None:
-            if event.phase == "start":  # later the event's start moves with the ball
+            if event.phase == "start":  # in later events the start position moves with the ball
                 self._taken_at = np.array(event.start_position)
             self._drag(event.phase, np.array(event.end_position) - self._taken_at)
 
         self._ball.on_drag("left")(dragged)
 
-    def show(self, state: RunState, view: PageState) -> None:
+    def show(self, state: RunState, page_state: PageState) -> None:
         if self._grabbed is not None:
             return
         self._points = self._stage.page_from_world(state.vertices)
-        current = view.selected
-        is_visible = current is not None and not state.locked[current] and view.shows("vertices")
+        current = page_state.selected
+        is_visible = current is not None and not state.locked[current] and page_state.shows("vertices")
         if current is not None:
-            chosen = np.array(view.selection.vertices)
+            chosen = np.array(page_state.selection.vertices)
             self._selected = chosen[~state.locked[chosen]]
             self._ball.position = self._points[current]
-            self._ball.scale = self._radius * (0.6 if view.entered is not None else 1)
+            self._ball.scale = self._radius * (0.6 if page_state.entered is not None else 1)
         self._ball.visible = is_visible
 
     def _drag(self, phase: str, offset: np.ndarray) -> None:
-        """`offset` (3,) page units: how far the hand is from where it took the ball."""
+        """Handle a phase of a drag. `offset` (3,), page units: movement of the pointer since the drag started."""
         if phase == "start":
             self._grabbed = self._on_grab() if len(self._selected) else None
         if self._grabbed is None:

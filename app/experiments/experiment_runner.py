@@ -11,6 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from enum import Enum
 
+from app.background_worker import BackgroundWorker
 from app.experiments.record import Record
 from app.experiments.workers import measure_all
 from fairing.errors import InputError
@@ -58,7 +59,7 @@ class Outcome:
         return self.seconds / len(self.rows) * (len(self.record.cases) - len(self.rows))
 
 
-class Desk:
+class ExperimentRunner:
     """Starts and cancels experiments on the scene at hand, in processes of their own.
 
     Args:
@@ -71,7 +72,7 @@ class Desk:
         self._outcomes: dict[str, Outcome] = {}
         self._lock = threading.Lock()
         self._unwanted = threading.Event()
-        self._thread: threading.Thread | None = None
+        self._worker = BackgroundWorker(name="experiment")
 
     @property
     def working(self) -> str | None:
@@ -107,8 +108,7 @@ class Desk:
                 raise InputError(f"{EXPERIMENTS[busy].title} is at work; wait for its end or cancel it")
             self._outcomes[experiment.name] = Outcome(experiment, setting)
         self._unwanted.clear()
-        self._thread = threading.Thread(target=self._run, args=(experiment.name,), name="experiment", daemon=True)
-        self._thread.start()
+        self._worker.post(self, lambda: self._run(experiment.name), lambda _: None)
         self._on_change()
 
     def cancel(self) -> None:
@@ -118,8 +118,7 @@ class Desk:
     def close(self) -> None:
         """Cancel and wait until its processes have gone."""
         self.cancel()
-        if self._thread is not None:
-            self._thread.join(timeout=10)
+        self._worker.close()
 
     def _run(self, name: str) -> None:
         started = self._outcomes[name]
