@@ -15,7 +15,7 @@ from app.cli.loading import load_with_progress
 from app.files.json_file import write_json
 from app.files.run_files import FLIPS
 from app.files.scene_source import SceneSource
-from demo_scenes import DEMOS
+from demo_scenes import is_demo
 from fairing.errors import InputError
 from fairing.io import read_capture, read_mesh, write_mesh
 from fairing.io.capture import naming
@@ -57,7 +57,7 @@ def triangulate_to_file(source: SceneSource, out: Path, options: TriangulationOp
     """
     check_triangulation_output(out)
     mesh = None
-    if source.scene in DEMOS:
+    if is_demo(source.scene):
         scene = load_with_progress(source, console)
         views, points, warnings = scene.views, scene.sparse_points, scene.warnings
     else:

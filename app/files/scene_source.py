@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from demo_scenes import DEMOS, load_demo
+from demo_scenes import DEMO_NAMES, find_demo, is_demo, load_demo
 from fairing.errors import InputError
 from fairing.io import PhotoChoice
 from fairing.io.photo_choice import check_format
@@ -35,7 +35,8 @@ class SceneSource:
     @classmethod
     def typed(cls, scene: str, mesh: Path | None, choice: PhotoChoice = _ALL_PHOTOS) -> "SceneSource":
         """From the command line. A demo's name takes precedence over a folder of that name (`./cube` is the folder)."""
-        if scene in DEMOS:
+        if is_demo(scene):
+            name = find_demo(scene).name
             if mesh is not None:
                 raise InputError(f"--mesh {mesh}: the demo {scene} has its own mesh; leave --mesh out")
             if choice != _ALL_PHOTOS:
@@ -43,9 +44,9 @@ class SceneSource:
                     f"the demo {scene} takes all its photos; leave --leave-out, --masks, --photo-weights, "
                     "--photo-scale and --format out"
                 )
-            return cls(scene)
+            return cls(name)
         if not Path(scene).exists():
-            raise InputError(f"{scene}: expected a demo ({', '.join(DEMOS)}) or a path, found no such file or folder")
+            raise InputError(f"{scene}: expected a demo ({DEMO_NAMES}) or a path, found no such file or folder")
         if choice.masks is not None:
             choice = replace(choice, masks=choice.masks.resolve())
         return cls(str(Path(scene).resolve()), None if mesh is None else str(mesh.resolve()), choice)
@@ -91,7 +92,7 @@ class SceneSource:
             InputError: neither the run nor the command line names a scene; or see `typed`.
         """
         recorded = None if scene is not None and _KEY not in header else cls.of_run(header, where)
-        if recorded is None or scene in DEMOS:
+        if recorded is None or (scene is not None and is_demo(scene)):
             return cls.typed(scene or "", mesh, choice)
         choice = recorded.choice if choice == _ALL_PHOTOS else choice
         if scene is None and mesh is None and recorded.mesh is not None:
@@ -120,7 +121,7 @@ class SceneSource:
         Raises:
             InputError: the scene cannot be used.
         """
-        if self.scene in DEMOS:
+        if is_demo(self.scene):
             return load_demo(self.scene, progress=progress)
         tell = progress or (lambda fraction, line: None)
 

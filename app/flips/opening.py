@@ -6,7 +6,7 @@ import viser
 
 from app.files.scene_source import SceneSource
 from app.flips.page import FlipApp
-from demo_scenes import DEMOS, load_demo
+from demo_scenes import is_demo, load_demo
 from fairing.io import PhotoChoice, read_capture
 from fairing.scene import Scene
 from fairing.triangulation import FlipTrace
@@ -23,7 +23,7 @@ def open_flips(server: viser.ViserServer, record: Path, scene: str | None, photo
     """
     trace = FlipTrace.load(record)
     source = SceneSource.of_replay(trace.header, record, scene, None, photos)
-    if source.scene in DEMOS:
+    if is_demo(source.scene):
         demo = load_demo(source.scene)
         views, points = demo.views, demo.sparse_points
     else:
