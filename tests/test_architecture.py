@@ -14,7 +14,7 @@ DATA = {"fairing"}
 ALLOWED: dict[str, set[str]] = {
     "fairing": {"fairing.util"},
     "fairing.util": {"fairing.errors"},
-    "fairing.kernels": set(),
+    "fairing.kernels": {"fairing.util"},
     "fairing.geometry": DATA,
     "fairing.cells": DATA | {"fairing.geometry", "fairing.kernels"},
     "fairing.solve": DATA | {"fairing.geometry", "fairing.cells", "fairing.kernels"},
@@ -23,7 +23,7 @@ ALLOWED: dict[str, set[str]] = {
     | {"fairing.util", "fairing.geometry", "fairing.cells", "fairing.kernels", "fairing.solve", "fairing.run"},
     "fairing.check": DATA | {"fairing.geometry", "fairing.cells"},
     "fairing.registration": DATA | {"fairing.geometry"},
-    "fairing.texture": DATA | {"fairing.geometry", "fairing.kernels"},
+    "fairing.texture": DATA | {"fairing.util", "fairing.geometry", "fairing.kernels"},
     "fairing.triangulation": DATA | {"fairing.util", "fairing.geometry", "fairing.cells", "fairing.solve"},
     "fairing.io": DATA
     | {
