@@ -213,8 +213,9 @@ class Trace:
         """
         if not 0 <= moment <= len(self.steps):
             raise IndexError(f"moment {moment}: this trace has moments 0 to {len(self.steps)}")
-        if moment == self._newest[0]:
-            return self._newest[1].copy()
+        newest_moment, newest = self._newest  # read once: another thread may append meanwhile
+        if moment == newest_moment:
+            return newest.copy()
         key = moment - moment % KEYFRAME_EVERY
         vertices = self._keyframes[key].copy()
         for record in self.steps[key:moment]:

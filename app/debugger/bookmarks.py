@@ -34,8 +34,8 @@ class Bookmark:
 class Bookmarks:
     """An immutable list of bookmarks; every change returns a new list."""
 
-    def __init__(self, items: tuple[Bookmark, ...] = (), following: int = 1) -> None:
-        self.items, self._following = items, following
+    def __init__(self, items: tuple[Bookmark, ...] = (), next_number: int = 1) -> None:
+        self.items, self._next_number = items, next_number
 
     def added(self, run_id: int, moment: int, at: str, note: str) -> "Bookmarks":
         """The list with one more bookmark; a bookmark of the same moment gets the new note.
@@ -50,17 +50,17 @@ class Bookmarks:
         for item in self.items:
             if (item.run_id, item.moment) == (run_id, moment):
                 changed = replace(item, note=note or item.note)
-                return Bookmarks(tuple(changed if other is item else other for other in self.items), self._following)
+                return Bookmarks(tuple(changed if other is item else other for other in self.items), self._next_number)
         if len(self.items) >= MAX_BOOKMARKS:
             raise InputError(f"expected at most {MAX_BOOKMARKS} bookmarks; remove some first")
-        items = (*self.items, Bookmark(self._following, run_id, moment, at, note))
-        return Bookmarks(tuple(sorted(items, key=lambda b: (b.run_id, b.moment))), self._following + 1)
+        items = (*self.items, Bookmark(self._next_number, run_id, moment, at, note))
+        return Bookmarks(tuple(sorted(items, key=lambda b: (b.run_id, b.moment))), self._next_number + 1)
 
     def removed(self, number: int) -> "Bookmarks":
-        return Bookmarks(tuple(item for item in self.items if item.number != number), self._following)
+        return Bookmarks(tuple(item for item in self.items if item.number != number), self._next_number)
 
     def without_run(self, run_id: int) -> "Bookmarks":
-        return Bookmarks(tuple(item for item in self.items if item.run_id != run_id), self._following)
+        return Bookmarks(tuple(item for item in self.items if item.run_id != run_id), self._next_number)
 
     def numbered(self, number: int) -> Bookmark:
         """The bookmark of a number.
@@ -102,7 +102,7 @@ def read_bookmarks(path: Path, last_moment: int) -> Bookmarks:
         last_moment: the trace's last moment.
 
     Raises:
-        InputError: the file is no list of bookmarks.
+        InputError: the file is not a list of bookmarks.
     """
     if not path.exists():
         return Bookmarks()

@@ -14,7 +14,8 @@ import numpy as np
 
 from app.export.packing import packed
 from app.export.run_facts import RunFacts
-from fairing.cells.context import ANTI_ALIASING, NORMS, CellContext, blur_rungs
+from fairing.cells.context import NORMS, CellContext
+from fairing.cells.pair_photos import ANTI_ALIASING, blur_octaves, blur_of_octave
 from fairing.cells.point_spread import missing_blur
 from fairing.cells.scale_space import ScaleSpace
 from fairing.errors import InputError
@@ -59,10 +60,10 @@ class _Sweep:
 
 def chosen_vertices(facts: RunFacts) -> np.ndarray:
     """(n,) int: vertex ids, largest displacement first; vertices with unused faces come last."""
-    way = np.linalg.norm(facts.trace.vertices_at(facts.length) - facts.trace.start, axis=1)
+    displacement = np.linalg.norm(facts.trace.vertices_at(facts.length) - facts.trace.start, axis=1)
     takes_part = facts.session.sweep_state(facts.length).context.takes_part
     is_seen = np.array([takes_part[ring].all() for ring in facts.scene.mesh.one_rings])
-    return np.lexsort([-way, ~is_seen])
+    return np.lexsort([-displacement, ~is_seen])
 
 
 def cells_of_run(facts: RunFacts, on_progress: Callable[[float], None]) -> dict[str, Any]:
@@ -139,7 +140,9 @@ def _choices(facts: RunFacts, key: tuple[int, int], state: SweepState, faces: li
     for row, of_face in enumerate(pairs):
         samples = sizes[row] * (sizes[row] + 1) // 2
         masks += [_bits(data.masks, start, samples) for start in data.pair_mask[of_face].tolist()]
-    is_common = by_level(facts.options.cells.point_spread, context.level) == "common" and not context.too_many_parts
+    is_common = (
+        by_level(facts.options.cells.point_spread, context.level) == "common" and not context.point_spread_fallback
+    )
     of_pairs = np.repeat(sizes, np.diff(starts))
     return _Sweep(
         key=key,
@@ -188,8 +191,8 @@ def _blur(
         least = np.maximum(blur, ANTI_ALIASING * spacing)
         covariance = missing_blur(cameras, views, starts, corners, least)
         return covariance.reshape(-1, 4)[:, [0, 1, 3]]
-    rung = blur_rungs(spacing, blur)
-    sigma = np.where(rung == 0, blur, max(blur, 1.0) * 2.0**rung)
+    octaves = blur_octaves(spacing, blur)
+    sigma = np.array([blur_of_octave(octave, blur) for octave in octaves.tolist()])
     return np.stack([sigma**2, np.zeros(len(face)), sigma**2], axis=1)
 
 
@@ -198,14 +201,14 @@ def _tiles_of_faces(
 ) -> list[list[set[int]]]:
     """For each face id and photo the numbers of the tiles that its cells read at any moment."""
     cameras = [view.camera for view in facts.scene.views]
-    ways = np.stack(
+    positions = np.stack(
         [facts.trace.vertices_at(moment)[facts.scene.mesh.faces[faces]] for moment in range(facts.length + 1)]
     )
     tiles: dict[int, list[set[int]]] = {face: [set() for _ in cameras] for face in faces}
     for number, sweep in enumerate(sweeps):
         moments = np.flatnonzero(sweep_at == number)
         for row, face in enumerate(faces):
-            points = ways[moments, row].reshape(-1, 3)
+            points = positions[moments, row].reshape(-1, 3)
             for pair in range(sweep.starts[row], sweep.starts[row + 1]):
                 view = int(sweep.views[pair])
                 uv, depth = cameras[view].project(points)

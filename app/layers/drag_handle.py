@@ -9,7 +9,7 @@ import viser
 from app.debugger.run_state import RunState
 from app.layers.marks import ball, mark_radius
 from app.page_state.page_state import PageState
-from app.palette import HAND, SELECTED
+from app.palette import HAND, RGB, SELECTED
 from app.picking import nearest_to_ray
 from app.stage import Stage
 from fairing.mesh import Mesh
@@ -54,11 +54,13 @@ class DragHandleLayer:
             visible=False,
         )
         nothing = np.zeros((1, 2, 3), dtype=np.float32)
-        lines = client.scene.add_line_segments
-        self._edges = lines(
-            "/drag_handle/edges", nothing, SELECTED, thickness=2.0, thickness_units="screen", visible=False
-        )
-        self._way = lines("/drag_handle/way", nothing, HAND, thickness=2.0, thickness_units="screen", visible=False)
+
+        def lines(name: str, color: RGB) -> viser.LineSegmentsHandle:
+            return client.scene.add_line_segments(
+                f"/drag_handle/{name}", nothing, color, thickness=2.0, thickness_units="screen", visible=False
+            )
+
+        self._edges, self._displacement = lines("edges", SELECTED), lines("displacement", HAND)
 
         def clicked(event: viser.SceneNodePointerEvent) -> None:
             # The ball may have been drawn at an older position when the user clicked, so the vertex follows from the ray.
@@ -99,7 +101,7 @@ class DragHandleLayer:
         after = self._grabbed.copy()
         after[self._selected] += offset / self._stage.scale
         if phase == "end":
-            self._edges.visible = self._way.visible = False
+            self._edges.visible = self._displacement.visible = False
             self._grabbed = None
             self._on_drop(self._selected, after[self._selected])
             return
@@ -107,5 +109,5 @@ class DragHandleLayer:
         page = self._stage.page_from_world
         self._ball.position = page(after[self._selected[-1]])
         self._edges.points = page(after[around])
-        self._way.points = page(np.stack([self._grabbed[self._selected], after[self._selected]], axis=1))
-        self._edges.visible = self._way.visible = True
+        self._displacement.points = page(np.stack([self._grabbed[self._selected], after[self._selected]], axis=1))
+        self._edges.visible = self._displacement.visible = True

@@ -8,7 +8,7 @@ import numpy as np
 
 from app.debugger import quantities
 from app.debugger.condition import Quantities
-from app.debugger.quantities import Around, quantities_of
+from app.debugger.quantities import StepContext, quantities_of
 from fairing.errors import InputError
 from fairing.judge.certainty import Certainty, certainties
 from fairing.judge.inspect import FaceCells, energies_by_dimension, face_cells
@@ -53,7 +53,7 @@ def facts_of(session: Session, face: int | None, kept: Mapping[str, float]) -> Q
     steps = session.trace.steps[:moment]
     engines = [step for step in steps if not step.is_manual]
     if moment:
-        recorded = quantities_of(steps[-1], moment, Around(session, session.trace.start))
+        recorded = quantities_of(steps[-1], moment, StepContext(session, session.trace.start))
         values, functions = dict(recorded.values), dict(recorded.functions)
     else:
         values: dict[str, Callable[[], float]] = dict.fromkeys(quantities.VALUES, lambda: NAN)

@@ -26,7 +26,7 @@ from dataclasses import replace
 
 from app.debugger.commands import Command, Extent, Forward, JumpTo, Run
 from app.debugger.option_fields import changed_options, option_fields
-from app.debugger.quantities import understand
+from app.debugger.quantities import parse_step_condition
 from app.debugger.series import QUANTITIES
 from app.lessons.engine_actions import Advance, Continue, EngineAction, PlaceVertex, RacedRuns, StartRun, SwitchRun
 from app.lessons.page_settings import AT_CAMERAS, AT_FRONT, AT_MESH, SettingsChange
@@ -211,7 +211,7 @@ _ACTIONS: list[tuple[str, Callable[[re.Match, set[str]], Action]]] = [
     (rf"put {_PUT}", lambda found, _: _put_of(found)),
     (r"step (one|\d{1,3}) (\w+)", _step),
     (r"run to the end", lambda found, _: Advance((Run(),))),
-    (r"run until (.+)", lambda found, _: Advance((Run(understand(found[1])),))),
+    (r"run until (.+)", lambda found, _: Advance((Run(parse_step_condition(found[1])),))),
     (r"go to (?:(start|end)|moment (\d{1,6}))", _go_to),
     (
         r"race (?P<preset1>\w+) as (?P<first>\w+) against (?P<preset2>\w+) as (?P<second>\w+)" + _OPTIONS,

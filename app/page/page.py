@@ -282,7 +282,7 @@ class Page:
 
     def _add_commands(self) -> None:
         for action in ACTIONS:
-            for n, (key, modifier) in enumerate(action.keys):
+            for n, (key, modifier) in enumerate(action.keys or ((None, None),)):
                 label = action.label if n == 0 else f"{action.label} ({key})"
                 self._command(label, self._run.poster(action.command), key, modifier)
         for view_id, view in enumerate(self._shared.scene.views[:9]):
@@ -296,7 +296,7 @@ class Page:
         self._command("Compare with this moment", self._runs.mark_now, "C")
         self._command("Bookmark this moment", self._bookmarks.keep_now, "K")
         self._command("Before or now", self._surface_buttons.before_or_now, "X")
-        self._command("Texture static or by the eye", self._surface_buttons.static_or_by_eye, "-")
+        self._command("Texture static or view-dependent", self._surface_buttons.static_or_by_eye, "-")
         self._command("Dark or light", self._switch_theme, "Y")
         self._command("Keys", self._help, "?", "shift")
         self._command("Lock or unlock the selected vertices", self._hands.toggle_lock, "F")

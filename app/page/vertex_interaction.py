@@ -10,9 +10,10 @@ from app.debugger.commands import Lock, Pause, Place, Reset
 from app.debugger.controller import Controller
 from app.page_state.page_state import PageState
 from app.page_state.selection import Selection
-from app.picking import camera_of, vertices_within
+from app.picking import vertices_within
 from app.stage import Stage
 from app.viser_bridge.html_events import whole_number
+from app.viser_bridge.picking_camera import camera_of
 from fairing.errors import InputError
 from fairing.mesh import Mesh
 

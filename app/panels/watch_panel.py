@@ -7,7 +7,7 @@ import viser
 from app.debugger.condition import Condition
 from app.debugger.run_state import RunState
 from app.debugger.series import Series, thinned
-from app.debugger.watch import understand_watch, watch_series, with_watch
+from app.debugger.watch import parse_watch, watch_series, with_watch
 from app.html import button, icon, number, text
 from app.page_state.page_state import PageState
 from app.palette import NOW, SELECTED, css
@@ -52,7 +52,7 @@ class WatchPanel:
 
         def add(expression: str) -> None:
             try:
-                page_state.watches = with_watch(page_state.watches, understand_watch(expression, scene))
+                page_state.watches = with_watch(page_state.watches, parse_watch(expression, scene))
             except InputError:
                 line.write(expression)
                 raise

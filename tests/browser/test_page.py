@@ -47,7 +47,7 @@ def visitor(module_visitor: Visitor):
 
 
 def page_vertices(app: App, moment: int) -> np.ndarray:
-    return app._shared.stage.page_from_world(app.debugger.controller.state.trace.vertices_at(moment))
+    return app._shared.stage.page_from_world(app.controller.state.trace.vertices_at(moment))
 
 
 def test_opens_paused_at_the_start(visitor: Visitor):
@@ -64,7 +64,7 @@ def test_steps_forward_and_back_by_button(visitor: Visitor):
         visitor.sees_vertices(page_vertices(visitor.app, state.moment))
     for extent in ("iteration", "vertex", "sweep", "level"):
         began = visitor.app.controller.state.moment
-        state = visitor.press(f"Back one {extent}")
+        state = visitor.press(f"Step back one {extent}")
         assert state.moment < began, f"back one {extent} did not go back"
         visitor.sees_vertices(page_vertices(visitor.app, state.moment))
 
@@ -98,7 +98,7 @@ def test_runs_to_the_end_and_pauses_on_request(visitor: Visitor, monkeypatch: py
 
 def test_scrubbing_shows_the_recorded_vertices(visitor: Visitor):
     visitor.press("Step one level")
-    visitor.press("To the start")
+    visitor.press("Go to the start")
     length = visitor.app.controller.state.length
     slider = visitor.page.get_by_role("slider").last
     wait_for(lambda: slider.get_attribute("aria-valuemax") == str(length))

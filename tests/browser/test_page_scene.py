@@ -122,14 +122,14 @@ def test_the_model_is_laid_over_the_photo_looked_through(visitor: Visitor, scene
 def test_what_the_photos_determine_is_drawn_at_the_selected_vertices_and_told(visitor: Visitor):
     page = next(iter(visitor.app._pages.values()))
     page._hands.choose(Selection((1, 0)))
-    visitor.button("Show what the photos determine").click()
+    visitor.button("Show certainty ellipsoids").click()
     visitor.page.wait_for_function("() => window.__viserMutable.nodeRefFromName['/certainty']?.visible")
     lines = next(layer for layer in page._layers if isinstance(layer, CertaintyLayer))._lines._node
     wait_for(lambda: len(lines.points) == 2 * (3 * PIECES + 1))
     visitor.page.get_by_role("tab", name="Vertex").click()
     visitor.page.get_by_text("3 σ, world units", exact=True).wait_for()
     visitor.page.get_by_role("tab", name="Layers").click()
-    visitor.button("Hide what the photos determine").click()
+    visitor.button("Hide certainty ellipsoids").click()
     visitor.page.wait_for_function("() => !window.__viserMutable.nodeRefFromName['/certainty'].visible")
 
 
