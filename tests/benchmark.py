@@ -58,7 +58,7 @@ def one_level(options: FairingOptions, blur: float, size: int) -> FairingOptions
     return replace(
         options,
         cells=replace(options.cells, adaptive=False, size=(size,)),
-        schedule=replace(options.schedule, blur=(blur,), search=(0.0,), start="first"),
+        schedule=replace(options.schedule, blur=(blur,), search=(0.0,), first_level="first"),
     )
 
 
@@ -343,7 +343,7 @@ def _surface_run(name: str) -> Table:
 
 def _one_sweep(folder: Path) -> Table:
     schedule = replace(
-        ACCURATE.schedule, blur=(1.2,), search=(0.0,), start="first", max_sweeps=(1,), max_iterations=(1,)
+        ACCURATE.schedule, blur=(1.2,), search=(0.0,), first_level="first", max_sweeps=(1,), max_iterations=(1,)
     )
     options = replace(ACCURATE, schedule=schedule, step=replace(ACCURATE.step, smoothing=(0.0,)))
     began = time.process_time()

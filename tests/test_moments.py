@@ -25,7 +25,9 @@ from tests.commands import do
 from tests.small_scene import write_corner
 
 OPTIONS = FairingOptions(
-    schedule=ScheduleOptions(blur=(3.6, 2.0), order="sequential", max_sweeps=(2,), max_iterations=(3,), start="first")
+    schedule=ScheduleOptions(
+        blur=(3.6, 2.0), order="sequential", max_sweeps=(2,), max_iterations=(3,), first_level="first"
+    )
 )
 
 

@@ -201,7 +201,7 @@ def test_a_branch_goes_on_with_other_options():
     [("joint", "sequential"), ("sequential", "joint"), ("worst_first", "independent"), ("independent", "independent")],
 )
 def test_a_branch_goes_on_under_another_order(before, after, tmp_path):
-    """From anywhere: where the new order has no such unit, the sweep begins anew. A resumed branch does the same."""
+    """From any moment: under another order the sweep begins anew. A resumed branch does the same."""
     session = Session(corner_scene(), quick(before))
     for _ in range(20):
         session.step()
@@ -245,7 +245,7 @@ def test_stepping_back_and_forth_keeps_what_holds_for_a_sweep():
         assert session.sweep_state(moment) is state
 
 
-def test_units_sweeps_and_levels_end_where_their_names_say():
+def test_blocks_sweeps_and_levels_end_where_their_names_say():
     session = Session(corner_scene(), quick("sequential"))
     session.step_block()
     assert session.position[:3] == (0, 0, 1)

@@ -97,3 +97,15 @@ def chosen_preset(arguments: Sequence[str]) -> FairingOptions:
         elif argument.startswith("--preset="):
             chosen = argument.partition("=")[2]
     return PRESETS.get(chosen, PRESETS["accurate"])
+
+
+FORMER_FLAGS = {"--schedule.start": "--schedule.first-level"}
+
+
+def with_current_flags(arguments: Sequence[str]) -> list[str]:
+    """The arguments with former names of flags replaced by the current ones."""
+    current = []
+    for argument in arguments:
+        name, separator, value = argument.partition("=")
+        current.append(FORMER_FLAGS.get(name, name) + separator + value)
+    return current

@@ -28,6 +28,7 @@ from app.cli.arguments import (
     RecordedMeshArgument,
     RecordedSceneArgument,
     SceneArgument,
+    with_current_flags,
 )
 from app.cli.loading import ShowLine, load_with_bar
 from app.debugger.moment_id import START, find_moment, parse_moment_id
@@ -174,6 +175,7 @@ def run(arguments: Sequence[str]) -> int:
     """
     if not arguments or (arguments[0].startswith("-") and arguments[0] not in ("-h", "--help")):
         arguments = ["view", "cube", *arguments]
+    arguments = with_current_flags(arguments)
     commands: dict[str, Callable[..., int]] = {"view": view, "replay": replay}
     prog, description = "eigenfairing", DESCRIPTION
     if arguments[0] == "experiment" and len(arguments) > 1:

@@ -105,7 +105,7 @@ def find_suggestions(scene: Scene, check: SceneCheck, options: FairingOptions) -
     typical = check.footprint[2]
     blurs = options.schedule.blur
     first = level_for_footprint(typical, options)
-    coarsest = "" if first == 0 else "; --schedule.start first starts at the coarsest"
+    coarsest = "" if first == 0 else "; --schedule.first-level first starts at the coarsest"
     suggestions.append(
         f"faces measure {typical:.0f} px, so a run starts at about level {first + 1} of {len(blurs)} (blur "
         f"{blurs[first]:g} px){coarsest}"

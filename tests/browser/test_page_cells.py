@@ -19,7 +19,9 @@ STEPS = 8
 
 @pytest.fixture(scope="module")
 def app():
-    schedule = ScheduleOptions(blur=(3.6, 2.0), order="sequential", max_sweeps=(2,), max_iterations=(3,), start="first")
+    schedule = ScheduleOptions(
+        blur=(3.6, 2.0), order="sequential", max_sweeps=(2,), max_iterations=(3,), first_level="first"
+    )
     session = Session(load_demo("cube"), replace(FairingOptions(), schedule=schedule))
     for _ in range(STEPS):
         session.step()
