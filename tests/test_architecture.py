@@ -38,6 +38,7 @@ ALLOWED: dict[str, set[str]] = {
     "fairing.experiments": DATA | {"fairing.geometry", "fairing.solve", "fairing.run", "fairing.judge"},
     "fairing.api": {"fairing", "fairing.run"},
     "demo_scenes": DATA | {"fairing.util", "fairing.geometry"},
+    "demo_scenes.building": DATA | {"demo_scenes", "fairing.geometry", "fairing.triangulation"},
     "demo_scenes.range_data": DATA | {"demo_scenes", "fairing.geometry", "fairing.registration"},
     "app": DATA | {"fairing.geometry", "fairing.judge", "app.cli.main"},
     "app.debugger": {"app", "engine"},

@@ -216,6 +216,8 @@ def test_a_full_disk_is_one_line_and_leaves_nothing_half_written(scene, tmp_path
 
 MISTAKES = {
     "nosuch": (["fair", "nosuch", "--out", "{out}"], "expected a demo"),
+    "seed missing": (["fair", "building:", "--out", "{out}"], "expected an integer as the seed"),
+    "seed no integer": (["check", "building:x"], "expected an integer as the seed"),
     "mesh of a demo": (["fair", "cube", "--mesh", "{scene}/mesh.obj", "--out", "{out}"], "has its own mesh"),
     "missing mesh": (["fair", "{scene}", "--mesh", "no.ply", "--out", "{out}"], "no.ply"),
     "folder in use": (["fair", "{scene}", "--out", "{scene}"], "empty or new folder"),
@@ -285,7 +287,8 @@ def test_load_scene_and_the_command_agree_on_the_scene(scene):
 
 def test_demos_are_listed(capsys):
     assert run(["demos"]) == 0
-    assert [line.split()[0] for line in capsys.readouterr().out.splitlines()] == ["cube", "facade", "archway", "dome"]
+    names = [line.split()[0] for line in capsys.readouterr().out.splitlines()]
+    assert names == ["cube", "facade", "archway", "dome", "building:SEED"]
 
 
 def test_the_module_runs_as_a_command():

@@ -11,7 +11,7 @@ from app.cli.interrupt import Interrupt
 from app.cli.lines import print_line
 from app.cli.loading import load_with_progress
 from app.files.scene_source import SceneSource
-from demo_scenes import DEMOS
+from demo_scenes import is_demo
 from fairing.errors import Cancelled, InputError
 from fairing.features import FeaturePoints
 from fairing.features.find import progress_line
@@ -43,7 +43,7 @@ def points_to_folder(source: SceneSource, out: Path, console: Console) -> int:
     Raises:
         InputError: whatever is wrong with the input, or there are no points.
     """
-    if source.scene in DEMOS:
+    if is_demo(source.scene):
         loaded = load_with_progress(source, console)
         views, warnings = loaded.views, loaded.warnings
     else:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from app.files.run_files import POINTS
-from demo_scenes import DEMOS, load_demo
+from demo_scenes import DEMO_NAMES, find_demo, is_demo, load_demo
 from fairing.errors import InputError
 from fairing.io import PhotoChoice
 from fairing.io.photo_choice import check_format
@@ -47,7 +47,8 @@ class SceneSource:
         cls, scene: str, mesh: Path | None, choice: PhotoChoice = _ALL_PHOTOS, points: PointsChoice = "given"
     ) -> "SceneSource":
         """From the command line. A demo's name takes precedence over a folder of that name (`./cube` is the folder)."""
-        if scene in DEMOS:
+        if is_demo(scene):
+            name = find_demo(scene).name
             if mesh is not None:
                 raise InputError(f"--mesh {mesh}: the demo {scene} has its own mesh; leave --mesh out")
             if choice != _ALL_PHOTOS:
@@ -55,9 +56,9 @@ class SceneSource:
                     f"the demo {scene} takes all its photos; leave --leave-out, --masks, --photo-weights, "
                     "--photo-scale and --format out"
                 )
-            return cls(scene, points="given" if points == "automatic" else points)
+            return cls(name, points="given" if points == "automatic" else points)
         if not Path(scene).exists():
-            raise InputError(f"{scene}: expected a demo ({', '.join(DEMOS)}) or a path, found no such file or folder")
+            raise InputError(f"{scene}: expected a demo ({DEMO_NAMES}) or a path, found no such file or folder")
         if choice.masks is not None:
             choice = replace(choice, masks=choice.masks.resolve())
         return cls(str(Path(scene).resolve()), None if mesh is None else str(mesh.resolve()), choice, points)
@@ -107,7 +108,7 @@ class SceneSource:
         recorded = None if scene is not None and _KEY not in header else cls.of_run(header, where)
         if recorded is None:
             return cls.typed(scene or "", mesh, choice)
-        if scene in DEMOS:
+        if scene is not None and is_demo(scene):
             return cls.typed(scene, mesh, choice, recorded.points)._with_points_of(recorded)
         choice = recorded.choice if choice == _ALL_PHOTOS else choice
         if scene is None and mesh is None and recorded.mesh is not None:
@@ -154,7 +155,7 @@ class SceneSource:
             InputError: the scene cannot be used.
         """
         tell = progress or (lambda fraction, line: None)
-        if self.scene in DEMOS:
+        if is_demo(self.scene):
             scene = load_demo(self.scene, progress=progress)
             capture = self._with_chosen_points(_capture_of(scene), len(scene.mesh.vertices), tell)
             return replace(scene, sparse_points=capture.sparse_points, warnings=capture.warnings)
@@ -178,7 +179,7 @@ class SceneSource:
         from fairing.io import read_capture
 
         tell = progress or (lambda fraction, line: None)
-        if self.scene in DEMOS:
+        if is_demo(self.scene):
             capture = _capture_of(load_demo(self.scene, progress=progress))
         else:
             capture = read_capture(self.scene, self.choice)
@@ -199,7 +200,7 @@ class SceneSource:
     def _points_cache(self) -> Path:
         """File in the user's cache folder for the points found in these photos."""
         photos = hashlib.sha256(repr((self.scene, self.choice)).encode()).hexdigest()[:16]
-        return cache_folder() / "points" / f"{Path(self.scene).name}-{photos}.npz"
+        return cache_folder() / "points" / f"{Path(self.scene).name.replace(':', '-')}-{photos}.npz"
 
 
 def write_points_of_run(points: "SparsePoints | None", record: Path) -> None:
