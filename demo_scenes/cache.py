@@ -12,14 +12,7 @@ import numpy as np
 
 import fairing.camera
 import fairing.geometry.rasterize
-
-
-def cache_folder() -> Path:
-    """EIGENFAIRING_CACHE, else XDG_CACHE_HOME/eigenfairing, else ~/.cache/eigenfairing."""
-    if folder := os.environ.get("EIGENFAIRING_CACHE"):
-        return Path(folder)
-    root = os.environ.get("XDG_CACHE_HOME")
-    return (Path(root) if root else Path.home() / ".cache") / "eigenfairing"
+from fairing.util.cache_folder import cache_folder
 
 
 def cached_photos(

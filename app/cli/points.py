@@ -14,6 +14,7 @@ from app.files.scene_source import SceneSource
 from demo_scenes import is_demo
 from fairing.errors import Cancelled, InputError
 from fairing.features import FeaturePoints
+from fairing.features.find import progress_line
 from fairing.io import prepare_output_folder, read_capture
 from fairing.io.colmap_write import check_cameras
 from fairing.io.convert import write_capture
@@ -78,13 +79,13 @@ def _find(views: tuple[View, ...], path: Path, console: Console) -> FeaturePoint
     """The points, with a progress bar; Ctrl-C cancels."""
     interrupt = Interrupt()
     bar = Progress(
-        TextColumn("finding points"), BarColumn(), TextColumn("{task.percentage:3.0f} %"), TextColumn("left"),
+        TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:3.0f} %"), TextColumn("left"),
         TimeRemainingColumn(), console=console, transient=True, disable=not console.is_terminal,
     )  # fmt: skip
     with interrupt.listening(), bar:
-        task = bar.add_task("", total=None)
-        return find_points_once(
-            views, path,
-            on_progress=lambda done, count: bar.update(task, completed=done, total=count),
-            cancel_requested=lambda: interrupt.requested,
-        )  # fmt: skip
+        task = bar.add_task("finding points", total=None)
+
+        def show(done: int, count: int) -> None:
+            bar.update(task, completed=done, total=count, description=progress_line(done, len(views)))
+
+        return find_points_once(views, path, on_progress=show, cancel_requested=lambda: interrupt.requested)
