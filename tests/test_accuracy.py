@@ -10,6 +10,7 @@ from fairing import fair
 from fairing.options import PRESETS
 from fairing.run.session import Session
 
+pytestmark = pytest.mark.slow
 OTHERS = (1, 2, 3, 4, 5, 6)
 PLACE = np.ones(3)
 

@@ -131,6 +131,7 @@ def test_a_run_with_points_is_not_continued_with_others():
             Session(other, trace=drawn.trace)
 
 
+@pytest.mark.slow
 def test_points_that_the_photos_contradict_are_not_used():
     wrong = on_the_faces() + np.array([0.08, -0.05, 0.06])
     with_wrong = Session(with_points(wrong, (0.01, 0, 0)), small_options(step=USED))
@@ -140,6 +141,7 @@ def test_points_that_the_photos_contradict_are_not_used():
     assert np.array_equal(with_wrong.vertices, without.vertices)
 
 
+@pytest.mark.slow
 def test_points_kept_for_evaluation_change_nothing():
     scene = with_points(on_the_faces())
     assert scene.sparse_points is not None

@@ -117,6 +117,7 @@ def test_a_run_restarts_after_its_last_search_and_after_gauss_newton():
     assert errors(session.vertices)[0] < 0.02
 
 
+@pytest.mark.slow
 def test_a_run_resumed_around_a_restart_writes_the_same_bytes(tmp_path):
     changes = {"schedule": {"max_sweeps": [1], "max_iterations": [1]}}
     whole = sharp_session(**changes, threads=2)

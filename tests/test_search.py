@@ -213,6 +213,7 @@ def test_no_vertex_ends_beyond_the_largest_displacement():
         assert pixels_moved(scene, session.trace.start[0], offset) < 1.1 * MAX_DISPLACEMENT * 4.0
 
 
+@pytest.mark.slow
 def test_a_run_resumed_within_a_search_writes_the_same_bytes(tmp_path):
     options = searching(10.0, schedule={"max_sweeps": [1], "max_iterations": [2]})
     whole = Session(rough_scene(), options)
@@ -235,6 +236,7 @@ def test_a_run_resumed_within_a_search_writes_the_same_bytes(tmp_path):
         assert (tmp_path / "run.trace").read_bytes() == (tmp_path / "whole.trace").read_bytes()
 
 
+@pytest.mark.slow
 def test_the_number_of_threads_does_not_change_what_a_search_finds():
     schedule = {"max_sweeps": [1], "max_iterations": [1]}
     sessions = [Session(rough_scene(), searching(-1.0, threads=n, schedule=schedule, **SHARP_AT_LAST)) for n in (1, 2)]

@@ -9,6 +9,7 @@ import tyro
 
 from fairing.io import PhotoChoice
 from fairing.io.photo_choice import SceneFormat
+from fairing.io.points_choice import PointsChoice
 from fairing.options import PRESETS, FairingOptions
 
 ALL_PHOTOS = PhotoChoice()
@@ -26,6 +27,14 @@ MeshArgument = Annotated[
         metavar="PATH",
         help="The mesh. Default: the mesh that the scene names, or the only one in its folder, or a triangulation of its "
         "sparse points.",
+    ),
+]
+PointsArgument = Annotated[
+    PointsChoice,
+    tyro.conf.arg(
+        help="Sparse points: those given with the capture, its own (found in its photos), both, or none. Automatic: the "
+        "given ones if they are enough (3 for each vertex of the mesh; without a mesh 500), otherwise its own; for a demo "
+        "the given ones.",
     ),
 ]
 RunArgument = Annotated[

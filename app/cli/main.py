@@ -22,6 +22,7 @@ from app.cli.arguments import (
     HostArgument,
     MeshArgument,
     PhotosArgument,
+    PointsArgument,
     PortArgument,
     Preset,
     RecordedMeshArgument,
@@ -29,11 +30,11 @@ from app.cli.arguments import (
     SceneArgument,
     with_current_flags,
 )
-from app.cli.loading import load_with_bar, load_with_progress
+from app.cli.loading import ShowLine, load_with_bar
 from app.debugger.moment_id import START, find_moment, parse_moment_id
 from app.files.recorded_run import find_run
 from app.files.run_files import FLIPS
-from app.files.scene_source import SceneSource
+from app.files.scene_source import SceneSource, write_points_of_run
 from fairing.errors import InputError
 from fairing.io import PhotoChoice
 from fairing.options import PRESETS, options_from_dict
@@ -59,6 +60,7 @@ def view(
     save_to: Path | None = None,
     at: str = "start",
     lesson: str | None = None,
+    points: PointsArgument = "automatic",
     photos: PhotosArgument = ALL_PHOTOS,
 ) -> int:
     """Open the debugger on a scene, paused.
@@ -70,7 +72,7 @@ def view(
         lesson: Open this lesson, on the scene that it uses. The page lists all lessons.
     """
     console = Console(stderr=True)
-    source = SceneSource.typed(scene, mesh, photos)
+    source = SceneSource.typed(scene, mesh, photos, points)
     wanted = parse_moment_id(at, PRESETS[preset].n_levels)
     load = source.load
     if lesson is not None:
@@ -78,21 +80,23 @@ def view(
 
         load = scene_of_lesson(lesson, source)
 
-    def open_session() -> "Session":
+    def open_session(show: ShowLine) -> "Session":
         from fairing.run.session import Session
 
-        session = Session(load_with_bar(source.scene, load, console), PRESETS[preset])
+        session = Session(load_with_bar(source.scene, load, console, show), PRESETS[preset])
         if lesson is None or session.scene.name == source.scene:  # a lesson's own scene has no name to find it by
-            source.note_in(session.trace.header)
+            source.resolved(session.scene.sparse_points).note_in(session.trace.header)
+        if save_to is not None:
+            write_points_of_run(session.scene.sparse_points, save_to)
         return session
 
     if at.strip() == START:
         return _serve(open_session, host, port, browser, save_to, None, lesson=lesson)
     from app.cli.run_progress import run_to
 
-    session = open_session()
+    session = open_session(lambda line: None)
     run_to(session, wanted, console)
-    return _serve(lambda: session, host, port, browser, save_to, None, page_first=False, lesson=lesson)
+    return _serve(lambda show: session, host, port, browser, save_to, None, page_first=False, lesson=lesson)
 
 
 def replay(
@@ -122,10 +126,10 @@ def replay(
     trace, source, path = find_run(run, scene, mesh, photos)
     wanted = parse_moment_id(at, options_from_dict(trace.header["options"]).n_levels)
 
-    def open_session() -> "Session":
+    def open_session(show: ShowLine) -> "Session":
         from fairing.run.session import Session
 
-        session = Session(load_with_progress(source, Console(stderr=True)), trace=trace)
+        session = Session(load_with_bar(source.scene, source.load, Console(stderr=True), show), trace=trace)
         session.go_to(find_moment(trace, wanted))
         return session
 
@@ -145,7 +149,7 @@ def _replay_flips(run: Path, scene: str | None, host: str, port: int, browser: b
 
 
 def _serve(
-    open_session: Callable[[], "Session"],
+    open_session: Callable[[ShowLine], "Session"],
     host: str,
     port: int,
     browser: bool,

@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING
 
 import viser
 
-from app.viser_bridge.viewer import address_of, start_viewer, stop_viewer
+from app.cli.loading import ShowLine
+from app.viser_bridge.viewer import address_of, show_opening, start_viewer, stop_viewer
 from fairing.errors import InputError
 
 if TYPE_CHECKING:
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 
 
 def serve(
-    open_session: Callable[[], "Session"],
+    open_session: Callable[[ShowLine], "Session"],
     *,
     host: str = "127.0.0.1",
     port: int = 8080,
@@ -36,7 +37,7 @@ def serve(
     """Open the debugger, paused, and stay until Ctrl-C.
 
     Args:
-        open_session: makes the run.
+        open_session: makes the run; receives a callback for lines of progress, which the page shows.
         port: 0 for any free one.
         open_browser: also open the page in the user's browser.
         save_to: keep the record in this file.
@@ -52,7 +53,8 @@ def serve(
     def open_app(server: viser.ViserServer) -> Callable[[], None]:
         from app.page.server import App
 
-        return App(server, open_session(), save_to, recorded_in, lesson).stop
+        session = open_session(lambda line: show_opening(server, line))
+        return App(server, session, save_to, recorded_in, lesson).stop
 
     stay(open_app, host, port, open_browser=open_browser, page_first=page_first)
 

@@ -6,8 +6,7 @@ import viser
 
 from app.files.scene_source import SceneSource
 from app.flips.page import FlipApp
-from demo_scenes import DEMOS, load_demo
-from fairing.io import PhotoChoice, read_capture
+from fairing.io import PhotoChoice
 from fairing.scene import Scene
 from fairing.triangulation import FlipTrace
 
@@ -23,11 +22,7 @@ def open_flips(server: viser.ViserServer, record: Path, scene: str | None, photo
     """
     trace = FlipTrace.load(record)
     source = SceneSource.of_replay(trace.header, record, scene, None, photos)
-    if source.scene in DEMOS:
-        demo = load_demo(source.scene)
-        views, points = demo.views, demo.sparse_points
-    else:
-        capture = read_capture(source.scene, source.choice)
-        views, points = capture.views, capture.sparse_points
+    capture = source.load_capture()
+    views, points = capture.views, capture.sparse_points
     name = Path(source.scene).name
     return FlipApp(server, Scene.build(name, trace.vertices, trace.faces_at(0), views, sparse_points=points), trace)

@@ -18,7 +18,7 @@ def start_viewer(host: str, port: int) -> viser.ViserServer:
     """
     server = start_server(host, port)
     server.gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False)
-    server.gui.set_panel_label("EigenFairing · opening …")
+    show_opening(server, "opening …")
     server.gui.main_panel.dock_right()
     server.gui.main_panel.set_width(PANEL_WIDTH)
     # The default picture of a room takes seconds to unpack, and the textures need no light.
@@ -27,6 +27,11 @@ def start_viewer(host: str, port: int) -> viser.ViserServer:
     server.scene.add_light_ambient("/light", intensity=0.25)
     server.scene.world_axes.visible = False
     return server
+
+
+def show_opening(server: viser.ViserServer, line: str) -> None:
+    """Show a line of progress as the panel's title until there is a scene."""
+    server.gui.set_panel_label(f"EigenFairing · {line}")
 
 
 def address_of(server: viser.ViserServer) -> str:
