@@ -34,7 +34,8 @@ from app.files.scene_source import SceneSource
 from app.page.server import start
 from fairing.run.session import Session
 from fairing.scene import Scene
-from tests.browser.driver import Visitor, chromium, wait_for
+from tests.browser.driver import Visitor, chromium
+from tests.waiting import wait_for
 
 CLICKS = 15
 RUN_SECONDS = 20.0  # of a run, for the updates a second

@@ -22,8 +22,8 @@ from app.experiments.record import Record
 from app.experiments.workers import measure_all
 from fairing.errors import InputError
 from fairing.experiments import EXPERIMENTS, CaptureRange, Row, Setting, WarpComparison, results
-from tests.browser.driver import wait_for
 from tests.small_scene import corner_scene, small_options
+from tests.waiting import wait_for
 
 ONE_LEVEL = small_options(schedule={"blur": [1.2], "max_sweeps": [3]}, cells={"size": [32]})
 FLAGS = ["--starts", "4", "8", "--directions", "2", "--schedule.blur", "1.2", "--schedule.max-sweeps", "2"]

@@ -8,12 +8,12 @@ import pytest
 from scipy.ndimage import map_coordinates
 
 from demo_scenes import load_demo
-from fairing import cramer_rao
 from fairing.cells.context import cell_grid
 from fairing.errors import InputError
 from fairing.experiments import CaptureRange, KSweep, NoiseAgainstBound, Setting, WarpComparison, results
 from fairing.experiments.k_sweep import part_left
 from fairing.experiments.noise import noisy_views
+from fairing.judge import cramer_rao
 from fairing.judge.cramer_rao import cramer_rao_bound, cramer_rao_covariance, luma_noise
 from fairing.photo import ArrayPhoto
 from fairing.run.session import Session

@@ -9,7 +9,7 @@ from app.flips.film import KEYFRAMES, FlipFilm
 from app.flips.player import Player
 from fairing.triangulation import FlipRecord, FlipTrace
 from fairing.triangulation.quads import find_quads
-from tests.browser.driver import wait_for
+from tests.waiting import wait_for
 
 
 def grid_mesh(side: int) -> tuple[np.ndarray, np.ndarray]:

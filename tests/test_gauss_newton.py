@@ -6,6 +6,7 @@ import pytest
 from scipy.ndimage import map_coordinates, spline_filter
 from scipy.optimize import approx_fprime, least_squares
 
+from fairing.geometry.normals import face_quality, folded_faces
 from fairing.mesh import Mesh
 from fairing.options import StepOptions
 from fairing.run.session import Session
@@ -13,8 +14,6 @@ from fairing.solve.energy import Evaluator, FaceSystem
 from fairing.solve.normal_equations import (
     Prior,
     QuadraticPrior,
-    face_quality,
-    folded_faces,
     solve_jointly,
     solve_vertices,
     undetermined_directions,

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from app.cli.main import run
-from fairing import memory
 from fairing.cells.scale_space import ScaleSpace
+from fairing.check import memory
 from fairing.check.memory import memory_needed, memory_warning
 from fairing.check.scene_check import check_scene
 from fairing.errors import Cancelled

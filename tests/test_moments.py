@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app import serve
+from app.cli import serve
 from app.cli.main import run
 from app.debugger.bookmarks import Bookmarks, read_bookmarks
 from app.debugger.commands import Branch, DeleteRun, Extent, Forward, JumpTo, Run, SwitchTo

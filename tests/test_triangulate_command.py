@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app import triangulate_command
+from app.cli import triangulate as triangulate_command
 from app.cli.main import run
 from app.files.scene_source import SceneSource
 from fairing.io import prepare_output_folder, read_mesh, write_mesh

@@ -24,7 +24,8 @@ from app.page.server import App, start
 from demo_scenes import load_demo
 from fairing.options import PRESETS
 from fairing.run.session import Session
-from tests.browser.driver import WINDOW, Visitor, chromium, wait_for
+from tests.browser.driver import WINDOW, Visitor, chromium
+from tests.waiting import wait_for
 
 PICTURES = Path(__file__).parents[1] / "app" / "pictures"
 QUALITY = 82

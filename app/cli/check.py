@@ -1,4 +1,4 @@
-"""`check`: the findings on the terminal, and as a page with the mesh drawn over every photo."""
+"""`check`: findings about a scene on the terminal, and as a page with the mesh drawn over every photo."""
 
 from pathlib import Path
 from urllib.parse import quote
@@ -8,6 +8,8 @@ from PIL import Image
 from rich.console import Console
 from rich.table import Table
 
+from app.cli.arguments import ALL_PHOTOS, MeshArgument, PhotosArgument, SceneArgument
+from app.cli.lines import print_line
 from app.cli.loading import load_with_progress
 from app.files.check_page import VERDICTS, check_page
 from app.files.json_file import write_json
@@ -22,8 +24,19 @@ from fairing.scene import Scene
 PAGE, DATA, SHEET = "check.html", "check.json", "contact-sheet.png"
 
 
+def check(
+    scene: SceneArgument, mesh: MeshArgument = None, out: Path | None = None, photos: PhotosArgument = ALL_PHOTOS
+) -> int:
+    """Check whether a scene can be refined: cameras, coverage, sizes, and what to do.
+
+    Args:
+        out: Folder for check.html, check.json and the mesh drawn over every photo.
+    """
+    return check_to_console(SceneSource.typed(scene, mesh, photos), out, Console())
+
+
 def check_to_console(source: SceneSource, out: Path | None, console: Console) -> int:
-    """Print the findings; with `out`, write them as a page, as JSON and as pictures, too.
+    """Print the findings. With `out`, also write them as a page, as JSON and as pictures.
 
     Returns:
         Exit code: 1 if the input cannot be used.
@@ -31,15 +44,12 @@ def check_to_console(source: SceneSource, out: Path | None, console: Console) ->
     scene = load_with_progress(source, console)
     if out is not None:
         prepare_output_folder(out)
-    check = check_scene(scene)
-    _print(scene, check, console)
+    findings = check_scene(scene)
+    _print(scene, findings, console)
     if out is not None:
-        _write(scene, check, out)
-        console.print(
-            f"wrote {out / PAGE}, {DATA}, {SHEET} and {len(scene.views)} overlays",
-            highlight=False, soft_wrap=True, markup=False,
-        )  # fmt: skip
-    return 1 if check.verdict == "unusable" else 0
+        _write(scene, findings, out)
+        print_line(console, f"wrote {out / PAGE}, {DATA}, {SHEET} and {len(scene.views)} overlays")
+    return 1 if findings.verdict == "unusable" else 0
 
 
 def _write(scene: Scene, check: SceneCheck, out: Path) -> None:
@@ -57,7 +67,7 @@ def _write(scene: Scene, check: SceneCheck, out: Path) -> None:
 
 
 def _print(scene: Scene, check: SceneCheck, console: Console) -> None:
-    columns = ("photo", "size", "focal px", "faces", "mesh covers", "points off", "exposure")
+    columns = ("photo", "size", "focal px", "faces", "mesh covers", "reprojection", "exposure")
     table = Table(*columns, box=None, padding=(0, 2, 0, 0))
     for view in check.views:
         off = "-" if view.reprojection is None else f"{view.reprojection:.2f} px"
@@ -73,29 +83,29 @@ def _print(scene: Scene, check: SceneCheck, console: Console) -> None:
         f"{check.faces_in_part} faces are seen by at least 3 photos"
     ]
     for reason, ids in faces.without_part().items():
-        lines.append(f"faces that take no part, {reason}: {len(ids)} ({listed(ids.tolist())})")
+        lines.append(f"faces without enough photos, {reason}: {len(ids)} ({listed(ids.tolist())})")
     if check.views_per_face:
-        lines.append("photos a face: " + _spread(check.views_per_face, "{:.0f}"))
+        lines.append("photos per face: " + _spread(check.views_per_face, "{:.0f}"))
     if check.footprint:
         lines.append("size of a face in the photos, px: " + _spread(check.footprint, "{:.0f}"))
     if check.texture:
         lines.append(
-            f"texture, grey levels a pixel: {_spread(check.texture, '{:.1f}')}; {int(faces.is_blank.sum())} faces are "
+            f"texture, grey levels per pixel: {_spread(check.texture, '{:.1f}')}; {int(faces.is_blank.sum())} faces are "
             f"blank, {int(faces.is_striped.sum())} striped"
         )
-    for name, is_so in (("blank", faces.is_blank), ("striped", faces.is_striped)):
-        if is_so.any():
-            lines.append(f"{name} faces: {listed(np.flatnonzero(is_so).tolist())}")
+    for name, mask in (("blank", faces.is_blank), ("striped", faces.is_striped)):
+        if mask.any():
+            lines.append(f"{name} faces: {listed(np.flatnonzero(mask).tolist())}")
     if check.parallax is not None:
-        lines.append(f"lines of sight to a face spread over {check.parallax:.0f} degrees (median)")
+        lines.append(f"angle between the lines of sight to a face: {check.parallax:.0f} degrees (median)")
     lines.append("pairs of face and photo: " + ", ".join(f"{name} {n}" for name, n in check.reasons.items()))
     lines.append(f"memory of a run: about {check.memory / 1e9:.1f} GB")
     lines += [f"note: {warning}" for warning in check.warnings]
     lines += [f"hint: {hint}" for hint in check.hints]
-    lines += [f"to know: {suggestion}" for suggestion in check.suggestions]
+    lines += [f"suggestion: {suggestion}" for suggestion in check.suggestions]
     verdict, meaning = VERDICTS[check.verdict]
     for line in [*lines, f"verdict: {verdict.lower()}: {meaning[0].lower()}{meaning[1:-1]}"]:
-        console.print(line, highlight=False, soft_wrap=True, markup=False)
+        print_line(console, line)
 
 
 def _spread(percentiles: tuple[float, ...], form: str) -> str:

@@ -4,6 +4,8 @@ from pathlib import Path
 
 from rich.console import Console
 
+from app.cli.arguments import ALL_PHOTOS, MeshArgument, PhotosArgument, SceneArgument
+from app.cli.lines import print_line
 from app.cli.loading import load_with_progress
 from app.files.scene_source import SceneSource
 from demo_scenes import DEMOS
@@ -11,6 +13,22 @@ from fairing.errors import InputError
 from fairing.io import prepare_output_folder, read_mesh
 from fairing.io.convert import Format, write_capture
 from fairing.io.load import only_mesh, read_capture
+
+
+def convert(
+    scene: SceneArgument,
+    out: Path,
+    mesh: MeshArgument = None,
+    format: Format = "colmap",
+    photos: PhotosArgument = ALL_PHOTOS,
+) -> int:
+    """Write a scene in another format, with undistorted photos, sparse points, masks and mesh.
+
+    Args:
+        out: Folder for the copy: new, empty, or of an earlier conversion.
+        format: colmap: a COLMAP text model, sparse/ and images/. scene.json: EigenFairing's own.
+    """
+    return convert_to_folder(SceneSource.typed(scene, mesh, photos), out, format, Console(stderr=True))
 
 
 def convert_to_folder(source: SceneSource, out: Path, format: Format, console: Console) -> int:
@@ -31,15 +49,15 @@ def convert_to_folder(source: SceneSource, out: Path, format: Format, console: C
     prepare_output_folder(out)
     notes = write_capture(out, format, views, sparse, mesh)
     for note in (*warnings, *notes):
-        console.print(f"note: {note}", highlight=False, soft_wrap=True, markup=False)
+        print_line(console, f"note: {note}")
     n_points = 0 if sparse is None else len(sparse.positions)
     parts = f"{len(views)} photos, {n_points} sparse points, {'a mesh' if mesh is not None else 'no mesh'}"
-    console.print(f"wrote {parts} as {format} to {out}", highlight=False, soft_wrap=True, markup=False)
+    print_line(console, f"wrote {parts} as {format} to {out}")
     return 0
 
 
 def _mesh_beside(scene: Path) -> Path | None:
-    """The only mesh in the scene's folder; none where there is none or a choice would have to be made."""
+    """The only mesh in the scene's folder; None if there is none or more than one."""
     try:
         return only_mesh(scene if scene.is_dir() else scene.parent)
     except InputError:

@@ -1,9 +1,10 @@
-"""The demo `facade` as somebody has it who scanned a building: photos, sparse points, a scan to be registered."""
+"""`demos --scan`: the demo `facade` in the form a scan is usually delivered: photos, sparse points, an unregistered scan."""
 
 from pathlib import Path
 
 from rich.console import Console
 
+from app.cli.lines import print_line
 from app.cli.loading import load_with_progress
 from app.files.scene_source import SceneSource
 from fairing.io import prepare_output_folder
@@ -29,13 +30,11 @@ def write_demo_scan(out: Path, console: Console) -> int:
     (out / SCAN).parent.mkdir(exist_ok=True)
     write_scan(out / SCAN, scanned.scan)
     write_atomically(out / MATCHES, lambda file: file.write(("\n".join(scanned.matches) + "\n").encode()))
-    console.print(
+    print_line(
+        console,
         f"wrote {out}: {len(scene.views)} photos, {len(scanned.sparse_points.positions)} sparse points, {SCAN} of "
         f"{len(scanned.scan)} points, {MATCHES}; next:\n"
         f"eigenfairing register {out} --scan {out / SCAN} --matches {out / MATCHES} --out start.ply\n"
         f"eigenfairing fair {out} --mesh start.ply --out run",
-        highlight=False,
-        soft_wrap=True,
-        markup=False,
     )
     return 0

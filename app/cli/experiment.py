@@ -1,4 +1,4 @@
-"""`experiment`: measures one vertex of a scene with known truth, and writes a table, a picture and a record."""
+"""`experiment`: repeated runs of one displaced vertex against the known truth, as a table, a chart and a record."""
 
 import os
 import time
@@ -11,7 +11,8 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from app.cli.arguments import Preset, SceneArgument, chosen_preset
-from app.cli.fair import Interrupt
+from app.cli.interrupt import Interrupt
+from app.cli.lines import print_line
 from app.cli.loading import load_with_progress
 from app.experiments.record import Record
 from app.experiments.workers import measure_all
@@ -24,26 +25,31 @@ from fairing.io import prepare_output_folder
 from fairing.option_check import check_options
 from fairing.options import FairingOptions
 
-ABOUT = "Put one vertex of a scene off its true place, many times, and see what becomes of it."
+ABOUT = "Displace one vertex of a scene from its true position, many times, and measure where the engine brings it."
 MOST_WORKERS = 8
 SAVE_EVERY = 2.0  # s
 
 
+def experiment() -> int:
+    """Measure accuracy and capture range: `experiment NAME [SCENE] --out DIR`. Without a name, list the experiments."""
+    return list_experiments(Console())
+
+
 def list_experiments(console: Console) -> int:
-    """What there is, a line each."""
+    """Print name and question of each experiment."""
     for name, experiment in EXPERIMENTS.items():
-        console.print(f"{name:15}{experiment.question}", highlight=False, soft_wrap=True)
+        print_line(console, f"{name:15}{experiment.question}")
     console.print("\neigenfairing experiment NAME [SCENE] --out DIR   (SCENE: cube)", highlight=False)
     return 0
 
 
 def experiment_commands(arguments: Sequence[str]) -> dict[str, Callable[..., int]]:
-    """One for each of `EXPERIMENTS`; the defaults of options depend on the preset among the arguments."""
+    """One command for each of `EXPERIMENTS`; the defaults of options depend on the preset among the arguments."""
     return {name: _command(kind, chosen_preset(arguments)) for name, kind in EXPERIMENTS.items()}
 
 
 def _command(kind: type[Experiment], default: FairingOptions) -> Callable[..., int]:
-    """Its fields and the options of the chosen preset are flags."""
+    """The command of one experiment: its fields and the options of the preset are flags."""
 
     def command(
         out: Path,
@@ -55,16 +61,15 @@ def _command(kind: type[Experiment], default: FairingOptions) -> Callable[..., i
         options: Annotated[FairingOptions, tyro.conf.arg(name="")] = default,
     ) -> int:
         """Args:
-        scene: A demo's name (see `eigenfairing demos`): the truth must be known.
-        out: Folder for the table (.csv), the picture (.png) and the record (.json): new, empty, or of an earlier run.
-        vertex: The vertex that is put off its place. Default: the one that photos see best.
-        preset: Options of every run, but for what the experiment varies; further flags change single ones.
-        resume: Go on with an interrupted experiment in `out`.
+        out: Folder for the table (.csv), the chart (.png) and the record (.json): new, empty, or of an earlier run.
+        vertex: The vertex that is displaced. Default: the one that the photos see best.
+        preset: Options of every run, except those that the experiment varies; further flags change single ones.
+        resume: Continue an interrupted experiment in `out`.
         """
         if scene not in DEMOS:
             raise InputError(
                 f"{scene}: expected a demo ({', '.join(DEMOS)}), found another scene; experiments measure errors against "
-                "the truth, which only demos know"
+                "the truth, which is known for demos only"
             )
         source = SceneSource.typed(scene, None)
         return experiment_to_folder(experiment, source, out, vertex, options, resume, Console(stderr=True))
@@ -105,20 +110,20 @@ def experiment_to_folder(
                 record.save(out, rows, picture=False)
                 saved = time.monotonic()
             if not console.is_terminal:
-                console.print(_line(experiment, row), highlight=False, soft_wrap=True)
+                print_line(console, _line(experiment, row))
 
         cases = open_cases(experiment, setting, rows)
         workers = min(os.cpu_count() or 1, MOST_WORKERS)
         try:
-            measure_all(experiment, setting, cases, workers, take, lambda: interrupt.asked)
+            measure_all(experiment, setting, cases, workers, take, lambda: interrupt.requested)
         finally:
             record.save(out, rows, picture=True)
     for line in (experiment.finding(record.in_order(rows)), f"wrote {_names(record, out, rows)}"):
         if line:
-            console.print(line, highlight=False, soft_wrap=True, markup=False)
+            print_line(console, line)
     if len(rows) < len(record.cases):
-        left = f"interrupted after {len(rows)} of {len(record.cases)}; go on with --resume --out {out}"
-        console.print(left, highlight=False, soft_wrap=True, markup=False)
+        left = f"interrupted after {len(rows)} of {len(record.cases)}; continue with --resume --out {out}"
+        print_line(console, left)
         return 130
     return 0
 

@@ -6,6 +6,8 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
+from app.cli.arguments import ALL_PHOTOS, PhotosArgument, RecordedMeshArgument, RecordedSceneArgument, RunArgument
+from app.cli.lines import print_line
 from app.cli.loading import load_with_progress
 from app.debugger.moment_id import find_moment, parse_moment_id
 from app.export.page import write_page
@@ -13,6 +15,7 @@ from app.export.picture import write_picture
 from app.export.report_page import write_report
 from app.export.run_facts import RunFacts
 from app.export.video import write_video
+from app.files.recorded_run import find_run
 from app.files.scene_source import SceneSource
 from fairing.errors import InputError
 from fairing.options import options_from_dict
@@ -22,13 +25,32 @@ from fairing.trace import Trace
 PAGE, PICTURE, VIDEOS = ".html", ".png", (".mp4", ".webm", ".gif")
 
 
+def export(
+    run: RunArgument,
+    out: Path,
+    at: str | None = None,
+    report: bool = False,
+    scene: RecordedSceneArgument = None,
+    mesh: RecordedMeshArgument = None,
+    photos: PhotosArgument = ALL_PHOTOS,
+) -> int:
+    """Write a recorded run as one file to share: a page (.html), a picture (.png) or a video (.mp4, .webm, .gif).
+
+    Args:
+        out: .html: a page that replays the run, offline. .png: the textured mesh before and after. .mp4, .webm, .gif: a video.
+        at: The moment at which a page opens or that a picture shows: level:sweep:vertex:iteration from 1, `start` or `end`.
+        report: With .html: a report with figures and pictures, to read and print, instead of the replay.
+    """
+    return export_to_file(lambda: find_run(run, scene, mesh, photos), out, at, report, Console(stderr=True))
+
+
 def export_to_file(
     find_run: Callable[[], tuple[Trace, SceneSource, Path]], out: Path, at: str | None, report: bool, console: Console
 ) -> int:
-    """Write the file that its ending asks for; an existing file is replaced only by a complete one.
+    """Write the file in the format of its ending. An existing file is replaced only by a complete one.
 
     Args:
-        find_run: the record, its scene and its path; asked only when the rest makes sense.
+        find_run: returns the trace, its scene and its path; called after the other arguments are checked.
         at: name of a moment.
         report: with .html: the report instead of the replay.
 
@@ -67,7 +89,7 @@ def export_to_file(
         else:
             write_video(facts, out, on_progress)
     size = f"{out.stat().st_size / 1e6:.1f} MB"
-    console.print(f"wrote {out} ({size}{'; ' * bool(thinned)}{thinned})", highlight=False, soft_wrap=True)
+    print_line(console, f"wrote {out} ({size}{'; ' * bool(thinned)}{thinned})")
     return 0
 
 

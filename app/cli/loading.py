@@ -1,4 +1,4 @@
-"""Opening a scene, with a bar while a demo's photos are taken or sparse points triangulated."""
+"""Loading a scene with a progress bar."""
 
 from collections.abc import Callable
 
@@ -10,12 +10,12 @@ from fairing.scene import Scene
 
 
 def load_with_progress(source: SceneSource, console: Console) -> Scene:
-    """The scene of a source, with a bar while a demo's photos are taken or sparse points triangulated."""
+    """The scene of a source. The bar shows rendering of a demo's photos and triangulation of sparse points."""
     return load_with_bar(source.scene, source.load, console)
 
 
 def load_with_bar(name: str, load: Callable[[Callable[[float, str], None]], Scene], console: Console) -> Scene:
-    """What `load` gives, with a bar that it moves."""
+    """The result of `load`, which receives a callback (fraction done, line) that moves the bar."""
     with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task(f"opening {name}", total=1.0)
         return load(lambda fraction, line: bar.update(task, completed=fraction, description=line))

@@ -2,8 +2,8 @@
 
 Exit codes: 0 done, 1 the input or the run failed (one line says why), 2 wrong usage, 130 cancelled.
 
-The debugger's commands are here, and import no more than they need until the page is served: the engine and the other
-commands take a second to import, and a browser can unpack the viewer meanwhile.
+The debugger's commands are here. They import as little as possible before the page is served: the engine and the other
+commands take a second to import, during which a browser can already load the viewer.
 """
 
 import os
@@ -16,7 +16,18 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 from rich.console import Console
 
-from app.cli.arguments import ALL_PHOTOS, PhotosArgument, Preset, SceneArgument
+from app.cli.arguments import (
+    ALL_PHOTOS,
+    BrowserArgument,
+    HostArgument,
+    MeshArgument,
+    PhotosArgument,
+    PortArgument,
+    Preset,
+    RecordedMeshArgument,
+    RecordedSceneArgument,
+    SceneArgument,
+)
 from app.cli.loading import load_with_bar, load_with_progress
 from app.debugger.moment_id import START, find_moment, parse_moment_id
 from app.files.recorded_run import find_run
@@ -39,11 +50,11 @@ DESCRIPTION = (
 
 def view(
     scene: SceneArgument = "cube",
-    mesh: Path | None = None,
+    mesh: MeshArgument = None,
     preset: Preset = "accurate",
-    port: int = 8080,
-    host: str = "127.0.0.1",
-    browser: bool = True,
+    port: PortArgument = 8080,
+    host: HostArgument = "127.0.0.1",
+    browser: BrowserArgument = True,
     save_to: Path | None = None,
     at: str = "start",
     lesson: str | None = None,
@@ -52,15 +63,10 @@ def view(
     """Open the debugger on a scene, paused.
 
     Args:
-        scene: A demo's name (see `eigenfairing demos`) or a folder or file with photos and cameras.
-        mesh: The mesh to fair. Default: the one the scene names, or the only one in its folder, or sparse points triangulated.
-        preset: Options to begin with.
-        port: Port of the page; the next free one is taken if it is in use.
-        host: Address to listen on. 0.0.0.0 lets other machines in.
-        browser: Open the page in the browser.
-        save_to: Keep the record of all steps in this file, for `eigenfairing replay`.
-        at: The moment to open at, after running up to there: level:sweep:vertex:iteration from 1, `start` or `end`.
-        lesson: Open a lesson, on the scene it plays on; the page lists them all.
+        preset: Options to start from.
+        save_to: File for the record of all steps, for `eigenfairing replay`.
+        at: Run to this moment first and open there: level:sweep:vertex:iteration from 1, `start` or `end`.
+        lesson: Open this lesson, on the scene that it uses. The page lists all lessons.
     """
     console = Console(stderr=True)
     source = SceneSource.typed(scene, mesh, photos)
@@ -75,13 +81,13 @@ def view(
         from fairing.run.session import Session
 
         session = Session(load_with_bar(source.scene, load, console), PRESETS[preset])
-        if lesson is None or session.scene.name == source.scene:  # scenes of lessons' own cannot be found by a name
+        if lesson is None or session.scene.name == source.scene:  # a lesson's own scene has no name to find it by
             source.note_in(session.trace.header)
         return session
 
     if at.strip() == START:
         return _serve(open_session, host, port, browser, save_to, None, lesson=lesson)
-    from app.cli.fair import run_to
+    from app.cli.run_progress import run_to
 
     session = open_session()
     run_to(session, wanted, console)
@@ -89,24 +95,25 @@ def view(
 
 
 def replay(
-    run: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")],
-    scene: str | None = None,
-    mesh: Path | None = None,
-    port: int = 8080,
-    host: str = "127.0.0.1",
-    browser: bool = True,
+    run: Annotated[
+        Path,
+        tyro.conf.Positional,
+        tyro.conf.arg(
+            metavar="RUN",
+            help="The folder that `fair` wrote, or its run.trace; or the .flips file that `triangulate` wrote.",
+        ),
+    ],
+    scene: RecordedSceneArgument = None,
+    mesh: RecordedMeshArgument = None,
+    port: PortArgument = 8080,
+    host: HostArgument = "127.0.0.1",
+    browser: BrowserArgument = True,
     at: str = "start",
     photos: PhotosArgument = ALL_PHOTOS,
 ) -> int:
     """Open the debugger on a recorded run, with the scene and the photos it was recorded on.
 
     Args:
-        run: The folder `fair` wrote, or its run.trace; or the .flips beside a mesh that `triangulate` wrote.
-        scene: The scene it was recorded on, where it has moved. Default: where the run says it was.
-        mesh: The mesh it was recorded on. Default: where the run says it was; with --scene the scene's own.
-        port: Port of the page; the next free one is taken if it is in use.
-        host: Address to listen on. 0.0.0.0 lets other machines in.
-        browser: Open the page in the browser.
         at: The moment to open at: level:sweep:vertex:iteration from 1, `start` or `end`.
     """
     if run.suffix == FLIPS:
@@ -156,7 +163,7 @@ def _serve(
 
 
 def run(arguments: Sequence[str]) -> int:
-    """Carry out a command line; returns the exit code.
+    """Execute a command line and return the exit code.
 
     Raises:
         SystemExit: wrong usage (2) or help (0), from the parser.
@@ -195,8 +202,8 @@ def _fail(line: str) -> int:
 def main() -> None:
     """The entry point of the command `eigenfairing`."""
     code = run(sys.argv[1:])
-    # A thread still inside compiled code (painting a large mesh, say) would be torn out of it by the interpreter's own way
-    # out, which aborts. Everything has been saved and closed by now.
+    # The interpreter aborts if it exits while a daemon thread is inside compiled code, for example while it computes the
+    # texture of a large mesh. Everything is saved and closed at this point.
     if any(thread.daemon for thread in threading.enumerate()):
         sys.stdout.flush()
         sys.stderr.flush()

@@ -1,4 +1,4 @@
-"""What `fair` makes of a finished run on request: textured models before and after, and the proof on photos left out."""
+"""Optional results of `fair`: textured models before and after, and the prediction of left-out photos."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,7 +8,8 @@ import numpy as np
 from rich.console import Console
 from rich.progress import Progress
 
-from app.cli.texture import paint_with_progress
+from app.cli.lines import print_line
+from app.cli.texture import DEFAULT_TEXTURE, paint_with_progress
 from app.files.run_files import LEFT_OUT, MODEL, MODEL_BEFORE
 from app.pictures.left_out_sheet import LeftOutSheet
 from fairing.errors import InputError
@@ -18,17 +19,18 @@ from fairing.judge.left_out import leave_one_out, left_out_summary
 from fairing.mesh import Mesh
 from fairing.scene import Scene
 
-TEXTURE_SIZE = 4096  # texels at most: what every graphics card takes
-MOST_LEFT_OUT = 40  # photos: beyond, evenly chosen ones stand for all
+MOST_LEFT_OUT = 40  # photos; of more, an evenly spaced selection is predicted
 
 
 @dataclass(frozen=True)
 class RunExtras:
-    """Attributes:
-    textured: Write model.glb, the mesh with a texture from the photos.
-    textured_before: Write model_before.glb, the same of the mesh as it began.
-    left_out: Predict photos from the others, before and after: PSNR and SSIM in report.json, and left_out.png.
-    beside: With --left-out: another mesh of the scene, such as another run's mesh.ply. Judge on the pixels that it shows, too.
+    """What `fair` writes besides mesh, report and trace.
+
+    Attributes:
+        textured: Write model.glb, the mesh with a texture from the photos.
+        textured_before: Write model_before.glb, the start mesh with a texture from the photos.
+        left_out: Predict each photo from the others, before and after: PSNR and SSIM in report.json, and left_out.png.
+        beside: With --left-out: another mesh, such as another run's mesh.ply. All are compared on the pixels that each covers.
     """
 
     textured: bool = False
@@ -44,39 +46,39 @@ class RunExtras:
         """The mesh `beside`.
 
         Raises:
-            InputError: it cannot be read, or nothing asks for it.
+            InputError: it cannot be read, or --left-out is missing.
         """
         if self.beside is None:
             return None
         if not self.left_out:
-            raise InputError("option beside: expected --left-out with it, which it is judged by; give that, too")
+            raise InputError("option beside: expected --left-out with it; add --left-out")
         return Mesh(*read_mesh(self.beside))
 
 
 def write_models(
     scene: Scene, start: np.ndarray, end: np.ndarray, extras: RunExtras, out: Path, console: Console
 ) -> None:
-    """Write the textured models that are wanted, of vertices (n, 3) at the start and the end of the run."""
+    """Write the requested textured models, for vertices (n, 3) float, world units, at the start and the end of the run."""
     wanted = [(extras.textured, MODEL, end), (extras.textured_before, MODEL_BEFORE, start)]
     for is_wanted, name, vertices in wanted:
         if is_wanted:
-            write_textured(out / name, paint_with_progress(scene, vertices, TEXTURE_SIZE, console))
-            console.print(f"wrote {out / name}", highlight=False, soft_wrap=True)
+            write_textured(out / name, paint_with_progress(scene, vertices, DEFAULT_TEXTURE, console))
+            print_line(console, f"wrote {out / name}")
 
 
-def prove_on_left_out(
+def predict_left_out(
     scene: Scene, start: np.ndarray, end: np.ndarray, beside: Mesh | None, out: Path, console: Console
 ) -> dict[str, Any]:
-    """Predict photos from the others with both meshes; writes the picture and returns the figures.
+    """Predict each photo from the others with both meshes. Writes left_out.png and returns the figures.
 
     Args:
-        beside: another mesh; all are judged on the pixels that it shows, too.
+        beside: another mesh; all meshes are judged on the pixels that every one of them covers.
     """
     count = len(scene.views)
     views = np.unique(np.linspace(0, count - 1, min(count, MOST_LEFT_OUT)).round().astype(int)).tolist()
     sheet = LeftOutSheet(scene)
     with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task("predicting photos left out", total=len(views))
+        task = bar.add_task("predicting left-out photos", total=len(views))
 
         def on_view(prediction: Any) -> None:
             sheet.add(prediction)
@@ -88,18 +90,16 @@ def prove_on_left_out(
     write_atomically(out / LEFT_OUT, lambda file: picture.save(file, format="PNG"))
     summary = left_out_summary(scene, before, after, *of_others)
     if summary["photos_judged"]:
-        console.print(
-            f"photos left out: PSNR {summary['psnr_before']:.2f} -> {summary['psnr_after']:.2f} dB, "
+        print_line(
+            console,
+            f"left-out photos: PSNR {summary['psnr_before']:.2f} -> {summary['psnr_after']:.2f} dB, "
             f"SSIM {summary['ssim_before']:.4f} -> {summary['ssim_after']:.4f} (mean of {summary['photos_judged']}, "
             f"{summary['photos_better']} better; {summary['judged_share']:.0%} of their pixels); wrote {out / LEFT_OUT}",
-            highlight=False,
-            soft_wrap=True,
         )
     if "psnr_beside" in summary:
-        console.print(
+        print_line(
+            console,
             f"the other mesh on the same pixels: PSNR {summary['psnr_beside']:.2f} dB, SSIM {summary['ssim_beside']:.4f}; "
             f"{summary['photos_better_than_beside']} photos are better than with it",
-            highlight=False,
-            soft_wrap=True,
         )
     return summary

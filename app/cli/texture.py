@@ -1,4 +1,4 @@
-"""`texture`: a mesh painted from its photos, as one model for other programs."""
+"""`texture`: a mesh with a texture from its photos, as a model for other programs."""
 
 from pathlib import Path
 
@@ -6,6 +6,8 @@ import numpy as np
 from rich.console import Console
 from rich.progress import Progress
 
+from app.cli.arguments import ALL_PHOTOS, MeshArgument, PhotosArgument, SceneArgument
+from app.cli.lines import print_line
 from app.cli.loading import load_with_progress
 from app.files.scene_source import SceneSource
 from fairing.errors import InputError
@@ -13,17 +15,33 @@ from fairing.io.textured_mesh import check_textured_suffix, write_textured
 from fairing.scene import Scene
 from fairing.texture import TexturedModel, textured_model
 
-SMALLEST_TEXTURE, LARGEST_TEXTURE = 64, 16384
+SMALLEST_TEXTURE, DEFAULT_TEXTURE, LARGEST_TEXTURE = 64, 4096, 16384  # texels; every graphics card takes the default
+
+
+def texture(
+    scene: SceneArgument,
+    out: Path,
+    mesh: MeshArgument = None,
+    size: int = DEFAULT_TEXTURE,
+    photos: PhotosArgument = ALL_PHOTOS,
+) -> int:
+    """Write a mesh with a texture from the photos, for other programs.
+
+    Args:
+        out: The model: .glb, .obj (with .mtl and .png) or .ply (with .png).
+        size: Largest width and height of the texture. Within this limit a texel is about as large as a photo pixel.
+    """
+    return texture_to_file(SceneSource.typed(scene, mesh, photos), out, size, Console(stderr=True))
 
 
 def texture_to_file(source: SceneSource, out: Path, size: int, console: Console) -> int:
-    """Paint the scene's mesh and write it; an existing file is replaced only by a complete one.
+    """Write the textured mesh of a scene. An existing file is replaced only by a complete one.
 
     Returns:
         Exit code 0.
 
     Raises:
-        InputError: another suffix or texture size, or the texture is too small for the faces.
+        InputError: the suffix or the size is not supported, or the texture is too small for the faces.
     """
     check_textured_suffix(out)
     if not SMALLEST_TEXTURE <= size <= LARGEST_TEXTURE:
@@ -33,12 +51,12 @@ def texture_to_file(source: SceneSource, out: Path, size: int, console: Console)
     written = write_textured(out, model)
     height, width = model.image.shape[:2]
     names = ", ".join([str(written[-1]), *(path.name for path in written[:-1])])
-    console.print(f"texture {width}x{height}; wrote {names}", highlight=False, soft_wrap=True)
+    print_line(console, f"texture {width}x{height}; wrote {names}")
     return 0
 
 
 def paint_with_progress(scene: Scene, vertices: np.ndarray, size: int, console: Console) -> TexturedModel:
-    """The textured model as the input's vertices and faces have it, with a bar.
+    """The textured model with the vertices and faces of the input; shows a progress bar.
 
     Raises:
         InputError: the texture is too small for the faces.

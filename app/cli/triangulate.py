@@ -1,13 +1,18 @@
-"""`triangulate`: sparse points become a mesh, or a given mesh gets better edges; with a record of every flip."""
+"""`triangulate`: a mesh from sparse points, or better edges for a given mesh, with a record of every flip."""
 
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+import tyro
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-from app.cli.fair import Interrupt, write_json
+from app.cli.arguments import ALL_PHOTOS, PhotosArgument, SceneArgument
+from app.cli.interrupt import Interrupt
+from app.cli.lines import print_line
 from app.cli.loading import load_with_progress
+from app.files.json_file import write_json
 from app.files.run_files import FLIPS
 from app.files.scene_source import SceneSource
 from demo_scenes import DEMOS
@@ -19,16 +24,36 @@ from fairing.scene import SparsePoints, View
 from fairing.triangulation import Triangulation, TriangulationOptions, flip_progress, is_flip_record, triangulate
 
 REPORT_SUFFIX = ".report.json"
+DEFAULTS = TriangulationOptions()
+
+
+def triangulate_command(
+    scene: SceneArgument,
+    out: Path,
+    mesh: Annotated[Path | None, tyro.conf.arg(help="Flip the edges of this mesh instead.")] = None,
+    max_vertices: int | None = None,
+    spacing: float = DEFAULTS.spacing,
+    photos: PhotosArgument = ALL_PHOTOS,
+) -> int:
+    """Make a start mesh from sparse points: Delaunay triangulation, then edge flips where the photos agree better.
+
+    Args:
+        out: The mesh (.ply or .obj). Beside it go the record of flips (.flips) and a report (.report.json).
+        max_vertices: Largest number of points that become vertices: those that most photos see, evenly spread.
+        spacing: Smallest distance of two vertices in the central photo, pixels.
+    """
+    options = TriangulationOptions(max_vertices=max_vertices, spacing=spacing)
+    return triangulate_to_file(SceneSource.typed(scene, mesh, photos), out, options, Console(stderr=True))
 
 
 def triangulate_to_file(source: SceneSource, out: Path, options: TriangulationOptions, console: Console) -> int:
-    """Triangulate and write the mesh, and beside it the record of flips and a report.
+    """Triangulate, and write the mesh, the record of flips and a report.
 
     Returns:
         Exit code: 0, or 130 if it was interrupted, with the mesh as it was by then.
 
     Raises:
-        InputError: whatever is wrong with the input, or the files would replace somebody else's.
+        InputError: the input cannot be used, or the output would replace files that are not of an earlier triangulation.
     """
     check_triangulation_output(out)
     mesh = None
@@ -44,10 +69,10 @@ def triangulate_to_file(source: SceneSource, out: Path, options: TriangulationOp
             Mesh(*mesh)
     done, interrupted = triangulate_with_progress(source, views, points, mesh, out, options, console)
     for warning in warnings:
-        console.print(f"note: {warning}", highlight=False, soft_wrap=True, markup=False)
+        print_line(console, f"note: {warning}")
     names = f"{out}, {out.with_suffix(FLIPS).name}, {out.with_suffix(REPORT_SUFFIX).name}"
     for line in [*summary_lines(done), f"wrote {names}"]:
-        console.print(line, highlight=False, soft_wrap=True, markup=False)
+        print_line(console, line)
     return 130 if interrupted else 0
 
 
@@ -60,7 +85,7 @@ def triangulate_with_progress(
     options: TriangulationOptions,
     console: Console,
 ) -> tuple[Triangulation, bool]:
-    """Triangulate with a bar, and write the mesh, the record of flips and the report; whether Ctrl-C ended it early."""
+    """Triangulate with a progress bar and write the files; also returns whether Ctrl-C ended it early."""
     header: dict = {}
     source.note_in(header)
     interrupt = Interrupt()
@@ -74,22 +99,22 @@ def triangulate_with_progress(
                 console.print(line, highlight=False)
 
         name, record = Path(source.scene).name, out.with_suffix(FLIPS)
-        done = triangulate(name, views, points, options, mesh, record, header, lambda: interrupt.asked, show)
+        done = triangulate(name, views, points, options, mesh, record, header, lambda: interrupt.requested, show)
     write_mesh(out, *done.mesh())
     write_json(out.with_suffix(REPORT_SUFFIX), done.report())
-    return done, interrupt.asked and done.summary.inconsistent_after is None
+    return done, interrupt.requested and done.summary.inconsistent_after is None
 
 
 def summary_lines(done: Triangulation) -> list[str]:
-    """What became of points, edges and energy."""
+    """Summary lines: points, edges, energy and the stop reason."""
     summary, lines = done.summary, []
     if done.start is not None:
         names = ", ".join(done.scene.views[v].name for v in done.start.central_views)
         lines.append(
-            f"{len(done.start.vertices)} points are vertices, triangulated in {names}; left out: "
+            f"{len(done.start.vertices)} points became vertices, triangulated in {names}; left out: "
             + "; ".join(f"{count} {reason}" for reason, count in done.start.left_out.items())
         )
-    after = "not searched for" if summary.inconsistent_after is None else str(summary.inconsistent_after)
+    after = "not counted" if summary.inconsistent_after is None else str(summary.inconsistent_after)
     lines.append(
         f"{len(done.faces)} faces, {len(done.trace)} flips; inconsistent edges {summary.inconsistent_before} -> "
         f"{after}; energy {summary.energy_before:.5g} -> {summary.energy_after:.5g}; {summary.stop_reason}"
@@ -106,7 +131,9 @@ def check_triangulation_output(out: Path) -> None:
         raise InputError(f"--out {out}: expected a folder to write to, found none; create {out.parent}")
     existing = [path for path in (out, record, report) if path.exists()]
     if existing and not is_flip_record(record):
-        raise InputError(f"--out {out}: {existing[0].name} is there already and not of ours; choose another name")
+        raise InputError(
+            f"--out {out}: {existing[0].name} exists and is not of an earlier triangulation; choose another name"
+        )
 
 
 def _bar(console: Console) -> Progress:

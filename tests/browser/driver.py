@@ -1,8 +1,7 @@
 """One Chromium and one page: what a user does and what a user sees."""
 
 import shutil
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -13,9 +12,8 @@ from playwright.sync_api import Browser, Locator, Page, ViewportSize, sync_playw
 from app.debugger.controller import RunState
 from app.page.server import App
 from fairing.camera import Camera
+from tests.waiting import PATIENCE, wait_for
 
-# A machine may be busy with other things, and compile the engine's kernels first: only what never comes is a failure.
-PATIENCE = 300.0  # s
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 IN_BROWSER = [
     pytest.mark.browser,
@@ -179,13 +177,6 @@ class Visitor:
             "() => { const b = window.__viserMutable.canvas.getBoundingClientRect(); return [b.width, b.height] }"
         )
         return box[0], box[1]
-
-
-def wait_for(condition: Callable[[], bool], seconds: float = PATIENCE) -> None:
-    deadline = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < deadline, "waited in vain"
-        time.sleep(0.01)
 
 
 def letterboxed(camera: Camera, point: np.ndarray, width: float, height: float) -> np.ndarray:

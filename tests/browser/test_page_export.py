@@ -22,7 +22,8 @@ from fairing.judge.metrics import quality_report
 from fairing.judge.report import run_report
 from fairing.options import FairingOptions, ScheduleOptions
 from fairing.run.session import Session
-from tests.browser.driver import IN_BROWSER, WINDOW, chromium, wait_for
+from tests.browser.driver import IN_BROWSER, WINDOW, chromium
+from tests.waiting import wait_for
 
 pytestmark = IN_BROWSER
 

@@ -12,7 +12,8 @@ from app.palette import REFERENCE, css
 from demo_scenes import load_demo
 from fairing.options import FairingOptions, ScheduleOptions
 from fairing.run.session import Session
-from tests.browser.driver import IN_BROWSER, Visitor, wait_for
+from tests.browser.driver import IN_BROWSER, Visitor
+from tests.waiting import wait_for
 
 pytestmark = IN_BROWSER
 

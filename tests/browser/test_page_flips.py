@@ -7,8 +7,9 @@ from app.flips.page import FlipApp
 from app.viser_bridge.viewer import start_viewer
 from demo_scenes import load_demo
 from fairing.scene import Scene
-from tests.browser.driver import IN_BROWSER, PATIENCE, WINDOW, wait_for
+from tests.browser.driver import IN_BROWSER, WINDOW
 from tests.test_flip_film import flipped_at_random, grid_mesh
+from tests.waiting import PATIENCE, wait_for
 
 pytestmark = IN_BROWSER
 

@@ -6,7 +6,8 @@ import pytest
 from app.debugger.commands import JumpTo
 from app.page_state.selection import Selection
 from fairing.options import FairingOptions, ScheduleOptions
-from tests.browser.driver import IN_BROWSER, Visitor, wait_for
+from tests.browser.driver import IN_BROWSER, Visitor
+from tests.waiting import wait_for
 
 pytestmark = IN_BROWSER
 
@@ -16,20 +17,20 @@ OPTIONS = FairingOptions(
 
 
 @pytest.fixture
-def visitor(visitor_for_all: Visitor):
+def visitor(module_visitor: Visitor):
     """A page at the start of the recorded run, nothing selected; fails a test that left trouble behind."""
-    visitor_for_all.app.controller.post(JumpTo(0))
-    visitor_for_all.app.controller.wait_until_idle()
-    hands, view = page_of(visitor_for_all)._hands, page_of(visitor_for_all).view
+    module_visitor.app.controller.post(JumpTo(0))
+    module_visitor.app.controller.wait_until_idle()
+    hands, view = page_of(module_visitor)._hands, page_of(module_visitor).view
 
     def nothing_is_chosen() -> bool:
         if view.selection.vertices:  # a click of the test before may still be on its way
             hands.choose(Selection())
-        return visitor_for_all.input_of("Vertices").input_value() == ""
+        return module_visitor.input_of("Vertices").input_value() == ""
 
     wait_for(nothing_is_chosen)
-    yield visitor_for_all
-    assert visitor_for_all.troubles == []
+    yield module_visitor
+    assert module_visitor.troubles == []
 
 
 def page_of(visitor: Visitor):

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from fairing.options import FairingOptions, ScheduleOptions
-from tests.browser.driver import IN_BROWSER, Visitor, wait_for
+from tests.browser.driver import IN_BROWSER, Visitor
+from tests.waiting import wait_for
 
 pytestmark = IN_BROWSER
 

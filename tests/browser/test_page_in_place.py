@@ -12,7 +12,8 @@ from app.debugger.run_state import Activity
 from app.page_state.selection import Selection
 from fairing.options import FairingOptions, ScheduleOptions
 from fairing.run.session import Session
-from tests.browser.driver import IN_BROWSER, PATIENCE, Visitor, wait_for
+from tests.browser.driver import IN_BROWSER, Visitor
+from tests.waiting import PATIENCE, wait_for
 
 pytestmark = IN_BROWSER
 

@@ -9,8 +9,9 @@ from PIL import Image
 
 from app.page.server import start
 from fairing.run.session import Session
-from tests.browser.driver import IN_BROWSER, Visitor, wait_for
+from tests.browser.driver import IN_BROWSER, Visitor
 from tests.small_scene import corner_scene, small_options
+from tests.waiting import wait_for
 
 pytestmark = IN_BROWSER
 

@@ -14,7 +14,8 @@ from demo_scenes import load_demo
 from fairing.errors import InputError
 from fairing.options import FairingOptions, ScheduleOptions
 from fairing.run.session import Session
-from tests.browser.driver import IN_BROWSER, PATIENCE, Visitor, letterboxed, wait_for
+from tests.browser.driver import IN_BROWSER, Visitor, letterboxed
+from tests.waiting import PATIENCE, wait_for
 
 pytestmark = IN_BROWSER
 
@@ -36,9 +37,9 @@ def app(scene):
 
 
 @pytest.fixture
-def visitor(visitor_for_all: Visitor):
+def visitor(module_visitor: Visitor):
     """A page at the start of the recorded run; fails a test that left trouble behind."""
-    visitor = visitor_for_all
+    visitor = module_visitor
     visitor.app.controller.post(JumpTo(0))
     visitor.app.controller.wait_until_idle()
     yield visitor

@@ -10,7 +10,8 @@ from app.page_state.selection import Selection
 from demo_scenes import load_demo
 from fairing.options import FairingOptions, ScheduleOptions
 from fairing.run.session import Session
-from tests.browser.driver import IN_BROWSER, PATIENCE, WINDOW, Visitor, wait_for
+from tests.browser.driver import IN_BROWSER, WINDOW, Visitor
+from tests.waiting import PATIENCE, wait_for
 
 pytestmark = IN_BROWSER
 
@@ -34,11 +35,11 @@ def app(scene):
 
 
 @pytest.fixture
-def visitor(visitor_for_all: Visitor):
-    visitor_for_all.app.controller.wait_until_idle()
-    visitor_for_all.page.get_by_role("tab", name="Layers").click()
-    yield visitor_for_all
-    assert visitor_for_all.troubles == []
+def visitor(module_visitor: Visitor):
+    module_visitor.app.controller.wait_until_idle()
+    module_visitor.page.get_by_role("tab", name="Layers").click()
+    yield module_visitor
+    assert module_visitor.troubles == []
 
 
 def test_the_theme_switches_and_the_browser_remembers_it(visitor: Visitor):

@@ -9,7 +9,8 @@ from app.page.server import start
 from demo_scenes import load_demo
 from fairing.options import FairingOptions, ScheduleOptions
 from fairing.run.session import Session
-from tests.browser.driver import IN_BROWSER, Visitor, wait_for
+from tests.browser.driver import IN_BROWSER, Visitor
+from tests.waiting import wait_for
 
 pytestmark = IN_BROWSER
 

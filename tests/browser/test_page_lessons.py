@@ -8,7 +8,8 @@ from app.lessons.reader import lesson_names, load_lesson
 from app.lessons.scenes import load_lesson_scene
 from app.page.server import App, start
 from fairing.run.session import Session
-from tests.browser.driver import IN_BROWSER, Visitor, wait_for
+from tests.browser.driver import IN_BROWSER, Visitor
+from tests.waiting import wait_for
 
 pytestmark = [*IN_BROWSER, pytest.mark.usefixtures("remembered_steps")]
 

@@ -1,0 +1,23 @@
+"""`demos`: the list of demo scenes."""
+
+from pathlib import Path
+
+from rich.console import Console
+
+from app.cli.demo_scan import write_demo_scan
+from app.cli.lines import print_line
+from demo_scenes import DEMOS
+
+
+def demos(scan: Path | None = None) -> int:
+    """List the scenes that come with the program.
+
+    Args:
+        scan: Write the demo `facade` to this folder with an unregistered scan, as an exercise for `register`.
+    """
+    console = Console()
+    if scan is not None:
+        return write_demo_scan(scan, console)
+    for demo in DEMOS.values():
+        print_line(console, f"{demo.name:10}{demo.description}")
+    return 0

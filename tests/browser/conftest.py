@@ -1,0 +1,38 @@
+"""Fixtures of the page tests. A module sets the debugger it visits by its OPTIONS or by a fixture `app` of its own."""
+
+from collections.abc import Iterator
+
+import pytest
+from playwright.sync_api import Browser
+
+from app.page.server import App, start
+from demo_scenes import load_demo
+from fairing.run.session import Session
+from tests.browser.driver import Visitor, chromium
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with chromium() as browser:
+        yield browser
+
+
+@pytest.fixture(scope="module")
+def app(request: pytest.FixtureRequest) -> Iterator[App]:
+    """The debugger on the cube with the module's OPTIONS, unless the module defines an `app` of its own."""
+    app = start(Session(load_demo("cube"), request.module.OPTIONS), port=0)
+    yield app
+    app.stop()
+
+
+@pytest.fixture(scope="module")
+def module_visitor(browser: Browser, app: App) -> Visitor:
+    return Visitor(browser, app)
+
+
+@pytest.fixture
+def visitor(module_visitor: Visitor) -> Iterator[Visitor]:
+    """A page that earlier tests of the module have used. A test that leaves console errors behind fails."""
+    module_visitor.app.controller.wait_until_idle()
+    yield module_visitor
+    assert module_visitor.troubles == []
