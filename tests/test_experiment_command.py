@@ -1,4 +1,4 @@
-"""Experiments on the command line, in their processes, on the page's desk, and as files."""
+"""Experiments on the command line, in their processes, on the page's experiment runner, and as files."""
 
 import csv
 import io
@@ -17,7 +17,7 @@ from PIL import Image
 
 from app.cli.main import run
 from app.experiments.chart import charts_of
-from app.experiments.desk import Desk, Status
+from app.experiments.experiment_runner import ExperimentRunner, Status
 from app.experiments.record import Record
 from app.experiments.workers import measure_all
 from fairing.errors import InputError
@@ -81,50 +81,50 @@ def test_what_goes_wrong_in_a_process_is_one_line(setting: Setting, kind: type[C
         measure_all(kind(), setting, EXPERIMENT.cases(setting), 1, lambda row: None, never)
 
 
-# ---------------------------------------------------------------------- the page's desk
+# ---------------------------------------------------------------------- the page's experiment runner
 
 
 def test_the_desk_works_beside_its_user_and_keeps_the_outcome(setting: Setting, rows: list[Row]):
     told = threading.Event()
-    desk = Desk(setting.scene, "corner", told.set)
-    assert desk.obstacle() == ""
-    desk.start(EXPERIMENT, ONE_LEVEL)
+    runner = ExperimentRunner(setting.scene, "corner", told.set)
+    assert runner.obstacle() == ""
+    runner.start(EXPERIMENT, ONE_LEVEL)
     with pytest.raises(InputError, match="Capture range is at work"):
-        desk.start(WarpComparison(), ONE_LEVEL)
-    wait_for(lambda: desk.working is None, 300)
-    outcome = desk.outcome("capture-range")
+        runner.start(WarpComparison(), ONE_LEVEL)
+    wait_for(lambda: runner.working is None, 300)
+    outcome = runner.outcome("capture-range")
     assert outcome is not None
     assert outcome.record is not None
     assert outcome.status is Status.DONE
     assert outcome.record.in_order(outcome.rows) == rows
     assert told.is_set()
-    desk.close()
+    runner.close()
 
 
 def test_a_cancelled_experiment_keeps_what_it_has(setting: Setting):
-    desk = Desk(setting.scene, "corner", lambda: None)
-    desk.start(CaptureRange(starts=tuple(np.linspace(1, 9, 200))), ONE_LEVEL, vertex=0)
-    wait_for(lambda: len(_rows(desk)) >= 1, 300)
-    desk.cancel()
-    wait_for(lambda: desk.working is None, 300)
-    outcome = desk.outcome("capture-range")
+    runner = ExperimentRunner(setting.scene, "corner", lambda: None)
+    runner.start(CaptureRange(starts=tuple(np.linspace(1, 9, 200))), ONE_LEVEL, vertex=0)
+    wait_for(lambda: len(_rows(runner)) >= 1, 300)
+    runner.cancel()
+    wait_for(lambda: runner.working is None, 300)
+    outcome = runner.outcome("capture-range")
     assert outcome is not None
     assert outcome.status is Status.CANCELLED
-    assert len(_rows(desk)) >= 1
-    desk.close()
+    assert len(_rows(runner)) >= 1
+    runner.close()
 
 
-def _rows(desk: Desk) -> tuple[Row, ...]:
-    outcome = desk.outcome("capture-range")
+def _rows(runner: ExperimentRunner) -> tuple[Row, ...]:
+    outcome = runner.outcome("capture-range")
     return () if outcome is None else outcome.rows
 
 
 def test_a_scene_without_truth_says_so_and_starts_nothing():
-    desk = Desk(replace(corner_scene(), truth=None), "corner", lambda: None)
-    assert "true places of its vertices" in desk.obstacle()
+    runner = ExperimentRunner(replace(corner_scene(), truth=None), "corner", lambda: None)
+    assert "true places of its vertices" in runner.obstacle()
     with pytest.raises(InputError, match="true places"):
-        desk.start(EXPERIMENT, ONE_LEVEL)
-    assert desk.working is None
+        runner.start(EXPERIMENT, ONE_LEVEL)
+    assert runner.working is None
 
 
 # ---------------------------------------------------------------------- files

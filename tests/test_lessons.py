@@ -81,7 +81,7 @@ def test_every_claim_of_every_lesson_holds(name: str):
 def _led(player: Player) -> PageState:
     """A view that the player has led."""
     view = PageState()
-    due = player.take_look()
+    due = player.take_settings()
     assert due is not None
     due[0].set_in(view)
     return view
@@ -128,11 +128,11 @@ def test_a_user_who_explores_is_left_alone_and_can_resume(player: Player, lesson
     controller.post(JumpTo(0))
     state = controller.wait_until_idle()
     assert player.has_strayed(state, view)
-    assert player.take_look() is None, "nothing is changed unasked"
+    assert player.take_settings() is None, "nothing is changed unasked"
     player.go_on()
     arrive(player)
     assert controller.state.moment == end.moment
-    due = player.take_look()
+    due = player.take_settings()
     assert due is not None
     assert due[1], "the eye is led back, too"
     view.selection = Selection((3,))

@@ -17,7 +17,7 @@ from playwright.sync_api import Browser, Page
 from app.export.page import write_page
 from app.export.picture import picture
 from app.export.run_facts import RunFacts
-from app.lessons.look import AT_FRONT
+from app.lessons.page_settings import AT_FRONT
 from app.lessons.player import Status
 from app.lessons.scenes import load_lesson_scene
 from app.page.server import App, start

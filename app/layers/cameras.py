@@ -95,8 +95,8 @@ class CamerasLayer:
             watch(frustum)
             thumbnails.send(view_id, lambda image, frustum=frustum: setattr(frustum, "image", image))
 
-    def show(self, state: RunState, view: PageState) -> None:
-        self.set_visible(view.shows("cameras") and view.entered is None)
+    def show(self, state: RunState, page_state: PageState) -> None:
+        self.set_visible(page_state.shows("cameras") and page_state.entered is None)
 
     def set_visible(self, visible: bool) -> None:
         self._root.visible = visible

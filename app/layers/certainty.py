@@ -38,10 +38,10 @@ class CertaintyLayer:
         self._stage, self._mesh, self._source = stage, mesh, source
         self._lines = Lines(client, "/certainty", thickness=1.8)
 
-    def show(self, state: RunState, view: PageState) -> None:
+    def show(self, state: RunState, page_state: PageState) -> None:
         found: list[Certainty] = []
-        if view.shows("certainty") and not state.is_moving:
-            found = [certainty for certainty in self._source.newest(state, view) if certainty.is_seen]
+        if page_state.shows("certainty") and not state.is_moving:
+            found = [certainty for certainty in self._source.newest(state, page_state) if certainty.is_seen]
         lines = [self._ellipsoid(certainty, state.vertices) for certainty in found]
         self._lines.show(np.concatenate(lines) if lines else None)
 

@@ -24,8 +24,8 @@ class PathsLayer:
             visible=False,
         )
 
-    def show(self, state: RunState, view: PageState) -> None:
-        if not view.shows("paths"):
+    def show(self, state: RunState, page_state: PageState) -> None:
+        if not page_state.shows("paths"):
             self._handle.visible = False
             return
         pieces, when, owner = self._history.segments(state)
@@ -33,7 +33,7 @@ class PathsLayer:
             self._handle.visible = False
             return
         now = state.vertices[owner][:, None]
-        points = now + view.magnification * (pieces - now)
+        points = now + page_state.magnification * (pieces - now)
         start, end = np.array(START, dtype=float), np.array(NOW, dtype=float)
         colors = start + when[..., None] * (end - start)
         self._handle.points = self._stage.page_from_world(points)

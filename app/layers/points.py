@@ -24,6 +24,6 @@ class PointsLayer:
                 visible=False,
             )
 
-    def show(self, state: RunState, view: PageState) -> None:
+    def show(self, state: RunState, page_state: PageState) -> None:
         if self._handle is not None:
-            self._handle.visible = view.shows("points")
+            self._handle.visible = page_state.shows("points")

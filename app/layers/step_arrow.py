@@ -46,16 +46,16 @@ class StepArrowLayer:
         self._stage, self._scene = stage, scene
         self._lines = Lines(client, "/step_arrow", thickness=3.0)
 
-    def show(self, state: RunState, view: PageState) -> None:
-        arrow = self._arrow(state, view)
+    def show(self, state: RunState, page_state: PageState) -> None:
+        arrow = self._arrow(state, page_state)
         self._lines.show(None if arrow is None else self._stage.page_from_world(arrow))
 
-    def _arrow(self, state: RunState, view: PageState) -> np.ndarray | None:
-        if view.entered is None or view.selected is None:
+    def _arrow(self, state: RunState, page_state: PageState) -> np.ndarray | None:
+        if page_state.entered is None or page_state.selected is None:
             return None
-        found = last_step_about(state.trace.steps, state.moment, view.selected)
+        found = last_step_about(state.trace.steps, state.moment, page_state.selected)
         if found is None:
             return None
         _, record, slot = found
-        camera = self._scene.views[view.entered].camera
-        return pixel_arrow(camera, record.before[slot], record.after[slot], view.cells.arrow_scale)
+        camera = self._scene.views[page_state.entered].camera
+        return pixel_arrow(camera, record.before[slot], record.after[slot], page_state.cells.arrow_scale)

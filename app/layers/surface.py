@@ -9,11 +9,11 @@ from app.debugger.commands import Query
 from app.debugger.compare import distances, look_up
 from app.debugger.controller import Controller
 from app.debugger.run_state import Activity, RunState
-from app.layers.by_eye import ByEye
+from app.layers.view_dependent_texture import ViewDependentTexture
 from app.page_state.page_state import NOW_SHAPE, START_SHAPE, TRUE_SHAPE, PageState
 from app.palette import SURFACE
 from app.pictures.coloring import COLORINGS, DIFFERENCE, Legend, color_mesh
-from app.pictures.texturer import MOST_FACES, MOST_FACES_BY_EYE, Texturer
+from app.pictures.texturer import MOST_FACES, MOST_FACES_VIEW_DEPENDENT, Texturer
 from app.stage import Stage
 from app.surface_offset import set_back
 from app.viser_bridge.mesh_swap import Drawn, TakingTurns
@@ -56,7 +56,7 @@ class SurfaceLayer:
             shape: TakingTurns(client, f"/mesh/textured_{name}", controller.republish)
             for shape, name in ((START_SHAPE, "start"), (NOW_SHAPE, "now"), (TRUE_SHAPE, "truth"), (None, "between"))
         }
-        self._by_eye = ByEye(client, stage, texturer, controller.republish)
+        self._view_dependent = ViewDependentTexture(client, stage, texturer, controller.republish)
         self._colored = TakingTurns(client, "/mesh/colored", controller.republish, UNPACK_COLORED)
         self._between: tuple[float, np.ndarray, np.ndarray] | None = None
         self._wanted: Wanted | None = None
@@ -65,37 +65,37 @@ class SurfaceLayer:
         self.legend: Legend | None = None
         """What the colours in sight mean; None without."""
 
-    def show(self, state: RunState, view: PageState) -> None:
-        vertices = self.vertices_of(state, view.shape)
+    def show(self, state: RunState, page_state: PageState) -> None:
+        vertices = self.vertices_of(state, page_state.shape)
         self._plain.vertices = self._stage.page_from_world(vertices)
-        outside, resting = view.entered is None, state.activity is Activity.PAUSED
+        outside, resting = page_state.entered is None, state.activity is Activity.PAUSED
         front: TakingTurns | None = None
         follows_eye = False
         self.legend = None
         if outside and not state.is_moving:
-            if view.surface in COLORINGS:
-                front = self._color(state, view, vertices, resting)
-            elif view.surface == "textured":
-                front = self._texture(view.shape, vertices, resting and len(self._scene.mesh.faces) <= MOST_FACES)
-                if view.by_eye and resting and len(self._scene.mesh.faces) <= MOST_FACES_BY_EYE:
-                    front = self._by_eye.show(vertices) or front
+            if page_state.surface in COLORINGS:
+                front = self._color(state, page_state, vertices, resting)
+            elif page_state.surface == "textured":
+                front = self._texture(page_state.shape, vertices, resting and len(self._scene.mesh.faces) <= MOST_FACES)
+                if page_state.by_eye and resting and len(self._scene.mesh.faces) <= MOST_FACES_VIEW_DEPENDENT:
+                    front = self._view_dependent.show(vertices) or front
                     follows_eye = True
         if not follows_eye:
-            self._by_eye.rest()
+            self._view_dependent.rest()
         if front is not self._colored and self.legend is None:
             self._colored.forget()
             self._wanted = self._drawn = None
         if state.is_moving:  # what is painted is of the past
             self._textured[NOW_SHAPE].forget()
         with self._client.atomic():
-            for turns in (*self._textured.values(), self._by_eye.turns, self._colored):
+            for turns in (*self._textured.values(), self._view_dependent.turns, self._colored):
                 turns.set_visible(turns is front)
-            self._plain.visible = outside and view.surface != "none" and front is None
+            self._plain.visible = outside and page_state.surface != "none" and front is None
 
     def close(self) -> None:
         for turns in (*self._textured.values(), self._colored):
             turns.close()
-        self._by_eye.close()
+        self._view_dependent.close()
 
     def vertices_of(self, state: RunState, shape: float) -> np.ndarray:
         """(n, 3) float, world units: the shape looked at; the same array as long as it is the same shape."""
@@ -121,9 +121,9 @@ class SurfaceLayer:
         is_fit = turns.shown is not None and (shape == NOW_SHAPE or turns.shown is painted)
         return turns if is_fit else None
 
-    def _color(self, state: RunState, view: PageState, vertices: np.ndarray, resting: bool) -> TakingTurns | None:
-        name = view.surface
-        compared = look_up(view.reference, state) if name == DIFFERENCE else None
+    def _color(self, state: RunState, page_state: PageState, vertices: np.ndarray, resting: bool) -> TakingTurns | None:
+        name = page_state.surface
+        compared = look_up(page_state.reference, state) if name == DIFFERENCE else None
         reference = None if compared is None else (compared.run.run_id, compared.moment)
         wanted = Wanted(state.run_id, state.moment, name, reference)
         if resting and wanted != self._wanted:

@@ -32,13 +32,15 @@ class VerticesLayer:
         )
         self._locked = _Marks(client, stage, "/vertices/locked", block(), mesh, on_click, watch)
 
-    def show(self, state: RunState, view: PageState) -> None:
-        colors = vertex_colors(state, view.selection.vertices)
-        scales = np.full(len(state.vertices), self._radius * (0.6 if view.entered is not None else 1), dtype=np.float32)
-        scales[list(view.selection.vertices)] *= 1.4
-        if view.selected is not None:
-            scales[view.selected] *= 1.25
-        is_visible = view.shows("vertices")
+    def show(self, state: RunState, page_state: PageState) -> None:
+        colors = vertex_colors(state, page_state.selection.vertices)
+        scales = np.full(
+            len(state.vertices), self._radius * (0.6 if page_state.entered is not None else 1), dtype=np.float32
+        )
+        scales[list(page_state.selection.vertices)] *= 1.4
+        if page_state.selected is not None:
+            scales[page_state.selected] *= 1.25
+        is_visible = page_state.shows("vertices")
         positions = self._stage.page_from_world(state.vertices)
         for marks, chosen in ((self._free, ~state.locked), (self._locked, state.locked)):
             marks.show(chosen, positions, colors, scales, is_visible)

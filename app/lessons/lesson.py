@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from functools import reduce
 
 from app.debugger.condition import Condition
-from app.lessons.look import Look, LookChange
-from app.lessons.work import Work
+from app.lessons.engine_actions import EngineAction
+from app.lessons.page_settings import PageSettings, SettingsChange
 
 ANY_SCENE = "any"
 
@@ -38,8 +38,8 @@ class LessonStep:
     """Attributes:
     title: plain text.
     text: Markdown with formulas in $ or $$ and numbers of the engine in braces, such as {off(0)}.
-    works: what the engine does when the step is reached from the one before.
-    looks: what the page shows from this step on.
+    actions: what the engine does when the step is reached from the one before.
+    settings_changes: what the page shows from this step on.
     code: the line of pseudo-code at work, a key of `pseudo_code.LINES`; None for none.
     question: asked below the text.
     keeps: numbers named at the end of the step.
@@ -49,8 +49,8 @@ class LessonStep:
 
     title: str
     text: str
-    works: tuple[Work, ...]
-    looks: tuple[LookChange, ...]
+    actions: tuple[EngineAction, ...]
+    settings_changes: tuple[SettingsChange, ...]
     code: str | None
     question: Question | None
     keeps: tuple[Kept, ...]
@@ -74,7 +74,7 @@ class Lesson:
     scene: str
     steps: tuple[LessonStep, ...]
 
-    def look_at(self, step: int) -> Look:
+    def page_settings_at(self, step: int) -> PageSettings:
         """What the page shows at a step: what all steps so far have asked for."""
-        changes = [change for earlier in self.steps[: step + 1] for change in earlier.looks]
-        return reduce(lambda look, change: change(look), changes, Look())
+        changes = [change for earlier in self.steps[: step + 1] for change in earlier.settings_changes]
+        return reduce(lambda settings, change: change(settings), changes, PageSettings())

@@ -27,11 +27,11 @@ from app.debugger.controller import Controller
 from app.debugger.option_fields import changed_options
 from app.debugger.run_state import RunState
 from app.debugger.runs import RunInfo
+from app.lessons.engine_actions import Advance, Continue, EngineAction, PlaceVertex, RacedRuns, StartRun, SwitchRun
 from app.lessons.facts import facts_of
 from app.lessons.lesson import ANY_SCENE, Lesson, LessonStep
-from app.lessons.look import Look
+from app.lessons.page_settings import PageSettings
 from app.lessons.scenes import is_at_hand
-from app.lessons.work import Advance, Contest, GoOn, Put, Start, Take, Work
 from app.page_state.page_state import PageState
 from fairing.errors import InputError
 from fairing.run.session import Session
@@ -95,7 +95,7 @@ class Player:
         self._asked: Command | _Examine | None = None
         self._stopped_at: Ended | None = None
         self._turn = 0
-        self._look_due: bool | None = None
+        self._settings_due: bool | None = None
 
     # ------------------------------------------------------------------ for the page
 
@@ -130,7 +130,7 @@ class Player:
                 return
             self._drop_work()
             wanted = min(max(step, 0), len(self.lesson.steps) - 1)
-            self._look_due = wanted <= self.step
+            self._settings_due = wanted <= self.step
             self.step, self.status, self.problem = wanted, Status.AT_WORK, ""
             self._script = self._way_to(self.lesson, self.step)
             self._advance(None)
@@ -171,24 +171,24 @@ class Player:
             self.chosen.setdefault(self.step, choice)
         self._on_change()
 
-    def take_look(self) -> tuple[Look, bool] | None:
+    def take_settings(self) -> tuple[PageSettings, bool] | None:
         """What is to be shown from now on, once; and whether to lead the user there again who has seen it before."""
         with self._lock:
-            due, self._look_due = self._look_due, None
-            return None if due is None or self.lesson is None else (self.lesson.look_at(self.step), due)
+            due, self._settings_due = self._settings_due, None
+            return None if due is None or self.lesson is None else (self.lesson.page_settings_at(self.step), due)
 
-    def reference(self, look: Look) -> Reference | None:
-        """The run that a look compares with, if it is there."""
-        run_id = self._runs.get(look.compared or "")
+    def reference(self, settings: PageSettings) -> Reference | None:
+        """The run that a settings compares with, if it is there."""
+        run_id = self._runs.get(settings.compared or "")
         return None if run_id is None else Reference(run_id)
 
-    def has_strayed(self, state: RunState, view: PageState) -> bool:
+    def has_strayed(self, state: RunState, page_state: PageState) -> bool:
         """Whether the run or the page are no longer where this step has brought them."""
-        if self.lesson is None or self.status is not Status.THERE or self._look_due is not None:
+        if self.lesson is None or self.status is not Status.THERE or self._settings_due is not None:
             return False
         end = self._ends.get(self.step)
         is_elsewhere = end is not None and (state.run_id, state.moment) != (end.run_id, end.moment)
-        return is_elsewhere or state.is_moving or not self.lesson.look_at(self.step).is_seen_in(view)
+        return is_elsewhere or state.is_moving or not self.lesson.page_settings_at(self.step).is_seen_in(page_state)
 
     # ------------------------------------------------------------------ the way to a step
 
@@ -201,16 +201,16 @@ class Player:
             if (state.run_id, state.moment) != (end.run_id, end.moment) or state.is_moving:
                 state = yield SwitchTo(end.run_id, end.moment)
         for n in range(known[-1] + 1 if known else 0, step + 1):
-            for work in lesson.steps[n].works:
+            for work in lesson.steps[n].actions:
                 state = yield from self._do(work, state)
             self._ends[n] = Ended(state.run_id, state.moment)
             yield _Examine(n)
         if step not in self.findings:
             yield _Examine(step)
 
-    def _do(self, work: Work, state: RunState) -> Generator[Command, RunState, RunState]:
+    def _do(self, work: EngineAction, state: RunState) -> Generator[Command, RunState, RunState]:
         match work:
-            case Start(name, options, puts):
+            case StartRun(name, options, puts):
                 run = self._made_before(work, state)
                 if run is not None:
                     state = yield SwitchTo(run.run_id, len(puts))
@@ -219,36 +219,36 @@ class Player:
                     for put in puts:
                         state = yield self._place(put)
                 self._runs[name] = state.run_id
-            case GoOn(name, changes):
+            case Continue(name, changes):
                 state = yield Branch(changed_options(state.options, dict(changes)))
                 self._runs[name] = state.run_id
-            case Put():
+            case PlaceVertex():
                 state = yield self._place(work)
             case Advance(commands):
                 for command in commands:
                     state = yield command
-            case Contest(first, second):
+            case RacedRuns(first, second):
                 state = yield Race(first.options, second.options)
                 for start in (first, second):
                     run = self._made_before(start, state)
                     if run is None:
                         raise InputError(f"run {start.name}: is not there any more")
                     self._runs[start.name] = run.run_id
-            case Take(name, moment):
+            case SwitchRun(name, moment):
                 run = next((run for run in state.runs if run.run_id == self._runs.get(name)), None)
                 if run is None:
                     raise InputError(f"run {name}: is not there any more; begin the lesson again")
                 state = yield SwitchTo(run.run_id, run.length if moment == -1 else moment)
         return state
 
-    def _place(self, put: Put) -> Place:
+    def _place(self, put: PlaceVertex) -> Place:
         truth = self._controller.scene.truth
         assert truth is not None, "the lessons' scenes have a truth"
         assert truth.vertices is not None, "and it names the vertices' places"
         x, y, z = (truth.vertices[put.vertex] + put.offset).tolist()
         return Place((put.vertex,), ((x, y, z),))
 
-    def _made_before(self, start: Start, state: RunState) -> RunInfo | None:
+    def _made_before(self, start: StartRun, state: RunState) -> RunInfo | None:
         """A run from the start with these options, put by hand like this and no further."""
         for run in state.runs:
             by_hand = run.trace.manual_moments
@@ -268,7 +268,7 @@ class Player:
             asked = next(self._script) if state is None else self._script.send(state)
         except StopIteration:
             self.status, self._script = Status.THERE, None
-            self._look_due = bool(self._look_due)  # once more: runs are known by their names only now
+            self._settings_due = bool(self._settings_due)  # once more: runs are known by their names only now
         except Exception as error:  # whatever a step's way throws, the lesson must not wait for ever
             if not isinstance(error, InputError):
                 logging.getLogger(__name__).exception("a lesson's step failed")
@@ -310,7 +310,7 @@ class Player:
 
     def _examination(self, n: int) -> Callable[[Session], tuple[Findings, dict[str, float]] | None]:
         assert self.lesson is not None
-        step, face, end = self.lesson.steps[n], self.lesson.look_at(n).face, self._ends[n]
+        step, face, end = self.lesson.steps[n], self.lesson.page_settings_at(n).face, self._ends[n]
         kept = dict(self._kept)
 
         def examine(session: Session) -> tuple[Findings, dict[str, float]] | None:

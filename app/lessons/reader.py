@@ -15,12 +15,12 @@ from functools import cache
 from importlib.resources import files
 
 from app.debugger.condition import Condition, parse_condition
+from app.lessons.engine_actions import EngineAction
 from app.lessons.facts import FUNCTIONS, VALUES
 from app.lessons.lesson import ANY_SCENE, Kept, Lesson, LessonStep, Question
 from app.lessons.pseudo_code import LINES
 from app.lessons.scenes import LESSON_SCENES
 from app.lessons.vocabulary import Action, understand_action
-from app.lessons.work import Work
 from fairing.errors import InputError
 
 FEWEST_STEPS, MOST_STEPS = 6, 12
@@ -107,8 +107,8 @@ def _step(title: str, body: str, runs: set[str], kept: set[str]) -> LessonStep:
     return LessonStep(
         title,
         text,
-        tuple(action for action in actions if isinstance(action, Work)),
-        tuple(action for action in actions if not isinstance(action, Work)),
+        tuple(action for action in actions if isinstance(action, EngineAction)),
+        tuple(action for action in actions if not isinstance(action, EngineAction)),
         code,
         question,
         tuple(keeps),

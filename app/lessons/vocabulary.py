@@ -28,8 +28,8 @@ from app.debugger.commands import Command, Extent, Forward, JumpTo, Run
 from app.debugger.option_fields import changed_options, option_fields
 from app.debugger.quantities import understand
 from app.debugger.series import QUANTITIES
-from app.lessons.look import AT_CAMERAS, AT_FRONT, AT_MESH, LookChange
-from app.lessons.work import Advance, Contest, GoOn, Put, Start, Take, Work
+from app.lessons.engine_actions import Advance, Continue, EngineAction, PlaceVertex, RacedRuns, StartRun, SwitchRun
+from app.lessons.page_settings import AT_CAMERAS, AT_FRONT, AT_MESH, SettingsChange
 from app.page_state.cells_state import ARROW_SCALES, KINDS, PAGES, SPANS
 from app.page_state.page_state import LAYERS, MAX_MAGNIFICATION, NOW_SHAPE, START_SHAPE, SURFACES, TRUE_SHAPE, PlotView
 from app.pictures.coloring import COLORINGS
@@ -47,7 +47,7 @@ _NUMBER = r"-?\d+(?:\.\d+)?"
 _PUT_SHAPE = rf"vertex \d+ off {_NUMBER} {_NUMBER} {_NUMBER}"
 _PUT = rf"vertex (\d+) off ({_NUMBER}) ({_NUMBER}) ({_NUMBER})"
 
-Action = Work | LookChange
+Action = EngineAction | SettingsChange
 
 
 def understand_action(line: str, names: set[str]) -> Action:
@@ -69,10 +69,10 @@ def understand_action(line: str, names: set[str]) -> Action:
 # ---------------------------------------------------------------------- the engine
 
 
-def _start(found: re.Match, names: set[str]) -> Work:
+def _start(found: re.Match, names: set[str]) -> EngineAction:
     names.add(found["name"])
     puts = tuple(_put_of(put) for put in re.finditer(_PUT, found["puts"]))
-    return Start(found["name"], _options(found["preset"], found["options"]), puts)
+    return StartRun(found["name"], _options(found["preset"], found["options"]), puts)
 
 
 def _options(preset: str, written: str | None) -> FairingOptions:
@@ -94,17 +94,17 @@ def _changes(written: str | None) -> tuple[tuple[tuple[str, ...], object], ...]:
     return tuple(changes)
 
 
-def _go_on(found: re.Match, names: set[str]) -> Work:
+def _go_on(found: re.Match, names: set[str]) -> EngineAction:
     names.add(found["name"])
-    return GoOn(found["name"], _changes(found["options"]))
+    return Continue(found["name"], _changes(found["options"]))
 
 
-def _put_of(found: re.Match) -> Put:
+def _put_of(found: re.Match) -> PlaceVertex:
     x, y, z = (float(part) for part in found.groups()[1:])
-    return Put(int(found[1]), (x, y, z))
+    return PlaceVertex(int(found[1]), (x, y, z))
 
 
-def _step(found: re.Match, _: set[str]) -> Work:
+def _step(found: re.Match, _: set[str]) -> EngineAction:
     times = 1 if found[1] == "one" else int(found[1])
     if not 1 <= times <= MAX_STEPS_AT_ONCE:
         raise InputError(f"step: expected 1 to {MAX_STEPS_AT_ONCE}, found {times}")
@@ -112,85 +112,85 @@ def _step(found: re.Match, _: set[str]) -> Work:
     return Advance((Forward(EXTENTS[_one_of(unit, EXTENTS, "step")]),) * times)
 
 
-def _go_to(found: re.Match, _: set[str]) -> Work:
+def _go_to(found: re.Match, _: set[str]) -> EngineAction:
     command: Command = JumpTo({"start": 0, "end": -1}[found[1]] if found[2] is None else int(found[2]))
     return Advance((command,))
 
 
-def _race(found: re.Match, names: set[str]) -> Work:
+def _race(found: re.Match, names: set[str]) -> EngineAction:
     names |= {found["first"], found["second"]}
     first, second = (_options(found[key], found["options"]) for key in ("preset1", "preset2"))
-    return Contest(Start(found["first"], first), Start(found["second"], second))
+    return RacedRuns(StartRun(found["first"], first), StartRun(found["second"], second))
 
 
-def _take(found: re.Match, names: set[str]) -> Work:
+def _take(found: re.Match, names: set[str]) -> EngineAction:
     moment = {None: None, "start": 0, "end": -1}[found[2]]
-    return Take(_one_of(found[1], names, "run"), moment)
+    return SwitchRun(_one_of(found[1], names, "run"), moment)
 
 
 # ---------------------------------------------------------------------- the page
 
 
-def _select(found: re.Match, _: set[str]) -> LookChange:
+def _select(found: re.Match, _: set[str]) -> SettingsChange:
     vertices = tuple(int(part) for part in re.findall(r"\d+", found[0]))
-    return lambda look: replace(look, vertices=vertices)
+    return lambda page: replace(page, vertices=vertices)
 
 
-def _look(found: re.Match, _: set[str]) -> LookChange:
+def _look(found: re.Match, _: set[str]) -> SettingsChange:
     eye = int(found[2]) if found[2] else {"mesh": AT_MESH, "front": AT_FRONT, "cameras": AT_CAMERAS}[found[1]]
-    return lambda look: replace(look, eye=eye)
+    return lambda page: replace(page, eye=eye)
 
 
-def _layers(found: re.Match, _: set[str]) -> LookChange:
+def _layers(found: re.Match, _: set[str]) -> SettingsChange:
     wanted = {_one_of(name, LAYERS, "layer"): found[1] == "show" for name in _listed(found[2])}
-    return lambda look: replace(look, layers=look.layers | wanted)
+    return lambda page: replace(page, layers=page.layers | wanted)
 
 
-def _setting(name: str, value: object) -> LookChange:
-    return lambda look: replace(look, settings=look.settings | {name: value})
+def _setting(name: str, value: object) -> SettingsChange:
+    return lambda page: replace(page, settings=page.settings | {name: value})
 
 
-def _cells(name: str, value: object) -> LookChange:
-    return lambda look: replace(look, cells=look.cells | {name: value})
+def _cells(name: str, value: object) -> SettingsChange:
+    return lambda page: replace(page, cells=page.cells | {name: value})
 
 
-def _surface(found: re.Match, _: set[str]) -> LookChange:
+def _surface(found: re.Match, _: set[str]) -> SettingsChange:
     return _setting("surface", _one_of(found[1], {**SURFACES, **COLORINGS}, "surface"))
 
 
-def _magnify(found: re.Match, _: set[str]) -> LookChange:
+def _magnify(found: re.Match, _: set[str]) -> SettingsChange:
     times = int(found[1])
     if not 1 <= times <= MAX_MAGNIFICATION:
         raise InputError(f"magnify: expected 1 to {MAX_MAGNIFICATION}, found {times}")
     return _setting("magnification", float(times))
 
 
-def _columns(found: re.Match, _: set[str]) -> LookChange:
+def _columns(found: re.Match, _: set[str]) -> SettingsChange:
     chosen = {_one_of(name, KINDS, "column") for name in _listed(found[1])}
     return _cells("columns", tuple(kind for kind in KINDS if kind in chosen))
 
 
-def _arrows(found: re.Match, _: set[str]) -> LookChange:
+def _arrows(found: re.Match, _: set[str]) -> SettingsChange:
     return _cells("arrow_scale", int(_one_of(found[1], [str(scale) for scale in ARROW_SCALES], "arrows")))
 
 
-def _plot(found: re.Match, _: set[str]) -> LookChange:
+def _plot(found: re.Match, _: set[str]) -> SettingsChange:
     return _setting("plot", PlotView(_one_of(found[1], QUANTITIES, "plot"), of_vertex=found[2] is not None))
 
 
-def _compare(found: re.Match, names: set[str]) -> LookChange:
+def _compare(found: re.Match, names: set[str]) -> SettingsChange:
     compared = "" if found[1] == "nothing" else _one_of(found[1], names, "run")
-    return lambda look: replace(look, compared=compared)
+    return lambda page: replace(page, compared=compared)
 
 
-def _tab(found: re.Match, _: set[str]) -> LookChange:
+def _tab(found: re.Match, _: set[str]) -> SettingsChange:
     tab = _one_of(found[1], TABS, "tab")
-    return lambda look: replace(look, tab=tab)
+    return lambda page: replace(page, tab=tab)
 
 
-def _scroll(found: re.Match, _: set[str]) -> LookChange:
+def _scroll(found: re.Match, _: set[str]) -> SettingsChange:
     heading = HEADINGS[_one_of(found[1], HEADINGS, "scroll")]
-    return lambda look: replace(look, heading=heading)
+    return lambda page: replace(page, heading=heading)
 
 
 def _listed(written: str) -> list[str]:
@@ -219,7 +219,7 @@ _ACTIONS: list[tuple[str, Callable[[re.Match, set[str]], Action]]] = [
     ),
     (r"take (\w+)(?: at (start|end))?", _take),
     (r"select (?:nothing|vertex \d+|vertices \d+(?:, *\d+)*)", _select),
-    (r"face (\d+)", lambda found, _: lambda look: replace(look, face=int(found[1]))),
+    (r"face (\d+)", lambda found, _: lambda page: replace(page, face=int(found[1]))),
     (r"look (?:at (mesh|front|cameras)|through photo (\d+))", _look),
     (r"(show|hide) (.+)", _layers),
     (r"surface (\w+)", _surface),

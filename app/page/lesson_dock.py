@@ -7,11 +7,11 @@ import viser
 from app.debugger.commands import Pause
 from app.debugger.controller import Controller
 from app.debugger.run_state import RunState
-from app.lessons.guide import Guide
 from app.lessons.lesson import ANY_SCENE, Lesson
 from app.lessons.player import Player
 from app.lessons.reader import lesson_names, load_lesson
 from app.lessons.scenes import LESSON_SCENES, is_at_hand
+from app.lessons.settings_applier import SettingsApplier
 from app.page_state.page_state import PageState
 from app.panels.lesson_panel import LessonPanel, LessonPresses
 from app.panels.lessons_panel import LessonsPanel
@@ -31,7 +31,7 @@ _ON_A_CAPTURE = (
 
 class LessonRoom:
     """Args:
-    lead_eye: moves the browser's camera, see `Guide`.
+    lead_eye: moves the browser's camera, see `SettingsApplier`.
     change_scene: shows a scene of the lessons instead, and opens a lesson there.
     """
 
@@ -48,7 +48,7 @@ class LessonRoom:
         self._change_scene = change_scene
         self.player = Player(controller, controller.republish)
         self._lessons = [load_lesson(name) for name in lesson_names()]
-        self._guide = Guide(
+        self._settings_applier = SettingsApplier(
             self.player, lead_eye, lambda title: show_tab(client, title), lambda title: show_heading(client, title)
         )
         self._press = LessonPresses.make(bridge, self.player, self._open_following, lambda: controller.post(Pause()))
@@ -115,7 +115,7 @@ class LessonRoom:
 
     def show(self, state: RunState, view: PageState) -> None:
         """Before layers and panels: lead the page where the lesson wants it."""
-        self._guide.show(state, view)
+        self._settings_applier.show(state, view)
         is_open = self.player.lesson is not None
         if self._panel.visible != is_open:
             self._panel.visible = is_open

@@ -15,20 +15,20 @@ from app.debugger.compare import Reference, RunEnergies
 from app.debugger.controller import Controller
 from app.debugger.history import EnergyHistory, PathHistory
 from app.debugger.run_state import Activity, RunState
-from app.experiments.desk import Desk
+from app.experiments.experiment_runner import ExperimentRunner
 from app.html import STYLE, text
 from app.layers import Layer
 from app.layers.cameras import CamerasLayer, Thumbnails
 from app.layers.certainty import CertaintyLayer
-from app.layers.ghost import GhostLayer
-from app.layers.grip import GripLayer
+from app.layers.drag_handle import DragHandleLayer
 from app.layers.paths import PathsLayer
 from app.layers.points import PointsLayer
+from app.layers.reference_mesh import ReferenceMeshLayer
 from app.layers.step_arrow import StepArrowLayer
 from app.layers.surface import SurfaceLayer
 from app.layers.vertices import VerticesLayer
-from app.layers.wires import WiresLayer
-from app.lessons.look import AT_CAMERAS, AT_FRONT, AT_MESH
+from app.layers.wireframe import WireframeLayer
+from app.lessons.page_settings import AT_CAMERAS, AT_FRONT, AT_MESH
 from app.page.camera_view import CameraView
 from app.page.lesson_dock import LessonRoom
 from app.page.run_controls import RunControls
@@ -97,7 +97,7 @@ class Shared:
     texturer: Texturer
     background: Background
     photos: PhotoStore
-    experiments: Desk
+    experiments: ExperimentRunner
     change_scene: Callable[[viser.ClientHandle, str, str], None]
 
 
@@ -122,10 +122,10 @@ class Page:
         stage, scene, hands = shared.stage, shared.scene, self._hands
         self._layers: list[Layer] = [
             self._surface,
-            WiresLayer(client, stage, scene),
+            WireframeLayer(client, stage, scene),
             VerticesLayer(client, stage, scene.mesh, self._guard(hands.click), hands.watch),
-            GripLayer(client, stage, scene.mesh, self._guard(hands.click), hands.watch, hands.grab, hands.drop),
-            GhostLayer(client, stage, scene.mesh),
+            DragHandleLayer(client, stage, scene.mesh, self._guard(hands.click), hands.watch, hands.grab, hands.drop),
+            ReferenceMeshLayer(client, stage, scene.mesh),
             PathsLayer(client, stage, shared.paths),
             StepArrowLayer(client, stage, scene),
             CertaintyLayer(client, stage, scene.mesh, certainty),

@@ -13,7 +13,7 @@ from app.debugger.compare import RunEnergies
 from app.debugger.controller import Controller
 from app.debugger.history import EnergyHistory, PathHistory
 from app.debugger.run_state import RunState
-from app.experiments.desk import Desk
+from app.experiments.experiment_runner import ExperimentRunner
 from app.layers.cameras import Thumbnails
 from app.lessons.scenes import LESSON_SCENES, load_lesson_scene
 from app.page.page import Page, Shared
@@ -69,7 +69,7 @@ class App:
             Texturer(scene, stage, self.controller.republish),
             Background(self.controller.republish),
             PhotoStore(scene),
-            Desk(scene, scene.name, self.controller.republish),
+            ExperimentRunner(scene, scene.name, self.controller.republish),
             self._change_scene,
         )
         self._latest_view = PageState()

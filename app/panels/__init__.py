@@ -9,6 +9,6 @@ from app.page_state.page_state import PageState
 class Panel(Protocol):
     """Something beside the 3D view."""
 
-    def show(self, state: RunState, view: PageState) -> None:
+    def show(self, state: RunState, page_state: PageState) -> None:
         """Bring the browser up to date."""
         ...

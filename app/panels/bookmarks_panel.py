@@ -26,7 +26,7 @@ class BookmarksPanel:
         press.take_note = note.take_draft
         self._panel = HtmlPanel(gui)
 
-    def show(self, state: RunState, view: PageState) -> None:
+    def show(self, state: RunState, page_state: PageState) -> None:
         here = moment_id(state.position, state.moment, state.options.n_levels)
         keep = button("Bookmark this moment", self._press.keep, hint="Keep the present moment with the note (K)")
         rows = "".join(self._row(item, state) for item in state.bookmarks)

@@ -26,18 +26,18 @@ READY_MADE: dict[str, str] = {
 }
 
 
-def ready_made(view: PageState) -> dict[str, str]:
+def ready_made(page_state: PageState) -> dict[str, str]:
     """Conditions by what they say: those that always fit, and those about what is selected and looked through."""
     about = {}
-    if view.selected is not None:
+    if page_state.selected is not None:
         about |= {
-            f"Vertex {view.selected} moves 1 px from here": f"travelled({view.selected}) > 1",
-            f"A step is about vertex {view.selected}": f"about({view.selected})",
+            f"Vertex {page_state.selected} moves 1 px from here": f"travelled({page_state.selected}) > 1",
+            f"A step is about vertex {page_state.selected}": f"about({page_state.selected})",
         }
-    if view.entered is not None:
+    if page_state.entered is not None:
         about |= {
-            f"The energy rises in view {view.entered}": f"view({view.entered}) > 0",
-            f"PageState {view.entered} has 30 % outliers": f"outliers({view.entered}) > 0.3",
+            f"The energy rises in view {page_state.entered}": f"view({page_state.entered}) > 0",
+            f"PageState {page_state.entered} has 30 % outliers": f"outliers({page_state.entered}) > 0.3",
         }
     return about | READY_MADE
 
@@ -59,11 +59,11 @@ class BreakpointsPanel:
         self._panel = HtmlPanel(gui)
         press.on_add = lambda: self._add(self._line.take_draft())
 
-    def show(self, state: RunState, view: PageState) -> None:
+    def show(self, state: RunState, page_state: PageState) -> None:
         rows = "".join(self._row(item) for item in state.breakpoints)
         ready = "".join(
             button(name, self._press.ready_made(str(k)), hint=f"Stop when {condition}", css_class="layer")
-            for k, (name, condition) in enumerate(ready_made(view).items())
+            for k, (name, condition) in enumerate(ready_made(page_state).items())
         )
         words = "".join(
             f"<tr><th>{text(name)}</th><td>{text(meaning)}</td></tr>"

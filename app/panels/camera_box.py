@@ -41,7 +41,7 @@ class CameraBox:
         self,
         gui: viser.GuiApi,
         scene: Scene,
-        view: PageState,
+        page_state: PageState,
         press: CameraButtons,
         surface: SurfaceButtons,
         guarded: Callable[[Callable[..., None]], Callable[..., None]],
@@ -52,28 +52,30 @@ class CameraBox:
         with self._box.add_tab("Camera", viser.Icon.CAMERA):
             self._panel = HtmlPanel(gui)
             share = gui.add_slider(
-                "Photo – model", min=0, max=100, step=1, initial_value=round(100 * view.model_share),
+                "Photo – model", min=0, max=100, step=1, initial_value=round(100 * page_state.model_share),
                 hint="Lays what the other photos and the mesh predict over the photo (%).",
             )  # fmt: skip
 
         def set_share(value: object) -> None:
-            view.model_share = whole_number(value, 0, 100, "share of the model") / 100
+            page_state.model_share = whole_number(value, 0, 100, "share of the model") / 100
             republish()
 
         self._followed = Followed(share, guarded(set_share))
         self._box.float(x=-MARGIN, y=MARGIN, width=WIDTH)
 
-    def show(self, state: RunState, view: PageState) -> None:
-        self._box.visible = view.entered is not None
-        if view.entered is None:
+    def show(self, state: RunState, page_state: PageState) -> None:
+        self._box.visible = page_state.entered is not None
+        if page_state.entered is None:
             return
-        name = self._scene.views[view.entered].name
+        name = self._scene.views[page_state.entered].name
         back = button("Leave", self._press.leave, hint="Leave the camera (0)", icon=icon("leave"))
-        lay = choice({swipes: (LAID[swipes], js) for swipes, js in self._press.lay.items()}, view.swipes, "Lay over")
+        lay = choice(
+            {swipes: (LAID[swipes], js) for swipes, js in self._press.lay.items()}, page_state.swipes, "Lay over"
+        )
         shapes = {shape: (SHAPES[shape], js) for shape, js in self._surface.press_shape.items()}
         self._panel.set(
             f"<div class='row'>{icon('eye')}<span class='grow big one'>{text(name)}</span>{back}</div>"
             f"<div class='dim note'>the model over the photo</div>{lay}"
-            f"<div class='dim note'>with the mesh as it is</div>{choice(shapes, view.shape, 'Model')}"
+            f"<div class='dim note'>with the mesh as it is</div>{choice(shapes, page_state.shape, 'Model')}"
         )
-        self._followed.follow(round(100 * view.model_share))
+        self._followed.follow(round(100 * page_state.model_share))

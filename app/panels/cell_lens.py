@@ -46,25 +46,25 @@ class CellLens:
         self._drawing: QueryCache[tuple, str] = QueryCache(background.post)
         self._drawn: object = None
 
-    def show(self, state: RunState, view: PageState) -> None:
-        enlarged = view.cells.in_lens
-        if enlarged is not None and enlarged[1] in (CROP, *PAIR_KINDS) and view.selected is not None:
-            self._show_photo(state, view, view.selected, *enlarged)
+    def show(self, state: RunState, page_state: PageState) -> None:
+        enlarged = page_state.cells.in_lens
+        if enlarged is not None and enlarged[1] in (CROP, *PAIR_KINDS) and page_state.selected is not None:
+            self._show_photo(state, page_state, page_state.selected, *enlarged)
             return
         if enlarged is not None:
-            self._source.want(state, view)
-        found = self._source.newest(state, view) if enlarged is not None else None
+            self._source.want(state, page_state)
+        found = self._source.newest(state, page_state) if enlarged is not None else None
         visible = found is not None and not isinstance(found[1], Exception) and found[1].cells.takes_part
         if self._frame.visible != visible:
             self._frame.visible = visible
         if not visible or found is None or isinstance(found[1], Exception) or enlarged is None:
             return
-        key = (found[0], view.cells)
+        key = (found[0], page_state.cells)
         if key != self._drawn:
             self._drawn = key
-            self._panel.set(self._content(found[1], *enlarged, view))
+            self._panel.set(self._content(found[1], *enlarged, page_state))
 
-    def _show_photo(self, state: RunState, view: PageState, vertex: int, view_id: int, kind: str) -> None:
+    def _show_photo(self, state: RunState, page_state: PageState, vertex: int, view_id: int, kind: str) -> None:
         """A photo around the vertex, or a picture of the pair."""
         found = self._pages.newest(state, vertex)
         if found is None:
@@ -74,7 +74,7 @@ class CellLens:
             return
         if not self._frame.visible:
             self._frame.visible = True
-        cells_view, face = view.cells, chosen_face(self._scene.mesh, view)
+        cells_view, face = page_state.cells, chosen_face(self._scene.mesh, page_state)
         if kind == CROP or face is None:
             self._drawing.want(
                 (key, view_id, kind, cells_view.span, cells_view.arrow_scale),
@@ -132,7 +132,7 @@ class CellLens:
             for step, word in ((-1, "Previous"), (1, "Next"))
         )
 
-    def _content(self, facts: CellFacts, view_id: int, kind: str, view: PageState) -> str:
+    def _content(self, facts: CellFacts, view_id: int, kind: str, page_state: PageState) -> str:
         cells = facts.cells
         views = cells.views.tolist()
         name = self._scene.views[view_id].name
@@ -155,7 +155,7 @@ class CellLens:
         )
         arrows = ""
         if kind in ARROW_KINDS:
-            path = pictures.arrows(row, kind, SIDE, view.cells.arrow_scale)
+            path = pictures.arrows(row, kind, SIDE, page_state.cells.arrow_scale)
             arrows = f'<path stroke="{css(FLOW_COLORS[kind])}" style="stroke-width:1.6" d="{path}"/>'
         return (
             f"<div class='row'><span class='grow one'>{go} <span class='dim'>face {cells.face}</span></span>"

@@ -10,14 +10,14 @@ from app.query_cache import QueryCache
 from fairing.mesh import Mesh
 
 
-def chosen_face(mesh: Mesh, view: PageState) -> int | None:
+def chosen_face(mesh: Mesh, page_state: PageState) -> int | None:
     """The face looked at: the one chosen if it has the selected vertex, else that vertex' first."""
-    if view.selected is None:
+    if page_state.selected is None:
         return None
-    faces = mesh.one_rings[view.selected].tolist()
+    faces = mesh.one_rings[page_state.selected].tolist()
     if not faces:
         return None
-    return view.face if view.face is not None and view.face in faces else faces[0]
+    return page_state.face if page_state.face is not None and page_state.face in faces else faces[0]
 
 
 class CellSource:
@@ -29,24 +29,26 @@ class CellSource:
             lambda asker, work, answer: controller.post(Query(asker, work, answer))
         )
 
-    def want(self, state: RunState, view: PageState) -> None:
+    def want(self, state: RunState, page_state: PageState) -> None:
         """Query if it is time."""
-        question = self._question(state, view)
+        question = self._question(state, page_state)
         if question is not None and state.activity is Activity.PAUSED:
             self._lookup.want(question, lambda session: cell_facts(session, question))
 
-    def newest(self, state: RunState, view: PageState) -> tuple[CellQuestion, CellFacts | Exception] | None:
+    def newest(self, state: RunState, page_state: PageState) -> tuple[CellQuestion, CellFacts | Exception] | None:
         """What is known of the face looked at; a moment that has just gone serves until the next is there."""
-        found, question = self._lookup.newest, self._question(state, view)
+        found, question = self._lookup.newest, self._question(state, page_state)
         if found is None or question is None:
             return None
         same = (found[0].run_id, found[0].face, found[0].vertex) == (question.run_id, question.face, question.vertex)
         return found if same else None
 
-    def _question(self, state: RunState, view: PageState) -> CellQuestion | None:
-        face = chosen_face(self._mesh, view)
-        if face is None or view.selected is None:
+    def _question(self, state: RunState, page_state: PageState) -> CellQuestion | None:
+        face = chosen_face(self._mesh, page_state)
+        if face is None or page_state.selected is None:
             return None
-        looks_at_arrows = view.cells.in_lens is not None and view.cells.in_lens[1] in ARROW_KINDS
-        with_flows = looks_at_arrows or any(kind in ARROW_KINDS for kind in view.cells.columns)
-        return CellQuestion(state.run_id, state.moment, face, view.selected, view.cells.dimensions, with_flows)
+        looks_at_arrows = page_state.cells.in_lens is not None and page_state.cells.in_lens[1] in ARROW_KINDS
+        with_flows = looks_at_arrows or any(kind in ARROW_KINDS for kind in page_state.cells.columns)
+        return CellQuestion(
+            state.run_id, state.moment, face, page_state.selected, page_state.cells.dimensions, with_flows
+        )

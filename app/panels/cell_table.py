@@ -19,7 +19,7 @@ CHART = (158, 54)
 
 
 def cell_table(
-    facts: CellFacts, view: CellsView, scene: Scene, controls: CellsControls, enter: Callable[[str], str]
+    facts: CellFacts, cells_view: CellsView, scene: Scene, controls: CellsControls, enter: Callable[[str], str]
 ) -> str:
     """Markup of the whole page."""
     cells = facts.cells
@@ -28,15 +28,17 @@ def cell_table(
             f"<div class='note'>Face {cells.face} takes no part: {len(cells.views)} photos see it well enough, "
             "three are needed.</div>"
         )
-    tile = min(MAX_TILE, (WIDTH - GAP * (len(view.columns) - 1)) // len(view.columns))
+    tile = min(MAX_TILE, (WIDTH - GAP * (len(cells_view.columns) - 1)) // len(cells_view.columns))
     pictures = CellPictures(cells, facts.flows)
     heads = "".join(
         f"<span style='width:{tile + GAP}px' title='{text(KINDS[kind])}'>{text(HEADS[kind])}</span>"
-        for kind in view.columns
+        for kind in cells_view.columns
     )
-    rows = "".join(_row(facts, pictures, row, view, tile, scene, controls, enter) for row in range(len(cells.views)))
+    rows = "".join(
+        _row(facts, pictures, row, cells_view, tile, scene, controls, enter) for row in range(len(cells.views))
+    )
     return (
-        f"{_facts(facts, controls)}{_basis(facts, controls)}<h4>Cells by photo</h4>{_chips(facts, view, controls)}"
+        f"{_facts(facts, controls)}{_basis(facts, controls)}<h4>Cells by photo</h4>{_chips(facts, cells_view, controls)}"
         f"<div class='row kinds'>{heads}</div>{rows}"
     )
 
@@ -110,25 +112,25 @@ def _bars(
     return f'<svg class="bars" viewBox="0 0 {width} {height}" style="{size}">{"".join(parts)}</svg>'
 
 
-def _chips(facts: CellFacts, view: CellsView, controls: CellsControls) -> str:
+def _chips(facts: CellFacts, cells_view: CellsView, controls: CellsControls) -> str:
     """Which columns, and how long the arrows."""
     columns = "".join(
         button(
             HEADS[kind],
             controls.column(str(n)),
-            hint=f"{'Hide' if kind in view.columns else 'Show'} {KINDS[kind]}",
-            css_class="chip on" if kind in view.columns else "chip",
+            hint=f"{'Hide' if kind in cells_view.columns else 'Show'} {KINDS[kind]}",
+            css_class="chip on" if kind in cells_view.columns else "chip",
         )
         for n, kind in enumerate(KINDS)
     )
     arrows = ""
-    if any(kind in ARROW_KINDS for kind in view.columns):
+    if any(kind in ARROW_KINDS for kind in cells_view.columns):
         scales = "".join(
             button(
                 f"×{scale}",
                 controls.scale(str(n)),
                 hint=f"Arrows {scale} times longer than the flow",
-                css_class="chip on" if scale == view.arrow_scale else "chip",
+                css_class="chip on" if scale == cells_view.arrow_scale else "chip",
             )
             for n, scale in enumerate(ARROW_SCALES)
         )
@@ -151,7 +153,7 @@ def _row(
     facts: CellFacts,
     pictures: CellPictures,
     row: int,
-    view: CellsView,
+    cells_view: CellsView,
     tile: int,
     scene: Scene,
     controls: CellsControls,
@@ -163,15 +165,15 @@ def _row(
     seen = 100 * float(cells.counts[row].mean())
     energy = number(float(cells.view_energy[row]), 3)
     coefficients = " ".join(number(float(value), 3) for value in cells.coefficients[row])
-    width = (tile + GAP) * len(view.columns) - GAP
+    width = (tile + GAP) * len(cells_view.columns) - GAP
     paths = "".join(
         f'<path transform="translate({n * (tile + GAP)} 0)" stroke="{css(FLOW_COLORS[kind])}" '
-        f'd="{pictures.arrows(row, kind, tile, view.arrow_scale, every=2)}"/>'
-        for n, kind in enumerate(view.columns)
+        f'd="{pictures.arrows(row, kind, tile, cells_view.arrow_scale, every=2)}"/>'
+        for n, kind in enumerate(cells_view.columns)
         if kind in ARROW_KINDS
     )
-    codes = str([controls.code(view_id, kind) for kind in view.columns])
-    column = f"Math.max(0,Math.min({len(view.columns) - 1},Math.floor((event.clientX-r.left)/{tile + GAP})))"
+    codes = str([controls.code(view_id, kind) for kind in cells_view.columns])
+    column = f"Math.max(0,Math.min({len(cells_view.columns) - 1},Math.floor((event.clientX-r.left)/{tile + GAP})))"
     enlarged = controls.enlarged_by(f"{codes}[{column}]", "var r=this.getBoundingClientRect();")
     facts_line = f"c = {coefficients} · {seen:.0f} % of the cell seen"
     shown = f"<span class='dim one grow' title='{text(facts_line)}'>c {text(coefficients)}</span>"
@@ -181,6 +183,6 @@ def _row(
         f"<div class='cell'><div class='row'>{go}{shown}</div>"
         f"<div class='tiles' role='button' tabindex='0' aria-label='Enlarge a cell in {text(name)}' "
         f"style='width:{width}px;height:{tile}px' {enlarged}>"
-        f"<img src='{pictures.strip(row, view.columns, tile)}' alt='cells in {text(name)}'>"
+        f"<img src='{pictures.strip(row, cells_view.columns, tile)}' alt='cells in {text(name)}'>"
         f"<svg class='over' viewBox='0 0 {width} {tile}'>{paths}</svg></div></div>"
     )

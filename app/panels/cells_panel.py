@@ -51,23 +51,23 @@ class CellsPanel:
         self._body = HtmlPanel(gui)
         self._drawing: QueryCache[tuple, str] = QueryCache(background.post)
 
-    def show(self, state: RunState, view: PageState) -> None:
-        face = chosen_face(self._scene.mesh, view)
-        if face is None or view.selected is None:
+    def show(self, state: RunState, page_state: PageState) -> None:
+        face = chosen_face(self._scene.mesh, page_state)
+        if face is None or page_state.selected is None:
             note = "Click a vertex to see the cells of its faces."
-            if view.selected is not None:
-                note = f"No face uses vertex {view.selected}."
+            if page_state.selected is not None:
+                note = f"No face uses vertex {page_state.selected}."
             self._head.set(f"<span class='dim'>{note}</span>")
             self._body.set("")
             self._k.visible = False
             return
-        self._head.set(self._choices(view, view.selected, face))
-        if view.cells.page == "cells":
-            self._show_cells(state, view)
+        self._head.set(self._choices(page_state, page_state.selected, face))
+        if page_state.cells.page == "cells":
+            self._show_cells(state, page_state)
         else:
-            self._show_photos(state, view, view.selected, face)
+            self._show_photos(state, page_state, page_state.selected, face)
 
-    def _choices(self, view: PageState, vertex: int, face: int) -> str:
+    def _choices(self, page_state: PageState, vertex: int, face: int) -> str:
         faces = "".join(
             button(
                 str(f),
@@ -82,15 +82,15 @@ class CellsPanel:
                 title,
                 self._controls.page(str(n)),
                 hint=f"Page: {title}",
-                css_class="chip on" if page == view.cells.page else "chip",
+                css_class="chip on" if page == page_state.cells.page else "chip",
             )
             for n, (page, title) in enumerate(PAGES.items())
         )
         return f"<div class='row chips'>{pages}</div><div class='row faces'><span class='dim'>Face</span>{faces}</div>"
 
-    def _show_cells(self, state: RunState, view: PageState) -> None:
-        self._source.want(state, view)
-        found = self._source.newest(state, view)
+    def _show_cells(self, state: RunState, page_state: PageState) -> None:
+        self._source.want(state, page_state)
+        found = self._source.newest(state, page_state)
         if found is None:
             self._body.set("<div class='note dim'>Computing the cells…</div>")
             self._k.visible = False
@@ -99,14 +99,14 @@ class CellsPanel:
         if isinstance(facts, Exception):
             self._body.set(f"<div class='note rejected'>{text(facts)}</div>")
             return
-        self._show_k(view.cells.dimensions or facts.own_dimensions, len(facts.energies))
-        cells_view = view.cells
+        self._show_k(page_state.cells.dimensions or facts.own_dimensions, len(facts.energies))
+        cells_view = page_state.cells
         self._draw(
             ("cells", question, cells_view.columns, cells_view.arrow_scale),
             lambda: cell_table(facts, cells_view, self._scene, self._controls, self._enter),
         )
 
-    def _show_photos(self, state: RunState, view: PageState, vertex: int, face: int) -> None:
+    def _show_photos(self, state: RunState, page_state: PageState, vertex: int, face: int) -> None:
         self._k.visible = False
         found = self._pages.newest(state, vertex)
         if found is None:
@@ -116,7 +116,7 @@ class CellsPanel:
         if isinstance(known, Exception):
             self._body.set(f"<div class='note rejected'>{text(known)}</div>")
             return
-        cells_view, pages = view.cells, self._pages
+        cells_view, pages = page_state.cells, self._pages
         if cells_view.page == "photos":
             self._draw(("photos", key, cells_view.span, cells_view.arrow_scale), lambda: pages.crops(known, cells_view))
             return

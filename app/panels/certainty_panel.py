@@ -19,11 +19,11 @@ class CertaintyPanel:
         self._source = source
         self._panel = HtmlPanel(gui)
 
-    def show(self, state: RunState, view: PageState) -> None:
-        self._source.want(state, view)
+    def show(self, state: RunState, page_state: PageState) -> None:
+        self._source.want(state, page_state)
         if state.is_moving:
             return
-        found = self._source.newest(state, view)
+        found = self._source.newest(state, page_state)
         self._panel.set(_content(found[-1]) if found else "")
 
 

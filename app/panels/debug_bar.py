@@ -19,7 +19,7 @@ class DebugBar:
         self._press = press
         self._actions = {action.name: action for action in ACTIONS}
 
-    def show(self, state: RunState, view: PageState) -> None:
+    def show(self, state: RunState, page_state: PageState) -> None:
         running = state.is_moving
         unit = UNIT_NAMES.get(state.options.schedule.order, "vertex")
         forward, back = not state.finished, state.moment > 0

@@ -5,7 +5,7 @@ import viser
 from app.debugger.controller import Controller
 from app.debugger.run_state import RunState
 from app.experiments.chart import charts_of
-from app.experiments.desk import Desk, Outcome, Status
+from app.experiments.experiment_runner import ExperimentRunner, Outcome, Status
 from app.html import button, icon, text
 from app.page_state.page_state import PageState
 from app.panels.chart_svg import charts_svg
@@ -19,41 +19,45 @@ from fairing.options import PRESETS, FairingOptions
 class ExperimentsPanel:
     """One browser looks at one experiment; all browsers share those that are made."""
 
-    def __init__(self, gui: viser.GuiApi, desk: Desk, press: "ExperimentButtons") -> None:
-        self._desk, self._press = desk, press
-        self._obstacle = desk.obstacle()
+    def __init__(self, gui: viser.GuiApi, runner: ExperimentRunner, press: "ExperimentButtons") -> None:
+        self._runner, self._press = runner, press
+        self._obstacle = runner.obstacle()
         self._panel = HtmlPanel(gui)
         self._shown: object = None
 
-    def show(self, state: RunState, view: PageState) -> None:
-        outcome = self._desk.outcome(view.experiment)
-        key = (view.experiment, outcome, self._desk.working, view.selected, state.options)
+    def show(self, state: RunState, page_state: PageState) -> None:
+        outcome = self._runner.outcome(page_state.experiment)
+        key = (page_state.experiment, outcome, self._runner.working, page_state.selected, state.options)
         if key == self._shown:
             return
         self._shown = key
         results = "" if outcome is None else _progress(outcome) + self._findings(outcome)
-        self._panel.set(self._choices(view) + self._start(state, view, outcome) + results)
+        self._panel.set(self._choices(page_state) + self._start(state, page_state, outcome) + results)
 
-    def _choices(self, view: PageState) -> str:
+    def _choices(self, page_state: PageState) -> str:
         chips = "".join(
             button(
                 experiment.title, self._press.choose(str(n)), hint=experiment.question,
-                css_class="chip on" if name == view.experiment else "chip",
+                css_class="chip on" if name == page_state.experiment else "chip",
             )
             for n, (name, experiment) in enumerate(EXPERIMENTS.items())
         )  # fmt: skip
-        return f"<div class='row chips'>{chips}</div><div>{text(EXPERIMENTS[view.experiment].question)}</div>"
+        return f"<div class='row chips'>{chips}</div><div>{text(EXPERIMENTS[page_state.experiment].question)}</div>"
 
-    def _start(self, state: RunState, view: PageState, outcome: Outcome | None) -> str:
+    def _start(self, state: RunState, page_state: PageState, outcome: Outcome | None) -> str:
         if self._obstacle:
             return f"<div class='note dim'>{text(self._obstacle)}.</div>"
-        working = self._desk.working
-        if working is not None and working != view.experiment:
+        working = self._runner.working
+        if working is not None and working != page_state.experiment:
             return f"<div class='note dim'>{text(EXPERIMENTS[working].title)} is at work; one at a time.</div>"
         if working is not None and outcome is not None:
             cancel = button("Cancel", self._press.cancel, hint="Keep what is done and stop", css_class="main")
             return f"<div class='row note'>{cancel}<span class='dim'>What is done is kept.</span></div>"
-        which = "the vertex photos see best" if view.selected is None else f"vertex {view.selected}, which is selected"
+        which = (
+            "the vertex photos see best"
+            if page_state.selected is None
+            else f"vertex {page_state.selected}, which is selected"
+        )
         start = button("Start", self._press.start, hint="Start the experiment", icon=icon("run"), css_class="main")
         return (
             f"<div class='row note'>{start}<span class='dim'>With {which}; {_preset_of(state.options)}. "
@@ -85,13 +89,18 @@ class ExperimentButtons:
     """What the panel's buttons do; made where they stay on the page when the panel is not."""
 
     def __init__(
-        self, client: viser.ClientHandle, desk: Desk, controller: Controller, view: PageState, bridge: Bridge
+        self,
+        client: viser.ClientHandle,
+        runner: ExperimentRunner,
+        controller: Controller,
+        view: PageState,
+        bridge: Bridge,
     ) -> None:
-        self._client, self._desk, self._controller, self._view = client, desk, controller, view
+        self._client, self._runner, self._controller, self._view = client, runner, controller, view
         names = list(EXPERIMENTS)
         self.choose = bridge.number(lambda n: self.show(names[whole_number(n, 0, len(names) - 1, "experiment")]))
         self.start = bridge.button(self._start)
-        self.cancel = bridge.button(desk.cancel)
+        self.cancel = bridge.button(runner.cancel)
         self.csv = bridge.button(self._csv)
         self.png = bridge.button(self._png)
 
@@ -102,7 +111,7 @@ class ExperimentButtons:
 
     def _start(self) -> None:
         experiment = EXPERIMENTS[self._view.experiment]()
-        self._desk.start(experiment, self._controller.state.options, self._view.selected)
+        self._runner.start(experiment, self._controller.state.options, self._view.selected)
 
     def _csv(self) -> None:
         outcome, record = self._measured()
@@ -113,7 +122,7 @@ class ExperimentButtons:
         self._client.send_file_download(f"{record.stem}.png", record.png(outcome.rows), save_immediately=True)
 
     def _measured(self):
-        outcome = self._desk.outcome(self._view.experiment)
+        outcome = self._runner.outcome(self._view.experiment)
         if outcome is None or outcome.record is None or not outcome.rows:
             raise InputError("nothing has been measured yet; start the experiment first")
         return outcome, outcome.record

@@ -35,8 +35,8 @@ class LayersPanel:
         self._theme = button("Dark or light", switch_theme, hint="Dark or light (Y)", css_class="wide")
         self._panel = HtmlPanel(gui)
 
-    def show(self, state: RunState, view: PageState) -> None:
-        switches = "".join(self._switch(name, view.shows(name)) for name in self._press)
+    def show(self, state: RunState, page_state: PageState) -> None:
+        switches = "".join(self._switch(name, page_state.shows(name)) for name in self._press)
         self._panel.set(f"<div class='layers'>{switches}</div><h4>Theme</h4>{self._theme}")
 
     def _switch(self, name: str, is_on: bool) -> str:

@@ -77,7 +77,7 @@ class LessonPanel:
         self._player, self._press = player, press
         self._panel = HtmlPanel(gui)
 
-    def show(self, state: RunState, view: PageState) -> None:
+    def show(self, state: RunState, page_state: PageState) -> None:
         player = self._player
         lesson = player.lesson
         if lesson is None:
@@ -86,7 +86,7 @@ class LessonPanel:
         n = player.step
         step, found = lesson.steps[n], player.findings.get(n, NO_FINDINGS)
         self._panel.set(
-            f"{self._head(lesson, n)}{self._aside(player.has_strayed(state, view))}"
+            f"{self._head(lesson, n)}{self._aside(player.has_strayed(state, page_state))}"
             f"<div class='lesson'><h3>{text(step.title)}</h3>{paragraphs(step.text, found.numbers)}"
             f"{_listing(step.code)}{self._question(step, found)}{_checked(found)}</div>"
         )

@@ -18,7 +18,7 @@ class LessonsPanel:
         self._player, self._press, self._lessons = player, press, lessons
         self._panel = HtmlPanel(gui)
 
-    def show(self, state: RunState, view: PageState) -> None:
+    def show(self, state: RunState, page_state: PageState) -> None:
         rows = "".join(self._row(n, lesson) for n, lesson in enumerate(self._lessons, 1))
         self._panel.set(f"<div class='lessons'>{rows}</div>")
 

@@ -54,7 +54,7 @@ class OptionsPanel:
                     widget.on_update(lambda event: controller.republish() if event.client is not None else None)
                     self._widgets.append((field, widget))
 
-    def show(self, state: RunState, view: PageState) -> None:
+    def show(self, state: RunState, page_state: PageState) -> None:
         if state.options is not self._shown:
             before, self._shown = self._shown, state.options
             self._fill_in(state.options, before)

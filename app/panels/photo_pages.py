@@ -91,20 +91,20 @@ class PhotoPages:
         found = self._lookup.newest
         return found if found is not None and (found[0][0], found[0][2]) == (state.run_id, vertex) else None
 
-    def crops(self, known: VertexInPhotos, view: CellsView) -> str:
+    def crops(self, known: VertexInPhotos, cells_view: CellsView) -> str:
         """Markup of the first page. On the background's thread."""
         if not known.views:
             return "<div class='note'>No photo sees a face of this vertex well enough.</div>"
-        spans = _chips(SPANS.values(), list(SPANS).index(view.span), self._controls.span, "Show {} in each photo")
+        spans = _chips(SPANS.values(), list(SPANS).index(cells_view.span), self._controls.span, "Show {} in each photo")
         scales = _chips(
-            [f"×{scale}" for scale in ARROW_SCALES], ARROW_SCALES.index(view.arrow_scale), self._controls.scale,
+            [f"×{scale}" for scale in ARROW_SCALES], ARROW_SCALES.index(cells_view.arrow_scale), self._controls.scale,
             "Draw the step {}",
         )  # fmt: skip
         tiles = "".join(
             f"<div>{self._name(view_id)}<div role='button' tabindex='0' style='cursor:zoom-in' "
             f"aria-label='Enlarge {text(self._scene.views[view_id].name)}' "
             f"{self._controls.enlarged_by(str(self._controls.code(view_id, CROP)))}>"
-            f"{self.crop(known, view_id, view, CROP_SIDE)}"
+            f"{self.crop(known, view_id, cells_view, CROP_SIDE)}"
             "</div></div>"
             for view_id in known.views
         )
@@ -112,19 +112,19 @@ class PhotoPages:
             f"<div class='row chips'><span class='dim'>Show</span>{spans}</div>"
             f"<div class='row chips'><span class='dim'>Step</span>{scales}</div>"
             f"<div class='dim'><span class='start'>—</span> start <span class='now'>—</span> now and the path "
-            f"<span class='selected'>→</span> its last step, ×{view.arrow_scale}</div>"
+            f"<span class='selected'>→</span> its last step, ×{cells_view.arrow_scale}</div>"
             f"<div class='crops'>{tiles}</div>"
         )
 
-    def crop(self, known: VertexInPhotos, view_id: int, view: CellsView, side: int) -> str:
+    def crop(self, known: VertexInPhotos, view_id: int, cells_view: CellsView, side: int) -> str:
         """One photo around the vertex: its faces at the start and now, its path, its last step."""
         camera = self._scene.views[view_id].camera
         start, now, path = (camera.project(p)[0] for p in (known.ring_start, known.ring_now, known.path))
         arrow = np.zeros((0, 2, 2))
         if known.step is not None:
             tail, head = camera.project(known.step)[0]
-            arrow = np.stack([tail, tail + view.arrow_scale * (head - tail)])[None]
-        if view.span == "faces":
+            arrow = np.stack([tail, tail + cells_view.arrow_scale * (head - tail)])[None]
+        if cells_view.span == "faces":
             window = Window.around(np.concatenate([start.reshape(-1, 2), now.reshape(-1, 2)]), side)
         else:
             window = Window.around(np.concatenate([path, arrow.reshape(-1, 2)]), side, margin=0.3)
@@ -139,12 +139,12 @@ class PhotoPages:
             + f'<path d="{step}" stroke="{css(SELECTED)}" style="stroke-width:2"/>',
         )  # fmt: skip
 
-    def pair(self, known: VertexInPhotos, face: int, slot: int, view: CellsView, affine: bool) -> str:
+    def pair(self, known: VertexInPhotos, face: int, slot: int, cells_view: CellsView, affine: bool) -> str:
         """Markup of the second page; `slot` is the face's place in the vertex' ring. On the background's thread."""
         views = known.face_views.get(face, [])
         if len(views) < 2:
             return "<div class='note'>Fewer than two photos see this face well enough.</div>"
-        first, second = chosen_pair(views, view.pair)
+        first, second = chosen_pair(views, cells_view.pair)
         i, j = (self._scene.views[v] for v in (first, second))
         names = [text(i.name), text(j.name)]
         picks = "".join(
@@ -185,13 +185,13 @@ class PhotoPages:
         return {when: face_pair(photos, (i, j), c, window, affine) for when, c in corners.items()}
 
     def enlarged_pair(
-        self, known: VertexInPhotos, face: int, slot: int, view: CellsView, affine: bool, kind: str, side: int
+        self, known: VertexInPhotos, face: int, slot: int, cells_view: CellsView, affine: bool, kind: str, side: int
     ) -> str:
         """Markup of one of the pair's pictures for the lens; `kind` is of `PAIR_KINDS`. On the background's thread."""
         views = known.face_views.get(face, [])
         if len(views) < 2:
             return ""
-        first, second = chosen_pair(views, view.pair)
+        first, second = chosen_pair(views, cells_view.pair)
         pairs, (when, picture) = self._face_pairs(known, slot, (first, second), affine, side), kind.split()
         if not pairs:
             return _BEHIND

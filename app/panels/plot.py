@@ -64,16 +64,16 @@ class Plot:
         self._series: dict[str, tuple[object, Series]] = {}
         self._shown: object = None
 
-    def show(self, state: RunState, view: PageState) -> None:
-        plot = view.plot
-        vertex = view.selected if plot.of_vertex else None
-        compared = look_up(view.reference, state)
+    def show(self, state: RunState, page_state: PageState) -> None:
+        plot = page_state.plot
+        vertex = page_state.selected if plot.of_vertex else None
+        compared = look_up(page_state.reference, state)
         reference = None if compared is None else (compared.run.run_id, compared.run.length, compared.moment)
-        key = (state.run_id, state.length, state.moment, plot, vertex, view.selected, reference)
+        key = (state.run_id, state.length, state.moment, plot, vertex, page_state.selected, reference)
         if key == self._shown:
             return
         self._shown = key
-        chips = self._chips(plot, view.selected)
+        chips = self._chips(plot, page_state.selected)
         if state.length == 0:
             self._panel.set(chips + _empty("It appears here with the first step."))
             return

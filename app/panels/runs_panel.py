@@ -31,20 +31,20 @@ class RunsPanel:
         self._errors: dict[int, tuple[int, str]] = {}
         self._panel = HtmlPanel(gui)
 
-    def show(self, state: RunState, view: PageState) -> None:
+    def show(self, state: RunState, page_state: PageState) -> None:
         knows_truth = self._scene.truth is not None and self._scene.truth.vertices is not None
         error = (
             "<th class='n' title='Distance to the truth, of what photos determine: rms in % of the diagonal'>error</th>"
         )
-        rows = "".join(self._row(run, state, view, knows_truth) for run in state.runs)
+        rows = "".join(self._row(run, state, page_state, knows_truth) for run in state.runs)
         self._panel.set(
-            f"<div class='row'>{self._comparison(state, view)}</div>"
+            f"<div class='row'>{self._comparison(state, page_state)}</div>"
             f"<div class='scroll'><table class='runs'><tr><th>run</th><th>options</th><th class='n'>steps</th>"
             "<th class='n' title='Energies of runs with other cells or dimensions do not compare'>energy</th>"
             f"{error if knows_truth else ''}<th></th></tr>{rows}</table></div>"
         )
 
-    def _comparison(self, state: RunState, view: PageState) -> str:
+    def _comparison(self, state: RunState, page_state: PageState) -> str:
         race = button(
             "Race the presets",
             self._press.race,
@@ -54,7 +54,7 @@ class RunsPanel:
         mark = button(
             "Now is A", self._press.mark, hint="Compare with the present moment from now on (C)", css_class="small"
         )
-        compared = look_up(view.reference, state)
+        compared = look_up(page_state.reference, state)
         if compared is None:
             return f"<span class='grow dim'>Choose {A} to compare with.</span>{mark}{race}"
         apart = 100 * distances(compared, state.vertices) / self._scene.mesh.diagonal
@@ -66,9 +66,9 @@ class RunsPanel:
             f"most {_percent(apart.max())}</span></span>{back}{clear}{mark}{race}"
         )
 
-    def _row(self, run: RunInfo, state: RunState, view: PageState, knows_truth: bool) -> str:
+    def _row(self, run: RunInfo, state: RunState, page_state: PageState, knows_truth: bool) -> str:
         at_hand = run.run_id == state.run_id
-        is_reference = view.reference is not None and view.reference.run_id == run.run_id
+        is_reference = page_state.reference is not None and page_state.reference.run_id == run.run_id
         number_of = str(run.run_id)
         name = button(
             run.name,

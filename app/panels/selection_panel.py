@@ -32,11 +32,13 @@ class SelectionPanel:
         )  # fmt: skip
         self._panel = HtmlPanel(gui)
 
-    def show(self, state: RunState, view: PageState) -> None:
-        if view.selection != self._shown:
-            self._shown = view.selection
-            self._line.write(list_vertices(view.selection.vertices))
-        self._panel.set(_NOTHING if view.selected is None else self._chosen(state, view.selection, view.selected))
+    def show(self, state: RunState, page_state: PageState) -> None:
+        if page_state.selection != self._shown:
+            self._shown = page_state.selection
+            self._line.write(list_vertices(page_state.selection.vertices))
+        self._panel.set(
+            _NOTHING if page_state.selected is None else self._chosen(state, page_state.selection, page_state.selected)
+        )
 
     def _chosen(self, state: RunState, selection: Selection, current: int) -> str:
         others = len(selection.vertices) - 1

@@ -25,13 +25,14 @@ class Status:
         self._panel = HtmlPanel(gui)
         self._energies, self._to_beginning = energies, to_beginning
 
-    def show(self, state: RunState, view: PageState) -> None:
+    def show(self, state: RunState, page_state: PageState) -> None:
         record = state.record
         outcome = "no step yet" if record is None else step_outcome(record)
         reason = "\u00a0" if state.is_moving or state.reason == outcome else _sentence(state.reason)
         color = "selected" if state.reason.startswith("breakpoint") else "rejected" if state.problem else "dim"
         self._panel.set(
-            f"<div class='pinned'><div class='row'><span class='big'>{_headline(state, view)}</span><span class='grow'></span>"
+            f"<div class='pinned'><div class='row'><span class='big'>{_headline(state, page_state)}</span>"
+            f"<span class='grow'></span>"
             f"<span class='dim'>{_speed(state)}</span></div>"
             f"<div class='crumbs row'>{self._crumbs(state)}</div>"
             f"<div>{self._energy(state)}</div>"
@@ -79,9 +80,9 @@ class Status:
         )
 
 
-def _headline(state: RunState, view: PageState) -> str:
-    if view.looks_at is not None:
-        return f"Running · a look at moment {view.looks_at}"
+def _headline(state: RunState, page_state: PageState) -> str:
+    if page_state.looks_at is not None:
+        return f"Running · a look at moment {page_state.looks_at}"
     if state.activity is Activity.PAUSED and state.finished:
         return "Finished"
     return state.activity.value.capitalize()

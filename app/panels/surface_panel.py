@@ -8,7 +8,7 @@ from app.debugger.run_state import RunState
 from app.page_state.page_state import NOW_SHAPE, START_SHAPE, SURFACES, TRUE_SHAPE, PageState
 from app.panels.choice import choice
 from app.pictures.coloring import COLORINGS, available_colorings
-from app.pictures.texturer import MOST_FACES, MOST_FACES_BY_EYE
+from app.pictures.texturer import MOST_FACES, MOST_FACES_VIEW_DEPENDENT
 from app.viser_bridge.html_panel import HtmlPanel
 from app.viser_bridge.synced_widget import Followed
 from fairing.errors import InputError
@@ -91,27 +91,27 @@ class SurfacePanel:
         )
         self._followed = Followed(slider, guarded(buttons.choose_shape))
 
-    def show(self, state: RunState, view: PageState) -> None:
+    def show(self, state: RunState, page_state: PageState) -> None:
         press = self._buttons.press_surface
-        how = choice({name: (label, press[name]) for name, label in SURFACES.items()}, view.surface, "Surface")
+        how = choice({name: (label, press[name]) for name, label in SURFACES.items()}, page_state.surface, "Surface")
         textures = {by_eye: (TEXTURES[by_eye], js) for by_eye, js in self._buttons.press_texture.items()}
-        texture = view.by_eye if view.surface == "textured" else None
+        texture = page_state.by_eye if page_state.surface == "textured" else None
         colors = {name: (COLORINGS[name].label, press[name]) for name in press if name in COLORINGS}
         shapes = {shape: (SHAPES[shape], js) for shape, js in self._buttons.press_shape.items()}
         self._panel.set(
             f"<h4>Surface</h4>{how}<div class='dim note'>texture</div>{choice(textures, texture, 'Texture')}{self._note}"
-            f"<div class='dim note'>coloured by</div>{choice(colors, view.surface, 'Coloured by')}"
-            f"<div class='dim note'>as it is</div>{choice(shapes, view.shape, 'Shape')}"
+            f"<div class='dim note'>coloured by</div>{choice(colors, page_state.surface, 'Coloured by')}"
+            f"<div class='dim note'>as it is</div>{choice(shapes, page_state.shape, 'Shape')}"
         )
-        self._followed.follow(view.shape)
+        self._followed.follow(page_state.shape)
 
 
 def limit_note(n_faces: int) -> str:
     """Which texture a mesh of so many faces is too fine for, if any."""
     if n_faces > MOST_FACES:
         what, most = "Textures hold", MOST_FACES
-    elif n_faces > MOST_FACES_BY_EYE:
-        what, most = "A texture by the eye holds", MOST_FACES_BY_EYE
+    elif n_faces > MOST_FACES_VIEW_DEPENDENT:
+        what, most = "A texture by the eye holds", MOST_FACES_VIEW_DEPENDENT
     else:
         return ""
     return f"<div class='note'>{what} at most {most:,} faces; this mesh has {n_faces:,}.</div>".replace(",", "\u2009")

@@ -50,7 +50,7 @@ class Timeline:
                 self._moved = time.monotonic()
                 on_jump(self._slider.value)
 
-    def show(self, state: RunState, view: PageState) -> None:
+    def show(self, state: RunState, page_state: PageState) -> None:
         last = max(1, state.length)
         if self._slider.max != last:
             self._slider.max = last
@@ -62,10 +62,12 @@ class Timeline:
             self._marks = marks
             self._slider._marks = marks
         self._history.update(state)
-        self._panel.set(f"<div class='row tools'>{self._buttons(state, view)}</div>{self._picture(state, view)}")
+        self._panel.set(
+            f"<div class='row tools'>{self._buttons(state, page_state)}</div>{self._picture(state, page_state)}"
+        )
 
-    def _buttons(self, state: RunState, view: PageState) -> str:
-        if view.looks_at is not None:
+    def _buttons(self, state: RunState, page_state: PageState) -> str:
+        if page_state.looks_at is not None:
             player = button(
                 "Follow live",
                 self._press.follow,
@@ -85,22 +87,24 @@ class Timeline:
                 f"×{'½' if speed == 0.5 else f'{speed:g}'}",
                 self._press.speed(str(k)),
                 hint=f"Play {speed * MOMENTS_PER_SECOND:g} moments a second",
-                css_class="small on" if speed == view.speed else "small",
+                css_class="small on" if speed == page_state.speed else "small",
             )
             for k, speed in enumerate(SPEEDS)
         )
         kinds = "".join(
-            button(kind, self._press.kind(str(k)), hint=hint, css_class="small on" if kind == view.strip else "small")
+            button(
+                kind, self._press.kind(str(k)), hint=hint, css_class="small on" if kind == page_state.strip else "small"
+            )
             for k, (kind, hint) in enumerate(KINDS.items())
         )
-        return f"{player}{speeds}<span class='grow'></span>{self._moves(state, view)}<span class='grow'></span>{kinds}"
+        return f"{player}{speeds}<span class='grow'></span>{self._moves(state, page_state)}<span class='grow'></span>{kinds}"
 
-    def _moves(self, state: RunState, view: PageState) -> str:
-        enabled = view.selected is not None and state.length > 0
+    def _moves(self, state: RunState, page_state: PageState) -> str:
+        enabled = page_state.selected is not None and state.length > 0
         moves = (
             "<span class='dim'>Moves</span>"
-            if view.selected is None
-            else f"<span class='dim' style='white-space:nowrap' title='Moves of this vertex'>v {view.selected}</span>"
+            if page_state.selected is None
+            else f"<span class='dim' style='white-space:nowrap' title='Moves of this vertex'>v {page_state.selected}</span>"
         )
         before, after = (
             button(
@@ -118,7 +122,7 @@ class Timeline:
         )
         return f"{moves}{before}{after}"
 
-    def _picture(self, state: RunState, view: PageState) -> str:
+    def _picture(self, state: RunState, page_state: PageState) -> str:
         if state.length == 0:
             return "<div class='strip'></div>"
         cursor = 100 * state.moment / state.length
@@ -129,8 +133,8 @@ class Timeline:
         )
         return (
             f"<div class='strip' role='img' aria-label='What happened' onpointerdown=\"{text(press)}\" "
-            f"title='{text(KINDS[view.strip])} Click to go there.'>"
-            f"<img src='{data_uri(self._history.picture(view.strip))}' alt=''>{self._ticks(state)}"
+            f"title='{text(KINDS[page_state.strip])} Click to go there.'>"
+            f"<img src='{data_uri(self._history.picture(page_state.strip))}' alt=''>{self._ticks(state)}"
             f"<i style='left:{cursor:.2f}%'></i></div>"
         )
 

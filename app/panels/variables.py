@@ -26,11 +26,11 @@ class Variables:
         self._panel = HtmlPanel(gui)
         self._shown: object = None
 
-    def show(self, state: RunState, view: PageState) -> None:
-        key = (state.serial, view.selected)
+    def show(self, state: RunState, page_state: PageState) -> None:
+        key = (state.serial, page_state.selected)
         if key != self._shown:
             self._shown = key
-            self._panel.set("" if view.selected is None else self._content(state, view.selected))
+            self._panel.set("" if page_state.selected is None else self._content(state, page_state.selected))
 
     def _content(self, state: RunState, vertex: int) -> str:
         moved = float(np.linalg.norm(state.vertices[vertex] - state.trace.start[vertex]))

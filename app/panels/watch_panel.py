@@ -42,7 +42,7 @@ class WatchPanel:
         self,
         gui: viser.GuiApi,
         scene: Scene,
-        view: PageState,
+        page_state: PageState,
         controls: WatchControls,
         bridge: Bridge,
         republish: Callable[[], None],
@@ -52,7 +52,7 @@ class WatchPanel:
 
         def add(expression: str) -> None:
             try:
-                view.watches = with_watch(view.watches, understand_watch(expression, scene))
+                page_state.watches = with_watch(page_state.watches, understand_watch(expression, scene))
             except InputError:
                 line.write(expression)
                 raise
@@ -61,9 +61,9 @@ class WatchPanel:
         line = Line(gui, bridge, "Watch", "Such as energy / 1000, moved(0) or 100 * weakest. Enter adds it.", add)
         self._panel = HtmlPanel(gui)
 
-    def show(self, state: RunState, view: PageState) -> None:
-        self._series = {watch.text: self._series.get(watch.text) or watch_series(watch) for watch in view.watches}
-        self._panel.set("".join(self._row(n, watch, state) for n, watch in enumerate(view.watches)))
+    def show(self, state: RunState, page_state: PageState) -> None:
+        self._series = {watch.text: self._series.get(watch.text) or watch_series(watch) for watch in page_state.watches}
+        self._panel.set("".join(self._row(n, watch, state) for n, watch in enumerate(page_state.watches)))
 
     def _row(self, n: int, watch: Condition, state: RunState) -> str:
         series = self._series[watch.text]

@@ -20,9 +20,12 @@ from fairing.texture.eigen import GUTTER
 
 JPEG_QUALITY = 92
 LARGEST = 2048  # texels: what a browser unpacks within a second even without a graphics card
-LARGEST_BY_EYE = 1024  # texels: sent anew several times a second
-MOST_FACES, MOST_FACES_BY_EYE = AtlasLayout.most_faces(LARGEST), AtlasLayout.most_faces(LARGEST_BY_EYE, GUTTER)
-KEPT_BY_EYE = 3  # these hold their eigenspaces, up to 50 MB each
+LARGEST_VIEW_DEPENDENT = 1024  # texels: sent anew several times a second
+MOST_FACES, MOST_FACES_VIEW_DEPENDENT = (
+    AtlasLayout.most_faces(LARGEST),
+    AtlasLayout.most_faces(LARGEST_VIEW_DEPENDENT, GUTTER),
+)
+KEPT_VIEW_DEPENDENT = 3  # these hold their eigenspaces, up to 50 MB each
 KEPT = 8  # painted meshes, so that going back and forth between shapes paints nothing again
 
 
@@ -40,7 +43,7 @@ class TexturedMesh:
 
 
 @dataclass(frozen=True, eq=False)
-class EyeTexturedMesh:
+class ViewDependentMesh:
     """A mesh painted for every eye.
 
     Attributes:
@@ -59,7 +62,7 @@ class EyeTexturedMesh:
         return TexturedMesh(self.vertices, _glb(self.corners, self.texture.layout.uv, image))
 
 
-Painted = TypeVar("Painted", TexturedMesh, EyeTexturedMesh)
+Painted = TypeVar("Painted", TexturedMesh, ViewDependentMesh)
 
 
 class Painter(Generic[Painted]):
@@ -133,16 +136,16 @@ class Texturer:
     def __init__(self, scene: Scene, stage: Stage, on_ready: Callable[[], None]) -> None:
         self._scene, self._stage = scene, stage
         self.static = Painter(lambda vertices: paint(scene, stage, vertices), KEPT, on_ready)
-        self.by_eye = Painter(self._paint_by_eye, KEPT_BY_EYE, on_ready)
+        self.view_dependent = Painter(self._paint_view_dependent, KEPT_VIEW_DEPENDENT, on_ready)
         self.frames = Background(lambda: None)
 
     def close(self) -> None:
-        for worker in (self.static, self.by_eye, self.frames):
+        for worker in (self.static, self.view_dependent, self.frames):
             worker.close()
 
-    def _paint_by_eye(self, vertices: np.ndarray) -> EyeTexturedMesh:
-        texture = eigen_texture(self._scene, vertices, LARGEST_BY_EYE)
-        return EyeTexturedMesh(vertices, texture, _corners(self._scene, self._stage, vertices))
+    def _paint_view_dependent(self, vertices: np.ndarray) -> ViewDependentMesh:
+        texture = eigen_texture(self._scene, vertices, LARGEST_VIEW_DEPENDENT)
+        return ViewDependentMesh(vertices, texture, _corners(self._scene, self._stage, vertices))
 
 
 def paint(scene: Scene, stage: Stage, vertices: np.ndarray) -> TexturedMesh:

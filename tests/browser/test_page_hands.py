@@ -116,13 +116,13 @@ def test_a_vertex_is_dragged_and_the_move_is_part_of_the_record(visitor: Visitor
     visitor.click_vertex(0)
     visitor.page.get_by_text("Drag the yellow ball").wait_for()
     x, y = visitor.drawn_at(0) + corner
-    visitor.page.wait_for_function("() => window.__viserMutable.nodeRefFromName['/grip/ball']?.visible")
+    visitor.page.wait_for_function("() => window.__viserMutable.nodeRefFromName['/drag_handle/ball']?.visible")
     before = controller.state.serial
     visitor.page.mouse.move(x, y)
     visitor.page.mouse.down()
     visitor.page.mouse.move(x + 12, y + 4)
     visitor.page.mouse.move(x + 24, y + 8)
-    visitor.page.wait_for_function("() => window.__viserMutable.nodeRefFromName['/grip/edges']?.visible")
+    visitor.page.wait_for_function("() => window.__viserMutable.nodeRefFromName['/drag_handle/edges']?.visible")
     visitor.page.mouse.up()
     state = visitor.settle(before)
     assert (state.moment, state.length) == (began.length + 1, began.length + 1)
@@ -144,7 +144,7 @@ def test_locked_vertices_are_drawn_as_blocks_and_cannot_be_taken(visitor: Visito
     state = visitor.press("Lock")
     assert np.flatnonzero(state.locked).tolist() == [2, 4]
     visitor.page.wait_for_function("() => window.__viserMutable.nodeRefFromName['/vertices/locked']?.visible")
-    visitor.page.wait_for_function("() => !window.__viserMutable.nodeRefFromName['/grip/ball']?.visible")
+    visitor.page.wait_for_function("() => !window.__viserMutable.nodeRefFromName['/drag_handle/ball']?.visible")
     visitor.page.get_by_text("drawn as a block").wait_for()
     visitor.click_vertex(2)
     wait_for(lambda: selected(visitor) == [2])

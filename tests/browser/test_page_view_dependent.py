@@ -23,7 +23,7 @@ def texture_in_sight(visitor: Visitor) -> tuple[str, np.ndarray] | None:
     """The name of the painted mesh in sight and its texture, made small (32, 32, 3)."""
     found = visitor.page.evaluate(
         """() => {
-            for (const name of ['by_eye', 'textured_now']) for (const side of ['a', 'b']) {
+            for (const name of ['view_dependent', 'textured_now']) for (const side of ['a', 'b']) {
                 const node = window.__viserMutable.nodeRefFromName[`/mesh/${name}_${side}`];
                 let image = null, seen = Boolean(node);
                 node?.traverse?.(part => { image = image ?? part.material?.map?.image ?? null; });
@@ -64,14 +64,14 @@ def look_from(visitor: Visitor, view_id: int) -> None:
 def test_the_texture_follows_the_eye_until_it_is_switched_off(visitor: Visitor):
     static = sees(visitor, "textured_now")
     visitor.button("Texture: By the eye").click()
-    first = sees(visitor, "by_eye")
+    first = sees(visitor, "view_dependent")
     look_from(visitor, 0)
-    wait_for(lambda: np.abs(sees(visitor, "by_eye") - first).max() > 2)
+    wait_for(lambda: np.abs(sees(visitor, "view_dependent") - first).max() > 2)
     visitor.page.keyboard.press("-")
     assert np.array_equal(sees(visitor, "textured_now"), static)
     look_from(visitor, 3)
     visitor.page.keyboard.press("-")
-    sees(visitor, "by_eye")
+    sees(visitor, "view_dependent")
     visitor.button("Texture: Static").click()
     assert np.array_equal(sees(visitor, "textured_now"), static)
     assert visitor.troubles == []
@@ -79,13 +79,13 @@ def test_the_texture_follows_the_eye_until_it_is_switched_off(visitor: Visitor):
 
 def test_a_step_shows_the_static_texture_until_the_new_shape_is_painted(visitor: Visitor):
     visitor.button("Texture: By the eye").click()
-    sees(visitor, "by_eye")
+    sees(visitor, "view_dependent")
     before = visitor.app.controller.state.vertices
     assert visitor.press("Step one iteration").vertices is not before
-    sees(visitor, "by_eye")
-    by_eye = next(iter(visitor.app._pages.values()))._surface._by_eye
+    sees(visitor, "view_dependent")
+    view_dependent = next(iter(visitor.app._pages.values()))._surface._view_dependent
     now = visitor.app.controller.state.vertices
-    wait_for(lambda: getattr(by_eye.turns.shown, "vertices", None) is now)
+    wait_for(lambda: getattr(view_dependent.turns.shown, "vertices", None) is now)
     visitor.button("Texture: Static").click()
     sees(visitor, "textured_now")
     assert visitor.troubles == []

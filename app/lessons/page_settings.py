@@ -10,7 +10,7 @@ AT_MESH, AT_FRONT, AT_CAMERAS = "mesh", "front", "cameras"
 
 
 @dataclass(frozen=True)
-class Look:
+class PageSettings:
     """Attributes:
     vertices: selected, the current one last.
     face: whose cells are shown.
@@ -35,24 +35,28 @@ class Look:
     cells: dict[str, object] = field(default_factory=dict)
     layers: dict[str, bool] = field(default_factory=dict)
 
-    def set_in(self, view: PageState) -> None:
+    def set_in(self, page_state: PageState) -> None:
         """Make a view show it, but for eye, comparison, tab and heading, which are not the view's alone."""
         if self.vertices is not None:
-            view.selection = Selection(self.vertices)
+            page_state.selection = Selection(self.vertices)
         if self.face is not None or self.vertices is not None:
-            view.face = self.face
+            page_state.face = self.face
         for name, value in self.settings.items():
-            setattr(view, name, value)
-        view.cells = replace(view.cells, **self.cells)  # pyright: ignore[reportArgumentType] - checked on reading
-        view.shown.update(self.layers)
+            setattr(page_state, name, value)
+        page_state.cells = replace(page_state.cells, **self.cells)  # pyright: ignore[reportArgumentType] - checked on reading
+        page_state.shown.update(self.layers)
 
-    def is_seen_in(self, view: PageState) -> bool:
+    def is_seen_in(self, page_state: PageState) -> bool:
         """Whether a view shows what the lesson speaks of: the vertices, the face, the photo and the surface."""
-        wanted = PageState(selection=view.selection, face=view.face, cells=view.cells, shown=dict(view.shown))
-        wanted.surface, wanted.shape = view.surface, view.shape
+        wanted = PageState(
+            selection=page_state.selection, face=page_state.face, cells=page_state.cells, shown=dict(page_state.shown)
+        )
+        wanted.surface, wanted.shape = page_state.surface, page_state.shape
         self.set_in(wanted)
-        same = all(getattr(wanted, name) == getattr(view, name) for name in ("selection", "face", "surface", "shape"))
-        return same and wanted.cells.page == view.cells.page
+        same = all(
+            getattr(wanted, name) == getattr(page_state, name) for name in ("selection", "face", "surface", "shape")
+        )
+        return same and wanted.cells.page == page_state.cells.page
 
 
-LookChange = Callable[[Look], Look]
+SettingsChange = Callable[[PageSettings], PageSettings]

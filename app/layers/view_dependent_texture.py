@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import viser
 
-from app.pictures.texturer import EyeTexturedMesh, TexturedMesh, Texturer
+from app.pictures.texturer import TexturedMesh, Texturer, ViewDependentMesh
 from app.stage import Stage
 from app.viser_bridge.mesh_swap import TakingTurns
 
@@ -15,7 +15,7 @@ UNPACK_SECONDS = 0.3  # at most 1024 texels: three textures a second
 LEAST_TURN = np.radians(0.3)  # as seen from the middle of the mesh
 
 
-class ByEye:
+class ViewDependentTexture:
     """One texture at a time is made and unpacked; when it is in sight, the next one is for where the eye is by then.
 
     So a browser is never sent more than it can unpack, and the last texture is always the one for the last eye.
@@ -26,16 +26,16 @@ class ByEye:
     ) -> None:
         self._client, self._stage, self._texturer, self._on_first = client, stage, texturer, on_first
         self._lock = threading.Lock()
-        self._mesh: EyeTexturedMesh | None = None
+        self._mesh: ViewDependentMesh | None = None
         self._is_under_way = False
-        self._drawn: tuple[EyeTexturedMesh, np.ndarray] | None = None
+        self._drawn: tuple[ViewDependentMesh, np.ndarray] | None = None
         self._arrived_at: np.ndarray | None = None
-        self.turns = TakingTurns(client, "/mesh/by_eye", self._arrived, UNPACK_SECONDS)
+        self.turns = TakingTurns(client, "/mesh/view_dependent", self._arrived, UNPACK_SECONDS)
         client.camera.on_update(lambda _: self._advance())
 
     def show(self, vertices: np.ndarray) -> TakingTurns | None:
         """Follow the eye with the mesh at (n, 3); what can be in sight, None as long as it is being painted."""
-        mesh = self._texturer.by_eye.painted(self, vertices)
+        mesh = self._texturer.view_dependent.painted(self, vertices)
         with self._lock:
             self._mesh = mesh
         self._advance()
@@ -62,7 +62,7 @@ class ByEye:
         world = self._stage.world_from_page(eye)
         self._texturer.frames.post(self, lambda: mesh.seen_from(world), self._send)
 
-    def _is_news(self, mesh: EyeTexturedMesh, eye: np.ndarray) -> bool:
+    def _is_news(self, mesh: ViewDependentMesh, eye: np.ndarray) -> bool:
         if self._drawn is None or self._drawn[0] is not mesh:
             return True
         before = self._drawn[1]

@@ -3,12 +3,12 @@
 from collections.abc import Callable
 
 from app.debugger.run_state import RunState
-from app.lessons.look import Look
+from app.lessons.page_settings import PageSettings
 from app.lessons.player import Player
 from app.page_state.page_state import PageState
 
 
-class Guide:
+class SettingsApplier:
     """Touches the page once a step; what users change afterwards stays as they have it.
 
     Args:
@@ -26,22 +26,22 @@ class Guide:
     ) -> None:
         self._player, self._lead_eye = player, lead_eye
         self._show_tab, self._show_heading = show_tab, show_heading
-        self._last = Look()
+        self._last = PageSettings()
 
-    def show(self, state: RunState, view: PageState) -> None:
+    def show(self, state: RunState, page_state: PageState) -> None:
         """To be called before the layers and panels are shown."""
-        due = self._player.take_look()
+        due = self._player.take_settings()
         if due is None:
             return
-        look, again = due
-        look.set_in(view)
-        reference = self._player.reference(look)
-        if look.compared == "" or reference is not None:
-            view.reference = reference
-        if look.eye is not None and (again or look.eye != self._last.eye):
-            self._lead_eye(look.eye)
-        if look.tab is not None and (again or look.tab != self._last.tab):
-            self._show_tab(look.tab)
-        if look.heading is not None:  # at every step: while the engine worked, the panel may have been drawn anew
-            self._show_heading(look.heading)
-        self._last = look
+        settings, again = due
+        settings.set_in(page_state)
+        reference = self._player.reference(settings)
+        if settings.compared == "" or reference is not None:
+            page_state.reference = reference
+        if settings.eye is not None and (again or settings.eye != self._last.eye):
+            self._lead_eye(settings.eye)
+        if settings.tab is not None and (again or settings.tab != self._last.tab):
+            self._show_tab(settings.tab)
+        if settings.heading is not None:  # at every step: while the engine worked, the panel may have been drawn anew
+            self._show_heading(settings.heading)
+        self._last = settings

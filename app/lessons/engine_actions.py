@@ -8,7 +8,7 @@ from fairing.options import FairingOptions
 
 
 @dataclass(frozen=True)
-class Put:
+class PlaceVertex:
     """A vertex is put by hand so far from its true place (dx, dy, dz), world units."""
 
     vertex: int
@@ -16,16 +16,16 @@ class Put:
 
 
 @dataclass(frozen=True)
-class Start:
+class StartRun:
     """A run from the start, named; one that was made before with these options serves again."""
 
     name: str
     options: FairingOptions
-    puts: tuple[Put, ...] = ()
+    puts: tuple[PlaceVertex, ...] = ()
 
 
 @dataclass(frozen=True)
-class GoOn:
+class Continue:
     """A branch of the run at hand, named, that goes on from here with some options changed, by their paths."""
 
     name: str
@@ -40,19 +40,19 @@ class Advance:
 
 
 @dataclass(frozen=True)
-class Contest:
+class RacedRuns:
     """Two named runs from the start, in turn, each for as long as the other has computed."""
 
-    first: Start
-    second: Start
+    first: StartRun
+    second: StartRun
 
 
 @dataclass(frozen=True)
-class Take:
+class SwitchRun:
     """A run of this lesson to hand: at its start (0), at its end (-1), or where it stands (None)."""
 
     name: str
     moment: int | None = None
 
 
-Work = Start | GoOn | Put | Advance | Contest | Take
+EngineAction = StartRun | Continue | PlaceVertex | Advance | RacedRuns | SwitchRun

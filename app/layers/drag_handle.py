@@ -18,7 +18,7 @@ LARGER = 2.1  # than the mark of a vertex
 MAX_PREVIEW = 3000  # edges that follow the hand
 
 
-class GripLayer:
+class DragHandleLayer:
     """Sits on the current vertex unless that is locked; all selected vertices move with it, parallel to the window.
 
     Args:
@@ -45,12 +45,20 @@ class GripLayer:
         self._grabbed: np.ndarray | None = None
         self._taken_at = np.zeros(3)
         self._ball = client.scene.add_mesh_simple(
-            "/grip/ball", *ball(2), color=SELECTED, opacity=0.45, cast_shadow=False, receive_shadow=False, visible=False
+            "/drag_handle/ball",
+            *ball(2),
+            color=SELECTED,
+            opacity=0.45,
+            cast_shadow=False,
+            receive_shadow=False,
+            visible=False,
         )
         nothing = np.zeros((1, 2, 3), dtype=np.float32)
         lines = client.scene.add_line_segments
-        self._edges = lines("/grip/edges", nothing, SELECTED, thickness=2.0, thickness_units="screen", visible=False)
-        self._way = lines("/grip/way", nothing, HAND, thickness=2.0, thickness_units="screen", visible=False)
+        self._edges = lines(
+            "/drag_handle/edges", nothing, SELECTED, thickness=2.0, thickness_units="screen", visible=False
+        )
+        self._way = lines("/drag_handle/way", nothing, HAND, thickness=2.0, thickness_units="screen", visible=False)
 
         def clicked(event: viser.SceneNodePointerEvent) -> None:
             # The ball may still be drawn where it was when the user aimed at it, so its place does not tell the vertex.
@@ -69,17 +77,17 @@ class GripLayer:
 
         self._ball.on_drag("left")(dragged)
 
-    def show(self, state: RunState, view: PageState) -> None:
+    def show(self, state: RunState, page_state: PageState) -> None:
         if self._grabbed is not None:
             return
         self._points = self._stage.page_from_world(state.vertices)
-        current = view.selected
-        is_visible = current is not None and not state.locked[current] and view.shows("vertices")
+        current = page_state.selected
+        is_visible = current is not None and not state.locked[current] and page_state.shows("vertices")
         if current is not None:
-            chosen = np.array(view.selection.vertices)
+            chosen = np.array(page_state.selection.vertices)
             self._selected = chosen[~state.locked[chosen]]
             self._ball.position = self._points[current]
-            self._ball.scale = self._radius * (0.6 if view.entered is not None else 1)
+            self._ball.scale = self._radius * (0.6 if page_state.entered is not None else 1)
         self._ball.visible = is_visible
 
     def _drag(self, phase: str, offset: np.ndarray) -> None:

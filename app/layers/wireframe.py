@@ -16,7 +16,7 @@ COARSE = 200  # edges: fewer than these are drawn thicker
 APART = 0.001 * SIZE  # lines nearer than this would only flicker through each other
 
 
-class Wire:
+class Wireframe:
     """The edges of a mesh in one colour."""
 
     def __init__(
@@ -45,24 +45,26 @@ class Wire:
         self._lines.visible = visible
 
 
-class WiresLayer:
+class WireframeLayer:
     """Start green, now red, truth blue."""
 
     def __init__(self, client: viser.ClientHandle, stage: Stage, scene: Scene) -> None:
         self._follows_a_run = len(scene.mesh.edges) <= MAX_RUNNING_EDGES
         thickness = 2.0 if len(scene.mesh.edges) < COARSE else 1.2
-        self._start = Wire(client, stage, "/mesh/before", scene.mesh, START, thickness)
-        self._now = Wire(client, stage, "/mesh/now_edges", scene.mesh, NOW, thickness)
+        self._start = Wireframe(client, stage, "/mesh/before", scene.mesh, START, thickness)
+        self._now = Wireframe(client, stage, "/mesh/now_edges", scene.mesh, NOW, thickness)
         self._truth = (
-            Wire(client, stage, "/mesh/truth", scene.truth.surface, TRUTH, 1.5) if scene.truth is not None else None
+            Wireframe(client, stage, "/mesh/truth", scene.truth.surface, TRUTH, 1.5)
+            if scene.truth is not None
+            else None
         )
 
-    def show(self, state: RunState, view: PageState) -> None:
+    def show(self, state: RunState, page_state: PageState) -> None:
         follows = self._follows_a_run or not state.is_moving
         if follows:
             self._start.move(state.trace.start, unless_at=state.vertices)
             self._now.move(state.vertices)
-        self._start.set_visible(view.shows("start") and follows)
-        self._now.set_visible(view.shows("now") and follows)
+        self._start.set_visible(page_state.shows("start") and follows)
+        self._now.set_visible(page_state.shows("now") and follows)
         if self._truth is not None:
-            self._truth.set_visible(view.shows("truth"))
+            self._truth.set_visible(page_state.shows("truth"))

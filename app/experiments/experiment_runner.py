@@ -58,7 +58,7 @@ class Outcome:
         return self.seconds / len(self.rows) * (len(self.record.cases) - len(self.rows))
 
 
-class Desk:
+class ExperimentRunner:
     """Starts and cancels experiments on the scene at hand, in processes of their own.
 
     Args:
