@@ -177,15 +177,15 @@ def page_over_headless(scene: Scene, browser: Browser) -> tuple[float, float]:
     app = start(watched, port=0)
     try:
         visitor = Visitor(browser, app)
-        app.debugger.controller.post(Forward(Extent.ITERATION))
-        app.debugger.controller.wait_until_idle(120)
-        app.debugger.controller.edit_breakpoints(lambda b: b.added(f"moment == {SAME_STEPS + 1}"))
+        app.controller.post(Forward(Extent.ITERATION))
+        app.controller.wait_until_idle(120)
+        app.controller.edit_breakpoints(lambda b: b.added(f"moment == {SAME_STEPS + 1}"))
         time.sleep(2)  # until the texture of the first step is painted
 
         def run() -> None:
-            app.debugger.controller.post(Run())
-            wait_for(lambda: app.debugger.controller.state.moment > 1, 600)
-            app.debugger.controller.wait_until_idle(600)
+            app.controller.post(Run())
+            wait_for(lambda: app.controller.state.moment > 1, 600)
+            app.controller.wait_until_idle(600)
 
         with_page, processor_with_page = costs(watched, run)
         assert len(watched.trace) == len(alone.trace)

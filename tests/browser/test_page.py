@@ -47,7 +47,7 @@ def visitor(module_visitor: Visitor):
 
 
 def page_vertices(app: App, moment: int) -> np.ndarray:
-    return app._shared.stage.page_from_world(app.debugger.controller.state.trace.vertices_at(moment))
+    return app._shared.stage.page_from_world(app.controller.state.trace.vertices_at(moment))
 
 
 def test_opens_paused_at_the_start(visitor: Visitor):

@@ -82,7 +82,7 @@ def test_the_first_lesson_is_read_with_the_mouse(visitor: Visitor):
             formula = page.locator(".lesson math[display=block]").bounding_box()
             assert formula is not None
             assert formula["height"] > 15
-    state = app.debugger.controller.wait_until_idle()
+    state = app.controller.wait_until_idle()
     visitor.sees_vertices(app._shared.stage.page_from_world(state.vertices))
     assert page_of(app).view.cells.page == "pair"
     visitor.button("Begin the next lesson").wait_for()
@@ -94,15 +94,15 @@ def test_a_walk_of_ones_own_is_noticed_and_the_lesson_resumed(visitor: Visitor):
     arrive(visitor, 0)
     page_of(app)._guard(player_of(app).go)(5)
     arrive(visitor, 5)
-    app.debugger.controller.post(JumpTo(0))
+    app.controller.post(JumpTo(0))
     visitor.button("Back to where this step was").wait_for()
-    assert app.debugger.controller.wait_until_idle().moment == 0
+    assert app.controller.wait_until_idle().moment == 0
     visitor.button("Back to where this step was").click()
     visitor.button("Back to where this step was").wait_for(state="hidden")
-    assert app.debugger.controller.wait_until_idle().moment == 1
+    assert app.controller.wait_until_idle().moment == 1
     page.keyboard.press("PageUp")
     arrive(visitor, 4)
-    assert app.debugger.controller.wait_until_idle().moment == 0
+    assert app.controller.wait_until_idle().moment == 0
 
 
 @pytest.mark.parametrize("name", CUBE_LESSONS[1:])
@@ -155,4 +155,4 @@ def test_runs_of_ones_own_are_not_left_unasked(visitor: Visitor):
     choose_lesson(visitor, "model")
     visitor.page.get_by_text("What was recorded on this one is left").wait_for()
     visitor.button("Stay here").click()
-    assert app.debugger.controller.scene.name == "occluded-cube"
+    assert app.controller.scene.name == "occluded-cube"

@@ -25,8 +25,8 @@ OPTIONS = FairingOptions(
 @pytest.fixture(scope="module")
 def app():
     app = start(Session(load_demo("cube"), OPTIONS), port=0)
-    app.debugger.controller.post(Forward(Extent.SWEEP))
-    app.debugger.controller.wait_until_idle()
+    app.controller.post(Forward(Extent.SWEEP))
+    app.controller.wait_until_idle()
     yield app
     app.stop()
 
