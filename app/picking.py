@@ -1,26 +1,12 @@
-"""Which vertices lie within a rectangle of the 3D view, or on a line of sight."""
+"""Picking: the vertices within a rectangle of the 3D view, and the one nearest to a ray."""
 
 import numpy as np
-import viser
-import viser.transforms
 
 from fairing.camera import Camera
 from fairing.geometry.rasterize import rasterize
 from fairing.mesh import Mesh
 
-HEIGHT = 540  # px: of the picture that decides what is hidden
-NEARER = 0.01  # relative depth: nearer than this to what is seen at its place, a vertex is seen
-
-
-def camera_of(client: viser.ClientHandle) -> Camera:
-    """The browser's camera, in page units, for a picture of moderate size."""
-    camera = client.camera
-    height = min(HEIGHT, int(camera.image_height))
-    width = max(1, round(height * camera.aspect))
-    focal = height / 2 / np.tan(camera.fov / 2)
-    K = np.array([[focal, 0, width / 2 - 0.5], [0, focal, height / 2 - 0.5], [0, 0, 1]])
-    camera_from_world = viser.transforms.SO3(np.asarray(camera.wxyz)).as_matrix().T
-    return Camera.from_krt(K, camera_from_world, -camera_from_world @ np.asarray(camera.position), width, height)
+VISIBLE_WITHIN = 0.01  # relative depth: a vertex this close to the rendered surface counts as visible
 
 
 def vertices_within(
@@ -35,8 +21,8 @@ def vertices_within(
 
     Args:
         vertices: (n, 3) float, in the camera's units.
-        low, high: corners of the rectangle, fractions of the picture from its top left.
-        see_through: also those that the surface hides.
+        low, high: corners of the rectangle, as fractions of the image from its top left.
+        see_through: also return vertices that the surface hides.
     """
     uv, depth = camera.project(vertices)
     size = np.array([camera.width, camera.height])
@@ -48,8 +34,8 @@ def vertices_within(
     face_id, seen_depth = rasterize(vertices, mesh.faces, camera)
     pixel = np.clip(np.rint(uv[ids]).astype(int), 0, size - 1)
     x, y = pixel[:, 0], pixel[:, 1]
-    seen = depth[ids] <= seen_depth[y, x] * (1 + NEARER)
-    # A vertex lies on an edge of what is drawn: faces of its own may begin a pixel beside it.
+    seen = depth[ids] <= seen_depth[y, x] * (1 + VISIBLE_WITHIN)
+    # A vertex on the silhouette: its own faces may begin one pixel beside it.
     for dx in (-1, 0, 1):
         for dy in (-1, 0, 1):
             near = face_id[np.clip(y + dy, 0, size[1] - 1), np.clip(x + dx, 0, size[0] - 1)]
@@ -58,7 +44,7 @@ def vertices_within(
 
 
 def nearest_to_ray(points: np.ndarray, origin: np.ndarray, direction: np.ndarray) -> int:
-    """The point of (n, 3) that lies nearest to a line of sight, as an angle."""
+    """Index of the point of (n, 3) with the smallest angle to a ray; origin and direction (3,), in the same unit."""
     offset = points - origin
     along = offset @ direction
     return int(np.argmax(along / np.maximum(np.linalg.norm(offset, axis=1), 1e-12)))

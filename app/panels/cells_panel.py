@@ -15,7 +15,7 @@ from app.panels.cell_table import cell_table
 from app.panels.photo_pages import PhotoPages
 from app.query_cache import QueryCache
 from app.viser_bridge.html_panel import HtmlPanel
-from app.viser_bridge.synced_widget import Followed
+from app.viser_bridge.synced_widget import SyncedSlider
 from fairing.scene import Scene
 
 
@@ -47,7 +47,7 @@ class CellsPanel:
             visible=False,
             hint="Look at the same cells with more or fewer eigenspace dimensions. The run keeps its own.",
         )
-        self._followed = Followed(self._k, guarded(controls.look_at_k))
+        self._followed = SyncedSlider(self._k, guarded(controls.look_at_k))
         self._body = HtmlPanel(gui)
         self._drawing: QueryCache[tuple, str] = QueryCache(background.post)
 

@@ -18,28 +18,9 @@ from app.page_state.page_state import PageState, PlotView
 from app.palette import NOW, REFERENCE, SELECTED, css
 from app.panels.plot_drawing import BOTTOM, HEIGHT, LEFT, RIGHT, TOP, WIDTH, Line, band, frame, line_at
 from app.ticks import log_ticks, ticks
-from app.viser_bridge.html_events import Bridge, whole_number
+from app.viser_bridge.html_events import Handler, HtmlEvents, choice_of, press
 from app.viser_bridge.html_panel import HtmlPanel
 from fairing.mesh import Mesh
-
-
-class PlotControls:
-    """JavaScript for the plot's chips."""
-
-    def __init__(
-        self, bridge: Bridge, view: PageState, jump: Callable[[object], None], republish: Callable[[], None]
-    ) -> None:
-        def change(**changes: object) -> None:
-            view.plot = replace(view.plot, **changes)
-            republish()
-
-        names = list(QUANTITIES)
-        self.jump = bridge.number(jump)
-        self.choose = bridge.number(
-            lambda n: change(name=names[whole_number(n, 0, len(names) - 1, "quantity")], is_log=None)
-        )
-        self.vertex = bridge.button(lambda: change(of_vertex=not view.plot.of_vertex))
-        self.log = bridge.button(lambda: change(is_log=not is_log(view.plot)))
 
 
 def is_log(plot: PlotView) -> bool:
@@ -57,9 +38,27 @@ class Plot:
         mesh: Mesh,
         energies: EnergyHistory,
         run_energies: RunEnergies,
-        controls: PlotControls,
+        html_events: HtmlEvents,
+        page_state: PageState,
+        jump: Handler,
+        republish: Callable[[], None],
     ) -> None:
-        self._mesh, self._energies, self._run_energies, self._controls = mesh, energies, run_energies, controls
+        self._mesh, self._energies, self._run_energies = mesh, energies, run_energies
+
+        def change(**changes: object) -> None:
+            page_state.plot = replace(page_state.plot, **changes)
+            republish()
+
+        self._events = html_events.named(
+            {
+                "jump": jump,
+                "quantity": choice_of(
+                    lambda name: change(name=name, is_log=None), lambda: list(QUANTITIES), "quantity"
+                ),
+                "vertex": press(lambda: change(of_vertex=not page_state.plot.of_vertex)),
+                "log": press(lambda: change(is_log=not is_log(page_state.plot))),
+            }
+        )
         self._panel = HtmlPanel(gui)
         self._series: dict[str, tuple[object, Series]] = {}
         self._shown: object = None
@@ -111,7 +110,7 @@ class Plot:
         quantities = "".join(
             button(
                 quantity.title,
-                self._controls.choose(str(n)),
+                self._events("quantity", n),
                 hint=f"Plot {quantity.meaning}",
                 css_class="chip tight on" if name == plot.name else "chip tight",
             )
@@ -119,11 +118,11 @@ class Plot:
         )
         whose = "vertex" if selected is None else f"v {selected}"
         vertex = button(
-            whose, self._controls.vertex, hint="Plot the selected vertex instead of the whole run",
+            whose, self._events("vertex"), hint="Plot the selected vertex instead of the whole run",
             css_class="chip tight on" if plot.of_vertex else "chip tight",
         )  # fmt: skip
         log = button(
-            "log", self._controls.log, hint="Scale by powers of ten",
+            "log", self._events("log"), hint="Scale by powers of ten",
             css_class="chip tight on" if is_log(plot) else "chip tight",
         )  # fmt: skip
         return f"<div class='row chips'>{quantities}<span class='grow'></span>{vertex}{log}</div>"
@@ -173,7 +172,7 @@ class Plot:
         press = (
             "var r=this.getBoundingClientRect();"
             f"var m=Math.max(0,Math.min({state.length},Math.round(({fraction})/{inner}*{length})));"
-            + self._controls.jump("m")
+            + self._events("jump", "m")
         )
         meaning = QUANTITIES[plot.name].meaning
         # Not onclick: while a run redraws the plot, pressing and letting go may hit two different pictures.

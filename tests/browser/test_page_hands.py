@@ -21,11 +21,11 @@ def visitor(module_visitor: Visitor):
     """A page at the start of the recorded run, nothing selected; fails a test that left trouble behind."""
     module_visitor.app.controller.post(JumpTo(0))
     module_visitor.app.controller.wait_until_idle()
-    hands, view = page_of(module_visitor)._hands, page_of(module_visitor).view
+    hands, view = page_of(module_visitor).interaction, page_of(module_visitor).page_state
 
     def nothing_is_chosen() -> bool:
         if view.selection.vertices:  # a click of the test before may still be on its way
-            hands.choose(Selection())
+            hands.set_selection(Selection())
         return module_visitor.input_of("Vertices").input_value() == ""
 
     wait_for(nothing_is_chosen)
@@ -34,19 +34,19 @@ def visitor(module_visitor: Visitor):
 
 
 def page_of(visitor: Visitor):
-    return next(iter(visitor.app._pages.values()))
+    return next(iter(visitor.app.pages.values()))
 
 
 def page_vertices(visitor: Visitor, moment: int) -> np.ndarray:
-    return visitor.app._shared.stage.page_from_world(visitor.app.controller.state.trace.vertices_at(moment))
+    return visitor.app.resources.stage.page_from_world(visitor.app.controller.state.trace.vertices_at(moment))
 
 
 def selected(visitor: Visitor) -> list[int]:
-    return sorted(page_of(visitor).view.selection.vertices)
+    return sorted(page_of(visitor).page_state.selection.vertices)
 
 
 def test_clicks_choose_one_and_with_shift_more(visitor: Visitor):
-    view = page_of(visitor).view
+    view = page_of(visitor).page_state
     visitor.click_vertex(0)
     wait_for(lambda: view.selection.vertices == (0,))
     visitor.page.keyboard.down("Shift")
@@ -82,7 +82,7 @@ def test_numbers_choose_and_show_what_the_mouse_chose(visitor: Visitor):
     entry.fill("2, 4-6")
     entry.press("Enter")
     wait_for(lambda: selected(visitor) == [2, 4, 5, 6])
-    assert page_of(visitor).view.selected == 2
+    assert page_of(visitor).page_state.selected == 2
 
     entry.fill("2, 400")
     entry.press("Enter")
@@ -94,16 +94,16 @@ def test_numbers_choose_and_show_what_the_mouse_chose(visitor: Visitor):
 def test_a_click_on_a_camera_keeps_the_selection(visitor: Visitor):
     """One click is reported for the node and for the scene; only the first may count."""
     page = page_of(visitor)
-    page._hands.choose(Selection((3,)))
+    page.interaction.set_selection(Selection((3,)))
     visitor.page.keyboard.press("v")
     canvas = visitor.canvas_box()
     wait_for(lambda: 0 < visitor.photo_drawn_at(2)[1] < canvas["height"])
     x, y = visitor.photo_drawn_at(2)
     visitor.page.mouse.click(canvas["x"] + x, canvas["y"] + y)
-    wait_for(lambda: page.view.entered is not None)
-    assert page.view.selected == 3
+    wait_for(lambda: page.page_state.entered is not None)
+    assert page.page_state.selected == 3
     visitor.page.keyboard.press("0")
-    wait_for(lambda: page.view.entered is None)
+    wait_for(lambda: page.page_state.entered is None)
     visitor.page.keyboard.press("m")
 
 
@@ -139,7 +139,7 @@ def test_a_vertex_is_dragged_and_the_move_is_part_of_the_record(visitor: Visitor
 
 
 def test_locked_vertices_are_drawn_as_blocks_and_cannot_be_taken(visitor: Visitor):
-    page_of(visitor)._hands.choose(Selection((2, 4)))
+    page_of(visitor).interaction.set_selection(Selection((2, 4)))
     visitor.page.get_by_text("and 1 more selected").wait_for()
     state = visitor.press("Lock")
     assert np.flatnonzero(state.locked).tolist() == [2, 4]

@@ -23,7 +23,7 @@ OPTIONS = FairingOptions(
 
 
 def page_of(visitor: Visitor):
-    return next(iter(visitor.app._pages.values()))
+    return next(iter(visitor.app.pages.values()))
 
 
 @dataclass(frozen=True)
@@ -121,7 +121,7 @@ def test_a_button_that_has_become_another_is_not_pressed(running: Running):
 
 def test_a_quick_enter_takes_the_whole_line_and_the_next_is_typed_at_once(visitor: Visitor):
     """Of messages within 50 ms the viewer's own lines tell only the last, and write over what is being typed."""
-    page, view = visitor.page, page_of(visitor).view
+    page, view = visitor.page, page_of(visitor).page_state
     entry = visitor.input_of("Vertices")
     for line, chosen in (("2, 4-6", (2, 4, 5, 6)), ("1", (1,)), ("0-3", (0, 1, 2, 3))):
         entry.click()
@@ -139,19 +139,19 @@ def test_a_quick_enter_takes_the_whole_line_and_the_next_is_typed_at_once(visito
 
 
 def test_what_is_being_typed_is_not_written_over(visitor: Visitor):
-    page, hands, entry = visitor.page, page_of(visitor)._hands, visitor.input_of("Vertices")
-    hands.choose(Selection((5,)))
+    page, hands, entry = visitor.page, page_of(visitor).interaction, visitor.input_of("Vertices")
+    hands.set_selection(Selection((5,)))
     wait_for(lambda: entry.input_value() == "5")
     entry.click()
     page.keyboard.press("Control+a")
     page.keyboard.type("2")
-    hands.choose(Selection((3,)))
+    hands.set_selection(Selection((3,)))
     page.get_by_text("Vertex 3", exact=True).wait_for()
     page.keyboard.type(", 4")
     assert entry.input_value() == "2, 4"
     page.keyboard.press("Enter")
-    wait_for(lambda: set(page_of(visitor).view.selection.vertices) == {2, 4})
-    hands.choose(Selection((6,)))
+    wait_for(lambda: set(page_of(visitor).page_state.selection.vertices) == {2, 4})
+    hands.set_selection(Selection((6,)))
     wait_for(lambda: entry.input_value() == "6")
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from app.page.camera_view import fit_photo, photo_behind
+from app.viser_bridge.photo_background import fit_photo, photo_background
 from fairing.camera import Camera
 
 
@@ -38,6 +38,6 @@ def test_points_are_drawn_on_their_pixels_and_the_whole_photo_is_in_the_window(n
 def test_around_the_photo_lies_the_ground_of_the_theme():
     view = CAMERAS["centred"]
     photo = np.full((480, 640, 3), 200, dtype=np.uint8)
-    picture = photo_behind(photo, fit_photo(view, 400, 900), 400, 900, (10, 20, 30))
+    picture = photo_background(photo, fit_photo(view, 400, 900), 400, 900, (10, 20, 30))
     assert (picture[5] == (10, 20, 30)).all()
     assert (picture[450, 20:-20] == 200).all()
