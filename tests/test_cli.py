@@ -57,7 +57,7 @@ def test_fair_writes_a_mesh_in_the_input_s_order_a_report_and_a_trace(scene, tmp
 
 
 def test_into_a_file_progress_is_plain_lines(scene, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(headless, "TELL_EVERY", 0.0)
+    monkeypatch.setattr("app.cli.run_progress.LINE_EVERY", 0.0)
     fair(scene, tmp_path / "out")
     lines = capsys.readouterr().err.splitlines()
     assert any(line.startswith("preparing: photo 2 of 8 (0 % done") for line in lines)

@@ -194,7 +194,7 @@ def test_ctrl_c_keeps_what_is_done_and_resume_ends_where_an_unbroken_one_ends(tm
     _, errors = process.communicate(timeout=300)
     assert process.returncode == 130, errors
     assert "Traceback" not in errors
-    assert "go on with --resume" in errors
+    assert "continue with --resume" in errors
     record = json.loads((broken / "capture-range.json").read_text())
     assert 1 <= len(record["rows"]) < 4
     assert not record["finished"]

@@ -235,7 +235,7 @@ def test_check_writes_page_sheet_data_and_overlays(tmp_path: Path, capsys: pytes
     found = json.loads((out / "check.json").read_text())
     assert found["views"][0]["exposure"] == pytest.approx(1, abs=0.1)
     assert len(found["faces"]["n_views"]) == 6
-    assert "to know: faces measure" in capsys.readouterr().out
+    assert "suggestion: faces measure" in capsys.readouterr().out
 
 
 def test_a_scene_with_half_a_pixel_amiss_is_doubtful_from_its_files_on(tmp_path: Path):

@@ -53,7 +53,7 @@ def test_points_become_a_mesh_with_a_record_and_a_report(capture, tmp_path, caps
     assert report["inconsistent_edges"]["after"] < report["inconsistent_edges"]["before"]
     assert report["vertices"] + sum(report["points_left_out"].values()) == 25
     said = " ".join(capsys.readouterr().err.split())
-    assert f"{len(vertices)} points are vertices, triangulated in photo" in said
+    assert f"{len(vertices)} points became vertices, triangulated in photo" in said
     assert "no flip lowers the energy any more" in said
 
     assert run(["triangulate", str(capture), "--out", str(out), "--max-vertices", "14"]) == 0
@@ -65,7 +65,7 @@ def test_nothing_of_others_is_overwritten(capture, tmp_path, capsys):
     out.write_bytes(b"precious")
     assert run(["triangulate", str(capture), "--out", str(out)]) == 1
     assert out.read_bytes() == b"precious"
-    assert "mine.ply is there already and not of ours" in capsys.readouterr().err
+    assert "mine.ply exists and is not of an earlier triangulation" in capsys.readouterr().err
     assert [path.name for path in tmp_path.iterdir()] == ["mine.ply"]
 
 

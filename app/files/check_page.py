@@ -1,4 +1,4 @@
-"""The findings of `check` as one HTML file that needs nothing else: no script, no file beside it, no network."""
+"""The findings of `check` as one self-contained HTML file: no script, no further file, no network."""
 
 from collections.abc import Sequence
 
@@ -12,8 +12,8 @@ from fairing.check.result import BLANK_TEXTURE, SceneCheck, ViewCheck
 from fairing.scene import Scene
 
 VERDICTS = {
-    "good": ("Good", "This input can be faired."),
-    "doubtful": ("Doubtful", "It can be tried; see what speaks against it."),
+    "good": ("Good", "This input is suitable."),
+    "doubtful": ("Doubtful", "A run is possible; see the problems below."),
     "unusable": ("Unusable", "No face is seen by three photos."),
 }
 _COLORS = {"good": START, "doubtful": SELECTED, "unusable": NOW}
@@ -22,20 +22,20 @@ _MOST_IDS = 500
 
 
 def check_page(scene: Scene, check: SceneCheck, thumbnails: Sequence[np.ndarray], overlays: Sequence[str]) -> str:
-    """The page.
+    """The page as HTML.
 
     Args:
-        thumbnails: the mesh over each photo, small.
-        overlays: file names of the same in full size, which the thumbnails link to.
+        thumbnails: (h, w, 3) uint8 RGB each: the mesh over each photo, reduced.
+        overlays: file names of the full-size pictures that the thumbnails link to.
     """
     verdict, meaning = VERDICTS[check.verdict]
     sections = [
         f"<h1>{text(scene.name)}</h1><div class='dim'>{len(scene.views)} photos, {len(scene.mesh.vertices)} vertices, "
         f"{check.n_faces} faces{_points(scene)}</div>",
         banner(verdict, meaning, css(_COLORS[check.verdict])),
-        bullets("What speaks against it", check.hints, css(SELECTED)),
-        bullets("Good to know", check.suggestions, css(BRAND)),
-        bullets("Notes on reading it", check.warnings, NEUTRAL),
+        bullets("Problems", check.hints, css(SELECTED)),
+        bullets("Suggestions", check.suggestions, css(BRAND)),
+        bullets("Notes from loading the scene", check.warnings, NEUTRAL),
         _faces(check),
         _photos(check.views),
         _pictures(check, thumbnails, overlays),
@@ -57,14 +57,14 @@ def _faces(check: SceneCheck) -> str:
     parallax = "–" if check.parallax is None else f"{check.parallax:.0f}°"
     tiles = [
         tile(f"{check.faces_in_part} of {check.n_faces}", f"faces take part ({np.floor(share):.0f} %){others}"),
-        tile(str(int(faces.is_blank.sum())), "of them are blank: nothing to hold on to"),
-        tile(str(int(faces.is_striped.sum())), "of them are striped: they can slide one way"),
-        tile(parallax, "between lines of sight to a face (median of the widest)"),
-        _histogram("photos a face takes part in", faces.n_views, "", whole=True),
+        tile(str(int(faces.is_blank.sum())), "of them are blank: no texture to align"),
+        tile(str(int(faces.is_striped.sum())), "of them are striped: they can slide in one direction"),
+        tile(parallax, "largest angle between lines of sight to a face (median)"),
+        _histogram("photos per face", faces.n_views, "", whole=True),
         _histogram("size of a face in the photos, px", faces.footprint[part], " px"),
-        _histogram("texture of a face, grey levels a pixel", faces.texture[part], "", low=BLANK_TEXTURE),
+        _histogram("texture of a face, grey levels per pixel", faces.texture[part], "", low=BLANK_TEXTURE),
     ]
-    lists = {f"take no part: {reason}": ids for reason, ids in without.items()}
+    lists = {f"excluded: {reason}": ids for reason, ids in without.items()}
     lists |= {"are blank": np.flatnonzero(faces.is_blank), "are striped": np.flatnonzero(faces.is_striped)}
     details = "".join(_ids(name, ids) for name, ids in lists.items() if len(ids))
     return f"<h2>Faces</h2><div class='tiles'>{''.join(tiles)}</div>{details}"
@@ -77,7 +77,7 @@ def _ids(name: str, ids: np.ndarray) -> str:
 
 
 def _histogram(title: str, values: np.ndarray, unit: str, whole: bool = False, low: float = 0.0) -> str:
-    """Bars from 0 to the largest value; those below `low` in the colour of what takes no part."""
+    """Bars from 0 to the largest value; those below `low` in the colour of excluded faces."""
     values = values[np.isfinite(values)]
     if len(values) == 0:
         return tile("–", title)
@@ -85,7 +85,7 @@ def _histogram(title: str, values: np.ndarray, unit: str, whole: bool = False, l
     edges = np.arange(top + 2) - 0.5 if whole and top < 2 * _BINS else np.linspace(0, top, _BINS + 1)
     counts, edges = np.histogram(values, bins=edges)
     width = 100 / len(counts)
-    heights = np.where(counts > 0, np.maximum(40 * counts / counts.max(), 1), 0)  # one face is visible, too
+    heights = np.where(counts > 0, np.maximum(40 * counts / counts.max(), 1), 0)  # a single face stays visible
     bars = []
     for i, count in enumerate(counts.tolist()):
         color = css(REJECTED if edges[i + 1] <= low else BRAND)
@@ -135,13 +135,13 @@ def _photos(views: Sequence[ViewCheck]) -> str:
             + "".join(f"<td{' class=bad' if bad else ''}>{value}</td>" for value, bad in cells)
             + "</tr>"
         )
-    names = ("photo", "size", "focal, px", "faces", "mesh covers", "mesh in front", "points off", "their shift, px",
+    names = ("photo", "size", "focal, px", "faces", "mesh covers", "mesh in front", "reprojection", "mean shift, px",
              "exposure", "masked")  # fmt: skip
     header = "".join(f"<th>{name}</th>" for name in names)
     return (
         f"<h2>Photos</h2><table><thead><tr>{header}</tr></thead><tbody>{''.join(rows)}</tbody></table>"
-        "<p class='dim'>Points off: median distance of sparse points to where the photo saw them; their shift is what is "
-        "systematic in it. Exposure: beside the median photo, from the faces both show.</p>"
+        "<p class='dim'>Reprojection: median distance between a projected sparse point and its observation; the mean shift is its "
+        "systematic part. Exposure: relative to the median photo, measured on faces that both show.</p>"
     )
 
 

@@ -1,4 +1,4 @@
-"""HTML files to read and keep: no script, no file beside them, no network."""
+"""Self-contained HTML documents: no script, no further file, no network."""
 
 import base64
 import io
@@ -56,10 +56,10 @@ figcaption span {{ white-space: nowrap; }}
 
 
 def document(title: str, sections: Sequence[str], style: str = "") -> str:
-    """The whole file.
+    """The whole file as HTML.
 
     Args:
-        sections: markup.
+        sections: HTML, already escaped.
         style: further CSS rules.
     """
     return (
@@ -71,7 +71,7 @@ def document(title: str, sections: Sequence[str], style: str = "") -> str:
 
 
 def banner(head: str, meaning: str, color: str) -> str:
-    """The verdict in a word, and what it means."""
+    """A verdict in one word, and its meaning."""
     return f"<div class='verdict' style='--c:{color}'><b>{text(head)}</b><span>{text(meaning)}</span></div>"
 
 
@@ -84,12 +84,12 @@ def bullets(title: str, items: Sequence[str], color: str) -> str:
 
 
 def tile(value: str, label: str) -> str:
-    """A figure in large, and what it is."""
+    """A large figure with a label."""
     return f"<div class='tile'><b>{text(value)}</b><span class='dim'>{text(label)}</span></div>"
 
 
 def jpeg_uri(picture: np.ndarray) -> str:
-    """A JPEG within a text, from (h, w, 3) uint8, RGB."""
+    """A data URI with a JPEG of a picture (h, w, 3) uint8, RGB."""
     file = io.BytesIO()
     Image.fromarray(picture).save(file, format="JPEG", quality=82)
     return "data:image/jpeg;base64," + base64.b64encode(file.getvalue()).decode()
