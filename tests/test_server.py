@@ -23,6 +23,9 @@ from tests.raw_client import RawClient, http_status, upgrade_status
 from tests.small_scene import corner_scene
 from tests.waiting import wait_for
 
+# A page is still being built when its client has gone.
+pytestmark = pytest.mark.filterwarnings("ignore:Queued a .* on a closed connection")
+
 SLIDER, TEXT = "GuiSliderMessage", "GuiTextMessage"
 
 

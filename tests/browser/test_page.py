@@ -1,4 +1,4 @@
-"""The page in a real browser: what is drawn is what the record says, and nothing a user does breaks it."""
+"""The debugger's page in a real browser: it shows the recorded states, and survives errors, reloads and wrong values."""
 
 import socket
 import time
@@ -67,7 +67,7 @@ def test_steps_forward_and_back_by_button(visitor: Visitor):
         visitor.sees_vertices(page_vertices(visitor.app, state.moment))
 
 
-def test_steps_by_key_and_keys_live_on_after_a_click_on_a_button(visitor: Visitor):
+def test_hotkeys_step_also_after_a_click_on_a_button(visitor: Visitor):
     assert visitor.key("i").moment == 1
     visitor.page.get_by_role("tab", name="Layers").click()
     visitor.button("Hide cameras").click()
@@ -109,7 +109,7 @@ def test_scrubbing_shows_the_recorded_vertices(visitor: Visitor):
         visitor.sees_vertices(page_vertices(visitor.app, state.moment))
 
 
-def test_a_click_into_the_energy_plot_goes_to_that_moment_even_twice(visitor: Visitor):
+def test_a_click_on_the_energy_plot_goes_to_that_moment_also_the_second_time(visitor: Visitor):
     length = visitor.press("Step one level").length
     for _ in range(2):
         visitor.app.controller.post(JumpTo(0))
@@ -132,7 +132,7 @@ def test_a_click_selects_a_vertex_and_shows_its_variables(visitor: Visitor):
     assert visitor.input_of("Vertices").input_value() == "0"
 
 
-def test_the_cells_of_the_selected_vertex_are_shown_and_lead_into_their_photo(visitor: Visitor, scene):
+def test_the_cells_of_the_selected_vertex_are_shown_and_open_their_photo(visitor: Visitor, scene):
     page = next(iter(visitor.app.pages.values()))
     page.interaction.select(0)
     visitor.press("Step one iteration")
@@ -185,7 +185,7 @@ def test_another_k_makes_a_branch_from_here(visitor: Visitor):
     visitor.page.get_by_role("tab", name="Vertex").click()
 
 
-def test_the_help_lists_the_keys(visitor: Visitor):
+def test_the_key_list_is_shown(visitor: Visitor):
     visitor.page.keyboard.press("Shift+?")
     visitor.page.get_by_text("Look through a camera", exact=True).wait_for()
     visitor.button("Close").click()
@@ -249,7 +249,9 @@ def test_reload_and_reconnect_keep_the_state(visitor: Visitor):
     visitor.troubles[:] = [trouble for trouble in visitor.troubles if "WebSocket" not in trouble]
 
 
-def test_a_failure_in_a_click_is_shown_and_the_page_lives_on(visitor: Visitor, monkeypatch: pytest.MonkeyPatch):
+def test_an_exception_in_a_callback_is_shown_and_the_page_keeps_working(
+    visitor: Visitor, monkeypatch: pytest.MonkeyPatch
+):
     def fail(self: Session) -> None:
         raise RuntimeError("<b>the disk is on fire</b>")
 
@@ -260,7 +262,7 @@ def test_a_failure_in_a_click_is_shown_and_the_page_lives_on(visitor: Visitor, m
     assert visitor.press("Step one iteration").moment == 1
 
 
-def test_nonsense_from_a_browser_is_refused(visitor: Visitor):
+def test_values_that_make_no_sense_change_nothing(visitor: Visitor):
     page = next(iter(visitor.app.pages.values()))
     length = visitor.app.controller.state.length
     for value in (float("nan"), 1e308, -7, "17", None, {"a": 1}, True):
@@ -271,7 +273,7 @@ def test_nonsense_from_a_browser_is_refused(visitor: Visitor):
     assert (state.moment, state.length) == (0, length)
 
 
-def test_ends_cleanly_and_frees_its_port(scene, tmp_path):
+def test_stop_frees_the_port_and_closes_the_trace(scene, tmp_path):
     app = start(Session(scene, OPTIONS), port=0, save_to=tmp_path / "run.trace")
     app.stop()
     with socket.socket() as probe:

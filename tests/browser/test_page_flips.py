@@ -1,4 +1,4 @@
-"""A record of flips in a real browser."""
+"""A flip record in a real browser."""
 
 import numpy as np
 import pytest

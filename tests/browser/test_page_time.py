@@ -1,4 +1,4 @@
-"""Runs, bookmarks, comparing and playing in a real browser."""
+"""Runs, bookmarks, comparison and playback in a real browser."""
 
 import time
 
@@ -51,7 +51,7 @@ def lines_of(visitor: Visitor, name: str) -> np.ndarray | None:
     return None if found is None else np.array(found, dtype=np.float32).reshape(-1, 2, 3)
 
 
-def test_a_bookmark_leads_back_and_can_be_compared_with(visitor: Visitor):
+def test_a_bookmark_is_returned_to_and_compared_with(visitor: Visitor):
     controller = visitor.app.controller
     jump(visitor, 4)
     visitor.page.get_by_role("tab", name="Bookmarks").click()
@@ -80,7 +80,7 @@ def test_a_bookmark_leads_back_and_can_be_compared_with(visitor: Visitor):
     wait_for(lambda: not controller.state.bookmarks)
 
 
-def test_restart_keeps_the_run_and_its_name_brings_it_back(visitor: Visitor):
+def test_restart_keeps_the_run_and_a_click_on_its_name_switches_to_it(visitor: Visitor):
     controller = visitor.app.controller
     jump(visitor, -1)
     before = controller.state
@@ -124,7 +124,7 @@ def test_the_record_plays_and_stops(visitor: Visitor):
     visitor.sees_vertices(visitor.app.resources.stage.page_from_world(state.vertices))
 
 
-def test_the_past_can_be_looked_at_while_the_run_goes_on(visitor: Visitor, monkeypatch: pytest.MonkeyPatch):
+def test_a_past_moment_can_be_shown_while_the_run_goes_on(visitor: Visitor, monkeypatch: pytest.MonkeyPatch):
     controller, stage = visitor.app.controller, visitor.app.resources.stage
     jump(visitor, -1)
     step = Session.step
