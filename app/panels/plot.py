@@ -184,7 +184,7 @@ class Plot:
 
 
 def _empty(note: str) -> str:
-    return f'<div class="plot dim" style="height:{HEIGHT}px">{note}</div>'
+    return f'<div class="plot dim" style="aspect-ratio:{WIDTH}/{HEIGHT}">{note}</div>'
 
 
 def _mark_of_a(x: float) -> str:
