@@ -1,61 +1,62 @@
-"""Slow drawing on a thread of its own, so that neither the engine nor the pages wait for it."""
+"""Background worker: runs computations on its own thread and passes each result to a callback."""
 
 import logging
 import threading
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable, Hashable
+from typing import Any, NamedTuple
+
+from app.worker_thread import WorkerThread
 
 
-@dataclass(frozen=True)
-class _Job:
-    work: Callable[[], Any]
-    answer: Callable[[Any], None]
+class _Job(NamedTuple):
+    compute: Callable[[], Any]
+    callback: Callable[[Any], None]
 
 
-class Background:
-    """Works off jobs one after another; a newer job of the same asker replaces one that has not begun.
+class BackgroundWorker:
+    """Runs jobs in the order they were posted. A job replaces one with the same key that has not begun.
 
     Args:
-        on_done: called after every job.
+        on_done: called after every job, on the worker's thread.
+        name: of the thread.
     """
 
-    def __init__(self, on_done: Callable[[], None]) -> None:
+    def __init__(self, on_done: Callable[[], None] = lambda: None, name: str = "background") -> None:
         self._on_done = on_done
-        self._jobs: dict[object, _Job] = {}
+        self._jobs: dict[Hashable, _Job] = {}
         self._changed = threading.Condition()
-        self._closing = False
-        self._thread = threading.Thread(target=self._run, name="background", daemon=True)
+        self._thread = WorkerThread(name, self._changed, self._take, self._run)
         self._thread.start()
 
-    def post(self, asker: object, work: Callable[[], Any], answer: Callable[[Any], None]) -> None:
-        """Have `work` done; `answer` is told its result, or what it raised, on the background's thread."""
+    def post(self, key: Hashable, compute: Callable[[], Any], callback: Callable[[Any], None]) -> None:
+        """Run `compute` later and pass its result, or the exception it raised, to `callback` on the worker's thread."""
+        if self._thread.is_dead:
+            self._thread.restart()
         with self._changed:
-            self._jobs.pop(asker, None)
-            self._jobs[asker] = _Job(work, answer)
+            self._jobs.pop(key, None)
+            self._jobs[key] = _Job(compute, callback)
             self._changed.notify_all()
 
-    def close(self) -> None:
-        """Finish the job in hand and forget the others."""
+    def cancel(self, key: Hashable) -> None:
+        """Drop the job with this key unless it has begun."""
         with self._changed:
-            self._closing = True
-            self._changed.notify_all()
-        self._thread.join(timeout=10)
+            self._jobs.pop(key, None)
 
-    def _run(self) -> None:
-        while True:
-            with self._changed:
-                self._changed.wait_for(lambda: self._closing or self._jobs)
-                if self._closing:
-                    return
-                asker = next(iter(self._jobs))
-                job = self._jobs.pop(asker)
-            try:
-                result: Any = job.work()
-            except Exception as error:
-                result = error
-            try:
-                job.answer(result)
-                self._on_done()
-            except Exception:  # the asker's trouble is not the next one's
-                logging.getLogger(__name__).exception("an answer could not be taken")
+    def close(self, timeout: float = 10.0) -> None:
+        """Drop the waiting jobs and wait at most `timeout` seconds for the job in progress."""
+        self._thread.close(timeout)
+
+    def _take(self) -> _Job | None:
+        return self._jobs.pop(next(iter(self._jobs))) if self._jobs else None
+
+    def _run(self, job: _Job) -> None:
+        try:
+            result: Any = job.compute()
+        except Exception as error:
+            result = error
+        try:
+            job.callback(result)
+        except Exception:
+            logging.getLogger(__name__).exception("the callback of a background computation failed")
+        else:
+            self._on_done()

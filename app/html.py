@@ -1,11 +1,11 @@
-"""Small pieces of HTML for the panels. Whatever comes from outside goes through `text`."""
+"""HTML elements of the panels: style sheet, buttons, tables, numbers, icons. Text from outside is escaped by `text`."""
 
 import html
 import json
 
 from app.palette import BRAND, NOW, REFERENCE, REJECTED, SELECTED, START, css, variables
 
-DEBUG_BAR_HEIGHT = 134  # px: below it the status line is pinned
+DEBUG_BAR_HEIGHT = 134  # px; the status panel is pinned below the debug bar
 
 STYLE = f"""
 {variables()}
@@ -124,12 +124,12 @@ div:has(> .ef > .pinned) + div:has(> .ef > .pinned) {{ top: {DEBUG_BAR_HEIGHT}px
 
 
 def text(value: object) -> str:
-    """Anything as text that the browser cannot take for markup."""
+    """A value as text, with HTML special characters escaped."""
     return html.escape(str(value), quote=True)
 
 
 def box(content: str) -> str:
-    """The frame that gives a panel its type and colours."""
+    """The element that gives a panel its fonts and colours."""
     return f'<div class="ef">{content}</div>'
 
 
@@ -137,9 +137,9 @@ def button(label: str, press: str, *, hint: str, icon: str = "", css_class: str 
     """A button.
 
     Args:
-        label: what it says; its icon and hint say it all if empty.
-        press: JavaScript from a `Bridge`.
-        hint: the tooltip, and its name for screen readers.
+        label: visible text; may be empty for a button with an icon.
+        press: JavaScript from `HtmlEvents`.
+        hint: tooltip; the part before the first " (" is the accessible name.
         icon: SVG from `icon`.
     """
     name = f'title="{text(hint)}" aria-label="{text(hint.split(" (")[0])}"'
@@ -150,7 +150,7 @@ def button(label: str, press: str, *, hint: str, icon: str = "", css_class: str 
 
 
 def copy_button(what: str, hint: str) -> str:
-    """A button that puts a word into the clipboard, and says so."""
+    """A button that copies text to the clipboard and is highlighted for 0.8 s."""
     press = (
         f"navigator.clipboard.writeText({json.dumps(what)});this.classList.add('on');"
         "setTimeout(()=>this.classList.remove('on'),800)"
@@ -159,7 +159,7 @@ def copy_button(what: str, hint: str) -> str:
 
 
 def table(rows: list[tuple[str, str]]) -> str:
-    """Names and values; values may be markup made here, names are escaped."""
+    """A table of names and values. Names are escaped; values are markup."""
     return (
         "<table>"
         + "".join(f"<tr><th>{text(name)}</th><td class='n'>{value}</td></tr>" for name, value in rows)
@@ -168,7 +168,7 @@ def table(rows: list[tuple[str, str]]) -> str:
 
 
 def number(value: float, digits: int = 4) -> str:
-    """A number as people write it: 12 345.6, 0.00123, 1.2e-07."""
+    """A number with thin spaces between thousands and at most `digits` significant decimals: 12 345.6, 0.00123, 1.2e-07."""
     if value == 0:
         return "0"
     if not abs(value) < float("inf"):
@@ -206,6 +206,6 @@ _SHAPES = {
 
 
 def icon(name: str, *, mirrored: bool = False) -> str:
-    """An SVG icon in the text's colour."""
+    """An SVG icon in the colour of the text."""
     flip = ' style="transform:scaleX(-1)"' if mirrored else ""
     return f'<svg viewBox="0 0 16 16" fill="currentColor" aria-hidden="true"{flip}>{_SHAPES[name]}</svg>'

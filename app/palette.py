@@ -1,8 +1,8 @@
-"""The colours of the page, in one place; the same colour means the same thing everywhere.
+"""Palette: all colours of the page. Each colour has the same meaning everywhere.
 
-After Okabe and Ito's palette, which people with any kind of colour vision can tell apart. Start is green and now is
-red, as in the paper's figures. What stands on the panels' ground (text, lines, buttons) is a CSS variable with one value
-for the dark theme and one for the light; bright colours are darker on light ground, so that they can be read as text.
+Based on the palette of Okabe and Ito, which is distinguishable with any kind of colour vision. Start is green and now is
+red, as in the paper's figures. Colours on the background of panels (text, lines, buttons) are CSS variables with a value
+for the dark and one for the light theme; bright colours are darker on the light theme, to be readable as text.
 """
 
 RGB = tuple[int, int, int]
@@ -20,7 +20,7 @@ CAMERA_ENTERED: RGB = (245, 222, 66)
 SURFACE: RGB = (128, 132, 140)
 POINTS: RGB = (214, 218, 224)
 
-# Curves that stand for none of the above: blue to orange, which nobody confuses, from one end to the other.
+# Curves with none of the meanings above: a sequence from blue to orange, distinguishable with any colour vision.
 CURVES: tuple[RGB, ...] = (
     (70, 134, 232), (150, 190, 245), (200, 205, 212), (246, 206, 140), (232, 152, 36), (190, 108, 24),
     (62, 104, 176),
@@ -29,7 +29,7 @@ CURVES: tuple[RGB, ...] = (
 BACKGROUND: RGB = (24, 26, 30)
 BRAND: RGB = (64, 132, 214)
 
-# What lies behind the scene in the dark and in the light theme.
+# Background of the 3D view in the dark and in the light theme.
 GROUND: tuple[RGB, RGB] = (BACKGROUND, (232, 235, 239))
 
 _ON_LIGHT: dict[RGB, tuple[str, RGB]] = {
@@ -70,12 +70,12 @@ _GREYS: dict[str, tuple[str, str]] = {
 
 
 def grey(name: str) -> str:
-    """The dark theme's value of a variable such as `text` or `line`, for what is drawn outside of the page."""
+    """Value of a variable such as `text` or `line` in the dark theme, for pictures that are drawn outside the page."""
     return _GREYS[name][0]
 
 
 def css(color: RGB, opacity: float = 1.0) -> str:
-    """The colour as CSS text, as the theme shows it."""
+    """The colour as a CSS expression that follows the theme."""
     r, g, b = color
     solid = f"rgb({r},{g},{b})"
     if color in _ON_LIGHT:
@@ -84,7 +84,7 @@ def css(color: RGB, opacity: float = 1.0) -> str:
 
 
 def variables() -> str:
-    """The CSS rules that give every variable its value in both themes."""
+    """CSS rules that define every variable in both themes."""
     dark = {name: value for name, (value, _) in _GREYS.items()} | {name: solid(c) for c, (name, _) in _ON_LIGHT.items()}
     light = {name: value for name, (_, value) in _GREYS.items()} | {name: solid(c) for name, c in _ON_LIGHT.values()}
     rules = [".ef", "[data-mantine-color-scheme=light] .ef"]
@@ -92,23 +92,23 @@ def variables() -> str:
         f"{rule} {{ {' '.join(f'--{name}: {value};' for name, value in values.items())} }}"
         for rule, values in zip(rules, (dark, light), strict=True)
     ]
-    # The canvas is transparent; pure white would swallow the bright colours of points and selection.
+    # The canvas is transparent; on pure white, the bright colours of points and selection would be invisible.
     return "\n".join(
         [*blocks, f"[data-mantine-color-scheme=light] canvas[data-engine] {{ background: {solid(GROUND[1])} }}"]
     )
 
 
 def dark_variables() -> str:
-    """The greys of the dark theme, for pages of their own."""
+    """CSS declarations of the dark theme's greys, for exported pages."""
     return "".join(f"--{name}:{value};" for name, (value, _) in _GREYS.items())
 
 
 def light_variables() -> str:
-    """The greys of the light theme, and the colours that are darker on it, for pages of their own."""
+    """CSS declarations of the light theme's greys and of the colours that are darker on it, for exported pages."""
     greys = "".join(f"--{name}:{value};" for name, (_, value) in _GREYS.items())
     return greys + "".join(f"--{name}:{solid(color)};" for name, color in _ON_LIGHT.values())
 
 
 def solid(color: RGB) -> str:
-    """The colour as the 3D view has it, whatever the theme."""
+    """The colour as CSS text, independent of the theme, as in the 3D view."""
     return f"rgb({color[0]},{color[1]},{color[2]})"

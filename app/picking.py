@@ -1,4 +1,4 @@
-"""Picking: the vertices within a rectangle of the 3D view, and the one nearest to a ray."""
+"""Picking: the vertices within a rectangle of the 3D view, and the point nearest to a ray."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from fairing.camera import Camera
 from fairing.geometry.rasterize import rasterize
 from fairing.mesh import Mesh
 
-VISIBLE_WITHIN = 0.01  # relative depth: a vertex this close to the rendered surface counts as visible
+DEPTH_TOLERANCE = 0.01  # relative: a vertex at most this much behind the surface counts as visible
 
 
 def vertices_within(
@@ -21,8 +21,8 @@ def vertices_within(
 
     Args:
         vertices: (n, 3) float, in the camera's units.
-        low, high: corners of the rectangle, as fractions of the image from its top left.
-        see_through: also return vertices that the surface hides.
+        low, high: corners of the rectangle, as fractions (x, y) of the image from its top left.
+        see_through: include vertices hidden by the surface.
     """
     uv, depth = camera.project(vertices)
     size = np.array([camera.width, camera.height])
@@ -34,8 +34,8 @@ def vertices_within(
     face_id, seen_depth = rasterize(vertices, mesh.faces, camera)
     pixel = np.clip(np.rint(uv[ids]).astype(int), 0, size - 1)
     x, y = pixel[:, 0], pixel[:, 1]
-    seen = depth[ids] <= seen_depth[y, x] * (1 + VISIBLE_WITHIN)
-    # A vertex on the silhouette: its own faces may begin one pixel beside it.
+    seen = depth[ids] <= seen_depth[y, x] * (1 + DEPTH_TOLERANCE)
+    # A vertex lies on the boundary of its faces: after rasterization they may begin one pixel beside it.
     for dx in (-1, 0, 1):
         for dy in (-1, 0, 1):
             near = face_id[np.clip(y + dy, 0, size[1] - 1), np.clip(x + dx, 0, size[0] - 1)]
@@ -44,7 +44,12 @@ def vertices_within(
 
 
 def nearest_to_ray(points: np.ndarray, origin: np.ndarray, direction: np.ndarray) -> int:
-    """Index of the point of (n, 3) with the smallest angle to a ray; origin and direction (3,), in the same unit."""
+    """Index of the point nearest to a ray, measured by angle.
+
+    Args:
+        points: (n, 3) float, any unit.
+        origin, direction: (3,) float, the ray in the same unit.
+    """
     offset = points - origin
     along = offset @ direction
     return int(np.argmax(along / np.maximum(np.linalg.norm(offset, axis=1), 1e-12)))

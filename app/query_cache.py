@@ -1,4 +1,4 @@
-"""One thing at a time that somebody else finds out: asked when it changes, kept when it comes."""
+"""Query cache: the latest result of a background computation."""
 
 from collections.abc import Callable
 from typing import Any, Generic, TypeVar
@@ -6,37 +6,38 @@ from typing import Any, Generic, TypeVar
 K = TypeVar("K")
 V = TypeVar("V")
 
-Send = Callable[[object, Callable[..., Any], Callable[[Any], None]], None]
+Submit = Callable[[object, Callable[..., Any], Callable[[Any], None]], None]
 
 
 class QueryCache(Generic[K, V]):
-    """Asks once for every new key; an answer that comes late does not replace a newer one's.
+    """Computes once for each new key. A result that arrives after a newer key was requested is dropped.
 
     Args:
-        send: given an asker, what to find out, and whom to tell on another thread.
+        submit: starts a computation; called with a key that identifies this cache, the function to call, and the
+            callback for its result, which may be called on any thread.
     """
 
-    def __init__(self, send: Send) -> None:
-        self._send = send
-        self._wanted: K | None = None
-        self.newest: tuple[K, V | Exception] | None = None
-        """The key last answered, and the answer or what was raised instead."""
+    def __init__(self, submit: Submit) -> None:
+        self._submit = submit
+        self._requested: K | None = None
+        self.latest: tuple[K, V | Exception] | None = None
+        """The key of the latest result, and the result or the exception that was raised instead."""
 
-    def want(self, key: K, work: Callable[..., V]) -> None:
-        """Have it found out, unless this key was the last one asked for."""
-        if key != self._wanted:
-            self._wanted = key
-            self._send(self, work, lambda answer: self._keep(key, answer))
+    def request(self, key: K, compute: Callable[..., V]) -> None:
+        """Compute the result for a key, unless this key was the last one requested."""
+        if key != self._requested:
+            self._requested = key
+            self._submit(self, compute, lambda result: self._store(key, result))
 
-    def found(self, key: K) -> V | Exception | None:
-        """The answer for a key, if it is the newest one there."""
-        newest = self.newest
-        return newest[1] if newest is not None and newest[0] == key else None
+    def result_for(self, key: K) -> V | Exception | None:
+        """The result for a key if it is the latest one, else None."""
+        latest = self.latest
+        return latest[1] if latest is not None and latest[0] == key else None
 
-    def forget(self) -> None:
-        """Query again even for the same key."""
-        self._wanted = self.newest = None
+    def clear(self) -> None:
+        """Drop the result; the next request is computed even if its key is the same."""
+        self._requested = self.latest = None
 
-    def _keep(self, key: K, answer: V | Exception) -> None:
-        if key == self._wanted:
-            self.newest = (key, answer)
+    def _store(self, key: K, result: V | Exception) -> None:
+        if key == self._requested:
+            self.latest = (key, result)

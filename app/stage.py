@@ -1,6 +1,6 @@
-"""Where the scene stands in the page: near the origin, a few units large, upright, seen from a good side.
+"""Stage: the transform from world to page units, the up direction and the initial camera.
 
-The browser computes in 32 bits, so a scene far from the origin, or very large or small, would shake and clip.
+The browser computes in 32 bits: a scene far from the origin, or very large or small, would jitter and be clipped.
 """
 
 from dataclasses import dataclass
@@ -11,24 +11,24 @@ from fairing.scene import Scene
 
 SIZE = 4.0  # diagonal of the mesh in page units
 FIELD_OF_VIEW = np.radians(45.0)  # vertical
-# The first look is turned away from the cameras' mean direction, so that their frusta do not stand in the way.
+# The initial view is turned away from the cameras' mean direction, so that frusta do not hide the mesh.
 TURN_SIDEWAYS = np.radians(28.0)
 TURN_UP = np.radians(20.0)
-FILLS = 0.68  # of the window's height
-CLEAR_GROUND = 3.0  # ratio of the x axes' spreads in and across the ground from which on they tell where up is
+FILL = 0.68  # fraction of the window's height that the mesh occupies
+MIN_SPREAD_RATIO = 3.0  # of the x axes within and across the ground plane, for the plane to define the up direction
 NEAR_AXIS = np.cos(np.radians(40.0))
 
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """The map from world to page, and the first look.
+    """The transform from world to page units, and the initial camera.
 
     Attributes:
         origin: (3,) float, world units: the middle of the mesh.
         scale: page units of a world unit.
         up: (3,) float, page: unit vector.
-        eye, target: (3,) float, page: the first look.
-        camera_scale: page units: size of a camera's frustum.
+        eye, target: (3,) float, page: position and target of the initial camera.
+        camera_scale: size of a camera frustum, page units.
         camera_centers: (V, 3) float, page.
     """
 
@@ -49,7 +49,7 @@ class Stage:
         centers = (np.array([view.camera.center for view in scene.views]) - origin) * scale
         up = _upright(rotations)
         towards = _unit((centers / np.linalg.norm(centers, axis=1, keepdims=True)).mean(0), fallback=-rotations[0, 2])
-        distance = SIZE / 2 / FILLS / np.tan(FIELD_OF_VIEW / 2)
+        distance = SIZE / 2 / FILL / np.tan(FIELD_OF_VIEW / 2)
         eye = distance * _first_direction(towards, up)
         apart = np.linalg.norm(centers[:, None] - centers, axis=-1)
         spacing = float(np.median((apart + np.diag(np.full(len(apart), np.inf))).min(axis=1)))
@@ -59,12 +59,12 @@ class Stage:
         return cls(origin, scale, up, eye + target, target, camera_scale, centers)
 
     def frontal(self) -> np.ndarray:
-        """(3,) float, page: an eye as far off as at first, in the midst of the directions the photos were taken from."""
+        """(3,) float, page: an eye position in the cameras' mean direction, at the initial distance."""
         towards = (self.camera_centers / np.linalg.norm(self.camera_centers, axis=1, keepdims=True)).mean(0)
         return self.target + np.linalg.norm(self.eye - self.target) * _unit(towards, self.eye - self.target)
 
     def overview(self) -> np.ndarray:
-        """(3,) float, page: an eye from which mesh and cameras are in sight, looking at the target as at first."""
+        """(3,) float, page: an eye position in the initial direction from which mesh and cameras are visible."""
         direction = (self.eye - self.target) / np.linalg.norm(self.eye - self.target)
         reach = np.concatenate([self.camera_centers, np.zeros((1, 3))]) - self.target
         along = reach @ direction
@@ -73,31 +73,32 @@ class Stage:
         return self.target + max(distance, float(np.linalg.norm(self.eye - self.target))) * direction
 
     def page_from_world(self, points: np.ndarray) -> np.ndarray:
-        """Positions (..., 3) in page units, float32, of positions in world units."""
+        """Page units (..., 3) float32 from world units (..., 3) float."""
         return ((points - self.origin) * self.scale).astype(np.float32)
 
     def world_from_page(self, points: np.ndarray) -> np.ndarray:
-        """Positions (..., 3) in world units of positions in page units."""
+        """World units (..., 3) float from page units (..., 3)."""
         return np.asarray(points, dtype=np.float64) / self.scale + self.origin
 
 
 def _upright(rotations: np.ndarray) -> np.ndarray:
-    """(3,) unit vector that the photographers held for up.
+    """(3,) float: the up direction, a unit vector, estimated from the cameras' rotations (V, 3, 3).
 
-    Photos are taken with a level horizon: their x axes span the ground, and up is normal to it. Where all look the same
-    way, the x axes do not span it; then a world axis near the photos' mean up serves, else that itself.
+    Photos usually have a level horizon: their x axes then span the ground plane, whose normal is up. If all cameras look
+    in the same direction, the x axes do not span it; the mean up direction of the photos is used instead. A world axis
+    near the estimate replaces it.
     """
     mean_up = _unit(-rotations[:, 1].mean(0), fallback=np.array([0.0, 0.0, 1.0]))
     values, vectors = np.linalg.eigh(rotations[:, 0].T @ rotations[:, 0] / len(rotations))
     normal = vectors[:, 0] * np.sign(vectors[:, 0] @ mean_up or 1.0)
-    guess = normal if values[1] > CLEAR_GROUND * max(values[0], 1e-3) and normal @ mean_up > 0.5 else mean_up
+    guess = normal if values[1] > MIN_SPREAD_RATIO * max(values[0], 1e-3) and normal @ mean_up > 0.5 else mean_up
     nearest = np.zeros(3)
     nearest[np.argmax(np.abs(guess))] = np.sign(guess[np.argmax(np.abs(guess))])
     return nearest if guess @ nearest > NEAR_AXIS else guess
 
 
 def _first_direction(towards: np.ndarray, up: np.ndarray) -> np.ndarray:
-    """The cameras' mean direction, turned sideways and up, but not over the top."""
+    """The cameras' mean direction, turned sideways and up, but not beyond the zenith."""
     level = towards - (towards @ up) * up
     if np.linalg.norm(level) < 0.2:  # they look straight down or up
         return towards

@@ -1,10 +1,10 @@
-"""Round numbers along an axis."""
+"""Axis ticks: round numbers within an interval, and their labels."""
 
 import numpy as np
 
 from app.html import number
 
-LONG = 1e5  # from here on labels count in thousands, millions, ...
+LONG = 1e5  # larger numbers are labelled in thousands (k), millions (M) or billions (G)
 UNITS = {1e3: "k", 1e6: "M", 1e9: "G"}
 
 
@@ -17,7 +17,7 @@ def ticks(low: float, high: float) -> np.ndarray:
 
 
 def log_ticks(low: float, high: float) -> np.ndarray:
-    """Powers of ten, at most five, within an interval of exponents; round numbers where it holds fewer than two."""
+    """At most five powers of ten within an interval of exponents; round numbers if it contains fewer than two powers."""
     powers = np.arange(np.ceil(low), np.floor(high) + 1)
     if len(powers) >= 2:
         return 10.0 ** powers[:: -(-len(powers) // 5)]
@@ -26,7 +26,7 @@ def log_ticks(low: float, high: float) -> np.ndarray:
 
 
 def tick_labels(values: np.ndarray) -> list[str]:
-    """A label for each value (n,), at most seven characters, however near to each other large values lie."""
+    """A distinct label of at most seven characters for each value (n,)."""
     largest = float(np.abs(values).max(initial=0))
     if not LONG <= largest < 1e12 or len(values) < 2:
         return [number(float(value), 3) for value in values]
@@ -37,7 +37,7 @@ def tick_labels(values: np.ndarray) -> list[str]:
 
 
 def _in_units(value: float, largest: float, apart: float) -> str:
-    """With as many decimals as tell values so far apart from each other; 0: as few as it takes."""
+    """A value in k, M or G of `largest`, with the decimals that distinguish values `apart`; 0: as few as possible."""
     unit = max((unit for unit in UNITS if unit <= largest), default=1.0)
     decimals = int(np.clip(np.ceil(-np.log10(apart / unit) - 1e-9), 0, 3)) if apart > 0 else 0
     figure = f"{value / unit:.{decimals}f}" if apart > 0 else f"{value / unit:g}"

@@ -1,7 +1,7 @@
-"""A calibrated, undistorted pinhole camera.
+"""Calibrated, undistorted pinhole cameras.
 
-Conventions, stated once: OpenCV axes (x right, y down, z forward), pixel centres at integers (the top-left pixel's
-centre is (0, 0)), no lens distortion. Transforms read right to left: `image_from_world` takes world points to pixels.
+Conventions: OpenCV axes (x right, y down, z forward), pixel centres at integers (the top-left pixel's
+centre is (0, 0)), no lens distortion. Transforms read right to left: `image_from_world` maps world points to pixels.
 """
 
 from dataclasses import dataclass
@@ -10,12 +10,13 @@ from functools import cached_property
 import numpy as np
 
 from fairing.errors import InputError
+from fairing.util.guards import check_coordinates, check_focal_lengths, check_size
 
 
 def resizing(before: tuple[int, int], after: tuple[int, int]) -> np.ndarray:
     """(3, 3): pixels of a photo of size (width, height) `after` from pixels of the same photo of size `before`.
 
-    The photo's outer borders are the same, half a pixel beyond the centres of the outer pixels.
+    The photo's outer borders, half a pixel beyond the centres of the outer pixels, are the same.
     """
     sx, sy = after[0] / before[0], after[1] / before[1]
     return np.array([[sx, 0, (sx - 1) / 2], [0, sy, (sy - 1) / 2], [0, 0, 1]])
@@ -31,7 +32,8 @@ class Camera:
         width, height: size of the photo in pixels.
 
     Raises:
-        InputError: the matrix is not 3x4, not finite or singular, or the size is not positive.
+        InputError: the matrix is not 3x4, not finite or singular, or the size, the focal lengths or the centre are
+            implausible.
     """
 
     image_from_world: np.ndarray
@@ -44,8 +46,7 @@ class Camera:
             raise InputError(f"camera matrix: expected 3x4 numbers, found shape {P.shape}")
         if not np.isfinite(P).all():
             raise InputError("camera matrix: expected finite numbers, found NaN or infinity")
-        if self.width < 1 or self.height < 1:
-            raise InputError(f"camera: expected a positive photo size, found {self.width}x{self.height}")
+        check_size(self.width, self.height, "camera")
         P = P / (np.abs(P).max() or 1)  # so that no square overflows
         M = P[:, :3]
         row_norms = np.linalg.norm(M, axis=1)
@@ -55,8 +56,13 @@ class Camera:
                 "camera matrix: its left 3x3 part is singular, so it has no centre; "
                 "give a perspective projection (orthographic cameras are not supported)"
             )
-        # P and -P are the same camera; the one with a positive determinant has positive depth in front.
-        P = P * (np.sign(determinant) / row_norms[2])
+        # P and -P are the same camera; depth is positive in front of the one with a positive determinant.
+        with np.errstate(over="ignore", invalid="ignore"):
+            P = P * (np.sign(determinant) / row_norms[2])
+            # |m1 x m3| and |m2 x m3|: Hartley and Zisserman, section 6.2.4, without a decomposition.
+            focal_lengths = np.linalg.norm(np.cross(P[:2, :3], P[2, :3]), axis=1)
+        check_focal_lengths(focal_lengths, self.width, self.height, "camera")
+        check_coordinates(np.linalg.solve(P[:, :3], P[:, 3]), "camera centre")
         P.setflags(write=False)
         object.__setattr__(self, "image_from_world", P)
 
@@ -77,6 +83,8 @@ class Camera:
                 f"camera: expected positive focal lengths, found fx={K[0, 0]:g}, fy={K[1, 1]:g}; "
                 "flip the camera's axes to x right, y down, z forward"
             )
+        with np.errstate(over="ignore"):
+            check_focal_lengths(np.diag(K)[:2] / K[2, 2], width, height, "camera")
         if np.abs(R).max() > 1.01 or np.abs(R @ R.T - np.eye(3)).max() > 1e-4:
             raise InputError("camera: R is not a rotation (its rows are not orthonormal)")
         if np.linalg.det(R) < 0:
@@ -88,12 +96,12 @@ class Camera:
         return cls(P, width, height)
 
     def resized(self, width: int, height: int) -> "Camera":
-        """The camera of the same photo at another size (width, height), the outer borders of its pixels unmoved."""
+        """The camera of the same photo at another size (width, height) in pixels, with the same outer borders."""
         return Camera(resizing((self.width, self.height), (width, height)) @ self.image_from_world, width, height)
 
     @cached_property
     def center(self) -> np.ndarray:
-        """(3,) float, world units: the point all rays pass through."""
+        """(3,) float, world units: the centre of projection."""
         return -np.linalg.solve(self.image_from_world[:, :3], self.image_from_world[:, 3])
 
     @cached_property
@@ -109,14 +117,17 @@ class Camera:
 
     @cached_property
     def _decomposed(self) -> tuple[np.ndarray, np.ndarray]:
-        from scipy.linalg import rq  # takes a tenth of a second to import; whoever only names photos need not wait
+        from scipy.linalg import rq  # imported on first use: it takes 0.1 s
 
         K, R = rq(self.image_from_world[:, :3])
         signs = np.sign(np.diag(K))
         return K * signs / (K[2, 2] * signs[2]), R * signs[:, None]
 
     def project(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Pixels (..., 2) and depths (...,) in world units of world points (..., 3). Points behind have depth <= 0."""
+        """Pixels (..., 2) float and depths (...,) float, world units, of world points (..., 3).
+
+        Points behind the camera have depth <= 0; their pixels have no meaning and may be infinite.
+        """
         homogeneous = points @ self.image_from_world[:, :3].T + self.image_from_world[:, 3]
         depth = homogeneous[..., 2]
         with np.errstate(divide="ignore", invalid="ignore"):

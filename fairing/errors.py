@@ -8,9 +8,15 @@ class InputError(ValueError):
     it without a traceback and exits with code 1; the page shows it as a notification.
     """
 
+    LONGEST = 1000
+    """Characters of a message; a longer one, as a damaged file may cause, loses its middle."""
+
     def __init__(self, message: str) -> None:
-        # Names of files may hold line breaks, and so may what other libraries say.
-        super().__init__(" ".join(message.splitlines()))
+        # Names of files and messages of other libraries may hold line breaks.
+        line = " ".join(message.splitlines())
+        if len(line) > self.LONGEST:
+            line = f"{line[: self.LONGEST // 2]} ... {line[5 - self.LONGEST // 2 :]}"
+        super().__init__(line)
 
 
 class Cancelled(Exception):  # noqa: N818 - nothing is wrong

@@ -1,6 +1,6 @@
-"""The distortion of a real lens, and how photos and pixels are freed of it.
+"""Lens distortion: the polynomial model, and the undistortion of photos and pixels.
 
-Everything behind `Lens` is a pinhole camera: photos are resampled when they are loaded, observed pixels when they are
+Downstream of `Lens` every camera is a pinhole: photos are resampled when they are loaded, observed pixels when they are
 read.
 """
 
@@ -12,18 +12,19 @@ import numpy as np
 
 from fairing.camera import resizing
 from fairing.errors import InputError
+from fairing.util.guards import check_focal_lengths, check_size
 
-# Newton-like iterations of cv2.undistortPoints; the default of 5 leaves 0.01 px on a phone's wide lens.
+# Iterations of cv2.undistortPoints; OpenCV's default of 5 is too few (ledger: iterations of undistortion).
 _CONVERGED = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 200, 1e-13)
 DISTORTION = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
-"""The order of the parameters of `Lens.distortion`, which is OpenCV's."""
+"""The parameters of `Lens.distortion`, in OpenCV's order."""
 _MISSED = 1e-3
-"""Pixels: a ray that comes out this far from where it should has not been found."""
+"""Pixels: a ray whose distorted pixel misses the given one by more than this is not a solution."""
 
 
 @dataclass(frozen=True, eq=False)
 class Lens:
-    """A pinhole camera behind a polynomial lens (Brown 1966), as OpenCV writes it.
+    """A pinhole camera with polynomial distortion (Brown 1966), in OpenCV's notation.
 
     A ray (x, y, 1) with r^2 = x^2 + y^2 meets the photo at K [x', y', 1] with
 
@@ -33,11 +34,12 @@ class Lens:
 
     Attributes:
         K: (3, 3) float, pixels: intrinsics of the distorted photo.
-        distortion: (8,) float: k1, k2, p1, p2, k3, k4, k5, k6; given shorter, zeros are added.
+        distortion: (8,) float: k1, k2, p1, p2, k3, k4, k5, k6; a shorter array is padded with zeros.
         width, height: size of the photo in pixels.
 
     Raises:
-        InputError: not finite, or a distortion so strong that the photo folds over itself.
+        InputError: the parameters are not finite or implausible, the principal point lies outside a distorted photo, or
+            the distortion is so strong that the photo folds over itself.
     """
 
     K: np.ndarray
@@ -53,6 +55,8 @@ class Lens:
                 "lens: expected finite parameters and positive focal lengths, "
                 f"found {', '.join(f'{p:g}' for p in (*self.K[:2].ravel()[[0, 4, 2, 5]], *self.distortion))}"
             )
+        check_size(self.width, self.height, "lens")
+        check_focal_lengths(np.diag(self.K)[:2], self.width, self.height, "lens")
         if not self.is_distorted:
             return
         cx, cy = self.K[:2, 2]
@@ -82,8 +86,8 @@ class Lens:
     def pinhole_K(self) -> np.ndarray:
         """(3, 3) float, pixels: intrinsics of the undistorted photo, which has the same size and principal point.
 
-        It is K, unless the lens pulls the corners outwards (pincushion): then zoomed in just enough to leave no pixel
-        of the undistorted photo without content.
+        It is K for barrel distortion. For pincushion distortion the focal lengths are increased just enough that every
+        pixel of the undistorted photo has content.
         """
         if not self.is_distorted:
             return self.K
@@ -98,28 +102,24 @@ class Lens:
         return self.K * np.array([[zoom, zoom, 1], [zoom, zoom, 1], [1, 1, 1]])
 
     def resized(self, width: int, height: int) -> "Lens":
-        """The lens of the same photo at another size (width, height), the outer borders of its pixels unmoved."""
+        """The lens of the same photo at another size (width, height) in pixels, with the same outer borders."""
         return Lens(resizing((self.width, self.height), (width, height)) @ self.K, self.distortion, width, height)
 
     def undistort(self, pixels: np.ndarray) -> np.ndarray:
-        """Pixels (n, 2) of the undistorted photo from pixels (n, 2) of the photo as taken.
+        """Pixels (n, 2) float of the undistorted photo from pixels (n, 2) float of the distorted photo.
 
-        NaN where no ray meets the pixel: a barrel's polynomial need not reach the photo's corners.
+        NaN where no ray meets the pixel: a barrel polynomial may not reach the photo's corners.
         """
         if not self.is_distorted:
             return pixels
         return self._rays(pixels) * self.pinhole_K[[0, 1], [0, 1]] + self.pinhole_K[:2, 2]
 
     def undistort_photo(self, photo: np.ndarray) -> np.ndarray:
-        """The undistorted photo, same shape and type.
-
-        Lanczos, because OpenCV's bicubic loses three times as much of fine texture (0.32 against 0.12 grey levels
-        rms on waves of 30 pixels).
-        """
+        """The undistorted photo, same shape and type, by Lanczos interpolation (ledger: interpolation of undistortion)."""
         return self._remap(photo, cv2.INTER_LANCZOS4)
 
     def undistort_mask(self, mask: np.ndarray) -> np.ndarray:
-        """A mask (height, width) of the photo as taken, for the undistorted photo: of whole pixels, the nearest."""
+        """The mask (height, width) of the undistorted photo from that of the distorted one, by the nearest pixel."""
         return self._remap(mask, cv2.INTER_NEAREST)
 
     def _remap(self, image: np.ndarray, interpolation: int) -> np.ndarray:
@@ -128,7 +128,7 @@ class Lens:
         return cv2.remap(image, *maps, interpolation, borderMode=cv2.BORDER_REPLICATE)
 
     def _rays(self, pixels: np.ndarray) -> np.ndarray:
-        """Rays (n, 2) in front of the lens from pixels (n, 2) of the photo as taken."""
+        """Undistorted rays (n, 2) from pixels (n, 2) of the distorted photo; NaN where there is none."""
         if len(pixels) == 0:
             return np.zeros((0, 2))
         points = np.ascontiguousarray(pixels, dtype=np.float64)[:, None]
@@ -139,7 +139,7 @@ class Lens:
         return rays
 
     def _distort(self, rays: np.ndarray) -> np.ndarray:
-        """Rays (..., 2) behind the lens from rays (..., 2) in front of it: the formula above."""
+        """Distorted rays (..., 2) from undistorted rays (..., 2), by the class's formula."""
         k1, k2, p1, p2, k3, k4, k5, k6 = self.distortion
         x, y = rays[..., 0], rays[..., 1]
         r2 = x * x + y * y

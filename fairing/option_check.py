@@ -1,7 +1,7 @@
 """Options that contradict themselves, found before anything runs."""
 
 from dataclasses import fields, is_dataclass
-from typing import Any
+from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 from fairing.errors import InputError
 from fairing.options import FairingOptions
@@ -49,12 +49,15 @@ def check_options(options: FairingOptions) -> None:
 
 
 def _check(options: Any, prefix: str) -> None:
+    hints = get_type_hints(type(options))
     for field in fields(options):
         name, value = prefix + field.name, getattr(options, field.name)
         if is_dataclass(value):
             _check(value, name + ".")
             continue
         values = value if isinstance(value, tuple) else (value,)
+        for item in values:
+            _check_type(name, item, hints[field.name])
         if name in _BOXES:
             _check_boxes(name, values)
         if not values and name not in _MAY_BE_EMPTY:
@@ -69,6 +72,19 @@ def _check(options: Any, prefix: str) -> None:
                 raise InputError(
                     f"option {name}: expected {'at least' if inclusive else 'more than'} {low}, found {item}"
                 )
+
+
+def _check_type(name: str, item: Any, hint: Any) -> None:
+    """Refuse a value that is not of the option's type; for a tuple, of its items' type."""
+    if get_origin(hint) is tuple:
+        hint = get_args(hint)[0]
+    if get_origin(hint) is Literal:
+        if item not in get_args(hint):
+            raise InputError(f"option {name}: expected one of {', '.join(get_args(hint))}, found {item!r:.60}")
+        return
+    allowed = (int, float) if hint is float else (hint,)
+    if not isinstance(item, allowed) or (isinstance(item, bool) and hint is not bool):
+        raise InputError(f"option {name}: expected a value of type {hint.__name__}, found {item!r:.60}")
 
 
 def _check_boxes(name: str, values: tuple[float, ...]) -> None:

@@ -233,6 +233,8 @@ def options_from_dict(values: dict[str, Any]) -> FairingOptions:
 
 
 def _from_dict(default: Any, values: dict[str, Any], where: str) -> Any:
+    if not isinstance(values, dict):
+        raise InputError(f"{where}: expected options by name, found {values!r:.60}")
     known = {f.name for f in fields(default)}
     unknown = set(values) - known
     if unknown:

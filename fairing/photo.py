@@ -1,6 +1,5 @@
-"""Photographs, decoded only when somebody looks at them."""
+"""Photos and masks, decoded on demand."""
 
-import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -14,10 +13,11 @@ from PIL import Image, UnidentifiedImageError
 from fairing.errors import InputError
 from fairing.lens import Lens
 from fairing.util.bounded_cache import BoundedCache
+from fairing.util.guards import check_regular_file
 
 
 class Photo(Protocol):
-    """Where the pixels of a view come from."""
+    """Source of a view's pixels."""
 
     @property
     def size(self) -> tuple[int, int]:
@@ -45,11 +45,11 @@ class ArrayPhoto:
 
 @dataclass(frozen=True, eq=False)
 class FilePhoto:
-    """A photo file, decoded at every `load` (the engine keeps what it needs at hand).
+    """A photo file, decoded at every `load`; the engine caches what it uses repeatedly.
 
     Attributes:
-        lens: what bent the photo, or None for a pinhole camera. `load` straightens it once and keeps the result while
-            there is room.
+        lens: the distortion of the photo, or None for a pinhole camera. `load` undistorts the photo and keeps the
+            result in a bounded cache.
     """
 
     path: Path
@@ -61,9 +61,9 @@ class FilePhoto:
             return image.size
 
     def load(self) -> np.ndarray:
-        return self._decode() if self.lens is None else _STRAIGHT.get(self, self._straighten)[0]
+        return self._decode() if self.lens is None else _UNDISTORTED.get(self, self._undistorted)[0]
 
-    def _straighten(self) -> tuple[np.ndarray]:
+    def _undistorted(self) -> tuple[np.ndarray]:
         assert self.lens is not None
         pixels = self.lens.undistort_photo(self._decode())
         pixels.setflags(write=False)
@@ -78,15 +78,14 @@ class FilePhoto:
             return np.asarray(image.convert("RGB"))
 
 
-# Straightened photos, those used last. A photo is loaded several times in a run (engine, textures, report). At 20 Mpx
-# straightening takes 1.7 s of CPU, decoding a JPEG 0.2 s and a PNG 0.6 s. So a cache on disk would save about a second a
-# photo of runs that take minutes; who wants that converts the capture (`eigenfairing convert`).
-_STRAIGHT: BoundedCache[FilePhoto] = BoundedCache(room=500_000_000)
+# Undistorted photos, the most recently used ones: a photo is loaded several times in a run (engine, textures, report).
+# There is no cache on disk; `eigenfairing convert` writes undistorted photos (ledger: cache of undistorted photos).
+_UNDISTORTED: BoundedCache[FilePhoto] = BoundedCache(room=500_000_000)
 
 
 @dataclass(frozen=True, eq=False)
 class ResizedPhoto:
-    """Another photo at another size (width, height), its outer borders unmoved; what is finer than its pixels is averaged."""
+    """Another photo resampled by area averaging to another size (width, height) in pixels, with the same outer borders."""
 
     whole: Photo
     size: tuple[int, int]
@@ -97,11 +96,11 @@ class ResizedPhoto:
 
 @dataclass(frozen=True, eq=False)
 class Mask:
-    """An image of the photo's size: what is black (0) does not count, as in COLMAP.
+    """An image of the photo's size: black pixels (0) are ignored, as in COLMAP.
 
     Attributes:
-        lens: what bent the photo, and so the mask; None for a pinhole camera.
-        resized: (width, height) that photo and mask are shown at; None for the file's.
+        lens: the distortion of the photo and the mask; None for a pinhole camera.
+        resized: (width, height) in pixels that photo and mask are used at; None for the file's.
     """
 
     path: Path
@@ -114,19 +113,20 @@ class Mask:
         return self.resized or FilePhoto(self.path).size
 
     def load(self) -> np.ndarray:
-        """(height, width) bool: True where the photo counts."""
+        """(height, width) bool: True where the photo is used."""
         with _naming_failures(self.path), Image.open(self.path) as image:
             counts = (np.asarray(image.convert("L")) > 0).astype(np.uint8)
         if self.lens is not None:
             counts = self.lens.undistort_mask(counts)
-        if self.resized is not None:  # a pixel counts if all of it does
+        if self.resized is not None:  # a pixel is used if all of its area is
             return cv2.resize(counts.astype(np.float32), self.resized, interpolation=cv2.INTER_AREA) > 1 - 1e-4
         return counts > 0
 
 
 @contextmanager
 def _naming_failures(path: Path) -> Iterator[None]:
-    """Whatever Pillow raises becomes one line about this photo."""
+    """Raises every failure of Pillow as InputError about this photo; refuses pipes and devices."""
+    check_regular_file(path, "an image file")
     try:
         yield
     except InputError:
@@ -137,5 +137,6 @@ def _naming_failures(path: Path) -> Iterator[None]:
         raise InputError(f"photo {path}: cannot be read (permission denied); make it readable") from None
     except UnidentifiedImageError:
         raise InputError(f"photo {path}: is not an image file (or a damaged one); replace or remove it") from None
-    except (OSError, ValueError, SyntaxError, EOFError, struct.error, Image.DecompressionBombError) as error:
-        raise InputError(f"photo {path}: cannot be decoded ({error}); replace or remove it") from None
+    except Exception as error:  # Pillow's decoders raise whatever the damaged bytes make their parsers raise
+        reason = str(error) or type(error).__name__
+        raise InputError(f"photo {path}: cannot be decoded ({reason}); replace or remove it") from None

@@ -1,4 +1,4 @@
-"""What is faired: a mesh, the calibrated photos that saw the surface, and what else is known about it."""
+"""Scenes: a mesh, its calibrated photos, sparse points and, for synthetic scenes, the true surface."""
 
 from dataclasses import dataclass, field, replace
 
@@ -8,6 +8,7 @@ from fairing.camera import Camera
 from fairing.errors import InputError
 from fairing.mesh import Mesh, weld
 from fairing.photo import Mask, Photo, ResizedPhoto
+from fairing.util.guards import check_coordinates, check_name
 
 
 @dataclass(frozen=True, eq=False)
@@ -15,11 +16,12 @@ class View:
     """One calibrated photo.
 
     Attributes:
-        mask: what of the photo counts; None: all of it.
-        weight: how much the photo counts beside the others, more than 0.
+        mask: the part of the photo that is used; None for all of it.
+        weight: weight of the photo relative to the others, positive.
 
     Raises:
-        InputError: photo or mask cannot be read, or a size contradicts the camera's; the weight is not positive.
+        InputError: photo or mask cannot be read, a size contradicts the camera's, the weight is not positive, or the
+            name cannot be written to a file.
     """
 
     name: str
@@ -29,6 +31,7 @@ class View:
     weight: float = 1.0
 
     def __post_init__(self) -> None:
+        check_name(self.name, "photo")
         expected, found = (self.camera.width, self.camera.height), self.photo.size
         if self.mask is not None and self.mask.size != expected:
             width, height = self.mask.size
@@ -46,7 +49,7 @@ class View:
             )
 
     def resized(self, width: int, height: int) -> "View":
-        """The same photo, camera and mask in another size, pixels."""
+        """The view with photo, camera and mask scaled to another size in pixels."""
         mask = None if self.mask is None else replace(self.mask, resized=(width, height))
         photo = ResizedPhoto(self.photo, (width, height))
         return replace(self, camera=self.camera.resized(width, height), photo=photo, mask=mask)
@@ -54,13 +57,16 @@ class View:
 
 @dataclass(frozen=True, eq=False)
 class SparsePoints:
-    """3D points of a reconstruction with the photos that see them.
+    """3D points of a reconstruction with their observations in photos.
 
     Attributes:
         positions: (n, 3) float, world units.
         colors: (n, 3) uint8, RGB.
-        observations: (o, 2) int: a point's index and a view's index.
-        pixels: (o, 2) float, pixels: where that view saw that point.
+        observations: (o, 2) int: index of a point and index of the view that observes it.
+        pixels: (o, 2) float, pixels: the position of each observation in the undistorted photo.
+
+    Raises:
+        InputError: positions or pixels are not finite or implausibly large.
     """
 
     positions: np.ndarray
@@ -68,16 +74,20 @@ class SparsePoints:
     observations: np.ndarray
     pixels: np.ndarray
 
+    def __post_init__(self) -> None:
+        check_coordinates(self.positions, "sparse points")
+        check_coordinates(self.pixels, "observations of sparse points")
+
 
 @dataclass(frozen=True, eq=False)
 class Truth:
     """The exact surface of a synthetic scene.
 
     Attributes:
-        surface: the true surface, any triangulation.
-        vertices: (n, 3) float or None: where each vertex of the scene's mesh belongs, world units.
-        normals: (n, d <= 3, 3) list or None: for each vertex the unit normals of the true surfaces that meet there;
-            they span what photos can determine of it (one: free in a plane, two: free along an edge, three: a corner).
+        surface: the true surface, in any triangulation.
+        vertices: (n, 3) float or None, world units: the true position of each vertex of the scene's mesh.
+        normals: list of (d <= 3, 3) float or None: for each vertex the unit normals of the true surfaces that meet
+            there. They span the directions that photos can determine (one: a plane, two: an edge, three: a corner).
     """
 
     surface: Mesh
@@ -89,11 +99,11 @@ class Truth:
 class Scene:
     """A mesh and its photos.
 
-    `mesh` is welded: vertices of the input that share their coordinates are one, so that faces of both move together.
-    `original_from_welded` gives the input's vertices back (`unweld`), in the input's order.
+    `mesh` is welded: input vertices with equal coordinates are merged, so that their faces move together.
+    `original_from_welded` maps back to the input's vertices and their order (`unweld`).
 
     Raises:
-        InputError: fewer than three views, two views of one name.
+        InputError: there are fewer than three views, or two views share a name.
     """
 
     name: str
@@ -105,7 +115,7 @@ class Scene:
     sparse_points: SparsePoints | None = None
     warnings: tuple[str, ...] = field(default=())
     triangulated: bool = False
-    """The mesh is no file's: it was made of the sparse points."""
+    """Whether the mesh was triangulated from the sparse points instead of read from a file."""
 
     def __post_init__(self) -> None:
         if len(self.views) < 3:
@@ -126,7 +136,11 @@ class Scene:
         sparse_points: SparsePoints | None = None,
         warnings: tuple[str, ...] = (),
     ) -> "Scene":
-        """A scene from a mesh as it was read: validated, then welded."""
+        """A scene from vertices (n, 3), world units, and faces (m, 3) as read; the mesh is validated and welded.
+
+        Raises:
+            InputError: the mesh is invalid, there are too few views, or two views share a name.
+        """
         original = Mesh(vertices, faces)
         welded, original_from_welded = weld(original.vertices)
         faces = original_from_welded[original.faces]
@@ -136,7 +150,7 @@ class Scene:
 
     @property
     def sparse_positions(self) -> np.ndarray:
-        """(p, 3) float, world units: of the sparse points; none where there are no points."""
+        """(p, 3) float, world units: positions of the sparse points; p = 0 without sparse points."""
         return np.zeros((0, 3)) if self.sparse_points is None else self.sparse_points.positions
 
     def unweld(self, vertices: np.ndarray) -> np.ndarray:

@@ -1,9 +1,9 @@
-"""The record of a run: every step, small enough to keep, appended to a file as it happens and readable after a crash.
+"""Traces: the record of a run, one step after another, appended to a file and readable after a crash.
 
-A *moment* is a number between two steps: moment 0 is the start, moment m the state after m steps. A trace holds
-positions exactly, so any moment comes back to the bit; cells, residuals and flows are recomputed from it on demand.
+A *moment* is a number between two steps: moment 0 is the start, moment m the state after m steps. A trace stores
+positions exactly, so that every moment is restored bit by bit; cells, residuals and flows are recomputed on demand.
 
-On disk it is a `block_file`: steps cut short by a crash are dropped on reading, everything before them is kept.
+On disk it is a `fairing.util.block_file`: a truncated step is dropped on reading, all steps before it are kept.
 """
 
 import itertools
@@ -18,6 +18,17 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fairing.errors import InputError
+from fairing.mesh import Mesh
+from fairing.trace_check import (
+    Field,
+    check_counts,
+    check_fields,
+    check_ids,
+    check_positions,
+    check_run_header,
+    naming_block,
+    read_header,
+)
 from fairing.util.block_file import BlockFile, pack, read_blocks, unpack
 
 MAGIC = b"EIGENFAIRING TRACE 1\n"
@@ -25,7 +36,7 @@ KEYFRAME_EVERY = 64
 
 
 class StepReason(IntEnum):
-    """What became of a vertex in a step."""
+    """The outcome of a step for a vertex."""
 
     ACCEPTED = 0
     CONVERGED = 1
@@ -57,20 +68,20 @@ _REASON_TEXTS = {
     StepReason.LOCKED: "not moved: locked",
     StepReason.RESTING: "rests: its steps were rejected too often in this sweep",
     StepReason.RETURNED: "returned: the fine-level energy had been lower",
-    StepReason.FOUND_PLACE: "searched: a better place was found near by",
-    StepReason.FOUND_TOGETHER: "tried again from the start, with its neighbours: a better place was found",
-    StepReason.NO_BETTER_PLACE: "searched: no place near by is better",
+    StepReason.FOUND_PLACE: "searched: a better place was found nearby",
+    StepReason.FOUND_TOGETHER: "restarted from the start with its neighbours: a better place was found",
+    StepReason.NO_BETTER_PLACE: "searched: no place nearby is better",
     StepReason.MOVED_MANUALLY: "moved by hand",
     StepReason.RESET_MANUALLY: "put back to its start by hand",
     StepReason.SMOOTHED: "smoothed: the photos agree better with the start's noise filtered out",
-    StepReason.FITTED_TO_POINTS: "drawn to the sparse points: half of them are used, and the photos agree",
+    StepReason.FITTED_TO_POINTS: "fitted to the sparse points: half of them are used, and the photos agree",
 }
 PREPARING = (StepReason.SMOOTHED, StepReason.FITTED_TO_POINTS)
 MANUAL_REASONS = (StepReason.MOVED_MANUALLY, StepReason.RESET_MANUALLY)
 
 
 class SchedulePosition(NamedTuple):
-    """Where in the schedule a step belongs."""
+    """The place of a step in the schedule."""
 
     level: int
     sweep: int
@@ -89,16 +100,16 @@ class StepRecord:
 
     Attributes:
         position: level, sweep, unit and iteration of this step.
-        next_position: where the run goes on; level = number of levels when it has finished.
-        sweep_moment: the moment at which the sweep began (visibility, sigma and priors belong to it).
+        next_position: position of the next step; its level is the number of levels when the run has finished.
+        sweep_moment: the moment at which the sweep began; visibility, sigma and priors are those of that moment.
         vertices: (u,) int, ids.
         before, after: (u, 3) float, positions, world units.
         proposed: (u, 3) float, the Gauss-Newton step before any limit.
-        step_px: (u,) float: longest displacement in a photo of the step tried, px.
+        step_px: (u,) float: longest displacement in a photo of the step that was tried, pixels.
         damping: (u,) float, Levenberg-Marquardt damping used.
         eigenvalues: (u, 3) float, of the normal matrix without priors, ascending, energy / world unit^2.
         reasons: (u,) int8 `StepReason`.
-        objective_before, objective_after: energy plus priors of the unit, before and after what was tried.
+        objective_before, objective_after: energy plus priors of the unit, before and after the step that was tried.
         faces: (F,) int ids of the faces around the unit.
         face_energy_before, face_energy_after: (F,) float; after equals before where the step was rejected.
         view_energy_before, view_energy_after: (V,) float.
@@ -157,12 +168,12 @@ class StepRecord:
 
 
 class Trace:
-    """Header, start and steps of a run; optionally mirrored to a file.
+    """Header, start and steps of a run; optionally attached to a file.
 
     Attributes:
-        header: JSON-able facts: options, scene, versions.
-        start: (n, 3) float, vertices at moment 0.
-        faces: (m, 3) int.
+        header: facts of the run that JSON can hold: options, scene, versions.
+        start: (n, 3) float, world units: vertices at moment 0.
+        faces: (m, 3) int, indices into `start`.
         steps: the records.
         manual_moments: the moments after steps that a user made.
     """
@@ -176,16 +187,16 @@ class Trace:
         self._keyframes: dict[int, np.ndarray] = {0: self.start}
         self._newest: tuple[int, np.ndarray] = (0, self.start.copy())
         self._file: BlockFile | None = None
-        self._unwritten: Path | None = None  # the file that writing failed on
+        self._unwritten: Path | None = None  # the file that could not be written
 
     def __len__(self) -> int:
         return len(self.steps)
 
     def append(self, record: StepRecord) -> None:
-        """Add a step, and write it to the file if one is attached.
+        """Add a step and write it to the attached file, if any.
 
         Raises:
-            InputError: the disk is full. The step is kept in memory; the next call tries to write all of them.
+            InputError: the disk is full. The step is kept in memory; the next call writes all steps again.
         """
         self._index(record)
         if self._unwritten is not None:
@@ -195,15 +206,16 @@ class Trace:
                 self._file.append(_pack_record(record))
 
     def vertices_at(self, moment: int) -> np.ndarray:
-        """(n, 3) float: positions at a moment, a copy.
+        """(n, 3) float, world units: positions at a moment, a copy.
 
         Raises:
             IndexError: there is no such moment.
         """
         if not 0 <= moment <= len(self.steps):
             raise IndexError(f"moment {moment}: this trace has moments 0 to {len(self.steps)}")
-        if moment == self._newest[0]:
-            return self._newest[1].copy()
+        newest_moment, newest = self._newest  # read once: another thread may append meanwhile
+        if moment == newest_moment:
+            return newest.copy()
         key = moment - moment % KEYFRAME_EVERY
         vertices = self._keyframes[key].copy()
         for record in self.steps[key:moment]:
@@ -212,11 +224,12 @@ class Trace:
 
     @property
     def preparations(self) -> list[StepReason]:
-        """What was done to the start before the first level, a step each."""
+        """The preparations of the start before the first level, one step each."""
         return [StepReason(step.reasons[0]) for step in itertools.takewhile(lambda step: step.is_preparing, self.steps)]
 
     def origin_at(self, moment: int) -> np.ndarray:
-        """(n, 3) float: from where the engine moved each vertex: its (prepared) start, or where a hand had last put it."""
+        """(n, 3) float, world units: where the engine began to move each vertex, at the prepared start or after its last
+        manual edit."""
         origin = self.vertices_at(min(moment, len(self.preparations)))
         for made in self.manual_moments:
             if made <= moment:
@@ -225,7 +238,11 @@ class Trace:
         return origin
 
     def attach(self, path: Path) -> None:
-        """Write the trace to `path` (replacing what is there by renaming) and keep it up to date from now on."""
+        """Write the trace to `path`, replacing an existing file, and append further steps to it.
+
+        Raises:
+            InputError: the disk is full, or the folder is missing.
+        """
         if self._file is not None:
             self.detach()
         header = pack({"header": json.dumps(self.header)}, start=self.start, faces=self.faces)
@@ -233,7 +250,11 @@ class Trace:
         self._unwritten = None
 
     def flush(self) -> None:
-        """Make sure that what was appended survives a crash of the machine."""
+        """Write all steps to the disk, so that they survive a crash of the machine.
+
+        Raises:
+            InputError: the disk is full.
+        """
         if self._unwritten is not None:
             self.attach(self._unwritten)
         if self._file is not None:
@@ -241,7 +262,11 @@ class Trace:
                 self._file.flush()
 
     def detach(self) -> None:
-        """Stop writing to the file."""
+        """Flush and close the attached file.
+
+        Raises:
+            InputError: the disk is full.
+        """
         self.flush()
         if self._file is not None:
             self._file.close()
@@ -249,7 +274,7 @@ class Trace:
 
     @contextmanager
     def _giving_up_file(self) -> Iterator[None]:
-        """A file that could not be written to is let go, to be written anew."""
+        """Detaches the file if writing to it fails; the next append or flush writes it again."""
         try:
             yield
         except InputError:
@@ -258,34 +283,68 @@ class Trace:
             raise
 
     def cut(self, moment: int) -> "Trace":
-        """A new trace in memory with the steps before a moment."""
+        """A new trace in memory with the steps up to a moment."""
         branch = Trace(dict(self.header), self.start, self.faces)
         for record in self.steps[:moment]:
             branch._index(record)
         return branch
 
     def continue_at(self, position: SchedulePosition) -> None:
-        """Let the run continue elsewhere after its last step than that step had planned."""
+        """Replace the position at which the run continues after its last step."""
         assert self._file is None, "a trace on disk only grows"
         self.steps[-1] = replace(self.steps[-1], next_position=position)
 
     @classmethod
     def load(cls, path: Path) -> "Trace":
-        """Read a trace file; steps cut short at its end are dropped.
+        """Read a trace file; a truncated step at its end is dropped.
 
         Raises:
-            InputError: the file is missing or no trace.
+            InputError: the file is missing, no trace, or holds a header or a step that no run can have written.
         """
         blocks = read_blocks(path, MAGIC, "trace")
-        texts, arrays = unpack(blocks[0])
-        trace = cls(json.loads(texts["header"]), arrays["start"], arrays["faces"])
-        for block in blocks[1:]:
-            trace._index(_unpack_record(block))
+        with naming_block(f"trace {path}"):
+            texts, arrays = unpack(blocks[0])
+            header = read_header(texts)
+            check_run_header(header)
+            check_fields(arrays, _MESH_FIELDS, {})
+            mesh = Mesh(arrays["start"], arrays["faces"])
+        trace = cls(header, mesh.vertices, mesh.faces)
+        for moment, block in enumerate(blocks[1:]):
+            with naming_block(f"trace {path}: step {moment + 1}"):
+                trace._index(trace._unpack_record(block))
         return trace
+
+    def _unpack_record(self, block: bytes) -> StepRecord:
+        """The record that a block holds, which continues this trace.
+
+        Raises:
+            InputError: a field is missing, unknown, of another shape or type, or out of range.
+            ValueError: the block is no archive of arrays.
+        """
+        _, values = unpack(block)
+        check_fields(values, _STEP_FIELDS, {"V": len(self.header["views"])})
+        for name in ("position", "next_position", "rejections"):
+            check_counts(values[name], name)
+        check_ids(values["sweep_moment"], len(self.steps) + 1, "sweep_moment")
+        check_ids(values["vertices"], len(self.start), "vertices")
+        check_ids(values["faces"], len(self.faces), "faces")
+        check_ids(values["reasons"], len(StepReason), "reasons")
+        for name in ("before", "after"):
+            check_positions(values[name], name)
+        return StepRecord(
+            **{
+                **values,
+                "position": SchedulePosition(*values["position"].tolist()),
+                "next_position": SchedulePosition(*values["next_position"].tolist()),
+                "sweep_moment": int(values["sweep_moment"]),
+                "objective_before": float(values["objective_before"]),
+                "objective_after": float(values["objective_after"]),
+            }
+        )
 
     def _index(self, record: StepRecord) -> None:
         self.steps.append(record)
-        vertices = record.applied_to(self._newest[1])  # a copy: another thread may be reading the present ones
+        vertices = record.applied_to(self._newest[1])  # a copy, because another thread may read the current array
         self._newest = (len(self.steps), vertices)
         if record.is_manual:
             self.manual_moments.append(len(self.steps))
@@ -297,15 +356,27 @@ def _pack_record(record: StepRecord) -> bytes:
     return pack({}, **{field.name: np.asarray(getattr(record, field.name)) for field in fields(StepRecord)})
 
 
-def _unpack_record(block: bytes) -> StepRecord:
-    _, values = unpack(block)
-    return StepRecord(
-        **{
-            **values,
-            "position": SchedulePosition(*values["position"].tolist()),
-            "next_position": SchedulePosition(*values["next_position"].tolist()),
-            "sweep_moment": int(values["sweep_moment"]),
-            "objective_before": float(values["objective_before"]),
-            "objective_after": float(values["objective_after"]),
-        }
-    )
+_MESH_FIELDS = {"start": Field("f", ("n", 3)), "faces": Field("iu", ("m", 3))}
+# What the solver left behind may be infinite where it failed; everything a reader computes with is finite.
+_STEP_FIELDS = {
+    "position": Field("iu", (4,)),
+    "next_position": Field("iu", (4,)),
+    "sweep_moment": Field("iu"),
+    "vertices": Field("iu", ("u",)),
+    "before": Field("f", ("u", 3), is_finite=True),
+    "proposed": Field("f", ("u", 3)),
+    "after": Field("f", ("u", 3), is_finite=True),
+    "step_px": Field("f", ("u",)),
+    "damping": Field("f", ("u",)),
+    "eigenvalues": Field("f", ("u", 3)),
+    "reasons": Field("iu", ("u",)),
+    "objective_before": Field("f", is_finite=True),
+    "objective_after": Field("f", is_finite=True),
+    "faces": Field("iu", ("F",)),
+    "face_energy_before": Field("f", ("F",), is_finite=True),
+    "face_energy_after": Field("f", ("F",), is_finite=True),
+    "view_energy_before": Field("f", ("V",), is_finite=True),
+    "view_energy_after": Field("f", ("V",), is_finite=True),
+    "damping_next": Field("f", ("u",)),
+    "rejections": Field("iu", ("u",)),
+}

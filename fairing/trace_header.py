@@ -1,4 +1,4 @@
-"""What a trace says of the run it records: on which scene, under which options, computed by what."""
+"""Trace headers: the scene, options and library versions of a recorded run."""
 
 import hashlib
 from importlib.metadata import version
@@ -24,10 +24,10 @@ def header_of(scene: Scene, options: FairingOptions) -> dict[str, Any]:
 
 
 def check_same_scene(scene: Scene, trace: Trace) -> None:
-    """Refuse a trace of other photos, of another mesh or, where they had a say, of other sparse points.
+    """Refuse a trace of other photos, of another mesh or, if the run used them, of other sparse points.
 
     Raises:
-        InputError: naming the scene it was recorded on.
+        InputError: the trace was recorded on another scene, which the message names.
     """
     names = [view.name for view in scene.views]
     same_mesh = np.array_equal(trace.faces, scene.mesh.faces) and len(trace.start) == len(scene.mesh.vertices)
@@ -45,6 +45,6 @@ def check_same_scene(scene: Scene, trace: Trace) -> None:
 
 
 def _points_of(scene: Scene) -> dict[str, Any]:
-    """Enough to tell whether sparse points are the same: the engine draws vertices to them."""
+    """Count and digest of the sparse points, which identify them: they are a prior of the run."""
     points = scene.sparse_positions
     return {"count": len(points), "digest": hashlib.blake2b(points.tobytes(), digest_size=16).hexdigest()}

@@ -26,7 +26,15 @@ ALLOWED: dict[str, set[str]] = {
     "fairing.texture": DATA | {"fairing.geometry", "fairing.kernels"},
     "fairing.triangulation": DATA | {"fairing.util", "fairing.geometry", "fairing.cells", "fairing.solve"},
     "fairing.io": DATA
-    | {"fairing.util", "fairing.geometry", "fairing.check", "fairing.registration", "fairing.texture"},
+    | {
+        "fairing.util",
+        "fairing.geometry",
+        "fairing.check",
+        "fairing.features",
+        "fairing.registration",
+        "fairing.texture",
+    },
+    "fairing.features": DATA | {"fairing.util"},
     "fairing.experiments": DATA | {"fairing.geometry", "fairing.solve", "fairing.run", "fairing.judge"},
     "fairing.api": {"fairing", "fairing.run"},
     "demo_scenes": DATA | {"fairing.util", "fairing.geometry"},

@@ -5,7 +5,7 @@ import pytest
 
 from app.debugger.commands import Extent, Forward, JumpTo, Lock, Place, Reset, Run
 from app.debugger.controller import Controller
-from app.debugger.manual_edits import named
+from app.debugger.manual_edits import vertex_list
 from app.debugger.run_state import RunState
 from app.debugger.runs import Runs
 from app.palette import HAND
@@ -134,7 +134,7 @@ def test_the_timeline_shows_where_a_hand_moved_something(controller: Controller)
 
 
 def test_few_vertices_are_named_and_many_counted():
-    assert named((4,)) == "vertex 4"
-    assert named((4, 7, 1)) == "vertices 4, 7, 1"
-    assert named(tuple(range(9))) == "9 vertices"
+    assert vertex_list(np.array([4])) == "vertex 4"
+    assert vertex_list(np.array([4, 7, 1])) == "vertices 4, 7, 1"
+    assert vertex_list(np.arange(9)) == "9 vertices"
     assert StepReason.MOVED_MANUALLY.text == "moved by hand"

@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.debugger.cell_queries import CellQuestion, cell_facts
+from app.debugger.cell_queries import CellQuery, cell_facts
 from app.page_state.cells_state import KINDS, CellsView
 from app.palette import SELECTED
 from app.pictures.cell_images import MASKED, CellPictures, arrow_path
 from fairing.run.session import Session
 from tests.small_scene import corner_scene, small_options
 
-QUESTION = CellQuestion(run_id=0, moment=2, face=1, vertex=0, dimensions=None, with_flows=True)
+QUESTION = CellQuery(run_id=0, moment=2, face=1, vertex=0, dimensions=None, with_flows=True)
 
 
 @pytest.fixture(scope="module")

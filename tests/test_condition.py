@@ -4,7 +4,7 @@ import pytest
 
 from app.debugger.breakpoints import Breakpoints
 from app.debugger.condition import Quantities, parse_condition
-from app.debugger.quantities import FUNCTIONS, VALUES, understand
+from app.debugger.quantities import FUNCTIONS, VALUES, parse_step_condition
 from app.page_state.page_state import PageState
 from app.page_state.selection import Selection
 from fairing.errors import InputError
@@ -91,8 +91,8 @@ def test_every_word_that_is_offered_is_understood():
     from app.panels.breakpoints_panel import ready_made
 
     for name in VALUES:
-        understand(f"{name} > 0")
+        parse_step_condition(f"{name} > 0")
     for name in FUNCTIONS:
-        understand(f"{name}(1) > 0")
+        parse_step_condition(f"{name}(1) > 0")
     for condition in ready_made(PageState(Selection((3,)), entered=2)).values():
-        understand(condition)
+        parse_step_condition(condition)

@@ -25,9 +25,10 @@ from app.debugger.commands import (
     SwitchTo,
     ToBeginning,
 )
-from app.debugger.controller import Controller, boundary_before
+from app.debugger.controller import Controller
 from app.debugger.history import EnergyHistory, PathHistory
 from app.debugger.run_state import Activity, RunState
+from app.debugger.schedule_extents import boundary_before
 from demo_scenes import Photography, load_demo
 from fairing.errors import Cancelled
 from fairing.options import FairingOptions, ScheduleOptions
@@ -206,7 +207,7 @@ def test_deleting_the_run_at_hand_leads_to_the_one_it_came_from_and_the_last_one
     assert state.run_id == first
     assert [run.run_id for run in state.runs] == [first]
     assert "only run" in do(controller, DeleteRun(first)).problem
-    assert "not there" in do(controller, SwitchTo(branch)).problem
+    assert "does not exist" in do(controller, SwitchTo(branch)).problem
 
 
 def test_every_run_is_saved_in_a_file_of_its_own(scene: Scene, tmp_path):

@@ -90,7 +90,7 @@ def test_a_skew_camera_fits_scene_json_but_not_colmap(tmp_path: Path):
     np.savetxt(source / "cameras" / "b.txt", shear @ PLAIN.matrix(1), fmt="%.17g")
     assert run(["convert", str(source), "--out", str(tmp_path / "a"), "--format", "scene.json"]) == 0
     assert_same(read_capture(source), read_capture(tmp_path / "a"))
-    with pytest.raises(InputError, match=r"photo b\.png: its pixels' axes are skew.*convert to scene\.json"):
+    with pytest.raises(InputError, match=r"photo b\.png: its camera has a skew.*convert to scene\.json"):
         write_capture(tmp_path / "b", "colmap", read_capture(source).views)
 
 
@@ -224,9 +224,9 @@ def test_an_odd_size_is_rounded_and_its_camera_scaled_to_match(tmp_path: Path):
 CHOICES = {
     "scale of nothing": (PhotoChoice(photo_scale=0.0), r"--photo-scale: expected 0\.05 to 1, found 0"),
     "enlarged": (PhotoChoice(photo_scale=2.0), r"--photo-scale: expected 0\.05 to 1, found 2"),
-    "unknown photo": (PhotoChoice(leave_out=("z.png",)), r"--leave-out z\.png: no photo is named so.*a\.png"),
+    "unknown photo": (PhotoChoice(leave_out=("z.png",)), r"--leave-out z\.png: no photo has this name.*a\.png"),
     "too many": (PhotoChoice(leave_out=("*",)), "expected at least 3 photos, found 0"),
-    "unknown weight": (PhotoChoice(photo_weights=("z=1",)), "--photo-weights z: no photo is named so"),
+    "unknown weight": (PhotoChoice(photo_weights=("z=1",)), "--photo-weights z: no photo has this name"),
     "no number": (PhotoChoice(photo_weights=("a.png",)), r"--photo-weights a\.png: expected a photo's name, =, and"),
     "zero": (PhotoChoice(photo_weights=("a.png=0",)), "a number of more than 0"),
     "infinite": (PhotoChoice(photo_weights=("a.png=inf",)), "a number of more than 0"),

@@ -75,7 +75,7 @@ class Dying(CaptureRange):
         raise SystemExit(3)
 
 
-@pytest.mark.parametrize(("kind", "said"), [(Failing, "ValueError: no such luck"), (Dying, "ended before its time")])
+@pytest.mark.parametrize(("kind", "said"), [(Failing, "ValueError: no such luck"), (Dying, "ended unexpectedly")])
 def test_what_goes_wrong_in_a_process_is_one_line(setting: Setting, kind: type[CaptureRange], said: str):
     with pytest.raises(InputError, match=said):
         measure_all(kind(), setting, EXPERIMENT.cases(setting), 1, lambda row: None, never)
@@ -84,12 +84,12 @@ def test_what_goes_wrong_in_a_process_is_one_line(setting: Setting, kind: type[C
 # ---------------------------------------------------------------------- the page's experiment runner
 
 
-def test_the_desk_works_beside_its_user_and_keeps_the_outcome(setting: Setting, rows: list[Row]):
+def test_the_runner_works_in_the_background_and_keeps_the_outcome(setting: Setting, rows: list[Row]):
     told = threading.Event()
     runner = ExperimentRunner(setting.scene, "corner", told.set)
     assert runner.obstacle() == ""
     runner.start(EXPERIMENT, ONE_LEVEL)
-    with pytest.raises(InputError, match="Capture range is at work"):
+    with pytest.raises(InputError, match="Capture range is running"):
         runner.start(WarpComparison(), ONE_LEVEL)
     wait_for(lambda: runner.working is None, 300)
     outcome = runner.outcome("capture-range")

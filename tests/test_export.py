@@ -41,7 +41,7 @@ def facts(recorded) -> RunFacts:
 
 @pytest.fixture
 def quick_video(monkeypatch):
-    monkeypatch.setattr(video, "PAINTINGS", 3)
+    monkeypatch.setattr(video, "KEYFRAMES", 3)
     monkeypatch.setattr(video, "SECONDS", 1.0)
     monkeypatch.setattr(video, "HELD_SECONDS", 0.2)
     monkeypatch.setattr(video, "VIDEO_SIZE", (320, 240))
@@ -201,6 +201,6 @@ def test_cancelling_leaves_nothing_behind(recorded, tmp_path, monkeypatch, capsy
     def interrupt(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(video.Painter, "draw", interrupt)
+    monkeypatch.setattr(video.KeyframeRenderer, "draw", interrupt)
     assert run(["export", str(recorded), "--out", str(tmp_path / "run.mp4")]) == 130
     assert list(tmp_path.iterdir()) == []

@@ -230,7 +230,7 @@ DAMAGE = {
     "no camera": (replaced("cameras.txt", "7 PIN", "8 PIN"), r"image 1 \(a\.png\): expected a camera 7"),
     "no name": (replaced("images.txt", " 7 a.png", " 7"), r"images\.txt: line 2: expected IMAGE_ID"),
     "line break in a name": (replaced("images.txt", "a.png", "a\u2028\0.png"), r"images"),
-    "zero byte in a name": (replaced("images.txt", "a.png", "a\0.png"), r"photo .*null byte"),
+    "zero byte in a name": (replaced("images.txt", "a.png", "a\0.png"), r"photo .*without NUL"),
     "zero rotation": (replaced("images.txt", POSE_OF_A, "0 0 0 0"), r"image 1 \(a\.png\): expected a rotation"),
     "NaN rotation": (replaced("images.txt", POSE_OF_A, "nan 0 0 0"), r"image 1 \(a\.png\): expected a rotation"),
     "broken triple": (replaced("images.txt", " -1 ", " "), r"images\.txt: line 3: expected triples"),

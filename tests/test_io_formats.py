@@ -4,13 +4,16 @@ import json
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
 
+from app.cli.main import run
 from fairing.errors import InputError
-from fairing.io import load_scene, prepare_output_folder
+from fairing.io import PhotoChoice, load_scene, prepare_output_folder
+from fairing.io.load import READERS
+from fairing.io.photo_choice import SceneFormat
 from tests.synthetic_capture import HEIGHT, WIDTH, SyntheticCapture, write_colmap_capture
 
 CAPTURE = SyntheticCapture()
@@ -144,8 +147,8 @@ JSON_DAMAGE = {
     "mirrored": (changed("views", 2, "R", to=[[1, 0, 0], [0, -1, 0], [0, 0, 1]]), r"views\[2\]: camera: R is mirrored"),
     "K lower": (changed("views", 2, "K", 2, 0, to=1), r"views\[2\]\.K: expected an upper triangular"),
     "photo missing": (changed("views", 2, "photo", to="images/z.png"), r"views\[2\]: photo .*z\.png"),
-    "zero byte": (changed("views", 2, "photo", to="\0"), r"views\[2\]: photo .*null byte"),
-    "zero byte in mesh": (changed("mesh", to="\0.ply"), "expected a mesh, cannot be read"),
+    "zero byte": (changed("views", 2, "photo", to="\0"), r"views\[2\]\.photo .*without NUL"),
+    "zero byte in mesh": (changed("mesh", to="\0.ply"), "mesh .*without NUL"),
     "name twice": (changed("views", 2, "name", to="second"), "two photos are named second"),
     "two views": (without("views", slice(2, None)), "at least 3 photos, found 2"),
     "mesh missing": (changed("mesh", to="gone.ply"), r"gone\.ply: expected a mesh, found no such file"),
@@ -178,11 +181,90 @@ def test_nothing_supported_lists_what_is_and_what_was_found(tmp_path: Path):
         load_scene(tmp_path)
 
 
-def test_several_formats_at_once_are_refused(tmp_path: Path):
+def write_three_models(folder: Path) -> None:
+    """COLMAP with sparse points, matrices of three photos, and a scene.json without points."""
+    capture = write_colmap_capture(folder)
+    capture.write_matrices(folder / "cameras")
+    (folder / "cameras" / "c.txt").unlink()
+    description = scene_description()
+    description["mesh"] = "mesh.obj"
+    (folder / "scene.json").write_text(json.dumps(description))
+
+
+def test_the_most_complete_of_several_models_is_read_and_the_others_are_named(tmp_path: Path):
+    write_three_models(tmp_path)
+    scene = load_scene(tmp_path)
+    assert len(scene.views) == 4
+    assert scene.sparse_points is not None
+    assert (
+        "read as colmap (4 photos); it also holds matrices (3 photos), scene.json (4 photos): choose with --format"
+        in scene.warnings
+    )
+
+
+def test_more_photos_are_more_complete_than_sparse_points(tmp_path: Path):
+    write_colmap_capture(tmp_path, SyntheticCapture(names=("a.png", "b.png", "c.png")))
+    CAPTURE.write_photos(tmp_path / "images")
+    CAPTURE.write_matrices(tmp_path / "cameras")
+    assert len(load_scene(tmp_path).views) == 4
+
+
+@pytest.mark.parametrize(("format", "photos"), [("colmap", 4), ("matrices", 3), ("scene.json", 4)])
+def test_the_format_can_be_chosen(tmp_path: Path, format: SceneFormat, photos: int):
+    write_three_models(tmp_path)
+    scene = load_scene(tmp_path, choice=PhotoChoice(format=format))
+    assert len(scene.views) == photos
+    assert (scene.sparse_points is not None) == (format == "colmap")
+    assert not any("it also holds" in warning for warning in scene.warnings)
+
+
+def test_the_commands_take_the_format(tmp_path: Path, capsys: pytest.CaptureFixture):
+    """`convert --format` is the format it writes, so the one it reads is `--from-format`."""
+    write_three_models(tmp_path / "scene")
+    command = ["convert", str(tmp_path / "scene"), "--out", str(tmp_path / "out"), "--format", "scene.json"]
+    assert run([*command, "--from-format", "matrices"]) == 0
+    assert "3 photos, 0 sparse points" in capsys.readouterr().err
+    assert run(["check", str(tmp_path / "scene"), "--format", "bundler"]) == 1
+    assert "--format bundler: expected" in capsys.readouterr().err
+
+
+def test_a_format_that_is_not_there_is_refused(tmp_path: Path):
     write_colmap_capture(tmp_path)
-    (tmp_path / "scene.json").write_text(json.dumps(scene_description()))
-    with pytest.raises(InputError, match=r"found several: COLMAP model.*scene\.json"):
-        load_scene(tmp_path)
+    with pytest.raises(InputError, match=r"--format bundler: expected a Bundler .*found images/, mesh\.obj, sparse/"):
+        load_scene(tmp_path, choice=PhotoChoice(format="bundler"))
+
+
+def test_every_format_can_be_named():
+    assert {reader.NAME for reader in READERS} == set(get_args(SceneFormat))
+
+
+@pytest.mark.parametrize(
+    "foreign",
+    [
+        '{"scene": {"objects": []}}',
+        '{"views": [{"id": 1, "path": "a.png"}]}',
+        "[]",
+        "{",
+    ],
+)
+def test_a_foreign_scene_json_is_no_candidate(tmp_path: Path, foreign: str):
+    write_colmap_capture(tmp_path)
+    (tmp_path / "scene.json").write_text(foreign)
+    (tmp_path / "transforms.json").write_text(foreign)
+    scene = load_scene(tmp_path)
+    assert scene.sparse_points is not None
+    assert scene.warnings == ()
+
+
+def test_a_damaged_model_beside_a_readable_one_is_named(tmp_path: Path):
+    write_three_models(tmp_path)
+    with (tmp_path / "sparse" / "images.txt").open("a") as file:
+        file.write("nonsense\n")
+    scene = load_scene(tmp_path)
+    (note,) = (warning for warning in scene.warnings if "it also holds" in warning)
+    assert note.startswith("read as scene.json (4 photos)")
+    assert "colmap (not readable: " in note
+    assert "images.txt: line" in note
 
 
 def test_missing_folder_and_other_file_are_refused(tmp_path: Path):

@@ -15,7 +15,7 @@ from app.lessons.lesson import ANY_SCENE, Lesson
 from app.lessons.opening import scene_of_lesson
 from app.lessons.player import Player, Status
 from app.lessons.reader import lesson_names, load_lesson, read_lesson
-from app.lessons.scenes import is_at_hand, load_lesson_scene
+from app.lessons.scenes import is_lesson_scene, load_lesson_scene
 from app.lessons.typeset import formula, line, paragraphs
 from app.lessons.vocabulary import understand_action
 from app.page_state.page_state import PageState
@@ -210,7 +210,7 @@ def test_a_lesson_on_another_scene_is_refused(player: Player, lesson: Lesson):
 
 def test_a_lesson_named_on_the_command_line_finds_its_scene_or_says_what_to_leave_out():
     cube, facade = SceneSource("cube"), SceneSource("facade")
-    assert is_at_hand("cube", scene_of_lesson("model", cube)(lambda fraction, line: None))
+    assert is_lesson_scene("cube", scene_of_lesson("model", cube)(lambda fraction, line: None))
     assert scene_of_lesson("capture", facade) == facade.load
     with pytest.raises(InputError, match="plays on the demo cube; leave facade out"):
         scene_of_lesson("model", facade)

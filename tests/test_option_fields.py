@@ -44,9 +44,9 @@ def test_every_field_says_what_it_affects_and_when():
     for field in FIELDS.values():
         assert field.effect.startswith("Affects ")
         assert "Takes effect " in field.effect
-    assert "start over" in FIELDS["schedule.blur"].effect
+    assert "only in a new run" in FIELDS["schedule.blur"].effect
     assert "next step" in FIELDS["eigenspace.dimensions"].effect
-    assert "the same to the last bit" in FIELDS["threads"].effect
+    assert "identical" in FIELDS["threads"].effect
 
 
 @pytest.mark.parametrize("values", [{"cells": {"spacing": 0.7}}, {"threads": [1, 2]}, {"step": {"speed": 1}}])

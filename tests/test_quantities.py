@@ -7,7 +7,7 @@ import pytest
 
 from app.debugger.commands import JumpTo, Run
 from app.debugger.controller import Controller
-from app.debugger.quantities import Around, limits_of, quantities_of, understand
+from app.debugger.quantities import StepContext, limits_of, parse_step_condition, quantities_of
 from demo_scenes import Photography, load_demo
 from fairing.cells.visibility import Visibility
 from fairing.errors import InputError
@@ -66,7 +66,7 @@ def test_quantities_around_a_step_are_those_of_the_engine(scene: Scene, session:
     moment = next(m for m, record in enumerate(session.trace.steps, 1) if record.position == (0, 1, 2, 0))
     session.go_to(moment)
     record = session.trace.steps[moment - 1]
-    ask = quantities_of(record, moment, Around(session, session.trace.start))
+    ask = quantities_of(record, moment, StepContext(session, session.trace.start))
     assert ask.functions["displaced"](0) == pytest.approx(apart(scene, session.trace.start[0], session.vertices[0]))
     cells = [face_cells(session, int(face)) for face in record.faces]
     kept = [(c.residual[k], c.counts[k], c.outlier_threshold) for c in cells for k in np.flatnonzero(c.views == 3)]
@@ -90,7 +90,7 @@ def test_changes_of_visibility_are_counted_where_a_sweep_begins(session: Session
 
     monkeypatch.setattr(session, "sweep_state", sweep_state)
     counts = [
-        quantities_of(record, moment, Around(session, session.trace.start)).values["seen_changes"]()
+        quantities_of(record, moment, StepContext(session, session.trace.start)).values["seen_changes"]()
         for moment, record in enumerate(session.trace.steps, 1)
     ]
     assert [counts[began - 1] for began in begins] == [0, 12 * 3, 12 * 5, 12 * 3]
@@ -106,8 +106,8 @@ def test_what_needs_the_engine_is_not_a_number_without_it(session: Session):
 
 def test_vertices_and_views_that_are_not_there_are_pointed_at(scene: Scene):
     limits = limits_of(scene)
-    understand("about(6) and view(11) > 0", limits)
+    parse_step_condition("about(6) and view(11) > 0", limits)
     with pytest.raises(InputError, match=r"column 13: about\(\) expects a whole number from 0 to 6.*⟨here⟩7"):
-        understand("1 and about(7)", limits)
+        parse_step_condition("1 and about(7)", limits)
     with pytest.raises(InputError, match=r"column 6: view\(\) expects a whole number from 0 to 11"):
-        understand("view(12) > 0", limits)
+        parse_step_condition("view(12) > 0", limits)

@@ -8,7 +8,7 @@ import pytest
 
 from app.debugger.recorded_values import ITEMS, last_change, value_at
 from app.debugger.series import QUANTITIES, Series, series_of, thinned
-from app.debugger.watch import understand_watch, watch_series, with_watch
+from app.debugger.watch import parse_watch, watch_series, with_watch
 from fairing.errors import InputError
 from fairing.run.session import Session
 from fairing.trace import SchedulePosition, StepReason, StepRecord
@@ -127,7 +127,7 @@ def test_every_item_of_a_real_step_can_be_shown():
 
 def test_a_watch_is_an_expression_and_its_series_its_values():
     scene = corner_scene()
-    watch = understand_watch("energy / 2 + moved(0)", scene)
+    watch = parse_watch("energy / 2 + moved(0)", scene)
     series = watch_series(watch)
     steps = [record([0], 2), record([1], 4)]
     series.update(run_of(steps))
@@ -137,15 +137,15 @@ def test_a_watch_is_an_expression_and_its_series_its_values():
 def test_watches_point_at_mistakes_and_are_bounded():
     scene = corner_scene()
     with pytest.raises(InputError, match="column 10"):
-        understand_watch("energy + +", scene)
+        parse_watch("energy + +", scene)
     with pytest.raises(InputError, match="not known"):
-        understand_watch("travelled(0)", scene)
+        parse_watch("travelled(0)", scene)
     with pytest.raises(InputError, match="expected an expression"):
-        understand_watch("  ", scene)
-    watches = with_watch((), understand_watch("energy", scene))
+        parse_watch("  ", scene)
+    watches = with_watch((), parse_watch("energy", scene))
     with pytest.raises(InputError, match="already"):
-        with_watch(watches, understand_watch("energy", scene))
+        with_watch(watches, parse_watch("energy", scene))
     for n in range(11):
-        watches = with_watch(watches, understand_watch(f"energy + {n}", scene))
+        watches = with_watch(watches, parse_watch(f"energy + {n}", scene))
     with pytest.raises(InputError, match="at most 12"):
-        with_watch(watches, understand_watch("change", scene))
+        with_watch(watches, parse_watch("change", scene))

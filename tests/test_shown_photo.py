@@ -6,7 +6,7 @@ import numpy as np
 from PIL import Image
 
 from app.pictures.predictor import SEAM, Prediction
-from app.pictures.shown_photo import LEFT_OF_IT, shown_photo
+from app.pictures.shown_photo import MASKED_BRIGHTNESS, shown_photo
 from fairing.camera import Camera
 from fairing.photo import ArrayPhoto, Mask
 from fairing.scene import View
@@ -24,7 +24,7 @@ def test_what_a_mask_leaves_out_is_dark_and_the_rest_is_the_photo(tmp_path):
     Image.fromarray(counts).save(tmp_path / "mask.png")
     shown = shown_photo(grey_view(tmp_path / "mask.png"))
     assert (shown[:, 15:] == 200).all()
-    assert (shown[:, :15] < 200 * (LEFT_OF_IT + 0.3)).all()
+    assert (shown[:, :15] < 200 * (MASKED_BRIGHTNESS + 0.3)).all()
     assert np.array_equal(shown_photo(grey_view(None)), grey_view(None).photo.load())
 
 

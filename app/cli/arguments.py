@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 import tyro
 
 from fairing.io import PhotoChoice
+from fairing.io.photo_choice import SceneFormat
 from fairing.options import PRESETS, FairingOptions
 
 
@@ -69,6 +70,23 @@ RecordedMeshArgument = Annotated[
 ]
 PageArgument = Annotated[PageAddress, tyro.conf.arg(name="")]
 PhotosArgument = Annotated[PhotoChoice, tyro.conf.arg(name="")]
+
+
+@dataclass(frozen=True)
+class ConvertedPhotos(PhotoChoice):
+    """Photo choice of `convert`, whose `--format` is the format it writes."""
+
+    format: Annotated[SceneFormat | None, tyro.conf.arg(name="from-format")] = None
+    """Format to read where a folder holds cameras in several. Default: the readable one with the most photos, then with
+    sparse points."""
+
+    def choice(self) -> PhotoChoice:
+        """The photo choice with `--from-format` as its format."""
+        return PhotoChoice(**vars(self))
+
+
+ALL_CONVERTED_PHOTOS = ConvertedPhotos()
+ConvertedPhotosArgument = Annotated[ConvertedPhotos, tyro.conf.arg(name="")]
 Preset = Literal["accurate", "paper"]
 
 

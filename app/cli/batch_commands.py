@@ -9,6 +9,7 @@ from app.cli.demos import demos
 from app.cli.experiment import experiment
 from app.cli.export import export
 from app.cli.fair import fair_command
+from app.cli.points import points
 from app.cli.register import register
 from app.cli.texture import texture
 from app.cli.triangulate import triangulate_command
@@ -22,6 +23,7 @@ def batch_commands(arguments: Sequence[str]) -> dict[str, Callable[..., int]]:
         "convert": convert,
         "texture": texture,
         "triangulate": triangulate_command,
+        "points": points,
         "register": register,
         "export": export,
         "demos": demos,

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from app.cli.arguments import ALL_PHOTOS, MeshArgument, PhotosArgument, SceneArgument
+from app.cli.arguments import ALL_CONVERTED_PHOTOS, ConvertedPhotosArgument, MeshArgument, SceneArgument
 from app.cli.lines import print_line
 from app.cli.loading import load_with_progress
 from app.files.scene_source import SceneSource
@@ -20,7 +20,7 @@ def convert(
     out: Path,
     mesh: MeshArgument = None,
     format: Format = "colmap",
-    photos: PhotosArgument = ALL_PHOTOS,
+    photos: ConvertedPhotosArgument = ALL_CONVERTED_PHOTOS,
 ) -> int:
     """Write a scene in another format, with undistorted photos, sparse points, masks and mesh.
 
@@ -28,7 +28,7 @@ def convert(
         out: Folder for the copy: new, empty, or of an earlier conversion.
         format: colmap: a COLMAP text model, sparse/ and images/. scene.json: EigenFairing's own.
     """
-    return convert_to_folder(SceneSource.typed(scene, mesh, photos), out, format, Console(stderr=True))
+    return convert_to_folder(SceneSource.typed(scene, mesh, photos.choice()), out, format, Console(stderr=True))
 
 
 def convert_to_folder(source: SceneSource, out: Path, format: Format, console: Console) -> int:

@@ -1,4 +1,12 @@
-"""The debugger without a browser: the controller, its commands, runs, breakpoints, conditions and history.
+"""The debugger without a browser: the controller, its commands and states, runs, breakpoints, conditions and history.
+
+`Controller` accepts commands from any thread and publishes `RunState`s:
+
+- `command_queue`, `interpreter`, `runs`, `manual_edits`, `playback`, `race`: what the commands do, on the engine thread;
+- `run_state`, `session_snapshot`, `publisher`: the published states;
+- `supervisor`, `incidents`, `problem_report`, `cancellation`: failures, and threads that do not respond;
+- `markers` with `breakpoints`, `bookmarks`, `condition`, `quantities`: what stops a run;
+- `history`, `series`, `recorded_values`, `compare`, `watch`: views of a record.
 
 May import `fairing` and the loose modules of `app`; never viser.
 """

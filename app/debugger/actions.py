@@ -1,18 +1,21 @@
-"""Everything a user can make the engine do: one list for buttons, keys and the command palette."""
+"""Actions: the commands that have a button, keys or an entry in the command palette, and the list of keys."""
 
 from dataclasses import dataclass
 
-from app.debugger.commands import Back, Command, Extent, Forward, JumpTo, Pause, Restart, Run, RunBack
+from app.debugger.commands import Back, Command, Extent, Forward, JumpTo, Pause, Restart, Run, RunBack, SaveReport
 
 
 @dataclass(frozen=True)
 class Action:
-    """Attributes:
-    name: short and unique.
-    label: what the palette and the tooltip say.
-    command: what is posted.
-    keys: (key, modifier) pairs; the first is shown.
-    icon: shape in `app.html`, mirrored for backward.
+    """A command with its label and keys.
+
+    Attributes:
+        name: short and unique.
+        label: shown in the palette and the tooltip.
+        command: posted to the controller.
+        keys: (key, modifier) pairs; the first is shown.
+        icon: name of a shape in `app.html`; empty: no button.
+        mirrored: draw the icon pointing backward.
     """
 
     name: str
@@ -40,13 +43,14 @@ ACTIONS: tuple[Action, ...] = (
     Action("unit", "Step one vertex", Forward(Extent.UNIT), (("F10", None), ("N", None)), "two"),
     Action("sweep", "Step one sweep", Forward(Extent.SWEEP), (("F11", "shift"), ("O", None), ("]", None)), "bar"),
     Action("level", "Step one level", Forward(Extent.LEVEL), (("L", None),), "bars"),
-    Action("back_iteration", "Back one iteration", Back(Extent.ITERATION), ((",", None),), "one", True),
-    Action("back_unit", "Back one vertex", Back(Extent.UNIT), (("U", None),), "two", True),
-    Action("back_sweep", "Back one sweep", Back(Extent.SWEEP), (("[", None),), "bar", True),
-    Action("back_level", "Back one level", Back(Extent.LEVEL), (("[", "shift"),), "bars", True),
-    Action("start", "To the start", JumpTo(0), (("H", None),), "start"),
-    Action("end", "To the end of the record", JumpTo(-1), (("J", None),), "end"),
+    Action("back_iteration", "Step back one iteration", Back(Extent.ITERATION), ((",", None),), "one", True),
+    Action("back_unit", "Step back one vertex", Back(Extent.UNIT), (("U", None),), "two", True),
+    Action("back_sweep", "Step back one sweep", Back(Extent.SWEEP), (("[", None),), "bar", True),
+    Action("back_level", "Step back one level", Back(Extent.LEVEL), (("[", "shift"),), "bars", True),
+    Action("start", "Go to the start", JumpTo(0), (("H", None),), "start"),
+    Action("end", "Go to the end of the record", JumpTo(-1), (("J", None),), "end"),
     Action("restart", "Restart", Restart(), (("R", None),), "restart"),
+    Action("report", "Save a problem report", SaveReport()),
 )
 
 
@@ -55,30 +59,30 @@ VERTEX_KEYS = (
     (";", "Previous move of the selected vertex"),
     ("'", "Next move of the selected vertex"),
     ("F", "Lock or unlock the selected vertices"),
-    ("Z", "Put the selected vertices back to their start"),
+    ("Z", "Reset the selected vertices to their start"),
     ("B", "Breakpoint on the selected vertex"),
-    ("T", "Play the record, or stop"),
+    ("T", "Play or stop the record"),
     ("K", "Bookmark this moment"),
-    ("C", "Compare with this moment from now on"),
-    ("X", "Surface before or now"),
-    ("-", "Texture static or by the eye"),
-    ("Y", "Dark or light"),
+    ("C", "Compare with this moment"),
+    ("X", "Surface at the start or now"),
+    ("-", "Texture: static or view-dependent"),
+    ("Y", "Dark or light theme"),
     ("M", "Show the mesh"),
     ("V", "Show mesh and cameras"),
     ("Page Down", "Next step of the lesson"),
-    ("Page Up", "Back one step of the lesson"),
+    ("Page Up", "Previous step of the lesson"),
     ("Ctrl+K", "All commands"),
-    ("?", "This list"),
+    ("?", "List of keys"),
 )
 
 
 def key_list() -> list[tuple[str, str]]:
-    """Every key and what it does, for the help."""
-    actions = [(", ".join(key_text(*key) for key in action.keys), action.label) for action in ACTIONS]
+    """The rows of the help: keys and what they do."""
+    actions = [(", ".join(key_text(*key) for key in action.keys), action.label) for action in ACTIONS if action.keys]
     return [*actions, *CAMERA_KEYS, *VERTEX_KEYS]
 
 
 def key_text(key: str, modifier: str | None) -> str:
-    """How a key is written for people."""
+    """A key as it is displayed, such as Shift+F11."""
     key = "Space" if key == "space" else key
     return f"{modifier.capitalize()}+{key}" if modifier else key

@@ -1,4 +1,4 @@
-"""Moments with a note, and the file beside a run that keeps them."""
+"""Bookmarks: moments of a run with a note, and the file beside the run that stores them."""
 
 import json
 from dataclasses import dataclass, replace
@@ -6,6 +6,7 @@ from pathlib import Path
 
 from fairing.errors import InputError
 from fairing.io import write_atomically
+from fairing.io.json_file import read_json
 
 MAX_BOOKMARKS = 200
 MAX_NOTE = 200  # characters
@@ -13,12 +14,14 @@ MAX_NOTE = 200  # characters
 
 @dataclass(frozen=True)
 class Bookmark:
-    """Attributes:
-    number: its name.
-    run_id: the run it belongs to.
-    moment: in that run.
-    at: the moment's id, for `--at`.
-    note: what somebody wrote.
+    """A moment with a note.
+
+    Attributes:
+        number: identifies the bookmark.
+        run_id: the run it belongs to.
+        moment: the moment in that run.
+        at: the moment's id, for `--at`.
+        note: the user's text, one line.
     """
 
     number: int
@@ -29,57 +32,58 @@ class Bookmark:
 
 
 class Bookmarks:
-    """An unchangeable list of them; every change gives a new one."""
+    """An immutable list of bookmarks; every change returns a new list."""
 
-    def __init__(self, items: tuple[Bookmark, ...] = (), following: int = 1) -> None:
-        self.items, self._following = items, following
+    def __init__(self, items: tuple[Bookmark, ...] = (), next_number: int = 1) -> None:
+        self.items, self._next_number = items, next_number
 
     def added(self, run_id: int, moment: int, at: str, note: str) -> "Bookmarks":
-        """With one more; the note of one that is there already is replaced.
+        """The list with one more bookmark; a bookmark of the same moment gets the new note.
 
         Raises:
-            InputError: the note is too long, or there are too many.
+            InputError: the note is too long, or the list is full.
         """
-        note = " ".join(note.split())
+        # Lone surrogates, which no UTF-8 file can hold, become question marks.
+        note = " ".join(note.split()).encode(errors="replace").decode()
         if len(note) > MAX_NOTE:
             raise InputError(f"bookmark: expected a note of at most {MAX_NOTE} characters, found {len(note)}")
         for item in self.items:
             if (item.run_id, item.moment) == (run_id, moment):
                 changed = replace(item, note=note or item.note)
-                return Bookmarks(tuple(changed if other is item else other for other in self.items), self._following)
+                return Bookmarks(tuple(changed if other is item else other for other in self.items), self._next_number)
         if len(self.items) >= MAX_BOOKMARKS:
             raise InputError(f"expected at most {MAX_BOOKMARKS} bookmarks; remove some first")
-        items = (*self.items, Bookmark(self._following, run_id, moment, at, note))
-        return Bookmarks(tuple(sorted(items, key=lambda b: (b.run_id, b.moment))), self._following + 1)
+        items = (*self.items, Bookmark(self._next_number, run_id, moment, at, note))
+        return Bookmarks(tuple(sorted(items, key=lambda b: (b.run_id, b.moment))), self._next_number + 1)
 
     def removed(self, number: int) -> "Bookmarks":
-        return Bookmarks(tuple(item for item in self.items if item.number != number), self._following)
+        return Bookmarks(tuple(item for item in self.items if item.number != number), self._next_number)
 
     def without_run(self, run_id: int) -> "Bookmarks":
-        return Bookmarks(tuple(item for item in self.items if item.run_id != run_id), self._following)
+        return Bookmarks(tuple(item for item in self.items if item.run_id != run_id), self._next_number)
 
     def numbered(self, number: int) -> Bookmark:
-        """The one of that number.
+        """The bookmark of a number.
 
         Raises:
-            InputError: it is not there.
+            InputError: there is none.
         """
         for item in self.items:
             if item.number == number:
                 return item
-        raise InputError(f"bookmark {number}: is not there any more")
+        raise InputError(f"bookmark {number}: does not exist any more")
 
     def of_run(self, run_id: int) -> tuple[Bookmark, ...]:
         return tuple(item for item in self.items if item.run_id == run_id)
 
 
 def file_beside(trace: Path) -> Path:
-    """Where the bookmarks of a record are kept: `run.trace` has them in `run.bookmarks.json`."""
+    """The bookmark file of a trace: `run.bookmarks.json` for `run.trace`."""
     return trace.with_suffix(".bookmarks.json")
 
 
 def write_bookmarks(path: Path, items: tuple[Bookmark, ...]) -> None:
-    """Write them, complete or not at all.
+    """Write the bookmark file, complete or not at all.
 
     Raises:
         InputError: the file cannot be written.
@@ -90,24 +94,25 @@ def write_bookmarks(path: Path, items: tuple[Bookmark, ...]) -> None:
 
 
 def read_bookmarks(path: Path, last_moment: int) -> Bookmarks:
-    """Those of the first run, from its file; none if there is no file. Moments beyond the record are left out.
+    """The bookmarks of the first run, from its file; an empty list if there is no file.
+
+    Bookmarks of moments beyond the trace are dropped.
+
+    Args:
+        last_moment: the trace's last moment.
 
     Raises:
-        InputError: the file is no list of bookmarks.
+        InputError: the file is not a list of bookmarks.
     """
-    try:
-        rows = json.loads(path.read_text(encoding="utf-8"))["bookmarks"]
-        found = [(int(row["moment"]), str(row["at"]), str(row["note"])) for row in rows]
-    except FileNotFoundError:
+    if not path.exists():
         return Bookmarks()
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
-    except (ValueError, KeyError, TypeError):
-        raise InputError(
-            f"{path}: expected a JSON list of bookmarks, each with moment, at and note; mend it or move it away"
-        ) from None
+    content = read_json(path, "a JSON list of bookmarks")
     bookmarks = Bookmarks()
-    for moment, at, note in found:
-        if 0 <= moment <= last_moment:
-            bookmarks = bookmarks.added(1, moment, at[:60], note[:MAX_NOTE])
+    try:
+        for row in content["bookmarks"]:
+            moment, at, note = row["moment"].whole(), row["at"].text(), row["note"].text(may_be_empty=True)
+            if moment <= last_moment:
+                bookmarks = bookmarks.added(1, moment, at[:60], note[:MAX_NOTE])
+    except InputError as error:
+        raise InputError(f"{path}: {error}; correct the file or move it away") from None
     return bookmarks

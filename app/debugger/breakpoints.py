@@ -1,11 +1,11 @@
-"""Where a run stops by itself: after a step for which a condition holds."""
+"""Breakpoints: conditions that stop a run after the step for which they hold."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 from app.debugger.condition import Condition
-from app.debugger.quantities import Around, quantities_of, understand
+from app.debugger.quantities import StepContext, parse_step_condition, quantities_of
 from fairing.errors import InputError
 from fairing.trace import StepRecord
 
@@ -14,12 +14,14 @@ MAX_BREAKPOINTS = 50
 
 @dataclass(frozen=True)
 class Breakpoint:
-    """Attributes:
-    condition: stops the run after a step for which it holds.
-    number: its name.
-    enabled: whether it is asked at all.
-    hits: how often it has held.
-    logs: report and go on instead of stopping.
+    """A condition that is checked after every step.
+
+    Attributes:
+        condition: checked after every step.
+        number: identifies the breakpoint.
+        enabled: whether it is checked.
+        hits: how often it has held.
+        logs: add a line to the log instead of stopping.
     """
 
     condition: Condition
@@ -30,37 +32,37 @@ class Breakpoint:
 
 
 class Breakpoints:
-    """An unchangeable list of them; every change gives a new one."""
+    """An immutable list of breakpoints; every change returns a new list."""
 
-    def __init__(self, items: tuple[Breakpoint, ...] = (), following: int = 1) -> None:
-        self.items, self._following = items, following
+    def __init__(self, items: tuple[Breakpoint, ...] = (), next_number: int = 1) -> None:
+        self.items, self._next_number = items, next_number
 
     def added(self, text: str, limits: Mapping[str, int] = MappingProxyType({})) -> "Breakpoints":
-        """With one more; `limits` as for `understand`.
+        """With one more; `limits` as for `parse_step_condition`.
 
         Raises:
-            InputError: the condition cannot be understood, is there already, or there are too many.
+            InputError: the condition cannot be parsed, exists already, or there are too many breakpoints.
         """
-        condition = understand(text, limits)
+        condition = parse_step_condition(text, limits)
         if any(item.condition.text == condition.text for item in self.items):
-            raise InputError(f"breakpoint {condition.text}: is there already")
+            raise InputError(f"breakpoint {condition.text}: exists already")
         if len(self.items) >= MAX_BREAKPOINTS:
             raise InputError(f"expected at most {MAX_BREAKPOINTS} breakpoints; remove some first")
-        return Breakpoints((*self.items, Breakpoint(condition, self._following)), self._following + 1)
+        return Breakpoints((*self.items, Breakpoint(condition, self._next_number)), self._next_number + 1)
 
     def removed(self, number: int) -> "Breakpoints":
-        return Breakpoints(tuple(item for item in self.items if item.number != number), self._following)
+        return Breakpoints(tuple(item for item in self.items if item.number != number), self._next_number)
 
     def changed(self, number: int, change: Callable[[Breakpoint], Breakpoint]) -> "Breakpoints":
         return Breakpoints(
-            tuple(change(item) if item.number == number else item for item in self.items), self._following
+            tuple(change(item) if item.number == number else item for item in self.items), self._next_number
         )
 
-    def asked(self, record: StepRecord, moment: int, around: Around) -> tuple["Breakpoints", list[Breakpoint]]:
-        """With the hits of a step counted, and those that were hit."""
+    def checked(self, record: StepRecord, moment: int, context: StepContext) -> tuple["Breakpoints", list[Breakpoint]]:
+        """With the hits of a step counted, and the breakpoints that were hit."""
         if not self.items:
             return self, []
-        quantities = quantities_of(record, moment, around)
+        quantities = quantities_of(record, moment, context)
         hit = [item for item in self.items if item.enabled and item.condition.holds(quantities)]
         counted = tuple(replace(item, hits=item.hits + 1) if item in hit else item for item in self.items)
-        return Breakpoints(counted, self._following), hit
+        return Breakpoints(counted, self._next_number), hit

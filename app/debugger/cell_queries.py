@@ -1,4 +1,4 @@
-"""What the cells panel asks the engine: the cells of a face now, and the flows of the last step about a vertex."""
+"""Cell queries: the cells of a face at a moment, and the flows of the last step of a vertex."""
 
 from dataclasses import dataclass
 
@@ -15,13 +15,13 @@ FLOW_SIZE = 48  # cells are reduced to about this size for the optical flow
 
 
 @dataclass(frozen=True)
-class CellQuestion:
+class CellQuery:
     """The cells of one face at one moment of one run.
 
     Attributes:
-        vertex: whose last step the flows are of.
-        dimensions: k to look at; None: the run's.
-        with_flows: whether anybody looks at the flows.
+        vertex: the flows are those of its last step.
+        dimensions: number of eigenspace dimensions k; None: that of the run.
+        with_flows: whether the flows are computed.
     """
 
     run_id: int
@@ -37,10 +37,10 @@ class StepFlows:
     """The two flows of the paper's figure 4, over the cells before a step.
 
     Attributes:
-        moment: the moment the step led to; None where there was no step, then the cells are the present ones.
+        moment: the moment after the step; None without a step, the cells are then the present ones.
         cells: before the step.
-        model: what the step does to the cells; None where it moved no corner of the face.
-        optical: what the cells ask for.
+        model: the flow that the step causes; None if it moved no corner of the face.
+        optical: the optical flow from the cells to their reconstruction.
     """
 
     moment: int | None
@@ -51,11 +51,13 @@ class StepFlows:
 
 @dataclass(frozen=True, eq=False)
 class CellFacts:
-    """Attributes:
-    cells: now, with the k looked at.
-    own_dimensions: k of the run.
-    energies: (n - 2,) float: the face's energy with k = 1, 2 ...
-    flows: None unless asked for, or where the face took no part.
+    """The result of a cell query.
+
+    Attributes:
+        cells: at the moment, with the k of the query.
+        own_dimensions: k of the run.
+        energies: (n - 2,) float: energy of the face with k = 1, 2 ... dimensions.
+        flows: None if not requested, or if the face takes no part.
     """
 
     cells: FaceCells
@@ -64,8 +66,8 @@ class CellFacts:
     flows: StepFlows | None
 
 
-def cell_facts(session: Session, question: CellQuestion) -> CellFacts:
-    """Look it up. A k that this face cannot have is lowered to the largest it can."""
+def cell_facts(session: Session, question: CellQuery) -> CellFacts:
+    """Compute the result; k is limited to the largest that the face allows."""
     own = face_cells(session, question.face, question.moment)
     energies = energies_by_dimension(session, question.face, question.moment) if own.takes_part else np.zeros(0)
     k = question.dimensions
@@ -78,7 +80,7 @@ def cell_facts(session: Session, question: CellQuestion) -> CellFacts:
     return CellFacts(cells, len(own.basis), energies, flows)
 
 
-def _flows(session: Session, question: CellQuestion, cells: FaceCells, k: int | None) -> StepFlows | None:
+def _flows(session: Session, question: CellQuery, cells: FaceCells, k: int | None) -> StepFlows | None:
     found = last_step_about(session.trace.steps, question.moment, question.vertex)
     if found is None:
         return StepFlows(None, cells, None, _optical(cells))

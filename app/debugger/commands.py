@@ -1,6 +1,6 @@
-"""What a debugger can be asked to do."""
+"""Commands: the requests that the controller accepts."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any
@@ -11,7 +11,7 @@ from fairing.run.session import Session
 
 
 class Extent(IntEnum):
-    """How far a step goes. The value is the number of leading fields of `SchedulePosition` that stay the same within it."""
+    """Length of a step. The value is the number of leading fields of `SchedulePosition` that stay equal within it."""
 
     LEVEL = 1
     SWEEP = 2
@@ -21,77 +21,88 @@ class Extent(IntEnum):
 
 @dataclass(frozen=True)
 class Forward:
-    """On to the end of the present iteration, unit, sweep or level."""
+    """Step to the end of the present iteration, unit, sweep or level."""
 
     extent: Extent
 
 
 @dataclass(frozen=True)
 class Back:
-    """To the beginning of the iteration, unit, sweep or level that the last step belongs to."""
+    """Step back to the beginning of the iteration, unit, sweep or level that the last step belongs to."""
 
     extent: Extent
 
 
 @dataclass(frozen=True)
 class Run:
-    """On until somebody pauses, a condition holds after a step, or the schedule is worked off."""
+    """Run to the end of the schedule, or until a breakpoint or `until` holds after a step, or another command arrives."""
 
     until: Condition | None = None
 
 
 @dataclass(frozen=True)
 class RunBack:
-    """Back through the record to the last step that a breakpoint holds for, else to the start."""
+    """Go back through the record to the last step after which a breakpoint holds, else to the start."""
 
 
 @dataclass(frozen=True)
 class Pause:
-    """Stop after the step in hand."""
+    """Stop the command in progress and drop the commands that wait."""
 
 
 @dataclass(frozen=True)
 class JumpTo:
-    """To a recorded moment; -1 is the last one."""
+    """Go to a recorded moment.
+
+    Attributes:
+        moment: negative, or beyond the record: its last moment.
+    """
 
     moment: int
 
 
 @dataclass(frozen=True)
 class ToBeginning:
-    """To the beginning of the unit, sweep or level that the next step belongs to."""
+    """Go to the beginning of the unit, sweep or level that the next step belongs to."""
 
     extent: Extent
 
 
 @dataclass(frozen=True)
 class Play:
-    """Forward through the recorded moments, so many a second, to the end of the record."""
+    """Play the recorded moments forward, to the end of the record.
+
+    Attributes:
+        moments_per_second: limited to the range of `app.debugger.playback`.
+    """
 
     moments_per_second: float
 
 
 @dataclass(frozen=True)
 class Restart:
-    """A new run from the start; with other options if given. The present one is kept."""
+    """Start a new run from the start, with other options if given. The present run is kept."""
 
     options: FairingOptions | None = None
 
 
 @dataclass(frozen=True)
 class Branch:
-    """A new run that shares the past up to the present moment and goes on with other options. The present one is kept."""
+    """Start a new run that shares the record up to the present moment and continues with other options.
+
+    The present run is kept.
+    """
 
     options: FairingOptions
 
 
 @dataclass(frozen=True)
 class Place:
-    """Put vertices elsewhere by hand and go on from there. At a past moment this forks a new run.
+    """Move vertices manually and continue from there. At a past moment this branches a new run.
 
     Attributes:
         vertices: ids.
-        positions: world units, one a vertex.
+        positions: world units, one for each vertex.
     """
 
     vertices: tuple[int, ...]
@@ -100,14 +111,14 @@ class Place:
 
 @dataclass(frozen=True)
 class Reset:
-    """Put vertices back to their start by hand."""
+    """Move vertices back to their start manually. At a past moment this branches a new run."""
 
     vertices: tuple[int, ...]
 
 
 @dataclass(frozen=True)
 class Lock:
-    """Lock vertices, or unlock them: an option, from the present moment on."""
+    """Lock or unlock vertices: an option that holds from the present moment on."""
 
     vertices: tuple[int, ...]
     locked: bool
@@ -115,7 +126,7 @@ class Lock:
 
 @dataclass(frozen=True)
 class SwitchTo:
-    """To another run, where it stands or at a moment of it."""
+    """Switch to another run, at its present moment or at a given one."""
 
     run_id: int
     moment: int | None = None
@@ -123,33 +134,39 @@ class SwitchTo:
 
 @dataclass(frozen=True)
 class DeleteRun:
-    """Forget a run."""
+    """Delete a run from the list; its file is kept."""
 
     run_id: int
 
 
 @dataclass(frozen=True)
 class Race:
-    """Two runs from the start in turn, each for as long as the other has computed; both are kept."""
+    """Compute two runs from the start in turn, so that both have used the same computing time; both are kept."""
 
     first: FairingOptions
     second: FairingOptions
 
 
 @dataclass(frozen=True)
+class SaveReport:
+    """Write a problem report, see `app.debugger.problem_report`."""
+
+
+@dataclass(frozen=True)
 class Query:
-    """Look something up in the session, on its own thread. Changes nothing; a newer question of the same asker
-    replaces it.
+    """Compute something from the session on the engine thread. The session stays unchanged.
+
+    Commands go first: a query in progress is cancelled when one arrives, and computed again afterwards.
 
     Attributes:
-        asker: who wants to know.
-        question: reads the session; what it raises is its answer, too.
-        answer: told the result on the engine's thread, so it only keeps it.
+        key: a query replaces a waiting one with an equal key.
+        compute: called with the session.
+        callback: called on the engine thread with the result, or with the exception that `compute` raised; must be quick.
     """
 
-    asker: object
-    question: Callable[[Session], Any]
-    answer: Callable[[Any], None]
+    key: Hashable
+    compute: Callable[[Session], Any]
+    callback: Callable[[Any], None]
 
 
 Command = (
@@ -169,5 +186,6 @@ Command = (
     | SwitchTo
     | DeleteRun
     | Race
+    | SaveReport
     | Query
 )

@@ -1,4 +1,4 @@
-"""Two moments side by side: a reference, called A, and now. Either may be of any run that is kept."""
+"""Comparison: a reference moment of any run against the present moment."""
 
 from dataclasses import dataclass
 
@@ -12,11 +12,11 @@ from app.debugger.runs import RunInfo
 
 @dataclass(frozen=True)
 class Reference:
-    """What somebody chose to compare with.
+    """A moment chosen for comparison.
 
     Attributes:
-        run_id: of which run.
-        moment: of it; None: wherever that run stands.
+        run_id: the run.
+        moment: of that run; None: its present moment.
     """
 
     run_id: int
@@ -25,10 +25,10 @@ class Reference:
 
 @dataclass(frozen=True, eq=False)
 class Compared:
-    """A reference that was looked up.
+    """A reference with its mesh.
 
     Attributes:
-        run: it belongs to.
+        run: the run.
         moment: of that run.
         vertices: (n, 3) float, positions there, world units.
     """
@@ -43,7 +43,7 @@ class Compared:
 
 
 def look_up(reference: Reference | None, state: RunState) -> Compared | None:
-    """The reference's mesh; None if none is chosen or its run is gone."""
+    """The mesh of a reference; None without a reference, or if its run was deleted."""
     found = [run for run in state.runs if reference is not None and run.run_id == reference.run_id]
     if reference is None or not found:
         return None
@@ -62,19 +62,19 @@ def id_in_run(run: RunInfo, moment: int) -> str:
 
 
 def distances(compared: Compared, vertices: np.ndarray) -> np.ndarray:
-    """(n,) float: how far each vertex is from where it is in the reference, world units."""
+    """(n,) float: distance of each vertex from its position in the reference, world units."""
     return np.linalg.norm(vertices - compared.vertices, axis=1)
 
 
 class RunEnergies:
-    """The energies of every run, gathered once for all pages. Reads new steps only."""
+    """The energy histories of all runs, shared by all pages."""
 
     def __init__(self, n_faces: int) -> None:
         self._n_faces = n_faces
         self._histories: dict[int, EnergyHistory] = {}
 
     def of(self, run: RunInfo) -> EnergyHistory:
-        """The history of a run, up to date."""
+        """The up-to-date history of a run."""
         history = self._histories.setdefault(run.run_id, EnergyHistory(self._n_faces))
         history.update(run)
         return history

@@ -1,6 +1,6 @@
-"""Conditions over the recorded quantities of a step, such as `rejected > 0 and level == 2`.
+"""Conditions over the quantities of a step, such as `rejected > 0 and level == 2`.
 
-A grammar of its own, never Python's: or, and, not; comparisons; + - * /; numbers, names and functions of one number.
+Grammar: or, and, not; comparisons; + - * /; numbers, names and functions of one number. Nothing is evaluated as Python.
 """
 
 import re
@@ -19,7 +19,7 @@ _TOKEN = re.compile(
 
 
 class Quantities(NamedTuple):
-    """What a condition may ask about a step."""
+    """The names that a condition may use, and how to compute them for one step."""
 
     values: Mapping[str, Callable[[], float]]
     functions: Mapping[str, Callable[[float], float]]
@@ -30,11 +30,11 @@ Evaluate = Callable[[Quantities], float]
 
 @dataclass(frozen=True)
 class Condition:
-    """A condition that was understood.
+    """A parsed condition.
 
     Attributes:
-        text: as it was written.
-        evaluate: its value for the quantities of a step; anything but 0 is true.
+        text: as it was typed.
+        evaluate: computes its value from the quantities of a step; any value but 0 and NaN is true.
     """
 
     text: str
@@ -42,7 +42,7 @@ class Condition:
 
     def holds(self, quantities: Quantities) -> bool:
         value = self.evaluate(quantities)
-        return value == value and value != 0  # a quantity that does not exist is not a number: never true
+        return value == value and value != 0  # NaN, for a quantity that is not defined, is never true
 
 
 def parse_condition(
@@ -52,14 +52,15 @@ def parse_condition(
     limits: Mapping[str, int] = MappingProxyType({}),
     called: str = "condition",
 ) -> Condition:
-    """Understand a condition that may use these names.
+    """Parse a condition.
 
     Args:
-        called: what messages call it.
-        limits: of functions that choose one of several things by number, from 0: how many there are.
+        values, functions: the names it may use.
+        limits: number of valid arguments, from 0, of functions that select a vertex or view.
+        called: its name in error messages.
 
     Raises:
-        InputError: it cannot be understood; the message points at the place.
+        InputError: it cannot be parsed; the message shows the position.
     """
     if len(text) > MAX_LENGTH:
         raise InputError(f"{called}: expected at most {MAX_LENGTH} characters, found {len(text)}")
@@ -73,7 +74,7 @@ class _Token(NamedTuple):
 
 
 class _Parser:
-    """Recursive descent; every method returns how to compute what it has read."""
+    """Recursive-descent parser; every method returns a function that computes the part it has parsed."""
 
     def __init__(
         self, text: str, values: set[str], functions: set[str], limits: Mapping[str, int], called: str
@@ -109,7 +110,7 @@ class _Parser:
         return self._tokens[self._at]
 
     def _take(self, *texts: str) -> str | None:
-        """Move on if the present token is one of these."""
+        """Consume the present token if it is one of these."""
         if self._now.kind != "number" and self._now.text in texts:
             self._at += 1
             return self._tokens[self._at - 1].text
@@ -188,11 +189,11 @@ class _Parser:
             return lambda q: q.values[token.text]()
         if token.kind == "name" and token.text not in ("and", "or", "not"):
             known = ", ".join(sorted(self._values) + sorted(f"{name}()" for name in self._functions))
-            raise self._error(f"{token.text!r} is not known; known are {known}")
+            raise self._error(f"{token.text!r} is not known; known names are {known}")
         raise self._error("expected a number or a name")
 
     def _check_limit(self, function: str) -> None:
-        """A number that is written out and names nothing is a mistake; what is computed may come out as anything."""
+        """Check an argument that is a plain number; a computed argument may have any value."""
         count, following = self._limits.get(function), self._tokens[self._at + 1 : self._at + 2]
         is_plain = self._now.kind == "number" and following and following[0].text == ")"
         if count is not None and is_plain and float(self._now.text) not in range(count):

@@ -1,4 +1,4 @@
-"""What the record says over time, gathered once for all pages: energies and paths. Both only ever read new steps."""
+"""History: energies and vertex paths over the record, collected once for all pages. Each reads new steps only."""
 
 from dataclasses import dataclass, field
 from typing import Protocol
@@ -11,7 +11,7 @@ from fairing.trace import StepReason, StepRecord, Trace
 
 
 class Recorded(Protocol):
-    """A record that may grow: a state, or what is known of a run."""
+    """A record that may grow: of a state, or of one run of a state."""
 
     @property
     def run_id(self) -> int: ...
@@ -22,16 +22,16 @@ class Recorded(Protocol):
 
 
 REJECTIONS = [StepReason.REJECTED_ENERGY, StepReason.REJECTED_FOLD]
-# Line segments that a page draws smoothly: drawn by a processor, 25,000 took 0.4 s of a frame.
+# Line segments that a page draws smoothly without a graphics card (ledger: path segments).
 PATH_SEGMENTS = 6000
 
 
 class EnergyHistory:
     """The energy of the whole mesh after every step.
 
-    A step knows the faces around its unit only; the others keep what they had. A face that was never measured before
-    had, as far as anybody knows, its first energy all along. The energies of two sweeps do not compare: each has
-    cells of its own.
+    A step records the energy of the faces around its unit; all other faces keep their last recorded energy. Before its
+    first recorded energy, a face is counted with that energy. Energies of different sweeps are not comparable, because
+    each sweep has its own cells.
     """
 
     def __init__(self, n_faces: int) -> None:
@@ -48,7 +48,7 @@ class EnergyHistory:
         self._known = 0
 
     def update(self, state: Recorded) -> None:
-        """Take in the steps that are new."""
+        """Read the new steps."""
         if state.run_id != self._run_id:
             self._clear()
             self._run_id = state.run_id
@@ -101,7 +101,7 @@ class EnergyHistory:
 class PathHistory:
     """Positions of all vertices at moments spread over the record, few enough to draw.
 
-    Whenever there are too many, every second one is dropped and the distance between moments doubles.
+    Whenever there are too many moments, every second one is dropped and the distance between them doubles.
     """
 
     n_vertices: int
@@ -112,7 +112,7 @@ class PathHistory:
     _samples: list[tuple[int, np.ndarray]] = field(default_factory=list)
 
     def update(self, state: RunState) -> None:
-        """Take in the steps that are new."""
+        """Read the new steps."""
         if state.run_id != self._run_id:
             self._run_id, self._stride, self._known = state.run_id, 1, 0
             self._positions = state.trace.start.copy()
@@ -129,9 +129,12 @@ class PathHistory:
         self._known = max(self._known, state.length)
 
     def segments(self, state: RunState) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Pieces of path (s, 2, 3), world units; when their ends were reached (s, 2), start 0 to now 1; whose (s,).
+        """Path segments up to the present moment.
 
-        Where there are too many, the vertices with the longest paths are shown.
+        Where there are too many, only the vertices with the longest paths are included.
+
+        Returns:
+            Segments (s, 2, 3), world units; the time of their ends (s, 2), from 0 at the start to 1 now; vertex ids (s,).
         """
         moments = [moment for moment, _ in self._samples if moment < state.moment]
         positions = [position for moment, position in self._samples if moment < state.moment]
@@ -152,7 +155,7 @@ class PathHistory:
 
 
 def last_step_about(steps: list[StepRecord], moment: int, vertex: int) -> tuple[int, StepRecord, int] | None:
-    """The last step up to a moment that was about a vertex: the moment it led to, the record, the vertex's place in it."""
+    """The last step up to a moment that includes a vertex: the moment after it, the record, the vertex's index in it."""
     for led_to in range(moment, 0, -1):
         record = steps[led_to - 1]
         slot = slot_of(record, vertex)
@@ -162,7 +165,7 @@ def last_step_about(steps: list[StepRecord], moment: int, vertex: int) -> tuple[
 
 
 def next_move(state: RunState, vertex: int, direction: int) -> int | None:
-    """The moment after the next recorded step, forward (1) or back (-1), that moved a vertex."""
+    """The moment after the next recorded step that moved a vertex, forward (1) or backward (-1); None if there is none."""
     moments = range(state.moment + 1, state.length + 1) if direction > 0 else range(state.moment - 1, 0, -1)
     for moment in moments:
         record = state.trace.steps[moment - 1]

@@ -1,4 +1,4 @@
-"""The name of a moment: `level:sweep:vertex:iteration` of the step that follows it, from 1; `start`; `end`."""
+"""Moment ids: `level:sweep:vertex:iteration` of the step after a moment, counted from 1; or `start`; or `end`."""
 
 import re
 
@@ -10,17 +10,17 @@ _ID = re.compile(r"([1-9]\d{0,8}):([1-9]\d{0,8}):([1-9]\d{0,8}):([1-9]\d{0,8})")
 
 
 def moment_id(position: SchedulePosition, moment: int, n_levels: int) -> str:
-    """What `--at` takes for the moment before the step of that position."""
+    """The id, for `--at`, of the moment before the step at a position."""
     if moment == 0:
         return START
     return END if position.level >= n_levels else ":".join(str(part + 1) for part in position)
 
 
 def parse_moment_id(text: str, n_levels: int) -> SchedulePosition:
-    """The position that a moment's name stands for; `end` is the one after the last level.
+    """The position that a moment id denotes; for `end` the one after the last level.
 
     Raises:
-        InputError: it is none, or there is no such level.
+        InputError: the text is not a moment id, or there is no such level.
     """
     found = _ID.fullmatch(text.strip())
     if text.strip() == START:
@@ -38,9 +38,9 @@ def parse_moment_id(text: str, n_levels: int) -> SchedulePosition:
 
 
 def find_moment(trace: Trace, wanted: SchedulePosition) -> int:
-    """The first recorded moment at or after a position; the last one if the record does not reach so far.
+    """The first recorded moment at or after a position; the last moment if the record ends before.
 
-    A branch may pass a position twice; then the first time counts.
+    A branch may pass a position twice; the first time counts.
     """
     if wanted == SchedulePosition(0, 0, 0, 0):
         return 0

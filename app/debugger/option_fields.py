@@ -1,4 +1,4 @@
-"""The options as a flat list of fields, each with its type and meaning, and how to read a value that was typed."""
+"""Option fields: the options as a flat list with type, meaning and effect, and the parser of typed values."""
 
 import ast
 import inspect
@@ -10,29 +10,31 @@ from typing import Any, Literal
 from fairing.errors import InputError
 from fairing.options import FairingOptions
 
-ENERGIES_APART = "energies before and after do not compare"
+NOT_COMPARABLE = "energies before and after the change are not comparable"
 NEXT_STEP = "from the next step on"
-# What the options of a group affect, and when with "Go on from here".
+# By group: what its options affect, and from when on if they are applied at the present moment.
 GROUP_EFFECTS: dict[str, tuple[str, str]] = {
-    "cells": (f"what is read from the photos; {ENERGIES_APART}", NEXT_STEP),
-    "eigenspace": (f"what of the cells is explained away; {ENERGIES_APART}", NEXT_STEP),
-    "robust": (f"how much large residuals count; {ENERGIES_APART}", NEXT_STEP),
-    "step": ("how steps are made and which are accepted; the energy is measured as before", NEXT_STEP),
-    "visibility": (f"which photos and samples take part; {ENERGIES_APART}", NEXT_STEP),
-    "schedule": ("levels, sweeps and their order", "only in a new run: start over"),
+    "cells": (f"how cells are read from the photos; {NOT_COMPARABLE}", NEXT_STEP),
+    "eigenspace": (f"which part of the cells the eigenspace explains; {NOT_COMPARABLE}", NEXT_STEP),
+    "robust": (f"the weight of large residuals; {NOT_COMPARABLE}", NEXT_STEP),
+    "step": ("the size and acceptance of steps; the energy is measured as before", NEXT_STEP),
+    "visibility": (f"which photos and samples are used; {NOT_COMPARABLE}", NEXT_STEP),
+    "schedule": ("levels, sweeps and their order", "only in a new run"),
     "general": ("which vertices may move", NEXT_STEP),
 }
-SPEED_ONLY = ("speed alone; the result stays the same to the last bit", NEXT_STEP)
+SPEED_ONLY = ("the speed only; the result stays identical", NEXT_STEP)
 
 
 @dataclass(frozen=True)
 class OptionField:
-    """Attributes:
-    path: names from the top, such as ("cells", "warp").
-    meaning: the string under the field.
-    kind: "choice", "switch", "whole", "number" or "list".
-    choices: of a choice, or of the parts of a list; empty: numbers.
-    whole: whether the numbers of a list are whole.
+    """One option.
+
+    Attributes:
+        path: names from the top, such as ("cells", "warp").
+        meaning: the documentation string of the field.
+        kind: "choice", "switch", "whole", "number" or "list".
+        choices: valid values of a choice, or of the items of a list; empty: numbers.
+        whole: whether the numbers of a list are whole.
     """
 
     path: tuple[str, ...]
@@ -47,32 +49,32 @@ class OptionField:
 
     @property
     def group(self) -> str:
-        """The stage it belongs to."""
+        """The group of options it belongs to."""
         return self.path[0] if len(self.path) > 1 else "general"
 
     @property
     def effect(self) -> str:
-        """What it affects and when, as one sentence."""
+        """What it affects and when, in two sentences."""
         what, when = SPEED_ONLY if self.path == ("threads",) else GROUP_EFFECTS[self.group]
         return f"Affects {what}. Takes effect {when}."
 
     def of(self, options: FairingOptions) -> Any:
-        """This field's value."""
+        """The value of this field."""
         value: Any = options
         for name in self.path:
             value = getattr(value, name)
         return value
 
     def shown(self, options: FairingOptions) -> Any:
-        """The value as a widget shows it: a list as text."""
+        """The value for a widget: a list as text."""
         value = self.of(options)
         return ", ".join(_plain(part) for part in value) if self.kind == "list" else value
 
     def read(self, typed: object) -> Any:
-        """The value of what a browser sent.
+        """Parse a value sent by a browser.
 
         Raises:
-            InputError: it does not fit.
+            InputError: it is not valid for this field.
         """
         name = ".".join(self.path)
         if self.kind == "switch":
@@ -93,7 +95,7 @@ class OptionField:
 
 
 def option_fields(kind: type = FairingOptions, above: tuple[str, ...] = ()) -> list[OptionField]:
-    """Every field of the options, groups after the fields of their owner."""
+    """All fields of the options; groups follow the fields of their owner."""
     hints, meanings = typing.get_type_hints(kind), field_meanings(kind)
     own, nested = [], []
     for field in fields(kind):
@@ -112,7 +114,7 @@ def changed_options(options: FairingOptions, values: dict[tuple[str, ...], Any])
 
 @cache
 def field_meanings(kind: type) -> dict[str, str]:
-    """The string under each field of a dataclass, by the field's name."""
+    """The documentation string under each field of a dataclass, by field name."""
     body = ast.parse(inspect.getsource(kind).lstrip()).body[0]
     assert isinstance(body, ast.ClassDef)
     meanings = {}

@@ -1,4 +1,4 @@
-"""What conditions may ask about a step, and what it is called."""
+"""Step quantities: the names and functions that conditions and watch expressions may use."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from fairing.run.session import Session, SweepState
 from fairing.scene import Scene
 from fairing.trace import StepReason, StepRecord
 
-MAX_FACES = 60  # whose cells are computed for one answer
+MAX_FACES = 60  # whose cells are computed for one value of `outliers`
 
 VALUES: dict[str, str] = {
     "moment": "the moment the step leads to",
@@ -25,43 +25,43 @@ VALUES: dict[str, str] = {
     "iteration": "iteration of the unit, from 1",
     "energy": "energy of the unit's faces after the step",
     "change": "change of that energy by the step",
-    "percent": "the same in percent",
+    "percent": "change of that energy in percent",
     "step_px": "longest step tried, pixels in a photo",
     "damping": "largest damping",
     "rejected": "number of vertices whose step was rejected",
     "accepted": "number of vertices that moved",
-    "weakest": "smallest ratio of a vertex's weakest to its strongest eigenvalue",
-    "seen_changes": "how often a photo began or ceased to see a face when this step began a sweep",
+    "weakest": "smallest ratio of a vertex's smallest to its largest eigenvalue",
+    "seen_changes": "number of pairs of face and view whose visibility changed when this step began a sweep",
 }
 FUNCTIONS: dict[str, str] = {
-    "about": "1 if the step is about this vertex",
-    "moved": "how far the step moved this vertex, pixels in a photo",
-    "travelled": "how far this vertex is from where it was when the run last stopped, pixels in a photo",
-    "displaced": "how far this vertex is from its start, pixels in a photo",
-    "view": "change of the energy in this view, from 0",
-    "outliers": "part of the step's samples in this view that count as outliers, 0 to 1; takes its time",
-    "abs": "without its sign",
+    "about": "1 if the step includes this vertex",
+    "moved": "distance the step moved this vertex, pixels in a photo",
+    "travelled": "distance of this vertex from its position when the run last stopped, pixels in a photo",
+    "displaced": "distance of this vertex from its start, pixels in a photo",
+    "view": "change of the energy in this view; views count from 0",
+    "outliers": "fraction of the step's samples in this view that are outliers, 0 to 1; slow",
+    "abs": "absolute value",
 }
 
 
-def understand(text: str, limits: Mapping[str, int] = MappingProxyType({})) -> Condition:
+def parse_step_condition(text: str, limits: Mapping[str, int] = MappingProxyType({})) -> Condition:
     """A condition over `VALUES` and `FUNCTIONS`.
 
     Args:
-        limits: how many things a function has to choose from, see `limits_of`.
+        limits: number of valid arguments of functions that select by index, see `limits_of`.
 
     Raises:
-        InputError: it cannot be understood, or speaks of what is not there.
+        InputError: it cannot be parsed, or names a vertex or view that does not exist.
     """
     return parse_condition(text, set(VALUES), set(FUNCTIONS), limits)
 
 
 @dataclass(frozen=True, eq=False)
-class Around:
-    """What surrounds a step, for quantities that are not recorded with it.
+class StepContext:
+    """The context of a step, for quantities that are not recorded with it.
 
     Attributes:
-        session: stands at the moment that the step led to.
+        session: at the moment after the step.
         stopped: (n, 3) float, the vertices when the run last stopped, world units.
     """
 
@@ -69,8 +69,8 @@ class Around:
     stopped: np.ndarray
 
 
-def quantities_of(record: StepRecord, moment: int, around: Around | None = None) -> Quantities:
-    """What a condition may ask about a step, computed when asked. What is not known is not a number."""
+def quantities_of(record: StepRecord, moment: int, context: StepContext | None = None) -> Quantities:
+    """The quantities of a step, computed on demand; NaN where a quantity is not defined."""
     names = [short_reason(StepReason(int(reason))) for reason in record.reasons]
     before, after = record.energy_before, record.energy_after
 
@@ -89,19 +89,19 @@ def quantities_of(record: StepRecord, moment: int, around: Around | None = None)
         return float(record.view_energy_after[int(index)] - record.view_energy_before[int(index)])
 
     def seen_changes() -> float:
-        if around is None or record.sweep_moment == 0 or record.position[2:] != (0, 0):
-            return 0.0 if around is not None else float("nan")
-        now, then = (_seen(around.session.sweep_state(at)) for at in (moment - 1, record.sweep_moment - 1))
+        if context is None or record.sweep_moment == 0 or record.position[2:] != (0, 0):
+            return 0.0 if context is not None else float("nan")
+        now, then = (_seen(context.session.sweep_state(at)) for at in (moment - 1, record.sweep_moment - 1))
         return float(np.count_nonzero(now != then))
 
     def travelled(vertex: float) -> float:
-        return float("nan") if around is None else _apart(around.session, around.stopped, vertex)
+        return float("nan") if context is None else _apart(context.session, context.stopped, vertex)
 
     def displaced(vertex: float) -> float:
-        return float("nan") if around is None else _apart(around.session, around.session.trace.start, vertex)
+        return float("nan") if context is None else _apart(context.session, context.session.trace.start, vertex)
 
     def outliers(index: float) -> float:
-        return float("nan") if around is None else _outlier_share(around.session, record, moment, index)
+        return float("nan") if context is None else _outlier_share(context.session, record, moment, index)
 
     values: dict[str, Callable[[], float]] = {
         "moment": lambda: float(moment),
@@ -132,12 +132,12 @@ def quantities_of(record: StepRecord, moment: int, around: Around | None = None)
 
 
 def _seen(sweep: SweepState) -> np.ndarray:
-    """(m, V) bool: whether a photo sees a face, or a part of it."""
+    """(m, V) bool: whether a view sees a face, or a part of it."""
     return sweep.context.reasons <= Visibility.PARTLY_SEEN
 
 
 def _apart(session: Session, then: np.ndarray, vertex: float) -> float:
-    """How far a vertex is from where it was, px in the photo where that is most."""
+    """Distance of a vertex from an earlier position, px, in the view where it is largest."""
     if not 0 <= vertex < len(then):
         return float("nan")
     pair = np.stack([then[int(vertex)], session.vertices[int(vertex)]])
@@ -151,7 +151,7 @@ def _apart(session: Session, then: np.ndarray, vertex: float) -> float:
 
 
 def _outlier_share(session: Session, record: StepRecord, moment: int, index: float) -> float:
-    """Of the samples of the step's faces, a spread of them where there are many, in one view."""
+    """Fraction of outliers among the samples of the step's faces in one view; at most `MAX_FACES` faces are sampled."""
     outliers = samples = 0
     for face in record.faces[:: max(1, -(-len(record.faces) // MAX_FACES))]:
         if session.cancel_requested():
@@ -164,7 +164,7 @@ def _outlier_share(session: Session, record: StepRecord, moment: int, index: flo
 
 
 def limits_of(scene: Scene) -> dict[str, int]:
-    """How many vertices or views there are to choose from, by function."""
+    """Number of vertices or views that a function's argument may name, by function."""
     vertices, views = len(scene.mesh.vertices), len(scene.views)
     return {"about": vertices, "moved": vertices, "travelled": vertices, "displaced": vertices} | {
         "view": views,

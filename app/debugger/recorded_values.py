@@ -1,4 +1,4 @@
-"""What is recorded of a step, by name and with its unit, and where it last changed."""
+"""Recorded values: the quantities of a step record with names and units, and where each last changed."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -16,10 +16,10 @@ class Item:
     """One recorded quantity.
 
     Attributes:
-        name: with its unit, where it has one.
-        read: from a record and, of a vertex, its slot.
-        of_vertex: whether it belongs to a vertex; else to every step.
-        shown: as markup.
+        name: with its unit, if it has one.
+        read: reads it from a record; the second argument is the index of the vertex in the record.
+        of_vertex: whether it belongs to a vertex, else to the step.
+        shown: formats it as markup.
     """
 
     name: str
@@ -47,14 +47,14 @@ def _whole(value: Any) -> str:
 ITEMS: tuple[Item, ...] = (
     Item("position", lambda r, i: r.after[i], shown=lambda p: ", ".join(f"{x:.5g}" for x in p)),
     Item("step in the photos, px", lambda r, i: r.step_px[i]),
-    Item("step proposed, units", lambda r, i: _length(r.proposed[i])),
-    Item("step made, units", lambda r, i: _length(r.after[i] - r.before[i])),
+    Item("step proposed, world units", lambda r, i: _length(r.proposed[i])),
+    Item("step made, world units", lambda r, i: _length(r.after[i] - r.before[i])),
     Item("damping", lambda r, i: r.damping[i]),
     Item("damping next", lambda r, i: r.damping_next[i]),
     Item("rejections in a row", lambda r, i: r.rejections[i], shown=_whole),
     Item("eigenvalues", lambda r, i: r.eigenvalues[i], shown=_three),
     Item(
-        "weakest / strongest",
+        "smallest / largest eigenvalue",
         lambda r, i: r.eigenvalues[i, 0] / r.eigenvalues[i, 2] if r.eigenvalues[i, 2] > 0 else 0.0,
         shown=lambda value: number(float(value), 3),
     ),
@@ -65,16 +65,21 @@ ITEMS: tuple[Item, ...] = (
     Item("iteration of the unit", lambda r, i: r.position.iteration + 1, of_vertex=False, shown=_whole),
     Item("sweep began at moment", lambda r, i: r.sweep_moment, of_vertex=False, shown=_whole),
     Item("vertices of the unit", lambda r, i: len(r.vertices), of_vertex=False, shown=_whole),
-    Item("faces around them", lambda r, i: len(r.faces), of_vertex=False, shown=_whole),
+    Item("faces around these vertices", lambda r, i: len(r.faces), of_vertex=False, shown=_whole),
     Item("energy of these faces", lambda r, i: (r.energy_before, r.energy_after), of_vertex=False, shown=_pair),
-    Item("with priors, as tried", lambda r, i: (r.objective_before, r.objective_after), of_vertex=False, shown=_pair),
     Item(
-        "vertices rejected",
+        "energy with priors, as tried",
+        lambda r, i: (r.objective_before, r.objective_after),
+        of_vertex=False,
+        shown=_pair,
+    ),
+    Item(
+        "rejected vertices",
         lambda r, i: int(np.isin(r.reasons, [StepReason.REJECTED_ENERGY, StepReason.REJECTED_FOLD]).sum()),
         of_vertex=False,
         shown=_whole,
     ),
-    Item("photo whose energy fell most", lambda r, i: _most_changed(r), of_vertex=False, shown=_whole),
+    Item("view with the largest energy decrease", lambda r, i: _most_changed(r), of_vertex=False, shown=_whole),
 )
 
 
@@ -84,15 +89,15 @@ def _most_changed(record: StepRecord) -> int:
 
 
 def value_at(item: Item, steps: list[StepRecord], moment: int, vertex: int) -> Any:
-    """What holds at a moment: recorded by the last step (about the vertex); None before the first."""
+    """The value at a moment, from the last step (that includes the vertex); None before the first one."""
     found = _last(item, steps, moment, vertex)
     return None if found is None else item.read(found[1], found[2])
 
 
 def last_change(item: Item, steps: list[StepRecord], moment: int, vertex: int) -> int | None:
-    """The last moment before `moment` at which the value became another than it had been; None if it never did.
+    """The last moment before `moment` at which the value changed; None if it never did.
 
-    Its first value counts as a change. Asked again from there, it gives the change before that.
+    Its first value counts as a change. Applied to the result, this returns the change before it.
     """
     found = _last(item, steps, moment, vertex)
     while found is not None:

@@ -1,4 +1,4 @@
-"""What pages are told about the engine."""
+"""Run state: one consistent, immutable state of the debugger, as the pages show it."""
 
 from dataclasses import dataclass
 from enum import Enum
@@ -7,13 +7,14 @@ import numpy as np
 
 from app.debugger.bookmarks import Bookmark
 from app.debugger.breakpoints import Breakpoint
+from app.debugger.incidents import Incident
 from app.debugger.runs import RunInfo
 from fairing.options import FairingOptions
 from fairing.trace import SchedulePosition, StepRecord, Trace
 
 
 class Activity(Enum):
-    """What the engine is doing."""
+    """What the engine thread is doing."""
 
     PAUSED = "paused"
     STEPPING = "stepping"
@@ -23,30 +24,31 @@ class Activity(Enum):
 
 @dataclass(frozen=True, eq=False)
 class RunState:
-    """What there is to show, consistent in itself and never changed afterwards.
+    """A published state. Its arrays must not be changed.
 
     Attributes:
-        serial: grows with every state.
-        run_id: which of the runs is at hand; every record has a number of its own.
-        runs: all runs that are kept, the oldest first.
-        rival: the run that races with this one, if one does.
-        trace: the record. It may grow; what belongs to this state are its first `length` steps.
-        moment: where the run stands, 0 to `length`.
-        length: recorded steps.
+        serial: increases with every state.
+        run_id: the current run.
+        runs: all runs, the oldest first.
+        rival: the run that races with the current one; None without a race.
+        trace: the record, which may grow; this state covers its first `length` steps.
+        moment: the present moment, 0 to `length`.
+        length: number of recorded steps.
         vertices: (n, 3) float, positions at `moment`, world units.
-        locked: (n,) bool: vertices that neither the engine nor a hand moves.
+        locked: (n,) bool: vertices that are never moved.
         position: where the next step belongs.
         options: of this run.
-        activity: what the engine is doing.
-        finished: whether the schedule is worked off at `moment`.
-        reason: why it stopped, one line.
-        problem: what went wrong with the last command, else empty.
-        problems: how many commands went wrong so far.
+        activity: what the engine thread is doing.
+        finished: whether the schedule is completed at `moment`.
+        reason: why the last command stopped, one line.
+        problem: the error of the last command, or of a thread that was restarted; empty without.
+        problems: number of errors so far.
+        incident: the last failure of the debugger itself, which a problem report contains; None without.
         progress: fraction of the schedule, 0 to 1.
-        step_seconds: computing time of a step, mean over the last ones; 0 before the first.
-        breakpoints: what stops a run.
-        bookmarks: moments with a note, of all runs.
-        log: what breakpoints that only report had to say, the newest last.
+        step_seconds: mean computing time of the recent steps, s; 0 before the first.
+        breakpoints: conditions that stop a run.
+        bookmarks: of all runs.
+        log: hits of breakpoints that only report, the newest last.
     """
 
     serial: int
@@ -65,6 +67,7 @@ class RunState:
     reason: str
     problem: str
     problems: int
+    incident: Incident | None
     progress: float
     step_seconds: float
     breakpoints: tuple[Breakpoint, ...]
@@ -73,10 +76,10 @@ class RunState:
 
     @property
     def is_moving(self) -> bool:
-        """Whether the mesh moves by itself: details may wait."""
+        """Whether the mesh changes continuously; details need not be shown."""
         return self.activity in (Activity.RUNNING, Activity.PLAYING)
 
     @property
     def record(self) -> StepRecord | None:
-        """The step that led here; None at the start."""
+        """The step before `moment`; None at the start."""
         return self.trace.steps[self.moment - 1] if self.moment else None

@@ -1,4 +1,4 @@
-"""Quantities over the moments of a record, gathered once a step, and few enough points of them to draw."""
+"""Series: quantities over the moments of a record, and their reduction to the points that a plot can show."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,14 +14,14 @@ NAN = float("nan")
 
 @dataclass(frozen=True)
 class Quantity:
-    """One number a step, of the run or of one vertex.
+    """A number for each step, of the run or of one vertex.
 
     Attributes:
-        title: what a chip says.
+        title: label.
         meaning: with its unit.
-        is_log: whether it spans powers of ten.
-        of_run: of all vertices of a step.
-        of_vertex: of the vertex at a slot of a step; its one-ring's faces are given, too.
+        is_log: whether its scale is logarithmic by default.
+        of_run: computes it for all vertices of a step.
+        of_vertex: computes it for one vertex, given its index in the record and the faces of its one-ring.
     """
 
     title: str
@@ -36,7 +36,7 @@ def _energy_around(record: StepRecord, slot: int, ring: np.ndarray) -> float:
 
 
 def _ratio(eigenvalues: np.ndarray) -> float:
-    """The smallest ratio of weakest to strongest among (u, 3)."""
+    """The smallest ratio of smallest to largest eigenvalue among (u, 3), ascending; NaN if none is known."""
     known = eigenvalues[eigenvalues[:, 2] > 0]
     return float((known[:, 0] / known[:, 2]).min()) if len(known) else NAN
 
@@ -47,7 +47,7 @@ def _rejected(reasons: np.ndarray) -> float:
 
 QUANTITIES: dict[str, Quantity] = {
     "energy": Quantity(
-        "energy", "energy; of a vertex: of the faces around it", False,
+        "energy", "energy; for a vertex: of the faces around it", False,
         lambda record: record.energy_after, _energy_around,
     ),
     "step": Quantity(
@@ -55,23 +55,23 @@ QUANTITIES: dict[str, Quantity] = {
         lambda record: float(record.step_px.max(initial=0)), lambda record, slot, ring: float(record.step_px[slot]),
     ),
     "damping": Quantity(
-        "damping", "largest Levenberg-Marquardt damping, relative to the normal matrix's diagonal", True,
+        "damping", "largest Levenberg-Marquardt damping, relative to the normal matrix's largest eigenvalue", True,
         lambda record: float(record.damping.max(initial=0)), lambda record, slot, ring: float(record.damping[slot]),
     ),
     "eigen": Quantity(
-        "eigen", "smallest ratio of weakest to strongest eigenvalue of a vertex' normal matrix", True,
+        "eigen", "smallest ratio of smallest to largest eigenvalue of a vertex's normal matrix", True,
         lambda record: _ratio(record.eigenvalues),
         lambda record, slot, ring: _ratio(record.eigenvalues[slot : slot + 1]),
     ),
     "rejected": Quantity(
-        "rejected", "vertices whose step was rejected; of a vertex: rejections in a row", False,
+        "rejected", "vertices whose step was rejected; for a vertex: consecutive rejections", False,
         lambda record: _rejected(record.reasons), lambda record, slot, ring: float(record.rejections[slot]),
     ),
 }  # fmt: skip
 
 
 class Series:
-    """A number for every step it is known for. Reads new steps only."""
+    """The values of a quantity at the steps where it is defined. Reads new steps only."""
 
     def __init__(self, measure: Callable[[StepRecord, int], float | None]) -> None:
         self._measure = measure
@@ -83,7 +83,7 @@ class Series:
         self._values: list[float] = []
 
     def update(self, run: Recorded) -> None:
-        """Take in the steps that are new; begin again with another run."""
+        """Read the new steps; start again for another run."""
         if run.run_id != self._run_id:
             self._clear(run.run_id)
         for moment in range(self._known + 1, run.length + 1):
@@ -95,7 +95,7 @@ class Series:
 
     @property
     def moments(self) -> np.ndarray:
-        """(n,) int, ascending: the moments the steps led to."""
+        """(n,) int, ascending: the moments after the steps."""
         return np.array(self._moments, dtype=int)
 
     @property
@@ -104,13 +104,13 @@ class Series:
         return np.array(self._values, dtype=float)
 
     def at(self, moment: int) -> float:
-        """The value at a moment: of the last step up to it that has one; not a number before the first."""
+        """The value of the last step up to a moment that has one; NaN before the first."""
         index = int(np.searchsorted(self.moments, moment, side="right"))
         return self._values[index - 1] if index else NAN
 
 
 def series_of(name: str, vertex: int | None, ring: np.ndarray) -> Series:
-    """A quantity of the run, or of a vertex with the faces `ring` around it."""
+    """A quantity of the run, or of a vertex with the one-ring `ring`, (f,) int face ids."""
     quantity = QUANTITIES[name]
     if vertex is None:
         return Series(lambda record, moment: quantity.of_run(record))
@@ -123,18 +123,19 @@ def series_of(name: str, vertex: int | None, ring: np.ndarray) -> Series:
 
 
 def thinned(places: np.ndarray, values: np.ndarray, pixels: int) -> np.ndarray:
-    """Indices of the points that a line of so many pixels can show: of every pixel the lowest and the highest.
+    """Indices (k,) int of the points that a plot of this width can show: the lowest and highest of every pixel column.
 
     Args:
-        places: (n,) ascending.
-        values: (n,).
+        places: (n,) float, ascending.
+        values: (n,) float.
+        pixels: width of the plot.
     """
     count = len(places)
     if count <= 2 * pixels:
         return np.arange(count)
     span = float(places[-1] - places[0]) or 1.0
     pixel = np.minimum(((places - places[0]) / span * pixels).astype(int), pixels - 1)
-    # Sorted by pixel, then value: the ends of every group are its extremes.
+    # Sorted by pixel, then value: the extremes of a pixel are the ends of its group.
     order = np.lexsort((values, pixel))
     begins = np.flatnonzero(np.diff(pixel[order], prepend=-1))
     ends = np.append(begins[1:], count) - 1

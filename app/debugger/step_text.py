@@ -1,4 +1,4 @@
-"""What a step did, in words."""
+"""Step text: one line about the outcome of a step."""
 
 from collections import Counter
 
@@ -8,9 +8,9 @@ from fairing.trace import StepReason, StepRecord
 
 
 def step_outcome(record: StepRecord) -> str:
-    """One line: the reason of a single vertex, or how many vertices had which."""
+    """The reason of a single vertex, or the number of vertices for each reason."""
     if len(record.vertices) == 0:
-        return "nothing to move on this level"
+        return "no vertex to move on this level"
     if len(record.vertices) == 1:
         return f"vertex {int(record.vertices[0])} {StepReason(int(record.reasons[0])).text}"
     counts = Counter(short_reason(StepReason(int(reason))) for reason in record.reasons)
@@ -18,11 +18,11 @@ def step_outcome(record: StepRecord) -> str:
 
 
 def short_reason(reason: StepReason) -> str:
-    """The word or two before the explanation."""
+    """A reason without its explanation."""
     return reason.text.split(":")[0]
 
 
 def slot_of(record: StepRecord, vertex: int) -> int | None:
-    """Where a vertex stands in a record's arrays."""
+    """Index of a vertex in the arrays of a record; None if the step does not include it."""
     found = np.flatnonzero(record.vertices == vertex)
     return int(found[0]) if len(found) else None

@@ -1,1 +1,4 @@
-"""Experiments as users start them: in processes of their own, as charts, as files."""
+"""Experiments as users start them: worker processes, charts and files.
+
+May import `fairing`, `app.files` and the loose modules of `app`; never viser.
+"""

@@ -1,4 +1,4 @@
-"""What an experiment looks like: charts as data, drawn by the page and into pictures alike."""
+"""Charts: the results of an experiment as plottable data, for the page and for image files."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -13,16 +13,20 @@ from fairing.experiments.warps import VARIANTS
 
 Kind = Literal["points", "line", "dashed"]
 BLUE, PALE_BLUE, GREY, PALE_ORANGE, ORANGE, *_ = CURVES
-# The warp by the hue, the better solver by the stronger colour.
+# The hue shows the warp, the saturation the solver.
 VARIANT_COLORS = dict(zip(VARIANTS, (PALE_ORANGE, ORANGE, PALE_BLUE, BLUE), strict=True))
 OF_EDGE = "% of the edge"
 
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """Attributes:
-    label: what the legend says; empty for none.
-    x, y: (n,) float; x ascending.
+    """A curve.
+
+    Attributes:
+        label: entry in the legend; empty for none.
+        x, y: (n,) float; x ascending.
+        color: of line and markers.
+        kind: how it is drawn.
     """
 
     label: str
@@ -34,11 +38,11 @@ class Series:
 
 @dataclass(frozen=True, eq=False)
 class Chart:
-    """Both axes have room for all that is to come, so that nothing jumps while the chart fills.
+    """Curves with their axes, whose ranges hold all expected results, so that they do not change while results arrive.
 
     Attributes:
-        x_range, y_range: ends of the axes.
-        x_log, y_log: powers of ten.
+        x_range, y_range: limits of the axes.
+        x_log, y_log: whether an axis is logarithmic.
     """
 
     title: str
@@ -52,11 +56,11 @@ class Chart:
 
 
 def charts_of(experiment: Experiment, cases: Sequence[Row], rows: Sequence[Row]) -> list[Chart]:
-    """The charts of what has been measured so far.
+    """The charts of the results so far.
 
     Args:
-        cases: all there will be.
-        rows: those measured, in any order.
+        cases: all cases of the experiment.
+        rows: the measured ones, in any order.
     """
     draw: dict[str, Callable[[Sequence[Row], Sequence[Row]], list[Chart]]] = {
         CaptureRange.name: _capture_range,
@@ -71,7 +75,7 @@ def _capture_range(cases: Sequence[Row], rows: Sequence[Row]) -> list[Chart]:
     starts = sorted({case["start_percent"] for case in cases})
     low, high = _decades([*_values(rows, "end_percent"), 0.01, 100.0])
     same = np.geomspace(low, starts[-1], 48)
-    series = [Series("no change", same, same, GREY, "dashed")]
+    series = [Series("end = start", same, same, GREY, "dashed")]
     for direction in sorted({row["direction"] for row in rows}):
         x, y = _curve([row for row in rows if row["direction"] == direction], "start_percent", "end_percent")
         color = _color(direction)
@@ -97,7 +101,7 @@ def _noise(cases: Sequence[Row], rows: Sequence[Row]) -> list[Chart]:
     drawn_twice = [here for here in by_noise if len(here) > 1]
     if drawn_twice:
         at = np.array([here[0]["noise_in_all"] for here in drawn_twice])
-        series.append(Series("their spread alone", at, np.array([spread_of(here) for here in drawn_twice]), PALE_BLUE))
+        series.append(Series("spread of the draws", at, np.array([spread_of(here) for here in drawn_twice]), PALE_BLUE))
     for draw in sorted({row["draw"] for row in rows}):
         own = [row for row in rows if row["draw"] == draw]
         series.append(Series("" if draw else "a draw", *_curve(own, "noise_in_all", "end_percent"), ORANGE, "points"))
@@ -120,11 +124,11 @@ def _k_sweep(cases: Sequence[Row], rows: Sequence[Row]) -> list[Chart]:
         left.append(Series(name, *_curve(own, "k", "left_percent"), _color(direction)))
     return [
         Chart(
-            "Where the run ends", "dimensions k", f"end error, {OF_EDGE}", (0.6, most + 0.4),
+            "Error at the end of the run", "dimensions k", f"end error, {OF_EDGE}", (0.6, most + 0.4),
             _decades([*_values(rows, "end_percent"), 0.002, 1.0]), tuple(ends),
         ),
         Chart(
-            "What still shows of a misalignment", "dimensions k", "left unexplained, %", (0.6, most + 0.4),
+            "Residual of a misalignment", "dimensions k", "fraction not explained, %", (0.6, most + 0.4),
             _decades([*_values(rows, "left_percent"), 0.01, 100.0]), tuple(left),
         ),
     ]  # fmt: skip
@@ -154,18 +158,18 @@ def _warps(cases: Sequence[Row], rows: Sequence[Row]) -> list[Chart]:
     limits = _decades([*errors, *_values(rows, "end_percent"), 0.002, far])
     return [
         Chart(
-            f"Step by step, {far:g} % off at first", "steps", f"error, {OF_EDGE}", (0.0, 1.02 * longest),
+            f"Error by step, from {far:g} %", "steps", f"error, {OF_EDGE}", (0.0, 1.02 * longest),
             limits, tuple(paths),
         ),
         Chart(
-            "Where each start ends", "number of the start", f"end error, {OF_EDGE}", (0.4, count + 0.6), limits,
+            "End error of each start", "number of the start", f"end error, {OF_EDGE}", (0.4, count + 0.6), limits,
             tuple(ends),
         ),
     ]  # fmt: skip
 
 
 def _color(direction: int) -> RGB:
-    """Grey is for what the curves are compared with."""
+    """Color of a direction; grey is reserved for references."""
     colors = [color for color in CURVES if color != GREY]
     return colors[direction % len(colors)]
 
@@ -175,12 +179,12 @@ def _values(rows: Sequence[Row], name: str) -> list[float]:
 
 
 def _curve(rows: Sequence[Row], x: str, y: str) -> tuple[np.ndarray, np.ndarray]:
-    """One column over another, by ascending x."""
+    """Two columns of the rows as (n,) float each, by ascending x."""
     points = np.array(sorted((float(row[x]), float(row[y])) for row in rows)).reshape(-1, 2)
     return points[:, 0], points[:, 1]
 
 
 def _decades(values: Sequence[float]) -> tuple[float, float]:
-    """Powers of ten around all values."""
+    """The powers of ten that enclose all positive values."""
     positive = np.array([value for value in values if value > 0])
     return float(10.0 ** np.floor(np.log10(positive.min()))), float(10.0 ** np.ceil(np.log10(positive.max())))

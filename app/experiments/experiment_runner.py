@@ -1,6 +1,6 @@
-"""The page's experiments: one at a time, beside the run and without touching it; the last of each kind is kept.
+"""Experiment runner: runs experiments for the page, one at a time and independent of the run; keeps the last of each kind.
 
-Nothing in here knows of a browser.
+Independent of the browser.
 """
 
 import logging
@@ -11,6 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from enum import Enum
 
+from app.background_worker import BackgroundWorker
 from app.experiments.record import Record
 from app.experiments.workers import measure_all
 from fairing.errors import InputError
@@ -18,11 +19,11 @@ from fairing.experiments import EXPERIMENTS, Experiment, Row, Setting, check_tru
 from fairing.options import FairingOptions
 from fairing.scene import Scene
 
-MOST_WORKERS = 4  # they give way to the debugger, which is less nice
+MAX_PROCESSES = 4  # with lower priority than the debugger
 
 
 class Status(Enum):
-    """What became of an experiment."""
+    """Status of an experiment."""
 
     WORKING = "working"
     DONE = "done"
@@ -32,13 +33,16 @@ class Status(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """Attributes:
-    experiment: with how much it does.
-    setting: scene, vertex and options.
-    record: None until the cases are known.
-    rows: what has been measured, in the order it came.
-    problem: why it failed, one line.
-    seconds: since it began, or until it ended.
+    """State and results of an experiment.
+
+    Attributes:
+        experiment: with its parameters.
+        setting: scene, vertex and options.
+        record: None until the cases are known.
+        rows: the measured cases, in the order of completion.
+        problem: why it failed, one line.
+        seconds: since it began, or until it ended.
+        began: value of the monotonic clock at its beginning, s.
     """
 
     experiment: Experiment
@@ -52,38 +56,38 @@ class Outcome:
 
     @property
     def left(self) -> float | None:
-        """Seconds until the end, as far as can be told."""
+        """Estimated seconds until the end; None before the first result."""
         if self.record is None or not self.rows:
             return None
         return self.seconds / len(self.rows) * (len(self.record.cases) - len(self.rows))
 
 
 class ExperimentRunner:
-    """Starts and cancels experiments on the scene at hand, in processes of their own.
+    """Starts and cancels experiments on a scene, in separate processes.
 
     Args:
-        source: what the user typed for the scene.
-        on_change: called after every result; on any thread.
+        source: the scene as the user named it.
+        on_change: called after every result, on any thread.
     """
 
     def __init__(self, scene: Scene, source: str, on_change: Callable[[], None]) -> None:
         self._scene, self._source, self._on_change = scene, source, on_change
         self._outcomes: dict[str, Outcome] = {}
         self._lock = threading.Lock()
-        self._unwanted = threading.Event()
-        self._thread: threading.Thread | None = None
+        self._cancelled = threading.Event()
+        self._worker = BackgroundWorker(name="experiment")
 
     @property
     def working(self) -> str | None:
-        """The name of the experiment at work."""
+        """The name of the running experiment; None if none runs."""
         return next((name for name, found in self._outcomes.items() if found.status is Status.WORKING), None)
 
     def outcome(self, name: str) -> Outcome | None:
-        """The newest of this kind."""
+        """The last outcome of this kind of experiment; None if there is none."""
         return self._outcomes.get(name)
 
     def obstacle(self) -> str:
-        """Why no experiment can be made on this scene; empty if one can."""
+        """Why no experiment is possible on this scene; empty if they are possible."""
         try:
             check_truth(self._scene)
         except InputError as error:
@@ -91,35 +95,33 @@ class ExperimentRunner:
         return ""
 
     def start(self, experiment: Experiment, options: FairingOptions, vertex: int | None = None) -> None:
-        """Begin, and return at once.
+        """Start an experiment and return at once.
 
         Args:
-            options: of every run, but for what the experiment varies.
-            vertex: the one that is put off its place; default: the one that photos see best.
+            options: of every run, except those that the experiment varies.
+            vertex: the vertex to displace; default: the one that the photos see best.
 
         Raises:
-            InputError: another is at work, or the scene does not allow it.
+            InputError: another experiment runs, or the scene does not allow it.
         """
         setting = Setting.of(self._scene, options, vertex)
         with self._lock:
             busy = self.working
             if busy is not None:
-                raise InputError(f"{EXPERIMENTS[busy].title} is at work; wait for its end or cancel it")
+                raise InputError(f"{EXPERIMENTS[busy].title} is running; wait until it has finished, or cancel it")
             self._outcomes[experiment.name] = Outcome(experiment, setting)
-        self._unwanted.clear()
-        self._thread = threading.Thread(target=self._run, args=(experiment.name,), name="experiment", daemon=True)
-        self._thread.start()
+        self._cancelled.clear()
+        self._worker.post(self, lambda: self._run(experiment.name), lambda _: None)
         self._on_change()
 
     def cancel(self) -> None:
-        """Drop the cases in hand; what has been measured stays."""
-        self._unwanted.set()
+        """Cancel the cases in progress; the measured ones are kept."""
+        self._cancelled.set()
 
     def close(self) -> None:
-        """Cancel and wait until its processes have gone."""
+        """Cancel and wait until the processes have ended."""
         self.cancel()
-        if self._thread is not None:
-            self._thread.join(timeout=10)
+        self._worker.close()
 
     def _run(self, name: str) -> None:
         started = self._outcomes[name]
@@ -128,17 +130,17 @@ class ExperimentRunner:
         try:
             cases = experiment.cases(setting)
             self._change(name, record=Record(experiment, setting, self._source, cases))
-            workers = min(os.cpu_count() or 1, MOST_WORKERS)
-            is_whole = measure_all(experiment, setting, cases, workers, self._take(name), self._unwanted.is_set)
+            workers = min(os.cpu_count() or 1, MAX_PROCESSES)
+            is_whole = measure_all(experiment, setting, cases, workers, self._add_row(name), self._cancelled.is_set)
             status = Status.DONE if is_whole else Status.CANCELLED
         except InputError as error:
             problem = str(error)
-        except Exception as error:  # whatever happens here, the page lives on
+        except Exception as error:
             logging.getLogger(__name__).exception("an experiment failed")
             problem = f"{type(error).__name__}: {error}"
         self._change(name, status=status, problem=problem)
 
-    def _take(self, name: str) -> Callable[[Row], None]:
+    def _add_row(self, name: str) -> Callable[[Row], None]:
         return lambda row: self._change(name, rows=(*self._outcomes[name].rows, row))
 
     def _change(self, name: str, **changes: object) -> None:

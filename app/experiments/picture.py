@@ -1,4 +1,4 @@
-"""Charts as a PNG, in the page's colours."""
+"""Chart image: charts as a PNG in the colors of the page."""
 
 import io
 import textwrap
@@ -13,8 +13,8 @@ WELL, LINE, DIM, TEXT, STRONG = (grey(name) for name in ("well", "line", "dim", 
 
 
 def png_of(charts: Sequence[Chart], title: str, note: str) -> bytes:
-    """Charts side by side below a title and a sentence."""
-    # Imported here: a second that every start of the program would pay for.
+    """PNG of charts side by side, below a title and a note."""
+    # Imported here: the import takes about a second, which every start of the program would spend.
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -31,7 +31,7 @@ def png_of(charts: Sequence[Chart], title: str, note: str) -> bytes:
         bottom=0.6 / HEIGHT, wspace=0.22,
     )  # fmt: skip
     file = io.BytesIO()
-    # Without the date that matplotlib would put in, the same rows give the same bytes.
+    # Without matplotlib's date, the same rows give the same bytes.
     figure.savefig(file, format="png", facecolor=figure.get_facecolor(), metadata={"Software": "EigenFairing"})
     return file.getvalue()
 

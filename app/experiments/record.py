@@ -1,4 +1,4 @@
-"""An experiment's files: a table, a picture, and a record with everything that it can be resumed from."""
+"""Experiment record: the files of an experiment: a table, a picture, and a JSON record from which it can be resumed."""
 
 import csv
 import io
@@ -20,9 +20,13 @@ from fairing.options import options_to_dict
 
 @dataclass(frozen=True, eq=False)
 class Record:
-    """Attributes:
-    scene: what the user typed for it.
-    cases: all there are, in their order.
+    """An experiment with its cases.
+
+    Attributes:
+        experiment: with its parameters.
+        setting: scene, vertex and options.
+        scene: the scene as the user named it.
+        cases: all cases, in their order.
     """
 
     experiment: Experiment
@@ -32,17 +36,17 @@ class Record:
 
     @property
     def stem(self) -> str:
-        """The files' name without its ending."""
+        """The file name without suffix."""
         return self.experiment.name
 
     def in_order(self, rows: Sequence[Row]) -> list[Row]:
-        """Rows as their cases come, whichever was measured first."""
+        """The rows in the order of the cases."""
         order = {_key(case): n for n, case in enumerate(self.cases)}
         names = list(self.cases[0])
         return sorted(rows, key=lambda row: order[_key({name: row[name] for name in names})])
 
     def csv(self, rows: Sequence[Row]) -> bytes:
-        """A line a row, below the columns' names."""
+        """The rows as CSV with a header line."""
         text = io.StringIO()
         table = csv.DictWriter(text, list(self.experiment.columns), extrasaction="ignore", lineterminator="\n")
         table.writeheader()
@@ -50,13 +54,13 @@ class Record:
         return text.getvalue().encode()
 
     def png(self, rows: Sequence[Row]) -> bytes:
-        """The charts with what they say."""
+        """The charts with the finding, as PNG."""
         title = f"{self.experiment.title}: {Path(self.scene).name}, vertex {self.setting.vertex}"
         charts = charts_of(self.experiment, self.cases, rows)
         return png_of(charts, title, self.experiment.finding(rows))
 
     def values(self, rows: Sequence[Row]) -> dict[str, Any]:
-        """For JSON: what was asked, with what, and every row, curves included."""
+        """The record as JSON values: identity, versions and all rows, including curves."""
         return self.identity() | {
             "title": self.experiment.title,
             "question": self.experiment.question,
@@ -70,7 +74,7 @@ class Record:
         }
 
     def identity(self) -> dict[str, Any]:
-        """What must be the same for rows to belong together. Threads do not matter."""
+        """The parameters that all rows have in common; the number of threads is not one of them."""
         options = options_to_dict(self.setting.options)
         del options["threads"]
         return {
@@ -82,14 +86,18 @@ class Record:
         }
 
     def save(self, folder: Path, rows: Sequence[Row], *, picture: bool) -> None:
-        """Write the record and the table, and the picture if wanted."""
+        """Write the record and the table, and the picture if `picture` is set.
+
+        Raises:
+            InputError: a file cannot be written.
+        """
         write_json(folder / f"{self.stem}.json", self.values(rows))
         write_atomically(folder / f"{self.stem}.csv", lambda file: file.write(self.csv(rows)))
         if picture and rows:
             write_atomically(folder / f"{self.stem}.png", lambda file: file.write(self.png(rows)))
 
     def earlier_rows(self, folder: Path) -> list[Row]:
-        """The rows of an interrupted experiment in this folder; none where there are none.
+        """The rows of an interrupted experiment in this folder; empty without a record.
 
         Raises:
             InputError: the record is damaged, or of another experiment, scene, vertex or options.
@@ -109,10 +117,10 @@ class Record:
                 raise ValueError
         except (ValueError, KeyError, TypeError, OSError):
             raise InputError(
-                f"{path}: expected the record of an experiment, found something else; leave --resume out"
+                f"{path}: expected the record of an experiment, found something else; omit --resume"
             ) from None
         if different:
-            raise InputError(f"{path}: was made with another choice of {different[0]}; give the same or another --out")
+            raise InputError(f"{path}: was made with a different {different[0]}; use the same, or another --out")
         return rows
 
 
@@ -121,5 +129,5 @@ def _key(case: Row) -> tuple[Any, ...]:
 
 
 def _plain(values: Any) -> Any:
-    """As JSON gives them back: tuples are lists."""
+    """The values as read back from JSON: tuples become lists."""
     return json.loads(json.dumps(values))

@@ -1,4 +1,4 @@
-"""Cases measured in processes of their own, so that neither the page nor its engine waits for them."""
+"""Worker processes: the cases of an experiment measured in separate processes."""
 
 import contextlib
 import multiprocessing
@@ -15,7 +15,7 @@ from fairing.experiments import Experiment, Row, Setting
 from fairing.experiments.experiment import measured
 
 NICENESS = 10
-LOOK_UP = 0.1  # s: how soon a wish to stop is noticed
+POLL = 0.1  # s between two checks for cancellation
 
 
 def measure_all(
@@ -26,52 +26,52 @@ def measure_all(
     on_row: Callable[[Row], None],
     should_stop: Callable[[], bool],
 ) -> bool:
-    """Measure cases in up to so many processes; rows are the same for any number, only their order is not.
+    """Measure cases in up to `workers` processes. The rows do not depend on their number, but the order does.
 
-    The first result comes from one process alone: on a new machine it compiles the engine, and the others find that
-    done. A wish to stop drops the cases in hand.
+    A single process measures the first case: on a new machine it compiles the engine for all. Cancellation drops the
+    cases in progress.
 
     Returns:
-        Whether all were measured.
+        Whether all cases were measured.
 
     Raises:
-        InputError: a case cannot be measured, or a process died.
+        InputError: a case cannot be measured, or a process ended unexpectedly.
     """
     context = multiprocessing.get_context("spawn")
-    # Every process has a core of its own; results do not depend on the number of threads.
+    # One thread for each process; results do not depend on the number of threads.
     setting = Setting(setting.scene, setting.vertex, replace(setting.options, threads=1))
     waiting = list(cases)
-    at_work: dict[Connection, BaseProcess] = {}
+    busy: dict[Connection, BaseProcess] = {}
 
-    def employ() -> None:
+    def start_process() -> None:
         ours, theirs = context.Pipe()
         process = context.Process(target=_work, args=(theirs, experiment, setting), daemon=True)
-        with _deaf_to_ctrl_c():
+        with _sigint_blocked():
             process.start()
         theirs.close()
-        at_work[ours] = process
+        busy[ours] = process
         ours.send(waiting.pop(0))
 
     try:
         if waiting:
-            employ()
-        while at_work:
+            start_process()
+        while busy:
             if should_stop():
                 return False
-            for connection in wait(list(at_work), timeout=LOOK_UP):
+            for connection in wait(list(busy), timeout=POLL):
                 assert isinstance(connection, Connection)
                 on_row(_received(connection))
                 if waiting:
                     connection.send(waiting.pop(0))
                 else:
-                    _dismiss(connection, at_work.pop(connection))
-                while waiting and len(at_work) < workers:
-                    employ()
+                    _end(connection, busy.pop(connection))
+                while waiting and len(busy) < workers:
+                    start_process()
         return True
     finally:
-        for connection, process in at_work.items():
+        for connection, process in busy.items():
             process.terminate()
-            _dismiss(connection, process)
+            _end(connection, process)
 
 
 def _received(connection: Connection) -> Row:
@@ -79,20 +79,20 @@ def _received(connection: Connection) -> Row:
         answer = connection.recv()
     except (EOFError, OSError):
         raise InputError(
-            "an experiment's process ended before its time; perhaps there is not enough memory: close other programs"
+            "a process of the experiment ended unexpectedly, perhaps for lack of memory; close other programs"
         ) from None
     if isinstance(answer, str):
         raise InputError(answer)
     return answer
 
 
-def _dismiss(connection: Connection, process: BaseProcess) -> None:
+def _end(connection: Connection, process: BaseProcess) -> None:
     connection.close()
     process.join()
 
 
 def _work(connection: Connection, experiment: Experiment, setting: Setting) -> None:
-    """In the process: answer every case by its row, or by a line that says what is wrong, until nobody asks any more."""
+    """The main function of a process: answer every case with its row or an error line, until the connection is closed."""
     if hasattr(os, "nice"):
         os.nice(NICENESS)
     with contextlib.suppress(EOFError, OSError):
@@ -102,18 +102,18 @@ def _work(connection: Connection, experiment: Experiment, setting: Setting) -> N
                 answer: Row | str = measured(experiment, setting, case)
             except InputError as error:
                 answer = str(error)
-            except Exception as error:  # the page must learn of it, whatever it is
+            except Exception as error:
                 answer = f"{type(error).__name__}: {error}"
             connection.send(answer)
 
 
 @contextlib.contextmanager
-def _deaf_to_ctrl_c():
-    """Processes started here do not hear Ctrl-C, which goes to all of the terminal: their starter ends them."""
+def _sigint_blocked():
+    """Processes started here ignore Ctrl-C, which the terminal sends to all processes: the parent ends them."""
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
-    resource_tracker.ensure_running()  # when it starts it lets SIGINT in again
+    resource_tracker.ensure_running()  # it unblocks SIGINT when it starts
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield

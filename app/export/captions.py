@@ -1,6 +1,6 @@
-"""The words and the curve under exported pictures and frames.
+"""Captions of exported pictures and video frames: lines of text and a curve of the energy.
 
-Pillow's own font knows Latin letters only, so there are no Greek letters and arrows here.
+Pillow's built-in font has Latin letters only, so captions contain no Greek letters and no arrows.
 """
 
 import numpy as np
@@ -16,7 +16,7 @@ LINE: RGB = (61, 68, 77)
 
 
 class Caption:
-    """A strip (height, width) with lines of text at the left and, if there is room, the energy at the right."""
+    """A strip (height, width), px, with lines of text at the left and, with `with_curve`, the energy at the right."""
 
     def __init__(self, facts: RunFacts, width: int, height: int, with_curve: bool) -> None:
         self._facts, self._size = facts, (width, height)
@@ -29,7 +29,12 @@ class Caption:
             self._draw_curve()
 
     def strip(self, lines: list[str], moment: float | None = None) -> np.ndarray:
-        """(height, width, 3) uint8. The first line is large; the curve's dot stands at the moment."""
+        """The strip, (height, width, 3) uint8.
+
+        Args:
+            lines: of text; the first one is larger.
+            moment: of the dot on the curve; may lie between two moments.
+        """
         width, height = self._size
         image = self._empty.copy()
         draw = ImageDraw.Draw(image)
@@ -49,11 +54,11 @@ class Caption:
         return np.asarray(image)
 
     def _draw_curve(self) -> None:
-        """A line for each sweep: energies of different sweeps do not compare."""
+        """Draw one line per sweep: energies of different sweeps are not comparable."""
         draw = ImageDraw.Draw(self._empty)
         left, _, right, bottom = self._curve
         draw.line([(left, bottom), (right, bottom)], fill=LINE)
-        draw.text((left, 0.06 * self._size[1]), "energy, a line for each sweep", DIM, font=self._fonts[1])
+        draw.text((left, 0.06 * self._size[1]), "energy, one line per sweep", DIM, font=self._fonts[1])
         sweeps, before = self._facts.energies.sweeps, self._facts.energies.before
         starts = np.flatnonzero(np.diff(sweeps, prepend=-1)).tolist()
         for first, end in zip(starts, [*starts[1:], len(sweeps)], strict=True):
@@ -69,7 +74,7 @@ class Caption:
 
 
 def moment_words(facts: RunFacts, moment: int) -> list[str]:
-    """What there is to say of a moment, in two or three lines."""
+    """Two or three lines about a moment: its number, the level, energy and error."""
     where = "the start"
     if moment:
         level = facts.trace.steps[moment - 1].position.level
@@ -81,5 +86,5 @@ def moment_words(facts: RunFacts, moment: int) -> list[str]:
 
 
 def error_words(percent: float) -> str:
-    """An error as people write it."""
+    """An error as text."""
     return f"{percent:.2g} % of the diagonal"

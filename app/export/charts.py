@@ -1,4 +1,4 @@
-"""Curves by moment as SVG that needs no script."""
+"""Curves over moments as SVG without scripts, for reports."""
 
 from collections.abc import Sequence
 
@@ -20,13 +20,14 @@ def curve_chart(
     title: str,
     is_log: bool = False,
 ) -> str:
-    """An SVG.
+    """Markup of an SVG chart; empty if there are no values to draw.
 
     Args:
-        lines: moments and values, (n,) each; with `is_log` only positive values are drawn.
+        lines: moments and values, (n,) each.
         bands: first and last moment of every level, and its name.
         length: the last moment.
-        title: for screen readers.
+        title: accessible name.
+        is_log: whether the values have a logarithmic scale.
     """
     values = np.concatenate([line[1] for line in lines])
     values = values[np.isfinite(values) & (values > 0)] if is_log else values[np.isfinite(values)]
@@ -74,7 +75,7 @@ def curve_chart(
 
 
 def _ticks(low: float, high: float, is_log: bool) -> list[float]:
-    """Round numbers within an interval, given as powers of ten with `is_log`."""
+    """Round numbers within an interval; with `is_log`, `low` and `high` are exponents of ten."""
     if is_log:
         powers = np.arange(np.ceil(low), np.floor(high) + 1)
         every = max(1, -(-len(powers) // TICKS))

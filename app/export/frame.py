@@ -1,4 +1,4 @@
-"""The camera of exported pictures: it looks nearly as the photos do, and the mesh fills the frame."""
+"""Camera of exported pictures: looks approximately along the photos' mean direction, with the mesh filling the frame."""
 
 import numpy as np
 
@@ -6,17 +6,19 @@ from app.stage import Stage
 from fairing.camera import Camera
 from fairing.scene import Scene
 
-TURNED = 0.4  # from the cameras' mean direction (0) to the page's first look (1), which avoids the cameras
-MARGIN = 0.06  # of the frame's shorter side
+TURNED = 0.4  # from the cameras' mean direction (0) to the page's initial viewpoint (1), which avoids the frusta
+MARGIN = 0.06  # relative to the shorter side of the frame
 
 
 def framing_camera(
     scene: Scene, stage: Stage, states: list[np.ndarray], width: int, height: int | None = None
 ) -> Camera:
-    """A camera in whose picture all states of the vertices (n, 3) fit, as large as they can.
+    """A camera whose picture contains all states of the mesh at the largest possible size.
 
     Args:
-        height: default: as the mesh needs it, half the width to all of it.
+        states: vertices (n, 3) float, world units, of each state.
+        width: of the picture, px.
+        height: px; default: chosen by the shape of the mesh, between half the width and the width.
     """
     eye, target, up = stage.world_from_page(first_eye(stage)), stage.world_from_page(np.zeros(3)), stage.up
     forward = _unit(target - eye)
@@ -39,11 +41,13 @@ def framing_camera(
 
 
 def first_eye(stage: Stage) -> np.ndarray:
-    """(3,) float, page units: where exported pictures and pages are looked at from; they look at the origin."""
+    """(3,) float, page units: initial viewpoint of exported pictures and pages; the view direction is to the origin."""
     towards = stage.camera_centers / np.linalg.norm(stage.camera_centers, axis=1, keepdims=True)
     first = _unit(stage.eye - stage.target)
     direction = _unit((1 - TURNED) * _unit(towards.mean(0)) + TURNED * first)
-    if np.linalg.norm(np.cross(direction, stage.up)) < 0.05:  # straight from above, there is no upright
+    if (
+        np.linalg.norm(np.cross(direction, stage.up)) < 0.05
+    ):  # looking along the up vector leaves the image rotation undefined
         direction = first
     return float(np.linalg.norm(stage.eye - stage.target)) * direction
 

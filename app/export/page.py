@@ -1,10 +1,9 @@
-"""A run as one HTML file that replays it: opened by a double click, without a server, a network or a program.
+"""Replay page: a run as one HTML file that opens without a server, a network connection or a program.
 
-The 3D view is our own, on WebGL 2, and not viser's player (`as_html`), although that is a library's: the player knows
-neither textures that follow the mesh from moment to moment nor clicks on vertices, its clock can be set from outside only by
-typing into its input field, and it weighs 0.8 MB. Here plot, cells, texts and mesh are functions of one number, the moment,
-so they cannot drift apart, cells are computed for any of them, and before and now are compared by a divider. What the page may
-do is limited by a Content-Security-Policy that allows no request at all.
+The 3D view is implemented in `web/viewer.js` on WebGL 2. viser's player (`as_html`) is not used: it supports neither
+textures that change with the moment nor clicks on vertices, it has no interface to set the moment, and it is larger
+(ledger: replay viewer). Plots, cells, texts and mesh are functions of the moment alone, so they are always consistent.
+A Content-Security-Policy forbids all requests.
 """
 
 import json
@@ -27,14 +26,17 @@ _SCRIPTS = ("unpack.js", "plot.js", "viewer.js", "fourier.js", "photos.js", "eig
 def write_page(facts: RunFacts, out: Path, at: int, on_progress: Callable[[float], None]) -> str:
     """Write the page; it opens at the moment `at`.
 
+    Args:
+        on_progress: called with the fraction that is done.
+
     Returns:
-        What was left out to keep the file small; empty if nothing.
+        A note on faces whose cells are not in the file, to limit its size; empty if all cells are.
     """
     data = page_data(facts, at, on_progress)
     page = _page(facts, data)
     write_atomically(out, lambda file: file.write(page.encode()))
     kept, count = len(data["cells"]["faces"]), len(facts.scene.mesh.faces)
-    return f"cells of {kept} of {count} faces, around the vertices that went farthest" if kept < count else ""
+    return f"cells of {kept} of {count} faces, around the vertices that moved most" if kept < count else ""
 
 
 def _page(facts: RunFacts, data: dict[str, Any]) -> str:
@@ -51,7 +53,7 @@ def _page(facts: RunFacts, data: dict[str, Any]) -> str:
         light_colors=light_variables() + f"--ground:{solid(GROUND[1])};",
         style=_asset("replay.css"),
         run=figures_table(facts) + options_list(facts.options),
-        # Within a script element only "<" could end it.
+        # "<" is escaped because it could end the script element.
         data=json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c"),
         scripts="".join(f"<script>{_asset(name)}</script>" for name in _SCRIPTS),
         icon_start=icon("start"),

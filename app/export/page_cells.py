@@ -1,8 +1,8 @@
-"""What the replay page needs to compute the cells of a face at any moment itself: parts of photos, and each sweep's choices.
+"""Cell data of the replay page: tiles of the photos and the parameters of each sweep.
 
-Pictures of the cells at every moment would be hundreds of megabytes. The photos around the faces, without loss, are one
-(cube: 0.9 MB), and the cells follow from them as in `fairing.kernels`: `web/photos.js` and `web/eigenspace.js`. Photos are
-kept as small square tiles, so that neighbouring faces share them and nothing else of a large photo is in the file.
+The page computes the cells of a face at any moment itself (`web/photos.js`, `web/eigenspace.js`), because pictures of
+all cells would be far larger than the lossless photo tiles around the faces (ledger: replay cells). Neighbouring faces
+share tiles.
 """
 
 from collections.abc import Callable
@@ -22,25 +22,26 @@ from fairing.judge.inspect import FaceCells, face_cells
 from fairing.options import by_level
 from fairing.run.sweep import SweepState
 
-ALL_FACES = 24  # of a mesh with no more, all are shown
-CHOSEN_VERTICES = 24
-PIXELS = 3_000_000  # of photos in the file: about 3 MB
-TILE = 32
-MARGIN = 9  # px around a face: the page blurs a little more than it needs, so that the vertex may go on a bit
+ALL_FACES = 24  # a mesh with at most this many faces has the cells of all of them in the file
+CHOSEN_VERTICES = 24  # of larger meshes: vertices whose faces may have cells in the file
+PIXELS = 3_000_000  # limit of photo pixels in the file: about 3 MB
+TILE = 32  # px
+MARGIN = 9  # px around a face: the page blurs a larger area, which stays valid for the next moments
 
 
 @dataclass(frozen=True, eq=False)
 class _Sweep:
-    """One sweep's choices for F faces, with P pairs of face and photo.
+    """Parameters of one sweep for F faces, with P pairs of face and photo.
 
     Attributes:
-        key: what tells sweeps apart.
-        k, size, inset, scale: (F,): dimensions, samples along a cell's edge, border left out, the robust norm's scale.
-        starts: (F + 1,) the pairs of each face.
-        views, weight: (P,).
-        blur: (P, 3) float32: covariance xx, xy, yy of what the photo is blurred by, px^2.
-        masks: for each pair which samples count, bits; empty if all do.
-        is_common: whether photos are blurred to one point spread.
+        key: first moment and level of the sweep; unique.
+        k, size, inset, scale: (F,): dimensions, samples along a cell's edge, inset (barycentric), scale of the robust
+            norm (sigma squared, grey levels squared).
+        starts: (F + 1,) int: index of the first pair of each face.
+        views, weight: (P,): photo of each pair and its weight.
+        blur: (P, 3) float32: covariance xx, xy, yy of the blur of the photo, px^2.
+        masks: for each pair a bit per sample, 1 if it counts; empty if all samples count.
+        is_common: whether all photos of a face are blurred to a common point spread function.
     """
 
     key: tuple[int, int]
@@ -57,7 +58,7 @@ class _Sweep:
 
 
 def chosen_vertices(facts: RunFacts) -> np.ndarray:
-    """Ids of vertices by how far they went, the farthest first; before all others those all of whose faces take part."""
+    """(n,) int: vertex ids, largest displacement first; vertices with unused faces come last."""
     way = np.linalg.norm(facts.trace.vertices_at(facts.length) - facts.trace.start, axis=1)
     takes_part = facts.session.sweep_state(facts.length).context.takes_part
     is_seen = np.array([takes_part[ring].all() for ring in facts.scene.mesh.one_rings])
@@ -65,9 +66,9 @@ def chosen_vertices(facts: RunFacts) -> np.ndarray:
 
 
 def cells_of_run(facts: RunFacts, on_progress: Callable[[float], None]) -> dict[str, Any]:
-    """What the page's scripts want of photos and sweeps, and which faces it is for.
+    """Photo tiles, sweep parameters, and the faces they are for.
 
-    All faces of a small mesh; of a large one those around the vertices that went farthest, as many as there is room for.
+    These are all faces of a small mesh; of a large mesh the faces around the vertices that moved most, up to `PIXELS`.
     """
     groups = _groups(facts)
     faces = [face for group in groups for face in group]
@@ -99,7 +100,7 @@ def cells_of_run(facts: RunFacts, on_progress: Callable[[float], None]) -> dict[
 
 
 def _groups(facts: RunFacts) -> list[list[int]]:
-    """Faces that come into the file together."""
+    """Groups of faces that are added to the file together: the new faces of each chosen vertex."""
     mesh = facts.scene.mesh
     if len(mesh.faces) <= ALL_FACES:
         return [list(range(len(mesh.faces)))]
@@ -112,7 +113,7 @@ def _groups(facts: RunFacts) -> list[list[int]]:
 
 
 def _sweeps(facts: RunFacts, faces: list[int], on_progress: Callable[[float], None]) -> tuple[list[_Sweep], np.ndarray]:
-    """The sweeps, and which of them each moment belongs to."""
+    """The sweeps, and the index of the sweep of each moment (moments,)."""
     found: dict[tuple[int, int], int] = {}
     sweeps: list[_Sweep] = []
     sweep_at = np.empty(facts.length + 1, dtype=np.int64)
@@ -173,7 +174,7 @@ def _blur(
     sizes: np.ndarray,
     is_common: bool,
 ) -> np.ndarray:
-    """(P, 3) float: what `fairing.cells.context.build_context` blurs the photos of each pair by."""
+    """(P, 3) float: covariance xx, xy, yy, px^2, of each pair's blur, as in `fairing.cells.context.build_context`."""
     blur = facts.options.schedule.blur[context.level]
     cameras = [view.camera for view in facts.scene.views]
     corners = context.vertices[facts.scene.mesh.faces[faces]]
@@ -195,7 +196,7 @@ def _blur(
 def _tiles_of_faces(
     facts: RunFacts, faces: list[int], sweeps: list[_Sweep], sweep_at: np.ndarray
 ) -> list[list[set[int]]]:
-    """For each face and photo the tiles, by number, that its cells read at any moment; faces by id."""
+    """For each face id and photo the numbers of the tiles that its cells read at any moment."""
     cameras = [view.camera for view in facts.scene.views]
     ways = np.stack(
         [facts.trace.vertices_at(moment)[facts.scene.mesh.faces[faces]] for moment in range(facts.length + 1)]
@@ -221,7 +222,7 @@ def _tiles_of_faces(
 
 
 def _scales(facts: RunFacts, face: int) -> dict[str, float]:
-    """What full colour and a full bar stand for: of start and end the larger."""
+    """Residual at full colour and energy of a full bar: the larger values of start and end."""
     residual, energy = 1.0, 0.0
     for moment in sorted({0, facts.length}):
         cells = _cells(facts, face, moment)
@@ -232,7 +233,7 @@ def _scales(facts: RunFacts, face: int) -> dict[str, float]:
 
 
 def _cells(facts: RunFacts, face: int, moment: int) -> FaceCells | None:
-    """None where the face takes no part, or has a corner behind a camera."""
+    """The cells of a face; None if it is not used or has a corner behind a camera."""
     try:
         cells = face_cells(facts.session, face, moment)
     except InputError:
@@ -241,7 +242,7 @@ def _cells(facts: RunFacts, face: int, moment: int) -> FaceCells | None:
 
 
 def _packed_sweeps(facts: RunFacts, sweeps: list[_Sweep], rows: list[int]) -> dict[str, Any]:
-    """The choices of all sweeps one after another, of the faces kept; a sweep's faces have numbers sweep * F + face."""
+    """Parameters of all sweeps for the F faces in the file; row sweep * F + face belongs to a sweep and a face."""
     parts = [(sweep, row) for sweep in sweeps for row in rows]
     pairs = [(sweep, np.arange(sweep.starts[row], sweep.starts[row + 1])) for sweep, row in parts]
     masks = [sweep.masks[pair] for sweep, of_face in pairs for pair in of_face]
@@ -273,13 +274,12 @@ def _packed_sweeps(facts: RunFacts, sweeps: list[_Sweep], rows: list[int]) -> di
 
 
 def _steps(values: np.ndarray) -> np.ndarray:
-    """int16: each value less the one before it, which deflates better: neighbouring pixels are alike."""
+    """int16: differences of successive values, which compress better because neighbouring pixels are similar."""
     return np.diff(values.astype(np.int64), prepend=0).astype(np.int16)
 
 
 def _photos(facts: RunFacts, wanted: list[set[int]], on_progress: Callable[[float], None]) -> dict[str, Any]:
-    """The tiles of all photos as the engine reads them, in whole units of its own, each value as the step from the one
-    before it."""
+    """The tiles of all photos in the integer units of `ScaleSpace`, as differences of successive values."""
     space = ScaleSpace(facts.scene, facts.options.cells.color)
     views: list[dict[str, Any]] = [{} for _ in wanted]
 

@@ -1,7 +1,7 @@
-"""A run as the replay page wants it: numbers as JSON, long arrays packed.
+"""Data of the replay page: a run as JSON, with long arrays packed.
 
-Positions are in page units (see `Stage`), whole multiples of `GRID`: a quarter of a millionth of the mesh's diagonal, less
-than a thousandth of a pixel. Moves of late steps are small numbers then, and deflate (fountain, 2,500 vertices: a third).
+Positions are integer multiples of `GRID` in page units (see `Stage`). `GRID` is a quarter of a millionth of the mesh's
+diagonal, less than a thousandth of a pixel. Small moves become small integers, which compress well (ledger: replay grid).
 """
 
 import base64
@@ -15,27 +15,29 @@ from app.debugger.step_text import step_outcome
 from app.export.frame import first_eye
 from app.export.packing import packed
 from app.export.page_cells import cells_of_run, chosen_vertices
-from app.export.paintings import Painting, paint
 from app.export.run_facts import RunFacts
 from app.export.step_kinds import INTRO, KINDS, kind_of, level_text
+from app.export.texture_keyframes import TextureKeyframe, texture_keyframes
 from app.palette import CAMERA, NOW, SELECTED, START, TRUTH, solid
 from fairing.trace import StepReason
 
-PAINTINGS = 8
+KEYFRAMES = 8
 TEXELS = 1024
 JPEG_QUALITY = 86
 GRID = 2.0**-20  # page units
 
 
 def page_data(facts: RunFacts, at: int, on_progress: Callable[[float], None]) -> dict[str, Any]:
-    """Everything the page's scripts read.
+    """All data that the scripts of the page read.
 
     Args:
-        at: the moment it opens at.
-        on_progress: told the fraction that is done.
+        at: the moment at which the page opens.
+        on_progress: called with the fraction that is done.
     """
     stage, trace, scene = facts.stage, facts.trace, facts.scene
-    paintings = paint(facts, facts.key_moments(PAINTINGS), TEXELS, lambda fraction: on_progress(0.5 * fraction))
+    keyframes = texture_keyframes(
+        facts, facts.key_moments(KEYFRAMES), TEXELS, lambda fraction: on_progress(0.5 * fraction)
+    )
     cells = cells_of_run(facts, lambda fraction: on_progress(0.5 + 0.5 * fraction))
     truth = None if scene.truth is None else scene.truth.vertices
     return {
@@ -53,7 +55,7 @@ def page_data(facts: RunFacts, at: int, on_progress: Callable[[float], None]) ->
         "edges": packed(scene.mesh.edges.astype(np.uint32)),
         "truth": None if truth is None else packed(_on_grid(facts, truth)),
         "cameras": packed(_frusta(facts)),
-        "paintings": [_painting(painting) for painting in paintings],
+        "keyframes": [_keyframe(keyframe) for keyframe in keyframes],
         "pace": facts.pace.tolist(),
         **_changes(facts),
         "steps": _steps(facts),
@@ -76,22 +78,22 @@ def page_data(facts: RunFacts, at: int, on_progress: Callable[[float], None]) ->
 
 
 def _on_grid(facts: RunFacts, points: np.ndarray) -> np.ndarray:
-    """int32: positions (..., 3), world units, in multiples of `GRID`, page."""
+    """(..., 3) int32: positions (..., 3), world units, as multiples of `GRID` in page units."""
     return np.round(facts.stage.page_from_world(points).astype(np.float64) / GRID).astype(np.int32)
 
 
-def _painting(painting: Painting) -> dict[str, Any]:
-    _, encoded = cv2.imencode(".jpg", painting.image[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+def _keyframe(keyframe: TextureKeyframe) -> dict[str, Any]:
+    _, encoded = cv2.imencode(".jpg", keyframe.image[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
     return {
-        "moment": painting.moment,
-        "uv": packed(np.round(np.clip(painting.uv, 0, 1) * 65535).astype(np.uint16)),
+        "moment": keyframe.moment,
+        "uv": packed(np.round(np.clip(keyframe.uv, 0, 1) * 65535).astype(np.uint16)),
         "picture": "data:image/jpeg;base64," + base64.b64encode(encoded.tobytes()).decode(),
     }
 
 
 def _changes(facts: RunFacts) -> dict[str, Any]:
-    """Which vertices every step moved, how far; and what it had to say of which vertices."""
-    moved, ways, told, reasons = [], [np.zeros((0, 3), dtype=np.int32)], [], []
+    """The vertices that every step moved, with their displacements; and the vertices it involved, with reasons."""
+    moved, ways, involved, reasons = [], [np.zeros((0, 3), dtype=np.int32)], [], []
     place = _on_grid(facts, facts.trace.start)
     for record in facts.trace.steps:
         after = _on_grid(facts, record.after)
@@ -99,7 +101,7 @@ def _changes(facts: RunFacts) -> dict[str, Any]:
         moved.append(record.vertices[has_moved])
         ways.append((after - place[record.vertices])[has_moved])
         place[record.vertices] = after
-        told.append(record.vertices)
+        involved.append(record.vertices)
         reasons.append(record.reasons)
     return {
         "moved": {
@@ -107,9 +109,9 @@ def _changes(facts: RunFacts) -> dict[str, Any]:
             "vertices": packed(_joined(moved).astype(np.uint32)),
             "ways": packed(np.concatenate(ways)),
         },
-        "told": {
-            "starts": packed(_starts(told)),
-            "vertices": packed(_joined(told).astype(np.uint32)),
+        "involved": {
+            "starts": packed(_starts(involved)),
+            "vertices": packed(_joined(involved).astype(np.uint32)),
             "reasons": packed(_joined(reasons).astype(np.uint8)),
         },
     }
@@ -141,7 +143,7 @@ def _steps(facts: RunFacts) -> list[dict[str, Any]]:
 
 
 def _energy_lines(facts: RunFacts) -> list[dict[str, Any]]:
-    """A line a sweep: energies of two sweeps do not compare."""
+    """One line per sweep: energies of different sweeps are not comparable."""
     before, after, sweeps = facts.energies.before, facts.energies.after, facts.energies.sweeps
     starts = np.flatnonzero(np.diff(sweeps, prepend=-1)).tolist()
     return [
@@ -162,13 +164,13 @@ def _levels(facts: RunFacts) -> list[dict[str, Any]]:
 
 
 def _first_vertex(facts: RunFacts, cells: dict[str, Any]) -> int:
-    """The vertex looked at in the beginning: of those with cells the one that went farthest."""
+    """The vertex selected at first: among those with cells in the file, the one that moved most."""
     order, faces = chosen_vertices(facts).tolist(), set(cells["faces"])
     return next((v for v in order if faces & set(facts.scene.mesh.one_rings[v].tolist())), order[0])
 
 
 def _frusta(facts: RunFacts) -> np.ndarray:
-    """(lines, 2, 3) float32, page units: the outlines of the cameras."""
+    """(lines, 2, 3) float32, page units: line segments of the camera frusta."""
     lines = []
     for view in facts.scene.views:
         camera, depth = view.camera, facts.stage.camera_scale

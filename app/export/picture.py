@@ -1,4 +1,4 @@
-"""A run as one picture: the textured mesh before and after, or at one moment. Drawn without a browser."""
+"""Picture of a run: the textured mesh before and after, or at one moment, rendered without a browser."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -8,8 +8,8 @@ from PIL import Image
 
 from app.export.captions import Caption, error_words, moment_words
 from app.export.frame import framing_camera
-from app.export.paintings import Painter, paint
 from app.export.run_facts import RunFacts
+from app.export.texture_keyframes import KeyframeRenderer, texture_keyframes
 from app.palette import BACKGROUND
 from fairing.camera import Camera
 from fairing.io import write_atomically
@@ -23,6 +23,7 @@ def write_picture(facts: RunFacts, out: Path, moment: int | None, on_progress: C
 
     Args:
         moment: the moment shown; None: start and end side by side.
+        on_progress: called with the fraction that is done.
     """
     image = Image.fromarray(picture(facts, moment, on_progress))
     write_atomically(out, lambda file: image.save(file, format="PNG"))
@@ -32,12 +33,14 @@ def picture(facts: RunFacts, moment: int | None, on_progress: Callable[[float], 
     """(h, w, 3) uint8, RGB; see `write_picture`."""
     moments = [0, facts.length] if moment is None else [moment]
     camera = framed(facts, [0, facts.length, *moments], SIDE)
-    painter = Painter(facts, paint(facts, sorted(set(moments)), TEXELS, on_progress), camera, BACKGROUND)
+    renderer = KeyframeRenderer(
+        facts, texture_keyframes(facts, sorted(set(moments)), TEXELS, on_progress), camera, BACKGROUND
+    )
     caption = Caption(facts, SIDE, CAPTION, with_curve=False)
     parts = []
     for index, m in enumerate(moments):
         words = moment_words(facts, m) if moment is not None else _words(facts, m, ("Before", "After")[index])
-        parts.append(np.vstack([painter.draw(m), caption.strip(words)]))
+        parts.append(np.vstack([renderer.draw(m), caption.strip(words)]))
     gap = np.full((len(parts[0]), GAP, 3), BACKGROUND, dtype=np.uint8)
     return parts[0] if len(parts) == 1 else np.hstack([parts[0], gap, parts[1]])
 
@@ -49,7 +52,7 @@ def framed(facts: RunFacts, moments: list[int], width: int, height: int | None =
 
 
 def _words(facts: RunFacts, moment: int, head: str) -> list[str]:
-    """Of start or end, with figures that compare."""
+    """Caption of start or end, with comparable figures: error, and energy at the finest level."""
     figures = [f"energy at the finest level {facts.fine_energy(moment):,.0f}"]
     if facts.errors is not None:
         figures.insert(0, f"error {error_words(float(facts.errors[moment]))}")

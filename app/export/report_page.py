@@ -1,7 +1,7 @@
-"""A report on a run to read, print and hand in: one HTML file without scripts.
+"""Report on a run: one printable HTML file without scripts.
 
-`export RUN --out report.html --report` makes it rather than `fair` itself, because painting the mesh twice takes seconds that
-a batch of runs need not spend, and any recorded run can be reported later, also one that was cancelled.
+It is written by `export RUN --out report.html --report`, not by `fair`: rendering the mesh takes seconds that a batch of
+runs does not need, and any recorded run, also a cancelled one, can be reported later.
 """
 
 from collections import Counter
@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 
 from app.export.charts import curve_chart
-from app.export.paintings import Painter, paint
 from app.export.picture import TEXELS, framed
 from app.export.report_tables import left_out_table, levels_table, seconds_table, vertices_table
 from app.export.run_facts import RunFacts
 from app.export.run_tables import figure_rows, machine_rows, options_list, table
+from app.export.texture_keyframes import KeyframeRenderer, texture_keyframes
 from app.files.document import NEUTRAL, banner, bullets, document, jpeg_uri, tile
 from app.files.run_files import LEFT_OUT
 from app.html import number, text
@@ -43,7 +43,7 @@ def write_report(facts: RunFacts, out: Path, on_progress: Callable[[float], None
     """Write the report.
 
     Raises:
-        InputError: the run's report.json is damaged, or a photo is gone.
+        InputError: the run's report.json is damaged, or a photo is missing.
     """
     page = document(f"{facts.scene.name}: report of a run", _sections(facts, on_progress), STYLE)
     write_atomically(out, lambda file: file.write(page.encode()))
@@ -61,13 +61,13 @@ def _sections(facts: RunFacts, on_progress: Callable[[float], None]) -> list[str
         _curves(facts),
         levels_table(report),
         f"<h2>Figures</h2><div class='plain'>{table(figure_rows(report))}</div>"
-        "<p class='dim'>Percent of the mesh's diagonal, before and after.</p>",
+        "<p class='dim'>% of the mesh's diagonal, before → after.</p>",
         left_out_table(report, facts.folder / LEFT_OUT),
         vertices_table(report),
         bullets("Notes", report["warnings"], css(BRAND)),
-        bullets("Left out", _skipped(report), NEUTRAL),
+        bullets("Not used", _skipped(report), NEUTRAL),
         seconds_table(report),
-        f"<h2>Made by</h2><div class='plain'>{table(machine_rows(report))}</div>",
+        f"<h2>Time and versions</h2><div class='plain'>{table(machine_rows(report))}</div>",
         options_list(facts.options),
     ]
 
@@ -80,14 +80,17 @@ def _tiles(facts: RunFacts, report: dict[str, Any]) -> str:
     tiles = [
         tile(change, f"energy at the finest level: {_figure(before)} → {_figure(after)}"),
         tile(f"{int((moved > 0).sum())} of {len(moved)}", "vertices moved"),
-        tile(f"{number(100 * float(np.median(moved)) / diagonal, 3)} %", "of the diagonal: median way of a vertex"),
+        tile(
+            f"{number(100 * float(np.median(moved)) / diagonal, 3)} %",
+            "of the diagonal: median displacement of a vertex",
+        ),
     ]
     if facts.errors is not None:
-        label = f"off the truth, rms, of the diagonal; it was {number(float(facts.errors[0]), 3)} %"
+        label = f"of the diagonal: RMS distance to the truth; at the start {number(float(facts.errors[0]), 3)} %"
         tiles.insert(0, tile(f"{number(float(facts.errors[-1]), 3)} %", label))
     else:
         tiles.append(tile(str(facts.length), f"steps on {facts.options.n_levels} levels"))
-    return f"<h2>In short</h2><div class='tiles'>{''.join(tiles)}</div>"
+    return f"<h2>Summary</h2><div class='tiles'>{''.join(tiles)}</div>"
 
 
 def _figure(value: float) -> str:
@@ -101,13 +104,13 @@ def _signed(value: float) -> str:
 def _pictures(facts: RunFacts, on_progress: Callable[[float], None]) -> str:
     moments = sorted({0, facts.length})
     camera = framed(facts, moments, PICTURE)
-    painter = Painter(facts, paint(facts, moments, TEXELS, on_progress), camera, BACKGROUND)
+    renderer = KeyframeRenderer(facts, texture_keyframes(facts, moments, TEXELS, on_progress), camera, BACKGROUND)
     figures = "".join(
-        f"<figure><img alt='The mesh {name}' src='{jpeg_uri(painter.draw(moment))}'><figcaption><b>{name.capitalize()}</b>"
+        f"<figure><img alt='The mesh {name}' src='{jpeg_uri(renderer.draw(moment))}'><figcaption><b>{name.capitalize()}</b>"
         f"<span class='dim'>{text(words)}</span></figcaption></figure>"
         for name, moment, words in (("before", 0, "the start"), ("after", facts.length, f"{facts.length} steps later"))
     )
-    return f"<h2>The mesh</h2><div class='two'>{figures.replace('<figure>', '<figure style=padding:0>')}</div>"
+    return f"<h2>Mesh</h2><div class='two'>{figures.replace('<figure>', '<figure style=padding:0>')}</div>"
 
 
 def _curves(facts: RunFacts) -> str:
@@ -124,28 +127,29 @@ def _curves(facts: RunFacts) -> str:
         (np.arange(first, end + 1), np.array([energies.before[first], *energies.after[first:end]]))
         for first, end in zip(starts, [*starts[1:], facts.length], strict=True)
     ]
-    title = "Energy by moment, a line for each sweep: every sweep has cells of its own, so two sweeps do not compare"
+    title = "Energy by moment, one line per sweep. Sweeps have different cells, so their energies are not comparable"
     charts = [f"<div>{title}{curve_chart(lines, bands, facts.length, NOW, 'Energy by moment')}</div>"]
     if facts.errors is not None:
         line = (np.arange(len(facts.errors)), facts.errors)
         chart = curve_chart([line], bands, facts.length, TRUTH, "Error by moment", is_log=True)
         charts.append(
-            f"<div>Distance of the vertices to their true places, rms of what photos determine, % of the diagonal{chart}</div>"
+            f"<div>RMS distance of the vertices to the truth along directions the photos determine, % of the diagonal{chart}"
+            "</div>"
         )
-    return f"<h2>The way there</h2><div class='two'>{''.join(charts)}</div>"
+    return f"<h2>Progress</h2><div class='two'>{''.join(charts)}</div>"
 
 
 def _skipped(report: dict[str, Any]) -> list[str]:
-    """Faces and vertices that took no part, by reason."""
+    """Faces and vertices that were not used, by reason."""
     skipped = report["skipped"]
     lines = []
     if skipped["faces"]:
         lines.append(
-            f"{len(skipped['faces'])} faces take no part at the last level: fewer than three photos see them well enough"
+            f"{len(skipped['faces'])} faces are not used at the last level: fewer than three photos see them well enough"
         )
     if skipped["faces_with_fewer_dimensions"]:
         lines.append(
-            f"{len(skipped['faces_with_fewer_dimensions'])} faces have a smaller k, because few photos see them"
+            f"{len(skipped['faces_with_fewer_dimensions'])} faces have a smaller k because few photos see them"
         )
     reasons = Counter(vertex["reason"] for vertex in skipped["vertices"])
     return lines + [f"{count} vertices {reason}" for reason, count in reasons.most_common()]

@@ -1,4 +1,4 @@
-"""The tables of a run's report, from what report.json says."""
+"""Tables of a run's report, from the contents of report.json."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ _LEFT_OUT_KEYS = (("psnr_before", 2), ("psnr_after", 2), ("ssim_before", 4), ("s
 
 
 def levels_table(report: dict[str, Any]) -> str:
-    """A row a level, from its sweeps."""
+    """Markup of a table with a row per level."""
     rows = []
     for level in sorted({sweep["level"] for sweep in report["sweeps"]}):
         sweeps = [sweep for sweep in report["sweeps"] if sweep["level"] == level]
@@ -39,19 +39,19 @@ def levels_table(report: dict[str, Any]) -> str:
         "blur",
         "sweeps",
         "steps",
-        "moves accepted",
-        "longest move",
-        "energy in its first sweep",
-        "in its last",
+        "accepted",
+        "longest step",
+        "energy, first sweep",
+        "energy, last sweep",
     )
     return _table("Levels", names, rows)
 
 
 def left_out_table(report: dict[str, Any], picture: Path) -> str:
-    """Photos predicted from the others, and the picture of the errors where it is there; nothing if none were left out.
+    """Markup of a table of held-out photos, and the picture of their errors if it exists; empty without held-out photos.
 
     Raises:
-        InputError: the picture is none.
+        InputError: the picture cannot be read.
     """
     found = report.get("left_out")
     if not found:
@@ -61,13 +61,13 @@ def left_out_table(report: dict[str, Any], picture: Path) -> str:
         for photo in found["photos"]
     ]
     names = ("photo", "PSNR before, dB", "after", "SSIM before", "after")
-    return _table("Photos left out, predicted from the others", names, rows) + (
+    return _table("Held-out photos, predicted from the others", names, rows) + (
         _sheet(picture) if picture.exists() else ""
     )
 
 
 def vertices_table(report: dict[str, Any]) -> str:
-    """Reasons of the last steps, and the vertices that went farthest."""
+    """Markup of two tables: reasons of the last steps, and the vertices that moved most."""
     vertices, diagonal = report["vertices"], report["scene"]["diagonal"]
     reasons = Counter(vertex["stop_reason"] for vertex in vertices)
     most = max(reasons.values(), default=1)
@@ -83,15 +83,13 @@ def vertices_table(report: dict[str, Any]) -> str:
         )
         for vertex in farthest
     ]
-    title = "All vertices" if len(rows) == len(vertices) else f"The {len(rows)} vertices that went farthest"
-    names = ("vertex", "moved, of the diagonal", "photos", "weakest / strongest", "its last step")
-    return _table("What became of the vertices in their last step", ("reason", "vertices"), why) + _table(
-        title, names, rows
-    )
+    title = "All vertices" if len(rows) == len(vertices) else f"The {len(rows)} vertices that moved most"
+    names = ("vertex", "moved, of the diagonal", "photos", "weakest / strongest eigenvalue", "last step")
+    return _table("Last steps of the vertices by reason", ("reason", "vertices"), why) + _table(title, names, rows)
 
 
 def seconds_table(report: dict[str, Any]) -> str:
-    """Time by stage; nothing where it was not recorded."""
+    """Markup of a table of times by stage; empty if they were not recorded."""
     seconds = report["seconds"]
     if seconds.get("loading") is None:
         return ""
@@ -127,9 +125,9 @@ def _or_dash(value: float | None, digits: int) -> str:
 def _sheet(path: Path) -> str:
     image = cv2.imread(str(path), cv2.IMREAD_COLOR)
     if image is None:
-        raise InputError(f"{path}: expected the picture of the photos left out, found no image")
+        raise InputError(f"{path}: expected the picture of the held-out photos, found no image")
     scale = min(1.0, LEFT_OUT_WIDTH / image.shape[1])
     small = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
     return (
-        f"<img class='whole' alt='Errors of the photos left out, before and after' src='{jpeg_uri(small[..., ::-1])}'>"
+        f"<img class='whole' alt='Errors of the held-out photos, before and after' src='{jpeg_uri(small[..., ::-1])}'>"
     )

@@ -1,4 +1,4 @@
-"""A recorded run and what all exports say about it: energies, errors, and which moments tell most."""
+"""Facts about a recorded run shared by all exports: energies, errors and key moments."""
 
 import json
 from dataclasses import dataclass
@@ -41,9 +41,11 @@ class _Record:
 
 
 class RunFacts:
-    """Args:
-    session: the run.
-    folder: where `fair` wrote it; its report.json, if there is one, is believed.
+    """Facts about a run, computed on first use.
+
+    Args:
+        session: the run.
+        folder: the folder that `fair` wrote; figures are taken from its report.json if that exists.
     """
 
     def __init__(self, session: Session, folder: Path) -> None:
@@ -59,13 +61,13 @@ class RunFacts:
         return history
 
     def energy_at(self, moment: int) -> float:
-        """Of the whole mesh, under the cells of the sweep that led there; not a number in a record without steps."""
+        """Energy of the whole mesh with the cells of the sweep that led to the moment; NaN in a record without steps."""
         if self.length == 0:
             return float("nan")
         return float(self.energies.after[moment - 1] if moment else self.energies.before[0])
 
     def fine_energy(self, moment: int) -> float:
-        """Under the cells of the last sweep, so that moments compare."""
+        """Energy of the whole mesh with the cells of the last sweep, comparable between moments."""
         sweep = self.session.sweep_state(self.length)
         faces = np.arange(len(self.trace.faces))
         vertices = self.trace.vertices_at(moment)
@@ -74,8 +76,8 @@ class RunFacts:
 
     @cached_property
     def errors(self) -> np.ndarray | None:
-        """(moments,) float: rms distance of the vertices to the truth, as far as photos can determine it, percent of the
-        diagonal; None where the truth is not known."""
+        """(moments,) float: RMS distance of the vertices to the truth along directions the photos determine, percent of
+        the diagonal; None if the truth is unknown."""
         truth = self.scene.truth
         if truth is None or truth.vertices is None:
             return None
@@ -87,7 +89,7 @@ class RunFacts:
 
     @cached_property
     def pace(self) -> np.ndarray:
-        """(moments,) float from 0 to 1, growing: half by the steps, half by how far the vertices went in them."""
+        """(moments,) float, increasing from 0 to 1: half by the number of steps, half by the vertices' displacements."""
         if self.length == 0:
             return np.zeros(1)
         travelled = [np.sqrt(((record.after - record.before) ** 2).sum()) for record in self.trace.steps]
@@ -96,7 +98,7 @@ class RunFacts:
         return (parts[0] + parts[1]) / 2
 
     def key_moments(self, count: int) -> list[int]:
-        """At most so many moments, start and end among them, evenly spread by `pace`."""
+        """At most `count` (>= 2) moments, including start and end, evenly spaced by `pace`."""
         wanted = np.linspace(0, 1, count)
         return sorted({0, self.length, *np.abs(self.pace[:, None] - wanted).argmin(axis=0).tolist()})
 
@@ -107,10 +109,10 @@ class RunFacts:
 
     @cached_property
     def report(self) -> dict[str, Any]:
-        """What report.json says; where there is none, the same without times.
+        """Contents of report.json; if there is none, the same figures without times.
 
         Raises:
-            InputError: it is damaged.
+            InputError: report.json is damaged.
         """
         path = self.folder / REPORT
         if not path.exists():
@@ -121,5 +123,7 @@ class RunFacts:
         except ValueError as error:
             raise InputError(f"{path}: expected the report of a run, found broken JSON ({error})") from None
         if not isinstance(found, dict) or found.get("format") != REPORT_FORMAT or not found.keys() >= _NEEDED:
-            raise InputError(f"{path}: expected the report of a run ({REPORT_FORMAT}); remove it to do without")
+            raise InputError(
+                f"{path}: expected the report of a run ({REPORT_FORMAT}); remove it to export without its times"
+            )
         return found

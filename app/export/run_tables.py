@@ -1,4 +1,4 @@
-"""A run's figures and options as tables, the same in the replay page and in the report."""
+"""Tables of a run's figures and options, shared by the replay page and the report."""
 
 from typing import Any
 
@@ -11,13 +11,13 @@ Rows = list[tuple[str, str]]
 
 
 def figure_rows(report: dict[str, Any]) -> Rows:
-    """What report.json says of the result: names and values, values as markup."""
+    """Figures of the result from report.json: names, and values as markup."""
     rows: Rows = [("ended", text(_sentence(str(report["stop_reason"]))))]
     for name, key, unit in (
-        ("vertices to their true places, rms, what photos determine", "vertices_determined", "%"),
-        ("vertices to their true places, rms", "vertices_total", "%"),
-        ("surface to the true surface, mean", "surface_to_truth", "%"),
-        ("sparse points kept to judge by, to the surface, median", "sparse_points_to_surface", "%"),
+        ("vertices to truth, rms, along directions the photos determine", "vertices_determined", "%"),
+        ("vertices to truth, rms", "vertices_total", "%"),
+        ("surface to true surface, mean", "surface_to_truth", "%"),
+        ("held-out sparse points to surface, median", "sparse_points_to_surface", "%"),
     ):
         found = report.get("quality", {}).get(key)
         if found:
@@ -29,7 +29,7 @@ def figure_rows(report: dict[str, Any]) -> Rows:
     if off:
         rows.append(
             (
-                "the same seen in the photos, rms",
+                "vertices to truth in the photos, rms",
                 f"{number(off['before']['rms'], 3)} → <b>{number(off['after']['rms'], 3)}</b> px",
             )
         )
@@ -37,16 +37,16 @@ def figure_rows(report: dict[str, Any]) -> Rows:
     if left_out and left_out.get("photos_judged"):
         rows.append(
             (
-                f"photos left out, PSNR (mean of {left_out['photos_judged']})",
+                f"held-out photos, PSNR (mean of {left_out['photos_judged']})",
                 f"{left_out['psnr_before']:.2f} → <b>{left_out['psnr_after']:.2f}</b> dB",
             )
         )
-        rows.append(("photos left out, SSIM", f"{left_out['ssim_before']:.4f} → <b>{left_out['ssim_after']:.4f}</b>"))
+        rows.append(("held-out photos, SSIM", f"{left_out['ssim_before']:.4f} → <b>{left_out['ssim_after']:.4f}</b>"))
     return rows
 
 
 def machine_rows(report: dict[str, Any]) -> Rows:
-    """Time and versions."""
+    """Rows of run time, samples read and versions."""
     rows: Rows = []
     if report["seconds"].get("loading") is not None:
         rows.append(("time", f"{report['seconds']['total']:.1f} s"))
@@ -56,22 +56,22 @@ def machine_rows(report: dict[str, Any]) -> Rows:
 
 
 def table(rows: Rows) -> str:
-    """Names and values side by side."""
+    """Markup of a table with names and values."""
     return "<table>" + "".join(f"<tr><th>{text(name)}</th><td>{value}</td></tr>" for name, value in rows) + "</table>"
 
 
 def figures_table(facts: RunFacts) -> str:
-    """Figures, notes and versions, as markup."""
+    """Markup of figures, notes, time and versions."""
     report = facts.report
     notes = "".join(f"<p class='dim'>{text(note)}</p>" for note in report["warnings"])
     return (
-        f"<h2>Figures</h2>{table(figure_rows(report))}<p class='dim'>Percent of the mesh's diagonal.</p>"
-        f"{'<h2>Notes</h2>' + notes if notes else ''}<h2>Made by</h2>{table(machine_rows(report))}"
+        f"<h2>Figures</h2>{table(figure_rows(report))}<p class='dim'>% of the mesh's diagonal.</p>"
+        f"{'<h2>Notes</h2>' + notes if notes else ''}<h2>Time and versions</h2>{table(machine_rows(report))}"
     )
 
 
 def options_list(options: FairingOptions) -> str:
-    """Every option with its meaning, those that differ from the nearest preset marked, as markup."""
+    """Markup of all options with their meanings; options that differ from the nearest preset are marked."""
     fields = option_fields()
     changed = {name: [f for f in fields if f.of(preset) != f.of(options)] for name, preset in PRESETS.items()}
     nearest = min(changed, key=lambda name: len(changed[name]))

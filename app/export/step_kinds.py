@@ -1,4 +1,4 @@
-"""What the steps of a run are, explained to a reader who sees a replay and nothing else."""
+"""Explanations of the kinds of steps and levels, for readers of a replay page."""
 
 from typing import NamedTuple
 
@@ -6,10 +6,10 @@ from fairing.options import FairingOptions
 from fairing.trace import StepReason, StepRecord
 
 INTRO = (
-    "Every face of the mesh is cut out of each photo that sees it and warped to a cell. The cells of a face are "
-    "explained by a few basis images, its eigenspace; what is left unexplained, summed over all faces and photos, "
-    "is the energy. Vertices move so that it falls: at the true surface all photos of a face show the same texture."
-    " Until then the texture ghosts."
+    "Every face of the mesh is warped from each photo that sees it to a cell. A few basis images, the eigenspace of the "
+    "face, approximate its cells. The energy is the residual of this approximation, summed over all faces and photos. "
+    "Vertices move so that the energy falls: at the true surface, all photos of a face show the same texture; away from "
+    "it, the averaged texture shows ghosting."
 )
 
 
@@ -23,34 +23,33 @@ class Kind(NamedTuple):
 KINDS: tuple[Kind, ...] = (
     Kind(
         "Gauss-Newton step",
-        "The residuals of all cells are linearised in the positions of the vertices, and a weighted least-squares "
-        "problem says where the vertices should go. The step counts only if the energy, measured again with a new "
-        "eigenspace, has fallen.",
+        "The residuals of all cells are linearised in the positions of the vertices. The step is the solution of a "
+        "weighted least-squares problem. It is accepted only if the energy, evaluated with a new eigenspace, is lower.",
     ),
     Kind(
-        "Search for better places",
-        "Before Gauss-Newton starts on a level, each vertex tries places around it, so that it need not begin "
-        "within the narrow valley that a step can see. A place is taken if the photos agree clearly better there.",
+        "Local search",
+        "Before Gauss-Newton starts on a level, positions around each vertex are evaluated, because Gauss-Newton "
+        "converges only from nearby. A position is accepted if the photos agree clearly better there.",
     ),
     Kind(
         "Smoothing of the start",
-        "The start was full of noise. Where the photos agree better with a smoother surface, the noise is filtered "
-        "out before anything else.",
+        "The start mesh is noisy. Before the first level it is smoothed where the photos agree better with a smoother "
+        "surface.",
     ),
     Kind(
-        "Sparse points",
-        "The capture came with points measured on the surface. Every second one draws the faces near it to itself, "
-        "if the photos agree; the others are kept to judge the result by. A weak pull to them stays.",
+        "Fit to sparse points",
+        "The capture contains sparse points on the surface. The mesh is fitted to every second one of them, if the "
+        "photos agree; the others are held out to evaluate the result. A weak prior on the points remains.",
     ),
     Kind(
-        "Return of vertices",
-        "At the finest level the energy had been lower where these vertices came from, so they went back. A run "
-        "never ends worse than it began.",
+        "Return to the start",
+        "At the finest level, the energy was lower at the start positions of these vertices, so they were moved back. "
+        "A run never ends with a higher energy than it began with.",
     ),
-    Kind("A step by hand", "Somebody moved these vertices; the sweep begins anew from there."),
+    Kind("Manual edit", "These vertices were moved manually. A new sweep begins from there."),
     Kind(
-        "Nothing to move",
-        "On this level no vertex could move: faces are too small for its blur, or seen by too few photos.",
+        "No vertex to move",
+        "No vertex can move on this level: faces are too small for its blur, or too few photos see them.",
     ),
 )
 _OF_REASON = {
@@ -73,11 +72,11 @@ def kind_of(record: StepRecord) -> int:
 
 
 def level_text(options: FairingOptions, level: int) -> str:
-    """What a level is for."""
+    """One sentence about the purpose of a level."""
     blur = options.schedule.blur[level]
     if level == options.n_levels - 1:
-        return f"The finest level: photos blurred by {blur:g} px only. Here the last hundredths of a pixel are found."
+        return f"The finest level: photos blurred by only {blur:g} px. It refines positions to hundredths of a pixel."
     return (
-        f"Level {level + 1} of {options.n_levels} works on photos blurred by {blur:g} px: detail finer than that "
-        "cannot mislead, and a vertex may be a few pixels off and still be drawn the right way."
+        f"Level {level + 1} of {options.n_levels}: photos blurred by {blur:g} px. Without finer detail, steps converge "
+        "from errors of a few pixels."
     )

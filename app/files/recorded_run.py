@@ -1,4 +1,4 @@
-"""Finding a recorded run and its scene."""
+"""Recorded runs: the trace in a folder or file, and the source of its scene."""
 
 from pathlib import Path
 
@@ -9,13 +9,14 @@ from fairing.trace import Trace
 
 
 def find_run(run: Path, scene: str | None, mesh: Path | None, photos: PhotoChoice) -> tuple[Trace, SceneSource, Path]:
-    """The record in a folder that `fair` wrote, or in a trace, where its scene is, and the path of the trace.
+    """The trace, the source of its scene, and the path of the trace.
 
     Args:
+        run: the folder that `fair` wrote, or a trace file.
         scene, mesh, photos: as typed; see `SceneSource.of_replay`.
 
     Raises:
-        InputError: there is no run, or nobody says which scene it was recorded on.
+        InputError: there is no run, or neither the run nor the arguments name its scene.
     """
     path = run / TRACE if run.is_dir() else run
     trace = Trace.load(path)

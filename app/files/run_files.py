@@ -1,6 +1,6 @@
-"""What `fair` writes into its folder."""
+"""Names of the files in an output folder."""
 
 MESH, REPORT, TRACE = "mesh.ply", "report.json", "run.trace"
 MODEL, MODEL_BEFORE, LEFT_OUT = "model.glb", "model_before.glb", "left_out.png"
 FLIPS = ".flips"
-"""The ending of what `triangulate` writes beside its mesh: the record of flips."""
+"""Suffix of the record of flips that `triangulate` writes beside its mesh."""

@@ -4,7 +4,7 @@ import threading
 
 import viser
 
-from app.background_worker import Background
+from app.background_worker import BackgroundWorker
 from app.flips.film import FlipFilm
 from app.flips.panels import SPEEDS, buttons, energy_plot, facts, legend, strip
 from app.flips.player import Player
@@ -27,7 +27,7 @@ class FlipPage:
 
     def __init__(
         self, client: viser.ClientHandle, scene: Scene, stage: Stage, film: FlipFilm, thumbnails: Thumbnails,
-        painter: Background,
+        painter: BackgroundWorker,
     ) -> None:  # fmt: skip
         self._client, self._scene, self._film = client, scene, film
         self._player = Player(len(film), SPEEDS[1], self.show)

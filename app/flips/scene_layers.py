@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import viser
 
-from app.background_worker import Background
+from app.background_worker import BackgroundWorker
 from app.flips.film import Edges, FlipFilm
 from app.palette import HAND, NOW, REJECTED, RGB, SELECTED, START, SURFACE
 from app.pictures.texturer import TexturedMesh, paint
@@ -35,7 +35,7 @@ class FlipLayers:
         stage: Stage,
         scene: Scene,
         film: FlipFilm,
-        painter: Background,
+        painter: BackgroundWorker,
         on_painted: Callable[[], None],
     ) -> None:
         self._client, self._stage, self._scene, self._film, self._painter = client, stage, scene, film, painter

@@ -5,7 +5,7 @@ import threading
 
 import viser
 
-from app.background_worker import Background
+from app.background_worker import BackgroundWorker
 from app.flips.film import FlipFilm
 from app.flips.page import FlipPage
 from app.layers.cameras import Thumbnails
@@ -26,7 +26,7 @@ class FlipApp:
         self._server, self._scene = server, scene
         self.film = FlipFilm(trace)
         self.stage = Stage.of(scene)
-        self._thumbnails, self._painter = Thumbnails(scene), Background(lambda: None)
+        self._thumbnails, self._painter = Thumbnails(scene), BackgroundWorker()
         self.pages: dict[int, FlipPage] = {}
         self._lock = threading.Lock()
         server.scene.set_up_direction(tuple(self.stage.up))

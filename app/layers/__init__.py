@@ -1,4 +1,13 @@
-"""What stands in the 3D view, one class a layer; each knows how to show a state to one browser."""
+"""Layers: the objects in the 3D view, one class per layer.
+
+Belongs here: every node of viser's scene tree that the debugger shows (surface, wireframes, vertices, cameras, paths,
+ellipsoids, drag handle), and the geometry that only these nodes need.
+
+May import: viser, `app.viser_bridge`, `app.page_state`, `app.pictures`, `app.debugger`, the loose modules of `app`, and
+`fairing`. Not `app.panels`, and not `app.page`, which creates the layers.
+
+Offers: classes with the interface `Layer`. Each instance serves one browser; its nodes are created in `__init__`.
+"""
 
 from typing import Protocol
 
@@ -7,8 +16,8 @@ from app.page_state.page_state import PageState
 
 
 class Layer(Protocol):
-    """Something in the 3D view."""
+    """One layer of one browser's 3D view."""
 
     def show(self, state: RunState, page_state: PageState) -> None:
-        """Bring the browser up to date."""
+        """Update the layer in the browser."""
         ...

@@ -1,4 +1,4 @@
-"""The cameras: frusta with their photos; a click on one looks through it."""
+"""Cameras layer: a frustum with its photo for every camera. A click on a frustum looks through the camera."""
 
 from collections.abc import Callable
 
@@ -7,7 +7,7 @@ import numpy as np
 import viser
 import viser.transforms
 
-from app.background_worker import Background
+from app.background_worker import BackgroundWorker
 from app.debugger.run_state import RunState
 from app.page_state.page_state import PageState
 from app.palette import CAMERA
@@ -23,21 +23,21 @@ THUMBNAIL = 320  # px, the longer side
 
 
 def pose(camera: Camera, stage: Stage) -> tuple[np.ndarray, np.ndarray]:
-    """Orientation (4,) wxyz and position (3,) of a camera in the page."""
+    """Orientation (4,) as a quaternion wxyz and position (3,) of a camera, page units."""
     world_from_camera = camera.camera_from_world[:, :3].T
     return viser.transforms.SO3.from_matrix(world_from_camera).wxyz, (camera.center - stage.origin) * stage.scale
 
 
 class Thumbnails:
-    """The photos, small, decoded once for all browsers, and on a thread of its own: nobody waits for them."""
+    """Thumbnails of the photos, decoded once for all browsers on a background thread."""
 
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
         self._images: dict[int, np.ndarray] = {}
-        self._worker = Background(lambda: None)
+        self._worker = BackgroundWorker()
 
     def send(self, view_id: int, take: Callable[[np.ndarray], None]) -> None:
-        """Have a photo given to `take`, on this worker's thread."""
+        """Pass the thumbnail of a photo, (h, w, 3) uint8, to `take` on the background thread."""
         self._worker.post((take, view_id), lambda: self._image(view_id), take)
 
     def close(self) -> None:
@@ -48,7 +48,7 @@ class Thumbnails:
             view = self._scene.views[view_id]
             try:
                 pixels = shown_photo(view)
-            except InputError:  # a photo that has gone since the scene was opened: its camera is still there
+            except InputError:  # the photo was removed since the scene was opened; its camera is shown in grey
                 pixels = np.full((view.camera.height, view.camera.width, 3), MISSING, dtype=np.uint8)
             height, width = pixels.shape[:2]
             factor = min(1.0, THUMBNAIL / max(width, height))
@@ -58,7 +58,7 @@ class Thumbnails:
 
 
 class CamerasLayer:
-    """One frustum a camera; its photo follows. None while looking through one."""
+    """One frustum per camera; the photos arrive later. Hidden while a camera is looked through."""
 
     def __init__(
         self,

@@ -1,4 +1,4 @@
-"""What the photos determine of the selected vertices: ellipsoids, long where the aperture problem leaves them free."""
+"""Certainty layer: covariance ellipsoids of the selected vertices, elongated along weakly constrained directions."""
 
 import numpy as np
 import viser
@@ -12,17 +12,17 @@ from app.viser_bridge.line_node import LineNode
 from fairing.judge.certainty import Certainty
 from fairing.mesh import Mesh
 
-SHORTEST = 0.08  # half-axis, of the mean edge at the vertex: larger than any real deviation, so that it can be seen
-LONGEST = 6.0  # half-axes, of the shortest
-PIECES = 48  # lines of a circle
+SHORTEST = 0.08  # length of the shortest half-axis, in mean edge lengths at the vertex: enlarged to be visible
+LONGEST = 6.0  # upper limit of the other half-axes, in lengths of the shortest
+PIECES = 48  # line segments per circle
 
 
 def ellipsoid_lines(certainty: Certainty, center: np.ndarray, shortest: float) -> np.ndarray:
-    """(3 PIECES + 1, 2, 3) float: its three circles about two axes each, and its longest axis.
+    """(3 PIECES + 1, 2, 3) float: three ellipses, each through two axes, and the longest axis, as line segments.
 
     Args:
         center: (3,) float.
-        shortest: half-axis, in the unit of `center`.
+        shortest: length of the shortest half-axis, in the unit of `center`.
     """
     half_axes = (shortest * np.minimum(certainty.lengths, LONGEST))[:, None] * certainty.axes
     angle = np.linspace(0, 2 * np.pi, PIECES + 1)
@@ -33,7 +33,7 @@ def ellipsoid_lines(certainty: Certainty, center: np.ndarray, shortest: float) -
 
 
 class CertaintyLayer:
-    """All ellipsoids in one node, away while the mesh moves by itself."""
+    """All ellipsoids in one node. Hidden while a run moves the mesh."""
 
     def __init__(self, client: viser.ClientHandle, stage: Stage, mesh: Mesh, source: CertaintySource) -> None:
         self._stage, self._mesh, self._source = stage, mesh, source
@@ -42,12 +42,12 @@ class CertaintyLayer:
     def show(self, state: RunState, page_state: PageState) -> None:
         found: list[Certainty] = []
         if page_state.shows("certainty") and not state.is_moving:
-            found = [certainty for certainty in self._source.newest(state, page_state) if certainty.is_seen]
+            found = [certainty for certainty in self._source.latest(state, page_state) if certainty.is_seen]
         lines = [self._ellipsoid(certainty, state.vertices) for certainty in found]
         self._lines.show(np.concatenate(lines) if lines else None)
 
     def _ellipsoid(self, certainty: Certainty, vertices: np.ndarray) -> np.ndarray:
-        """Lines in page units."""
+        """Line segments of an ellipsoid, page units."""
         center = vertices[certainty.vertex]
         neighbours = np.unique(self._mesh.faces[self._mesh.one_rings[certainty.vertex]])
         edges = np.linalg.norm(vertices[neighbours[neighbours != certainty.vertex]] - center, axis=1)

@@ -1,4 +1,4 @@
-"""The ball by which the selected vertices are dragged, and what they would look like where they are."""
+"""Drag handle: a ball that drags the selected vertices, with a preview of the edges around them."""
 
 from collections.abc import Callable
 
@@ -15,17 +15,17 @@ from app.viser_bridge.line_node import LineNode
 from app.viser_bridge.node_events import BackgroundClicks, on_node_click, on_node_drag
 from fairing.mesh import Mesh
 
-LARGER = 2.1  # than the mark of a vertex
-MAX_PREVIEW = 3000  # edges that follow the hand
+LARGER = 2.1  # radius of the ball, in radii of a vertex mark
+MAX_PREVIEW = 3000  # edges drawn while dragging
 
 
 class DragHandleLayer:
-    """Sits on the current vertex unless that is locked; all selected vertices move with it, parallel to the window.
+    """A ball at the current vertex unless it is locked. Dragging it moves all selected vertices parallel to the screen.
 
     Args:
-        on_click: told of a click on the ball, with the vertex and whether Shift was held.
-        on_grab: told when it is taken; says where all vertices are, (n, 3), world units.
-        on_drop: told the selected vertices (u,) and where they were dropped (u, 3), world units.
+        on_click: called on a click on the ball with the vertex and whether Shift was held.
+        on_grab: called when a drag starts; returns the positions of all vertices (n, 3), world units.
+        on_drop: called when a drag ends with the selected vertices (u,) and their positions (u, 3), world units.
     """
 
     def __init__(
@@ -57,7 +57,7 @@ class DragHandleLayer:
         self._way = LineNode(client, "/drag_handle/way", HAND, 2.0)
 
         def clicked(event: viser.SceneNodePointerEvent, with_shift: bool) -> None:
-            # The ball may still be drawn where it was when the user aimed at it, so its place does not tell the vertex.
+            # The ball may have been drawn at an older position when the user clicked, so the vertex follows from the ray.
             vertex = nearest_to_ray(self._points, np.array(event.ray_origin), np.array(event.ray_direction))
             on_click(vertex, with_shift)
 
@@ -79,7 +79,7 @@ class DragHandleLayer:
         self._ball.visible = is_visible
 
     def _drag(self, phase: str, offset: np.ndarray) -> None:
-        """`offset` (3,) page units: how far the hand is from where it took the ball."""
+        """Handle a phase of a drag. `offset` (3,), page units: movement of the pointer since the drag started."""
         if phase == "start":
             self._grabbed = self._on_grab() if len(self._selected) else None
         if self._grabbed is None:

@@ -1,6 +1,6 @@
-"""The shapes that stand for vertices, and how large they are drawn.
+"""Vertex marks: the shapes that represent vertices, and their size.
 
-trimesh has these shapes, too, but it takes a quarter of a second to import, and the page waits for that.
+trimesh offers these shapes, but importing it delays the page (ledger: vertex mark shapes).
 """
 
 from itertools import combinations, product
@@ -14,11 +14,11 @@ Shape = tuple[np.ndarray, np.ndarray]
 
 
 def ball(subdivisions: int = 1) -> Shape:
-    """Vertices and faces of a unit sphere, of 80 triangles by default."""
+    """Vertices (n, 3) float32 and faces (m, 3) uint32 of a unit sphere, 80 triangles by default."""
     golden = (1 + 5**0.5) / 2
     vertices = np.array(
         [np.roll((0.0, a, b), n) for n in range(3) for a, b in product((1, -1), (golden, -golden))]
-    )  # of an icosahedron, whose edges are 2 long
+    )  # of an icosahedron with edges of length 2
     faces = np.array(
         [f for f in combinations(range(12), 3) if all(_apart(vertices[list(e)]) < 2.1 for e in combinations(f, 2))]
     )
@@ -32,7 +32,7 @@ def ball(subdivisions: int = 1) -> Shape:
 
 
 def block() -> Shape:
-    """Vertices and faces of a cube a little larger than the unit sphere."""
+    """Vertices (8, 3) float32 and faces (12, 3) uint32 of a cube slightly larger than the unit sphere."""
     vertices = np.array(list(product((-1.05, 1.05), repeat=3)))
     sides = [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5]]
     faces = np.array([half for a, b, c, d in sides for half in ((a, b, c), (a, c, d))])
@@ -48,7 +48,7 @@ def _unit(vectors: np.ndarray) -> np.ndarray:
 
 
 def _outward(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """The faces (m, 3) of a convex shape about the origin, uint32, all seen from outside."""
+    """The faces (m, 3) uint32 of a convex shape around the origin, all oriented outward."""
     turned = np.linalg.det(vertices[faces]) < 0
     return np.where(turned[:, None], faces[:, ::-1], faces).astype(np.uint32)
 
@@ -60,5 +60,5 @@ def edge_length(stage: Stage, mesh: Mesh) -> float:
 
 
 def mark_radius(stage: Stage, mesh: Mesh) -> float:
-    """Of a vertex's sphere, page units: small beside its edges, but never too small to hit."""
+    """Radius of a vertex mark, page units: small compared with the edges, but large enough to click."""
     return float(np.clip(0.07 * edge_length(stage, mesh), 0.0022 * SIZE, 0.009 * SIZE))

@@ -1,4 +1,4 @@
-"""The way every vertex came, from green at the start to red now (the paper's figure 4d)."""
+"""Paths layer: the path of every vertex, from green at the start to red now (the paper's figure 4d)."""
 
 import numpy as np
 import viser
@@ -12,7 +12,7 @@ from app.viser_bridge.line_node import LineNode
 
 
 class PathsLayer:
-    """All paths in one node. With magnification they grow about where the vertices are now."""
+    """All paths in one node. Magnification scales them about the current positions of the vertices."""
 
     def __init__(self, client: viser.ClientHandle, stage: Stage, history: PathHistory) -> None:
         self._stage, self._history = stage, history

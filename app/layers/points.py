@@ -1,4 +1,4 @@
-"""The sparse points of a reconstruction."""
+"""Points layer: the sparse points of the reconstruction."""
 
 import viser
 
@@ -9,7 +9,7 @@ from fairing.scene import SparsePoints
 
 
 class PointsLayer:
-    """A point cloud in its own colours; nothing where the scene has none."""
+    """A point cloud in the colours of its points; empty if the scene has no sparse points."""
 
     def __init__(self, client: viser.ClientHandle, stage: Stage, points: SparsePoints | None) -> None:
         self._handle = None

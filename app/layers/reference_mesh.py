@@ -1,4 +1,4 @@
-"""The mesh that is compared with, as lines."""
+"""Reference mesh layer: the edges of the mesh at the reference moment A."""
 
 import viser
 
@@ -12,7 +12,7 @@ from fairing.mesh import Mesh
 
 
 class ReferenceMeshLayer:
-    """A's edges; those that lie where they are now are left out."""
+    """The edges of A, without those that coincide with the current mesh."""
 
     def __init__(self, client: viser.ClientHandle, stage: Stage, mesh: Mesh) -> None:
         self._follows_a_run = len(mesh.edges) <= MAX_RUNNING_EDGES

@@ -1,4 +1,4 @@
-"""Seen through a camera: how far the selected vertex' last step moved it in the photo (the paper's figure 4a)."""
+"""Step arrow layer: the last step of the selected vertex in the photo looked through (the paper's figure 4a)."""
 
 import numpy as np
 import viser
@@ -12,19 +12,19 @@ from app.viser_bridge.line_node import LineNode
 from fairing.camera import Camera
 from fairing.scene import Scene
 
-NEARER = 0.9  # of the vertex' depth: in front of what the camera sees there
-HEAD = 0.25  # of the arrow's length
+NEARER = 0.9  # depth of the arrow in depths of the vertex, so that the surface does not hide it
+HEAD = 0.25  # length of the head, in lengths of the arrow
 
 
 def pixel_arrow(camera: Camera, before: np.ndarray, after: np.ndarray, scale: float) -> np.ndarray | None:
-    """(3, 2, 3) float, world units: shaft and head of an arrow that the camera sees as the step's pixel displacement.
+    """(3, 2, 3) float, world units: shaft and head of an arrow that projects to the step's displacement in the photo.
 
     Args:
         before, after: (3,) float, world units.
-        scale: the arrow is so many times longer than the displacement.
+        scale: length of the arrow, in lengths of the displacement.
 
     Returns:
-        None where a point lies behind the camera or the step moves no pixel.
+        None if a point lies behind the camera or the displacement is zero.
     """
     (tail, tip), depths = camera.project(np.stack([before, after]))
     along = scale * (tip - tail)
@@ -41,7 +41,7 @@ def pixel_arrow(camera: Camera, before: np.ndarray, after: np.ndarray, scale: fl
 
 
 class StepArrowLayer:
-    """One arrow, only while a camera is looked through."""
+    """One arrow, shown while a camera is looked through."""
 
     def __init__(self, client: viser.ClientHandle, stage: Stage, scene: Scene) -> None:
         self._stage, self._scene = stage, scene

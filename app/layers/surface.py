@@ -1,4 +1,4 @@
-"""The mesh as a surface: painted from the photos or coloured by a quantity when the run rests, plain while it moves."""
+"""Surface layer: the mesh textured from the photos or coloured by a quantity while paused, plain while a run moves it."""
 
 from dataclasses import dataclass
 
@@ -25,7 +25,7 @@ DECODE_COLORED = 0.25  # s: without a large texture
 
 @dataclass(frozen=True)
 class Wanted:
-    """What the colours are of."""
+    """Key of a surface colouring: run, moment, quantity, and the reference (run, moment) it is compared with."""
 
     run_id: int
     moment: int
@@ -34,7 +34,10 @@ class Wanted:
 
 
 class SurfaceLayer:
-    """A plain mesh that follows every state, and drawn ones for each of the shapes before, now, truth and between."""
+    """A plain mesh that follows every state, and textured or coloured meshes at the start, now, at the truth and between.
+
+    See `PageState.shape` for the positions of the surface's vertices.
+    """
 
     def __init__(
         self, client: viser.ClientHandle, stage: Stage, scene: Scene, texturer: Texturer, controller: Controller
@@ -63,14 +66,14 @@ class SurfaceLayer:
         self._answer: tuple[Wanted, np.ndarray | Exception] | None = None
         self._drawn: tuple[Wanted, np.ndarray, Legend] | None = None
         self.legend: Legend | None = None
-        """What the colours in sight mean; None without."""
+        """Legend of the colours shown; None if the surface is not coloured."""
 
     def show(self, state: RunState, page_state: PageState) -> None:
         vertices = self.vertices_of(state, page_state.shape)
         self._plain.vertices = self._stage.page_from_world(vertices)
         outside, resting = page_state.entered is None, state.activity is Activity.PAUSED
         front: DoubleBufferedMesh | None = None
-        follows_eye = False
+        is_view_dependent = False
         self.legend = None
         if outside and not state.is_moving:
             if page_state.surface in COLORINGS:
@@ -79,13 +82,13 @@ class SurfaceLayer:
                 front = self._texture(page_state.shape, vertices, resting and len(self._scene.mesh.faces) <= MOST_FACES)
                 if page_state.by_eye and resting and len(self._scene.mesh.faces) <= MOST_FACES_VIEW_DEPENDENT:
                     front = self._view_dependent.show(vertices) or front
-                    follows_eye = True
-        if not follows_eye:
+                    is_view_dependent = True
+        if not is_view_dependent:
             self._view_dependent.rest()
         if front is not self._colored and self.legend is None:
             self._colored.clear()
             self._wanted = self._drawn = None
-        if state.is_moving:  # what is painted is of the past
+        if state.is_moving:  # the texture belongs to an earlier moment
             self._textured[NOW_SHAPE].clear()
         with self._client.atomic():
             for turns in (*self._textured.values(), self._view_dependent.turns, self._colored):
@@ -98,7 +101,7 @@ class SurfaceLayer:
         self._view_dependent.close()
 
     def vertices_of(self, state: RunState, shape: float) -> np.ndarray:
-        """(n, 3) float, world units: the shape looked at; the same array as long as it is the same shape."""
+        """(n, 3) float, world units: vertices for a `PageState.shape`. Equal shapes return the identical array."""
         truth = self._scene.truth.vertices if self._scene.truth is not None else None
         if shape == NOW_SHAPE or (shape > NOW_SHAPE and truth is None):
             return state.vertices
@@ -117,7 +120,7 @@ class SurfaceLayer:
         painted = self._texturer.static.painted(self, vertices) if resting else None
         if painted is not None:
             turns.offer(painted)
-        # After a step the last texture stays for the second that the next one takes.
+        # After a step the previous texture stays until the next one is painted.
         is_fit = turns.shown is not None and (shape == NOW_SHAPE or turns.shown is painted)
         return turns if is_fit else None
 
@@ -133,18 +136,18 @@ class SurfaceLayer:
             if compared is not None:
                 self._take(wanted, 100 * distances(compared, state.vertices) / self._scene.mesh.diagonal)
             else:
-                self._ask(wanted)
+                self._query(wanted)
         if self._answer is not None and self._answer[0] == wanted and not isinstance(self._answer[1], Exception):
             self._draw(wanted, self._answer[1], vertices)
         self.legend = self._drawn[2] if self._drawn is not None else None
         return self._colored if self._colored.shown is not None else None
 
-    def _ask(self, wanted: Wanted) -> None:
+    def _query(self, wanted: Wanted) -> None:
         self._controller.post(
             Query(
-                asker=(id(self), "colors"),
-                question=lambda session: COLORINGS[wanted.coloring].ask(session, session.moment),
-                answer=lambda found: self._take(wanted, found),
+                key=(id(self), "colors"),
+                compute=lambda session: COLORINGS[wanted.coloring].values(session, session.moment),
+                callback=lambda found: self._take(wanted, found),
             )
         )
 

@@ -1,4 +1,4 @@
-"""The vertices as marks that can be clicked: spheres, and blocks where they are locked."""
+"""Vertices layer: clickable marks for the vertices, spheres for free ones and blocks for locked ones."""
 
 from collections.abc import Callable
 
@@ -15,11 +15,11 @@ from app.viser_bridge.instance_marks import InstanceMarks
 from app.viser_bridge.node_events import BackgroundClicks
 from fairing.mesh import Mesh
 
-MANY = 1500  # marks, each of fewer triangles then: 5,000 balls of 80 took 0.1 s of every frame drawn by a processor
+MANY = 1500  # vertices; beyond this, marks have 20 triangles instead of 80 (ledger: vertex mark triangles)
 
 
 class VerticesLayer:
-    """Green at its start, red once it moved, violet if just rejected, grey and square if locked, yellow if selected.
+    """Green: unmoved. Red: moved. Pink: last step rejected. Grey blocks: locked. Yellow: selected.
 
     The current vertex of the selection is larger than the others.
     """
@@ -54,7 +54,7 @@ class VerticesLayer:
 
 
 def vertex_colors(state: RunState, selected: tuple[int, ...]) -> np.ndarray:
-    """(n, 3) uint8: what the colour of a mark says about its vertex."""
+    """(n, 3) uint8: colours of the marks, see `VerticesLayer`."""
     colors = np.tile(np.array(START, dtype=np.uint8), (len(state.vertices), 1))
     colors[(state.vertices != state.trace.start).any(axis=1)] = NOW
     record = state.record

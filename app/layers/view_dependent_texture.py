@@ -1,4 +1,4 @@
-"""The painted mesh as its eigenspaces show it from where the user looks: a new texture whenever the camera has moved."""
+"""View-dependent texture: the mesh with an eigen-texture for the current viewpoint, updated when the camera moves."""
 
 import logging
 import threading
@@ -12,13 +12,17 @@ from app.stage import Stage
 from app.viser_bridge.mesh_swap import DoubleBufferedMesh
 
 DECODE_SECONDS = 0.3  # at most 1024 texels: three textures a second
-LEAST_TURN = np.radians(0.3)  # as seen from the middle of the mesh
+LEAST_TURN = np.radians(0.3)  # camera movement that needs a new texture, as an angle seen from the mesh's centre
 
 
 class ViewDependentTexture:
-    """One texture at a time is made and unpacked; when it is in sight, the next one is for where the eye is by then.
+    """Renders and sends one texture at a time. When it is shown, the next one is rendered for the viewpoint at that time.
 
-    So a browser is never sent more than it can unpack, and the last texture is always the one for the last eye.
+    A browser therefore never receives more textures than it can unpack, and the last texture always belongs to the last
+    viewpoint.
+
+    Args:
+        on_first: called when the first texture of a new mesh is shown.
     """
 
     def __init__(
@@ -34,7 +38,11 @@ class ViewDependentTexture:
         client.camera.on_update(lambda _: self._advance())
 
     def show(self, vertices: np.ndarray) -> DoubleBufferedMesh | None:
-        """Follow the eye with the mesh at (n, 3); what can be in sight, None as long as it is being painted."""
+        """Follow the viewpoint with the mesh at vertices (n, 3), world units.
+
+        Returns:
+            The nodes that can be shown; None while the mesh is being painted.
+        """
         mesh = self._texturer.view_dependent.painted(self, vertices)
         with self._lock:
             self._mesh = mesh
@@ -43,7 +51,7 @@ class ViewDependentTexture:
         return self.turns if is_fit else None
 
     def rest(self) -> None:
-        """Do not follow the eye."""
+        """Stop following the viewpoint."""
         with self._lock:
             self._mesh = None
 
@@ -55,14 +63,14 @@ class ViewDependentTexture:
         eye = np.array(self._client.camera.position)
         with self._lock:
             mesh = self._mesh
-            if mesh is None or self._is_under_way or not self._is_news(mesh, eye):
+            if mesh is None or self._is_under_way or not self._needs_update(mesh, eye):
                 return
             self._is_under_way = True
             self._drawn = (mesh, eye)
         world = self._stage.world_from_page(eye)
         self._texturer.frames.post(self, lambda: mesh.seen_from(world), self._send)
 
-    def _is_news(self, mesh: ViewDependentMesh, eye: np.ndarray) -> bool:
+    def _needs_update(self, mesh: ViewDependentMesh, eye: np.ndarray) -> bool:
         if self._drawn is None or self._drawn[0] is not mesh:
             return True
         before = self._drawn[1]
@@ -70,7 +78,7 @@ class ViewDependentTexture:
 
     def _send(self, found: TexturedMesh | Exception) -> None:
         if isinstance(found, Exception):
-            logging.getLogger(__name__).error("the texture for the eye could not be made", exc_info=found)
+            logging.getLogger(__name__).error("the view-dependent texture could not be rendered", exc_info=found)
             with self._lock:
                 self._is_under_way = False
         else:
@@ -83,6 +91,6 @@ class ViewDependentTexture:
             vertices = shown.vertices if isinstance(shown, TexturedMesh) else None
             is_first = vertices is not self._arrived_at
             self._arrived_at = vertices
-        if is_first:  # the surface can change over to it
+        if is_first:  # the surface layer can switch to it now
             self._on_first()
         self._advance()

@@ -1,4 +1,4 @@
-"""The mesh as lines: at the start, now, and where it should be."""
+"""Wireframe layer: the edges of the mesh at the start, now, and at the truth."""
 
 import numpy as np
 import viser
@@ -11,10 +11,9 @@ from app.viser_bridge.line_node import LineNode
 from fairing.mesh import Mesh
 from fairing.scene import Scene
 
-# More lines than this cannot follow a run at ten pictures a second: they are away while it runs.
-MAX_RUNNING_EDGES = 4000
-COARSE = 200  # edges: fewer than these are drawn thicker
-APART = 0.001 * SIZE  # lines nearer than this would only flicker through each other
+MAX_RUNNING_EDGES = 4000  # wireframes with more edges cannot follow a run at 10 frames/s and are hidden while it runs
+COARSE = 200  # meshes with fewer edges are drawn with thicker lines
+APART = 0.001 * SIZE  # page units; lines at smaller distances would flicker (z-fighting)
 
 
 class Wireframe:
@@ -27,7 +26,7 @@ class Wireframe:
         self._lines = LineNode(client, name, color, thickness)
 
     def show(self, vertices: np.ndarray, unless_at: np.ndarray | None = None) -> None:
-        """Draw the edges with these vertices, without those whose ends lie at `unless_at`; both (n, 3), world units."""
+        """Draw the edges at vertices (n, 3), world units, except those whose ends coincide with `unless_at` (n, 3)."""
         points, edges = self._stage.page_from_world(vertices), self._mesh.edges
         if unless_at is not None:
             apart = np.linalg.norm(points - self._stage.page_from_world(unless_at), axis=1) > APART
@@ -39,7 +38,7 @@ class Wireframe:
 
 
 class WireframeLayer:
-    """Start green, now red, truth blue."""
+    """Three wireframes: start in green, now in red, truth in blue."""
 
     def __init__(self, client: viser.ClientHandle, stage: Stage, scene: Scene) -> None:
         self._follows_a_run = len(scene.mesh.edges) <= MAX_RUNNING_EDGES

@@ -1,4 +1,4 @@
-"""What a step of a lesson makes the engine do."""
+"""Engine actions of a lesson step."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -9,7 +9,7 @@ from fairing.options import FairingOptions
 
 @dataclass(frozen=True)
 class PlaceVertex:
-    """A vertex is put by hand so far from its true place (dx, dy, dz), world units."""
+    """Place a vertex at an offset (dx, dy, dz), world units, from its true position."""
 
     vertex: int
     offset: tuple[float, float, float]
@@ -17,7 +17,7 @@ class PlaceVertex:
 
 @dataclass(frozen=True)
 class StartRun:
-    """A run from the start, named; one that was made before with these options serves again."""
+    """Start a named run. An existing run with the same options and placed vertices is reused."""
 
     name: str
     options: FairingOptions
@@ -26,7 +26,7 @@ class StartRun:
 
 @dataclass(frozen=True)
 class Continue:
-    """A branch of the run at hand, named, that goes on from here with some options changed, by their paths."""
+    """Branch a named run from the current moment, with changed options (path, value)."""
 
     name: str
     changes: tuple[tuple[tuple[str, ...], Any], ...]
@@ -34,14 +34,14 @@ class Continue:
 
 @dataclass(frozen=True)
 class Advance:
-    """Commands that step, run or jump, one after another."""
+    """Post commands that step, run or jump, one after another."""
 
     commands: tuple[Command, ...]
 
 
 @dataclass(frozen=True)
 class RacedRuns:
-    """Two named runs from the start, in turn, each for as long as the other has computed."""
+    """Run two named runs from the start alternately, with equal computing time."""
 
     first: StartRun
     second: StartRun
@@ -49,7 +49,7 @@ class RacedRuns:
 
 @dataclass(frozen=True)
 class SwitchRun:
-    """A run of this lesson to hand: at its start (0), at its end (-1), or where it stands (None)."""
+    """Switch to a run of this lesson: at its start (0), at its end (-1), or at its current moment (None)."""
 
     name: str
     moment: int | None = None

@@ -1,4 +1,4 @@
-"""What a lesson's numbers and claims may ask about a moment of a run: what conditions may, and what takes longer."""
+"""Lesson facts: the quantities available in a lesson's numbers and claims, in addition to those of conditions."""
 
 from collections.abc import Callable, Mapping
 from functools import cache
@@ -8,7 +8,7 @@ import numpy as np
 
 from app.debugger import quantities
 from app.debugger.condition import Quantities
-from app.debugger.quantities import Around, quantities_of
+from app.debugger.quantities import StepContext, quantities_of
 from fairing.errors import InputError
 from fairing.judge.certainty import Certainty, certainties
 from fairing.judge.inspect import FaceCells, energies_by_dimension, face_cells
@@ -19,41 +19,41 @@ OF_MOMENT: dict[str, str] = {
     "photos": "photos of the scene",
     "faces": "faces of the mesh",
     "steps": "steps of the engine from the start",
-    "ended": "1 if the schedule is worked off",
-    "rises": "steps so far that were accepted although they raised their own objective",
-    "cells": "cells of the face shown",
+    "ended": "1 if the run has finished its schedule",
+    "rises": "number of accepted steps that raised their own objective",
+    "cells": "number of cells of the face shown",
     "k": "dimensions of its eigenspace",
-    "rms": "what the eigenspace leaves unexplained of it, root mean square, grey levels",
-    "outlier_from": "residual from which a sample loses influence, e_T, grey levels",
-    "outlying": "part of the face's samples beyond that, percent",
+    "rms": "root mean square of its residuals, grey levels",
+    "outlier_from": "outlier threshold e_T, grey levels",
+    "outlying": "share of its samples beyond the outlier threshold, percent",
     "lightest": "smallest robust weight of its samples, percent of the largest",
 }
 OF_ONE: dict[str, str] = {
-    "off": "distance of a vertex from its true place, hundredths of a world unit (cube: % of its edge)",
-    "off_px": "the same, in pixels of the photo where it is most",
-    "off_x": "the same along x, with its sign",
-    "off_y": "along y",
-    "off_z": "along z",
-    "long": "longest over shortest axis of what the photos determine of a vertex",
-    "share": "part of the shown face's cells that its first k dimensions hold, percent",
-    "left_by": "the shown face's energy with k dimensions",
+    "off": "distance of a vertex from its true position, hundredths of a world unit (cube: % of its edge)",
+    "off_px": "the largest such distance in any photo, pixels",
+    "off_x": "signed error of a vertex along x, hundredths of a world unit",
+    "off_y": "the same along y",
+    "off_z": "the same along z",
+    "long": "longest over shortest axis of the certainty ellipsoid of a vertex",
+    "share": "share of the squares of the shown face's cells in its first k dimensions, percent",
+    "left_by": "energy of the shown face with k dimensions",
 }
 VALUES = quantities.VALUES | OF_MOMENT
 FUNCTIONS = quantities.FUNCTIONS | OF_ONE
 
 
 def facts_of(session: Session, face: int | None, kept: Mapping[str, float]) -> Quantities:
-    """About the session's present moment.
+    """Quantities at the session's current moment, computed on access.
 
     Args:
-        face: whose cells are shown.
-        kept: numbers named earlier.
+        face: the face whose cells are shown; without it, quantities of a face are NaN.
+        kept: numbers kept by earlier steps of the lesson.
     """
     moment, scene = session.moment, session.scene
     steps = session.trace.steps[:moment]
     engines = [step for step in steps if not step.is_manual]
     if moment:
-        recorded = quantities_of(steps[-1], moment, Around(session, session.trace.start))
+        recorded = quantities_of(steps[-1], moment, StepContext(session, session.trace.start))
         values, functions = dict(recorded.values), dict(recorded.functions)
     else:
         values: dict[str, Callable[[], float]] = dict.fromkeys(quantities.VALUES, lambda: NAN)

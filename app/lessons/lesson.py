@@ -1,4 +1,4 @@
-"""What a lesson is, once it is read."""
+"""Lesson: data classes of a parsed lesson."""
 
 from dataclasses import dataclass
 from functools import reduce
@@ -27,7 +27,7 @@ class Question:
 
 @dataclass(frozen=True)
 class Kept:
-    """A number that later steps may speak of by its name."""
+    """A number that later steps can use by its name."""
 
     name: str
     expression: Condition
@@ -37,14 +37,14 @@ class Kept:
 class LessonStep:
     """Attributes:
     title: plain text.
-    text: Markdown with formulas in $ or $$ and numbers of the engine in braces, such as {off(0)}.
-    actions: what the engine does when the step is reached from the one before.
-    settings_changes: what the page shows from this step on.
-    code: the line of pseudo-code at work, a key of `pseudo_code.LINES`; None for none.
-    question: asked below the text.
-    keeps: numbers named at the end of the step.
-    claims: what holds at the end of the step.
-    numbers: the expressions in the braces of all texts, by their text.
+    text: Markdown with formulas in $ or $$, and expressions over engine quantities in braces, such as {off(0)}.
+    actions: of the engine, when the step is reached from the previous one.
+    settings_changes: changes of the page settings, in effect from this step on.
+    code: the highlighted line of pseudo-code, a key of `pseudo_code.LINES`; None for none.
+    question: shown below the text.
+    keeps: numbers computed at the end of the step, for later steps.
+    claims: conditions that hold at the end of the step.
+    numbers: the expressions in braces of all texts, by their text.
     """
 
     title: str
@@ -61,10 +61,10 @@ class LessonStep:
 @dataclass(frozen=True)
 class Lesson:
     """Attributes:
-    name: short and unique, as typed after --lesson.
+    name: short and unique, the argument of --lesson.
     title: plain text.
     about: one sentence, plain text.
-    scene: the name of the demo scene it plays on (see `app.lessons.scenes`), or `ANY_SCENE`.
+    scene: name of its demo scene (see `app.lessons.scenes`), or `ANY_SCENE`.
     steps: 6 to 12.
     """
 
@@ -75,6 +75,6 @@ class Lesson:
     steps: tuple[LessonStep, ...]
 
     def page_settings_at(self, step: int) -> PageSettings:
-        """What the page shows at a step: what all steps so far have asked for."""
+        """Page settings at a step: the changes of all steps up to it, applied in order."""
         changes = [change for earlier in self.steps[: step + 1] for change in earlier.settings_changes]
         return reduce(lambda settings, change: change(settings), changes, PageSettings())

@@ -1,4 +1,4 @@
-"""What `--lesson` opens."""
+"""Scene of the command line option `--lesson`."""
 
 from collections.abc import Callable
 
@@ -13,15 +13,15 @@ Progress = Callable[[float, str], None]
 
 
 def scene_of_lesson(name: str, source: SceneSource) -> Callable[[Progress], Scene]:
-    """What loads the scene that a lesson plays on: the source's own for a lesson on any scene.
+    """A function that loads the scene of a lesson; for a lesson on any scene, that of the source.
 
     Raises:
-        InputError: there is no such lesson, or the source is another scene than the lesson's.
+        InputError: there is no such lesson, or the source is a different scene than the lesson's.
     """
     wanted = load_lesson(name).scene
     if wanted == ANY_SCENE:
         return source.load
     scene = LESSON_SCENES[wanted]
     if source.scene != scene.demo:
-        raise InputError(f"lesson {name}: plays on {scene.title}; leave {source.scene} out")
+        raise InputError(f"lesson {name}: uses {scene.title}; omit {source.scene}")
     return lambda progress: load_lesson_scene(wanted, progress)

@@ -1,4 +1,4 @@
-"""What a step of a lesson has the page show. What a lesson does not speak of stays as the user has it."""
+"""Page settings of a lesson step. Settings that a lesson does not mention stay as the user has set them."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -12,17 +12,17 @@ AT_MESH, AT_FRONT, AT_CAMERAS = "mesh", "front", "cameras"
 @dataclass(frozen=True)
 class PageSettings:
     """Attributes:
-    vertices: selected, the current one last.
-    face: whose cells are shown.
-    eye: AT_MESH, AT_FRONT, AT_CAMERAS or the number of the photo looked through.
-    compared: name of a run of the lesson that the page compares with; empty: with nothing.
-    tab: the tab in front.
-    heading: what the panel of the cells is scrolled to.
+    vertices: selected vertices, the current one last.
+    face: the face whose cells are shown.
+    eye: viewpoint: AT_MESH, AT_FRONT, AT_CAMERAS or the number of the photo looked through.
+    compared: name of the lesson's run used as reference; empty: no comparison.
+    tab: the active tab.
+    heading: the heading to which the cells panel scrolls.
     settings: fields of `PageState` by name.
     cells: fields of `CellsView` by name.
-    layers: shown or not, by name.
+    layers: visibility by name.
 
-    None and what is not in a mapping is not spoken of.
+    None, or a name missing from a mapping, leaves the page as it is.
     """
 
     vertices: tuple[int, ...] | None = None
@@ -36,7 +36,7 @@ class PageSettings:
     layers: dict[str, bool] = field(default_factory=dict)
 
     def set_in(self, page_state: PageState) -> None:
-        """Make a view show it, but for eye, comparison, tab and heading, which are not the view's alone."""
+        """Set them in a page state, except for `eye`, `compared`, `tab` and `heading`, which are not part of it alone."""
         if self.vertices is not None:
             page_state.selection = Selection(self.vertices)
         if self.face is not None or self.vertices is not None:
@@ -47,7 +47,7 @@ class PageSettings:
         page_state.shown.update(self.layers)
 
     def is_seen_in(self, page_state: PageState) -> bool:
-        """Whether a view shows what the lesson speaks of: the vertices, the face, the photo and the surface."""
+        """Whether a page state matches the settings of vertices, face, page of cells and surface."""
         wanted = PageState(
             selection=page_state.selection, face=page_state.face, cells=page_state.cells, shown=dict(page_state.shown)
         )

@@ -1,7 +1,7 @@
-"""Plays a lesson: posts what its steps do, knows where each of them ended, and leads back there.
+"""Lesson player: posts the actions of lesson steps to the controller and records the moment at which each step ended.
 
-Users may explore at any time. The player posts nothing unless asked to; what it asked for can be paused; every step's
-end is a moment of a run, so that going back, or resuming after a walk, is a jump to it.
+Users may explore at any time. The player posts commands only when the user navigates in the lesson, and they can be
+paused. Every step ends at a moment of a run, so going back to a step, or resuming it, is a jump to that moment.
 """
 
 import logging
@@ -31,15 +31,17 @@ from app.lessons.engine_actions import Advance, Continue, EngineAction, PlaceVer
 from app.lessons.facts import facts_of
 from app.lessons.lesson import ANY_SCENE, Lesson, LessonStep
 from app.lessons.page_settings import PageSettings
-from app.lessons.scenes import is_at_hand
+from app.lessons.scenes import is_lesson_scene
 from app.page_state.page_state import PageState
 from fairing.errors import InputError
 from fairing.run.session import Session
 
-CUT_SHORT = ("paused", "breakpoint")  # why a command stopped before its end
+CUT_SHORT = ("paused", "breakpoint")  # reasons with which a command stops before its end
 
 
 class Status(Enum):
+    """State of the current step: actions running, done, interrupted by a pause or breakpoint, or failed."""
+
     AT_WORK = "at work"
     THERE = "there"
     CUT_SHORT = "cut short"
@@ -48,7 +50,7 @@ class Status(Enum):
 
 @dataclass(frozen=True)
 class Ended:
-    """Where a step ended."""
+    """The moment at which a step ended."""
 
     run_id: int
     moment: int
@@ -56,7 +58,7 @@ class Ended:
 
 @dataclass(frozen=True)
 class Findings:
-    """Of a step: its numbers by their expressions, and its claims with whether they hold."""
+    """Results of a step: its numbers by expression, and its claims with whether they hold."""
 
     numbers: dict[str, float]
     claims: tuple[tuple[str, bool], ...]
@@ -64,7 +66,7 @@ class Findings:
 
 @dataclass(frozen=True)
 class _Examine:
-    """Asks for the findings of a step."""
+    """Request to compute the findings of a step."""
 
     step: int
 
@@ -73,10 +75,10 @@ _Script = Generator["Command | _Examine", RunState, None]
 
 
 class Player:
-    """One browser's lesson.
+    """The lesson of one browser.
 
     Args:
-        on_change: told whenever there is something new to show.
+        on_change: called when the page must be updated.
     """
 
     def __init__(self, controller: Controller, on_change: Callable[[], None]) -> None:
@@ -92,7 +94,7 @@ class Player:
         self._runs: dict[str, int] = {}
         self._ends: dict[int, Ended] = {}
         self._script: _Script | None = None
-        self._asked: Command | _Examine | None = None
+        self._requested: Command | _Examine | None = None
         self._stopped_at: Ended | None = None
         self._turn = 0
         self._settings_due: bool | None = None
@@ -100,66 +102,66 @@ class Player:
     # ------------------------------------------------------------------ for the page
 
     def fits(self, lesson: Lesson) -> bool:
-        """Whether the scene at hand is the lesson's."""
-        return lesson.scene == ANY_SCENE or is_at_hand(lesson.scene, self._controller.scene)
+        """Whether the current scene is that of the lesson."""
+        return lesson.scene == ANY_SCENE or is_lesson_scene(lesson.scene, self._controller.scene)
 
     def open(self, lesson: Lesson) -> None:
         """Begin a lesson at its first step.
 
         Raises:
-            InputError: it plays on another scene.
+            InputError: it needs another scene.
         """
         if not self.fits(lesson):
-            raise InputError(f"lesson {lesson.name}: plays on another scene, {lesson.scene}")
+            raise InputError(f"lesson {lesson.name}: needs another scene, {lesson.scene}")
         with self._lock:
             self.lesson = lesson
             self.findings, self.chosen, self._kept, self._runs, self._ends = {}, {}, {}, {}, {}
             self.go(0)
 
     def close(self) -> None:
-        """Leave the lesson; the run stays where it is."""
+        """Close the lesson. The run stays at its moment."""
         with self._lock:
             self._drop_work()
             self.lesson, self.status = None, Status.THERE
         self._on_change()
 
     def go(self, step: int) -> None:
-        """To a step, doing what those before it do as far as that has not been done."""
+        """Go to a step. Actions of earlier steps that have not been run yet are run first."""
         with self._lock:
             if self.lesson is None:
                 return
             self._drop_work()
-            wanted = min(max(step, 0), len(self.lesson.steps) - 1)
-            self._settings_due = wanted <= self.step
-            self.step, self.status, self.problem = wanted, Status.AT_WORK, ""
+            target = min(max(step, 0), len(self.lesson.steps) - 1)
+            self._settings_due = target <= self.step
+            self.step, self.status, self.problem = target, Status.AT_WORK, ""
             self._script = self._way_to(self.lesson, self.step)
             self._advance(None)
         self._on_change()
 
     def next(self) -> None:
-        """One step on, unless the engine is still busy with this one."""
+        """Go to the next step, or continue this one if it was interrupted. No effect while its actions are running."""
         if self.status is not Status.AT_WORK:
             self.go_on() if self.status is Status.CUT_SHORT else self.go(self.step + 1)
 
     def back(self) -> None:
-        """To the end of the step before."""
+        """Go to the end of the previous step."""
         self.go(self.step - 1)
 
     def go_on(self) -> None:
-        """Go on with work that was cut short; else back to where this step ended."""
+        """Continue interrupted actions, or go back to the moment at which this step ended."""
         with self._lock:
             if self.status is not Status.CUT_SHORT or self._stopped_at is None or self._script is None:
                 self.go(self.step)
                 return
             self.status = Status.AT_WORK
-            here, asked = self._stopped_at, self._asked
-            assert asked is not None
+            here, requested = self._stopped_at, self._requested
+            assert requested is not None
             state = self._controller.state
             if (state.run_id, state.moment) != (here.run_id, here.moment):
-                self._script = _first(SwitchTo(here.run_id, here.moment), asked, self._script)
+                self._script = _first(SwitchTo(here.run_id, here.moment), requested, self._script)
                 self._advance(None)
             else:
-                self._post(asked)
+                self._post(requested)
         self._on_change()
 
     def choose(self, choice: int) -> None:
@@ -172,18 +174,18 @@ class Player:
         self._on_change()
 
     def take_settings(self) -> tuple[PageSettings, bool] | None:
-        """What is to be shown from now on, once; and whether to lead the user there again who has seen it before."""
+        """The page settings that are due, returned once, and whether to repeat those that were already applied."""
         with self._lock:
             due, self._settings_due = self._settings_due, None
             return None if due is None or self.lesson is None else (self.lesson.page_settings_at(self.step), due)
 
     def reference(self, settings: PageSettings) -> Reference | None:
-        """The run that a settings compares with, if it is there."""
+        """The run that the settings compare with; None if it does not exist yet."""
         run_id = self._runs.get(settings.compared or "")
         return None if run_id is None else Reference(run_id)
 
     def has_strayed(self, state: RunState, page_state: PageState) -> bool:
-        """Whether the run or the page are no longer where this step has brought them."""
+        """Whether the run or the page no longer match this step."""
         if self.lesson is None or self.status is not Status.THERE or self._settings_due is not None:
             return False
         end = self._ends.get(self.step)
@@ -232,24 +234,24 @@ class Player:
                 for start in (first, second):
                     run = self._made_before(start, state)
                     if run is None:
-                        raise InputError(f"run {start.name}: is not there any more")
+                        raise InputError(f"run {start.name}: was deleted")
                     self._runs[start.name] = run.run_id
             case SwitchRun(name, moment):
                 run = next((run for run in state.runs if run.run_id == self._runs.get(name)), None)
                 if run is None:
-                    raise InputError(f"run {name}: is not there any more; begin the lesson again")
+                    raise InputError(f"run {name}: was deleted; open the lesson again")
                 state = yield SwitchTo(run.run_id, run.length if moment == -1 else moment)
         return state
 
     def _place(self, put: PlaceVertex) -> Place:
         truth = self._controller.scene.truth
-        assert truth is not None, "the lessons' scenes have a truth"
-        assert truth.vertices is not None, "and it names the vertices' places"
+        assert truth is not None, "the scenes of lessons have a truth"
+        assert truth.vertices is not None, "with true vertex positions"
         x, y, z = (truth.vertices[put.vertex] + put.offset).tolist()
         return Place((put.vertex,), ((x, y, z),))
 
     def _made_before(self, start: StartRun, state: RunState) -> RunInfo | None:
-        """A run from the start with these options, put by hand like this and no further."""
+        """An existing run from the start with these options, and with exactly these vertices placed manually."""
         for run in state.runs:
             by_hand = run.trace.manual_moments
             if run.parent is not None or run.options != start.options or by_hand != list(range(1, len(start.puts) + 1)):
@@ -265,26 +267,26 @@ class Player:
     def _advance(self, state: RunState | None) -> None:
         assert self._script is not None
         try:
-            asked = next(self._script) if state is None else self._script.send(state)
+            requested = next(self._script) if state is None else self._script.send(state)
         except StopIteration:
             self.status, self._script = Status.THERE, None
-            self._settings_due = bool(self._settings_due)  # once more: runs are known by their names only now
-        except Exception as error:  # whatever a step's way throws, the lesson must not wait for ever
+            self._settings_due = bool(self._settings_due)  # again: the names of the runs are known only now
+        except Exception as error:  # with any exception the step has failed; otherwise the lesson would wait forever
             if not isinstance(error, InputError):
                 logging.getLogger(__name__).exception("a lesson's step failed")
             self.status, self.problem, self._script = Status.FAILED, str(error) or type(error).__name__, None
         else:
-            self._post(asked)
+            self._post(requested)
 
-    def _post(self, asked: Command | _Examine) -> None:
-        """Query the engine for something; an Query behind it tells when it is done."""
-        self._asked, turn = asked, self._turn
-        if isinstance(asked, _Examine):
-            question = self._examination(asked.step)
-            self._controller.post(Query(self, question, lambda found: self._take_findings(turn, asked.step, found)))
+    def _post(self, requested: Command | _Examine) -> None:
+        """Post a command, and a query after it that reports when the command is done; or post an examination."""
+        self._requested, turn = requested, self._turn
+        if isinstance(requested, _Examine):
+            question = self._examination(requested.step)
+            self._controller.post(Query(self, question, lambda found: self._take_findings(turn, requested.step, found)))
             return
         problems = self._controller.state.problems
-        self._controller.post(asked)
+        self._controller.post(requested)
         self._controller.post(Query(self, lambda _: None, lambda _: self._arrived(turn, problems)))
 
     def _arrived(self, turn: int, problems: int) -> None:
@@ -294,7 +296,7 @@ class Player:
             state = self._controller.state
             if state.problems > problems:
                 self.status, self.problem = Status.FAILED, state.problem
-            elif isinstance(self._asked, Run | Forward | Race) and state.reason.startswith(CUT_SHORT):
+            elif isinstance(self._requested, Run | Forward | Race) and state.reason.startswith(CUT_SHORT):
                 self.status, self._stopped_at = Status.CUT_SHORT, Ended(state.run_id, state.moment)
             else:
                 self._advance(state)
@@ -304,7 +306,7 @@ class Player:
         if self.status is Status.AT_WORK:
             self._controller.post(Pause())
         self._turn += 1
-        self._script = self._asked = self._stopped_at = None
+        self._script = self._requested = self._stopped_at = None
 
     # ------------------------------------------------------------------ numbers and claims
 
@@ -315,7 +317,7 @@ class Player:
 
         def examine(session: Session) -> tuple[Findings, dict[str, float]] | None:
             if (self._controller.state.run_id, session.moment) != (end.run_id, end.moment):
-                return None  # somebody went elsewhere meanwhile
+                return None  # the user has gone to another moment
             return examine_step(session, step, face, kept)
 
         return examine
@@ -336,7 +338,7 @@ class Player:
 def examine_step(
     session: Session, step: LessonStep, face: int | None, kept: dict[str, float]
 ) -> tuple[Findings, dict[str, float]]:
-    """What a step's numbers and claims come to at the session's present moment, and all numbers kept so far."""
+    """Findings of a step at the session's current moment, and all numbers kept so far."""
     facts = facts_of(session, face, kept)
     kept = kept | {keep.name: keep.expression.evaluate(facts) for keep in step.keeps}
     facts = facts_of(session, face, kept)
@@ -345,7 +347,7 @@ def examine_step(
 
 
 def _first(before: Command, then: "Command | _Examine", rest: _Script) -> _Script:
-    """A script that goes somewhere, then on with what was cut short."""
+    """A script that posts `before`, then the interrupted command `then`, then the rest."""
     yield before
     state = yield then
     try:

@@ -1,4 +1,4 @@
-"""The algorithm in ten lines, for lessons to point at."""
+"""Pseudo-code of the algorithm, of which lessons highlight a line."""
 
 LINES: dict[str, str] = {
     "level": "for each level: blur the photos by σ",

@@ -1,12 +1,13 @@
-"""Lessons read from their files.
+"""Lesson reader: parses lesson files.
 
 A file begins with lines `name: value` between two lines `---` (title, about, scene). Every step begins with a heading
-`# ...`. Text is Markdown with formulas in $ or $$ and numbers of the engine in braces. Fenced blocks are not shown:
+`# ...`. Text is Markdown with formulas in $ or $$ and expressions over engine quantities in braces. Fenced blocks are
+directives:
 
     ```do       actions, see `vocabulary`
-    ```code     the line of pseudo-code at work, see `pseudo_code`
+    ```code     the highlighted line of pseudo-code, see `pseudo_code`
     ```keep     name = expression: a number for later steps
-    ```claim    conditions that hold when the step's work is done
+    ```claim    conditions that hold when the actions of the step are done
     ```ask      a question, lines `- choice` (the right one ends with ` *`), then the answer
 """
 
@@ -24,7 +25,7 @@ from app.lessons.vocabulary import Action, understand_action
 from fairing.errors import InputError
 
 FEWEST_STEPS, MOST_STEPS = 6, 12
-# In the order in which they are best taken.
+# The recommended order.
 ORDER = ("model", "cells", "displacement", "robust", "coarse", "dimensions", "aperture", "beyond", "capture")
 _HEAD = re.compile(r"---\n(.*?)\n---\n(.*)", re.DOTALL)
 _BLOCK = re.compile(r"```(\w+)\n(.*?)\n```\n?", re.DOTALL)
@@ -35,17 +36,17 @@ _BLOCKS = {"do", "code", "keep", "claim", "ask"}
 
 @cache
 def lesson_names() -> tuple[str, ...]:
-    """All lessons, in their order."""
+    """Names of all lessons in the recommended order."""
     found = {file.name.removesuffix(".md") for file in (files("app.lessons") / "texts").iterdir()}
     return tuple(name for name in ORDER if name in found)
 
 
 @cache
 def load_lesson(name: str) -> Lesson:
-    """A lesson that comes with the program.
+    """A lesson of this package.
 
     Raises:
-        InputError: there is none of that name.
+        InputError: there is no lesson of that name.
     """
     if name not in lesson_names():
         raise InputError(f"lesson {name:.40}: expected one of {', '.join(lesson_names())}")
@@ -56,7 +57,7 @@ def read_lesson(name: str, written: str) -> Lesson:
     """A lesson from the text of its file.
 
     Raises:
-        InputError: which lesson and step, expected, found.
+        InputError: the file is invalid; the message names lesson and step, what was expected and what was found.
     """
     found = _HEAD.fullmatch(written)
     if found is None:
@@ -118,7 +119,7 @@ def _step(title: str, body: str, runs: set[str], kept: set[str]) -> LessonStep:
 
 
 def numbers_in(text: str) -> list[str]:
-    """The expressions in braces, outside of formulas."""
+    """The expressions in braces outside formulas."""
     return _NUMBER.findall(_FORMULA.sub("", text))
 
 

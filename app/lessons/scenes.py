@@ -1,4 +1,4 @@
-"""The demo scenes that lessons play on, and how to tell that one is at hand."""
+"""Demo scenes of the lessons."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -10,7 +10,7 @@ from fairing.scene import Scene
 @dataclass(frozen=True)
 class LessonScene:
     """Attributes:
-    title: what it is, in a few words.
+    title: short description.
     demo: name of the demo scene.
     photography: how its photos are taken.
     """
@@ -28,11 +28,11 @@ LESSON_SCENES: dict[str, LessonScene] = {
 
 
 def load_lesson_scene(name: str, progress: Callable[[float, str], None] | None = None) -> Scene:
-    """The scene, under its name among the lessons'."""
+    """Load a lesson scene; its name is its key in `LESSON_SCENES`."""
     wanted = LESSON_SCENES[name]
     return replace(load_demo(wanted.demo, wanted.photography, progress), name=name)
 
 
-def is_at_hand(name: str, scene: Scene) -> bool:
-    """Whether a scene is that of this name: captures have no exact truth."""
+def is_lesson_scene(name: str, scene: Scene) -> bool:
+    """Whether a scene is the lesson scene of this name. A capture of the same name is not: it has no exact truth."""
     return scene.name == name and scene.truth is not None

@@ -1,4 +1,4 @@
-"""Brings one browser's page to where a lesson's step wants it: selection, surface, layers, camera, comparison, tab."""
+"""Settings applier: applies the page settings of a lesson step (selection, surface, layers, camera, tab) to a browser."""
 
 from collections.abc import Callable
 
@@ -9,7 +9,7 @@ from app.page_state.page_state import PageState
 
 
 class SettingsApplier:
-    """Touches the page once a step; what users change afterwards stays as they have it.
+    """Applies settings once per lesson step. Changes by the user afterwards are kept.
 
     Args:
         lead_eye: moves the browser's camera: to AT_MESH, AT_FRONT, AT_CAMERAS or into a photo.
@@ -29,7 +29,7 @@ class SettingsApplier:
         self._last = PageSettings()
 
     def show(self, state: RunState, page_state: PageState) -> None:
-        """To be called before the layers and panels are shown."""
+        """Apply the settings that are due, if any. Call it before updating layers and panels."""
         due = self._player.take_settings()
         if due is None:
             return
@@ -42,6 +42,6 @@ class SettingsApplier:
             self._lead_eye(settings.eye)
         if settings.tab is not None and (again or settings.tab != self._last.tab):
             self._show_tab(settings.tab)
-        if settings.heading is not None:  # at every step: while the engine worked, the panel may have been drawn anew
+        if settings.heading is not None:  # at every step: the panel may have been redrawn while the engine ran
             self._show_heading(settings.heading)
         self._last = settings

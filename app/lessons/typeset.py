@@ -1,6 +1,6 @@
-"""A lesson's text as HTML: paragraphs, lists, *emphasis*, **strong**, `code`, formulas, and the engine's numbers.
+"""Typesetting of lesson texts as HTML: paragraphs, lists, *emphasis*, **strong**, `code`, formulas and numbers.
 
-Formulas become MathML, which browsers draw themselves, so that nothing is fetched.
+Formulas become MathML, which browsers render natively, without any download.
 """
 
 import re
@@ -26,13 +26,13 @@ def formula(latex: str, *, is_block: bool) -> str:
 
 
 def paragraphs(markdown: str, numbers: dict[str, float]) -> str:
-    """HTML of a text; numbers that are not known yet are an ellipsis."""
+    """HTML of a text; numbers that are not known yet are shown as an ellipsis."""
     blocks = [block.strip() for block in re.split(r"\n\s*\n", markdown) if block.strip()]
     return "".join(_block(block, numbers) for block in blocks)
 
 
 def line(markdown: str, numbers: dict[str, float]) -> str:
-    """HTML of a text without paragraphs."""
+    """HTML of a single line of text."""
 
     def replaced(found: re.Match) -> str:
         kind, content = found.lastgroup or "", found.group(found.lastgroup or 0)

@@ -1,19 +1,19 @@
-"""The words of a lesson's actions, one action a line; nothing else can be done by a lesson.
+"""Vocabulary of lesson actions, one action per line. Lessons can do nothing else.
 
-start accurate as main: locked_vertices=1,2 schedule.search=0     a run from the start, named, with options
-start accurate as far, vertex 0 off 0.2 0 0: ...                  the same, vertices put by hand (from their true places)
-go on as sharp: eigenspace.dimensions=1                           a branch from here with other options
-put vertex 0 off 0.2 0 0                                          a step by hand
+start accurate as main: locked_vertices=1,2 schedule.search=0     a named run from the start, with options
+start accurate as far, vertex 0 off 0.2 0 0: ...                  the same, with vertices at offsets from their true positions
+go on as sharp: eigenspace.dimensions=1                           a branch from the current moment with other options
+put vertex 0 off 0.2 0 0                                          place a vertex manually
 step 3 iterations | step one vertex | step one sweep | step one level
 run to the end | run until level == 2
 go to start | go to end | go to moment 12
-race paper as a against accurate as b: locked_vertices=1,2        two runs in turn; options of both
-take main | take main at start | take main at end                 a run made before
-select vertex 0 | select vertices 3, 0 | select nothing           the last one is the current one
+race paper as a against accurate as b: locked_vertices=1,2        two alternating runs; the options apply to both
+take main | take main at start | take main at end                 switch to an existing run
+select vertex 0 | select vertices 3, 0 | select nothing           the last one becomes the current vertex
 face 2
 look at mesh | look at front | look at cameras | look through photo 3
 show truth, start | hide cameras                                  layers
-surface flat | shape truth | magnify 10                           the surface; how long paths are drawn
+surface flat | shape truth | magnify 10                           surface and its vertices; magnification of paths
 page cells | columns photo, weight | k 5 | k own | arrows 30 | pair 0 7 | crops path     the cells
 plot energy | plot step of the vertex
 compare with a | compare with nothing
@@ -26,7 +26,7 @@ from dataclasses import replace
 
 from app.debugger.commands import Command, Extent, Forward, JumpTo, Run
 from app.debugger.option_fields import changed_options, option_fields
-from app.debugger.quantities import understand
+from app.debugger.quantities import parse_step_condition
 from app.debugger.series import QUANTITIES
 from app.lessons.engine_actions import Advance, Continue, EngineAction, PlaceVertex, RacedRuns, StartRun, SwitchRun
 from app.lessons.page_settings import AT_CAMERAS, AT_FRONT, AT_MESH, SettingsChange
@@ -51,13 +51,13 @@ Action = EngineAction | SettingsChange
 
 
 def understand_action(line: str, names: set[str]) -> Action:
-    """What one line asks for.
+    """The action of one line.
 
     Args:
-        names: of the lesson's runs so far; a line that makes one adds its name.
+        names: of the lesson's runs so far; a line that starts a run adds its name.
 
     Raises:
-        InputError: it asks for nothing that there is.
+        InputError: the line is not in the vocabulary.
     """
     for pattern, read in _ACTIONS:
         found = re.fullmatch(pattern, line.strip())
@@ -211,7 +211,7 @@ _ACTIONS: list[tuple[str, Callable[[re.Match, set[str]], Action]]] = [
     (rf"put {_PUT}", lambda found, _: _put_of(found)),
     (r"step (one|\d{1,3}) (\w+)", _step),
     (r"run to the end", lambda found, _: Advance((Run(),))),
-    (r"run until (.+)", lambda found, _: Advance((Run(understand(found[1])),))),
+    (r"run until (.+)", lambda found, _: Advance((Run(parse_step_condition(found[1])),))),
     (r"go to (?:(start|end)|moment (\d{1,6}))", _go_to),
     (
         r"race (?P<preset1>\w+) as (?P<first>\w+) against (?P<preset2>\w+) as (?P<second>\w+)" + _OPTIONS,

@@ -86,7 +86,7 @@ class CameraView:
         if view_id is None:
             return
         if page_state.model_share > 0 and state.activity is Activity.PAUSED:
-            self._predictor.ask(view_id, vertices)
+            self._predictor.request(view_id, vertices)
         with self._placing:
             self._share, self._swipes = page_state.model_share, page_state.swipes
             if self._view_id == view_id:

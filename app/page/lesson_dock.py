@@ -10,7 +10,7 @@ from app.debugger.run_state import RunState
 from app.lessons.lesson import ANY_SCENE, Lesson
 from app.lessons.player import Player
 from app.lessons.reader import lesson_names, load_lesson
-from app.lessons.scenes import LESSON_SCENES, is_at_hand
+from app.lessons.scenes import LESSON_SCENES, is_lesson_scene
 from app.lessons.settings_applier import SettingsApplier
 from app.page.page_frame import Hotkey
 from app.page.resources import ChangeScene
@@ -73,7 +73,7 @@ class LessonDock:
     def open(self, name: str) -> None:
         """Begin a lesson. If it uses another scene, open that, after a confirmation if runs on this one would be closed."""
         lesson = load_lesson(name)
-        if lesson.scene == ANY_SCENE and is_at_hand("cube", self._controller.scene):
+        if lesson.scene == ANY_SCENE and is_lesson_scene("cube", self._controller.scene):
             self._offer(lesson, STAND_IN, _ON_A_CAPTURE, "Stay with the cube", lambda: self._begin(lesson))
         elif self.player.fits(lesson):
             self._begin(lesson)

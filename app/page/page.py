@@ -80,7 +80,7 @@ class Page:
         actions = [
             Hotkey(action.label if n == 0 else f"{action.label} ({key})", run.poster(action.command), key, modifier)
             for action in ACTIONS
-            for n, (key, modifier) in enumerate(action.keys)
+            for n, (key, modifier) in enumerate(action.keys or ((None, None),))
         ]
         return [
             *actions,

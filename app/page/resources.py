@@ -6,7 +6,7 @@ from pathlib import Path
 
 import viser
 
-from app.background_worker import Background
+from app.background_worker import BackgroundWorker
 from app.debugger.compare import RunEnergies
 from app.debugger.controller import Controller
 from app.debugger.history import EnergyHistory, PathHistory
@@ -37,7 +37,7 @@ class SessionResources:
     paths: PathHistory
     thumbnails: Thumbnails
     texturer: Texturer
-    background: Background
+    background: BackgroundWorker
     photos: PhotoStore
     experiments: ExperimentRunner
     change_scene: ChangeScene
@@ -68,7 +68,7 @@ class SessionResources:
             PathHistory(len(scene.mesh.vertices)),
             Thumbnails(scene),
             Texturer(scene, stage, controller.republish),
-            Background(controller.republish),
+            BackgroundWorker(controller.republish),
             PhotoStore(scene),
             ExperimentRunner(scene, scene.name, controller.republish),
             change_scene,

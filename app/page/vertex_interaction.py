@@ -9,9 +9,9 @@ from app.page_state.page_state import PageState
 from app.page_state.selection import Selection
 from app.picking import vertices_within
 from app.stage import Stage
-from app.viser_bridge.camera_pose import browser_camera
 from app.viser_bridge.html_events import Guarded, whole_number
 from app.viser_bridge.node_events import BackgroundClicks
+from app.viser_bridge.picking_camera import camera_of
 from fairing.errors import InputError
 from fairing.mesh import Mesh
 
@@ -94,5 +94,5 @@ class VertexInteraction:
         vertices = self._stage.page_from_world(self._controller.state.vertices).astype(np.float64)
         page_state = self._page_state
         covered = page_state.entered is None and page_state.surface != "none"
-        found = vertices_within(vertices, self._mesh, browser_camera(self._client), low, high, see_through=not covered)
+        found = vertices_within(vertices, self._mesh, camera_of(self._client), low, high, see_through=not covered)
         self.set_selection(page_state.selection.extended(found.tolist()))

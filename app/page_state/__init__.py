@@ -1,4 +1,5 @@
-"""The state of one browser's page: selection, layers, cells columns and the viewed moment.
+"""The state of one browser's page: selection, layers, cells columns and the viewed moment. The engine is shared by all pages.
 
-The engine is shared by all pages, this is not. May import `app.debugger` and `app.viser_bridge`.
+`PageState` holds the state; `selection`, `cells_state` and `cells_controls` change parts of it; `certainty_source` queries
+the engine for one browser. May import `app.debugger`, `app.viser_bridge` and the loose modules of `app`; never viser.
 """

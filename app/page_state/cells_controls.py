@@ -1,4 +1,4 @@
-"""What a user can change about how the cells are looked at; every value from the browser is checked."""
+"""Cells controls: the settings of the cells panel that a user can change. Values from the browser are checked."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -13,14 +13,14 @@ from fairing.scene import Scene
 MAX_K = 1000
 _LENS_KINDS = (*KINDS, CROP, *PAIR_KINDS)
 _NOWHERE = -1
-_REST = 200  # ms on a picture, before it is enlarged: who only passes by sees no flicker
+_REST = 200  # ms of rest on a picture before it is enlarged, so that a passing pointer causes no flicker
 
 
 class CellsControls:
-    """JavaScript for the cells' buttons, made where it stays on the page. Each is a function of a JavaScript number.
+    """JavaScript event handlers of the cells panel. Each attribute is a function of a JavaScript number.
 
     Args:
-        republish: has the present state shown again.
+        republish: shows the present state again.
     """
 
     def __init__(
@@ -40,7 +40,7 @@ class CellsControls:
         self.second = html_events.number(lambda n: self._change(pair=(page_state.cells.pair[0], self._view_id(n))))
 
     def look_at_k(self, k: object) -> None:
-        """Look at another k; 0: at the run's own."""
+        """Set the number of eigenspace dimensions; 0: that of the run."""
         found = whole_number(k, 0, MAX_K, "k")
         self._change(dimensions=found or None)
 
@@ -49,11 +49,11 @@ class CellsControls:
         return self.enlarge(str(self.code(view_id, kind)))
 
     def enlarged_by(self, code: str, prepare: str = "") -> str:
-        """Attributes of a picture that is enlarged while a mouse rests on it, and stays so when it is clicked.
+        """HTML attributes of a picture that is enlarged while the pointer rests on it, and permanently by a click.
 
         Args:
-            code: a JavaScript expression for the code of the picture under the pointer.
-            prepare: JavaScript before it.
+            code: a JavaScript expression for the number of the picture under the pointer.
+            prepare: JavaScript that is run before it.
         """
         over = (
             f"if(event.pointerType==='mouse'){{{prepare}var c={code};if(c!==window.efOver){{window.efOver=c;"
@@ -63,13 +63,13 @@ class CellsControls:
             f"if(event.pointerType==='mouse'){{window.efOver={_NOWHERE};clearTimeout(window.efRest);"
             f"window.efRest=setTimeout(()=>{{{self._hover(str(_NOWHERE))}}},{_REST})}}"
         )
-        # A rest that is still waited for must not show its picture over the one that is chosen meanwhile, by a key.
+        # A pending hover must not replace the picture that a click or a key has selected meanwhile.
         click = f"clearTimeout(window.efRest);{prepare}{self.enlarge(code)}"
         return f'onpointermove="{text(over)}" onpointerleave="{text(out)}" onclick="{text(click)}"'
 
     @staticmethod
     def code(view_id: int, kind: str) -> int:
-        """A picture as the number that `enlarge` takes."""
+        """The number of a picture, for `enlarge`."""
         return view_id * len(_LENS_KINDS) + _LENS_KINDS.index(kind)
 
     def _enlarge(self, code: object) -> None:

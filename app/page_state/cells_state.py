@@ -1,16 +1,16 @@
-"""How one browser looks at the cells: which page of the panel, which columns, what is enlarged."""
+"""Cells state: settings of the cells panel in one browser."""
 
 from dataclasses import dataclass, replace
 
 PAGES: dict[str, str] = {"cells": "Cells", "photos": "In the photos", "pair": "Pair"}
 KINDS: dict[str, str] = {
-    "photo": "Observed cell I, grey levels stretched to what the face has",
+    "photo": "Observed cell I, contrast stretched to the grey levels of the face",
     "reconstruction": "Reconstruction U c from the eigenspace",
-    "residual": "Signed residual I − U c: blue below, red above, full strength from e_T on",
-    "weight": "Robust weight ρ'(e)/e: bright counts fully, yellow is an outlier beyond e_T",
+    "residual": "Signed residual I − U c: blue negative, red positive, saturated from e_T",
+    "weight": "Robust weight ρ'(e)/e: bright is full weight, yellow an outlier beyond e_T",
     "norm": "Robust norm ρ(e)",
-    "model": "Displacement field υ of the last step about this vertex, over the difference before it",
-    "flow": "Optical flow f from the cell to its reconstruction before that step; a right step counter-balances it",
+    "model": "Displacement field υ of the last step of this vertex, over the residual before it",
+    "flow": "Optical flow f from the cell to its reconstruction before that step; a correct step is opposite to it",
 }
 HEADS: dict[str, str] = {
     "photo": "I",
@@ -32,16 +32,18 @@ SPANS: dict[str, str] = {"faces": "the faces", "path": "the path"}
 
 @dataclass(frozen=True)
 class CellsView:
-    """Attributes:
-    page: of `PAGES`.
-    columns: of `KINDS`, in their order.
-    arrow_scale: arrows are drawn this many times longer.
-    enlarged: (view id, kind) of the picture that a click put into the lens; None: none. The kind is of `KINDS`,
-        `CROP`, or of `PAIR_KINDS`, then the view is any.
-    hovered: the same of the picture that the pointer rests on.
-    span: of `SPANS`: what the crops of the photos show.
-    pair: views i and j of the pair; None: chosen by themselves.
-    dimensions: k looked at; None: the run's own.
+    """Settings of the cells panel.
+
+    Attributes:
+        page: of `PAGES`.
+        columns: of `KINDS`, in their order.
+        arrow_scale: factor by which arrows are drawn longer.
+        enlarged: (view id, kind) of the picture enlarged by a click; None: none. The kind is of `KINDS`, `CROP`, or of
+            `PAIR_KINDS`, for which the view id has no meaning.
+        hovered: the same for the picture under the pointer.
+        span: of `SPANS`: the extent of the photo crops.
+        pair: views i and j of the pair; None: selected automatically.
+        dimensions: number of eigenspace dimensions k; None: that of the run.
     """
 
     page: str = "cells"
@@ -55,10 +57,10 @@ class CellsView:
 
     @property
     def in_lens(self) -> tuple[int, str] | None:
-        """The picture that the lens shows; None: no lens."""
+        """The picture in the lens; None: no lens is shown."""
         return self.hovered or self.enlarged
 
     def toggled(self, kind: str) -> "CellsView":
-        """With a column more or less; the last one stays."""
+        """With a column added or removed; the last column is never removed."""
         chosen = set(self.columns) ^ {kind}
         return replace(self, columns=tuple(k for k in KINDS if k in chosen) or self.columns)

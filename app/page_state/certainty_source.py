@@ -1,10 +1,9 @@
-"""How well the photos determine the selected vertices, asked of the engine whenever it rests."""
+"""Certainty source: how well the photos determine the selected vertices, computed while the engine is paused."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from app.debugger.commands import Query
 from app.debugger.controller import Controller
 from app.debugger.run_state import Activity, RunState
 from app.page_state.page_state import PageState
@@ -15,10 +14,12 @@ MAX_VERTICES = 50
 
 
 @dataclass(frozen=True)
-class CertaintyQuestion:
-    """Attributes:
-    run_id, moment: where.
-    vertices: ids; the current one comes last.
+class CertaintyKey:
+    """The vertices to compute the certainty of.
+
+    Attributes:
+        run_id, moment: the mesh.
+        vertices: ids; the current vertex comes last.
     """
 
     run_id: int
@@ -27,33 +28,29 @@ class CertaintyQuestion:
 
 
 class CertaintySource:
-    """Of one browser."""
+    """The certainties that one browser shows."""
 
     def __init__(self, controller: Controller) -> None:
-        self._lookup: QueryCache[CertaintyQuestion, list[Certainty]] = QueryCache(
-            lambda asker, work, answer: controller.post(Query(asker, work, answer))
-        )
+        self._cache: QueryCache[CertaintyKey, list[Certainty]] = QueryCache(controller.query)
 
-    def want(self, state: RunState, view: PageState) -> None:
-        """Query if it is time."""
-        question = certainty_question(state, view)
-        if question is not None and state.activity is Activity.PAUSED:
-            self._lookup.want(
-                question, lambda session: certainties(session, np.array(question.vertices), question.moment)
-            )
+    def request(self, state: RunState, page_state: PageState) -> None:
+        """Compute them, if the engine is paused and a vertex is selected."""
+        key = certainty_key(state, page_state)
+        if key is not None and state.activity is Activity.PAUSED:
+            self._cache.request(key, lambda session: certainties(session, np.array(key.vertices), key.moment))
 
-    def newest(self, state: RunState, view: PageState) -> list[Certainty]:
-        """What is known of the vertices looked at; a moment that has just gone serves until the next is there."""
-        found, question = self._lookup.newest, certainty_question(state, view)
-        if found is None or question is None or isinstance(found[1], Exception):
+    def latest(self, state: RunState, page_state: PageState) -> list[Certainty]:
+        """The latest certainties of the selected vertices, perhaps of an earlier moment; empty if there are none."""
+        found, key = self._cache.latest, certainty_key(state, page_state)
+        if found is None or key is None or isinstance(found[1], Exception):
             return []
-        asked = found[0]
-        return found[1] if (asked.run_id, asked.vertices) == (question.run_id, question.vertices) else []
+        return found[1] if (found[0].run_id, found[0].vertices) == (key.run_id, key.vertices) else []
 
 
-def certainty_question(state: RunState, view: PageState) -> CertaintyQuestion | None:
-    """The current vertex, and where they are drawn the others last chosen."""
-    if view.selected is None:
+def certainty_key(state: RunState, page_state: PageState) -> CertaintyKey | None:
+    """The current vertex; where the certainty layer is shown, also the last selected ones."""
+    selection = page_state.selection
+    if selection.current is None:
         return None
-    chosen = view.selection.vertices[-MAX_VERTICES:] if view.shows("certainty") else (view.selected,)
-    return CertaintyQuestion(state.run_id, state.moment, chosen)
+    vertices = selection.vertices[-MAX_VERTICES:] if page_state.shows("certainty") else (selection.current,)
+    return CertaintyKey(state.run_id, state.moment, vertices)

@@ -1,4 +1,4 @@
-"""What one browser looks at: its selection, its layers. The engine is shared, this is not."""
+"""Page state: what one browser shows, such as its selection and layers. All browsers share the engine."""
 
 from dataclasses import dataclass, field, replace
 
@@ -8,12 +8,12 @@ from app.page_state.cells_state import CellsView
 from app.page_state.selection import Selection
 
 LAYERS: dict[str, str] = {
-    "now": "Mesh now",
-    "start": "Mesh at the start",
+    "now": "Present mesh",
+    "start": "Start mesh",
     "truth": "True mesh",
     "vertices": "Vertices",
     "paths": "Vertex paths",
-    "certainty": "What the photos determine",
+    "certainty": "Certainty ellipsoids",
     "cameras": "Cameras",
     "points": "Sparse points",
 }
@@ -24,12 +24,12 @@ START_SHAPE, NOW_SHAPE, TRUE_SHAPE = 0.0, 1.0, 2.0
 
 @dataclass(frozen=True)
 class PlotView:
-    """What the plot shows.
+    """Settings of the plot.
 
     Attributes:
         name: of a quantity in `app.debugger.series`.
-        of_vertex: of the selected vertex instead of the run.
-        is_log: scale by powers of ten; None: as suits the quantity.
+        of_vertex: whether it is that of the selected vertex instead of the run.
+        is_log: logarithmic scale; None: the default of the quantity.
     """
 
     name: str = "energy"
@@ -39,25 +39,27 @@ class PlotView:
 
 @dataclass
 class PageState:
-    """Attributes:
-    selection: the vertices chosen.
-    face: the face of it whose cells are shown; None for any.
-    entered: the camera looked through, None outside.
-    magnification: of displacements, 1 to 50.
-    reference: what is compared with; None for nothing.
-    cells: how the cells are looked at.
-    plot: what the plot shows.
-    watches: expressions whose values are shown.
-    looks_at: a past moment shown while the run goes on; None follows it.
-    speed: of playing the record; 1 is four moments a second.
-    strip: what the timeline's strip shows, of `app.pictures.strip.KINDS`.
-    surface: how the faces are shown: a key of `SURFACES` or of `app.pictures.coloring.COLORINGS`.
-    by_eye: the texture of a resting surface follows the eye.
-    shape: where the surface's vertices are: 0 at the start, 1 now, 2 at the truth, and anything between.
-    model_share: of the model laid over a photo looked through, 0 to 1.
-    experiment: the one shown, of `fairing.experiments.EXPERIMENTS`.
-    swipes: that is the share of the photo's width, from the right, not of every pixel.
-    shown: which layers are switched on.
+    """The state of one browser's page.
+
+    Attributes:
+        selection: the selected vertices.
+        face: the face whose cells are shown; None: the first face of the current vertex.
+        entered: the camera whose view is shown; None: the free view.
+        magnification: of displacements, 1 to `MAX_MAGNIFICATION`.
+        reference: the moment compared with; None: no comparison.
+        cells: settings of the cells panel.
+        plot: settings of the plot.
+        watches: watch expressions.
+        looks_at: the past moment shown during a run; None: the present moment.
+        speed: playback speed; 1 is four moments per second.
+        strip: quantity in the timeline's strip, of `app.pictures.strip.KINDS`.
+        surface: appearance of the faces, a key of `SURFACES` or of `app.pictures.coloring.COLORINGS`.
+        by_eye: whether the texture is view-dependent while the run is paused.
+        shape: vertex positions of the surface: 0 at the start, 1 now, 2 the truth; values between are interpolated.
+        model_share: opacity of the model over the photo in a camera's view, 0 to 1.
+        experiment: the experiment shown, of `fairing.experiments.EXPERIMENTS`.
+        swipes: whether `model_share` is a fraction of the photo's width, from the right, instead of an opacity.
+        shown: for each layer whether it is visible.
     """
 
     selection: Selection = field(default_factory=Selection)
@@ -82,7 +84,7 @@ class PageState:
     )
 
     def copy(self) -> "PageState":
-        """The same for another browser, outside of any camera."""
+        """The same state for another browser, in the free view and at the present moment."""
         return replace(self, entered=None, looks_at=None, shown=dict(self.shown))
 
     def shows(self, layer: str) -> bool:
@@ -90,5 +92,5 @@ class PageState:
 
     @property
     def selected(self) -> int | None:
-        """The vertex whose cells and variables are shown: the current one of the selection."""
+        """The current vertex of the selection, whose cells and variables are shown; None if nothing is selected."""
         return self.selection.current

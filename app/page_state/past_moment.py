@@ -1,4 +1,4 @@
-"""A look at a past moment while the run goes on."""
+"""Past moment: the state that one browser shows when it views a past moment during a run."""
 
 from dataclasses import replace
 
@@ -7,7 +7,7 @@ from app.page_state.page_state import PageState
 
 
 def at_viewed_moment(state: RunState, view: PageState) -> RunState:
-    """The state as this browser wants to see it. Once the run rests, every browser is where the run is again."""
+    """The state at the moment that this browser views. When the run pauses, all browsers return to the present moment."""
     if state.activity is not Activity.RUNNING or (view.looks_at is not None and view.looks_at > state.length):
         view.looks_at = None
     if view.looks_at is None:

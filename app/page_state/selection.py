@@ -1,4 +1,4 @@
-"""The vertices a user has chosen: by click, by rectangle, or by their numbers."""
+"""Selection: the vertices selected by click, by rectangle, or by their numbers."""
 
 import re
 from collections.abc import Iterable
@@ -6,47 +6,49 @@ from dataclasses import dataclass
 
 from fairing.errors import InputError
 
-LONGEST_LIST = 4000  # characters: browsers may send anything
+MAX_LIST = 4000  # characters accepted from a browser
 _PIECE = re.compile(r"(\d{1,12})(?:\s*[-–]\s*(\d{1,12}))?")
 
 
 @dataclass(frozen=True)
 class Selection:
-    """Attributes:
-    vertices: ids in the order they were chosen; the last one is the current vertex.
+    """The selected vertices.
+
+    Attributes:
+        vertices: ids in the order of selection; the last one is the current vertex.
     """
 
     vertices: tuple[int, ...] = ()
 
     @property
     def current(self) -> int | None:
-        """The vertex whose cells and variables are shown."""
+        """The vertex whose cells and variables are shown; None if nothing is selected."""
         return self.vertices[-1] if self.vertices else None
 
     def toggled(self, vertex: int) -> "Selection":
-        """With this vertex as the current one, or without it if it was chosen."""
+        """With this vertex as the current one, or without it if it was selected."""
         others = tuple(v for v in self.vertices if v != vertex)
         return Selection(others if vertex in self.vertices else (*others, vertex))
 
     def extended(self, vertices: Iterable[int]) -> "Selection":
-        """With these, too. A current vertex stays the current one."""
+        """With more vertices; the current vertex stays the current one."""
         known = set(self.vertices)
         new = tuple(v for v in dict.fromkeys(vertices) if v not in known)
         return Selection((*new, *self.vertices))
 
 
 def parse_vertices(written: object, last: int) -> Selection:
-    """A list such as `3, 17-20`; the first vertex named is the current one.
+    """Parse a list such as `3, 17-20`; its first vertex becomes the current one.
 
     Args:
-        written: from a browser, so anything.
-        last: the highest number there is.
+        written: a value sent by a browser.
+        last: the largest vertex id.
 
     Raises:
-        InputError: what is wrong with which piece.
+        InputError: it is not a list of vertex ids; the message names the part that is wrong.
     """
-    if not isinstance(written, str) or len(written) > LONGEST_LIST:
-        raise InputError(f"vertices: expected a list such as 3, 17-20 of at most {LONGEST_LIST} characters")
+    if not isinstance(written, str) or len(written) > MAX_LIST:
+        raise InputError(f"vertices: expected a list such as 3, 17-20 of at most {MAX_LIST} characters")
     chosen: dict[int, None] = {}
     for piece in filter(None, (part.strip() for part in re.split(r"[,;\n]", written))):
         match = _PIECE.fullmatch(piece)
@@ -62,7 +64,7 @@ def parse_vertices(written: object, last: int) -> Selection:
 
 
 def list_vertices(vertices: Iterable[int]) -> str:
-    """The shortest list that names these vertices, ascending: 3, 17-20."""
+    """The shortest list of these vertices, ascending, such as `3, 17-20`."""
     runs: list[list[int]] = []
     for vertex in sorted(vertices):
         if runs and vertex == runs[-1][-1] + 1:

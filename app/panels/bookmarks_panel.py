@@ -1,4 +1,4 @@
-"""Moments with a note: listed, gone to, compared with, copied by name."""
+"""Bookmarks panel: lists bookmarked moments, jumps to them, compares with them, copies their names."""
 
 import viser
 
@@ -18,7 +18,7 @@ MAX_NUMBER = 10**6
 
 
 class BookmarksPanel:
-    """The list, and a line to write a note and keep the present moment."""
+    """The list of bookmarks, and a text field to bookmark the current moment with a note."""
 
     def __init__(
         self, gui: viser.GuiApi, html_events: HtmlEvents, controller: Controller, page_state: PageState
@@ -32,22 +32,22 @@ class BookmarksPanel:
                 "remove": integer(self._remove, "bookmark", 1, MAX_NUMBER),
             }
         )
-        hint = "Enter keeps the present moment with this note."
+        hint = "Enter bookmarks the current moment with this note."
         self._note = TextField(gui, html_events, "Note", hint, self._keep_with)
         self._panel = HtmlPanel(gui)
 
     def keep_now(self) -> None:
-        """Bookmark the present moment with the note that is written."""
+        """Bookmark the current moment with the note in the text field."""
         self._keep_with(self._note.take_draft())
 
     def show(self, state: RunState, page_state: PageState) -> None:
         here = moment_id(state.position, state.moment, state.options.n_levels)
-        keep = button("Bookmark this moment", self._events("keep"), hint="Keep the present moment with the note (K)")
+        keep = button("Bookmark this moment", self._events("keep"), hint="Bookmark this moment (K) with the note")
         rows = "".join(self._row(item, state) for item in state.bookmarks)
-        none = "<div class='dim note'>No bookmarks yet. Saved runs keep them beside their file.</div>"
+        none = "<div class='dim note'>No bookmarks yet. They are saved with the run.</div>"
         self._panel.set(
             f"<div class='row'>{keep}<span class='dim grow'>now: <code>{text(here)}</code></span>"
-            f"{copy_button(here, 'Copy the name of this moment, for --at')}</div>"
+            f"{copy_button(here, 'Copy the name of this moment (for --at)')}</div>"
             f"<div class='scroll'>{f'<table class=runs>{rows}</table>' if rows else none}</div>"
         )
 
@@ -59,11 +59,14 @@ class BookmarksPanel:
             hint=f"Go to moment {item.moment} of run {item.run_id}",
             css_class="small on" if is_here else "small",
         )
+        copy = copy_button(item.at, "Copy the name of this moment (for --at)")
         compare = button("A", self._events("compare", item.number), hint="Compare with this moment", css_class="small")
-        remove = button("", self._events("remove", item.number), hint="Remove", icon=icon("leave"), css_class="small")
+        remove = button(
+            "", self._events("remove", item.number), hint="Remove this bookmark", icon=icon("leave"), css_class="small"
+        )
         return (
             f"<tr><td>{go}</td><td class='dim n'>run {item.run_id}</td><td class='what'>{text(item.note)}</td>"
-            f"<td><div class='row tools'>{copy_button(item.at, 'Copy its name, for --at')}{compare}{remove}</div></td></tr>"
+            f"<td><div class='row tools'>{copy}{compare}{remove}</div></td></tr>"
         )
 
     def _keep_with(self, note: str) -> None:

@@ -1,4 +1,4 @@
-"""The list of breakpoints, and how to make one."""
+"""Breakpoints panel: the list of breakpoints, a text field for a new condition, and common conditions."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -19,9 +19,9 @@ from fairing.errors import InputError
 READY_MADE: dict[str, str] = {
     "A step is rejected": "rejected > 0",
     "The energy is stuck": "abs(percent) < 0.01",
-    "A vertex is under-determined": "weakest < 0.01",
+    "A vertex is underconstrained": "weakest < 0.01",
     "A step is longer than 2 px": "step_px > 2",
-    "A photo sees other faces": "seen_changes > 0",
+    "Visible faces change": "seen_changes > 0",
     "A level begins": "sweep == 1 and unit == 1 and iteration == 1",
 }
 
@@ -29,23 +29,23 @@ MAX_NUMBER = 10**6
 
 
 def ready_made(page_state: PageState) -> dict[str, str]:
-    """Conditions by what they say: those that always fit, and those about what is selected and looked through."""
+    """Common conditions by their label: for the selected vertex, for the photo looked through, and for any run."""
     about = {}
     if page_state.selected is not None:
         about |= {
             f"Vertex {page_state.selected} moves 1 px from here": f"travelled({page_state.selected}) > 1",
-            f"A step is about vertex {page_state.selected}": f"about({page_state.selected})",
+            f"A step solves for vertex {page_state.selected}": f"about({page_state.selected})",
         }
     if page_state.entered is not None:
         about |= {
-            f"The energy rises in view {page_state.entered}": f"view({page_state.entered}) > 0",
-            f"View {page_state.entered} has 30 % outliers": f"outliers({page_state.entered}) > 0.3",
+            f"The energy rises in photo {page_state.entered}": f"view({page_state.entered}) > 0",
+            f"Photo {page_state.entered} has 30 % outliers": f"outliers({page_state.entered}) > 0.3",
         }
     return about | READY_MADE
 
 
 class BreakpointsPanel:
-    """Conditions are typed or taken ready-made; each can be switched off, made to report only, or removed."""
+    """Conditions are typed or chosen from a list. Each can be disabled, turned into a logpoint, or removed."""
 
     def __init__(
         self,
@@ -67,7 +67,7 @@ class BreakpointsPanel:
             }
         )
         self._mistake = ""
-        hint = "A condition over what is recorded of a step, such as rejected > 0. Enter adds it."
+        hint = "A condition on the recorded values of a step, such as rejected > 0. Enter adds it."
         self._line = TextField(gui, html_events, "Stop when", hint, self._add)
         self._panel = HtmlPanel(gui)
 
@@ -86,8 +86,8 @@ class BreakpointsPanel:
         self._panel.set(
             f"<div class='row'>{add}</div>{_pointed_at(self._mistake)}"
             f"<div class='note'>{rows or '<span class=dim>No breakpoints yet.</span>'}</div>"
-            + (f"<h4>Reported</h4>{log}" if log else "")
-            + f"<h4>Ready-made</h4><div class='stack'>{ready}</div><h4>Words of a condition</h4>"
+            + (f"<h4>Log</h4>{log}" if log else "")
+            + f"<h4>Common conditions</h4><div class='stack'>{ready}</div><h4>Names in conditions</h4>"
             f"<table class='words'>{words}</table>"
         )
 
@@ -98,12 +98,18 @@ class BreakpointsPanel:
             "●", self._events("switch", item.number), hint=f"Breakpoint {number} is {state}", css_class=f"dot {state}"
         )
         report = button(
-            "report" if item.logs else "stop",
+            "log" if item.logs else "stop",
             self._events("report", item.number),
-            hint="Stop, or only report",
+            hint="Stop the run or only log",
             css_class="small",
         )
-        remove = button("", self._events("remove", item.number), hint="Remove", icon=icon("leave"), css_class="small")
+        remove = button(
+            "",
+            self._events("remove", item.number),
+            hint="Remove this breakpoint",
+            icon=icon("leave"),
+            css_class="small",
+        )
         return (
             f"<div class='row breakpoint'>{switch}<code class='grow'>{text(item.condition.text)}</code>"
             f"<span class='dim'>{item.hits} ×</span>{report}{remove}</div>"
@@ -137,8 +143,8 @@ class BreakpointsPanel:
 
 
 def _pointed_at(mistake: str) -> str:
-    """A mistake, and below it what was written with a mark at the place."""
-    said, _, written = mistake.partition(" (at: ")
+    """An error message, and below it the input with a mark at the position of the error."""
+    message, _, written = mistake.partition(" (at: ")
     before, _, after = written.removesuffix(")").partition("⟨here⟩")
     place = f"<code>{text(before)}<b class='rejected'>▸</b>{text(after)}</code>" if written else ""
-    return f"<div class='note rejected' role='alert'>{text(said)}</div>{place}" if mistake else ""
+    return f"<div class='note rejected' role='alert'>{text(message)}</div>{place}" if mistake else ""

@@ -1,4 +1,4 @@
-"""While a camera is looked through: which one, and how the model is laid over its photo."""
+"""Camera box: the photo looked through, and how the predicted photo is overlaid on it."""
 
 from collections.abc import Callable
 
@@ -20,7 +20,10 @@ LAID = {False: "Blend", True: "Swipe"}
 
 
 class CameraBox:
-    """Floats in a corner of the 3D view. Blend: the slider is the model's share of every pixel; swipe: of the width."""
+    """Floats in a corner of the 3D view while a camera is looked through.
+
+    The slider sets the share of the model: of every pixel (blend), or of the photo's width (swipe).
+    """
 
     def __init__(
         self,
@@ -38,7 +41,7 @@ class CameraBox:
             self._panel = HtmlPanel(gui)
             share = gui.add_slider(
                 "Photo – model", min=0, max=100, step=1, initial_value=round(100 * page_state.model_share),
-                hint="Lays what the other photos and the mesh predict over the photo (%).",
+                hint="Share of the model, in percent: the photo as predicted from the mesh and the other photos.",
             )  # fmt: skip
 
         def lay(swipes: bool) -> None:
@@ -62,10 +65,10 @@ class CameraBox:
         name = self._scene.views[page_state.entered].name
         back = button("Leave", self._events("leave"), hint="Leave the camera (0)", icon=icon("leave"))
         overlays = {swipes: (label, self._events("lay", k)) for k, (swipes, label) in enumerate(LAID.items())}
-        lay = choice(overlays, page_state.swipes, "Lay over")
+        lay = choice(overlays, page_state.swipes, "Overlay")
         self._panel.set(
             f"<div class='row'>{icon('eye')}<span class='grow big one'>{text(name)}</span>{back}</div>"
-            f"<div class='dim note'>the model over the photo</div>{lay}"
-            f"<div class='dim note'>with the mesh as it is</div>{choice(self._surface.shapes(), page_state.shape, 'Model')}"
+            f"<div class='dim note'>overlay of the model</div>{lay}"
+            f"<div class='dim note'>vertices of the model</div>{choice(self._surface.shapes(), page_state.shape, 'Vertices')}"
         )
         self._followed.follow(round(100 * page_state.model_share))

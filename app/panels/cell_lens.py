@@ -1,10 +1,10 @@
-"""One picture of the cells panel enlarged, with its scale and the values under the pointer."""
+"""Lens: one picture of the cells panel enlarged, with its colour scale and the values under the pointer."""
 
 from collections.abc import Callable
 
 import viser
 
-from app.background_worker import Background
+from app.background_worker import BackgroundWorker
 from app.debugger.cell_queries import CellFacts
 from app.debugger.run_state import RunState
 from app.html import button, icon, text
@@ -25,7 +25,7 @@ FRAME = 362  # px of the lens
 
 
 class CellLens:
-    """Floats beside the panel while something is enlarged."""
+    """Floats beside the cells panel while a picture is enlarged."""
 
     def __init__(
         self,
@@ -33,7 +33,7 @@ class CellLens:
         scene: Scene,
         source: CellSource,
         pages: PhotoPages,
-        background: Background,
+        background: BackgroundWorker,
         controls: CellsControls,
         enter: Callable[[str], str],
     ) -> None:
@@ -65,7 +65,7 @@ class CellLens:
             self._panel.set(self._content(found[1], *enlarged, page_state))
 
     def _show_photo(self, state: RunState, page_state: PageState, vertex: int, view_id: int, kind: str) -> None:
-        """A photo around the vertex, or a picture of the pair."""
+        """Show a crop of a photo around the vertex, or a picture of the pair."""
         found = self._pages.newest(state, vertex)
         if found is None:
             return
@@ -76,18 +76,18 @@ class CellLens:
             self._frame.visible = True
         cells_view, face = page_state.cells, chosen_face(self._scene.mesh, page_state)
         if kind == CROP or face is None:
-            self._drawing.want(
+            self._drawing.request(
                 (key, view_id, kind, cells_view.span, cells_view.arrow_scale),
                 lambda: self._pages.crop(known, view_id, cells_view, SIDE),
             )
         else:
             slot = self._scene.mesh.one_rings[vertex].tolist().index(face)
             affine = state.options.cells.warp == "affine"
-            self._drawing.want(
+            self._drawing.request(
                 (key, face, kind, cells_view.pair),
                 lambda: self._pages.enlarged_pair(known, face, slot, cells_view, affine, kind, SIDE),
             )
-        drawn = self._drawing.newest
+        drawn = self._drawing.latest
         if drawn is None or drawn == self._drawn:
             return
         self._drawn = drawn
@@ -119,7 +119,7 @@ class CellLens:
         )
 
     def _around(self, views: list[int], view_id: int, kind: str) -> str:
-        """Buttons to the photo before and after."""
+        """Buttons for the previous and the next photo."""
         at = views.index(view_id) if view_id in views else 0
         return "".join(
             button(
@@ -170,7 +170,7 @@ class CellLens:
 
 
 def _read_out(size: int, pictures: CellPictures) -> str:
-    """JavaScript for the picture: what its sample under the pointer says goes into the line two below."""
+    """JavaScript that writes the values of the sample under the pointer into the second element after the picture."""
     return (
         "var t=this,d=t.dataset.values,v=t.d===d?t.v:(t.d=d,t.v=new Int16Array(Uint8Array.from(atob(d),"
         "c=>c.charCodeAt(0)).buffer)),"

@@ -1,4 +1,4 @@
-"""The cells of a face, a row a photo: the paper's figures 3, 4b and 4c, live."""
+"""Cell table: the cells of a face, one row per photo (the paper's figures 3, 4b and 4c)."""
 
 from collections.abc import Callable
 
@@ -21,11 +21,11 @@ CHART = (158, 54)
 def cell_table(
     facts: CellFacts, cells_view: CellsView, scene: Scene, controls: CellsControls, enter: Callable[[str], str]
 ) -> str:
-    """Markup of the whole page."""
+    """Markup of the page "Cells"."""
     cells = facts.cells
     if not cells.takes_part:
         return (
-            f"<div class='note'>Face {cells.face} takes no part: {len(cells.views)} photos see it well enough, "
+            f"<div class='note'>Face {cells.face} is not used: {len(cells.views)} photos see it well enough, "
             "three are needed.</div>"
         )
     tile = min(MAX_TILE, (WIDTH - GAP * (len(cells_view.columns) - 1)) // len(cells_view.columns))
@@ -49,7 +49,7 @@ def _facts(facts: CellFacts, controls: CellsControls) -> str:
     k = len(cells.basis)
     own = ""
     if k != facts.own_dimensions:
-        back = button(f"the run's {facts.own_dimensions}", controls.dimensions("0"), hint="Back to the run's own k",
+        back = button(f"the run's {facts.own_dimensions}", controls.dimensions("0"), hint="Back to the k of the run",
                       css_class="small")  # fmt: skip
         before = float(facts.energies[facts.own_dimensions - 1])
         own = f"<div class='row'><span class='selected'>k = {k} instead of</span>{back}<span class='dim'>energy " \
@@ -62,7 +62,7 @@ def _facts(facts: CellFacts, controls: CellsControls) -> str:
 
 
 def _basis(facts: CellFacts, controls: CellsControls) -> str:
-    """Basis images, singular values, and the energy that would be left with every k."""
+    """Basis images, singular values, and the energy for every number of dimensions k."""
     cells, k = facts.cells, len(facts.cells.basis)
     tile = min(60, WIDTH // k - GAP)
     values = np.log1p(cells.singular_values)
@@ -71,12 +71,12 @@ def _basis(facts: CellFacts, controls: CellsControls) -> str:
         [f"singular value {i + 1}: {number(float(value))}" for i, value in enumerate(cells.singular_values)],
         lambda i: "on" if i < k else "",
     )
-    # A scale of four decades: what is left with all but one of the dimensions is small.
+    # Logarithmic over four decades, because the energy falls steeply with k.
     left = facts.energies / max(float(facts.energies.max(initial=0)), 1e-12)
     fall = _bars(
         1 + np.log10(np.clip(left, 1e-4, 1)) / 4,
         [
-            f"k = {i + 1}: energy {number(float(energy))}; click to look at it"
+            f"k = {i + 1}: energy {number(float(energy))}; click to show the cells with this k"
             for i, energy in enumerate(facts.energies)
         ],
         lambda i: "chosen" if i + 1 == k else "own" if i + 1 == facts.own_dimensions else "",
@@ -85,7 +85,7 @@ def _basis(facts: CellFacts, controls: CellsControls) -> str:
     return (
         f"<h4>Basis images</h4><img src='{strip_of_basis(cells, tile)}' alt='basis images'>"
         f"<div class='charts'><div>{scree}<span class='dim'>singular values</span></div>"
-        f"<div>{fall}<span class='dim'>energy left, by k</span></div></div>"
+        f"<div>{fall}<span class='dim'>energy by k (log scale)</span></div></div>"
     )
 
 
@@ -95,7 +95,7 @@ def _bars(
     css_class: Callable[[int], str],
     press: Callable[[int], str] | None = None,
 ) -> str:
-    """A bar chart, heights 0 to 1; with `press`, bars can be clicked over the whole height."""
+    """A bar chart of heights from 0 to 1. With `press`, a click anywhere in a bar's column counts."""
     width, height = CHART
     step = width / max(len(heights), 1)
     parts = []
@@ -113,7 +113,7 @@ def _bars(
 
 
 def _chips(facts: CellFacts, cells_view: CellsView, controls: CellsControls) -> str:
-    """Which columns, and how long the arrows."""
+    """Buttons for the columns shown and for the length of the arrows."""
     columns = "".join(
         button(
             HEADS[kind],
@@ -140,9 +140,9 @@ def _chips(facts: CellFacts, cells_view: CellsView, controls: CellsControls) -> 
 
 def _flow_note(facts: CellFacts) -> str:
     if facts.flows is None:
-        note = "the face took no part before that step"
+        note = "the face was not used before that step"
     elif facts.flows.moment is None:
-        note = "no step yet: f of the present cells"
+        note = "no step yet; f of the current cells"
     else:
         note = f"of the step to moment {facts.flows.moment}"
         note += "; it moved no corner of this face" if facts.flows.model is None else ""

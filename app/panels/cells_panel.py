@@ -1,10 +1,10 @@
-"""What the photos show of the selected vertex: its cells, its place in the photos, pairs of photos."""
+"""Cells panel: the cells of the selected vertex, crops of the photos around it, and pairs of photos."""
 
 from collections.abc import Callable
 
 import viser
 
-from app.background_worker import Background
+from app.background_worker import BackgroundWorker
 from app.debugger.run_state import RunState
 from app.html import button, text
 from app.page_state.cells_controls import CellsControls
@@ -20,8 +20,10 @@ from fairing.scene import Scene
 
 
 class CellsPanel:
-    """Faces and pages to choose from, and the page chosen. A click on a photo's name looks through it, one on a
-    picture enlarges it."""
+    """Buttons for the page and the face, and the chosen page.
+
+    A click on a photo's name looks through its camera; a click on a picture enlarges it.
+    """
 
     def __init__(
         self,
@@ -29,7 +31,7 @@ class CellsPanel:
         scene: Scene,
         source: CellSource,
         pages: PhotoPages,
-        background: Background,
+        background: BackgroundWorker,
         controls: CellsControls,
         choose_face: Callable[[str], str],
         enter: Callable[[str], str],
@@ -45,7 +47,7 @@ class CellsPanel:
             step=1,
             initial_value=1,
             visible=False,
-            hint="Look at the same cells with more or fewer eigenspace dimensions. The run keeps its own.",
+            hint="Eigenspace dimensions of the cells shown here. The run keeps its own k.",
         )
         self._followed = SyncedSlider(self._k, guarded(controls.look_at_k))
         self._body = HtmlPanel(gui)
@@ -54,7 +56,7 @@ class CellsPanel:
     def show(self, state: RunState, page_state: PageState) -> None:
         face = chosen_face(self._scene.mesh, page_state)
         if face is None or page_state.selected is None:
-            note = "Click a vertex to see the cells of its faces."
+            note = "Select a vertex to see the cells of its faces."
             if page_state.selected is not None:
                 note = f"No face uses vertex {page_state.selected}."
             self._head.set(f"<span class='dim'>{note}</span>")
@@ -110,7 +112,7 @@ class CellsPanel:
         self._k.visible = False
         found = self._pages.newest(state, vertex)
         if found is None:
-            self._body.set("<div class='note dim'>Cutting the photos…</div>")
+            self._body.set("<div class='note dim'>Cropping the photos…</div>")
             return
         key, known = found
         if isinstance(known, Exception):
@@ -125,10 +127,10 @@ class CellsPanel:
         self._draw(("pair", key, face, cells_view.pair), lambda: pages.pair(known, face, slot, cells_view, affine))
 
     def _draw(self, key: tuple, work: Callable[[], str]) -> None:
-        """Show what is drawn of this page; what was drawn last stays until the new is there."""
-        self._drawing.want(key, work)
-        if self._drawing.newest is not None and self._drawing.newest[0][0] == key[0]:
-            drawn = self._drawing.newest[1]
+        """Show a page drawn in the background. Until it is ready, the previous drawing of the same page stays."""
+        self._drawing.request(key, work)
+        if self._drawing.latest is not None and self._drawing.latest[0][0] == key[0]:
+            drawn = self._drawing.latest[1]
             self._body.set(f"<div class='note rejected'>{text(drawn)}</div>" if isinstance(drawn, Exception) else drawn)
 
     def _show_k(self, k: int, largest: int) -> None:

@@ -1,4 +1,4 @@
-"""How well the photos determine the selected vertex, in numbers."""
+"""Certainty panel: standard deviations of the selected vertex, and the direction that is least certain."""
 
 import viser
 
@@ -13,33 +13,33 @@ DEVIATIONS = 3
 
 
 class CertaintyPanel:
-    """Of the current vertex of the selection; what moves by itself is left as it was."""
+    """For the current vertex of the selection. Not updated while the run moves."""
 
     def __init__(self, gui: viser.GuiApi, source: CertaintySource) -> None:
         self._source = source
         self._panel = HtmlPanel(gui)
 
     def show(self, state: RunState, page_state: PageState) -> None:
-        self._source.want(state, page_state)
+        self._source.request(state, page_state)
         if state.is_moving:
             return
-        found = self._source.newest(state, page_state)
+        found = self._source.latest(state, page_state)
         self._panel.set(_content(found[-1]) if found else "")
 
 
 def _content(certainty: Certainty) -> str:
-    title = "<h4>What the photos determine</h4>"
+    title = "<h4>Certainty from the photos</h4>"
     if not certainty.is_seen:
-        return f"{title}<div class='dim'>Nothing: fewer than three photos see its faces.</div>"
+        return f"{title}<div class='dim'>Unknown: fewer than three photos see its faces.</div>"
     free = ", ".join(f"{x:.2f}".replace("-", "\u2212") for x in certainty.axes[2])
     ratio = certainty.lengths[2]
     rows = [
-        ("3 std deviations, units", " · ".join(_length(DEVIATIONS * value) for value in certainty.deviations)),
-        ("least known along", free),
-        ("longest / shortest axis", number(float(ratio), 3) if ratio < float("inf") else "open"),
+        ("3 σ, world units", " · ".join(_length(DEVIATIONS * value) for value in certainty.deviations)),
+        ("least certain direction", free),
+        ("longest / shortest axis", number(float(ratio), 3) if ratio < float("inf") else "∞"),
     ]
     return title + table(rows)
 
 
 def _length(value: float) -> str:
-    return number(float(value), 2) if value < float("inf") else "open"
+    return number(float(value), 2) if value < float("inf") else "∞"

@@ -1,7 +1,7 @@
-"""A chart as SVG in the page's own type and colours.
+"""Charts as SVG in the fonts and colours of the page.
 
-The plots that viser offers (uPlot) take one column of places for all series and know no gaps: where a series has no
-number, lines drop to the floor of a log scale.
+viser's uPlot charts are not used: all series share one x column, and missing values are drawn as zeros, so that lines
+drop to the bottom of a log scale.
 """
 
 from collections.abc import Sequence
@@ -15,11 +15,11 @@ from app.ticks import log_ticks, ticks
 
 WIDTH, HEIGHT = 338, 190
 LEFT, RIGHT, TOP, BOTTOM = 50, 10, 10, 36
-MOST_DOTS = 40  # of a line; more would hide it
+MOST_DOTS = 40  # per line; more would hide the line
 
 
 def charts_svg(charts: Sequence[Chart]) -> str:
-    """One below the other; curves that the legend of one explains are not explained again below the next."""
+    """Charts one below the other. A label that appears in several charts is listed in the first legend only."""
     parts, explained = [], set()
     for chart in charts:
         legend = [series for series in chart.series if series.label and series.label not in explained]
@@ -29,7 +29,7 @@ def charts_svg(charts: Sequence[Chart]) -> str:
 
 
 def _chart(chart: Chart) -> str:
-    """Title and picture; the mouse shows a point's values."""
+    """Title and picture. A tooltip shows the values of a point."""
     x, y = (
         _Axis(chart.x_range, chart.x_log, LEFT, WIDTH - RIGHT),
         _Axis(chart.y_range, chart.y_log, HEIGHT - BOTTOM, TOP),
@@ -48,14 +48,14 @@ def _chart(chart: Chart) -> str:
 
 
 class _Axis:
-    """Maps values to pixels."""
+    """Maps values to pixels, linearly or logarithmically."""
 
     def __init__(self, ends: tuple[float, float], is_log: bool, low_px: float, high_px: float) -> None:
         self._is_log, self._low_px, self._high_px = is_log, low_px, high_px
         self._low, self._high = (float(np.log10(end)) if is_log else end for end in ends)
 
     def at(self, values: np.ndarray | float) -> np.ndarray:
-        """Pixels; what lies beyond an end is drawn at that end."""
+        """Pixels; values beyond an end are drawn at that end."""
         values = np.asarray(values, dtype=float)
         scaled = np.log10(np.maximum(values, 1e-300)) if self._is_log else values
         share = np.clip((scaled - self._low) / (self._high - self._low), 0, 1)
@@ -90,8 +90,8 @@ def _drawn(series: Series, x: _Axis, y: _Axis) -> str:
         )
     if series.kind == "points" or (series.kind == "line" and len(across) <= MOST_DOTS):
         for a, b, from_x, to_y in zip(across, up, series.x.tolist(), series.y.tolist(), strict=True):
-            said = text(f"{series.label} at {_plain(from_x)}: {number(to_y, 3)}".strip())
-            parts.append(f'<circle cx="{a:.1f}" cy="{b:.1f}" r="3" fill="{color}"><title>{said}</title></circle>')
+            hint = text(f"{series.label} at {_plain(from_x)}: {number(to_y, 3)}".strip())
+            parts.append(f'<circle cx="{a:.1f}" cy="{b:.1f}" r="3" fill="{color}"><title>{hint}</title></circle>')
     return "".join(parts)
 
 

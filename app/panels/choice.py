@@ -1,4 +1,4 @@
-"""Buttons of which one is down."""
+"""Segmented control: a group of buttons of which one is pressed."""
 
 from typing import Any
 
@@ -6,11 +6,12 @@ from app.html import button, text
 
 
 def choice(options: dict[Any, tuple[str, str]], chosen: object, name: str) -> str:
-    """A group of buttons of which one is down.
+    """Markup of a segmented control.
 
     Args:
-        options: a label and its JavaScript for every value.
-        name: of the group, for screen readers.
+        options: for every value its label and the JavaScript of its button.
+        chosen: the value whose button is pressed.
+        name: accessible name of the group.
     """
     found = []
     for key, (label, press) in options.items():

@@ -1,4 +1,4 @@
-"""The buttons that step, run and go back."""
+"""Debug bar: the buttons that run, pause, step forward and step back."""
 
 import viser
 
@@ -14,7 +14,7 @@ UNIT_NAMES = {"sequential": "vertex", "worst_first": "vertex", "independent": "s
 
 
 class DebugBar:
-    """Forward on the first line, back on the second, from one iteration to a whole level."""
+    """Run controls, a row of forward steps and a row of backward steps, from one iteration to a whole level."""
 
     def __init__(self, gui: viser.GuiApi, html_events: HtmlEvents, run_controls: RunControls) -> None:
         self._panel = HtmlPanel(gui)

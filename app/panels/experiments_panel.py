@@ -1,4 +1,4 @@
-"""Experiments on the scene at hand: choose one, start it, see its charts fill, take them away."""
+"""Experiments panel: chooses and starts an experiment on the current scene, shows its charts, downloads its results."""
 
 import viser
 
@@ -17,7 +17,7 @@ from fairing.options import PRESETS, FairingOptions
 
 
 class ExperimentsPanel:
-    """One browser looks at one experiment; all browsers share those that are made."""
+    """Shows the experiment chosen in one browser. Results are shared by all browsers."""
 
     def __init__(
         self,
@@ -88,19 +88,19 @@ class ExperimentsPanel:
             return f"<div class='note dim'>{text(self._obstacle)}.</div>"
         working = self._runner.working
         if working is not None and working != page_state.experiment:
-            return f"<div class='note dim'>{text(EXPERIMENTS[working].title)} is at work; one at a time.</div>"
+            return f"<div class='note dim'>{text(EXPERIMENTS[working].title)} is running; only one experiment runs at a time.</div>"
         if working is not None and outcome is not None:
-            cancel = button("Cancel", self._events("cancel"), hint="Keep what is done and stop", css_class="main")
-            return f"<div class='row note'>{cancel}<span class='dim'>What is done is kept.</span></div>"
+            cancel = button("Cancel", self._events("cancel"), hint="Cancel (finished runs are kept)", css_class="main")
+            return f"<div class='row note'>{cancel}<span class='dim'>Finished runs are kept.</span></div>"
         which = (
-            "the vertex photos see best"
+            "the vertex with the best coverage"
             if page_state.selected is None
             else f"vertex {page_state.selected}, which is selected"
         )
         start = button("Start", self._events("start"), hint="Start the experiment", icon=icon("run"), css_class="main")
         return (
-            f"<div class='row note'>{start}<span class='dim'>With {which}; {_preset_of(state.options)}. "
-            "The run is not touched.</span></div>"
+            f"<div class='row note'>{start}<span class='dim'>Uses {which}, and {_preset_of(state.options)}. "
+            "The run does not change.</span></div>"
         )
 
     def _findings(self, outcome: Outcome) -> str:
@@ -110,7 +110,7 @@ class ExperimentsPanel:
             return ""
         finding = outcome.experiment.finding(outcome.record.in_order(outcome.rows))
         count = f"{len(outcome.rows)} of {len(outcome.record.cases)} runs"
-        said = {
+        progress = {
             Status.WORKING: f"{count} so far", Status.DONE: f"{count}, {_duration(outcome.seconds)}",
             Status.CANCELLED: f"cancelled after {count}",
         }[outcome.status]  # fmt: skip
@@ -120,7 +120,7 @@ class ExperimentsPanel:
         charts = charts_svg(charts_of(outcome.experiment, outcome.record.cases, outcome.rows))
         return (
             f"{charts}<div class='note'>{text(finding)}</div>"
-            f"<div class='row note'><span class='dim grow'>{text(about)}; {text(said)}</span>{csv}{png}</div>"
+            f"<div class='row note'><span class='dim grow'>{text(about)}; {text(progress)}</span>{csv}{png}</div>"
         )
 
 
@@ -129,17 +129,17 @@ def _progress(outcome: Outcome) -> str:
         return ""
     done, total = len(outcome.rows), len(outcome.record.cases) if outcome.record is not None else 0
     left = "" if outcome.left is None else f", about {_duration(outcome.left)} left"
-    said = f"{done} of {total} runs{left}" if total else "getting ready"
+    line = f"{done} of {total} runs{left}" if total else "preparing"
     share = 100 * done / max(total, 1)
-    return f"<div class='note'>{said}</div><div class='bar'><div style='width:{share:.1f}%'></div></div>"
+    return f"<div class='note'>{line}</div><div class='bar'><div style='width:{share:.1f}%'></div></div>"
 
 
 def _preset_of(options: FairingOptions) -> str:
-    """Which preset it is, or that it is none."""
+    """The preset with these options; other options are those of the current run."""
     for name, preset in PRESETS.items():
         if options == preset:
-            return f"options of the preset {name}"
-    return "options of the run at hand"
+            return f"the preset {name}"
+    return "the options of the current run"
 
 
 def _duration(seconds: float) -> str:

@@ -1,4 +1,4 @@
-"""What of the scene is drawn."""
+"""Layers panel: switches for the layers of the 3D view and for the theme."""
 
 from collections.abc import Callable
 
@@ -26,13 +26,13 @@ SWATCHES: dict[str, RGB] = {
 
 
 def available_layers(scene: Scene) -> list[str]:
-    """The layers that this scene has something for."""
+    """Names of the layers for which the scene has data."""
     missing = {"truth": scene.truth is None, "points": scene.sparse_points is None}
     return [name for name in LAYERS if not missing.get(name, False)]
 
 
 class LayersPanel:
-    """A switch a layer; its colour is the one in the scene."""
+    """One switch per layer, with the colour that the layer has in the 3D view."""
 
     def __init__(
         self,

@@ -1,4 +1,4 @@
-"""What the colours of the surface mean, in a corner of the 3D view."""
+"""Legend of the surface colours, in a corner of the 3D view."""
 
 import viser
 
@@ -13,7 +13,7 @@ STOPS = 16
 
 
 class LegendBox:
-    """Shown as long as the surface is coloured."""
+    """Shown while the surface is coloured by a quantity."""
 
     def __init__(self, gui: viser.GuiApi) -> None:
         self._box = gui.add_panel(visible=False)
@@ -28,7 +28,7 @@ class LegendBox:
 
 
 def legend_html(legend: Legend) -> str:
-    """Title, scale with its ends, and what lies beyond it; or names and counts."""
+    """Markup: title and colour scale with its ends and extremes; for categories their names and counts."""
     coloring = legend.coloring
     whose = "faces" if coloring.by_face else "vertices"
     parts = [f"<div class='legend'><b>{text(coloring.title)}</b>"]
@@ -39,7 +39,7 @@ def legend_html(legend: Legend) -> str:
     elif legend.unknown == 0 or legend.largest:
         parts.append(_entry(_color(0), f"all {whose}", _value(legend.low, legend)))
     if legend.unknown:
-        parts.append(_entry(UNKNOWN, "not known", str(legend.unknown)))
+        parts.append(_entry(UNKNOWN, "unknown", str(legend.unknown)))
     return "".join(parts) + "</div>"
 
 

@@ -1,4 +1,4 @@
-"""A lesson's step: text, formulas, the line of pseudo-code at work, a question, and the way on."""
+"""Lesson panel: the current lesson step with its text, pseudo-code line, question and navigation buttons."""
 
 from collections.abc import Callable
 
@@ -16,7 +16,7 @@ from app.viser_bridge.html_events import HtmlEvents, integer, press
 from app.viser_bridge.html_panel import HtmlPanel
 
 MOST_CHOICES = 6
-LINES_SHOWN = 3  # of the pseudo-code: with all of it the text would be out of sight
+LINES_SHOWN = 3  # lines of pseudo-code; the full listing would push the text out of the panel
 NO_FINDINGS = Findings({}, ())
 LESSON_STYLE = f"""
 .ef.ef .lesson p {{ margin: 6px 0; }} .ef .lesson ul {{ margin: 4px 0; padding-left: 18px; }}
@@ -43,7 +43,7 @@ LESSON_STYLE = f"""
 
 
 class LessonPanel:
-    """Docked above the cells while a lesson is open."""
+    """Docked above the cells panel while a lesson is open."""
 
     def __init__(
         self,
@@ -103,21 +103,28 @@ class LessonPanel:
         )
 
     def _aside(self, has_strayed: bool) -> str:
-        """What the lesson waits for, if anything."""
+        """A notice with a button: the engine is running, was paused, failed, or the page has left the lesson step."""
         match self._player.status:
             case Status.AT_WORK:
                 pause = button("Pause", self._events("pause"), hint="Pause (P)", css_class="small")
-                return f"<div class='aside row'><span class='grow'>The engine is at work…</span>{pause}</div>"
+                return f"<div class='aside row'><span class='grow'>The engine is running…</span>{pause}</div>"
             case Status.CUT_SHORT:
-                on = button("Go on", self._events("resume"), hint="Go on with this step's work", css_class="small")
-                return f"<div class='aside row'><span class='grow'>Paused within this step.</span>{on}</div>"
+                on = button("Continue", self._events("resume"), hint="Continue this lesson step", css_class="small")
+                return f"<div class='aside row'><span class='grow'>Paused before the end of this step.</span>{on}</div>"
             case Status.FAILED:
-                again = button("Try again", self._events("resume"), hint="Try this step again", css_class="small")
+                again = button(
+                    "Try again",
+                    self._events("resume"),
+                    hint="Try again from the beginning of this step",
+                    css_class="small",
+                )
                 return f"<div class='aside row'><span class='grow rejected'>{text(self._player.problem)}</span>{again}</div>"
         if not has_strayed:
             return ""
-        back = button("Resume lesson", self._events("resume"), hint="Back to where this step was", css_class="small")
-        return f"<div class='aside row'><span class='grow'>You went exploring.</span>{back}</div>"
+        back = button(
+            "Resume lesson", self._events("resume"), hint="Resume lesson (restores this step)", css_class="small"
+        )
+        return f"<div class='aside row'><span class='grow'>The page has left this step.</span>{back}</div>"
 
     def _question(self, step: LessonStep, found: Findings) -> str:
         question = step.question
@@ -127,17 +134,17 @@ class LessonPanel:
         choices = ""
         for n, choice in enumerate(question.choices):
             if chosen is not None and n not in (chosen, question.right):
-                continue  # there is an answer to be read now
+                continue  # after an answer, only the chosen and the right choice are shown
             mark = "" if chosen is None else "right" if n == question.right else "wrong" if n == chosen else ""
-            said = f"<span>{line(choice, found.numbers)}</span>"
+            label = f"<span>{line(choice, found.numbers)}</span>"
             answer_js = self._events("choose", n)
-            choices += button("", answer_js, hint=f"Answer {n + 1}", icon=said, css_class=mark, enabled=chosen is None)
+            choices += button("", answer_js, hint=f"Answer {n + 1}", icon=label, css_class=mark, enabled=chosen is None)
         answer = "" if chosen is None else paragraphs(question.answer, found.numbers)
         return f"<div class='ask'>{paragraphs(question.text, found.numbers)}{choices}{answer}</div>"
 
 
 def _listing(at: str | None) -> str:
-    """The line of pseudo-code at work, between its neighbours."""
+    """The highlighted line of pseudo-code and its neighbours."""
     if at is None:
         return ""
     here = list(LINES).index(at)
@@ -148,11 +155,11 @@ def _listing(at: str | None) -> str:
 
 
 def _checked(found: Findings) -> str:
-    """What this step claims, held against the engine just now."""
+    """How many claims of this step hold for the current run, with the claims as a tooltip."""
     if not found.claims:
         return ""
     true = sum(holds for _, holds in found.claims)
-    told = "; ".join(f"{claim}: {'holds' if holds else 'does not hold here'}" for claim, holds in found.claims)
-    count = f"{true} of {len(found.claims)}" if true < len(found.claims) else f"{true}"
+    claims = "; ".join(f"{claim}: {'holds' if holds else 'does not hold here'}" for claim, holds in found.claims)
+    count = f"{true} of {len(found.claims)}"
     css_class = "dim" if true == len(found.claims) else "rejected"
-    return f"<p class='{css_class}' title='{text(told)}'>✓ {count} checked against the engine just now</p>"
+    return f"<p class='{css_class}' title='{text(claims)}'>✓ {count} claims verified on this run</p>"

@@ -1,4 +1,4 @@
-"""The list of lessons."""
+"""Lessons panel: the list of lessons."""
 
 import viser
 
@@ -12,7 +12,11 @@ from app.viser_bridge.html_panel import HtmlPanel
 
 
 class LessonsPanel:
-    """A button a lesson. Args: press: JavaScript that opens each."""
+    """One button per lesson.
+
+    Args:
+        press: JavaScript that opens a lesson, by its name.
+    """
 
     def __init__(self, gui: viser.GuiApi, player: Player, press: dict[str, str], lessons: list[Lesson]) -> None:
         self._player, self._press, self._lessons = player, press, lessons
@@ -23,11 +27,11 @@ class LessonsPanel:
         self._panel.set(f"<div class='lessons'>{rows}</div>")
 
     def _row(self, n: int, lesson: Lesson) -> str:
-        at_hand = self._player.lesson is not None and self._player.lesson.name == lesson.name
+        is_open = self._player.lesson is not None and self._player.lesson.name == lesson.name
         where = "" if self._player.fits(lesson) else f" · opens {LESSON_SCENES[lesson.scene].title}"
-        said = (
+        label = (
             f"<span class='big'>{n} · {text(lesson.title)}</span><br><span class='dim'>{text(lesson.about)} "
             f"{len(lesson.steps)} steps{text(where)}</span>"
         )
-        css_class = "on" if at_hand else ""
-        return button("", self._press[lesson.name], hint=f"Lesson: {lesson.title}", icon=said, css_class=css_class)
+        css_class = "on" if is_open else ""
+        return button("", self._press[lesson.name], hint=f"Lesson: {lesson.title}", icon=label, css_class=css_class)

@@ -1,4 +1,4 @@
-"""The options of the run as widgets, generated from their dataclasses."""
+"""Options panel: the options of the run as widgets, generated from the fields of their dataclasses."""
 
 from typing import Any
 
@@ -17,12 +17,12 @@ from fairing.errors import InputError
 from fairing.option_check import check_options
 from fairing.options import PRESETS, FairingOptions
 
-FROM_WIDGETS = "as below"
-MAX_DETAILS = 6  # changed options that are explained one by one; a preset changes dozens
+FROM_WIDGETS = "Custom"
+MAX_DETAILS = 6  # changed options with an explanation each; a preset changes dozens
 
 
 class OptionsPanel:
-    """Changes take effect when the user says so: from the present moment on, or in a new run."""
+    """Changes take effect with one of two buttons: from the current moment on, or in a new run."""
 
     def __init__(
         self,
@@ -55,14 +55,17 @@ class OptionsPanel:
             self._preset.value = FROM_WIDGETS
         try:
             changed = [(f, w.value) for f, w in self._widgets if f.read(w.value) != f.of(state.options)]
-            note = text(f"Changed: {', '.join(f.label for f, _ in changed)}" if changed else "As the run has them.")
+            note = text(f"Changed: {', '.join(f.label for f, _ in changed)}" if changed else "No changes.")
             details = "".join(_change(f, value, state.options) for f, value in changed[:MAX_DETAILS])
         except InputError as error:
             note, details = text(error), ""
         go_on = button(
-            "Go on from here", self._events("go_on"), hint="Keep the past, go on with these", css_class="grow"
+            "Continue from here", self._events("go_on"), css_class="grow",
+            hint="Continue from here (keeps the steps so far and changes the options)",
+        )  # fmt: skip
+        over = button(
+            "Start over", self._events("start_over"), hint="Start over (a new run with these options)", css_class="grow"
         )
-        over = button("Start over", self._events("start_over"), hint="A new run with these options", css_class="grow")
         self._head.set(f"<div class='row'>{go_on}{over}</div><div class='note dim'>{note}</div>{details}")
 
     def _typed(self) -> FairingOptions:
@@ -74,7 +77,7 @@ class OptionsPanel:
     def _go_on(self) -> None:
         options, state = self._typed(), self._controller.state
         if options.schedule != state.options.schedule and state.moment > 0:
-            raise InputError("the schedule belongs to a run as a whole; start over with it")
+            raise InputError("the schedule cannot change within a run; use Start over")
         self._controller.post(Branch(options))
 
     def _start_over(self) -> None:
@@ -89,7 +92,7 @@ class OptionsPanel:
     def _fill_in(self, options: FairingOptions, unless_as_in: FairingOptions | None = None) -> None:
         for field, widget in self._widgets:
             value = field.shown(options)
-            # What has not changed in the run may be what somebody is typing something else for.
+            # An option that has not changed in the run keeps its widget, where the user may be typing.
             if widget.value != value and (unless_as_in is None or field.shown(unless_as_in) != value):
                 widget.value = value
 
@@ -116,6 +119,6 @@ def _widget(gui: viser.GuiApi, field: OptionField, options: FairingOptions) -> A
 
 
 def _decimals(value: float) -> int:
-    """How finely a value like this is changed: 100 by 1, 0.7 by 0.1, 0.002 by 0.001."""
+    """Decimals of the widget's step: 100 changes by 1, 0.7 by 0.1, 0.002 by 0.001."""
     digits = f"{value:.12f}".rstrip("0")
     return min(9, len(digits.split(".")[1])) if value != 0 else 1

@@ -1,11 +1,10 @@
-"""Two pages of the cells panel: the vertex in the photos (figures 4a, 4d) and a face in a pair of photos (figure 2)."""
+"""Photo pages of the cells panel: the vertex in every photo (figures 4a, 4d), and a face in two photos (figure 2)."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from app.debugger.commands import Query
 from app.debugger.controller import Controller
 from app.debugger.history import last_step_about
 from app.debugger.run_state import Activity, RunState
@@ -29,14 +28,14 @@ MAX_PATH = 200  # points
 
 @dataclass(frozen=True, eq=False)
 class VertexInPhotos:
-    """What the crops show of a vertex.
+    """Geometry of a vertex and its one-ring at one moment, for drawing over photos.
 
     Attributes:
         views: ids of the photos that see a face of it.
-        path: (n, 3) float: its positions from the start to now, world units.
-        step: (2, 3) float: before and after its last step; None if there was none.
-        ring_start, ring_now: (F, 3, 3) float: the corners of its faces.
-        face_views: views of every face, by its id.
+        path: (n, 3) float, world units: positions from the start to the current moment.
+        step: (2, 3) float, world units: positions before and after its last step; None if there was none.
+        ring_start, ring_now: (F, 3, 3) float, world units: the corners of its F faces at the start and now.
+        face_views: ids of the photos that see a face, by face id.
     """
 
     views: list[int]
@@ -48,7 +47,7 @@ class VertexInPhotos:
 
 
 def vertex_in_photos(session: Session, vertex: int, moment: int) -> VertexInPhotos:
-    """Look it up."""
+    """Collect the geometry of a vertex at a moment from the session."""
     context, mesh, trace = session.sweep_state(moment).context, session.scene.mesh, session.trace
     faces = mesh.one_rings[vertex]
     path = [trace.start[vertex]]
@@ -72,27 +71,27 @@ _BEHIND = "<div class='note'>A corner of the face lies behind one of these camer
 
 
 class PhotoPages:
-    """Asks for what the pages show and draws them, where slowness does no harm."""
+    """Queries the engine for the photo pages and draws them. The drawing methods run on the background worker."""
 
     def __init__(
         self, controller: Controller, scene: Scene, photos: PhotoStore, controls: CellsControls,
         enter: Callable[[str], str],
     ) -> None:  # fmt: skip
         self._scene, self._photos, self._controls, self._enter = scene, photos, controls, enter
-        self._lookup: QueryCache[tuple[int, int, int], VertexInPhotos] = QueryCache(
-            lambda asker, work, answer: controller.post(Query(asker, work, answer))
-        )
+        self._lookup: QueryCache[tuple[int, int, int], VertexInPhotos] = QueryCache(controller.query)
 
     def newest(self, state: RunState, vertex: int) -> tuple[tuple[int, int, int], VertexInPhotos | Exception] | None:
-        """The newest there is of a vertex and its key; asks for the present one when the engine rests."""
+        """The latest query result for a vertex, with its key (run, moment, vertex). Posts a query while paused."""
         if state.activity is Activity.PAUSED:
             moment = state.moment
-            self._lookup.want((state.run_id, moment, vertex), lambda session: vertex_in_photos(session, vertex, moment))
-        found = self._lookup.newest
+            self._lookup.request(
+                (state.run_id, moment, vertex), lambda session: vertex_in_photos(session, vertex, moment)
+            )
+        found = self._lookup.latest
         return found if found is not None and (found[0][0], found[0][2]) == (state.run_id, vertex) else None
 
     def crops(self, known: VertexInPhotos, cells_view: CellsView) -> str:
-        """Markup of the first page. On the background's thread."""
+        """Markup of the page with a crop of every photo. Runs on the background thread."""
         if not known.views:
             return "<div class='note'>No photo sees a face of this vertex well enough.</div>"
         spans = _chips(SPANS.values(), list(SPANS).index(cells_view.span), self._controls.span, "Show {} in each photo")
@@ -117,7 +116,7 @@ class PhotoPages:
         )
 
     def crop(self, known: VertexInPhotos, view_id: int, cells_view: CellsView, side: int) -> str:
-        """One photo around the vertex: its faces at the start and now, its path, its last step."""
+        """A crop of one photo with the faces at the start and now, the vertex path and the last step."""
         camera = self._scene.views[view_id].camera
         start, now, path = (camera.project(p)[0] for p in (known.ring_start, known.ring_now, known.path))
         arrow = np.zeros((0, 2, 2))
@@ -140,7 +139,11 @@ class PhotoPages:
         )  # fmt: skip
 
     def pair(self, known: VertexInPhotos, face: int, slot: int, cells_view: CellsView, affine: bool) -> str:
-        """Markup of the second page; `slot` is the face's place in the vertex' ring. On the background's thread."""
+        """Markup of the page with a pair of photos. Runs on the background thread.
+
+        Args:
+            slot: index of the face in the one-ring of the vertex.
+        """
         views = known.face_views.get(face, [])
         if len(views) < 2:
             return "<div class='note'>Fewer than two photos see this face well enough.</div>"
@@ -165,10 +168,10 @@ class PhotoPages:
         if not pairs:
             return picks + _BEHIND
         columns = "".join(self._pair_column(when, pair) for when, pair in pairs.items())
-        warp = "affine" if affine else "plane's homography"
+        warp = "the affine map" if affine else "the plane-induced homography"
         return (
-            f"{picks}<div class='note dim'>{names[0]} warped into {names[1]} by the {warp}. Edges that are twice in "
-            f"the average show a vertex off its place.</div>"
+            f"{picks}<div class='note dim'>{names[0]} warped into {names[1]} by {warp}. Doubled edges in the average "
+            f"show that a vertex is misplaced.</div>"
             f"<div class='crops'>{columns}</div>"
         )
 
@@ -187,7 +190,7 @@ class PhotoPages:
     def enlarged_pair(
         self, known: VertexInPhotos, face: int, slot: int, cells_view: CellsView, affine: bool, kind: str, side: int
     ) -> str:
-        """Markup of one of the pair's pictures for the lens; `kind` is of `PAIR_KINDS`. On the background's thread."""
+        """Markup of one picture of the pair for the lens; `kind` is one of `PAIR_KINDS`. Runs on the background thread."""
         views = known.face_views.get(face, [])
         if len(views) < 2:
             return ""
@@ -221,7 +224,7 @@ class PhotoPages:
 
 
 def chosen_pair(views: list[int], wanted: tuple[int | None, int | None]) -> tuple[int, int]:
-    """Two different views of those that see a face, as wanted where that is possible."""
+    """Two different photos of those that see a face, preferably the ones in `wanted`."""
     second = wanted[1] if wanted[1] in views else None
     first = wanted[0] if wanted[0] in views and wanted[0] != second else next(v for v in views if v != second)
     return first, second if second is not None else next(v for v in views[len(views) // 2 :] + views if v != first)

@@ -1,6 +1,6 @@
-"""A quantity over the record as a picture that can be clicked, with a dot where the run stands.
+"""Plot of a quantity over the recorded moments. A click jumps to a moment; a dot marks the current one.
 
-Drawn as SVG, because the plots that viser offers know no gaps between lines and report no clicks.
+Drawn as SVG, because viser's plots have no gaps between lines and report no clicks.
 """
 
 from collections.abc import Callable
@@ -24,13 +24,13 @@ from fairing.mesh import Mesh
 
 
 def is_log(plot: PlotView) -> bool:
-    """As the user says, else as suits the quantity."""
+    """Whether the scale is logarithmic: the user's choice, else the default of the quantity."""
     return QUANTITIES[plot.name].is_log if plot.is_log is None else plot.is_log
 
 
 class Plot:
-    """The energy of the run has a line a sweep: every sweep has cells of its own, so energies of two sweeps do not
-    compare."""
+    """The energy of the run has one line per sweep, because energies of different sweeps are not comparable: every
+    sweep defines its own cells."""
 
     def __init__(
         self,
@@ -74,14 +74,14 @@ class Plot:
         self._shown = key
         chips = self._chips(plot, page_state.selected)
         if state.length == 0:
-            self._panel.set(chips + _empty("It appears here with the first step."))
+            self._panel.set(chips + _empty("No steps yet."))
             return
         if plot.of_vertex and vertex is None:
-            self._panel.set(chips + _empty("Click a vertex to see it here."))
+            self._panel.set(chips + _empty("Select a vertex to plot it."))
             return
         lines = self._lines(state, self._energies, plot.name, vertex, "now")
         if not lines:
-            self._panel.set(chips + _empty("No step has known this yet."))
+            self._panel.set(chips + _empty("No step has recorded this yet."))
             return
         others: list[Line] = []
         if compared is not None and compared.run.run_id != state.run_id and compared.run.length:
@@ -118,11 +118,11 @@ class Plot:
         )
         whose = "vertex" if selected is None else f"v {selected}"
         vertex = button(
-            whose, self._events("vertex"), hint="Plot the selected vertex instead of the whole run",
+            whose, self._events("vertex"), hint="Plot the selected vertex (instead of the whole run)",
             css_class="chip tight on" if plot.of_vertex else "chip tight",
         )  # fmt: skip
         log = button(
-            "log", self._events("log"), hint="Scale by powers of ten",
+            "log", self._events("log"), hint="Logarithmic scale",
             css_class="chip tight on" if is_log(plot) else "chip tight",
         )  # fmt: skip
         return f"<div class='row chips'>{quantities}<span class='grow'></span>{vertex}{log}</div>"
@@ -137,7 +137,7 @@ class Plot:
         floor = float(positive.min()) if len(positive) else 1e-3
 
         def scaled(values: np.ndarray | float) -> np.ndarray:
-            """Zeros lie at the smallest positive value of a log scale."""
+            """On a log scale, zeros are drawn at the smallest positive value."""
             return np.log10(np.maximum(values, floor)) if log else np.asarray(values, dtype=float)
 
         low, high = float(scaled(everything).min()), float(scaled(everything).max())
@@ -155,7 +155,7 @@ class Plot:
         for first, end in _runs(levels):
             blur = state.options.schedule.blur[levels[first]]
             parts.append(band(float(x(first)), float(x(end)), f"σ {blur:g}", first > 0))
-        # A's lines are pale beyond A's moment as the others are beyond now.
+        # Lines of A are pale beyond A's moment; the other lines are pale beyond the current moment.
         parts.extend(line_at(line, compared.moment, x, y, length, REFERENCE) for line in others if compared)
         parts.extend(line_at(line, state.moment, x, y, length, NOW) for line in lines)
         if compared is not None:
@@ -175,11 +175,11 @@ class Plot:
             + self._events("jump", "m")
         )
         meaning = QUANTITIES[plot.name].meaning
-        # Not onclick: while a run redraws the plot, pressing and letting go may hit two different pictures.
+        # Not onclick: while a run redraws the plot, press and release may hit two different elements.
         return (
             f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" class="plot" role="img" '
             f'aria-label="{text(plot.name.capitalize())} plot" onpointerdown="{text(press)}">'
-            f"<title>By moment: {text(meaning)}. Click to go there</title>{''.join(parts)}</svg>"
+            f"<title>By moment: {text(meaning)}. Click to go to a moment</title>{''.join(parts)}</svg>"
         )
 
 
@@ -188,7 +188,7 @@ def _empty(note: str) -> str:
 
 
 def _mark_of_a(x: float) -> str:
-    """Where the moment lies that is compared with."""
+    """Mark of the reference moment A."""
     return (
         f'<line x1="{x:.1f}" x2="{x:.1f}" y1="{TOP}" y2="{HEIGHT - BOTTOM}" stroke="{css(REFERENCE, 0.8)}"/>'
         f'<rect x="{x - 5:.1f}" y="0" width="10" height="11" rx="2" fill="{css(REFERENCE)}"/>'

@@ -1,4 +1,4 @@
-"""Pieces of a plot over moments, as SVG."""
+"""SVG elements of a plot over moments: frame, level bands and lines."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -23,6 +23,7 @@ class Line:
 
 
 def frame(values: np.ndarray, y: Callable[[float], np.ndarray]) -> str:
+    """Horizontal grid lines with labels at `values` (n,); `y` maps a value to SVG px."""
     lines = []
     for value, label in zip(values, tick_labels(values), strict=True):
         at = float(y(value))
@@ -32,6 +33,7 @@ def frame(values: np.ndarray, y: Callable[[float], np.ndarray]) -> str:
 
 
 def band(left: float, right: float, label: str, has_border: bool) -> str:
+    """A level between two x positions, SVG px: its label, and its left border."""
     line = f'x1="{left:.1f}" x2="{left:.1f}" y1="{TOP}" y2="{HEIGHT - BOTTOM}"'
     border = f'<line {line} stroke="var(--faint)" stroke-dasharray="2 3"/>'
     name = f'<text x="{(left + right) / 2:.1f}" y="{HEIGHT - 5}" text-anchor="middle">{text(label)}</text>'
@@ -46,7 +48,7 @@ def line_at(
     length: int,
     color: RGB,
 ) -> str:
-    """The line, pale beyond the present moment."""
+    """The line, pale beyond the current moment."""
     pixels = int(np.ceil((WIDTH - LEFT - RIGHT) * (line.moments[-1] - line.moments[0] + 1) / length))
     chosen = thinned(line.moments, line.values, pixels)
     moments, values = line.moments[chosen], line.values[chosen]

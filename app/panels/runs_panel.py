@@ -1,4 +1,4 @@
-"""The runs that are kept, and what is compared: A, a run or a moment, against now."""
+"""Runs panel: the recorded runs, and the comparison of the current moment with the reference A (a run or a moment)."""
 
 from dataclasses import replace
 
@@ -23,7 +23,7 @@ A = f"<b class='tag' style='background:{css(REFERENCE)}'>A</b>"
 
 
 class RunsPanel:
-    """A row a run; a click on its name takes it to hand, A makes it what the others are compared with."""
+    """One row per run. A click on its name switches to it; a click on A makes it the reference for comparison."""
 
     def __init__(
         self,
@@ -72,46 +72,50 @@ class RunsPanel:
     def show(self, state: RunState, page_state: PageState) -> None:
         knows_truth = self._scene.truth is not None and self._scene.truth.vertices is not None
         error = (
-            "<th class='n' title='Distance to the truth, of what photos determine: rms in % of the diagonal'>error</th>"
+            "<th class='n' title='RMS distance to the truth along directions the photos determine, % of the diagonal'>"
+            "error</th>"
         )
         rows = "".join(self._row(run, state, page_state, knows_truth) for run in state.runs)
         self._panel.set(
             f"<div class='row'>{self._comparison(state, page_state)}</div>"
             f"<div class='scroll'><table class='runs'><tr><th>run</th><th>options</th><th class='n'>steps</th>"
-            "<th class='n' title='Energies of runs with other cells or dimensions do not compare'>energy</th>"
+            "<th class='n' title='Not comparable between runs with different cells or dimensions'>energy</th>"
             f"{error if knows_truth else ''}<th></th></tr>{rows}</table></div>"
         )
 
     def _comparison(self, state: RunState, page_state: PageState) -> str:
         race = button(
-            "Race the presets",
+            "Compare presets",
             self._events("race"),
-            hint="Paper against accurate, both from the start, in turn",
+            hint="Compare presets (runs paper and accurate from the start, alternating)",
             css_class="small",
         )
         mark = button(
-            "Now is A", self._events("mark"), hint="Compare with the present moment from now on (C)", css_class="small"
+            "Set A here",
+            self._events("mark"),
+            hint="Set A here (C): compare with the current moment",
+            css_class="small",
         )
         compared = look_up(page_state.reference, state)
         if compared is None:
-            return f"<span class='grow dim'>Choose {A} to compare with.</span>{mark}{race}"
+            return f"<span class='grow dim'>Set {A} to compare with it.</span>{mark}{race}"
         apart = 100 * distances(compared, state.vertices) / self._scene.mesh.diagonal
-        clear = button("", self._events("clear"), hint="Compare no more", icon=icon("leave"), css_class="small")
+        clear = button("", self._events("clear"), hint="Stop comparing", icon=icon("leave"), css_class="small")
         back = button("", self._events("visit"), hint="Go to A", icon=icon("go"), css_class="small")
         return (
             f"<span class='grow one'>{A} {text(compared.name)} <span class='dim' title='Distance of the vertices from "
-            f"where A has them, in % of the diagonal; vertex {int(apart.argmax())} is farthest'>apart {_percent(apart.mean())}, "
-            f"most {_percent(apart.max())}</span></span>{back}{clear}{mark}{race}"
+            f"their positions in A, % of the diagonal; vertex {int(apart.argmax())} is farthest'>mean {_percent(apart.mean())}, "
+            f"max {_percent(apart.max())}</span></span>{back}{clear}{mark}{race}"
         )
 
     def _row(self, run: RunInfo, state: RunState, page_state: PageState, knows_truth: bool) -> str:
-        at_hand = run.run_id == state.run_id
+        is_current = run.run_id == state.run_id
         is_reference = page_state.reference is not None and page_state.reference.run_id == run.run_id
         name = button(
             run.name,
             self._events("switch", run.run_id),
-            hint=f"{run.name} is at hand" if at_hand else f"Take {run.name} to hand",
-            css_class="small on" if at_hand else "small",
+            hint=f"{run.name} is the current run" if is_current else f"Switch to {run.name}",
+            css_class="small on" if is_current else "small",
         )
         compare = button(
             "A",
@@ -140,7 +144,7 @@ class RunsPanel:
         )
 
     def _error(self, run: RunInfo, state: RunState) -> str:
-        """Of the last recorded mesh; not while it moves, because it takes its time on large meshes."""
+        """Error of the last recorded mesh, as text. Not updated while the run moves: it is slow on large meshes."""
         known = self._errors.get(run.run_id)
         if (known is None or known[0] != run.length) and not state.is_moving:
             vertices = run.vertices if run.moment == run.length else run.trace.vertices_at(run.length)

@@ -1,4 +1,4 @@
-"""Which vertices are chosen, by their numbers."""
+"""Selection panel: the selected vertices by number, with buttons to lock and reset them."""
 
 from collections.abc import Callable
 
@@ -14,7 +14,7 @@ from app.viser_bridge.text_field import TextField
 
 
 class SelectionPanel:
-    """A line to type numbers into, which also shows what was chosen in the scene."""
+    """A text field for vertex numbers, which also shows a selection made in the 3D view."""
 
     def __init__(
         self,
@@ -51,24 +51,24 @@ class SelectionPanel:
         lock = button(
             word,
             self._events("lock"),
-            hint=f"{word} (F): neither the engine nor a hand moves what is locked",
+            hint=f"{word} (F): neither the engine nor dragging moves a locked vertex",
             icon=icon("unlock" if locked.all() else "lock"),
             css_class="grow",
         )
         reset = button(
             "Reset",
             self._events("reset"),
-            hint="Reset (Z): back to the start, as a step of its own",
+            hint="Reset (Z): moves the selection back to its start position, recorded as a step",
             icon=icon("back"),
             css_class="grow",
             enabled=bool((moved & ~locked).any()),
         )
         if locked.all():
-            note = "Locked: drawn as a block, and it stays where it is."
+            note = "Locked: shown as a block; it does not move."
         elif locked.any():
-            note = f"{int(locked.sum())} of them locked: drawn as blocks, and they stay where they are."
+            note = f"{int(locked.sum())} of them locked: shown as blocks; they do not move."
         else:
-            note = "Drag the yellow ball to move what is selected; run, and it goes on from there."
+            note = "Drag the yellow ball to move the selection. The next run continues from there."
         return (
             f"<div class='big'>Vertex {text(current)}{count}</div><div class='row' style='margin:6px 0 4px'>{lock}{reset}"
             f"</div><div class='dim'>{text(note)}</div>"
@@ -76,6 +76,6 @@ class SelectionPanel:
 
 
 _NOTHING = (
-    "<span class='dim'>Click a vertex in the scene, or type its number. With Shift, clicks add and take away, and a "
-    "rectangle adds all vertices in it. A click beside the mesh deselects.</span>"
+    "<span class='dim'>Click a vertex or type its number. Shift-click adds or removes a vertex; Shift-drag adds all "
+    "vertices in a rectangle. Click beside the mesh to deselect.</span>"
 )

@@ -1,4 +1,4 @@
-"""Where the run is, what the last step did, and how the energy stands."""
+"""Status: the position in the schedule, the outcome of the last step, and the energy."""
 
 from collections.abc import Callable
 
@@ -15,12 +15,12 @@ from app.viser_bridge.html_panel import HtmlPanel
 
 
 class Status:
-    """A few lines that are always in sight."""
+    """A few lines that stay visible while the column scrolls."""
 
     def __init__(self, gui: viser.GuiApi, energies: EnergyHistory, to_beginning: Callable[[str], str]) -> None:
         """
         Args:
-            to_beginning: JavaScript that goes to the beginning of an extent, from its number.
+            to_beginning: JavaScript that goes to the beginning of an extent, given its number.
         """
         self._panel = HtmlPanel(gui)
         self._energies, self._to_beginning = energies, to_beginning
@@ -32,8 +32,7 @@ class Status:
         color = "selected" if state.reason.startswith("breakpoint") else "rejected" if state.problem else "dim"
         self._panel.set(
             f"<div class='pinned'><div class='row'><span class='big'>{_headline(state, page_state)}</span>"
-            f"<span class='grow'></span>"
-            f"<span class='dim'>{_speed(state)}</span></div>"
+            f"<span class='grow'></span><span class='dim'>{_speed(state)}</span></div>"
             f"<div class='crumbs row'>{self._crumbs(state)}</div>"
             f"<div>{self._energy(state)}</div>"
             f"<div class='dim one'>Last step: {text(outcome)}</div><div class='{color} one'>{text(reason)}</div>"
@@ -41,7 +40,8 @@ class Status:
         )
 
     def _crumbs(self, state: RunState) -> str:
-        """Where the next step belongs; when finished, where the last one did. A click goes to a part's beginning."""
+        """Position of the next step in the schedule; of the last step when finished. A click goes to the beginning of a
+        level, sweep or unit."""
         levels = state.options.n_levels
         at = state.position
         if at.level >= levels:
@@ -57,7 +57,7 @@ class Status:
             parts.append(self._crumb(Extent.UNIT, "unit", str(at.unit + 1)))
         parts.append(f"<span class='part'>iteration <b>{at.iteration + 1}</b></span>")
         here = moment_id(state.position, state.moment, levels)
-        copy = copy_button(here, f"Copy the name of this moment, {here}, for --at")
+        copy = copy_button(here, f"Copy the name of this moment, {here} (for --at)")
         return f"{'<i>›</i>'.join(parts)}<span class='grow'></span>{copy}"
 
     def _crumb(self, extent: Extent, name: str, count: str, more: str = "") -> str:
@@ -82,7 +82,7 @@ class Status:
 
 def _headline(state: RunState, page_state: PageState) -> str:
     if page_state.looks_at is not None:
-        return f"Running · a look at moment {page_state.looks_at}"
+        return f"Running · showing moment {page_state.looks_at}"
     if state.activity is Activity.PAUSED and state.finished:
         return "Finished"
     return state.activity.value.capitalize()
@@ -93,7 +93,7 @@ def _speed(state: RunState) -> str:
         return ""
     if state.step_seconds < 1:
         return f"{1 / state.step_seconds:.3g} steps/s"
-    return f"{state.step_seconds:.2g} s a step"
+    return f"{state.step_seconds:.2g} s/step"
 
 
 def _sentence(line: str) -> str:

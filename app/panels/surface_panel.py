@@ -1,4 +1,4 @@
-"""How the surface is shown: plain, painted, coloured; before, now or as it truly is."""
+"""Surface panel: plain, textured or coloured surface, with its vertices at the start, now or at the truth."""
 
 from collections.abc import Callable
 
@@ -16,7 +16,7 @@ from fairing.errors import InputError
 from fairing.scene import Scene
 
 SHAPES = {START_SHAPE: "Start", NOW_SHAPE: "Now", TRUE_SHAPE: "Truth"}
-TEXTURES = {False: "Static", True: "By the eye"}
+TEXTURES = {False: "Static", True: "View-dependent"}
 STEP = 0.05
 
 
@@ -82,7 +82,7 @@ class SurfaceControls:
 
 
 class SurfacePanel:
-    """Rows of buttons of which one is down, and a slider through the shapes."""
+    """Segmented controls, and a slider that moves the surface between start, now and truth."""
 
     def __init__(
         self,
@@ -94,12 +94,12 @@ class SurfacePanel:
         self._controls, self._note = controls, limit_note(n_faces)
         self._panel = HtmlPanel(gui)
         slider = gui.add_slider(
-            "Shape",
+            f"Start – {SHAPES[controls.last_shape].lower()}",
             min=START_SHAPE,
             max=controls.last_shape,
             step=STEP,
             initial_value=NOW_SHAPE,
-            hint="Moves the surface from where it began to where it is now, and on to the truth where that is known.",
+            hint="Moves the surface from its start through the current moment to the truth, if that is known.",
         )
         self._followed = SyncedSlider(slider, guarded(controls.choose_shape))
 
@@ -109,21 +109,21 @@ class SurfacePanel:
         texture = page_state.by_eye if page_state.surface == "textured" else None
         textures = choice(controls.textures(), texture, "Texture")
         colorings = choice(controls.colorings(), page_state.surface, "Coloured by")
-        shapes = choice(controls.shapes(), page_state.shape, "Shape")
+        shapes = choice(controls.shapes(), page_state.shape, "Vertices at")
         self._panel.set(
             f"<h4>Surface</h4>{how}<div class='dim note'>texture</div>{textures}{self._note}"
             f"<div class='dim note'>coloured by</div>{colorings}"
-            f"<div class='dim note'>as it is</div>{shapes}"
+            f"<div class='dim note'>vertices at</div>{shapes}"
         )
         self._followed.follow(page_state.shape)
 
 
 def limit_note(n_faces: int) -> str:
-    """Which texture a mesh of so many faces is too fine for, if any."""
+    """A note that the mesh has too many faces for a texture; empty if it has not."""
     if n_faces > MOST_FACES:
         what, most = "Textures hold", MOST_FACES
     elif n_faces > MOST_FACES_VIEW_DEPENDENT:
-        what, most = "A texture by the eye holds", MOST_FACES_VIEW_DEPENDENT
+        what, most = "A view-dependent texture holds", MOST_FACES_VIEW_DEPENDENT
     else:
         return ""
     return f"<div class='note'>{what} at most {most:,} faces; this mesh has {n_faces:,}.</div>".replace(",", "\u2009")

@@ -1,4 +1,4 @@
-"""A slider over every recorded moment, a strip that shows what happened at each, and a player."""
+"""Timeline: a slider over the recorded moments, a strip with one colour per moment, and playback controls."""
 
 import time
 
@@ -19,15 +19,15 @@ from app.viser_bridge.html_panel import HtmlPanel
 from app.viser_bridge.slider_marks import set_slider_marks
 from app.viser_bridge.synced_widget import on_user_change
 
-SETTLE = 0.5  # s: after the user moved the slider it is not moved back by states that are on their way
+SETTLE = 0.5  # s after a move by the user, in which states already on their way do not move the slider back
 SPEEDS = (0.5, 1.0, 5.0, 20.0, 50.0)
 MOMENTS_PER_SECOND = 4.0  # at speed 1
 MAX_TICKS = 80
-MARKS_APART = 0.07  # of the slider: nearer than this, their words would overlap
+MARKS_APART = 0.07  # of the slider's length: at smaller distances the labels would overlap
 
 
 class Timeline:
-    """Moves the run to any moment. Strip and slider have ticks where sweeps and levels begin."""
+    """Moves the run to any recorded moment. Strip and slider have ticks where sweeps and levels begin."""
 
     def __init__(
         self,
@@ -106,7 +106,7 @@ class Timeline:
             player = button(
                 "Follow live",
                 self._events("follow"),
-                hint="Back to where the run is",
+                hint="Follow live (return to the current moment of the run)",
                 icon=icon("end"),
                 css_class="small on",
             )
@@ -117,7 +117,7 @@ class Timeline:
             player = button(
                 "",
                 self._events("play"),
-                hint="Play the record (T)",
+                hint="Play the recorded steps (T)",
                 icon=icon("run"),
                 css_class="small",
                 enabled=enabled,
@@ -172,14 +172,14 @@ class Timeline:
             + self._events("jump", "m")
         )
         return (
-            f"<div class='strip' role='img' aria-label='What happened' onpointerdown=\"{text(press)}\" "
-            f"title='{text(KINDS[page_state.strip])} Click to go there.'>"
+            f"<div class='strip' role='img' aria-label='Recorded moments' onpointerdown=\"{text(press)}\" "
+            f"title='{text(KINDS[page_state.strip])} Click to go to a moment.'>"
             f"<img src='{data_uri(self._history.picture(page_state.strip))}' alt=''>{self._ticks(state)}"
             f"<i style='left:{cursor:.2f}%'></i></div>"
         )
 
     def _ticks(self, state: RunState) -> str:
-        """Long ones where levels begin, short ones where sweeps do, as long as there is room."""
+        """Long ticks at the beginning of levels; short ticks at sweeps, unless there are more than `MAX_TICKS`."""
         levels = _begins(self._energies.levels[: state.length])
         sweeps = np.setdiff1d(_begins(self._energies.sweeps[: state.length]), levels)
         ticks = [(moment, "level") for moment in levels]
@@ -193,12 +193,12 @@ class Timeline:
 
 
 def _begins(values: np.ndarray) -> np.ndarray:
-    """Where runs of equal values begin."""
+    """Indices at which runs of equal values begin."""
     return np.flatnonzero(np.diff(values, prepend=values[:1] - 1))
 
 
 def _level_marks(levels: np.ndarray) -> list[tuple[float, str | None]]:
-    """A tick where each level begins; with its name where there is room."""
+    """A mark at the beginning of each level, with its name if there is room."""
     marks: list[tuple[float, str | None]] = []
     named = -1.0
     for moment in _begins(levels):

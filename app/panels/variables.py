@@ -1,4 +1,4 @@
-"""Everything that is recorded of the selected vertex and of the step; a click on a value goes where it last changed."""
+"""Variables: the recorded values of the selected vertex and of the step. A click on a value goes to its last change."""
 
 from collections.abc import Callable
 
@@ -15,10 +15,10 @@ from fairing.mesh import Mesh
 
 
 class Variables:
-    """Of the current vertex of the selection.
+    """Values for the current vertex of the selection.
 
     Args:
-        to_change: JavaScript that goes to the last change of the item of a number.
+        to_change: JavaScript that goes to the last change of an item, given its number.
     """
 
     def __init__(self, gui: viser.GuiApi, mesh: Mesh, to_change: Callable[[str], str]) -> None:
@@ -40,16 +40,18 @@ class Variables:
                     "moved from the start",
                     f"{number(moved)} <span class='dim'>({number(100 * moved / self._mesh.diagonal, 3)} %)</span>",
                 ),
-                ("faces around it", str(len(self._mesh.one_rings[vertex]))),
+                ("incident faces", str(len(self._mesh.one_rings[vertex]))),
             ]
         )
         found = last_step_about(state.trace.steps, state.moment, vertex)
         if found is None:
-            content += "<div class='note dim'>No step has been about this vertex yet.</div>"
+            content += "<div class='note dim'>No step has solved for this vertex yet.</div>"
         else:
             ago = state.moment - found[0]
             when = "this step" if ago == 0 else f"{ago} step{'s' if ago > 1 else ''} ago"
-            content += f"<h4>Its last step <span class='dim'>({text(when)}, to moment {found[0]})</span></h4>"
+            content += (
+                f"<h4>Last step of this vertex <span class='dim'>({text(when)}, to moment {found[0]})</span></h4>"
+            )
             content += self._table(state, vertex, True)
         if state.moment > 0:
             content += f"<h4>The step to moment {state.moment}</h4>{self._table(state, vertex, False)}"

@@ -1,4 +1,4 @@
-"""Expressions somebody watches: their value now, and how they went."""
+"""Watch panel: expressions with their current value and a sparkline of their history."""
 
 from collections.abc import Callable
 
@@ -7,7 +7,7 @@ import viser
 from app.debugger.condition import Condition
 from app.debugger.run_state import RunState
 from app.debugger.series import Series, thinned
-from app.debugger.watch import understand_watch, watch_series, with_watch
+from app.debugger.watch import parse_watch, watch_series, with_watch
 from app.html import button, icon, number, text
 from app.page_state.page_state import PageState
 from app.palette import NOW, SELECTED, css
@@ -21,7 +21,7 @@ SPARK = (96, 20)  # px
 
 
 class WatchPanel:
-    """Every browser has expressions of its own."""
+    """The watch expressions of one browser."""
 
     def __init__(
         self,
@@ -36,14 +36,18 @@ class WatchPanel:
 
         def add(expression: str) -> None:
             try:
-                page_state.watches = with_watch(page_state.watches, understand_watch(expression, scene))
+                page_state.watches = with_watch(page_state.watches, parse_watch(expression, scene))
             except InputError:
                 line.write(expression)
                 raise
             republish()
 
         line = TextField(
-            gui, html_events, "Watch", "Such as energy / 1000, moved(0) or 100 * weakest. Enter adds it.", add
+            gui,
+            html_events,
+            "Watch",
+            "An expression such as energy / 1000, moved(0) or 100 * weakest. Enter adds it.",
+            add,
         )
         self._panel = HtmlPanel(gui)
 
@@ -87,7 +91,7 @@ class WatchPanel:
         )
         return (
             f'<svg viewBox="0 0 {width} {height}" style="width:{width}px;height:{height}px;cursor:pointer" '
-            f'onpointerdown="{text(press)}"><title>{text(number(low))} to {text(number(high))}; click to go there</title>'
+            f'onpointerdown="{text(press)}"><title>{text(number(low))} to {text(number(high))}; click to go to a moment</title>'
             f'<rect width="{width}" height="{height}" fill="transparent"/>'
             f'<polyline points="{points}" fill="none" stroke="{css(NOW)}" stroke-width="1.4"/>'
             f'<line x1="{at:.1f}" x2="{at:.1f}" y1="0" y2="{height}" stroke="{css(SELECTED)}"/></svg>'

@@ -1,4 +1,4 @@
-"""The cells of a face as pictures: what each photo shows, what the eigenspace makes of it, and what remains."""
+"""Cell images: observed cells, reconstructions, residuals, weights and flows of a face as pictures."""
 
 import base64
 from collections.abc import Callable
@@ -12,21 +12,21 @@ from app.palette import NOW, RGB, SELECTED, TRUTH, css
 from fairing.judge.inspect import FaceCells
 
 GAP = 2
-EMPTY: RGB = (36, 39, 43)  # outside of the triangle
-MASKED: RGB = (58, 62, 68)  # samples that the photo does not really show
-ZERO = 18  # grey of a residual of nothing
+EMPTY: RGB = (36, 39, 43)  # outside the triangle
+MASKED: RGB = (58, 62, 68)  # samples that are not visible in the photo
+ZERO = 18  # grey level of a zero residual
 FLOW_COLORS: dict[str, RGB] = {"model": NOW, "flow": (242, 244, 247)}
-MIN_CONFIDENCE = 0.3  # arrows of the optical flow that are believed less are left out
-MIN_ARROW = 1.2  # px
+MIN_CONFIDENCE = 0.3  # optical flow vectors of lower confidence are not drawn
+MIN_ARROW = 1.2  # px: shorter arrows are not drawn
 
 
 class CellPictures:
-    """Pictures of a face's cells on scales common to all photos.
+    """Pictures of a face's cells, with colour scales common to all photos.
 
     Args:
         cells: of the face.
-        flows: the arrows and the cells they lie over; None: those columns stay dark.
-        residual_scale: residual of full colour, grey levels; default: where residuals count as large.
+        flows: flow vectors and the cells they are drawn over; without them, flow columns are dark.
+        residual_scale: residual shown at full colour, grey levels; default: the outlier threshold.
     """
 
     def __init__(self, cells: FaceCells, flows: StepFlows | None = None, residual_scale: float | None = None) -> None:
@@ -47,13 +47,13 @@ class CellPictures:
         }
 
     def strip(self, row: int, kinds: tuple[str, ...], tile: int) -> str:
-        """Some kinds of one photo's cell side by side, as a data URI, each `tile` px wide."""
+        """The given kinds of one photo's cell side by side as a data URI, each `tile` px wide."""
         gap = np.full((tile, GAP, 3), EMPTY, dtype=np.uint8)
         parts = [part for kind in kinds for part in (_scaled(self.picture(row, kind), tile), gap)]
         return data_uri(np.concatenate(parts[:-1], axis=1))
 
     def picture(self, row: int, kind: str) -> np.ndarray:
-        """(N, N, 3) uint8: one cell, a pixel a sample; of arrows what they lie over."""
+        """(N, N, 3) uint8: one cell, one pixel per sample; for a kind with arrows, the background of the arrows."""
         if kind in FLOW_COLORS:
             at = self._flow_row(row)
             if self._flows is None or at is None:
@@ -65,11 +65,11 @@ class CellPictures:
         return _placed(self.cells, self._draw[kind](row), counts)
 
     def arrows(self, row: int, kind: str, tile: float, scale: float, every: int = 1) -> str:
-        """The path of an SVG with a cell's arrows, a tile being `tile` px wide; empty where there are none.
+        """SVG path of a cell's arrows in a tile `tile` px wide; empty if there are none.
 
         Args:
-            scale: arrows are so many times longer than the flow.
-            every: of the arrows in each direction only every so many.
+            scale: length of the arrows, in lengths of the flow vectors.
+            every: draw every n-th arrow in each direction.
         """
         at = self._flow_row(row)
         if self._flows is None or at is None:
@@ -90,7 +90,7 @@ class CellPictures:
         return arrow_path(starts, starts + scale * unit * flow.vectors[at][chosen])
 
     def legend(self, kind: str) -> str:
-        """What the colours of a kind mean, as markup."""
+        """Markup of the colour legend of a kind."""
         if kind in ("photo", "reconstruction"):
             return _bar("#000", "#fff", number(self.dark, 3), "grey levels", number(self.bright, 3))
         if kind == "residual":
@@ -109,9 +109,9 @@ class CellPictures:
         )
 
     def values(self, row: int) -> str:
-        """I, U c and weight of every sample of a cell for the page's script: int16, base64.
+        """I, U c and weight of every sample of a cell for the page's script: little-endian int16 as base64.
 
-        Levels in 1/64, weights in 1/10000 of the largest, -1 where the sample does not count.
+        Grey levels in units of 1/64, weights in units of 1/10000 of the largest weight, -1 for masked samples.
         """
         cells = self.cells
         samples = len(cells.rows_and_columns[0])
@@ -120,7 +120,7 @@ class CellPictures:
         return base64.b64encode(np.clip(np.round(table), -32768, 32767).astype("<i2").tobytes()).decode()
 
     def _flow_row(self, row: int) -> int | None:
-        """Where a photo stands among the cells before the step."""
+        """Row of a photo among the cells before the step; None if it did not see the face."""
         if self._flows is None:
             return None
         found = np.flatnonzero(self._flows.cells.views == self.cells.views[row])
@@ -133,14 +133,14 @@ class CellPictures:
         return _grey((values - self.dark) * 255 / (self.bright - self.dark))
 
     def _weight(self, row: int) -> np.ndarray:
-        """Bright where a residual counts fully, yellow beyond the outlier threshold."""
+        """Bright at full weight, yellow beyond the outlier threshold."""
         shade = _grey(230 * self.cells.weights[row] / self.largest_weight)
         is_outlier = np.abs(self.cells.residual[row]) > self.threshold
         return np.where(is_outlier[:, None], np.array(SELECTED, dtype=np.uint8), shade)
 
 
 def strip_of_basis(cells: FaceCells, tile: int) -> str:
-    """The basis images, zero in the middle grey, as a data URI."""
+    """The basis images side by side as a data URI; zero is middle grey."""
     gap = np.full((tile, GAP, 3), EMPTY, dtype=np.uint8)
     parts = []
     for image in cells.basis:
@@ -150,7 +150,7 @@ def strip_of_basis(cells: FaceCells, tile: int) -> str:
 
 
 def arrow_path(starts: np.ndarray, ends: np.ndarray) -> str:
-    """SVG path of arrows from `starts` to `ends`, both (n, 2) px; those too short to see are left out."""
+    """SVG path of arrows from `starts` to `ends`, both (n, 2) px, without those shorter than `MIN_ARROW`."""
     parts = []
     along = ends - starts
     length = np.linalg.norm(along, axis=1)
@@ -167,21 +167,21 @@ def arrow_path(starts: np.ndarray, ends: np.ndarray) -> str:
 
 
 def data_uri(pixels: np.ndarray, *, jpeg: bool = False) -> str:
-    """A PNG (or JPEG) within a text, from (h, w, 3) uint8, RGB."""
+    """A PNG (or JPEG) data URI of pixels (h, w, 3) uint8 RGB."""
     kind, options = (".jpg", [cv2.IMWRITE_JPEG_QUALITY, 88]) if jpeg else (".png", [cv2.IMWRITE_PNG_COMPRESSION, 3])
     _, encoded = cv2.imencode(kind, np.ascontiguousarray(pixels[..., ::-1]), options)
     return f"data:image/{'jpeg' if jpeg else 'png'};base64," + base64.b64encode(encoded.tobytes()).decode()
 
 
 def _threshold(cells: FaceCells) -> float:
-    """Where residuals count as large: the robust norm's turning point, else three times their spread."""
+    """Outlier threshold, grey levels: inflection point of the robust norm, else three standard deviations."""
     if np.isfinite(cells.outlier_threshold):
         return max(float(cells.outlier_threshold), 1e-6)
     return max(3 * float(np.std(cells.residual[cells.counts])) if cells.counts.any() else 1.0, 1e-6)
 
 
 def _placed(cells: FaceCells, colors: np.ndarray, counts: np.ndarray | None) -> np.ndarray:
-    """(N, N, 3) uint8 from colours (p, 3) of the samples; with colour photos the first channel stands for all."""
+    """(N, N, 3) uint8 from colours (p, 3) of the samples; for colour photos, from those of the first channel."""
     rows, columns = cells.rows_and_columns
     samples = len(rows)
     image = np.empty((cells.size, cells.size, 3), dtype=np.uint8)
@@ -203,13 +203,13 @@ def _grey(values: np.ndarray) -> np.ndarray:
 
 def _signed(values: np.ndarray) -> np.ndarray:
     """Blue for -1, dark for 0, red for 1."""
-    strength = np.sqrt(np.clip(np.abs(values), 0, 1))[:, None]  # small ones are there, too
+    strength = np.sqrt(np.clip(np.abs(values), 0, 1))[:, None]  # square root: small values stay visible
     color = np.where((values < 0)[:, None], np.array(TRUTH), np.array(NOW))
     return ((1 - strength) * ZERO + strength * color).astype(np.uint8)
 
 
 def _fire(values: np.ndarray) -> np.ndarray:
-    """Dark to bright, through the colours of fire."""
+    """The colour map inferno, from dark to bright."""
     levels = (255 * np.clip(values, 0, 1)).astype(np.uint8)
     return cv2.applyColorMap(levels[:, None], cv2.COLORMAP_INFERNO)[:, 0, ::-1]
 

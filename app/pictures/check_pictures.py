@@ -1,4 +1,4 @@
-"""The pictures of `check`: the mesh over each photo, and all of them on one sheet."""
+"""Pictures of the command `check`: the mesh drawn over each photo, and a contact sheet of all photos."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -13,14 +13,14 @@ from fairing.check.result import SEEN, SceneCheck
 from fairing.scene import Scene
 
 THUMBNAIL = 640
-"""Width of a photo on the sheet and in the page, px."""
+"""Width of a photo on the contact sheet and in the page, px."""
 _COLUMNS = 3
 _FRAMED = 1e5
-"""Pixels: outlines that run farther out are not drawn."""
+"""px: outlines with corners at larger coordinates are not drawn."""
 
 
 class Line(NamedTuple):
-    """One kind of outline: its colour and what it says."""
+    """One kind of face outline: its colour and its meaning."""
 
     color: RGB
     meaning: str
@@ -32,10 +32,11 @@ OUT = Line(REJECTED, "face takes no part at all: fewer than 3 photos see it well
 
 
 def overlay(scene: Scene, check: SceneCheck, view: int, width: int | None = None) -> np.ndarray:
-    """A photo (h, w, 3) uint8 RGB, dimmed, with the outlines of the faces turned to it; darker where it is masked.
+    """A dimmed photo, (h, w, 3) uint8 RGB, with the outlines of its front-facing faces; masked areas are darker.
 
     Args:
-        width: of the picture, px; default: the photo's. Outlines are drawn at this size, so that they stay visible.
+        view: index of the photo.
+        width: of the picture, px; default: that of the photo. Outlines are drawn at this size, so that they stay visible.
     """
     item = scene.views[view]
     photo = item.photo.load()
@@ -53,7 +54,7 @@ def overlay(scene: Scene, check: SceneCheck, view: int, width: int | None = None
     part = check.faces.takes_part
     uv, _ = item.camera.project(scene.mesh.vertices)
     uv = (uv + 0.5) * scale - 0.5
-    # As thick in a large picture as in a small one, seen at the same size.
+    # The line width grows with the picture, so that outlines look alike at the same display size.
     thickness = max(1, round(max(size) / 1400))
     for faces, line in (
         (turned & part & ~np.isin(codes, SEEN), HELD_BACK),
@@ -68,7 +69,7 @@ def overlay(scene: Scene, check: SceneCheck, view: int, width: int | None = None
 
 
 def contact_sheet(thumbnails: Sequence[np.ndarray], captions: Sequence[str]) -> Image.Image:
-    """All pictures in rows of three, each with a line of text under it."""
+    """All pictures in rows of three, each with a caption below it; long captions are truncated."""
     font = ImageFont.load_default(size=15)
     gap, line = 12, 26
     columns = min(_COLUMNS, len(thumbnails))

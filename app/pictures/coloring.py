@@ -1,7 +1,7 @@
-"""Colours a mesh by a quantity: which colour each corner gets, and what the colours mean.
+"""Colouring of a mesh by a quantity: texture coordinates into a colour scale, and the legend.
 
-Colours are looked up in a small picture of the scale by texture coordinates, so that between vertices values are
-interpolated rather than colours. Viser's tone mapping brightens the mesh by up to about 11 of 255 against the legend.
+Faces read their colours from a small texture of the scale, so that values rather than colours are interpolated between
+vertices. Viser's tone mapping makes the mesh slightly brighter than the legend (ledger: surface colours).
 """
 
 from collections.abc import Callable
@@ -19,29 +19,31 @@ from fairing.trace import StepReason
 
 SHADES = 256
 UNKNOWN: RGB = (92, 96, 102)
-ROBUST_RANGE = (2.0, 98.0)  # percentiles: a few extreme values must not take all the colours
-DECADES = 4  # of a logarithmic scale, at most
+ROBUST_RANGE = (2.0, 98.0)  # percentiles at the ends of the scale: a few extreme values do not use up the colours
+DECADES = 4  # maximal range of a logarithmic scale
 
 REASON_COLORS: dict[StepReason, tuple[str, RGB]] = {
     StepReason.ACCEPTED: ("accepted", START),
     StepReason.CONVERGED: ("converged", TRUTH),
     StepReason.REJECTED_ENERGY: ("rejected: energy", REJECTED),
     StepReason.REJECTED_FOLD: ("rejected: fold", NOW),
-    StepReason.RESTING: ("rests", (230, 159, 0)),
-    StepReason.FOUND_PLACE: ("found a better place", (0, 114, 178)),
-    StepReason.FOUND_TOGETHER: ("found a better place at the second try", (86, 180, 233)),
-    StepReason.NO_BETTER_PLACE: ("found no better place", REFERENCE),
+    StepReason.RESTING: ("resting after rejections", (230, 159, 0)),
+    StepReason.FOUND_PLACE: ("moved by local search", (0, 114, 178)),
+    StepReason.FOUND_TOGETHER: ("moved by restart", (86, 180, 233)),
+    StepReason.NO_BETTER_PLACE: ("search found no better position", REFERENCE),
     StepReason.RETURNED: ("returned to the start", (240, 228, 66)),
-    StepReason.UNSEEN: ("not seen by 3 photos", (60, 60, 60)),
+    StepReason.UNSEEN: ("seen by fewer than 3 photos", (60, 60, 60)),
     StepReason.LOCKED: ("locked", LOCKED),
-    StepReason.MOVED_MANUALLY: ("moved by hand", SELECTED),
-    StepReason.RESET_MANUALLY: ("reset by hand", (150, 120, 20)),
+    StepReason.MOVED_MANUALLY: ("moved manually", SELECTED),
+    StepReason.RESET_MANUALLY: ("reset manually", (150, 120, 20)),
     StepReason.SMOOTHED: ("smoothed", (170, 210, 170)),
-    StepReason.FITTED_TO_POINTS: ("drawn to points", (110, 180, 200)),
+    StepReason.FITTED_TO_POINTS: ("fitted to sparse points", (110, 180, 200)),
 }
 
 
 class Scale(Enum):
+    """How values map to colours: linearly, logarithmically, as whole numbers, or by category (step reason)."""
+
     LINEAR = "linear"
     LOGARITHMIC = "logarithmic"
     COUNT = "count"
@@ -53,9 +55,11 @@ class Coloring:
     """A quantity and how it is shown.
 
     Attributes:
-        label: on its button. title: in the legend. unit: of the legend's numbers, may be empty.
-        by_face: one value a face rather than a vertex.
-        ask: reads the values from a session at a moment.
+        label: text of its button.
+        title: title of the legend.
+        unit: of the legend's numbers; may be empty.
+        by_face: one value per face instead of per vertex.
+        values: returns the values (m,) or (n,) from a session at a moment; NaN where unknown.
     """
 
     label: str
@@ -63,44 +67,46 @@ class Coloring:
     unit: str
     by_face: bool
     scale: Scale
-    ask: Callable[[Session, int], np.ndarray]
+    values: Callable[[Session, int], np.ndarray]
 
 
 DIFFERENCE = "difference"
 
 
-def _nowhere(session: Session, moment: int) -> np.ndarray:
-    """What a session cannot know: A is chosen on a page. Without A there is no distance to it."""
+def _no_reference(session: Session, moment: int) -> np.ndarray:
+    """Distances without a reference: all unknown. The page computes the distances to its reference A itself."""
     return np.full(len(session.scene.mesh.vertices), np.nan)
 
 
 COLORINGS: dict[str, Coloring] = {
     "energy": Coloring("Energy", "Energy of each face", "", True, Scale.LINEAR, quantities.face_energy),
-    "moved": Coloring("Moved", "Moved from the start", "%", False, Scale.LINEAR, quantities.displacement),
-    "distance": Coloring("To truth", "Distance to the truth", "%", False, Scale.LINEAR, quantities.distance_to_truth),
-    DIFFERENCE: Coloring("To A", "Distance to where A has it", "%", False, Scale.LINEAR, _nowhere),
-    "photos": Coloring("Photos", "Photos that see each face", "", True, Scale.COUNT, quantities.view_count),
+    "moved": Coloring("Displacement", "Distance from the start", "%", False, Scale.LINEAR, quantities.displacement),
+    "distance": Coloring(
+        "Distance to truth", "Distance to the truth", "%", False, Scale.LINEAR, quantities.distance_to_truth
+    ),
+    DIFFERENCE: Coloring("Distance to A", "Distance to A", "%", False, Scale.LINEAR, _no_reference),
+    "photos": Coloring("Photo count", "Photos that see each face", "", True, Scale.COUNT, quantities.view_count),
     "determined": Coloring(
-        "Determined", "Weakest / strongest eigenvalue", "", False, Scale.LOGARITHMIC, quantities.determinacy
+        "Certainty", "Weakest / strongest eigenvalue", "", False, Scale.LOGARITHMIC, quantities.determinacy
     ),
     "reason": Coloring("Last step", "Last step of each vertex", "", False, Scale.REASON, quantities.last_reason),
 }
 
 
 def available_colorings(scene: Scene) -> list[str]:
-    """The quantities that this scene has something for."""
+    """Names of the quantities for which the scene has data."""
     return [name for name in COLORINGS if name != "distance" or scene.truth is not None]
 
 
 @dataclass(frozen=True, eq=False)
 class Legend:
-    """What the colours mean.
+    """Meaning of the colours of a mesh.
 
     Attributes:
-        low, high: the values at the ends of the scale; equal if there is but one.
-        smallest, largest: of all values; they may lie beyond the ends.
-        unknown: how many faces or vertices have no value.
-        categories: names, colours and counts, of a scale without ends.
+        low, high: values at the ends of the scale; equal if there is only one value.
+        smallest, largest: extremes of all values; they may lie beyond the ends of the scale.
+        unknown: number of faces or vertices without a value.
+        categories: name, colour and count of each category, for `Scale.REASON`.
     """
 
     coloring: Coloring
@@ -114,11 +120,13 @@ class Legend:
 
 @dataclass(frozen=True, eq=False)
 class ColoredMesh:
-    """A mesh of separate triangles that look their colours up in a picture.
+    """A mesh of separate triangles, textured with the colour scale.
 
     Attributes:
-        vertices: (c, 3) float, in the units of the vertices given. faces: (t, 3) int. uv: (c, 2) float.
-        picture: the scale, a PNG file.
+        vertices: (c, 3) float, in the unit of the input vertices.
+        faces: (t, 3) int.
+        uv: (c, 2) float: texture coordinates, 0 to 1.
+        picture: the texture, a PNG file.
     """
 
     vertices: np.ndarray
@@ -129,11 +137,11 @@ class ColoredMesh:
 
 
 def color_mesh(coloring: Coloring, values: np.ndarray, vertices: np.ndarray, faces: np.ndarray) -> ColoredMesh:
-    """Colour a mesh.
+    """Colour a mesh by a quantity.
 
     Args:
-        values: (m,) or (n,) float, by face or by vertex, NaN where unknown.
-        vertices: (n, 3) float.
+        values: (m,) or (n,) float, per face or per vertex, NaN where unknown.
+        vertices: (n, 3) float, any unit.
         faces: (m, 3) int.
     """
     if coloring.scale is Scale.REASON:
@@ -147,20 +155,20 @@ def color_mesh(coloring: Coloring, values: np.ndarray, vertices: np.ndarray, fac
         colors = color_map()
         corner_at = np.repeat(at, 3) if coloring.by_face else at[faces.ravel()]
     known = ~np.isnan(corner_at)
-    # Texels' centres are where a value is exact: the first and the last are the ends of the scale.
+    # Texel centres are exact: the centres of the first and the last texel are the ends of the scale.
     u = (np.nan_to_num(corner_at) * (len(colors) - 1) + 0.5) / len(colors)
     uv = np.stack([u, np.where(known, 0.25, 0.75)], axis=1)
     return ColoredMesh(corners, np.arange(len(corners)).reshape(-1, 3), uv, _picture(colors), legend)
 
 
 def color_map() -> np.ndarray:
-    """(256, 3) uint8: cividis, from low (dark blue) to high (yellow); alike for all kinds of colour vision."""
+    """(256, 3) uint8 RGB: cividis, from dark blue (low) to yellow (high); suitable for colour-blind readers."""
     ramp = np.arange(SHADES, dtype=np.uint8)[:, None]
     return cv2.applyColorMap(ramp, cv2.COLORMAP_CIVIDIS)[:, 0, ::-1]
 
 
 def _by_value(coloring: Coloring, values: np.ndarray) -> tuple[np.ndarray, Legend]:
-    """Place of each value on the scale, 0 to 1, NaN where unknown."""
+    """Position of each value on the scale, 0 to 1, NaN where unknown; and the legend."""
     known = values[np.isfinite(values)]
     if len(known) == 0:
         return np.full(len(values), np.nan), Legend(coloring, unknown=len(values))
@@ -182,6 +190,7 @@ def _by_value(coloring: Coloring, values: np.ndarray) -> tuple[np.ndarray, Legen
 
 
 def _by_category(coloring: Coloring, values: np.ndarray) -> tuple[np.ndarray, Legend]:
+    """Position of each category in the texture, 0 to 1, NaN where unknown; and the legend."""
     at = np.full(len(values), np.nan)
     categories = []
     for k, (reason, (name, color)) in enumerate(REASON_COLORS.items()):
@@ -193,7 +202,7 @@ def _by_category(coloring: Coloring, values: np.ndarray) -> tuple[np.ndarray, Le
 
 
 def _around_each_vertex(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Corners (18 m, 3) of six triangles a face, and for each the vertex it lies nearest to (18 m,)."""
+    """Corners (18 m, 3) of six triangles per face, and for each corner the vertex nearest to its triangle (18 m,)."""
     points = vertices[faces]
     middle = points.mean(axis=1)
     pieces, owner = [], []
@@ -206,7 +215,7 @@ def _around_each_vertex(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.nda
 
 
 def _picture(colors: np.ndarray) -> bytes:
-    """A PNG file: the colours above, the colour of the unknown below."""
+    """A PNG file of two rows: the colours, and the colour for unknown values."""
     below = np.tile(np.array(UNKNOWN, dtype=np.uint8), (len(colors), 1))
     ok, encoded = cv2.imencode(".png", np.stack([colors, below])[..., ::-1])
     assert ok

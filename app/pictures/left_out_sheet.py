@@ -1,4 +1,4 @@
-"""The proof on photos without truth, as a picture: photo by photo, what the model predicts wrongly before and after."""
+"""Contact sheet of held-out photos: each photo, and the error of its prediction before and after a run."""
 
 import cv2
 import numpy as np
@@ -16,14 +16,14 @@ TEXT = (222, 225, 229)
 
 
 class LeftOutSheet:
-    """Rows of: the photo, its prediction's error before, its error after."""
+    """Rows of three pictures: the photo, the prediction error before, the prediction error after."""
 
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
         self._rows: list[tuple[int, np.ndarray]] = []
 
     def add(self, prediction: Prediction) -> None:
-        """Keep a photo's row, small."""
+        """Add the row of a photo, reduced to the size of the sheet."""
         known = prediction.is_known[..., None]
         errors = [np.where(known, DIFFERENCE_GAIN * np.abs(image - prediction.photo), 0) for image in prediction.images]
         pictures = [prediction.photo, *errors]
@@ -34,7 +34,7 @@ class LeftOutSheet:
         self._rows.append((prediction.view, np.hstack([small[0], gap, small[1], gap, small[2]]).astype(np.uint8)))
 
     def picture(self, before: LeftOut, after: LeftOut) -> Image.Image:
-        """All rows, with the figures of each photo."""
+        """The sheet: all rows, captioned with PSNR and SSIM before and after."""
         height = CAPTION + sum(row.shape[0] + CAPTION + GAP for _, row in self._rows)
         sheet = Image.new("RGB", (3 * TILE + 4 * GAP, height + GAP), BACKGROUND)
         draw = ImageDraw.Draw(sheet)
@@ -46,7 +46,7 @@ class LeftOutSheet:
             sheet.paste(Image.fromarray(row), (GAP, y))
             y += row.shape[0]
             share = before.share[i]
-            judged = f"{share:.0%} of its pixels judged" if np.isfinite(share) else "not judged"
+            judged = f"{share:.0%} of its pixels evaluated" if np.isfinite(share) else "not evaluated"
             captions = [f"{self._scene.views[view].name}   {judged}"]
             captions += [f"PSNR {one.psnr[i]:.2f} dB   SSIM {one.ssim[i]:.4f}" for one in (before, after)]
             for column, caption in enumerate(captions):

@@ -1,4 +1,4 @@
-"""Cuts of photos around what is looked at, and one photo's face seen through another's (the paper's figure 2)."""
+"""Photo crops: square windows of photos, and a face warped from one photo into another (the paper's figure 2)."""
 
 from dataclasses import dataclass
 
@@ -7,19 +7,19 @@ import numpy as np
 
 from fairing.camera import Camera
 
-OUTSIDE = 40  # grey level beyond the photo's border
-DIMMED = 0.35  # of its brightness is left to a photo outside of the face
+OUTSIDE = 40  # grey level outside the photo
+DIMMED = 0.35  # relative brightness of a photo outside the face
 MAX_OVERSAMPLING = 4
 
 
 @dataclass(frozen=True)
 class Window:
-    """A square of a photo shown `side` px wide.
+    """A square window of a photo, shown as a picture `side` px wide.
 
     Attributes:
-        left, top: column and row of its first pixel.
-        span: photo pixels along an edge.
-        side: of the picture, px.
+        left, top: column and row of its first pixel in the photo.
+        span: side of the window, photo px.
+        side: side of the picture, px.
     """
 
     left: int
@@ -29,18 +29,27 @@ class Window:
 
     @classmethod
     def around(cls, points: np.ndarray, side: int, margin: float = 0.06, least: float = 16.0) -> "Window":
-        """The window that holds points (n, 2), photo px, with a margin of its size."""
+        """The window around points (n, 2), photo px.
+
+        Args:
+            side: of the picture, px.
+            margin: on each side, relative to the extent of the points.
+            least: minimal side of the window, photo px.
+        """
         low, high = points.min(axis=0), points.max(axis=0)
         span = max(int(np.ceil((1 + 2 * margin) * float((high - low).max()))), int(least))
         left, top = np.round((low + high) / 2 + 0.5 - span / 2).astype(int).tolist()
         return cls(left, top, span, side)
 
     def place(self, points: np.ndarray) -> np.ndarray:
-        """Picture px (..., 2) of photo px; a picture's pixels count from its corner, a photo's from pixel centres."""
+        """Picture px (..., 2) from photo px (..., 2).
+
+        The origin of picture px is the corner of the picture; that of photo px is the centre of the first pixel.
+        """
         return (np.asarray(points) + 0.5 - [self.left, self.top]) * (self.side / self.span)
 
     def cut(self, photo: np.ndarray) -> np.ndarray:
-        """(side, side, 3) uint8: what of the photo lies in the window."""
+        """(side, side, 3) uint8: the part of the photo (h, w, 3) uint8 in the window, grey outside the photo."""
         h, w = photo.shape[:2]
         piece = np.full((self.span, self.span, 3), OUTSIDE, dtype=np.uint8)
         x0, x1 = max(0, self.left), min(w, self.left + self.span)
@@ -53,13 +62,13 @@ class Window:
 
 @dataclass(frozen=True, eq=False)
 class FacePair:
-    """One face in two photos, within a window of the second one.
+    """One face in two photos i and j, within a window of photo j.
 
     Attributes:
-        warped: (side, side, 3) uint8: photo i's area warped into photo j's.
-        own: (side, side, 3) uint8: photo j.
-        average: (side, side, 3) uint8: of both, the rest of photo j dimmed.
-        outline: (3, 2) float: the face in the pictures, px.
+        warped: (side, side, 3) uint8: the face in photo i, warped into photo j.
+        own: (side, side, 3) uint8: the face in photo j.
+        average: (side, side, 3) uint8: mean of both; the rest of photo j is dimmed.
+        outline: (3, 2) float: corners of the face, picture px.
         difference: mean absolute difference within the face, grey levels.
     """
 
@@ -71,10 +80,10 @@ class FacePair:
 
 
 def photo_from_photo(one: Camera, other: Camera, corners: np.ndarray, affine: bool) -> np.ndarray:
-    """(3, 3): homogeneous px of camera `one` from px of camera `other` for points of a face.
+    """(3, 3) float: the homography from px of camera `other` to px of camera `one` for points of a face.
 
     With homogeneous projections M = P [X_0 X_1 X_2; 1 1 1] of the corners (3, 3), world units, a point of barycentric
-    weights b shows at M b, so the map is M_one M_other^-1. `affine` (the paper): the projected corners instead.
+    weights b projects to M b, so the map is M_one M_other^-1. With `affine` (the paper), M holds the projected corners.
     """
 
     def projected(camera: Camera) -> np.ndarray:
@@ -92,7 +101,7 @@ def face_pair(
     window: Window,
     affine: bool,
 ) -> FacePair:
-    """Photo i's area of a face warped into photo j's.
+    """Warp a face from photo i into photo j.
 
     Args:
         photos, cameras: i and j.

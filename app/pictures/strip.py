@@ -1,4 +1,4 @@
-"""What happened at each recorded moment, as a strip of colours."""
+"""Timeline strip: one colour per recorded step, by the fall of the energy, the step length or the rejected share."""
 
 import numpy as np
 
@@ -8,23 +8,22 @@ from app.palette import BACKGROUND, HAND, NOW, REJECTED, RGB, START
 from fairing.trace import StepRecord
 
 KINDS: dict[str, str] = {
-    "energy": "Brighter green: the energy fell more (0.001 % to 10 %). Violet: rejected steps. White: by hand.",
-    "step": "Brighter red: the longest step that was made was longer (0.01 to 10 px in a photo). White: by hand.",
-    "rejected": "Violet: the part of the vertices whose step was rejected. White: by hand.",
+    "energy": "Bright green: large fall of the energy (0.001 % to 10 %). Pink: rejected steps. White: manual edits.",
+    "step": "Bright red: long steps (the longest of the step, 0.01 to 10 px in a photo). White: manual edits.",
+    "rejected": "Pink: share of the vertices whose step was rejected. White: manual edits.",
 }
-MAX_PIXELS = 2000  # of a strip
+MAX_PIXELS = 2000  # width of a strip, px
 
 
 class StepHistory:
-    """Numbers from 0 to 1 a step: how much the energy fell, how far a vertex moved, what part was rejected, whether a
-    hand did it."""
+    """Four numbers from 0 to 1 per step: fall of the energy, longest step, rejected share, and 1 for a manual edit."""
 
     def __init__(self) -> None:
         self._run_id = -1
         self._values = np.zeros((0, 4), dtype=np.float32)
 
     def update(self, state: RunState) -> None:
-        """Take in the steps that are new."""
+        """Add the steps recorded since the last update; a different run starts over."""
         if state.run_id != self._run_id:
             self._run_id = state.run_id
             self._values = np.zeros((0, 4), dtype=np.float32)
@@ -33,17 +32,17 @@ class StepHistory:
             self._values = np.concatenate([self._values, np.array(new, dtype=np.float32)])
 
     def picture(self, kind: str) -> np.ndarray:
-        """(1, w, 3) uint8: a pixel a moment; of very long records a pixel a group, the strongest of it."""
+        """(1, w, 3) uint8: one pixel per step; for long records one pixel per group of steps, with its maximum."""
         group = max(1, -(-len(self._values) // MAX_PIXELS))
         padded = np.concatenate([self._values, np.repeat(self._values[-1:], -len(self._values) % group, axis=0)])
-        fall, length, rejected, by_hand = padded.reshape(-1, group, 4).max(axis=1).T
+        fall, length, rejected, manual = padded.reshape(-1, group, 4).max(axis=1).T
         if kind == "step":
             colors = _towards(_base(len(length)), NOW, length)
         elif kind == "rejected":
             colors = _towards(_base(len(rejected)), REJECTED, rejected)
         else:
             colors = _towards(_towards(_base(len(fall)), START, 0.15 + 0.85 * fall), REJECTED, rejected)
-        return np.round(_towards(colors, HAND, by_hand)).astype(np.uint8)[None]
+        return np.round(_towards(colors, HAND, manual)).astype(np.uint8)[None]
 
 
 def _base(count: int) -> np.ndarray:
@@ -66,5 +65,5 @@ def _measures(record: StepRecord) -> tuple[float, float, float, float]:
 
 
 def _log_part(value: float, low: float, high: float) -> float:
-    """Where a value stands between two others on a logarithmic scale, 0 to 1."""
+    """Position of a value between `low` and `high` on a logarithmic scale, 0 to 1."""
     return float(np.clip(np.log(max(value, 1e-300) / low) / np.log(high / low), 0, 1))

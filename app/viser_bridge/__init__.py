@@ -34,6 +34,7 @@ Scene
 - `node_events`: a click is reported for the node and for the scene; modifiers match exactly; synchronous callbacks may
   overtake each other. Hover outlines of large meshes are slow (#565), so only marks and frusta are clickable.
 - `camera_pose`: camera setters skip values equal to the browser's last report, which may be out of date.
+- `picking_camera`: the browser's camera as a pinhole camera.
 - `photo_background`: background images are stretched to the window; cameras have a centred principal point.
 
 May import the loose modules of `app` and of `fairing`.

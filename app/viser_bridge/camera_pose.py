@@ -4,11 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import viser
-import viser.transforms
 
-from fairing.camera import Camera
-
-IMAGE_HEIGHT = 540  # px, at most, of the image of `browser_camera`
 ELSEWHERE = 1.0  # scene units: anywhere else will do
 
 
@@ -49,14 +45,3 @@ def set_camera_pose(client: viser.ClientHandle, pose: CameraPose) -> None:
             client.camera.look_at = wanted.target
             client.camera.up_direction = wanted.up
             client.camera.fov = wanted.fov
-
-
-def browser_camera(client: viser.ClientHandle) -> Camera:
-    """The browser's camera, in scene units, with an image of moderate size."""
-    camera = client.camera
-    height = min(IMAGE_HEIGHT, int(camera.image_height))
-    width = max(1, round(height * camera.aspect))
-    focal = height / 2 / np.tan(camera.fov / 2)
-    K = np.array([[focal, 0, width / 2 - 0.5], [0, focal, height / 2 - 0.5], [0, 0, 1]])
-    camera_from_world = viser.transforms.SO3(np.asarray(camera.wxyz)).as_matrix().T
-    return Camera.from_krt(K, camera_from_world, -camera_from_world @ np.asarray(camera.position), width, height)

@@ -1,4 +1,4 @@
-"""Reading scenes and meshes, writing results; a file per format."""
+"""Input and output: scenes, meshes, scans and textured models; one module per format."""
 
 from typing import TYPE_CHECKING
 

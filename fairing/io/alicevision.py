@@ -1,7 +1,7 @@
-"""Meshroom's (AliceVision's) `.sfm` and its .json: views, intrinsics, poses and landmarks, all numbers as texts.
+"""Meshroom (AliceVision): `.sfm` and its .json with views, intrinsics, poses and landmarks; all numbers are strings.
 
-World to camera: R (X - C); R stands column by column. Pixel centres lie at integers. Since version 1.2.1 the principal
-point counts from the middle of the photo (width / 2, height / 2), before from its corner. The focal length is given in
+World to camera: R (X - C); R is stored column by column. Pixel centres lie at integers. Since version 1.2.1 the principal
+point is relative to the middle of the photo (width / 2, height / 2), before to its corner. The focal length is given in
 pixels before 1.2.2, then in millimetres of a sensor `sensorWidth` wide; `pixelRatio` is fx / fy before 1.2.5 and fy / fx
 since. Distortions: none, radialk1, radialk3 and brown (k1, k2, k3, p1, p2), before 1.2.6 named by the camera's type
 (pinhole, radial1, radial3, brown). Source: AliceVision's sfmDataIO/jsonIO.cpp and its compatibilityData.
@@ -17,10 +17,10 @@ from fairing.io.capture import Capture, files_in, listed, naming
 from fairing.io.json_file import Item, holds, read_json
 from fairing.lens import Lens
 
+NAME = "meshroom"
 FORMAT = "Meshroom / AliceVision (.sfm)"
-HOLDS_POINTS = True
 
-# Which of k1, k2, p1, p2, k3 the parameters are, by the distortion's name and by the old type's.
+# Indices of the parameters among k1, k2, p1, p2, k3, by the name of the distortion and of the old camera type.
 _DISTORTIONS: dict[str, tuple[int, ...]] = {
     "none": (),
     "pinhole": (),
@@ -30,6 +30,8 @@ _DISTORTIONS: dict[str, tuple[int, ...]] = {
     "radial3": (0, 1, 4),
     "brown": (0, 1, 4, 2, 3),
 }
+
+_LARGEST_VERSION = 1e6
 
 
 def recognises(path: Path) -> bool:
@@ -41,7 +43,7 @@ def read(path: Path) -> Capture:
     assert file is not None
     content = read_json(file, "a Meshroom scene", quoted=True)
     with naming(file):
-        version = tuple(int(number) for number in content["version"].numbers(3))
+        version = _version(content["version"])
         lenses = {item["intrinsicId"].whole(): _lens(item, version) for item in _items(content, "intrinsics")}
         poses = {item["poseId"].whole(): item["pose"]["transform"] for item in _items(content, "poses")}
         if not poses:
@@ -63,6 +65,13 @@ def read(path: Path) -> Capture:
             photos.append(CalibratedPhoto(photo, lens, R, pose_of_center(R, C)))
         warnings = (f"photos left out, without a pose: {len(left_out)} ({listed(left_out)})",) if left_out else ()
         return build_capture(photos, _points(content, photo_of_view), warnings)
+
+
+def _version(item: Item) -> tuple[int, ...]:
+    numbers = item.numbers(3)
+    if not (np.abs(numbers) < _LARGEST_VERSION).all():
+        raise InputError(f"{item.where}: expected 3 numbers such as 1.2.14, found {item.kind}")
+    return tuple(int(number) for number in numbers)
 
 
 def _lens(item: Item, version: tuple[int, ...]) -> Lens:
@@ -116,14 +125,14 @@ def _points(content: Item, photo_of_view: dict[int, int]) -> ObservedPoints:
         colors.append(landmark["color"].numbers(3) if "color" in landmark else np.full(3, 128.0))
     return ObservedPoints(
         np.array(positions).reshape(-1, 3),
-        np.clip(np.array(colors).reshape(-1, 3), 0, 255).astype(np.uint8),
+        np.clip(np.nan_to_num(np.array(colors)).reshape(-1, 3), 0, 255).astype(np.uint8),
         np.array(observations, dtype=np.int64).reshape(-1, 2),
         np.array(pixels).reshape(-1, 2),
     )
 
 
 def _items(item: Item, key: str) -> list[Item]:
-    """A list that may be missing; an empty one is written as an empty text."""
+    """The items of a list that may be missing; an empty list is stored as an empty string."""
     return list(item[key]) if key in item and item[key].value != "" else []
 
 

@@ -1,4 +1,4 @@
-"""Files appear complete or not at all."""
+"""Atomic file writing: a file appears complete or not at all."""
 
 import os
 import shutil
@@ -7,27 +7,37 @@ from pathlib import Path
 from typing import BinaryIO
 
 from fairing.errors import InputError
+from fairing.util.part_file import part_path, remove_parts_of, sync_folder
 
 
 def write_atomically(path: Path, write: Callable[[BinaryIO], object]) -> None:
-    """Let `write` fill a file beside `path`, then rename it: whoever looks sees the old file or the new one.
+    """Write a part file with `write`, then rename it: a reader sees the old file or the complete new one.
 
     Raises:
-        InputError: the folder is missing or not writable, or the disk is full. The old file is untouched then, and
-            nothing half-written is left behind.
+        InputError: the folder is missing or not writable, or the disk is full. The old file is unchanged then, and no
+            part file is left.
     """
-    aside = path.with_name(f".{path.name}.{os.getpid()}.part")
+    part = part_path(path)
     try:
-        with aside.open("wb") as file:
+        remove_parts_of(path)
+        with part.open("wb") as file:
             write(file)
             file.flush()
             os.fsync(file.fileno())
-        aside.replace(path)
+        part.replace(path)
+        sync_folder(path.parent)
     except BaseException as error:
-        aside.unlink(missing_ok=True)
+        _discard(part)
         if isinstance(error, OSError):
             raise InputError(f"{path}: could not be written ({error.strerror or error}); {_remedy(path)}") from None
         raise
+
+
+def _discard(part: Path) -> None:
+    try:
+        part.unlink(missing_ok=True)
+    except (OSError, ValueError):  # a name too long, or with a NUL
+        return
 
 
 def _remedy(path: Path) -> str:

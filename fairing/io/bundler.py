@@ -1,9 +1,9 @@
-"""Bundler's `bundle.out` (version 0.3) with its list of photos.
+"""Bundler: `bundle.out` (version 0.3) with its list of photos.
 
-The list is `<name>.list.txt` or `list.txt`, beside the .out file or one folder up: a photo a line, in the order of the
-cameras, perhaps with a focal length behind it. A camera is f k1 k2, R (row by row), t: P = R X + t, p = -P / P_z,
-pixel = f (1 + k1 |p|^2 + k2 |p|^4) p. It looks down its negative z axis, y up, and pixels count from the middle of the
-photo, y up. Cameras with f = 0 were not registered. Source: Bundler v0.4 user's manual, section VI.
+The list is `<name>.list.txt` or `list.txt`, beside the .out file or one folder up: one photo per line, in the order of
+the cameras, optionally followed by a focal length. A camera is f k1 k2, R (row by row), t: P = R X + t, p = -P / P_z,
+pixel = f (1 + k1 |p|^2 + k2 |p|^4) p. It looks along its negative z axis, y up, and pixels are relative to the middle of
+the photo, y up. Cameras with f = 0 were not registered. Source: Bundler v0.4 user's manual, section VI.
 """
 
 import re
@@ -18,8 +18,8 @@ from fairing.io.number_file import NumberFile
 from fairing.lens import Lens
 from fairing.photo import FilePhoto
 
+NAME = "bundler"
 FORMAT = "Bundler (bundle.out with list.txt)"
-HOLDS_POINTS = True
 
 _HEADER = b"# Bundle file v0.3"
 _FLIP = np.diag([1.0, -1.0, -1.0])
@@ -93,7 +93,7 @@ def _file(path: Path) -> Path | None:
         return path if path.suffix == ".out" and _begins_right(path) else None
     for folder in (path, path / "bundle"):
         found = [file for file in files_in(folder, frozenset({".out"})) if _begins_right(file)]
-        # Bundler leaves bundle_001.out, ... behind, the states on the way to bundle.out.
+        # Bundler also writes its intermediate states: bundle_001.out, ...
         final = [file for file in found if file.name == "bundle.out"] or found
         if len(final) > 1:
             raise InputError(f"{folder}: expected one Bundler file, found {listed(f.name for f in final)}; give one")

@@ -1,7 +1,7 @@
-"""From photos, lenses and poses, as other programs write them, to a Capture.
+"""Captures from the photos, lenses and poses that other programs write.
 
-What all their readers share: finding the photos, naming the views, photos kept at another size than they were
-calibrated at, and observations freed of the lens.
+Shared by their readers: locating the photos, naming the views, rescaling cameras of resized photos, and undistorting
+observations.
 """
 
 import os
@@ -19,16 +19,16 @@ from fairing.photo import FilePhoto, Mask
 from fairing.scene import SparsePoints, View
 
 _RESIZED = 0.9
-"""A photo is taken for a resized one if it differs by at least this factor; a smaller difference is a mistake."""
+"""A photo counts as resized if its size differs at least by this factor; a smaller difference is an error."""
 
 
 @dataclass(frozen=True, eq=False)
 class CalibratedPhoto:
-    """A photo file, the lens it was taken through (pixel centres at integers), and the pose.
+    """A photo file, its lens (pixel centres at integers) and its pose.
 
     Attributes:
         R, t: camera from world, axes x right, y down, z forward: (3, 3) and (3,) float, world units.
-        mask: an image of the photo as taken, black where it does not count.
+        mask: an image of the distorted photo's size, black where the photo is ignored.
     """
 
     path: Path
@@ -40,13 +40,13 @@ class CalibratedPhoto:
 
 @dataclass(frozen=True, eq=False)
 class ObservedPoints:
-    """Points of a reconstruction, seen in the photos as taken.
+    """Points of a reconstruction with their observations in the distorted photos.
 
     Attributes:
         positions: (n, 3) float, world units.
         colors: (n, 3) uint8, RGB.
         observations: (o, 2) int: a point's index and a photo's index.
-        pixels: (o, 2) float: where, pixel centres at integers, bent by the lens.
+        pixels: (o, 2) float: distorted pixels of the observations, pixel centres at integers.
     """
 
     positions: np.ndarray
@@ -56,17 +56,20 @@ class ObservedPoints:
 
 
 def pose_of_center(R: np.ndarray, C: np.ndarray) -> np.ndarray:
-    """t (3,) of a camera with rotation R (3, 3) and centre C (3,), so that x = R X + t; `Camera` judges what is finite."""
+    """t (3,), world units, of a camera with rotation R (3, 3) and centre C (3,), so that x = R X + t.
+
+    The result may be infinite; `Camera` refuses it.
+    """
     with np.errstate(all="ignore"):
         return -R @ C
 
 
 def find_photo(written: str, folders: Iterable[Path]) -> Path:
-    """The photo file that a file of cameras names, perhaps by a path of another machine.
+    """The photo file that a camera file refers to, possibly by a path on another machine.
 
     Args:
-        written: as it stands in the file: absolute or relative to one of the folders, with slashes or backslashes.
-        folders: where to look, also in their `images/`; there the bare name will do.
+        written: the path in the file: absolute or relative to one of the folders, with slashes or backslashes.
+        folders: folders to search, together with their `images/`; a file of the same name there is accepted.
 
     Raises:
         InputError: there is no such photo.
@@ -84,10 +87,10 @@ def find_photo(written: str, folders: Iterable[Path]) -> Path:
 def build_capture(
     photos: Sequence[CalibratedPhoto], points: ObservedPoints | None = None, warnings: tuple[str, ...] = ()
 ) -> Capture:
-    """The views in order of their names, which are the photos' paths below the folder that holds them all.
+    """The capture with its views sorted by name; names are paths relative to the photos' common folder.
 
     Raises:
-        InputError: no photos, one that cannot be read, or a size or pose that cannot be.
+        InputError: there are no photos, one cannot be read, or a size or pose is invalid.
     """
     if not photos:
         raise InputError("expected photos with cameras, found none")
@@ -115,7 +118,7 @@ def build_capture(
 
 
 def _at_size(lens: Lens, width: int, height: int) -> Lens:
-    """The lens for a photo of this size, if that can be the calibrated photo resized; else the lens as it is."""
+    """The lens scaled to a photo of this size, if it can be the calibrated photo resized; else the lens unchanged."""
     factor = width / lens.width
     is_resized = not _RESIZED < factor < 1 / _RESIZED
     # Programs round the sizes to whole pixels.
@@ -127,7 +130,7 @@ def _at_size(lens: Lens, width: int, height: int) -> Lens:
 def _sparse_points(
     points: ObservedPoints, photos: Sequence[CalibratedPhoto], order: list[int], views: list[View]
 ) -> SparsePoints:
-    """The points with observations in the views' order, straightened; those where the lens has no ray are left out."""
+    """The points with undistorted observations in the order of the views; observations without a ray are dropped."""
     if not np.isfinite(points.positions).all():
         raise InputError("sparse points: expected finite positions, found NaN or infinity")
     if not np.isfinite(points.pixels).all():
@@ -147,5 +150,5 @@ def _sparse_points(
 def _is_file(path: Path) -> bool:
     try:
         return path.is_file()
-    except (OSError, ValueError):  # a name too long, or with a zero byte
+    except (OSError, ValueError):  # a name too long, or with a NUL
         return False

@@ -1,4 +1,4 @@
-"""What every reader of a scene format hands over, and the small tools they share."""
+"""The result of every scene reader, and helpers that the readers share."""
 
 import os
 from collections.abc import Iterable, Iterator
@@ -8,12 +8,13 @@ from typing import NamedTuple, Protocol
 
 from fairing.errors import InputError
 from fairing.scene import SparsePoints, View
+from fairing.util.guards import check_regular_file
 
 PHOTO_SUFFIXES = frozenset({".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".ppm", ".pgm", ".webp"})
 
 
 class Capture(NamedTuple):
-    """Calibrated photos as a reader found them.
+    """Calibrated photos as a reader returns them.
 
     Attributes:
         mesh: the mesh file the format itself names, or None.
@@ -29,17 +30,21 @@ class Reader(Protocol):
     """A scene format. Each is a module with these names."""
 
     @property
+    def NAME(self) -> str:
+        """The format's name for `--format`, one of `SceneFormat`."""
+        ...
+
+    @property
     def FORMAT(self) -> str:
         """One line for the list of supported formats."""
         ...
 
-    @property
-    def HOLDS_POINTS(self) -> bool:
-        """Whether files of the format can hold sparse points beside cameras."""
-        ...
-
     def recognises(self, path: Path) -> bool:
-        """Whether the folder or file is in this format, judged without reading all of it."""
+        """Whether the folder or file is in this format, judged by content without reading all of it.
+
+        Raises:
+            InputError: it holds several models of this format.
+        """
         ...
 
     def read(self, path: Path) -> Capture:
@@ -49,7 +54,7 @@ class Reader(Protocol):
 
 @contextmanager
 def naming(item: object) -> Iterator[None]:
-    """Puts the item's name in front of an InputError raised inside."""
+    """Prefixes an InputError raised inside with the item's name."""
     try:
         yield
     except InputError as error:
@@ -58,14 +63,15 @@ def naming(item: object) -> Iterator[None]:
 
 @contextmanager
 def reading(path: Path, expected: str) -> Iterator[None]:
-    """Failures of the file system become one line about this file."""
+    """Raises failures of the file system as InputError about this file; refuses pipes and devices."""
+    check_regular_file(path, expected)
     try:
         yield
     except FileNotFoundError:
         raise InputError(f"{path}: expected {expected}, found no such file") from None
     except OSError as error:
         raise InputError(f"{path}: expected {expected}, cannot be read ({error.strerror or error})") from None
-    except ValueError as error:  # a zero byte in the path
+    except ValueError as error:  # a NUL in the path
         if isinstance(error, InputError):
             raise
         raise InputError(f"{path}: expected {expected}, cannot be read ({error})") from None

@@ -1,11 +1,11 @@
 """COLMAP reconstructions: cameras, images and points3D, as .txt or .bin.
 
-The model may lie in the folder itself, in `sparse/` or in `sparse/0/`; the photos in `images/` beside any of these, or
-beside the model. Where text and binary lie together, the binary is read, as COLMAP does. `rigs` and `frames` (COLMAP 4)
-repeat what the images say and are not read.
+The model is searched in the folder itself, in `sparse/` and in `sparse/0/`; the photos in `images/` beside any of these,
+or beside the model. If both text and binary files exist, the binary is read, as in COLMAP. `rigs` and `frames` (COLMAP 4)
+repeat the content of the images and are not read.
 
-COLMAP puts the centre of the top-left pixel at (0.5, 0.5), we at (0, 0): this file takes the half off, once, of
-principal points and observations. Behind it every camera is a pinhole: lenses are undone here (`fairing.lens`).
+The centre of the top-left pixel is (0.5, 0.5) in COLMAP and (0, 0) here: this module subtracts the half from principal
+points and observations. All cameras it returns are pinholes: lenses are undistorted here (`fairing.lens`).
 """
 
 import os
@@ -23,8 +23,8 @@ from fairing.lens import DISTORTION, Lens
 from fairing.photo import FilePhoto
 from fairing.scene import SparsePoints, View
 
+NAME = "colmap"
 FORMAT = "COLMAP model (cameras and images, .txt or .bin, in the folder, sparse/ or sparse/0/)"
-HOLDS_POINTS = True
 
 _HALF_PIXEL = 0.5
 
@@ -66,7 +66,7 @@ def _has_model(folder: Path, suffix: str) -> bool:
 
 
 def _model_folder(path: Path) -> Path | None:
-    """Where the model lies, or None. A file of the model stands for its folder."""
+    """The folder of the model, or None. A file of the model stands for its folder."""
     if path.is_file():
         return path.parent if path.name in ("cameras.txt", "cameras.bin", "images.txt", "images.bin") else None
     for folder in (path, path / "sparse", path / "sparse" / "0"):
@@ -76,7 +76,7 @@ def _model_folder(path: Path) -> Path | None:
 
 
 def _photo_folder(path: Path, folder: Path, model: ColmapModel) -> Path:
-    """The folder that the photos' names are relative to: the first that holds one of them."""
+    """The folder that photo names are relative to: the first candidate that holds one of the photos."""
     above = Path(os.path.abspath(folder)).parents
     roots = list(dict.fromkeys([path if path.is_dir() else folder, folder, *above[:2]]))
     candidates = [candidate for root in roots for candidate in (root / "images", root)]
@@ -122,7 +122,7 @@ def _rotation(quaternion: np.ndarray) -> np.ndarray:
 def _sparse_points(
     folder: Path, model: ColmapModel, images: list[ColmapImage], pixels: list[np.ndarray]
 ) -> SparsePoints | None:
-    """The points with every feature that shows one; features of no point are left out."""
+    """The points with all their observations; features without a point are dropped."""
     if model.points is None or len(model.points.ids) == 0:
         return None
     if not np.isfinite(model.points.positions).all():
@@ -133,7 +133,7 @@ def _sparse_points(
     view_index = np.repeat(np.arange(len(images)), [len(image.point_ids) for image in images])
     seen = point_ids != -1
     observed = np.concatenate(pixels)
-    seen &= np.isfinite(observed).all(axis=1)  # the lens has no ray for some corners
+    seen &= np.isfinite(observed).all(axis=1)  # some corners have no ray through the lens
     point_ids, view_index, observed = point_ids[seen], view_index[seen], observed[seen]
     position = np.minimum(np.searchsorted(ids, point_ids), len(ids) - 1)
     unknown = np.flatnonzero(ids[position] != point_ids)
@@ -163,7 +163,7 @@ def _unregistered(photos: Path, model: ColmapModel) -> tuple[str, ...]:
 
 
 def _other_models(folder: Path) -> tuple[str, ...]:
-    """COLMAP numbers the parts of a capture that it could not join: 0, 1, ..."""
+    """A warning about further models: COLMAP numbers the components of a capture that it could not join 0, 1, ..."""
     if folder.name != "0":
         return ()
     others = [path.name for path in sorted(folder.parent.iterdir()) if path.name.isdigit() and path != folder]

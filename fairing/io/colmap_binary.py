@@ -1,4 +1,4 @@
-"""COLMAP's binary files: cameras.bin, images.bin and points3D.bin, little-endian."""
+"""COLMAP binary models: cameras.bin, images.bin and points3D.bin, little-endian."""
 
 import struct
 from pathlib import Path
@@ -44,7 +44,7 @@ def _read_cameras(path: Path) -> dict[int, ColmapCamera]:
 
 
 def _read_images(path: Path) -> dict[int, ColmapImage]:
-    """Records of image id, quaternion, translation, camera id, zero-terminated name, features."""
+    """Records of image id, quaternion, translation, camera id, NUL-terminated name, features."""
     file, images = _BinaryFile(path), {}
     for _ in range(file.count()):
         image_id, *pose, camera_id = file.take("<I7dI")
@@ -75,7 +75,7 @@ def _read_points(path: Path) -> ColmapPoints:
 
 
 class _BinaryFile:
-    """A file's bytes and a position in them that never passes their end."""
+    """A cursor over a file's bytes that never passes their end."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -84,23 +84,23 @@ class _BinaryFile:
             self._data = path.read_bytes()
 
     def take(self, layout: str) -> tuple:
-        """Numbers of a `struct` layout."""
+        """The next numbers, of a `struct` layout."""
         start = self._position
         self.skip(struct.calcsize(layout))
         return struct.unpack_from(layout, self._data, start)
 
     def count(self) -> int:
-        """How many records follow."""
+        """The number of records that follow."""
         return self.take("<Q")[0]
 
     def take_array(self, record: np.dtype, count: int) -> np.ndarray:
-        """(count,) records."""
+        """The next records, (count,)."""
         start = self._position
         self.skip(record.itemsize * count)
         return np.frombuffer(self._data, record, count, start)
 
     def take_name(self) -> str:
-        """Text up to a zero byte."""
+        """The next string, which ends with a NUL."""
         start = self._position
         end = self._data.find(b"\0", start)
         if end < 0:
@@ -120,7 +120,7 @@ class _BinaryFile:
         self._position += n_bytes
 
     def expect_end(self) -> None:
-        """The file must hold nothing more."""
+        """Raise InputError if the file holds more."""
         if self._position != len(self._data):
             raise InputError(
                 f"{self._path}: expected its end at byte {self._position}, found {len(self._data)} bytes; "

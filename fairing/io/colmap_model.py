@@ -1,6 +1,6 @@
-"""A COLMAP model as its files hold it: numbers and names, nothing converted yet.
+"""COLMAP models as stored: numbers and names without conversion.
 
-Text and binary files are read into the same records; `colmap.py` makes views of them.
+Text and binary files are read into the same records; `colmap.py` converts them to views.
 """
 
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ import numpy as np
 
 from fairing.errors import InputError
 
-# COLMAP's number of each camera model, which only the binary files use.
+# COLMAP's numbers of the camera models, used by binary files only.
 MODEL_NAMES = {
     0: "SIMPLE_PINHOLE",
     1: "PINHOLE",
@@ -25,7 +25,7 @@ MODEL_NAMES = {
     11: "RAD_TAN_THIN_PRISM_FISHEYE",
 }
 
-# Of each model we can use, what its parameters mean.
+# Parameter names of the supported camera models.
 PARAMETERS = {
     "SIMPLE_PINHOLE": ("f", "cx", "cy"),
     "PINHOLE": ("fx", "fy", "cx", "cy"),
@@ -67,7 +67,7 @@ class ColmapImage:
 
 @dataclass(frozen=True, eq=False)
 class ColmapPoints:
-    """The points of the sparse reconstruction. Their tracks are not read: the images say the same.
+    """The points of the sparse reconstruction, without their tracks, which the images repeat.
 
     Attributes:
         ids: (n,) int.
@@ -93,7 +93,7 @@ def parameter_names(model: str) -> tuple[str, ...]:
     """The parameters of a camera model, in the file's order.
 
     Raises:
-        InputError: we cannot use this model.
+        InputError: the model is not supported.
     """
     if model not in PARAMETERS:
         raise InputError(

@@ -1,4 +1,4 @@
-"""COLMAP's text files: cameras.txt, images.txt and points3D.txt."""
+"""COLMAP text models: cameras.txt, images.txt and points3D.txt."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -36,7 +36,7 @@ def _read_cameras(path: Path) -> dict[int, ColmapCamera]:
 
 
 def _read_images(path: Path) -> dict[int, ColmapImage]:
-    """Pairs of lines: IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME; then X, Y, POINT3D_ID again and again."""
+    """Pairs of lines: IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME; then triples of X, Y, POINT3D_ID."""
     images = {}
     lines = enumerate(read_text(path, "a COLMAP model").splitlines(), start=1)
     for number, line in lines:
@@ -84,7 +84,7 @@ def _data_lines(path: Path) -> Iterator[tuple[int, str]]:
 
 @contextmanager
 def _explaining(path: Path, number: int, expected: str) -> Iterator[None]:
-    """A line that does not parse is named. InputError, which is a ValueError too, only gains the file's name."""
+    """Raises parse errors of a line as InputError that names the line."""
     try:
         with naming(f"{path}: line {number}"):
             yield

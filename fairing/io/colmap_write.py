@@ -1,4 +1,4 @@
-"""Writes a COLMAP text model: PINHOLE cameras, pixel centres at 0.5 (see `colmap.py` for the reader)."""
+"""COLMAP text model writer: PINHOLE cameras, pixel centres at 0.5 (`colmap.py` is the reader)."""
 
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
@@ -12,22 +12,22 @@ from fairing.io.atomic import write_atomically
 from fairing.scene import SparsePoints, View
 
 FILES = ("cameras.txt", "images.txt", "points3D.txt")
-"""In the order of their ids; written with cameras.txt last, by which the model is recognised."""
+"""The files of a text model. cameras.txt, by which a model is recognised, is written last."""
 
 _HALF_PIXEL = 0.5
 _LARGEST_SKEW = 1e-7
-"""Pixels across the photo: less than this comes from taking a matrix apart."""
+"""Pixels across the photo: rounding errors of the matrix decomposition are smaller."""
 
 
 def check_cameras(views: Iterable[View]) -> None:
-    """Raises InputError where a camera's axes are skew: COLMAP has no model for that."""
+    """Raises InputError if a camera has skew, which no COLMAP camera model supports."""
     for view in views:
         K = view.camera.K
         skew = K[0, 1] / K[1, 1] * view.camera.height
         if abs(skew) > _LARGEST_SKEW:
             raise InputError(
-                f"photo {view.name}: its pixels' axes are skew by {skew:.2g} px across the photo, which a COLMAP camera "
-                "cannot say; convert to scene.json"
+                f"photo {view.name}: its camera has a skew of {skew:.2g} px across the photo, which COLMAP cameras do not "
+                "support; convert to scene.json"
             )
 
 
@@ -45,7 +45,7 @@ def write_text_model(folder: Path, views: Sequence[View], sparse: SparsePoints |
     tracks: dict[int, list[tuple[int, int]]] = defaultdict(list)
     for v, view in enumerate(views):
         K, Rt = view.camera.K, view.camera.camera_from_world
-        # Rounded, so that what taking a matrix apart leaves in the last digits does not give each photo a camera.
+        # Rounded so that rounding errors of the decomposition do not give every photo a camera of its own.
         intrinsics = np.round((K[0, 0], K[1, 1], K[0, 2] + _HALF_PIXEL, K[1, 2] + _HALF_PIXEL), 9)
         line = f"PINHOLE {view.camera.width} {view.camera.height} {_numbers(intrinsics)}"
         camera_id = cameras.setdefault(line, len(cameras) + 1)
@@ -67,7 +67,7 @@ def write_text_model(folder: Path, views: Sequence[View], sparse: SparsePoints |
 
 
 def _features(v: int, sparse: SparsePoints | None, tracks: dict[int, list[tuple[int, int]]]) -> list[str]:
-    """The observations of a view as words, and each noted in its point's track (image id, index in the image)."""
+    """The observations of a view as words; also appends (image id, index in the image) to the tracks of their points."""
     if sparse is None:
         return []
     mine = np.flatnonzero(sparse.observations[:, 1] == v)
@@ -81,7 +81,7 @@ def _features(v: int, sparse: SparsePoints | None, tracks: dict[int, list[tuple[
 
 
 def _errors(views: Sequence[View], sparse: SparsePoints) -> list[float]:
-    """(n,) mean reprojection error of each point, pixels; -1 where no photo saw it, as COLMAP writes unknown errors."""
+    """(n,) mean reprojection error of each point, pixels; -1 without observations, as COLMAP writes unknown errors."""
     distance = np.zeros(len(sparse.pixels))
     for v, view in enumerate(views):
         mine = sparse.observations[:, 1] == v
@@ -94,5 +94,5 @@ def _errors(views: Sequence[View], sparse: SparsePoints) -> list[float]:
 
 
 def _numbers(values: Iterable[float]) -> str:
-    """Each as the shortest text that reads back as the same number."""
+    """Each number as the shortest text that reads back as the same number."""
     return " ".join(repr(float(value)) for value in values)

@@ -1,8 +1,8 @@
-"""A capture written out in a format of its own: complete in its folder, undistorted, for us and for other programs.
+"""Capture conversion: photos, masks, cameras, points and mesh written to a self-contained, undistorted folder.
 
-Photos are copied byte by byte, so that the folder can be moved and given away; those that a lens had bent are written
-straight, as PNG, because a second JPEG compression would change them. The files by which a reader recognises the format
-are removed first and written last: an interrupted conversion is not taken for a scene.
+Photos are copied byte by byte; distorted ones are undistorted and written as PNG, because a second JPEG compression would
+change them. The files that identify the format are removed first and written last, so that an interrupted conversion is
+not recognised as a scene.
 """
 
 import shutil
@@ -39,10 +39,10 @@ def write_capture(
     """Write photos, masks, cameras, sparse points and a mesh to a folder made by `prepare_output_folder`.
 
     Returns:
-        What could not be kept, a line each.
+        Warnings about what the format cannot hold, one line each.
 
     Raises:
-        InputError: a photo cannot be read or a file not written; a camera that COLMAP's PINHOLE cannot say.
+        InputError: a photo cannot be read, a file cannot be written, or COLMAP's PINHOLE cannot represent a camera.
     """
     if format == "colmap":
         colmap_write.check_cameras(views)
@@ -70,7 +70,7 @@ def write_capture(
 
 
 def _names(views: Sequence[View]) -> list[str]:
-    """The photos' file names below `images/`: as the views are named, PNG where the photo is written anew."""
+    """The photos' file names below `images/`: the views' names, with suffix .png where the photo is undistorted."""
     names = []
     for view in views:
         path = PurePosixPath(view.name.replace("\\", "/"))

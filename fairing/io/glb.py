@@ -1,4 +1,4 @@
-"""A binary glTF file with one unlit, textured triangle mesh."""
+"""Binary glTF (GLB) writer for one unlit, textured triangle mesh."""
 
 import json
 import struct
@@ -8,15 +8,17 @@ import numpy as np
 
 
 def write_glb(vertices: np.ndarray, faces: np.ndarray, uv: np.ndarray, image: bytes, mime: str = "image/jpeg") -> bytes:
-    """Pack a mesh whose colours are the texture's own, whatever the light.
+    """A GLB file of a mesh that is shown in the texture's colors, without lighting.
 
-    Coordinates are kept about the middle of the mesh, which is the node's translation: glTF has only single precision.
+    Coordinates are stored relative to the middle of the mesh, which becomes the node's translation, because glTF has
+    single precision only.
 
     Args:
-        vertices: (n, 3) float.
-        faces: (m, 3) int.
-        uv: (n, 2) float, texture coordinates, origin at the image's top left.
+        vertices: (n, 3) float, world units.
+        faces: (m, 3) int, indices into `vertices`.
+        uv: (n, 2) float, texture coordinates in 0 to 1, origin at the image's top left.
         image: the encoded texture.
+        mime: the texture's media type.
     """
     vertices = np.asarray(vertices, dtype=np.float64)
     middle = (vertices.min(0) + vertices.max(0)) / 2

@@ -1,4 +1,4 @@
-"""Do the photos show the mesh at all? Wrong axes, units or frames are found here, before any work is done."""
+"""In-view check: whether the photos show the mesh, to find wrong axes, units or frames before a run starts."""
 
 import numpy as np
 
@@ -8,12 +8,14 @@ from fairing.scene import Scene
 
 
 def check_mesh_in_view(scene: Scene) -> None:
-    """Cheap: only projects vertices, and knows nothing of what hides what.
+    """Refuse a scene whose photos show none of the mesh's vertices, or whose cameras are mirrored.
+
+    Only vertices are projected; occlusion is ignored.
 
     Raises:
-        InputError: no vertex lies inside a photo and in front of its camera; or a camera is mirrored, which shows as a
-            mesh that lies behind it and yet projects into its photo. (A 3x4 matrix and its negative are the same
-            camera, so a mirrored one cannot be told from the matrix alone.)
+        InputError: no vertex lies inside a photo and in front of its camera, or most of the mesh lies behind a camera
+            and still projects into its photo, which reveals a mirrored camera. (A 3x4 matrix and its negative are the
+            same camera, so the matrix alone does not reveal it.)
     """
     vertices = scene.mesh.vertices[np.unique(scene.mesh.faces)]
     is_seen = False

@@ -1,4 +1,4 @@
-"""JSON files, read item by item: whatever is missing or of another kind is said with its place in the file."""
+"""JSON files read item by item: errors name the path of the offending value in the file."""
 
 import json
 from collections.abc import Iterator
@@ -10,6 +10,7 @@ import numpy as np
 
 from fairing.errors import InputError
 from fairing.io.capture import listed, naming, read_text
+from fairing.util.guards import check_name
 
 
 @dataclass(frozen=True)
@@ -17,8 +18,8 @@ class Item:
     """A value of a JSON file.
 
     Attributes:
-        where: its place, such as `views[3].camera`; empty for the whole file.
-        quoted: numbers may be written as texts ("1.5").
+        where: the path of the value, such as `views[3].camera`; empty for the whole file.
+        quoted: whether numbers may be strings ("1.5").
     """
 
     value: Any
@@ -29,14 +30,14 @@ class Item:
         return key in self._object()
 
     def __getitem__(self, key: str) -> "Item":
-        """The value of a key of an object."""
+        """The value of an object's key."""
         content = self._object()
         if key not in content:
             raise InputError(f"{self.where or 'the file'}: expected {key}, found only {listed(content) or 'nothing'}")
         return Item(content[key], f"{self.where}.{key}" if self.where else key, self.quoted)
 
     def __iter__(self) -> Iterator["Item"]:
-        """The values of a list."""
+        """The items of a list."""
         if not isinstance(self.value, list):
             raise InputError(f"{self.where}: expected a list, found {self.kind}")
         for i, value in enumerate(self.value):
@@ -47,19 +48,22 @@ class Item:
         """The keys of an object."""
         return list(self._object())
 
-    def text(self) -> str:
-        """A text that is not empty."""
-        if not isinstance(self.value, str) or not self.value:
+    def text(self, may_be_empty: bool = False) -> str:
+        """A string without NUL characters that UTF-8 can hold; not empty by default."""
+        if not isinstance(self.value, str) or not (self.value or may_be_empty):
             raise InputError(f"{self.where}: expected a text, found {self.kind}")
+        check_name(self.value, self.where)
         return self.value
 
     def whole(self, lowest: int = 0) -> int:
-        """A whole number; also written as 3.0."""
+        """A whole number, which may be written as 3.0."""
         number = self._unquoted()
         if isinstance(number, float) and number.is_integer():
             number = int(number)
         if not isinstance(number, int) or isinstance(number, bool) or number < lowest:
             raise InputError(f"{self.where}: expected a {_WHOLE[lowest]} number, found {self.kind}")
+        if number > _LARGEST_WHOLE:
+            raise InputError(f"{self.where}: expected a {_WHOLE[lowest]} number below 2^63, found {self.kind}")
         return number
 
     def number(self) -> float:
@@ -72,11 +76,11 @@ class Item:
         return float(number)
 
     def numbers(self, *shape: int) -> np.ndarray:
-        """An array of exactly this shape; finite or not is for the caller to judge."""
+        """A float array of exactly this shape. Its values may be NaN or infinite."""
         expected = f"{'x'.join(map(str, shape))} numbers"
         try:
             array = np.array(self.value)
-        except ValueError:
+        except (ValueError, RecursionError):
             raise InputError(f"{self.where}: expected {expected}, found rows of different lengths") from None
         if array.dtype.kind == "U" and self.quoted:
             try:
@@ -89,8 +93,11 @@ class Item:
 
     @property
     def kind(self) -> str:
-        """A short form of the value, for messages."""
-        text = json.dumps(self.value)
+        """The value as JSON for messages, at most 40 characters."""
+        try:
+            text = json.dumps(self.value)
+        except RecursionError:
+            return "deeply nested JSON"
         return text if len(text) <= 40 else f"{text[:37]}..."
 
     def _object(self) -> dict[str, Any]:
@@ -110,13 +117,14 @@ class Item:
 
 
 _WHOLE = {0: "whole", 1: "positive whole"}
+_LARGEST_WHOLE = (1 << 63) - 1
 
 
 def read_json(path: Path, expected: str, quoted: bool = False) -> Item:
     """The content of a JSON file.
 
     Raises:
-        InputError: it cannot be read or is no JSON.
+        InputError: the file cannot be read or is no JSON.
     """
     text = read_text(path, expected)
     with naming(path):
@@ -131,7 +139,7 @@ def read_json(path: Path, expected: str, quoted: bool = False) -> Item:
 
 
 def holds(path: Path, *words: str) -> bool:
-    """Whether a JSON file begins like one that has all these keys; damaged files are recognised, too."""
+    """Whether the first 64 KiB of a JSON file hold all these keys; the file may be damaged."""
     if path.suffix.lower() not in (".json", ".sfm") or not path.is_file():
         return False
     try:

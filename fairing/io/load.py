@@ -1,4 +1,4 @@
-"""From a folder of photos, cameras and a mesh to a Scene."""
+"""Loading a scene: photos, cameras and a mesh from a folder, in any supported format."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -22,14 +22,20 @@ from fairing.io import (
 from fairing.io.capture import Capture, Reader, files_in, listed, naming, reading
 from fairing.io.in_view import check_mesh_in_view
 from fairing.io.mesh_file import MESH_SUFFIXES, read_mesh
-from fairing.io.photo_choice import PhotoChoice, apply_choice
+from fairing.io.photo_choice import PhotoChoice, SceneFormat, apply_choice
 from fairing.mesh import Mesh
 from fairing.scene import Scene
 
 READERS: tuple[Reader, ...] = (
     colmap, bundler, openmvg, alicevision, transforms_json, middlebury, strecha, matrices, scene_json
 )  # fmt: skip
-"""Supported formats. A new one is a module with the names of `Reader`, added here."""
+"""Supported formats. A new one is a module with the names of `Reader`, added here and to `SceneFormat`."""
+_BY_FILE_NAME: dict[str, Reader] = {
+    "scene.json": scene_json,
+    "transforms.json": transforms_json,
+    "transforms_train.json": transforms_json,
+}
+"""Files that are read for their name where nothing is recognised by content, so that the error names what is damaged."""
 
 
 def load_scene(
@@ -42,12 +48,12 @@ def load_scene(
 
     Args:
         path: the folder, or the file that describes the scene.
-        mesh: a mesh file; without it the one that the format names, or the only one in the folder.
-        choice: photos left out, masks and weights.
-        without_mesh: makes the scene, of its name and the capture, where no mesh is named or found but sparse points are.
+        mesh: a mesh file; default: the one that the format names, or the only one in the folder.
+        choice: the format, photos left out, masks and weights.
+        without_mesh: builds the scene from its name and the capture where there is no mesh but sparse points.
 
     Raises:
-        InputError: whatever is wrong with the input, in one line.
+        InputError: the input cannot be used; the message is one line.
     """
     capture, path = read_capture(path, choice), Path(path)
     folder = path if path.is_dir() else path.parent
@@ -59,7 +65,7 @@ def load_scene(
     mesh_path = found or only_mesh(folder)
     vertices, faces = read_mesh(mesh_path)
     with naming(mesh_path):
-        Mesh(vertices, faces)  # whatever is wrong with it is said with the file's name
+        Mesh(vertices, faces)  # validated here so that errors name the file
     name = path.resolve().name
     scene = Scene.build(name, vertices, faces, capture.views, sparse_points=capture.sparse_points)
     with naming(mesh_path):
@@ -72,36 +78,61 @@ def load_scene(
 def read_capture(path: str | Path, choice: PhotoChoice | None = None) -> Capture:
     """The photos and cameras in a folder or file, without a mesh.
 
-    Where cameras of one reconstruction lie in several formats, the one that holds sparse points, too, is read, and the
-    others are named in a warning.
+    Where a folder holds cameras in several formats, the most complete readable one is returned: the one with the most
+    photos, then with sparse points, then with a mesh. A warning names the others. `choice.format` selects one.
 
     Raises:
-        InputError: no such path, no supported format or several, or whatever the reader finds wrong.
+        InputError: no such path, no supported format, or none that can be read.
     """
-    path = Path(path)
-    capture = _read(path)
-    return apply_choice(capture, choice or PhotoChoice(), path if path.is_dir() else path.parent)
-
-
-def _read(path: Path) -> Capture:
+    path, choice = Path(path), choice or PhotoChoice()
     with reading(path, "a scene (a folder or a file of it)"):
         if not path.exists():
             raise FileNotFoundError
-        matching = [reader for reader in READERS if reader.recognises(path)]
-        with_points = [reader for reader in matching if reader.HOLDS_POINTS]
-        chosen = with_points if len(with_points) == 1 else matching
-        if len(chosen) == 1:
-            capture = chosen[0].read(path)
-            others = "; ".join(reader.FORMAT for reader in matching if reader is not chosen[0])
-            if not others:
-                return capture
-            note = f"read as {chosen[0].FORMAT}; it also holds {others}: give one of those files to read it instead"
-            return capture._replace(warnings=(*capture.warnings, note))
-    if matching:
-        found = "; ".join(reader.FORMAT for reader in matching)
-        raise InputError(f"{path}: expected one scene, found several: {found}; move all but one elsewhere")
+        capture = _read(path) if choice.format is None else _read_as(path, choice.format)
+    return apply_choice(capture, choice, path if path.is_dir() else path.parent)
+
+
+def _read(path: Path) -> Capture:
+    found: list[tuple[Reader, Capture]] = []
+    failed: list[tuple[Reader, InputError]] = []
+    for reader in READERS:
+        try:
+            if reader.recognises(path):
+                found.append((reader, reader.read(path)))
+        except InputError as error:
+            failed.append((reader, error))
+    if found:
+        chosen, capture = max(found, key=lambda item: _completeness(item[1]))
+        others = [f"{reader.NAME} ({len(other.views)} photos)" for reader, other in found if reader is not chosen]
+        others += [f"{reader.NAME} (not readable: {error})" for reader, error in failed]
+        if not others:
+            return capture
+        note = f"read as {chosen.NAME} ({len(capture.views)} photos); it also holds {', '.join(others)}: choose with --format"
+        return capture._replace(warnings=(*capture.warnings, note))
+    if failed:
+        raise failed[0][1]
+    by_name = _BY_FILE_NAME.get(path.name) if path.is_file() else None
+    by_name = by_name or next((reader for name, reader in _BY_FILE_NAME.items() if (path / name).is_file()), None)
+    if by_name is not None:
+        return by_name.read(path)
+    raise _unsupported(path)
+
+
+def _read_as(path: Path, format: SceneFormat) -> Capture:
+    reader = next(reader for reader in READERS if format == reader.NAME)
+    if not reader.recognises(path):
+        raise InputError(f"--format {format}: expected a {reader.FORMAT} in {path}, found {_contents(path)}")
+    return reader.read(path)
+
+
+def _completeness(capture: Capture) -> tuple[int, bool, bool]:
+    has_points = capture.sparse_points is not None and len(capture.sparse_points.positions) > 0
+    return len(capture.views), has_points, capture.mesh is not None
+
+
+def _unsupported(path: Path) -> InputError:
     supported = "; ".join(reader.FORMAT for reader in READERS)
-    raise InputError(f"{path}: expected one of: {supported}; found {_contents(path)}")
+    return InputError(f"{path}: expected one of: {supported}; found {_contents(path)}")
 
 
 def _contents(path: Path) -> str:

@@ -1,7 +1,7 @@
-"""Plain projection matrices: for each photo a text file of the same stem with the 3x4 numbers of its matrix.
+"""Plain projection matrices: for each photo a text file of the same stem with its 3x4 matrix.
 
 Photos lie in the folder or in `images/`; matrices in the folder, in `cameras/` or beside the photos, as `0001.txt` or
-`0001.P`: twelve numbers, row by row, parted by blanks or line ends; lines that begin with # are skipped. A matrix takes
+`0001.P`: twelve numbers, row by row, separated by white space; lines that begin with # are ignored. A matrix maps
 world points to pixels of the undistorted photo, pixel centres at integers (the top-left pixel's centre is (0, 0)).
 """
 
@@ -15,12 +15,12 @@ from fairing.io.capture import PHOTO_SUFFIXES, Capture, files_in, listed, naming
 from fairing.photo import FilePhoto
 from fairing.scene import View
 
+NAME = "matrices"
 FORMAT = "plain matrices (for each photo a text file of 12 numbers with the same stem, beside it or in cameras/)"
-HOLDS_POINTS = False
 
 _SUFFIXES = frozenset({".txt", ".p"})
 _LARGEST_FILE = 4096
-"""Bytes: twelve numbers fit easily. It keeps recognition from reading point lists."""
+"""Bytes of the largest file examined for a matrix, so that recognition does not read point lists."""
 
 
 def recognises(path: Path) -> bool:
@@ -74,7 +74,7 @@ def _looks_like_matrix(file: Path) -> bool:
 
 
 def _read_matrix(file: Path) -> np.ndarray:
-    """(3, 4) float; finite or not is the camera's to judge."""
+    """(3, 4) float, pixels from world units; it may be infinite, which `Camera` refuses."""
     lines = read_text(file, "a 3x4 matrix").splitlines()
     fields = [field for line in lines if not line.startswith("#") for field in line.split()]
     try:

@@ -1,7 +1,7 @@
-"""Meshes as files: vertices and triangles, in the file's order.
+"""Mesh files: vertices and triangles, in the file's order.
 
-OBJ is read by our own few lines: trimesh splits the vertices of a textured OBJ where texture coordinates differ and
-drops the unused ones, and the mesh we write must have the vertices of the mesh we read.
+OBJ has a reader of its own: trimesh splits the vertices of a textured OBJ where texture coordinates differ and drops
+unused ones, but the written mesh must have the vertices of the mesh read.
 """
 
 from itertools import pairwise
@@ -15,14 +15,15 @@ from fairing.errors import InputError
 from fairing.io.atomic import write_atomically
 from fairing.io.capture import read_text, reading
 
+_LARGEST_INDEX = 1 << 40
 MESH_SUFFIXES = frozenset({".ply", ".obj", ".off", ".stl", ".glb", ".gltf"})
 
 
 def read_mesh(path: str | Path) -> tuple[np.ndarray, np.ndarray]:
     """Vertices (n, 3) float, world units, and triangles (m, 3) int of a PLY, OBJ, OFF, STL, GLB or GLTF file.
 
-    Polygons are cut into triangles. The parts of a GLB are put in their place and joined. Coordinates and indices are
-    returned as they are; `Mesh` validates them.
+    Polygons are triangulated. The parts of a GLB are transformed and merged. Coordinates and indices are not checked;
+    `Mesh` validates them.
 
     Raises:
         InputError: no such file, another format, damaged, or without faces.
@@ -41,7 +42,7 @@ def read_mesh(path: str | Path) -> tuple[np.ndarray, np.ndarray]:
 
 
 def write_mesh(path: str | Path, vertices: np.ndarray, faces: np.ndarray) -> None:
-    """Write a PLY (binary, coordinates in double precision) or OBJ; read back, every number is the same.
+    """Write vertices (n, 3), world units, and faces (m, 3) as PLY (binary, double precision) or OBJ, without loss.
 
     An existing file is replaced only once the new one is complete.
 
@@ -57,7 +58,7 @@ def write_mesh(path: str | Path, vertices: np.ndarray, faces: np.ndarray) -> Non
 def _read_with_trimesh(path: Path) -> tuple[np.ndarray, np.ndarray]:
     options: dict[str, Any] = {"process": False}
     if path.suffix.lower() == ".ply":
-        # Without these trimesh splits the vertices of a textured PLY, too.
+        # Without these options trimesh also splits the vertices of a textured PLY.
         options |= {"skip_materials": True, "fix_texture": False}
     try:
         mesh = trimesh.load_scene(path, **options).to_mesh()
@@ -68,7 +69,7 @@ def _read_with_trimesh(path: Path) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _read_obj(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """Lines `v x y z` and `f a b c ...`; of `a/b/c` only the vertex a counts, from 1, or backwards from -1."""
+    """Lines `v x y z` and `f a b c ...`; of `a/b/c` only the vertex index a is used, from 1, or backwards from -1."""
     vertices: list[list[float]] = []
     faces: list[list[int]] = []
     for number, line in enumerate(read_text(path, "a mesh").splitlines(), start=1):
@@ -79,7 +80,7 @@ def _read_obj(path: Path) -> tuple[np.ndarray, np.ndarray]:
                 vertices.append([float(x), float(y), float(z)])
             elif fields[:1] == ["f"]:
                 corners = [int(field.split("/")[0]) for field in fields[1:]]
-                if len(corners) < 3 or 0 in corners:
+                if len(corners) < 3 or 0 in corners or max(map(abs, corners)) > _LARGEST_INDEX:
                     raise ValueError("not a polygon")
                 corners = [corner - 1 if corner > 0 else len(vertices) + corner for corner in corners]
                 faces.extend([corners[0], b, c] for b, c in pairwise(corners[1:]))

@@ -1,7 +1,7 @@
-"""Middlebury multi-view stereo: `<name>_par.txt`, a line a photo, beside the photos (or beside `images/`).
+"""Middlebury multi-view stereo: `<name>_par.txt`, one line per photo, beside the photos (or beside `images/`).
 
 A line is `photo k11 k12 ... k33 r11 ... r33 t1 t2 t3`, and P = K [R | t]. "The image origin is top-left, x to the right,
-y down" (vision.middlebury.edu/mview/data); pixel centres are taken to lie at integers.
+y down" (vision.middlebury.edu/mview/data); pixel centres are assumed to lie at integers.
 """
 
 from pathlib import Path
@@ -15,8 +15,8 @@ from fairing.io.number_file import NumberFile
 from fairing.lens import Lens
 from fairing.photo import FilePhoto
 
+NAME = "middlebury"
 FORMAT = "Middlebury parameters (*_par.txt)"
-HOLDS_POINTS = False
 
 
 def recognises(path: Path) -> bool:
@@ -43,7 +43,8 @@ def read(path: Path) -> Capture:
 def _pinhole(K: np.ndarray, size: tuple[int, int]) -> Lens:
     if np.any(np.tril(K, -1)) or K[2, 2] == 0:
         raise InputError("expected an upper triangular K, found numbers below its diagonal or a zero at its end")
-    return Lens(K / K[2, 2], np.zeros(0), *size)
+    with np.errstate(over="ignore"):  # `Lens` refuses infinity
+        return Lens(K / K[2, 2], np.zeros(0), *size)
 
 
 def _file(path: Path) -> Path | None:

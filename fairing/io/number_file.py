@@ -1,4 +1,4 @@
-"""Text files of plain numbers, read one after another."""
+"""Text files of plain numbers, read word by word."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -10,7 +10,7 @@ from fairing.io.capture import read_text
 
 
 class NumberFile:
-    """The words of a text file, in order; the line is said where one is missing or no number."""
+    """The words of a text file, in order; errors name the line of a missing or malformed word."""
 
     def __init__(self, path: Path, expected: str, skip_lines: int = 0) -> None:
         self._path = path
@@ -21,7 +21,7 @@ class NumberFile:
 
     @property
     def place(self) -> str:
-        """For messages: the file and the line of the word read last."""
+        """The file and the line of the last word read, for messages."""
         return f"{self._path}: line {self._line}"
 
     def word(self, what: str) -> str:
@@ -36,7 +36,7 @@ class NumberFile:
             self._line += 1
 
     def numbers(self, count: int, what: str) -> np.ndarray:
-        """The next numbers, (count,) float, finite."""
+        """The next words as finite numbers, (count,) float."""
         values = np.zeros(count)
         for i in range(count):
             word = self.word(what)
@@ -45,18 +45,18 @@ class NumberFile:
             except ValueError:
                 raise InputError(f"{self.place}: expected {what}, found {word[:40]!r}") from None
             if not np.isfinite(values[i]):
-                raise InputError(f"{self.place}: expected {what}, found {word} instead of a finite number")
+                raise InputError(f"{self.place}: expected {what}, found {word[:40]} instead of a finite number")
         return values
 
     def whole(self, what: str) -> int:
-        """The next number, a whole one that is not negative."""
+        """The next word as a whole number, not negative."""
         word = self.word(what)
         if not word.isascii() or not word.isdigit() or len(word) > 18:
             raise InputError(f"{self.place}: expected {what}, found {word[:40]!r}")
         return int(word)
 
     def finish(self) -> None:
-        """There must be no further word."""
+        """Raise InputError if there is a further word."""
         rest = [*self._words, *(word for line in self._lines[self._line :] for word in line.split())]
         if rest:
             raise InputError(f"{self.place}: expected the end of the file, found {rest[0][:40]!r}")

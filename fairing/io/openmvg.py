@@ -1,9 +1,9 @@
-"""OpenMVG's `sfm_data.json` (also sfm_data_*.json with poses).
+"""OpenMVG: `sfm_data.json` (also sfm_data_*.json with poses).
 
 World to camera: R (X - C). Pixel centres lie at integers (its UndistortImage samples whole numbers). The lenses are
-polynomials as ours: pinhole, pinhole_radial_k1, pinhole_radial_k3, pinhole_brown_t2 (k1, k2, k3, t1 = p1, t2 = p2).
-The file is cereal's: the name of a type stands only where the type comes up first; later its number does
-(`polymorphic_id`, whose highest bit marks the first time). Source: openMVG/cameras/*_io.hpp, sfm_data_io_cereal.cpp.
+polynomials as in `fairing.lens`: pinhole, pinhole_radial_k1, pinhole_radial_k3, pinhole_brown_t2 (k1, k2, k3, t1 = p1, t2 = p2).
+The file is serialized by cereal: a type's name is given at its first use only; later uses have its number
+(`polymorphic_id`, whose highest bit marks the first use). Source: openMVG/cameras/*_io.hpp, sfm_data_io_cereal.cpp.
 """
 
 from pathlib import Path
@@ -16,10 +16,10 @@ from fairing.io.capture import Capture, files_in, listed, naming
 from fairing.io.json_file import Item, holds, read_json
 from fairing.lens import Lens
 
+NAME = "openmvg"
 FORMAT = "OpenMVG (sfm_data.json with poses)"
-HOLDS_POINTS = True
 
-# Where each type's parameters stand, and which of k1, k2, p1, p2, k3 they are.
+# The key of each type's parameters, and their indices among k1, k2, p1, p2, k3.
 _DISTORTIONS: dict[str, tuple[str, tuple[int, ...]]] = {
     "pinhole": ("", ()),
     "pinhole_radial_k1": ("disto_k1", (0,)),
@@ -44,7 +44,8 @@ def read(path: Path) -> Capture:
             raise InputError(
                 "expected poses (extrinsics), found none; run OpenMVG's reconstruction and give its sfm_data"
             )
-        folders = [Path(content["root_path"].value or "."), file.parent] if "root_path" in content else [file.parent]
+        root = content["root_path"].text(may_be_empty=True) if "root_path" in content else ""
+        folders = [Path(root), file.parent] if root else [file.parent]
         photos, photo_of_view, left_out = [], {}, []
         for item in content["views"]:
             view = _base(_data(item["value"]))
@@ -54,7 +55,7 @@ def read(path: Path) -> Capture:
                 continue
             pose = poses[view["id_pose"].whole()]
             R, C = pose["rotation"].numbers(3, 3), pose["center"].numbers(3)
-            local = view["local_path"].value if "local_path" in view else ""
+            local = view["local_path"].text(may_be_empty=True) if "local_path" in view else ""
             with naming(view.where):
                 photo = find_photo(f"{local}/{written}" if local else written, folders)
             photo_of_view[view["id_view"].whole()] = len(photos)
@@ -109,7 +110,7 @@ def _points(content: Item, photo_of_view: dict[int, int]) -> ObservedPoints | No
         positions.append(landmark["X"].numbers(3))
     return ObservedPoints(
         np.array(positions).reshape(-1, 3),
-        np.full((len(positions), 3), 128, dtype=np.uint8),  # colors are not kept by OpenMVG
+        np.full((len(positions), 3), 128, dtype=np.uint8),  # OpenMVG stores no colors
         np.array(observations, dtype=np.int64).reshape(-1, 2),
         np.array(pixels).reshape(-1, 2),
     )
@@ -120,7 +121,7 @@ def _data(value: Item) -> Item:
 
 
 def _base(data: Item) -> Item:
-    """What a type inherits: in newer files an object of its own, in older ones among the rest."""
+    """The fields of the base type: an object of its own in newer files, among the others in older ones."""
     is_nested = "value0" in data
     return data["value0"] if is_nested else data
 

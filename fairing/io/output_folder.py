@@ -1,15 +1,16 @@
-"""The folder that results go to: never one that holds somebody's other work."""
+"""Output folders: marked as ours, and never a folder that holds other work."""
 
 from pathlib import Path
 
 from fairing.errors import InputError
 from fairing.io.capture import listed, reading
+from fairing.util.part_file import remove_parts_in
 
 _MARKER = ".eigenfairing"
 
 
 def prepare_output_folder(path: Path) -> None:
-    """Create the folder, or make sure that it is empty or was made by us, and mark it as ours.
+    """Create the folder or accept an empty or marked one, mark it, and remove part files that killed runs left in it.
 
     Raises:
         InputError: it holds other content, is a file, or cannot be created. Nothing is written then.
@@ -26,5 +27,6 @@ def prepare_output_folder(path: Path) -> None:
     try:
         path.mkdir(parents=True, exist_ok=True)
         (path / _MARKER).write_text("EigenFairing writes its results here and may replace them.\n", encoding="utf-8")
+        remove_parts_in(path)
     except OSError as error:
         raise InputError(f"{path}: could not be created ({error.strerror or error}); choose another folder") from None

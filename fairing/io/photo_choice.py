@@ -1,9 +1,10 @@
-"""What of a capture's photos counts: photos left out, masks, weights, and the resolution to work at."""
+"""Photo choice: the scene format, photos left out, masks, weights, and the resolution to work at."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -12,6 +13,9 @@ from fairing.io.capture import Capture, files_below, listed, reading
 from fairing.photo import FilePhoto, Mask
 from fairing.scene import SparsePoints, View
 
+SceneFormat = Literal[
+    "colmap", "bundler", "openmvg", "meshroom", "transforms.json", "middlebury", "strecha", "matrices", "scene.json"
+]
 MASK_FOLDER = "masks"
 _SMALLEST_SCALE = 0.05
 _PNG = frozenset({".png"})
@@ -19,27 +23,45 @@ _PNG = frozenset({".png"})
 
 @dataclass(frozen=True)
 class PhotoChoice:
-    """Photos are named as in the list that `eigenfairing check` prints; * and ? stand for any characters."""
+    """Photos are named as in the list that `eigenfairing check` prints; * and ? are wildcards."""
 
     leave_out: tuple[str, ...] = ()
     """Photos to leave out, by name: `--leave-out 0003.jpg "night/*"`."""
     masks: Path | None = None
-    """Folder of masks: of photo a.jpg the image a.jpg.png, black where the photo does not count (as COLMAP). Default:
-    the folder `masks` beside the cameras, where there is one."""
+    """Folder of masks: for photo a.jpg the image a.jpg.png, black where the photo is ignored (as in COLMAP). Default:
+    the folder `masks` beside the cameras, if there is one."""
     photo_weights: tuple[str, ...] = ()
-    """How much photos count beside the others: `--photo-weights 0003.jpg=0.5 "night/*=0.1"`. Default: 1 each."""
+    """Weights of photos relative to the others: `--photo-weights 0003.jpg=0.5 "night/*=0.1"`. Default: 1 each."""
     photo_scale: float = 1.0
-    """Work on photos of this part of their width and height, 0.05 to 1: less memory and time, less accuracy."""
+    """Scale photos to this fraction of their width and height, 0.05 to 1: less memory and time, less accuracy."""
+    format: SceneFormat | None = None
+    """Format to read where a folder holds cameras in several. Default: the readable one with the most photos, then with
+    sparse points."""
+
+
+def check_format(name: str | None, where: object) -> SceneFormat | None:
+    """A format read from a file.
+
+    Raises:
+        InputError: there is no format of this name.
+    """
+    for known in get_args(SceneFormat):
+        if name == known:
+            return known
+    if name is not None:
+        raise InputError(f"{where}: format: expected one of {', '.join(get_args(SceneFormat))}, found {name[:40]!r}")
+    return None
 
 
 def apply_choice(capture: Capture, choice: PhotoChoice, folder: Path) -> Capture:
-    """The capture with what was chosen of it.
+    """The capture reduced to the chosen photos, with masks and weights, at the chosen scale.
 
     Args:
-        folder: where the cameras lie.
+        folder: the folder of the cameras.
 
     Raises:
-        InputError: a name that no photo has, a weight that is none, a mask that cannot be read or is of another size.
+        InputError: no photo has a given name, a weight is not a positive number, or a mask cannot be read or has
+            another size than its photo.
     """
     names = [view.name for view in capture.views]
     if not _SMALLEST_SCALE <= choice.photo_scale <= 1:
@@ -53,7 +75,7 @@ def apply_choice(capture: Capture, choice: PhotoChoice, folder: Path) -> Capture
             weights[name] = weight
     if choice.masks is not None and not choice.masks.is_dir():
         raise InputError(f"--masks {choice.masks}: expected a folder, found none")
-    # Masks a format names itself stay, where no folder has one.
+    # Masks named by the format are used where the folder has none.
     own = {view.mask.path for view in capture.views if view.mask is not None}
     masks, warnings = _masks(choice.masks or folder / MASK_FOLDER, names, own)
     kept = [i for i, name in enumerate(names) if name not in left_out]
@@ -78,7 +100,7 @@ def _matching(patterns: Iterable[str], names: Sequence[str], flag: str) -> set[s
     for pattern in patterns:
         matching = {name for name in names if name == pattern or fnmatchcase(name, pattern)}
         if not matching:
-            raise InputError(f"{flag} {pattern}: no photo is named so; the photos are {listed(names)}")
+            raise InputError(f"{flag} {pattern}: no photo has this name; the photos are {listed(names)}")
         found |= matching
     return found
 
@@ -94,10 +116,10 @@ def _weight(number: str, text: str) -> float:
 
 
 def _masks(folder: Path, names: Sequence[str], own: set[Path]) -> tuple[dict[str, Path], tuple[str, ...]]:
-    """Masks by photo. A photo images/a.jpg may have its mask as a.jpg.png, too.
+    """Masks by photo, and warnings. The mask of images/a.jpg may also be named a.jpg.png.
 
     Args:
-        own: masks that the capture's format names itself.
+        own: masks named by the capture's format.
     """
     if not folder.is_dir():
         return {}, ()
@@ -114,7 +136,7 @@ def _masks(folder: Path, names: Sequence[str], own: set[Path]) -> tuple[dict[str
     unused = [file for file, path in files.items() if path not in masks.values() and path not in own]
     if unused:
         warnings.append(
-            f"masks that belong to no photo: {len(unused)} ({listed(unused)}); a mask is named as its photo with .png behind"
+            f"masks that belong to no photo: {len(unused)} ({listed(unused)}); name a mask as its photo with .png appended"
         )
     return masks, tuple(warnings)
 
@@ -126,7 +148,7 @@ def _mask_of(view: View, masks: dict[str, Path]) -> Mask | None:
 
 
 def _of_views(sparse: SparsePoints, kept: list[int], n_views: int) -> SparsePoints:
-    """The points as the kept views saw them; those that none saw stay, as places without observations."""
+    """The points with the observations of the kept views; points without observations are kept."""
     new_index = np.full(n_views, -1)
     new_index[kept] = np.arange(len(kept))
     seen = new_index[sparse.observations[:, 1]] >= 0
@@ -140,7 +162,7 @@ def _resized(view: View, scale: float) -> View:
 
 
 def _at_sizes(sparse: SparsePoints, before: Sequence[View], after: Sequence[View]) -> SparsePoints:
-    """The points as views of other sizes see them."""
+    """The points with their observations scaled to views of other sizes."""
     if not before:
         return sparse
     factors = np.array(

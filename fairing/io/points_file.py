@@ -1,6 +1,5 @@
-"""Sparse points as a NumPy file (.npz) of the arrays of `SparsePoints`."""
+"""Sparse points as a NumPy archive (.npz) of the arrays of `SparsePoints`."""
 
-import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +8,7 @@ from fairing.errors import InputError
 from fairing.io.atomic import write_atomically
 from fairing.io.capture import naming, reading
 from fairing.scene import SparsePoints
+from fairing.util.npz import read_npz
 
 _COLUMNS = {"positions": (3, "f"), "colors": (3, "u"), "observations": (2, "iu"), "pixels": (2, "f")}
 
@@ -23,22 +23,22 @@ def read_points(path: Path, n_views: int) -> SparsePoints:
     """The points of a file.
 
     Args:
-        n_views: views that the observations may name.
+        n_views: number of views; observations refer to views by index.
 
     Raises:
-        InputError: no such file, or its arrays do not make sense.
+        InputError: no such file, a damaged one, or arrays of the wrong shape, type or range.
     """
-    with reading(path, "sparse points"), path.open("rb"):
-        pass
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            arrays = {name: file[name] for name in _COLUMNS}
-    except KeyError:
-        raise InputError(f"{path}: expected the arrays {', '.join(_COLUMNS)}; convert the capture again") from None
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile, AttributeError, TypeError) as error:
+    with reading(path, "sparse points"), path.open("rb") as file:
+        try:
+            arrays = read_npz(file)
+        except ValueError as error:
+            raise InputError(
+                f"{path}: expected sparse points, cannot be read ({error}); convert the capture again"
+            ) from None
+    if missing := sorted(_COLUMNS.keys() - arrays.keys()):
         raise InputError(
-            f"{path}: expected sparse points, cannot be read ({error}); convert the capture again"
-        ) from None
+            f"{path}: expected the arrays {', '.join(_COLUMNS)}, found no {missing[0]}; convert the capture again"
+        )
     with naming(path):
         for name, (columns, kinds) in _COLUMNS.items():
             array = arrays[name]

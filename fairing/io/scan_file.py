@@ -1,4 +1,4 @@
-"""Range data and the points somebody matched in it, as files."""
+"""Scan files and match files: range data, and points matched between a scan and the photos."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,12 +13,13 @@ from fairing.io.capture import read_text, reading
 from fairing.mesh import Mesh
 from fairing.registration.alignment import Match
 from fairing.scene import View
+from fairing.util.guards import LARGEST_COORDINATE, check_coordinates
 
 SCAN_SUFFIXES = frozenset({".ply", ".xyz", ".obj", ".off", ".stl", ".glb"})
 
 
 def read_scan(path: Path) -> Mesh | np.ndarray:
-    """A surface, or points (n, 3) where the file holds no faces; in the scan's own frame and unit.
+    """A surface, or points (n, 3) float where the file holds no faces, in the scan's own frame and unit.
 
     Raises:
         InputError: no such file, another format, damaged, or numbers that are not finite.
@@ -41,15 +42,14 @@ def read_scan(path: Path) -> Mesh | np.ndarray:
     except Exception as error:  # trimesh's parsers raise whatever the damaged bytes make numpy, json or struct raise
         reason = str(error) or type(error).__name__
         raise InputError(f"{path}: expected a scan, cannot be read ({reason}); export it again") from None
-    if not np.isfinite(points).all():
-        raise InputError(f"{path}: expected finite coordinates, found NaN or infinity; clean the scan")
+    check_coordinates(points, str(path))
     if faces and sum(map(len, faces)):
         return Mesh(points, np.concatenate(faces))
     return points
 
 
 def write_scan(path: Path, points: np.ndarray) -> None:
-    """Write points (n, 3) as PLY, in double precision."""
+    """Write points (n, 3) float as PLY, in double precision."""
     header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(points)}"]
     header += [*(f"property double {axis}" for axis in "xyz"), "end_header", ""]
     data = "\n".join(header).encode() + np.ascontiguousarray(points, dtype="<f8").tobytes()
@@ -57,12 +57,12 @@ def write_scan(path: Path, points: np.ndarray) -> None:
 
 
 def read_matches(path: Path, views: Sequence[View]) -> list[Match]:
-    """Matched points, a line each: the point in the scan, then its place in the world, or where photos show it.
+    """Matched points, one per line: the point in the scan, then its world position or its pixels in photos.
 
     `x y z  X Y Z` or `x y z  PHOTO u v  [PHOTO u v ...]`, pixel centres at integers; `#` begins a comment.
 
     Raises:
-        InputError: no such file, or a line that is neither.
+        InputError: no such file, or a malformed line.
     """
     ids = {view.name: v for v, view in enumerate(views)}
     matches = []
@@ -80,7 +80,7 @@ def read_matches(path: Path, views: Sequence[View]) -> list[Match]:
 
 
 def _match(words: list[str], ids: dict[str, int]) -> Match:
-    """Raises ValueError that names what is wrong."""
+    """The match of a line's words. Raises ValueError with the offending words."""
     point = _numbers(words[:3], 3)
     rest = words[3:]
     if len(rest) == 3 and rest[0] not in ids:
@@ -102,6 +102,6 @@ def _numbers(words: list[str], count: int) -> np.ndarray:
         values = np.array([float(word) for word in words])
     except ValueError:
         raise ValueError(" ".join(words)[:60]) from None
-    if not np.isfinite(values).all():
+    if not (np.abs(values) <= LARGEST_COORDINATE).all():
         raise ValueError(" ".join(words)[:60])
     return values

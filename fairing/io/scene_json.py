@@ -1,4 +1,4 @@
-"""Our own format: one `scene.json` that names a mesh, photos and cameras.
+"""EigenFairing's own format: one `scene.json` that names a mesh, photos and cameras.
 
     {
       "mesh": "mesh.ply",
@@ -16,13 +16,13 @@
 - `mesh` (optional): a mesh file.
 - `views`: at least three. Each has `photo` (undistorted), `width` and `height` in pixels, and its camera: either the
   3x4 projection matrix `image_from_world`, or `K`, `R`, `t` with pixels = K (R x + t), axes x right, y down, z forward.
-  Pixel centres lie at integers: the top-left pixel's centre is (0, 0). Without `name` a view is named as its photo.
-  `mask` (optional) is an image of the same size, black where the photo does not count; `weight` (optional, 1) is how much
-  it counts beside the others.
+  Pixel centres lie at integers: the top-left pixel's centre is (0, 0). The default `name` is the photo's path.
+  `mask` (optional) is an image of the same size, black where the photo is ignored; `weight` (optional, default 1) is its
+  weight relative to the other photos.
 - `points` (optional): sparse points as a NumPy file of the arrays `positions` (n, 3), `colors` (n, 3) uint8,
   `observations` (o, 2) of a point's and a view's index, and `pixels` (o, 2), see `fairing.scene.SparsePoints`.
 
-Paths are relative to the json file. Anything else in the file is an error, so that no misspelt name goes unnoticed.
+Paths are relative to the JSON file. Unknown keys are errors, so that a misspelt key does not go unnoticed.
 """
 
 import json
@@ -36,13 +36,13 @@ from fairing.camera import Camera
 from fairing.errors import InputError
 from fairing.io.atomic import write_atomically
 from fairing.io.capture import Capture, listed, naming
-from fairing.io.json_file import Item, read_json
+from fairing.io.json_file import Item, holds, read_json
 from fairing.io.points_file import read_points, write_points
 from fairing.photo import FilePhoto, Mask
 from fairing.scene import SparsePoints, View
 
+NAME = "scene.json"
 FORMAT = "scene.json (EigenFairing's own: mesh, photos and cameras in one file)"
-HOLDS_POINTS = True
 FILE = "scene.json"
 
 _POINTS = "points.npz"
@@ -51,7 +51,13 @@ _POSE_KEYS = ("K", "R", "t")
 
 
 def recognises(path: Path) -> bool:
-    return path.name == FILE if path.is_file() else (path / FILE).is_file()
+    """By the file's keys, because other programs write a scene.json of their own."""
+    file = path if path.is_file() else path / FILE
+    return (
+        file.name == FILE
+        and holds(file, "views", "photo")
+        and any(holds(file, key) for key in (*_MATRIX_KEYS, *_POSE_KEYS))
+    )
 
 
 def read(path: Path) -> Capture:
@@ -68,7 +74,7 @@ def read(path: Path) -> Capture:
 def write(folder: Path, views: Sequence[View], sparse: SparsePoints | None, mesh: str | None) -> None:
     """Write scene.json and the sparse points to a folder that holds the photos in images/ and the masks in masks/.
 
-    Cameras are written as matrices: any camera is one, and no digit is lost.
+    Cameras are written as matrices, which represent every camera without loss.
 
     Args:
         mesh: the mesh's file name, or None.

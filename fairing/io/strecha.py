@@ -15,8 +15,8 @@ from fairing.io.capture import Capture, files_in, naming
 from fairing.io.number_file import NumberFile
 from fairing.lens import Lens
 
+NAME = "strecha"
 FORMAT = "Strecha's cameras (for each photo a file <photo>.camera)"
-HOLDS_POINTS = False
 
 _SUFFIXES = frozenset({".camera"})
 
@@ -32,7 +32,7 @@ def read(path: Path) -> Capture:
 
 
 def _files(path: Path) -> list[Path]:
-    """A file stands for all of its folder."""
+    """The camera files of the folder; one of them stands for all."""
     if path.is_file():
         return files_in(path.parent, _SUFFIXES) if path.suffix == ".camera" else []
     return files_in(path, _SUFFIXES) or files_in(path / "images", _SUFFIXES)

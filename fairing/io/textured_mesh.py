@@ -1,4 +1,4 @@
-"""Textured models as files: GLB, OBJ with its MTL and PNG, PLY with its PNG."""
+"""Textured model files: GLB, OBJ with MTL and PNG, PLY with PNG."""
 
 import io
 from collections.abc import Callable
@@ -16,13 +16,13 @@ JPEG_QUALITY = 95
 
 
 def write_textured(path: Path, model: TexturedModel) -> list[Path]:
-    """Write a textured model in the format of its suffix; GLB holds its texture, the others have it beside them.
+    """Write a textured model in the format of its suffix; GLB embeds its texture, the others reference a file.
 
-    OBJ and PLY keep the vertices and faces of the mesh as they are (texture coordinates stand at the faces' corners,
-    PLY as MeshLab and OpenMVS write them); GLB has a vertex for each corner of each face, in single precision.
+    OBJ and PLY keep the vertices and faces of the mesh (texture coordinates belong to the faces' corners, in PLY as
+    MeshLab and OpenMVS write them); GLB has one vertex per corner of each face, in single precision.
 
     Returns:
-        The files written. Each is complete or as it was before; the one named is written last.
+        The files written, `path` last. Each one is complete or unchanged.
 
     Raises:
         InputError: another suffix, or the disk is full or not writable.
@@ -54,7 +54,7 @@ def _write_obj(path: Path, model: TexturedModel) -> list[Path]:
     lines += [f"vt {u:.7f} {1 - v:.7f}" for u, v in model.uv.reshape(-1, 2).tolist()]
     for f, (a, b, c) in enumerate((model.faces + 1).tolist()):
         lines.append(f"f {a}/{3 * f + 1} {b}/{3 * f + 2} {c}/{3 * f + 3}")
-    # Unlit: the colours are the photos' own.
+    # Unlit: the texture holds the photos' colors.
     properties = f"newmtl photos\nKa 1 1 1\nKd 1 1 1\nKs 0 0 0\nillum 0\nmap_Kd {picture.name}\n"
     _write(picture, _encoded(model.image, "PNG"))
     _write(material, properties.encode())

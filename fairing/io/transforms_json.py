@@ -1,12 +1,12 @@
-"""`transforms.json` of nerfstudio, instant-ngp and NeRF: intrinsics and, for each photo, a camera-to-world matrix.
+"""nerfstudio, instant-ngp and NeRF: `transforms.json` with intrinsics and a camera-to-world matrix for each photo.
 
 Axes of a camera are OpenGL's: x right, y up, z backwards. Pixels are COLMAP's: the centre of the top-left pixel is
 (0.5, 0.5); without `cx`, `cy` the principal point is the photo's centre. The world is the file's: `applied_transform`
-and `applied_scale` tell where it came from and are not undone, so a mesh must be in the same world as the cameras.
-Intrinsics of a frame win over those of the file. `mask_path` names a frame's mask.
+and `applied_scale` are not inverted, so a mesh must be in the same world as the cameras. Intrinsics of a frame take
+precedence over those of the file. `mask_path` names a frame's mask.
 
-Sources: nerfstudio's nerfstudio_dataparser.py and camera_utils.py (radial distortion to k4 r^8, of which we know k1 to
-k3), instant-ngp's colmap2nerf.py, the NeRF paper's synthetic scenes (camera_angle_x only, photos without suffix).
+Sources: nerfstudio's nerfstudio_dataparser.py and camera_utils.py (radial distortion to k4 r^8, of which k1 to k3 are
+supported), instant-ngp's colmap2nerf.py, the NeRF paper's synthetic scenes (camera_angle_x only, photos without suffix).
 """
 
 import math
@@ -21,8 +21,8 @@ from fairing.io.json_file import Item, holds, read_json
 from fairing.lens import DISTORTION, Lens
 from fairing.photo import FilePhoto
 
+NAME = "transforms.json"
 FORMAT = "transforms.json (nerfstudio, instant-ngp, NeRF)"
-HOLDS_POINTS = False
 
 _MODELS = ("PERSPECTIVE", "SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV")
 _OPENCV_FROM_OPENGL = np.array([1.0, -1.0, -1.0])
@@ -34,8 +34,7 @@ def recognises(path: Path) -> bool:
 
 
 def read(path: Path) -> Capture:
-    file = _file(path)
-    assert file is not None
+    file = _file(path) or (path if path.is_file() else next(path / name for name in _SPLITS if (path / name).is_file()))
     content = read_json(file, "cameras")
     with naming(file):
         photos = [_photo(content, frame, file.parent) for frame in content["frames"]]
@@ -44,8 +43,8 @@ def read(path: Path) -> Capture:
 
 def _file(path: Path) -> Path | None:
     if path.is_file():
-        return path if path.name in _SPLITS or holds(path, "frames", "transform_matrix") else None
-    return next((path / name for name in _SPLITS if (path / name).is_file()), None)
+        return path if holds(path, "frames", "transform_matrix") else None
+    return next((path / name for name in _SPLITS if holds(path / name, "frames")), None)
 
 
 def _other_splits(path: Path, file: Path) -> tuple[str, ...]:
@@ -70,7 +69,7 @@ def _photo(content: Item, frame: Item, folder: Path) -> CalibratedPhoto:
 def _find(written: str, folder: Path) -> Path:
     if Path(written).suffix.lower() in PHOTO_SUFFIXES:
         return find_photo(written, [folder])
-    try:  # the scenes of the NeRF paper leave the suffix out
+    try:  # the scenes of the NeRF paper omit the suffix
         return find_photo(f"{written}.png", [folder])
     except InputError:
         return find_photo(written, [folder])

@@ -1,6 +1,6 @@
-"""Range data brought into the frame of the photos: first by points that somebody matched, then by closest points.
+"""Scan registration: the similarity from a scan to the frame of the photos, by matched points, then by closest points.
 
-A scan has a frame, and often a unit, of its own; what takes it to the world is a similarity x -> s R x + t.
+A scan has its own frame and often its own unit; a similarity x -> s R x + t maps it to the world.
 """
 
 from collections.abc import Sequence
@@ -19,12 +19,13 @@ from fairing.mesh import Mesh
 from fairing.scene import View
 
 FEWEST_MATCHES = 3
-OUTLIER_PX = 3.0  # of a sighting's error: from which on it loses influence
-NEIGHBOURS = 12  # points that a normal of a point cloud is fitted to
-KEPT = 0.8  # of the pairs in each round, the nearest: the rest is taken for what only one side saw
+OUTLIER_PX = 3.0  # pixels: larger errors of an observation lose influence
+NEIGHBOURS = 12  # number of neighbours that a point cloud's normal is fitted to
+KEPT = 0.8  # fraction of the pairs used in each round, the nearest ones; the rest may be seen by one side only
 MAX_ROUNDS = 60
-WEAK = 0.05  # of the strongest singular value: a scale held more weakly stays as the matches gave it
-CONVERGED = 1e-7  # of the diagonal: movement of the scan in a round
+WEAK = 0.05  # fraction of the largest singular value; below it the scale of the matches is kept
+LARGEST_ERROR = 1e50  # px: its fourth power, which the solver computes, is finite
+CONVERGED = 1e-7  # fraction of the diagonal: largest movement of the scan in the last round
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +33,7 @@ class Similarity:
     """x -> scale * rotation @ x + translation.
 
     Attributes:
-        scale: world units of a unit of the scan.
+        scale: world units per unit of the scan.
         rotation: (3, 3) float.
         translation: (3,) float, world units.
     """
@@ -42,22 +43,22 @@ class Similarity:
     translation: np.ndarray
 
     def apply(self, points: np.ndarray) -> np.ndarray:
-        """World positions (n, 3) of the scan's positions (n, 3)."""
+        """World positions (n, 3) float from positions (n, 3) float in the scan."""
         return self.scale * points @ self.rotation.T + self.translation
 
     def undo(self, points: np.ndarray) -> np.ndarray:
-        """The scan's positions (n, 3) of world positions (n, 3)."""
+        """Positions (n, 3) float in the scan from world positions (n, 3) float."""
         return (points - self.translation) @ self.rotation / self.scale
 
 
 @dataclass(frozen=True, eq=False)
 class Match:
-    """A point of the scan that somebody knows elsewhere.
+    """A point of the scan with its world position or its pixels in photos.
 
     Attributes:
-        point: (3,) float, in the scan.
+        point: (3,) float, in the scan's frame and unit.
         world: (3,) float, world units, or None.
-        sightings: (view id, (2,) pixels) of photos that show it.
+        sightings: (view id, (2,) float pixels) for each photo that observes the point.
     """
 
     point: np.ndarray
@@ -67,11 +68,11 @@ class Match:
 
 @dataclass(frozen=True, eq=False)
 class Registered:
-    """A similarity and how well it fits.
+    """A similarity and its residuals.
 
     Attributes:
-        world_from_scan: what was found.
-        errors: (n,) float: of the matches in pixels (a world point's error as the nearest photo would see it), or of
+        world_from_scan: the fitted similarity.
+        errors: (n,) float: errors of the matches in pixels (for a world point in the photo nearest to it), or of
             closest points in world units.
     """
 
@@ -80,14 +81,14 @@ class Registered:
 
 
 def register_matches(matches: Sequence[Match], views: Sequence[View]) -> Registered:
-    """The similarity that brings the scan's points to their world points and to the pixels that show them.
+    """The similarity that maps the scan's points to their world positions and observed pixels.
 
-    Cauchy's norm over all errors in pixels (Huber's lets one wrong match of twelve shift the scan), begun at the closed
-    form (Umeyama 1991) of the points whose world position is given or follows from two photos; with fewer than three of
-    them at the pose from one photo (PnP, the scan's unit then taken for the world's).
+    Minimizes the Cauchy loss of all errors in pixels (ledger: loss of matches). The initial value is the closed form
+    (Umeyama 1991) for points whose world position is given or triangulated from two photos; with fewer than three such
+    points it is the pose from one photo (PnP), where the scan's unit is assumed to be the world's.
 
     Raises:
-        InputError: fewer than three matches, matches on one line, or too little to begin with.
+        InputError: there are fewer than three matches, they are collinear, or they do not determine an initial value.
     """
     if len(matches) < FEWEST_MATCHES:
         raise InputError(
@@ -110,7 +111,8 @@ def register_matches(matches: Sequence[Match], views: Sequence[View]) -> Registe
                 result.extend((focal / distance).max() * (position - match.world))
             for view, pixel in match.sightings:
                 result.extend(views[view].camera.project(position)[0] - pixel)
-        return np.nan_to_num(np.array(result), nan=1e6, posinf=1e6, neginf=-1e6)
+        finite = np.nan_to_num(np.array(result), nan=1e6, posinf=1e6, neginf=-1e6)
+        return np.clip(finite, -LARGEST_ERROR, LARGEST_ERROR)
 
     fitted = least_squares(errors, np.zeros(7), loss="cauchy", f_scale=OUTLIER_PX, x_scale="jac")
     each = _norms_by_match(errors(fitted.x), matches)
@@ -118,15 +120,15 @@ def register_matches(matches: Sequence[Match], views: Sequence[View]) -> Registe
 
 
 def refine_by_closest_points(scan: Mesh | np.ndarray, start: Similarity, targets: np.ndarray) -> Registered:
-    """Iterated closest points (Chen and Medioni 1992, point to plane; Chetverikov 2002, the nearest 80 % count).
+    """Iterative closest points, point to plane (Chen and Medioni 1992), trimmed to the nearest 80 % (Chetverikov 2002).
 
     Args:
-        scan: a surface, or points (n, 3).
-        start: from `register_matches`; must be within the basin, as always with closest points.
-        targets: (p, 3) float, world units: points known of the surface, for example a capture's sparse points.
+        scan: a surface, or points (n, 3) float.
+        start: initial similarity from `register_matches`, within the basin of attraction.
+        targets: (p, 3) float, world units: points on the surface, for example a capture's sparse points.
 
     Returns:
-        The similarity after the round that fitted best; never one whose median distance exceeds the start's.
+        The similarity of the round with the smallest median distance, which never exceeds that of `start`.
 
     Raises:
         InputError: fewer than ten targets.
@@ -183,7 +185,7 @@ def _first_guess(matches: Sequence[Match], views: Sequence[View]) -> Similarity:
 
 
 def _world_of(match: Match, views: Sequence[View]) -> np.ndarray | None:
-    """The match's position in the world: as given, or where the lines of sight of two or more photos meet."""
+    """The match's world position: given, or triangulated from two or more photos; else None."""
     if match.world is not None:
         return match.world
     if len(match.sightings) < 2:
@@ -197,14 +199,14 @@ def _world_of(match: Match, views: Sequence[View]) -> np.ndarray | None:
 
 
 def _similarity(parameters: np.ndarray, start: Similarity) -> Similarity:
-    """Turn (3), shift (3, in units of the start's translation in the scan) and log scale (1) on top of a similarity."""
+    """The similarity changed by a rotation vector (3), a translation (3) in units of the scan and a log scale (1)."""
     turn = Rotation.from_rotvec(parameters[:3]).as_matrix()
     scale = start.scale * float(np.exp(parameters[6]))
     return Similarity(scale, turn @ start.rotation, start.translation + start.scale * parameters[3:6])
 
 
 def _norms_by_match(errors: np.ndarray, matches: Sequence[Match]) -> np.ndarray:
-    """(n,) float: the largest error of each match, px."""
+    """(n,) float: the largest error of each match, pixels."""
     result, at = [], 0
     for match in matches:
         sizes = ([3] if match.world is not None else []) + [2] * len(match.sightings)
@@ -242,7 +244,8 @@ def _closest_on(scan: Mesh | np.ndarray):
 def normals_and_variation(points: np.ndarray, tree: KDTree) -> tuple[np.ndarray, np.ndarray]:
     """Unit normals (n, 3) of a point cloud and its surface variation (n,), 0 in a plane to 1/3 (Pauly et al. 2002).
 
-    From the covariance of each point's nearest neighbours: the direction of least spread, and its share of the spread.
+    Both follow from the covariance of each point's nearest neighbours: the direction of the smallest variance, and its
+    fraction of the total variance.
     """
     neighbours = tree.query(points, k=min(NEIGHBOURS, len(points)))[1]
     around = points[neighbours] - points[neighbours].mean(axis=1, keepdims=True)
@@ -251,13 +254,13 @@ def normals_and_variation(points: np.ndarray, tree: KDTree) -> tuple[np.ndarray,
 
 
 def _point_to_plane(found: np.ndarray, targets: np.ndarray, normals: np.ndarray, current: Similarity) -> Similarity:
-    """The similarity after the linearised step that brings `found` onto the planes through `targets`."""
+    """The similarity after one linearised step that moves `found` onto the planes through `targets`."""
     middle = found.mean(axis=0)
     size = float(np.sqrt(((found - middle) ** 2).sum(axis=1).mean()))
     arm = (found - middle) / size
     J = np.column_stack([np.cross(arm, normals), normals, (arm * normals).sum(axis=1)])
     residual = ((found - targets) * normals).sum(axis=1) / size
-    # Three planes that meet in a corner fit at any size: then the scale stays. A plane leaves sliding and turning free.
+    # Three planes that meet in a corner fit at any scale, so the scale is kept. One plane leaves sliding and turning free.
     values = np.linalg.svd(J, compute_uv=False)
     free = 7 if values[-1] > WEAK * values[0] else 6
     step = np.zeros(7)

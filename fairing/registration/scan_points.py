@@ -1,7 +1,7 @@
-"""From a registered scan to the few points a start mesh is made of: where it bends or ends, and some between.
+"""Scan sampling: the points of a registered scan that become vertices, at bends, at ends and sparsely in between.
 
-The paper samples range data "at points of high curvature and discontinuity"; fairing then moves them onto the real
-corners, which the scan's rays missed.
+The paper samples range data "at points of high curvature and discontinuity"; fairing then moves the vertices onto the real
+corners, which the rays of the scan missed.
 """
 
 from collections.abc import Sequence
@@ -14,12 +14,12 @@ from fairing.errors import InputError
 from fairing.scene import SparsePoints, View
 
 NEIGHBOURS = 24
-MOST_POINTS = 200_000  # looked at; of larger scans evenly chosen ones
-GAP = np.radians(120.0)  # a point whose neighbours leave such an angle free lies at an end of the surface
-BENT = 0.01  # surface variation (0 to 1/3) from which on a surface bends: two planes at 25 degrees
+MOST_POINTS = 200_000  # larger scans are subsampled evenly to this many
+GAP = np.radians(120.0)  # a point with such an angle free of neighbours lies at an end of the surface
+BENT = 0.01  # surface variation (0 to 1/3) above which a surface bends: two planes at 25 degrees
 FILL = 2.5  # spacings between points where nothing bends or ends
-SPLAT = 0.35  # of the spacing: how far around a point of the scan hides what lies behind
-BEHIND = 2.0  # spacings a point may lie behind what hides it and still be seen: surfaces up to 80 degrees aslant
+SPLAT = 0.35  # fraction of the spacing: radius around a point of the scan that occludes
+BEHIND = 2.0  # spacings: a point less far behind its occluder is visible, for surfaces at up to 80 degrees
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +36,7 @@ class CriticalPoints:
 
 
 def critical_points(points: np.ndarray, spacing: float) -> CriticalPoints:
-    """Points of a scan (n, 3) at least `spacing` apart where it bends or ends, and 2.5 times that elsewhere.
+    """Points of a scan (n, 3) float at least `spacing` apart where it bends or ends, and 2.5 times that elsewhere.
 
     Raises:
         InputError: fewer than 50 points.

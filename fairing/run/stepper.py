@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fairing.errors import InputError
 from fairing.run.gauss_newton_step import gauss_newton_step
 from fairing.run.preparation import preparing_step
 from fairing.run.records import empty_record, returned_if_worse
@@ -55,7 +56,18 @@ class Stepper:
             if sweep.search_radius > 0:
                 following = position._replace(sweep=position.sweep + 1)
             return self._never_worse(empty_record(problem, position, sweep.moment, following), sweep, moment)
+        if position.unit >= len(sweep.units):
+            raise InputError(
+                f"trace: goes on at block {position.unit + 1} of a sweep with {len(sweep.units)} blocks; it was recorded "
+                "on other photos or changed since, run it again"
+            )
         unit = sweep.units[position.unit]
+        previous = self._trace.steps[moment - 1] if position.iteration else None
+        if previous is not None and not np.array_equal(previous.vertices, unit.vertices):
+            raise InputError(
+                f"trace: step {moment} moved other vertices than the block it goes on with; it was recorded on other "
+                "photos or changed since, run it again"
+            )
         if sweep.search_radius > 0:
             if unit.restart_level is not None:
                 record = restart(problem, start, sweep, unit.vertices, unit.restart_level, position, vertices)
@@ -64,7 +76,7 @@ class Stepper:
             return self._planned(record, sweep, vertices, unit_is_done=True)
         iteration = gauss_newton_step(
             problem, sweep, unit, position, vertices, start.reach,
-            previous=self._trace.steps[moment - 1] if position.iteration else None, system=self._system(moment, unit),
+            previous=previous, system=self._system(moment, unit),
         )  # fmt: skip
         self._known = _Known(moment + 1, unit, iteration.system)
         return self._never_worse(self._planned(iteration.record, sweep, vertices, iteration.is_done), sweep, moment)

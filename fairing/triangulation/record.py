@@ -1,7 +1,7 @@
-"""The record of a triangulation: every flip, appended to a file as it happens and readable after a crash.
+"""Flip records: every edge flip of a triangulation, appended to a file and readable after a crash.
 
-Moment 0 is the start mesh, moment k the mesh after k flips. A flip leaves the vertices, and the number and order of
-faces, as they are: the two faces of the quad get other corners.
+Moment 0 is the start mesh, moment k the mesh after k flips. A flip changes the corners of the quad's two faces; vertices
+and the number and order of faces stay the same.
 
 On disk it is a `fairing.util.block_file`.
 """
@@ -13,6 +13,9 @@ from typing import Any
 
 import numpy as np
 
+from fairing.errors import InputError
+from fairing.mesh import Mesh
+from fairing.trace_check import Field, check_counts, check_fields, check_ids, naming_block, read_header
 from fairing.triangulation.quads import Quads, Verdict
 from fairing.util.block_file import BlockFile, pack, read_blocks, unpack
 
@@ -24,15 +27,16 @@ class FlipRecord:
     """One edge replaced by the other diagonal of its quad.
 
     Attributes:
-        round: in which round, from 0.
-        edge: (2,) int: the vertices a, b of the edge that went.
-        opposite: (2,) int: the vertices c, d of the edge that came.
+        round: number of the round, from 0.
+        edge: (2,) int: the vertices a, b of the removed edge.
+        opposite: (2,) int: the vertices c, d of the new edge.
         faces: (2,) int: (a, b, c) and (b, a, d) became (a, d, c) and (d, b, c).
-        energy: what the two faces add to the mesh's energy before and after: loss per pixel times surface in pixels,
-            each over the photos that see it.
-        common_loss: loss per pixel (0 to 1) of both pairs over the photos that see all four faces; this decides.
-        n_views: how many photos those are.
-        round_energy: energy of the mesh before the round and after all of it, with the visibility of each.
+        energy: contribution of the two faces to the mesh's energy before and after: loss per pixel times area in
+            pixels, over the photos that see each face.
+        common_loss: loss per pixel (0 to 1) of both pairs over the photos that see all four faces; the
+            criterion for the flip.
+        n_views: number of those photos.
+        round_energy: energy of the mesh before and after the whole round, each with its own visibility.
     """
 
     round: int
@@ -46,21 +50,34 @@ class FlipRecord:
 
     @property
     def quads(self) -> Quads:
-        """The quad, as the one of a list."""
+        """The quad as a list of one."""
         return Quads(self.edge[None], self.opposite[None], self.faces[None], 0)
+
+    def apply_to(self, faces: np.ndarray) -> None:
+        """Replace the two faces of the quad in faces (m, 3) int, in place.
+
+        Raises:
+            InputError: the faces are not those on either side of the edge.
+        """
+        (a, b), (c, d) = self.edge.tolist(), self.opposite.tolist()
+        if [set(faces[face].tolist()) for face in self.faces] != [{a, b, c}, {a, b, d}]:
+            raise InputError(
+                f"expected the faces {self.faces.tolist()} beside the edge ({a}, {b}), found others; triangulate again"
+            )
+        (faces[self.faces[0]],), (faces[self.faces[1]],) = self.quads.flipped()
 
     @property
     def reason(self) -> str:
-        """A sentence for users."""
+        """The reason of the flip as a sentence for users."""
         before, after = self.common_loss
         return f"{Verdict.FLIPPED.text} ({self.n_views} photos, loss {before:.3f} -> {after:.3f})"
 
 
 class FlipTrace:
-    """Start mesh and flips; optionally mirrored to a file.
+    """Start mesh and flips; optionally attached to a file.
 
     Attributes:
-        header: JSON-able facts: options, scene.
+        header: facts of the triangulation that JSON can hold: options, scene.
         vertices: (n, 3) float, world units.
         flips: the records.
     """
@@ -76,7 +93,7 @@ class FlipTrace:
         return len(self.flips)
 
     def faces_at(self, moment: int) -> np.ndarray:
-        """(m, 3) int: the mesh after so many flips.
+        """(m, 3) int: the faces at a moment.
 
         Raises:
             IndexError: there is no such moment.
@@ -85,11 +102,11 @@ class FlipTrace:
             raise IndexError(f"moment {moment}: this record has moments 0 to {len(self.flips)}")
         faces = self._start.copy()
         for flip in self.flips[:moment]:
-            (faces[flip.faces[0]],), (faces[flip.faces[1]],) = flip.quads.flipped()
+            flip.apply_to(faces)
         return faces
 
     def append(self, record: FlipRecord) -> None:
-        """Add a flip, and write it to the file if one is attached.
+        """Add a flip and write it to the attached file, if any.
 
         Raises:
             InputError: the disk is full.
@@ -99,42 +116,54 @@ class FlipTrace:
             self._file.append(_pack_flip(record))
 
     def attach(self, path: Path) -> None:
-        """Write the record to `path` (replacing what is there by renaming) and keep it up to date from now on.
+        """Write the record to `path`, replacing an existing file, and append further flips to it.
 
         Raises:
-            InputError: the disk is full, or the folder is not there.
+            InputError: the disk is full, or the folder is missing.
         """
         header = pack({"header": json.dumps(self.header)}, vertices=self.vertices, faces=self._start)
         self._file = BlockFile(path, MAGIC, [header, *map(_pack_flip, self.flips)])
 
     def flush(self) -> None:
-        """Make sure that what was appended survives a crash of the machine."""
+        """Write all flips to the disk, so that they survive a crash of the machine."""
         if self._file is not None:
             self._file.flush()
 
     def detach(self) -> None:
-        """Stop writing to the file."""
+        """Flush and close the attached file."""
         if self._file is not None:
             self._file.close()
             self._file = None
 
     @classmethod
     def load(cls, path: Path) -> "FlipTrace":
-        """Read a record; flips cut short at its end are dropped.
+        """Read a record; a truncated flip at its end is dropped.
 
         Raises:
-            InputError: the file is missing or no such record.
+            InputError: the file is missing, no such record, or holds a header or a flip that no triangulation can have
+                written.
         """
-        blocks = read_blocks(path, MAGIC, "record of flips")
-        texts, arrays = unpack(blocks[0])
-        trace = cls(json.loads(texts["header"]), arrays["vertices"], arrays["faces"])
-        for block in blocks[1:]:
-            trace.flips.append(_unpack_flip(block))
+        kind = "record of flips"
+        blocks = read_blocks(path, MAGIC, kind)
+        with naming_block(f"{kind} {path}"):
+            texts, arrays = unpack(blocks[0])
+            header = read_header(texts)
+            check_fields(arrays, _MESH_FIELDS, {})
+            mesh = Mesh(arrays["vertices"], arrays["faces"])
+        trace = cls(header, mesh.vertices, mesh.faces)
+        faces = mesh.faces.copy()
+        for i, block in enumerate(blocks[1:]):
+            with naming_block(f"{kind} {path}: flip {i + 1}"):
+                flip = _unpack_flip(block, len(mesh.vertices), len(faces))
+                flip.apply_to(faces)
+            trace.flips.append(flip)
         return trace
 
 
 def is_flip_record(path: Path) -> bool:
     """Whether a file is a record of flips, by its first bytes."""
+    if not path.is_file():  # a pipe would block
+        return False
     try:
         with path.open("rb") as file:
             return file.read(len(MAGIC)) == MAGIC
@@ -146,8 +175,33 @@ def _pack_flip(record: FlipRecord) -> bytes:
     return pack({}, **{field.name: np.asarray(getattr(record, field.name)) for field in fields(FlipRecord)})
 
 
-def _unpack_flip(block: bytes) -> FlipRecord:
+_MESH_FIELDS = {"vertices": Field("f", ("n", 3)), "faces": Field("iu", ("m", 3))}
+_FLIP_FIELDS = {
+    "round": Field("iu"),
+    "edge": Field("iu", (2,)),
+    "opposite": Field("iu", (2,)),
+    "faces": Field("iu", (2,)),
+    "energy": Field("f", (2,), is_finite=True),
+    "common_loss": Field("f", (2,), is_finite=True),
+    "n_views": Field("iu"),
+    "round_energy": Field("f", (2,), is_finite=True),
+}
+
+
+def _unpack_flip(block: bytes, n_vertices: int, n_faces: int) -> FlipRecord:
+    """The flip that a block holds.
+
+    Raises:
+        InputError: a field is missing, unknown, of another shape or type, or out of range.
+        ValueError: the block is no archive of arrays.
+    """
     _, values = unpack(block)
+    check_fields(values, _FLIP_FIELDS, {})
+    for name in ("edge", "opposite"):
+        check_ids(values[name], n_vertices, name)
+    check_ids(values["faces"], n_faces, "faces")
+    for name in ("round", "n_views"):
+        check_counts(values[name], name)
     pairs = {name: tuple(values[name].tolist()) for name in ("energy", "common_loss", "round_energy")}
     numbers = {name: int(values[name]) for name in ("round", "n_views")}
     return FlipRecord(**{**values, **pairs, **numbers})

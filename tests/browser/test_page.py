@@ -62,7 +62,7 @@ def test_steps_forward_and_back_by_button(visitor: Visitor):
         visitor.sees_vertices(page_vertices(visitor.app, state.moment))
     for extent in ("iteration", "vertex", "sweep", "level"):
         began = visitor.app.controller.state.moment
-        state = visitor.press(f"Back one {extent}")
+        state = visitor.press(f"Step back one {extent}")
         assert state.moment < began, f"back one {extent} did not go back"
         visitor.sees_vertices(page_vertices(visitor.app, state.moment))
 
@@ -96,7 +96,7 @@ def test_runs_to_the_end_and_pauses_on_request(visitor: Visitor, monkeypatch: py
 
 def test_scrubbing_shows_the_recorded_vertices(visitor: Visitor):
     visitor.press("Step one level")
-    visitor.press("To the start")
+    visitor.press("Go to the start")
     length = visitor.app.controller.state.length
     slider = visitor.page.get_by_role("slider").last
     wait_for(lambda: slider.get_attribute("aria-valuemax") == str(length))
@@ -162,7 +162,7 @@ def test_a_breakpoint_that_is_typed_in_stops_the_run(visitor: Visitor):
     visitor.button("Run").click()
     wait_for(lambda: controller.state.moment == 5 and controller.state.activity is Activity.PAUSED)
     visitor.page.get_by_text("Breakpoint: moment == 5").wait_for()
-    visitor.button("Remove").click()
+    visitor.button("Remove this breakpoint").click()
     wait_for(lambda: not controller.state.breakpoints)
     visitor.page.get_by_role("tab", name="Vertex").click()
 

@@ -60,7 +60,7 @@ def test_one_experiment_at_a_time(visitor: Visitor):
     page.get_by_text("Capture range", exact=True).click()
     visitor.button("Start the experiment").click()
     page.get_by_text("Accuracy against noise", exact=True).click()
-    page.get_by_text("Capture range is at work; one at a time.").wait_for()
+    page.get_by_text("Capture range is running; only one experiment runs at a time.").wait_for()
     page.get_by_text("Capture range", exact=True).click()
     visitor.button("Keep what is done and stop").click()
     wait_for(lambda: visitor.app.resources.experiments.working is None)

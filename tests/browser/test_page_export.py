@@ -102,7 +102,7 @@ def tab(browser):
 def replay(tab, file):
     """The page at its start, its textures loaded; afterwards nothing may have gone wrong."""
     tab.open(file)
-    wait_for(lambda: tab.page.evaluate("viewer.loaded === data.paintings.length"))
+    wait_for(lambda: tab.page.evaluate("viewer.loaded === data.keyframes.length"))
     yield tab
     assert tab.troubles == []
 
@@ -233,7 +233,7 @@ def test_the_page_follows_the_light_theme(browser, file):
 
 def test_the_figures_are_those_of_report_json(replay, facts):
     report = json.loads((facts.folder / "report.json").read_text())
-    replay.page.get_by_role("tab", name="The run").click()
+    replay.page.get_by_role("tab", name="Run").click()
     words = replay.page.locator("#tab-run").inner_text()
     quality = report["quality"]["vertices_determined"]
     assert f"{number(quality['before']['rms_percent'], 3)} → {number(quality['after']['rms_percent'], 3)} %" in words
@@ -242,7 +242,7 @@ def test_the_figures_are_those_of_report_json(replay, facts):
 
 
 def test_nothing_is_cut_off_in_a_small_window(replay):
-    for tab in ("Cells", "What happens", "The run"):
+    for tab in ("Cells", "Explanation", "Run"):
         replay.page.get_by_role("tab", name=tab).click()
         wide = replay.page.evaluate(
             """() => [...document.querySelectorAll('body, aside, footer, .page')]
@@ -259,7 +259,7 @@ def test_without_3d_the_rest_of_the_page_works(browser, file, facts):
     context.add_init_script("HTMLCanvasElement.prototype.getContext = () => null")
     reader = Reader(context.new_page())
     reader.open(file)
-    reader.page.get_by_text("This browser shows no 3D here").wait_for()
+    reader.page.get_by_text("No 3D view").wait_for()
     reader.page.keyboard.press("End")
     assert reader.moment() == facts.length
     assert reader.page.locator("#sprite").is_visible()

@@ -83,9 +83,9 @@ def running(visitor: Visitor, monkeypatch: pytest.MonkeyPatch) -> Iterator[Runni
 
 def test_slow_clicks_arrive_while_their_panels_change(running: Running):
     controller, view = running.visitor.app.controller, page_of(running.visitor).page_state
-    running.press_slowly("Stop, or only report")
+    running.press_slowly("Stop the run or only log")
     wait_for(lambda: not controller.state.breakpoints[0].logs)
-    running.visitor.button("Stop, or only report").click()
+    running.visitor.button("Stop the run or only log").click()
     wait_for(lambda: controller.state.breakpoints[0].logs)
     for name, number in (("Play 20 moments a second", 5.0), ("Play 4 moments a second", 1.0)):
         running.press_slowly(name)
@@ -97,7 +97,7 @@ def test_slow_clicks_arrive_while_their_panels_change(running: Running):
 
 def test_the_focus_stays_on_a_button_whose_panel_changes(running: Running):
     controller = running.visitor.app.controller
-    running.visitor.button("Stop, or only report").focus()
+    running.visitor.button("Stop the run or only log").focus()
     running.change()
     running.visitor.page.keyboard.press("Enter")
     wait_for(lambda: not controller.state.breakpoints[0].logs)

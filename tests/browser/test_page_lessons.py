@@ -44,7 +44,7 @@ def arrive(visitor: Visitor, step: int) -> None:
     assert [claim for claim, holds in claims if not holds] == [], f"{player.lesson.name}, step {step + 1}"
     visitor.page.get_by_role("heading", name=player.lesson.steps[step].title, exact=True).wait_for()
     if claims:
-        visitor.page.get_by_text(f"{len(claims)} checked against the engine just now").wait_for()
+        visitor.page.get_by_text(f"{len(claims)} of {len(claims)} claims verified on this run").wait_for()
 
 
 def choose_lesson(visitor: Visitor, name: str) -> None:
@@ -95,10 +95,10 @@ def test_a_walk_of_ones_own_is_noticed_and_the_lesson_resumed(visitor: Visitor):
     page_of(app).frame.toasts(player_of(app).go)(5)
     arrive(visitor, 5)
     app.controller.post(JumpTo(0))
-    visitor.button("Back to where this step was").wait_for()
+    visitor.button("Resume lesson").wait_for()
     assert app.controller.wait_until_idle().moment == 0
-    visitor.button("Back to where this step was").click()
-    visitor.button("Back to where this step was").wait_for(state="hidden")
+    visitor.button("Resume lesson").click()
+    visitor.button("Resume lesson").wait_for(state="hidden")
     assert app.controller.wait_until_idle().moment == 1
     page.keyboard.press("PageUp")
     arrive(visitor, 4)

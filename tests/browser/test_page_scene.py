@@ -72,8 +72,8 @@ def drawn_colors(visitor: Visitor, node: str) -> bool:
 
 
 def test_the_surface_is_coloured_by_a_quantity_with_a_legend(visitor: Visitor):
-    visitor.button("Coloured by: Moved").click()
-    visitor.page.get_by_text("Moved from the start", exact=True).wait_for()
+    visitor.button("Coloured by: Displacement").click()
+    visitor.page.get_by_text("Distance from the start", exact=True).wait_for()
     wait_for(lambda: drawn_colors(visitor, "/mesh/colored"))
     visitor.button("Coloured by: Last step").click()
     visitor.page.get_by_text("Last step of each vertex", exact=True).wait_for()
@@ -86,7 +86,7 @@ def test_the_surface_is_shown_at_the_start_now_and_at_the_truth_each_with_its_te
     stage, state = visitor.app.resources.stage, visitor.app.controller.state
     places = {"Start": state.trace.start, "Truth": scene.truth.vertices, "Now": state.vertices}
     for name, vertices in places.items():
-        visitor.button(f"Shape: {name}").click()
+        visitor.button(f"Vertices at: {name}").click()
         visitor.sees_vertices(stage.page_from_world(vertices))
         wait_for(lambda name=name: drawn_colors(visitor, f"/mesh/textured_{name.lower()}"))
     visitor.page.keyboard.press("x")
@@ -112,7 +112,7 @@ def test_the_model_is_blended_with_the_photo_of_the_entered_camera(visitor: Visi
     assert np.array_equal(half[~laid.is_known], photo[~laid.is_known])
     assert np.abs(half - (photo.astype(int) + whole) / 2).max() <= 1
     assert np.abs(whole - photo)[laid.is_known].mean() < 30, "the prediction shows the same thing as the photo"
-    visitor.button("Lay over: Swipe").click()
+    visitor.button("Overlay: Swipe").click()
     wait_for(lambda: page.camera.camera_view._sent == (laid, 1.0, True))
     page.page_state.model_share = 0.0
     visitor.page.keyboard.press("0")
@@ -122,14 +122,14 @@ def test_the_model_is_blended_with_the_photo_of_the_entered_camera(visitor: Visi
 def test_the_certainty_of_the_selected_vertices_is_drawn_and_listed(visitor: Visitor):
     page = next(iter(visitor.app.pages.values()))
     page.interaction.set_selection(Selection((1, 0)))
-    visitor.button("Show what the photos determine").click()
+    visitor.button("Show certainty ellipsoids").click()
     visitor.page.wait_for_function("() => window.__viserMutable.nodeRefFromName['/certainty']?.visible")
     lines = next(layer for layer in page.layers._layers if isinstance(layer, CertaintyLayer))._lines._node
     wait_for(lambda: len(lines.points) == 2 * (3 * PIECES + 1))
     visitor.page.get_by_role("tab", name="Vertex").click()
-    visitor.page.get_by_text("3 std deviations, units", exact=True).wait_for()
+    visitor.page.get_by_text("3 σ, world units", exact=True).wait_for()
     visitor.page.get_by_role("tab", name="Layers").click()
-    visitor.button("Hide what the photos determine").click()
+    visitor.button("Hide certainty ellipsoids").click()
     visitor.page.wait_for_function("() => !window.__viserMutable.nodeRefFromName['/certainty'].visible")
 
 

@@ -76,7 +76,7 @@ def test_a_bookmark_is_returned_to_and_compared_with(visitor: Visitor):
         return found is not None and len(found) > 0 and all((found == line).all((1, 2)).any() for line in expected[:3])
 
     wait_for(ghost_is_there)
-    visitor.button("Remove").click()
+    visitor.button("Remove this bookmark").click()
     wait_for(lambda: not controller.state.bookmarks)
 
 
@@ -93,7 +93,7 @@ def test_restart_keeps_the_run_and_a_click_on_its_name_switches_to_it(visitor: V
     visitor.page.locator(f"svg[aria-label='Energy plot'] polyline[stroke='{css(REFERENCE)}']").first.wait_for(
         state="attached"
     )
-    visitor.button("Take Run 1 to hand").click()
+    visitor.button("Switch to Run 1").click()
     wait_for(lambda: controller.state.run_id == 1)
     visitor.sees_vertices(visitor.app.resources.stage.page_from_world(before.vertices))
     visitor.button("Delete Run 2").click()
@@ -116,7 +116,7 @@ def test_the_record_plays_and_stops(visitor: Visitor):
     visitor.page.get_by_role("tab", name="Timeline").click()
     jump(visitor, 0)
     visitor.button("Play 20 moments a second").click()
-    visitor.button("Play the record").click()
+    visitor.button("Play the recorded steps").click()
     wait_for(lambda: controller.state.activity is Activity.PLAYING and controller.state.moment > 1)
     visitor.page.keyboard.press("t")
     wait_for(lambda: controller.state.activity is Activity.PAUSED)
@@ -136,7 +136,7 @@ def test_a_past_moment_can_be_shown_while_the_run_goes_on(visitor: Visitor, monk
         page.frame.toasts(page.run_controls.jump)(2)
         visitor.sees_vertices(stage.page_from_world(controller.state.trace.vertices_at(2)))
         assert controller.state.activity is Activity.RUNNING
-        visitor.button("Back to where the run is").click()
+        visitor.button("Follow live").click()
         wait_for(lambda: page.page_state.looks_at is None)
         visitor.page.keyboard.press("p")
         state = controller.wait_until_idle()

@@ -63,7 +63,7 @@ def look_from(visitor: Visitor, view_id: int) -> None:
 
 def test_the_texture_follows_the_eye_until_it_is_switched_off(visitor: Visitor):
     static = sees(visitor, "textured_now")
-    visitor.button("Texture: By the eye").click()
+    visitor.button("Texture: View-dependent").click()
     first = sees(visitor, "view_dependent")
     look_from(visitor, 0)
     wait_for(lambda: np.abs(sees(visitor, "view_dependent") - first).max() > 2)
@@ -78,7 +78,7 @@ def test_the_texture_follows_the_eye_until_it_is_switched_off(visitor: Visitor):
 
 
 def test_a_step_shows_the_static_texture_until_the_new_shape_is_painted(visitor: Visitor):
-    visitor.button("Texture: By the eye").click()
+    visitor.button("Texture: View-dependent").click()
     sees(visitor, "view_dependent")
     before = visitor.app.controller.state.vertices
     assert visitor.press("Step one iteration").vertices is not before

@@ -1,26 +1,26 @@
-// The cells of a face at any moment, computed here from the photos, and their pictures.
+// The cells of a face at any moment, computed from the photos, and their pictures.
 "use strict";
 
 const CELL_COLORS = { empty: [36, 39, 43], masked: [58, 62, 68], zero: 18 };
 const KINDS_SHOWN = ["observed", "reconstruction", "residual", "weight"];
 
 class Cells {
-  // `cells`: what page_cells.py wrote, unpacked; `faces`: corners of all faces.
+  // `cells`: the data of page_cells.py, unpacked; `faces`: corners of all faces.
   constructor(cells, faces, colors) {
     Object.assign(this, { cells, faces, colors, rows: new Map(cells.faces.map((face, row) => [face, row])), views: new Map() });
     this.photos = new Photos(cells.photos, cells.affine);
   }
 
-  // Whether there are cells of a face at any moment.
+  // Whether the file contains cells of a face at any moment.
   has(face) { return this.rows.has(face) && this.viewsOf(face).length > 0; }
 
-  // How many photos take part at a moment.
+  // Number of photos used for a face at a moment.
   photosOf(face, moment) {
     const { k, starts } = this.cells.sweeps, at = this.number(face, this.cells.sweepAt[moment]);
     return k[at] ? starts[at + 1] - starts[at] : 0;
   }
 
-  // Views that see the face at some moment, in order.
+  // Photos that see the face at some moment, in ascending order.
   viewsOf(face) {
     if (!this.views.has(face)) {
       const found = new Set(), { starts, views, level, k } = this.cells.sweeps;
@@ -35,7 +35,7 @@ class Cells {
 
   number(face, sweep) { return sweep * this.cells.faces.length + this.rows.get(face); }
 
-  // The cells at a moment, its vertices at `vertices`; null where the face takes no part.
+  // The cells at a moment with the given vertices; null if the face is not used.
   at(face, moment, vertices) {
     const { sweeps, sweepAt, scales, photos } = this.cells, sweep = sweepAt[moment], at = this.number(face, sweep);
     const k = sweeps.k[at], size = sweeps.size[at], p = size * (size + 1) / 2;
@@ -63,7 +63,7 @@ class Cells {
     };
   }
 
-  // Which samples of a pair count, a byte each for every channel; null for all.
+  // Mask of a pair: a byte per sample and channel, 1 if it counts; null if all samples count.
   mask(pair, p) {
     const { masks, maskStarts } = this.cells.sweeps, first = maskStarts[pair];
     if (first === maskStarts[pair + 1]) return null;
@@ -75,7 +75,7 @@ class Cells {
     return counts;
   }
 
-  // A row of tiles a view onto a canvas, a column a kind; views that do not see the face stay empty.
+  // Draws the tiles of `views` onto a canvas: one row per photo, one column per kind. Photos without the face stay empty.
   draw(canvas, found, views, side, gap) {
     canvas.width = KINDS_SHOWN.length * (side + gap) - gap;
     canvas.height = Math.max(1, views.length * (side + gap) - gap);
@@ -111,7 +111,7 @@ class Cells {
       }
   }
 
-  // A colour for a value of each kind, on scales common to all photos. As in app/pictures/cell_images.py.
+  // For each kind a function from value to colour, with scales common to all photos, as in app/pictures/cell_images.py.
   painters(found) {
     const seen = [], every = Math.max(1, Math.floor(found.observed[0].length * found.observed.length / 20000));
     found.observed.forEach((cell, i) => { for (let t = i % every; t < cell.length; t += every) if (!found.counts[i] || found.counts[i][t]) seen.push(cell[t]); });

@@ -1,12 +1,12 @@
-// The eigenspace of a face's cells, what it leaves of them, and what that weighs: a twin of `fit_face` and `weigh` in
-// fairing/kernels (eigenspace.py, robust.py).
+// The eigenspace of a face's cells, their residuals and robust weights: mirrors `fit_face` and `weigh` in fairing/kernels
+// (eigenspace.py, robust.py).
 "use strict";
 
 const FILL_ROUNDS = 3;
 const GEMAN_MCCLURE = 0, HUBER = 1;
 
-// `cells`: Float32Array (p) a view; `counts`: Uint8Array (p) a view or null where all samples count; `options`: removeBias,
-// centered. Returns {observed, reconstruction, residual}, each an array (p) a view.
+// `observed`: a Float32Array (p) per photo; `counts`: a Uint8Array (p) per photo, or null if all samples count; `options`:
+// removeBias, centered. Returns {observed, reconstruction, residual}, each with an array (p) per photo.
 function fitEigenspace(observed, counts, k, options) {
   const n = observed.length, p = observed[0].length, cells = observed.map((cell) => cell.slice());
   const masked = counts.some((count) => count !== null);
@@ -49,7 +49,7 @@ function takeMeanOff(cells) {
   }
 }
 
-// I - U c: the first k right singular vectors V of the cells say how each is a mixture of all, and what is left is (1 - V V') I.
+// The residual I - U c: with the first k right singular vectors V of the cells, it is I (1 - V V').
 function residualOf(cells, k) {
   const n = cells.length, p = cells[0].length, gram = cells.map((a, i) => cells.map((b, j) => (j <= i ? product(a, b) : 0)));
   for (let i = 0; i < n; i++) for (let j = i + 1; j < n; j++) gram[i][j] = gram[j][i];
@@ -71,7 +71,7 @@ function product(a, b) {
   return total;
 }
 
-// Jacobi's method: turns two axes at a time until nothing is left beside the diagonal. vectors[i][m]: part i of eigenvector m.
+// Jacobi eigenvalue algorithm: rotates two axes at a time until the matrix is diagonal. vectors[i][m]: entry i of eigenvector m.
 function symmetricEigen(matrix) {
   const n = matrix.length, A = matrix.map((row) => [...row]), V = A.map((_, i) => A.map((_, j) => Number(i === j)));
   const size = Math.hypot(...A.flat());
@@ -92,7 +92,7 @@ function symmetricEigen(matrix) {
   return { values: A.map((row, m) => row[m]), vectors: V };
 }
 
-// The sum of rho(e), and every weight rho'(e) / e. `scale`: sigma squared.
+// The sum of rho(e) and the weights rho'(e) / e. `scale`: sigma squared.
 function weigh(residual, norm, scale) {
   const weights = new Float32Array(residual.length), sigma = Math.sqrt(scale);
   let total = 0;

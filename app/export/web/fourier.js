@@ -1,9 +1,9 @@
-// Fourier transforms of small pictures, sides powers of two.
+// Fast Fourier transform, and filtering of small images with it.
 "use strict";
 
 const twiddles = new Map();
 
-// In place, unscaled. `sign` -1 forth, 1 back.
+// Transforms a signal of power-of-two length in place, unscaled. `sign`: -1 forward, 1 inverse.
 function fourier(re, im, sign) {
   const n = re.length;
   if (!twiddles.has(n)) twiddles.set(n, [Math.cos, Math.sin].map((wave) => Float64Array.from({ length: n / 2 }, (_, k) => wave(2 * Math.PI * k / n))));
@@ -26,7 +26,7 @@ function fourier(re, im, sign) {
   }
 }
 
-// A plane (high x wide) times `transfer(wx, wy)`, radians a pixel, in place; outside of it there is nothing.
+// Multiplies the spectrum of a plane (high x wide) by `transfer(wx, wy)`, radians per pixel, in place, with zero padding.
 function filtered(plane, wide, high, transfer) {
   const across = 2 ** Math.ceil(Math.log2(wide)), down = 2 ** Math.ceil(Math.log2(high));
   const re = new Float64Array(across * down), im = new Float64Array(across * down);

@@ -1,13 +1,13 @@
-// Photos as the engine reads them: kept as tiles, blurred around a face as a sweep wants them, sampled cell by cell.
-// A twin of fairing/cells/scale_space.py, point_spread.py and kernels/sampling.py.
+// Photos: stored as tiles, blurred around a face with the sweep's blur, and sampled into cells.
+// Mirrors fairing/cells/scale_space.py, point_spread.py and fairing/kernels/sampling.py.
 "use strict";
 
-const AROUND = 8; // px beyond the face that are blurred, too: there the next moments of a sweep find all they read
-const MOST_PARTS = 600; // blurred parts kept
-const POLE = Math.sqrt(3) - 2; // of the cubic B-spline's inverse
+const AROUND = 8; // px around the face that are blurred as well, so that the next moments of the sweep can reuse the part
+const MOST_PARTS = 600; // blurred parts in the cache
+const POLE = Math.sqrt(3) - 2; // pole of the inverse filter of the cubic B-spline
 
 class Photos {
-  // `photos`: what page_cells.py wrote, unpacked; `affine`: the warp.
+  // `photos`: the data of page_cells.py, unpacked; `affine`: whether the warp is affine.
   constructor(photos, affine) {
     Object.assign(this, { photos, affine, parts: new Map() });
     for (const view of photos.views) {
@@ -16,7 +16,7 @@ class Photos {
     }
   }
 
-  // Pixel of a point (homogeneous): `points` 3 a corner, page units.
+  // Homogeneous pixels of the three corners `points` (3 x 3), page units; null if a corner lies behind the camera.
   corners(view, points) {
     const P = this.photos.views[view].imageFromPage, q = [];
     for (let c = 0; c < 3; c++) {
@@ -29,7 +29,7 @@ class Photos {
     return q;
   }
 
-  // The cell of a face in a view into `cell` (channels * p); `pair`: {view, blur: [xx, xy, yy], key}. False behind the camera.
+  // Writes the cell of a face into `cell` (channels * p). `pair`: {view, blur: [xx, xy, yy], key}. False behind the camera.
   sample(pair, points, size, inset, cubic, isFourier, cell) {
     const q = this.corners(pair.view, points);
     if (!q) return false;
@@ -49,7 +49,7 @@ class Photos {
     return true;
   }
 
-  // The photo around a face, blurred: {left, top, width, height, planes}. Kept until the face leaves it.
+  // The blurred part of a photo around a face: {left, top, width, height, planes}. Cached while it contains the face.
   part(pair, pixels, cubic, isFourier) {
     const { width, height } = this.photos.views[pair.view];
     const range = (axis, end) => {
@@ -70,7 +70,7 @@ class Photos {
     return box;
   }
 
-  // A box of a photo with `border` px around it, mirrored at the photo's edge, grey levels: planes of floats.
+  // A box of a photo with a border of `border` px, mirrored at the photo's edge: one plane of grey levels per channel.
   cut(view, { left, top, width, height }, border) {
     const { tile, channels, unit, views } = this.photos, photo = views[view];
     const across = Math.ceil(photo.width / tile), area = tile * tile;
@@ -117,7 +117,7 @@ class Photos {
   }
 }
 
-// A Gaussian's samples; with `cubic` made into what gives the B-spline's coefficients.
+// Samples of a Gaussian; with `cubic`, convolved with the filter that yields B-spline coefficients.
 function evenKernel(sigma, cubic) {
   const gauss = sampledGaussian(sigma);
   if (!cubic) return gauss;

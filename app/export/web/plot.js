@@ -1,4 +1,4 @@
-// A quantity by moment, with a cursor; a press or drag goes to the moment under the pointer.
+// Plot of a quantity over moments with a cursor; a click or drag goes to the moment under the pointer.
 "use strict";
 
 const SVG = "http://www.w3.org/2000/svg";
@@ -11,7 +11,7 @@ function svg(name, attributes, parent) {
 }
 
 class Plot {
-  // lines: [{moments, values}]; bands: [{first, end, label}]; onJump: told a moment.
+  // lines: [{moments, values}]; bands: [{first, end, label}]; onJump: called with a moment.
   constructor(host, { title, unit, lines, bands, length, isLog, color, onJump }) {
     Object.assign(this, { host, title, unit, lines, bands, length, isLog, color });
     const values = lines.flatMap((line) => line.values).filter((value) => Number.isFinite(value) && (!isLog || value > 0));
@@ -95,7 +95,7 @@ class Plot {
   }
 }
 
-// A number as people write it: 12 345, 0.00123, 1.2e-7.
+// A number as text: 12 345, 0.00123, 1.2e-7.
 function brief(value, digits = 3) {
   if (value === 0) return "0";
   const size = Math.abs(value);

@@ -1,12 +1,11 @@
-// The page: everything on it is a function of the moment, of the vertex and of the face that are looked at.
+// The replay page: everything shown is a function of the moment, the selected vertex and the selected face.
 "use strict";
 
 const data = JSON.parse(document.getElementById("data").textContent);
 const $ = (id) => document.getElementById(id);
-const BASE_RATE = Math.max(5, data.length / 16); // moments a second: a run lasts about a quarter of a minute
+const BASE_RATE = Math.max(5, data.length / 16); // moments per second: a run plays in about 16 s
 
-
-// Filled by `open`, once the data is unpacked.
+// Set by `open` when the data is unpacked.
 let arrays = null, cells = null, viewer = null, plots = [];
 
 function unfold() {
@@ -18,11 +17,11 @@ function unfold() {
   moved.places = places;
   return {
     start: points(data.start), truth: data.truth && points(data.truth), faces: data.faces, edges: data.edges, cameras: data.cameras,
-    uv: data.paintings.map((painting) => Float32Array.from(painting.uv, (number) => number / 65535)),
+    uv: data.keyframes.map((keyframe) => Float32Array.from(keyframe.uv, (number) => number / 65535)),
   };
 }
 
-// Positions at a moment. Every 32nd is kept, so that going back is quick.
+// Positions at a moment. Every 32nd moment is cached, so that going back is fast.
 const kept = new Map();
 function verticesAt(moment) {
   const { starts, vertices: moved, places } = data.moved;
@@ -37,7 +36,7 @@ function verticesAt(moment) {
   return vertices;
 }
 
-// The ways of all vertices as lines, ordered by the moment they were gone.
+// The paths of all vertices as line segments, in the order of their steps.
 function paths() {
   const { starts, vertices: moved, places } = data.moved;
   const count = moved.length, lines = new Float32Array(6 * count), when = new Float32Array(2 * count);
@@ -76,13 +75,13 @@ function go(moment) {
   $("moment").textContent = `${moment} / ${data.length}`;
   viewer?.show(moment, verticesAt(moment), blendAt(moment));
   plots.forEach((plot) => plot.cursor(moment));
-  tell();
+  showStep();
   if (!state.playing || performance.now() > cellsDue) showCells();
 }
 
-// Between two painted moments both textures show, the second more and more.
+// Indices of the texture keyframes before and after a moment, and the weight of the second.
 function blendAt(moment) {
-  const moments = data.paintings.map((painting) => painting.moment);
+  const moments = data.keyframes.map((keyframe) => keyframe.moment);
   let k = moments.length - 1;
   while (moments[k] > moment) k--;
   if (k + 1 === moments.length) return [k, k, 0];
@@ -105,13 +104,13 @@ function play(on) {
 
 function tick(now) {
   if (!state.playing) return;
-  const wanted = playedFrom + Math.max(0, now - playedSince) / 1000 * BASE_RATE * state.speed;
-  go(Math.floor(wanted));
-  if (wanted >= data.length) play(false);
+  const target = playedFrom + Math.max(0, now - playedSince) / 1000 * BASE_RATE * state.speed;
+  go(Math.floor(target));
+  if (target >= data.length) play(false);
   else requestAnimationFrame(tick);
 }
 
-// By hand: playing stops.
+// Goes to a moment chosen by the user and stops playing.
 function jump(moment) { if (state.playing) play(false); go(moment); }
 
 function sweepEdge(direction) {
@@ -119,12 +118,12 @@ function sweepEdge(direction) {
   jump(direction > 0 ? edges.find((m) => m > state.moment) ?? data.length : edges.findLast((m) => m < state.moment) ?? 0);
 }
 
-// ---------------------------------------------------------------- what happened
+// ---------------------------------------------------------------- texts about the step
 
-function tell() {
+function showStep() {
   const m = state.moment, step = m ? data.steps[m - 1] : null;
   $("headline").textContent = m === 0 ? "The start" : m === data.length ? "The end" : `Moment ${m}`;
-  $("where").textContent = step ? `level ${step.level} of ${data.levels.length} · sweep ${step.sweep} · iteration ${step.iteration} · photos blurred by ${data.levels[step.level - 1].blur} px` : data.length ? `${data.length} steps follow` : "no step was recorded";
+  $("where").textContent = step ? `level ${step.level} of ${data.levels.length} · sweep ${step.sweep} · iteration ${step.iteration} · photos blurred by ${data.levels[step.level - 1].blur} px` : data.length ? `${data.length} steps` : "no recorded steps";
   const outcome = $("outcome"), change = $("change");
   outcome.textContent = step ? step.outcome : "";
   change.textContent = "";
@@ -136,32 +135,32 @@ function tell() {
   $("what").textContent = step ? data.kinds[step.kind].title : "Before the first step";
   $("why").textContent = step ? data.kinds[step.kind].text : data.intro;
   $("level-text").textContent = step ? data.levels[step.level - 1].text : data.levels[0]?.text ?? "";
-  tellVertex();
+  showVertex();
 }
 
-function tellVertex() {
+function showVertex() {
   const v = state.vertex, m = state.moment;
   $("vertex-facts").hidden = v === null;
   if (v === null || !viewer) return;
   const now = verticesAt(m), at = (values) => values.subarray(3 * v, 3 * v + 3);
   const apart = (a, b) => Math.hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2]) / data.diagonal * 100;
-  const rows = [["from its start", `${brief(apart(at(now), at(arrays.start)))} % of the diagonal`]];
-  if (arrays.truth) rows.push(["from the truth", `${brief(apart(at(now), at(arrays.truth)))} %`]);
+  const rows = [["distance to start", `${brief(apart(at(now), at(arrays.start)))} % of the diagonal`]];
+  if (arrays.truth) rows.push(["distance to truth", `${brief(apart(at(now), at(arrays.truth)))} %`]);
   const reason = lastReason(v, m);
-  if (reason !== null) rows.push(["its last step", data.reasons[reason]]);
+  if (reason !== null) rows.push(["last step", data.reasons[reason]]);
   $("vertex-name").textContent = `Vertex ${v}`;
   $("vertex-rows").replaceChildren(...rows.map(([name, value]) => element("tr", {}, element("th", {}, name), element("td", {}, value))));
 }
 
 function lastReason(vertex, moment) {
   for (let step = moment - 1; step >= 0; step--)
-    for (let i = data.told.starts[step]; i < data.told.starts[step + 1]; i++) if (data.told.vertices[i] === vertex) return data.told.reasons[i];
+    for (let i = data.involved.starts[step]; i < data.involved.starts[step + 1]; i++) if (data.involved.vertices[i] === vertex) return data.involved.reasons[i];
   return null;
 }
 
 // ---------------------------------------------------------------- cells
 
-let cellsDue = 0; // when they are next shown in passing: playing goes on beside them
+let cellsDue = 0; // time of the next update while playing, so that the cells do not slow down the playback
 
 const ring = (vertex) => [...Array(arrays.faces.length / 3).keys()].filter((f) => arrays.faces.subarray(3 * f, 3 * f + 3).includes(vertex));
 
@@ -173,7 +172,7 @@ function select(vertex) {
   if (viewer) { viewer.selected = vertex; viewer.redraw(); }
   $("faces").replaceChildren(...faces.map((f) => element("button", { type: "button", className: "chip", onclick: () => { state.face = f; showCells(); }, textContent: `face ${f}`, "data-face": f })));
   showCells();
-  tellVertex();
+  showVertex();
 }
 
 function showCells() {
@@ -181,11 +180,11 @@ function showCells() {
   const isKept = state.face !== null;
   $("cells").hidden = !isKept;
   $("no-cells").hidden = isKept;
-  $("no-cells").textContent = state.vertex === null ? "Click a vertex to see the cells of its faces." : `The photos around vertex ${state.vertex} are not in this file: it holds those of the vertices that went farthest. `;
+  $("no-cells").textContent = state.vertex === null ? "Click a vertex to see the cells of its faces." : `This file has no photos around vertex ${state.vertex}; it contains those around the vertices that moved most. `;
   if (!isKept) { $("no-cells").append(...(state.vertex === null ? [] : [element("button", { type: "button", className: "chip", onclick: () => select(data.chosen), textContent: `vertex ${data.chosen}` })])); return; }
   for (const chip of $("faces").children) chip.classList.toggle("on", Number(chip.dataset.face) === state.face);
   const { moment } = state, found = cells.at(state.face, moment, verticesAt(moment)), views = cells.viewsOf(state.face);
-  $("cell-facts").textContent = found ? `k = ${found.k} · blur ${data.levels[data.cells.sweeps.level[data.cells.sweepAt[moment]]].blur} px · energy ${brief(found.energy, 4)}` : "at this moment fewer than three photos see the face well enough";
+  $("cell-facts").textContent = found ? `k = ${found.k} · blur ${data.levels[data.cells.sweeps.level[data.cells.sweepAt[moment]]].blur} px · energy ${brief(found.energy, 4)}` : "fewer than three photos see the face well enough at this moment";
   $("residual-scale").textContent = found ? `±${brief(found.scale.residual)} grey levels` : "";
   const tall = $("cells").style, side = Math.round(parseFloat(getComputedStyle($("sprite")).getPropertyValue("--tile")) || 60);
   tall.setProperty("--rows", views.length);
@@ -193,7 +192,7 @@ function showCells() {
   $("cell-rows").replaceChildren(...views.map((view) => {
     const { name } = data.cells.photos.views[view], at = found ? found.views.indexOf(view) : -1;
     const bar = element("i", { style: `width:${at < 0 ? 0 : Math.min(100, 100 * found.energies[at] / found.scale.energy)}%` });
-    return element("div", { title: name }, element("b", {}, name), element("span", {}, at < 0 ? "takes no part" : `energy ${brief(found.energies[at])}`), bar);
+    return element("div", { title: name }, element("b", {}, name), element("span", {}, at < 0 ? "not used" : `energy ${brief(found.energies[at])}`), bar);
   }));
   $("cell-moment").textContent = `moment ${moment}`;
   cellsDue = performance.now() + 2 * (performance.now() - began);
@@ -206,7 +205,7 @@ function showPlots() {
   $("plots").hidden = !data.length;
   $("error").hidden = !data.errors;
   if (!data.length) return;
-  plots.push(new Plot($("energy"), { title: data.errors ? "Energy" : "Energy, a line for each sweep", unit: "", lines: data.energy, bands, length: data.length, isLog: false, color: data.css.now, onJump: jump }));
+  plots.push(new Plot($("energy"), { title: data.errors ? "Energy" : "Energy, one line per sweep", unit: "", lines: data.energy, bands, length: data.length, isLog: false, color: data.css.now, onJump: jump }));
   if (data.errors) {
     plots.push(new Plot($("error"), { title: "Error", unit: " %", lines: [{ moments: data.errors.map((_, m) => m), values: data.errors }], bands, length: data.length, isLog: true, color: data.css.truth, onJump: jump }));
   }

@@ -1,4 +1,4 @@
-// The 3D view: the mesh with the textures it was painted with, lines and dots, on WebGL 2 alone.
+// The 3D view on WebGL 2: the mesh with its texture keyframes, lines and dots.
 "use strict";
 
 const MESH_VERTEX = `#version 300 es
@@ -19,7 +19,7 @@ void main() {
   color = vec4(vec3(0.24, 0.25, 0.27) + 0.42 * abs(dot(normal, normalize(eye - place))), 1.0);
 }`;
 
-// A line is a quad as wide as the screen wants it, a little nearer than the surface it lies on.
+// A line is a quad of constant width in screen space, slightly in front of the surface.
 const LINE_VERTEX = `#version 300 es
 in vec3 a; in vec3 b; in vec2 when;
 uniform mat4 clipFromPage; uniform vec2 size; uniform float width; uniform float now;
@@ -62,10 +62,10 @@ void main() {
 }`;
 
 const FIELD_OF_VIEW = Math.PI / 4;
-const FILLED_WIDTH = 0.88, FILLED_HEIGHT = 0.74; // of the view: texts lie over its borders
+const FILLED_WIDTH = 0.88, FILLED_HEIGHT = 0.74; // of the view; texts cover its borders
 
 class Viewer {
-  // `data`: what page_data.py wrote; `arrays`: its arrays, decoded. Throws where the browser has no WebGL 2.
+  // `data`: the data of page_data.py; `arrays`: its arrays, decoded. Throws an error without WebGL 2.
   constructor(canvas, data, arrays) {
     const gl = canvas.getContext("webgl2", { antialias: true, preserveDrawingBuffer: true });
     if (!gl) throw new Error("no WebGL 2");
@@ -82,7 +82,7 @@ class Viewer {
     const isSmall = arrays.edges.length < 600;
     this.dotSize = isSmall ? 8 : 5;
     this.shown = { texture: true, wire: false, start: isSmall, truth: false, paths: true, cameras: false, dots: isSmall };
-    this.side = "now"; // "before", "now" or "both": then `split` is where the two halves of the window meet
+    this.side = "now"; // "before", "now" or "both"; with "both", `split` is the position of the divider
     this.split = 0.5;
     this.selected = null;
     this.moment = 0;
@@ -92,12 +92,12 @@ class Viewer {
     this.meshProgram = program(gl, MESH_VERTEX, MESH_FRAGMENT);
     this.lineProgram = program(gl, LINE_VERTEX, LINE_FRAGMENT);
     this.dotProgram = program(gl, DOT_VERTEX, DOT_FRAGMENT);
-    this.paintings = data.paintings.map((painting, k) => this.painting(painting, arrays.uv[k]));
+    this.keyframes = data.keyframes.map((keyframe, k) => this.keyframe(keyframe, arrays.uv[k]));
     this.startMesh = this.buffer(corners(arrays.start, this.faces));
     this.nowMesh = this.buffer(corners(arrays.start, this.faces), gl.DYNAMIC_DRAW);
     this.now = arrays.start;
     this.dots = this.buffer(arrays.start, gl.DYNAMIC_DRAW);
-    this.wires = {
+    this.wireframes = {
       start: this.lines(edgeLines(arrays.start, arrays.edges)),
       wire: this.lines(edgeLines(arrays.start, arrays.edges)),
       truth: arrays.truth && this.lines(edgeLines(arrays.truth, arrays.edges)),
@@ -118,7 +118,7 @@ class Viewer {
     this.redraw();
   }
 
-  // How far away along a direction the eye must be for the start and what lies over the view to leave each other alone.
+  // Distance of the eye along a direction at which the start mesh is not covered by the texts over the view.
   fittingDistance(back) {
     const right = unit(cross(this.up, back)), up = cross(back, right), start = this.startVertices;
     const aspect = this.canvas.clientWidth / this.canvas.clientHeight || 1, reach = Math.tan(FIELD_OF_VIEW / 2);
@@ -132,7 +132,7 @@ class Viewer {
     return distance;
   }
 
-  // The mesh at a moment: `vertices` (3 n) page units; `blend`: two paintings and how much the second counts.
+  // The mesh at a moment: `vertices` (3 n) page units; `blend`: two keyframes and the weight of the second.
   show(moment, vertices, blend) {
     const gl = this.gl;
     this.moment = moment;
@@ -140,7 +140,7 @@ class Viewer {
     this.blend = blend;
     fill(gl, this.nowMesh, corners(vertices, this.faces));
     fill(gl, this.dots, vertices);
-    fill(gl, this.wires.wire.ends, edgeLines(vertices, this.edges));
+    fill(gl, this.wireframes.wire.ends, edgeLines(vertices, this.edges));
     this.redraw();
   }
 
@@ -172,13 +172,13 @@ class Viewer {
     gl.clearColor(...colors.background, 1);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     this.mesh(isBefore ? this.startMesh : this.nowMesh, isBefore ? [0, 0, 0] : this.blend);
-    if (shown.cameras) this.line(this.wires.cameras, colors.camera, 1.2 * ratio);
-    if (shown.truth && this.wires.truth) this.line(this.wires.truth, colors.truth, 1.6 * ratio);
-    if (shown.start) this.line(this.wires.start, colors.start, 1.4 * ratio);
-    if (shown.wire && !isBefore) this.line(this.wires.wire, colors.now, 1.4 * ratio);
+    if (shown.cameras) this.line(this.wireframes.cameras, colors.camera, 1.2 * ratio);
+    if (shown.truth && this.wireframes.truth) this.line(this.wireframes.truth, colors.truth, 1.6 * ratio);
+    if (shown.start) this.line(this.wireframes.start, colors.start, 1.4 * ratio);
+    if (shown.wire && !isBefore) this.line(this.wireframes.wire, colors.now, 1.4 * ratio);
     if (isBefore) return;
     if (shown.dots) this.points(0, this.now.length / 3, colors.now, this.dotSize * ratio);
-    // What lies behind the surface shines through: many a path runs inside.
+    // Drawn without depth test: many paths run behind the surface.
     gl.depthMask(false);
     gl.depthFunc(gl.ALWAYS);
     if (shown.paths) this.line(this.paths, colors.background, 4.2 * ratio, this.pathCount(this.moment));
@@ -188,7 +188,7 @@ class Viewer {
     gl.depthMask(true);
   }
 
-  // Far enough away that all cameras are in sight.
+  // A viewpoint from which all cameras are visible.
   overview() {
     this.target = [0, 0, 0];
     this.offset = [...this.data.stage.overview];
@@ -203,11 +203,11 @@ class Viewer {
     gl.uniform1f(p.uniform("share"), share);
     gl.uniform3fv(p.uniform("eye"), add(this.target, this.offset));
     [[first, "A"], [second, "B"]].forEach(([index, name], unit) => {
-      const painting = this.paintings[index];
+      const keyframe = this.keyframes[index];
       gl.activeTexture(gl.TEXTURE0 + unit);
-      gl.bindTexture(gl.TEXTURE_2D, painting.texture);
+      gl.bindTexture(gl.TEXTURE_2D, keyframe.texture);
       gl.uniform1i(p.uniform("texture" + name), unit);
-      attribute(gl, p, "uv" + name, painting.uv, 2);
+      attribute(gl, p, "uv" + name, keyframe.uv, 2);
     });
     attribute(gl, p, "position", buffer, 3);
     gl.drawArrays(gl.TRIANGLES, 0, this.faces.length);
@@ -242,7 +242,7 @@ class Viewer {
     release(gl, p);
   }
 
-  painting({ picture }, uv) {
+  keyframe({ picture }, uv) {
     const gl = this.gl, texture = gl.createTexture(), image = new Image();
     gl.bindTexture(gl.TEXTURE_2D, texture);
     gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA, 1, 1, 0, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array([96, 96, 96, 255]));
@@ -280,7 +280,7 @@ class Viewer {
     return multiply(projection, view);
   }
 
-  // Where a vertex is on the canvas, CSS px, and its depth; null behind the eye.
+  // Position of a vertex on the canvas, CSS px, and its depth; null behind the eye.
   place(vertex) {
     const m = this.matrix, [x, y, z] = this.now.subarray(3 * vertex, 3 * vertex + 3);
     const w = m[3] * x + m[7] * y + m[11] * z + m[15];
@@ -382,14 +382,14 @@ function fill(gl, buffer, values) {
   gl.bufferSubData(gl.ARRAY_BUFFER, 0, values);
 }
 
-// (9 m) positions of the corners of faces (3 m).
+// Positions (9 m) of the corners of faces (3 m).
 function corners(vertices, faces) {
   const result = new Float32Array(3 * faces.length);
   faces.forEach((v, i) => { for (let c = 0; c < 3; c++) result[3 * i + c] = vertices[3 * v + c]; });
   return result;
 }
 
-const edgeLines = corners; // the same of edges (2 e): a line has two ends as a face has three corners
+const edgeLines = corners; // the same for edges (2 e): positions (6 e) of their ends
 
 const add = (a, b) => [a[0] + b[0], a[1] + b[1], a[2] + b[2]];
 const scale = (a, s) => [a[0] * s, a[1] * s, a[2] * s];

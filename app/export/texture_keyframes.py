@@ -1,4 +1,4 @@
-"""The mesh's texture at a few moments of a run. Between two of them pictures of both are blended: the ghosts fade."""
+"""Texture keyframes: the texture of the mesh at a few moments of a run. Between two of them, both are blended."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -13,9 +13,9 @@ from fairing.texture.draw import RGB
 
 
 @dataclass(frozen=True, eq=False)
-class Painting:
+class TextureKeyframe:
     """Attributes:
-    moment: at which the mesh was painted.
+    moment: at which the texture was computed.
     uv: (m, 3, 2) float: texture coordinates of the faces' corners, 0 to 1, origin at the top left.
     image: (h, w, 3) uint8, RGB.
     """
@@ -25,19 +25,19 @@ class Painting:
     image: np.ndarray
 
 
-def paint(
+def texture_keyframes(
     facts: RunFacts, moments: Sequence[int], largest: int, on_progress: Callable[[float], None]
-) -> list[Painting]:
-    """Paint the mesh at some moments.
+) -> list[TextureKeyframe]:
+    """Compute the texture of the mesh at some moments.
 
     Args:
-        largest: texels of a texture's width and height at most.
-        on_progress: told the fraction that is done.
+        largest: maximal width and height of a texture, texels.
+        on_progress: called with the fraction that is done.
 
     Raises:
-        InputError: too many faces for the texture, or a photo is gone.
+        InputError: the mesh has too many faces for the texture, or a photo is missing.
     """
-    paintings = []
+    keyframes = []
     for k, moment in enumerate(moments):
         vertices = facts.trace.vertices_at(moment)
         try:
@@ -46,18 +46,18 @@ def paint(
             )
         except ValueError as error:
             raise InputError(f"{error}; the mesh is too large for an exported picture") from None
-        paintings.append(Painting(moment, model.uv, model.image))
-    return paintings
+        keyframes.append(TextureKeyframe(moment, model.uv, model.image))
+    return keyframes
 
 
-class Painter:
-    """Draws any moment between paintings."""
+class KeyframeRenderer:
+    """Renders any moment of a run, with textures blended between keyframes."""
 
-    def __init__(self, facts: RunFacts, paintings: list[Painting], camera: Camera, background: RGB) -> None:
-        self._facts, self._paintings, self._camera, self._background = facts, paintings, camera, background
+    def __init__(self, facts: RunFacts, keyframes: list[TextureKeyframe], camera: Camera, background: RGB) -> None:
+        self._facts, self._keyframes, self._camera, self._background = facts, keyframes, camera, background
 
     def draw(self, moment: float) -> np.ndarray:
-        """(h, w, 3) uint8: the mesh at a moment; between two moments vertices are on their way."""
+        """(h, w, 3) uint8 RGB: the mesh at a moment; between two moments, vertices are interpolated linearly."""
         trace, low = self._facts.trace, int(moment)
         vertices = trace.vertices_at(low)
         if moment > low:
@@ -70,13 +70,13 @@ class Painter:
         other = drawing.textured(second.uv, second.image, self._background)
         return np.clip((1 - share) * picture + share * other + 0.5, 0, 255).astype(np.uint8)
 
-    def _between(self, moment: float) -> tuple[Painting, Painting, float]:
-        """The paintings before and after a moment, and how much the second counts."""
-        moments = [painting.moment for painting in self._paintings]
+    def _between(self, moment: float) -> tuple[TextureKeyframe, TextureKeyframe, float]:
+        """The keyframes before and after a moment, and the weight of the second, 0 to 1."""
+        moments = [keyframe.moment for keyframe in self._keyframes]
         k = int(np.searchsorted(moments, moment, side="right")) - 1
         if k + 1 == len(moments):
-            return self._paintings[k], self._paintings[k], 0.0
+            return self._keyframes[k], self._keyframes[k], 0.0
         now, low, high = np.interp(
             [moment, moments[k], moments[k + 1]], np.arange(len(self._facts.pace)), self._facts.pace
         )
-        return self._paintings[k], self._paintings[k + 1], float((now - low) / (high - low)) if high > low else 0.0
+        return self._keyframes[k], self._keyframes[k + 1], float((now - low) / (high - low)) if high > low else 0.0

@@ -1,0 +1,90 @@
+"""`points`: feature points of a capture's own photos, as a COLMAP model and a point cloud."""
+
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+from app.cli.arguments import ALL_PHOTOS, PhotosArgument, SceneArgument
+from app.cli.interrupt import Interrupt
+from app.cli.lines import print_line
+from app.cli.loading import load_with_progress
+from app.files.scene_source import SceneSource
+from demo_scenes import DEMOS
+from fairing.errors import Cancelled, InputError
+from fairing.features import FeaturePoints
+from fairing.io import prepare_output_folder, read_capture
+from fairing.io.colmap_write import check_cameras
+from fairing.io.convert import write_capture
+from fairing.io.feature_points import find_points_once
+from fairing.io.point_cloud import write_point_cloud
+from fairing.scene import View
+
+CLOUD, STORED = "points.ply", "points.npz"
+
+
+def points(scene: SceneArgument, out: Path, photos: PhotosArgument = ALL_PHOTOS) -> int:
+    """Triangulate points from the photos of a scene with known cameras; no mesh and no sparse points are needed.
+
+    Args:
+        out: Folder for a COLMAP text model (sparse/, images/), points.ply, and points.npz with covariances.
+    """
+    return points_to_folder(SceneSource.typed(scene, None, photos), out, Console(stderr=True))
+
+
+def points_to_folder(source: SceneSource, out: Path, console: Console) -> int:
+    """Find the points and write them to a folder; points found there by an earlier command are used again.
+
+    Returns:
+        Exit code: 0, or 130 after a cancellation, with nothing written.
+
+    Raises:
+        InputError: whatever is wrong with the input, or there are no points.
+    """
+    if source.scene in DEMOS:
+        loaded = load_with_progress(source, console)
+        views, warnings = loaded.views, loaded.warnings
+    else:
+        capture = read_capture(source.scene, source.choice)
+        views, warnings = capture.views, capture.warnings
+    check_cameras(views)
+    prepare_output_folder(out)
+    try:
+        found = _find(views, out / STORED, console)
+    except Cancelled:
+        print_line(console, "cancelled; no points written")
+        return 130
+    if len(found) == 0:
+        raise InputError(f"{source.scene}: no points found: {found.reason}")
+    notes = write_capture(out, "colmap", views, found.sparse_points())
+    write_point_cloud(out / CLOUD, found)
+    for note in (*warnings, *notes):
+        print_line(console, f"note: {note}")
+    print_line(console, f"{summary_line(found, len(views))}; wrote {out / 'sparse'}, images, {CLOUD}, {STORED}")
+    return 0
+
+
+def summary_line(found: FeaturePoints, n_photos: int) -> str:
+    """Number, photos a point, residual and accuracy of the points."""
+    deviation = float(np.median(np.sqrt(np.linalg.eigvalsh(found.covariance)[:, 2])))
+    return (
+        f"{len(found)} points from {n_photos} photos: {found.n_views.mean():.1f} photos a point, mean residual "
+        f"{found.residual.mean():.2f} px, median standard deviation along the least certain direction {deviation:.3g}"
+    )
+
+
+def _find(views: tuple[View, ...], path: Path, console: Console) -> FeaturePoints:
+    """The points, with a progress bar; Ctrl-C cancels."""
+    interrupt = Interrupt()
+    bar = Progress(
+        TextColumn("finding points"), BarColumn(), TextColumn("{task.percentage:3.0f} %"), TextColumn("left"),
+        TimeRemainingColumn(), console=console, transient=True, disable=not console.is_terminal,
+    )  # fmt: skip
+    with interrupt.listening(), bar:
+        task = bar.add_task("", total=None)
+        return find_points_once(
+            views, path,
+            on_progress=lambda done, count: bar.update(task, completed=done, total=count),
+            cancel_requested=lambda: interrupt.requested,
+        )  # fmt: skip

@@ -1,0 +1,106 @@
+"""Publisher: holds the newest run state and delivers it to listeners on its own thread."""
+
+import logging
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+from app.debugger.run_state import Activity, RunState
+from app.worker_thread import WorkerThread
+
+INTERVAL = 0.06  # s: at most 16 states a second while something runs; steps between reduce it to 10 to 15
+POLL = 0.15  # s
+
+Listener = Callable[[RunState], None]
+_Delivery = tuple[RunState, list[Listener]]
+
+
+class Publisher:
+    """Slow listeners miss states, but never the last one. A listener that raises is logged; the others are still called.
+
+    Args:
+        changed: the controller's lock.
+        state: the first state.
+        slow_activity: returns the activity of a command that has been in progress for a while and has not published
+            yet, else None; called with the lock held.
+        on_failure: called with what a listener raised.
+    """
+
+    def __init__(
+        self,
+        changed: threading.Condition,
+        state: RunState,
+        slow_activity: Callable[[], Activity | None],
+        on_failure: Callable[[Exception], None],
+    ) -> None:
+        self._changed, self._slow_activity, self._on_failure = changed, slow_activity, on_failure
+        self.state = state
+        """The newest state."""
+        self._listeners: list[Listener] = []
+        self._in_call: list[Listener] = []
+        self._is_unpublished = False
+        self._updated = 0.0
+        self.worker: WorkerThread[_Delivery] = WorkerThread("publisher", changed, self._take, self._deliver, POLL)
+
+    @property
+    def is_due(self) -> bool:
+        """Whether `INTERVAL` has passed since the last update."""
+        return time.monotonic() - self._updated > INTERVAL
+
+    def busy_seconds(self) -> float:
+        """Time that the delivery in progress has taken."""
+        return self.worker.busy_seconds
+
+    def update(self, **changes: Any) -> None:
+        """Publish a state with these fields replaced."""
+        with self._changed:
+            self.state = replace(self.state, serial=self.state.serial + 1, **changes)
+            self._is_unpublished, self._updated = True, time.monotonic()
+            self._changed.notify_all()
+
+    def republish(self) -> None:
+        """Deliver the newest state again."""
+        with self._changed:
+            self._is_unpublished = True
+            self._changed.notify_all()
+
+    def subscribe(self, listener: Listener) -> Callable[[], None]:
+        """Call `listener` with the present state and all later ones. Returns a function that ends the subscription."""
+        with self._changed:
+            self._listeners.append(listener)
+        self.republish()
+
+        def unsubscribe() -> None:
+            with self._changed:
+                if listener in self._listeners:
+                    self._listeners.remove(listener)
+
+        return unsubscribe
+
+    def _take(self) -> _Delivery | None:
+        activity = self._slow_activity()
+        if activity is not None and activity is not self.state.activity:
+            self.update(activity=activity)
+        if not self._is_unpublished:
+            return None
+        self._is_unpublished = False
+        return self.state, list(self._listeners)
+
+    def _deliver(self, delivery: _Delivery) -> None:
+        state, listeners = delivery
+        for listener in listeners:
+            if listener in self._in_call:  # on a publisher thread that was replaced because of it
+                continue
+            self._in_call.append(listener)
+            try:
+                listener(state)
+            except Exception as error:
+                logging.getLogger(__name__).exception("a listener failed")
+                self._on_failure(error)
+            finally:
+                self._in_call.remove(listener)
+            if not self.worker.is_current:
+                self.republish()
+                return

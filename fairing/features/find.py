@@ -1,0 +1,127 @@
+"""Finds the feature points of calibrated photos: keypoints, matches, tracks, triangulation."""
+
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
+from typing import TypeVar
+
+import numpy as np
+
+from fairing.camera import Camera
+from fairing.errors import Cancelled
+from fairing.features.keypoints import Keypoints, detect_keypoints, relative_sigma
+from fairing.features.matching import match_pair
+from fairing.features.options import FeatureOptions
+from fairing.features.pairs import photo_pairs
+from fairing.features.points import FeaturePoints, points_of_tracks
+from fairing.features.tracks import Tracks, join_tracks
+from fairing.features.triangulation import Triangulated, triangulate_tracks
+from fairing.scene import View
+
+Progress = Callable[[int, int], None]
+"""Called with the amount of finished and of all work, in units of one pair of photos."""
+
+CANCEL_POLL = 0.2  # s
+PHOTO_WORK = 8  # pairs that take as long as one photo's keypoints, as measured on two captures
+TRACKS_AT_ONCE = 10_000
+
+_Result = TypeVar("_Result")
+
+
+def find_points(
+    views: Sequence[View],
+    options: FeatureOptions | None = None,
+    threads: int = 0,
+    on_progress: Progress | None = None,
+    cancel_requested: Callable[[], bool] | None = None,
+) -> FeaturePoints:
+    """The points that at least `options.views` photos show, from photos and cameras alone.
+
+    The result does not depend on the number of threads. Without any point, its `reason` explains why.
+
+    Args:
+        threads: 0 for one a core.
+        on_progress: called from this thread.
+        cancel_requested: polled several times a second from this thread.
+
+    Raises:
+        InputError: a photo or mask cannot be decoded.
+        Cancelled: `cancel_requested` returned true. A photo being searched is finished in the background.
+    """
+    chosen = options or FeatureOptions()
+    if len(views) < chosen.views:
+        return FeaturePoints.none(f"expected at least {chosen.views} photos, found {len(views)}")
+    cameras = [view.camera for view in views]
+    pairs = photo_pairs(cameras, chosen)
+    if len(pairs) == 0:
+        return FeaturePoints.none("no two photos are taken from different places in similar directions")
+    progress, cancelled = on_progress or (lambda done, count: None), cancel_requested or (lambda: False)
+    with_points = len(views) * PHOTO_WORK + len(pairs)
+    work = _Work(threads or os.cpu_count() or 1, lambda done: progress(done, with_points + 1), cancelled)
+    try:
+        keypoints = work.all_of([lambda view=view: detect_keypoints(view, chosen) for view in views], PHOTO_WORK)
+        if sum(len(found) for found in keypoints) == 0:
+            return FeaturePoints.none("the photos show no keypoints: there is no texture, or masks exclude it")
+        matches = work.all_of(
+            [
+                lambda a=a, b=b: match_pair(keypoints[a], keypoints[b], cameras[a], cameras[b], chosen)
+                for a, b in pairs.tolist()
+            ]
+        )
+        counts = [len(found) for found in keypoints]
+        (tracks,) = work.all_of([lambda: join_tracks(counts, pairs, matches, chosen.views)])
+        if len(tracks) == 0:
+            return FeaturePoints.none(
+                f"no keypoint was matched in {chosen.views} photos; check the cameras, or add photos that overlap more"
+            )
+        return _triangulated(work, cameras, keypoints, tracks, chosen)
+    finally:
+        work.end()
+
+
+def _triangulated(
+    work: "_Work", cameras: list[Camera], keypoints: list[Keypoints], tracks: Tracks, options: FeatureOptions
+) -> FeaturePoints:
+    first = np.concatenate([[0], np.cumsum([len(found) for found in keypoints])])
+    index = first[tracks.photos] + tracks.keypoints
+    pixels = np.concatenate([found.pixels for found in keypoints])[index]
+    sigma = relative_sigma(np.concatenate([found.scale for found in keypoints])[index])
+    colors = np.concatenate([found.colors for found in keypoints])[index]
+
+    def block(start: int) -> Triangulated:
+        offsets = tracks.offsets[start : start + TRACKS_AT_ONCE + 1]
+        seen = slice(offsets[0], offsets[-1])
+        return triangulate_tracks(
+            cameras, offsets - offsets[0], tracks.photos[seen], pixels[seen], sigma[seen], options
+        )
+
+    blocks = work.all_of([lambda s=s: block(s) for s in range(0, len(tracks), TRACKS_AT_ONCE)], 0)
+    found = Triangulated(*(np.concatenate(parts) for parts in zip(*blocks, strict=True)))
+    return points_of_tracks(cameras, tracks, found, pixels, sigma, colors)
+
+
+class _Work:
+    """Parts of the work on a pool of threads, with progress and cancellation."""
+
+    def __init__(self, threads: int, progress: Callable[[int], None], cancelled: Callable[[], bool]) -> None:
+        self._pool = ThreadPoolExecutor(threads, thread_name_prefix="features")
+        self._progress, self._cancelled, self._done = progress, cancelled, 0
+        progress(0)
+
+    def all_of(self, parts: Sequence[Callable[[], _Result]], amount: int = 1) -> list[_Result]:
+        """The results of all parts, in their order; each part counts as `amount` in the progress."""
+        futures = [self._pool.submit(part) for part in parts]
+        waiting = set(futures)
+        while waiting:
+            if self._cancelled():
+                raise Cancelled
+            finished, waiting = wait(waiting, timeout=CANCEL_POLL, return_when=FIRST_COMPLETED)
+            for future in finished:
+                future.result()  # raises what the part raised
+                self._done += amount
+                self._progress(self._done)
+        return [future.result() for future in futures]
+
+    def end(self) -> None:
+        """Start no further part."""
+        self._pool.shutdown(wait=False, cancel_futures=True)

@@ -1,0 +1,86 @@
+"""SIFT keypoints of a photo with RootSIFT descriptors."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from fairing.camera import resizing
+from fairing.features.options import FeatureOptions
+from fairing.scene import View
+
+OCTAVE_LAYERS = 3
+EDGE_THRESHOLD = 10.0
+FIRST_BLUR = 1.6  # px
+BLUNT_SCALE = 1.5
+"""Scale in px from which on a keypoint's error grows with its scale (ledger: keypoint sigma)."""
+DESCRIPTOR_LENGTH = 512
+"""Length of a descriptor before it is rounded. Scalar products of such descriptors are whole numbers below 2^24, so single
+precision holds them, and each of their partial sums, exactly: matches do not depend on the order of a summation."""
+
+
+@dataclass(frozen=True, eq=False)
+class Keypoints:
+    """Keypoints of one photo, ordered by row and column.
+
+    Attributes:
+        pixels: (n, 2) float, px, integers at pixel centres.
+        scale: (n,) float, px: standard deviation of the Gaussian at which the keypoint was found.
+        descriptors: (n, 128) uint8: RootSIFT (Arandjelovic and Zisserman, CVPR 2012) times `DESCRIPTOR_LENGTH`, rounded.
+        colors: (n, 3) uint8, RGB of the nearest pixel.
+    """
+
+    pixels: np.ndarray
+    scale: np.ndarray
+    descriptors: np.ndarray
+    colors: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.pixels)
+
+
+def detect_keypoints(view: View, options: FeatureOptions) -> Keypoints:
+    """The keypoints of a view's photo, none within two scales of a pixel that its mask excludes.
+
+    OpenCV's default doubles the photo with its outer borders unmoved, which places every keypoint 0.25 px too far right
+    and down; `enable_precise_upscale` keeps pixel centres where they are.
+
+    Raises:
+        InputError: the photo or mask cannot be decoded.
+    """
+    photo = view.photo.load()
+    size = (view.camera.width, view.camera.height)
+    shrink = min(1.0, (options.max_megapixels * 1e6 / (size[0] * size[1])) ** 0.5)
+    reduced = (max(1, round(size[0] * shrink)), max(1, round(size[1] * shrink)))
+    grey = cv2.cvtColor(photo, cv2.COLOR_RGB2GRAY)
+    if reduced != size:
+        grey = cv2.resize(grey, reduced, interpolation=cv2.INTER_AREA)
+    sift = cv2.SIFT.create(0, OCTAVE_LAYERS, options.contrast, EDGE_THRESHOLD, FIRST_BLUR, True)
+    found, descriptors = sift.detectAndCompute(grey, None)  # pyright: ignore[reportArgumentType, reportCallIssue]
+    if len(found) == 0:
+        return Keypoints(np.zeros((0, 2)), np.zeros(0), np.zeros((0, 128), np.uint8), np.zeros((0, 3), np.uint8))
+    raw = np.array([(*point.pt, point.size / 2, point.angle) for point in found])
+    photo_from_reduced = resizing(reduced, size)
+    pixels = raw[:, :2] @ photo_from_reduced[:2, :2].T + photo_from_reduced[:2, 2]
+    scale = raw[:, 2] / shrink
+    kept = np.lexsort((raw[:, 3], scale, pixels[:, 0], pixels[:, 1]))
+    column, row = np.clip(np.round(pixels).astype(int), 0, np.array(size) - 1).T
+    if view.mask is not None:
+        # Pixels beyond the photo's border are not excluded; a mask that excludes nothing has no distances.
+        counts = view.mask.load()
+        clear = np.full(counts.shape, np.inf) if counts.all() else cv2.distanceTransform(
+            counts.astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE
+        )  # fmt: skip
+        kept = kept[(clear[row, column] > 2 * scale)[kept]]
+    return Keypoints(pixels[kept], scale[kept], _root_sift(descriptors[kept]), photo[row[kept], column[kept]])
+
+
+def relative_sigma(scale: np.ndarray) -> np.ndarray:
+    """(n,) float: standard deviations of keypoints' coordinates relative to the finest keypoints', from their scales, px."""
+    return np.sqrt(1 + (scale / BLUNT_SCALE) ** 2)
+
+
+def _root_sift(descriptors: np.ndarray) -> np.ndarray:
+    """(n, 128) uint8: the square roots of SIFT descriptors (n, 128) divided by their sums."""
+    total = np.maximum(descriptors.sum(axis=1, dtype=np.float64, keepdims=True), 1e-12)
+    return np.clip(np.round(DESCRIPTOR_LENGTH * np.sqrt(descriptors / total)), 0, 255).astype(np.uint8)

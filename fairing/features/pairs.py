@@ -1,0 +1,28 @@
+"""Photo pairs: which photos are matched with each other."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from fairing.camera import Camera
+from fairing.features.options import FeatureOptions
+
+SAME_PLACE = 1e-6
+"""Of the largest distance of two cameras: closer ones have no epipolar lines."""
+ROUNDING = 1e-9
+"""Of the largest distance of a camera from the origin: closer ones may be at one place."""
+
+
+def photo_pairs(cameras: Sequence[Camera], options: FeatureOptions) -> np.ndarray:
+    """(q, 2) int: pairs of photos, the lower first: each with its nearest ones that look in a similar direction."""
+    centers = np.array([camera.center for camera in cameras])
+    axes = np.array([camera.image_from_world[2, :3] for camera in cameras])  # of length 1, see `Camera`
+    distance = np.linalg.norm(centers[:, None] - centers[None], axis=2)
+    apart = distance > max(SAME_PLACE * distance.max(), ROUNDING * np.abs(centers).max())
+    usable = apart & (axes @ axes.T >= np.cos(np.radians(options.axis_angle)))
+    pairs = set()
+    for a in range(len(cameras)):
+        others = np.flatnonzero(usable[a])
+        nearest = others[np.argsort(distance[a, others], kind="stable")][: options.neighbors]
+        pairs |= {(min(a, b), max(a, b)) for b in nearest.tolist()}
+    return np.array(sorted(pairs), dtype=np.int64).reshape(-1, 2)

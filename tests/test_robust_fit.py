@@ -1,0 +1,118 @@
+"""Robust fit of a mesh to points: exact points of a cube's corner, with ground, background and false points."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from fairing.features import FeaturePoints
+from fairing.features.robust_fit import robust_fit
+from fairing.mesh import Mesh
+from tests.small_scene import FACES, VERTICES
+from tests.speckled_corner import cameras
+
+SIGMA = 0.0005  # edges: of the points, along each axis
+
+
+def truth() -> Mesh:
+    """The corner in 96 faces."""
+    vertices, faces = VERTICES, FACES
+    for _ in range(2):
+        vertices, faces = trimesh.remesh.subdivide(vertices, faces)
+    return Mesh(vertices, faces)
+
+
+def off_surface(mesh: Mesh, vertices: np.ndarray) -> np.ndarray:
+    """(n, 3) distance of vertices from the sides they belong to, 0 where they may slide; % of the diagonal."""
+    on_side = truth().vertices > 1 - 1e-9
+    return 100 * np.where(on_side, vertices - 1, 0) / mesh.diagonal
+
+
+def start(error: float = 0.7, seed: int = 0) -> Mesh:
+    """The corner with every coordinate off by a Gaussian error, % of the diagonal."""
+    exact = truth()
+    noise = np.random.default_rng(seed).normal(0, error / 100 * exact.diagonal, exact.vertices.shape)
+    return Mesh(exact.vertices + noise, exact.faces)
+
+
+def points_at(positions: np.ndarray) -> FeaturePoints:
+    """Points that all photos see, with noise."""
+    n, v = len(positions), len(cameras())
+    noisy = positions + np.random.default_rng(1).normal(0, SIGMA, positions.shape)
+    nothing = np.zeros((n, 3), np.uint8)
+    return FeaturePoints(
+        noisy, np.tile(SIGMA**2 * np.eye(3), (n, 1, 1)), nothing, v * np.arange(n + 1), np.tile(np.arange(v), n),
+        np.zeros((n * v, 2)), np.zeros(n), 0.2,
+    )  # fmt: skip
+
+
+def on_sides(n: int) -> np.ndarray:
+    """(n, 3) points on the three sides."""
+    rng = np.random.default_rng(2)
+    positions = rng.uniform(0, 1, (n, 3))
+    positions[np.arange(n), np.arange(n) % 3] = 1
+    return positions
+
+
+def rms(values: np.ndarray) -> float:
+    return float(np.sqrt((values**2).mean()))
+
+
+def test_vertices_move_to_the_surface():
+    mesh = start()
+    fit = robust_fit(mesh, cameras(), points_at(on_sides(4000)))
+    before, after = off_surface(mesh, mesh.vertices), off_surface(mesh, fit.vertices)
+    assert rms(after) < 0.2 * rms(before)
+    assert np.median(np.abs(after[after != 0])) < 0.05
+    assert fit.loss[1] < 0.1 * fit.loss[0]
+    assert fit.assigned > 3500
+    assert fit.start_error == pytest.approx(0.007 * mesh.diagonal, rel=0.4)
+
+
+def test_ground_and_background_and_what_stands_in_front_change_nothing():
+    mesh, rng = start(), np.random.default_rng(3)
+    points = on_sides(3000)
+    away = -np.ones(3) / np.sqrt(3)
+    background = points[:800] + away * rng.uniform(0.3, 2, (800, 1)) + rng.normal(0, 0.5, (800, 3))
+    ground = np.column_stack([rng.uniform(-1.5, 2.5, (1500, 2)), np.full(1500, -0.02)])  # just below the rim
+    in_front = 1.3 + rng.normal(0, 0.05, (400, 3))
+    clean = robust_fit(mesh, cameras(), points_at(points))
+    fit = robust_fit(mesh, cameras(), points_at(np.concatenate([points, background, ground, in_front])))
+    assert rms(off_surface(mesh, fit.vertices)) < 1.3 * rms(off_surface(mesh, clean.vertices))
+
+
+def test_a_start_at_the_truth_stays_there():
+    mesh = truth()
+    fit = robust_fit(mesh, cameras(), points_at(on_sides(3000)))
+    assert rms(off_surface(mesh, fit.vertices)) < 100 * SIGMA / mesh.diagonal
+    assert fit.start_error < 2 * SIGMA
+
+
+@pytest.mark.parametrize("seed", [4, 5, 6])
+def test_false_points_never_make_the_start_worse(seed: int):
+    mesh, rng = start(0.3, seed), np.random.default_rng(seed)
+    false = on_sides(1500) + rng.uniform(-0.2, 0.2, (1500, 3))
+    fit = robust_fit(mesh, cameras(), points_at(false))
+    assert rms(off_surface(mesh, fit.vertices)) <= rms(off_surface(mesh, mesh.vertices))
+    assert not fit.loss[1] > fit.loss[0]
+
+
+def test_no_points_leave_the_start_as_it_is():
+    mesh = start()
+    for points in (FeaturePoints.none("no texture"), points_at(on_sides(30) - 5)):
+        fit = robust_fit(mesh, cameras(), points)
+        np.testing.assert_array_equal(fit.vertices, mesh.vertices)
+        assert (fit.assigned, fit.start_error) == (0, 0.0)
+
+
+def test_no_face_folds_over():
+    mesh = start(2.0, seed=5)
+    fit = robust_fit(mesh, cameras(), points_at(on_sides(4000)))
+    before, after = (Mesh(v, mesh.faces).vertices[mesh.faces] for v in (mesh.vertices, fit.vertices))
+    normals = [np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]) for t in (before, after)]
+    assert ((normals[0] * normals[1]).sum(axis=1) >= 0).all()
+
+
+def test_the_same_points_give_the_same_vertices():
+    mesh, points = start(), points_at(on_sides(1500))
+    first, second = (robust_fit(mesh, cameras(), points).vertices for _ in range(2))
+    assert first.tobytes() == second.tobytes()
