@@ -52,7 +52,8 @@ div:has(> .ef > .pinned) + div:has(> .ef > .pinned) {{ top: {DEBUG_BAR_HEIGHT}px
 .ef .layer {{ justify-content: flex-start; text-align: left; }}
 .ef .layers button {{ height: auto; min-height: 28px; line-height: 1.2; }}
 .ef .layer.off {{ color: var(--off-text); background: var(--off); }}
-.ef .segments {{ display: grid; grid-template-columns: repeat(3, 1fr); gap: 4px; margin: 3px 0; }}
+.ef .segments {{ display: grid; grid-template-columns: repeat(auto-fit, minmax(84px, 1fr)); gap: 4px;
+  margin: 3px 0; }} .ef .segments button {{ white-space: nowrap; }}
 .ef .legend {{ display: grid; gap: 4px; }}
 .ef .scale {{ height: 12px; border-radius: 2px; }}
 .ef .ends {{ display: flex; justify-content: space-between; }}
@@ -95,6 +96,8 @@ div:has(> .ef > .pinned) + div:has(> .ef > .pinned) {{ top: {DEBUG_BAR_HEIGHT}px
 .ef .chips {{ gap: 4px; margin: 2px 0; flex-wrap: wrap; }}
 .ef button.chip {{ height: 22px; padding: 0 7px; font-size: 11.5px; color: var(--dim); }}
 .ef button.chip.tight {{ padding: 0 3.5px; }} .ef .chips:has(> .tight) {{ gap: 3px; }}
+.ef .quantities.quantities {{ gap: 2px; }} .ef .quantities button.chip.tight {{ padding: 0 2px; font-size: 11px; }}
+.ef .quantities .first {{ margin-left: auto; }}
 .ef button.chip.on {{ border-color: {css(SELECTED)}; color: {css(SELECTED)}; }}
 .ef button.link {{ background: none; border: none; height: 20px; padding: 0; color: var(--text); }}
 .ef button.link:hover {{ color: var(--strong); text-decoration: underline; background: none; }}

@@ -56,6 +56,7 @@ def lesson() -> Lesson:
     return load_lesson("model")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", lesson_names())
 def test_every_claim_of_every_lesson_holds(name: str):
     lesson = load_lesson(name)
@@ -203,16 +204,16 @@ def test_a_lesson_begun_while_the_engine_runs_ends_the_run(player: Player, lesso
 
 
 def test_a_lesson_on_another_scene_is_refused(player: Player, lesson: Lesson):
-    with pytest.raises(InputError, match="plays on another scene"):
+    with pytest.raises(InputError, match="needs another scene"):
         player.open(replace(lesson, scene="archway"))
     assert player.lesson is None
 
 
-def test_a_lesson_named_on_the_command_line_finds_its_scene_or_says_what_to_leave_out():
+def test_a_lesson_named_on_the_command_line_finds_its_scene_or_names_what_to_omit():
     cube, facade = SceneSource("cube"), SceneSource("facade")
     assert is_lesson_scene("cube", scene_of_lesson("model", cube)(lambda fraction, line: None))
     assert scene_of_lesson("capture", facade) == facade.load
-    with pytest.raises(InputError, match="plays on the demo cube; leave facade out"):
+    with pytest.raises(InputError, match="uses the demo cube; omit facade"):
         scene_of_lesson("model", facade)
     with pytest.raises(InputError, match="expected one of model, cells"):
         scene_of_lesson("nonsense", cube)

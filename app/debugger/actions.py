@@ -63,7 +63,7 @@ VERTEX_KEYS = (
     ("B", "Breakpoint on the selected vertex"),
     ("T", "Play or stop the record"),
     ("K", "Bookmark this moment"),
-    ("C", "Compare with this moment"),
+    ("C", "Compare with this moment from now on"),
     ("X", "Surface at the start or now"),
     ("-", "Texture: static or view-dependent"),
     ("Y", "Dark or light theme"),

@@ -59,7 +59,7 @@ QUANTITIES: dict[str, Quantity] = {
         lambda record: float(record.damping.max(initial=0)), lambda record, slot, ring: float(record.damping[slot]),
     ),
     "eigen": Quantity(
-        "eigen", "smallest ratio of smallest to largest eigenvalue of a vertex's normal matrix", True,
+        "certainty", "smallest ratio of smallest to largest eigenvalue of a vertex's normal matrix", True,
         lambda record: _ratio(record.eigenvalues),
         lambda record, slot, ring: _ratio(record.eigenvalues[slot : slot + 1]),
     ),

@@ -14,6 +14,8 @@ def step_outcome(record: StepRecord) -> str:
     if len(record.vertices) == 1:
         return f"vertex {int(record.vertices[0])} {StepReason(int(record.reasons[0])).text}"
     counts = Counter(short_reason(StepReason(int(reason))) for reason in record.reasons)
+    if len(counts) == 1:
+        return f"{len(record.reasons)} vertices {next(iter(counts))}"
     return "vertices: " + ", ".join(f"{count} {reason}" for reason, count in counts.most_common())
 
 

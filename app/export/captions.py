@@ -59,11 +59,9 @@ class Caption:
         left, _, right, bottom = self._curve
         draw.line([(left, bottom), (right, bottom)], fill=LINE)
         draw.text((left, 0.06 * self._size[1]), "energy, one line per sweep", DIM, font=self._fonts[1])
-        sweeps, before = self._facts.energies.sweeps, self._facts.energies.before
-        starts = np.flatnonzero(np.diff(sweeps, prepend=-1)).tolist()
-        for first, end in zip(starts, [*starts[1:], len(sweeps)], strict=True):
-            values = [float(before[first]), *self._values[first + 1 : end + 1].tolist()]
-            draw.line([self._place(first + i, value) for i, value in enumerate(values)], fill=NOW, width=2)
+        for moments, values in self._facts.energy_lines:
+            points = zip(moments.tolist(), values.tolist(), strict=True)
+            draw.line([self._place(moment, value) for moment, value in points], fill=NOW, width=2)
 
     def _place(self, moment: float, value: float) -> tuple[float, float]:
         left, top, right, bottom = self._curve

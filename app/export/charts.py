@@ -6,10 +6,10 @@ import numpy as np
 
 from app.html import number, text
 from app.palette import RGB, css
+from app.ticks import log_ticks, ticks
 
 WIDTH, HEIGHT = 560, 210
 LEFT, RIGHT, TOP, BOTTOM = 64, 10, 12, 26
-TICKS = 4
 
 
 def curve_chart(
@@ -61,7 +61,7 @@ def curve_chart(
             parts.append(
                 f"<text x='{(left + right) / 2:.1f}' y='{HEIGHT - 8}' text-anchor='middle'>{text(name)}</text>"
             )
-    for value in _ticks(low, high, is_log):
+    for value in (log_ticks(low, high) if is_log else ticks(low, high)).tolist():
         at = float(y(value))
         parts.append(f"<line x1='{LEFT}' x2='{WIDTH - RIGHT}' y1='{at:.1f}' y2='{at:.1f}' stroke='#31363c'/>")
         parts.append(f"<text x='{LEFT - 8}' y='{at + 4:.1f}' text-anchor='end'>{number(value, 3)}</text>")
@@ -72,15 +72,3 @@ def curve_chart(
         f"<svg viewBox='0 0 {WIDTH} {HEIGHT}' class='curve' role='img' aria-label='{text(title)}'>"
         f"<title>{text(title)}</title>{''.join(parts)}</svg>"
     )
-
-
-def _ticks(low: float, high: float, is_log: bool) -> list[float]:
-    """Round numbers within an interval; with `is_log`, `low` and `high` are exponents of ten."""
-    if is_log:
-        powers = np.arange(np.ceil(low), np.floor(high) + 1)
-        every = max(1, -(-len(powers) // TICKS))
-        return [float(10**power) for power in powers[::every]]
-    rough = (high - low) / TICKS
-    power = 10 ** np.floor(np.log10(rough))
-    step = next(factor * power for factor in (1, 2, 5, 10) if factor * power >= rough)
-    return [float(value) for value in np.arange(np.ceil(low / step) * step, high, step)]

@@ -59,10 +59,10 @@ class _Sweep:
 
 def chosen_vertices(facts: RunFacts) -> np.ndarray:
     """(n,) int: vertex ids, largest displacement first; vertices with unused faces come last."""
-    way = np.linalg.norm(facts.trace.vertices_at(facts.length) - facts.trace.start, axis=1)
+    displacement = np.linalg.norm(facts.trace.vertices_at(facts.length) - facts.trace.start, axis=1)
     takes_part = facts.session.sweep_state(facts.length).context.takes_part
     is_seen = np.array([takes_part[ring].all() for ring in facts.scene.mesh.one_rings])
-    return np.lexsort([-way, ~is_seen])
+    return np.lexsort([-displacement, ~is_seen])
 
 
 def cells_of_run(facts: RunFacts, on_progress: Callable[[float], None]) -> dict[str, Any]:
@@ -198,14 +198,14 @@ def _tiles_of_faces(
 ) -> list[list[set[int]]]:
     """For each face id and photo the numbers of the tiles that its cells read at any moment."""
     cameras = [view.camera for view in facts.scene.views]
-    ways = np.stack(
+    positions = np.stack(
         [facts.trace.vertices_at(moment)[facts.scene.mesh.faces[faces]] for moment in range(facts.length + 1)]
     )
     tiles: dict[int, list[set[int]]] = {face: [set() for _ in cameras] for face in faces}
     for number, sweep in enumerate(sweeps):
         moments = np.flatnonzero(sweep_at == number)
         for row, face in enumerate(faces):
-            points = ways[moments, row].reshape(-1, 3)
+            points = positions[moments, row].reshape(-1, 3)
             for pair in range(sweep.starts[row], sweep.starts[row + 1]):
                 view = int(sweep.views[pair])
                 uv, depth = cameras[view].project(points)

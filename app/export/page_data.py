@@ -60,7 +60,7 @@ def page_data(facts: RunFacts, at: int, on_progress: Callable[[float], None]) ->
         **_changes(facts),
         "steps": _steps(facts),
         "sweeps": np.unique(facts.energies.sweeps).tolist(),
-        "energy": _energy_lines(facts),
+        "energy": [{"moments": m.tolist(), "values": values.tolist()} for m, values in facts.energy_lines],
         "errors": None if facts.errors is None else facts.errors.tolist(),
         "levels": _levels(facts),
         "kinds": [kind._asdict() for kind in KINDS],
@@ -93,13 +93,13 @@ def _keyframe(keyframe: TextureKeyframe) -> dict[str, Any]:
 
 def _changes(facts: RunFacts) -> dict[str, Any]:
     """The vertices that every step moved, with their displacements; and the vertices it involved, with reasons."""
-    moved, ways, involved, reasons = [], [np.zeros((0, 3), dtype=np.int32)], [], []
+    moved, displacements, involved, reasons = [], [np.zeros((0, 3), dtype=np.int32)], [], []
     place = _on_grid(facts, facts.trace.start)
     for record in facts.trace.steps:
         after = _on_grid(facts, record.after)
         has_moved = (after != place[record.vertices]).any(axis=1)
         moved.append(record.vertices[has_moved])
-        ways.append((after - place[record.vertices])[has_moved])
+        displacements.append((after - place[record.vertices])[has_moved])
         place[record.vertices] = after
         involved.append(record.vertices)
         reasons.append(record.reasons)
@@ -107,7 +107,7 @@ def _changes(facts: RunFacts) -> dict[str, Any]:
         "moved": {
             "starts": packed(_starts(moved)),
             "vertices": packed(_joined(moved).astype(np.uint32)),
-            "ways": packed(np.concatenate(ways)),
+            "displacements": packed(np.concatenate(displacements)),
         },
         "involved": {
             "starts": packed(_starts(involved)),
@@ -140,16 +140,6 @@ def _steps(facts: RunFacts) -> list[dict[str, Any]]:
         }
         for step, record in enumerate(facts.trace.steps)
     ]
-
-
-def _energy_lines(facts: RunFacts) -> list[dict[str, Any]]:
-    """One line per sweep: energies of different sweeps are not comparable."""
-    before, after, sweeps = facts.energies.before, facts.energies.after, facts.energies.sweeps
-    starts = np.flatnonzero(np.diff(sweeps, prepend=-1)).tolist()
-    return [
-        {"moments": list(range(first, end + 1)), "values": [float(before[first]), *after[first:end].tolist()]}
-        for first, end in zip(starts, [*starts[1:], facts.length], strict=True)
-    ] if starts else []  # fmt: skip
 
 
 def _levels(facts: RunFacts) -> list[dict[str, Any]]:

@@ -122,13 +122,8 @@ def _curves(facts: RunFacts) -> str:
         steps = np.flatnonzero(energies.levels == level)
         if len(steps):
             bands.append((int(steps[0]), int(steps[-1]) + 1, f"σ {blur:g}"))
-    starts = np.flatnonzero(np.diff(energies.sweeps, prepend=-1)).tolist()
-    lines = [
-        (np.arange(first, end + 1), np.array([energies.before[first], *energies.after[first:end]]))
-        for first, end in zip(starts, [*starts[1:], facts.length], strict=True)
-    ]
     title = "Energy by moment, one line per sweep. Sweeps have different cells, so their energies are not comparable"
-    charts = [f"<div>{title}{curve_chart(lines, bands, facts.length, NOW, 'Energy by moment')}</div>"]
+    charts = [f"<div>{title}{curve_chart(facts.energy_lines, bands, facts.length, NOW, 'Energy by moment')}</div>"]
     if facts.errors is not None:
         line = (np.arange(len(facts.errors)), facts.errors)
         chart = curve_chart([line], bands, facts.length, TRUTH, "Error by moment", is_log=True)

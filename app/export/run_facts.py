@@ -75,6 +75,16 @@ class RunFacts:
         return float(found.energy.sum())
 
     @cached_property
+    def energy_lines(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Moments (n,) int and energies (n,) float of each sweep; energies of different sweeps are not comparable."""
+        before, after, sweeps = self.energies.before, self.energies.after, self.energies.sweeps
+        starts = np.flatnonzero(np.diff(sweeps, prepend=-1)).tolist()
+        return [
+            (np.arange(first, end + 1), np.array([before[first], *after[first:end]], dtype=float))
+            for first, end in zip(starts, [*starts[1:], self.length][: len(starts)], strict=True)
+        ]
+
+    @cached_property
     def errors(self) -> np.ndarray | None:
         """(moments,) float: RMS distance of the vertices to the truth along directions the photos determine, percent of
         the diagonal; None if the truth is unknown."""

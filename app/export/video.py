@@ -87,5 +87,5 @@ def shown_moments(facts: RunFacts, rate: int) -> list[float]:
     held = round(HELD_SECONDS * rate)
     if facts.length == 0:
         return [0.0] * (2 * held)
-    way = np.interp(np.linspace(0, 1, round(SECONDS * rate)), facts.pace, np.arange(facts.length + 1))
-    return [0.0] * held + way.tolist() + [float(facts.length)] * held
+    moving = np.interp(np.linspace(0, 1, round(SECONDS * rate)), facts.pace, np.arange(facts.length + 1))
+    return [0.0] * held + moving.tolist() + [float(facts.length)] * held

@@ -56,7 +56,7 @@ def _faces(check: SceneCheck) -> str:
     others = f"; the others: {reasons}" if without else ""
     parallax = "–" if check.parallax is None else f"{check.parallax:.0f}°"
     tiles = [
-        tile(f"{check.faces_in_part} of {check.n_faces}", f"faces take part ({np.floor(share):.0f} %){others}"),
+        tile(f"{check.faces_in_part} of {check.n_faces}", f"faces used ({np.floor(share):.0f} %){others}"),
         tile(str(int(faces.is_blank.sum())), "of them are blank: no texture to align"),
         tile(str(int(faces.is_striped.sum())), "of them are striped: they can slide in one direction"),
         tile(parallax, "largest angle between lines of sight to a face (median)"),

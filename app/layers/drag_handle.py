@@ -54,7 +54,7 @@ class DragHandleLayer:
             visible=False,
         )
         self._edges = LineNode(client, "/drag_handle/edges", SELECTED, 2.0)
-        self._way = LineNode(client, "/drag_handle/way", HAND, 2.0)
+        self._displacement = LineNode(client, "/drag_handle/displacement", HAND, 2.0)
 
         def clicked(event: viser.SceneNodePointerEvent, with_shift: bool) -> None:
             # The ball may have been drawn at an older position when the user clicked, so the vertex follows from the ray.
@@ -88,7 +88,7 @@ class DragHandleLayer:
         after[self._selected] += offset / self._stage.scale
         if phase == "end":
             self._edges.hide()
-            self._way.hide()
+            self._displacement.hide()
             self._grabbed = None
             self._on_drop(self._selected, after[self._selected])
             return
@@ -96,4 +96,4 @@ class DragHandleLayer:
         page = self._stage.page_from_world
         self._ball.position = page(after[self._selected[-1]])
         self._edges.show(page(after[around]))
-        self._way.show(page(np.stack([self._grabbed[self._selected], after[self._selected]], axis=1)))
+        self._displacement.show(page(np.stack([self._grabbed[self._selected], after[self._selected]], axis=1)))

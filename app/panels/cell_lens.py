@@ -13,6 +13,7 @@ from app.page_state.cells_state import ARROW_KINDS, CROP, HEADS, KINDS, PAIR_KIN
 from app.page_state.page_state import PageState
 from app.palette import css
 from app.panels.cell_source import CellSource, chosen_face
+from app.panels.choice import chip, photo_link
 from app.panels.photo_pages import PhotoPages
 from app.pictures.cell_images import FLOW_COLORS, CellPictures, data_uri
 from app.query_cache import QueryCache
@@ -95,8 +96,8 @@ class CellLens:
             self._panel.set(self._pair_content(kind, text(drawn[1]) if isinstance(drawn[1], Exception) else drawn[1]))
             return
         name = self._scene.views[view_id].name
-        close = button("", self._controls.close, hint="Close the lens", icon=icon("leave"), css_class="small")
-        go = button(name, self._enter(str(view_id)), hint=f"Look through {name}", css_class="link")
+        close = self._close_button()
+        go = photo_link(name, self._enter(str(view_id)))
         picture = text(drawn[1]) if isinstance(drawn[1], Exception) else drawn[1]
         self._panel.set(
             f"<div class='row'><span class='grow one'>{go} <span class='dim'>vertex {vertex}</span></span>"
@@ -104,19 +105,21 @@ class CellLens:
         )
 
     def _pair_content(self, kind: str, picture: str) -> str:
-        close = button("", self._controls.close, hint="Close the lens", icon=icon("leave"), css_class="small")
+        close = self._close_button()
         when, shown = kind.split()
 
-        def chip(label: str, other: str) -> str:
-            is_on = "chip on" if other == kind else "chip"
-            return button(label, self._controls.lens_of(0, other), hint=f"Enlarge: {label}", css_class=is_on)
+        def selector(label: str, other: str) -> str:
+            return chip(label, self._controls.lens_of(0, other), f"Enlarge: {label}", other == kind)
 
-        times = "".join(chip(label, f"{other} {shown}") for other, label in PAIR_TIMES.items())
-        pictures = "".join(chip(label, f"{when} {other}") for other, label in PAIR_PICTURES.items())
+        times = "".join(selector(label, f"{other} {shown}") for other, label in PAIR_TIMES.items())
+        pictures = "".join(selector(label, f"{when} {other}") for other, label in PAIR_PICTURES.items())
         return (
             f"<div class='row'><span class='grow row chips'>{times}</span>{close}</div>"
             f"<div class='row chips'>{pictures}</div><div class='note'>{picture}</div>"
         )
+
+    def _close_button(self) -> str:
+        return button("", self._controls.close, hint="Close the lens", icon=icon("leave"), css_class="small")
 
     def _around(self, views: list[int], view_id: int, kind: str) -> str:
         """Buttons for the previous and the next photo."""
@@ -136,22 +139,16 @@ class CellLens:
         cells = facts.cells
         views = cells.views.tolist()
         name = self._scene.views[view_id].name
-        close = button("", self._controls.close, hint="Close the lens", icon=icon("leave"), css_class="small")
+        close = self._close_button()
         if view_id not in views:
             return (
                 f"<div class='row'><span class='grow'>{text(name)} does not see face {cells.face}.</span>{close}</div>"
             )
         row = views.index(view_id)
         pictures = CellPictures(cells, facts.flows)
-        go = button(name, self._enter(str(view_id)), hint=f"Look through {name}", css_class="link")
+        go = photo_link(name, self._enter(str(view_id)))
         kinds = "".join(
-            button(
-                HEADS[other],
-                self._controls.lens_of(view_id, other),
-                hint=KINDS[other],
-                css_class="chip on" if other == kind else "chip",
-            )
-            for other in KINDS
+            chip(HEADS[other], self._controls.lens_of(view_id, other), KINDS[other], other == kind) for other in KINDS
         )
         arrows = ""
         if kind in ARROW_KINDS:

@@ -9,6 +9,7 @@ from app.html import button, number, text
 from app.page_state.cells_controls import CellsControls
 from app.page_state.cells_state import ARROW_KINDS, ARROW_SCALES, HEADS, KINDS, CellsView
 from app.palette import css
+from app.panels.choice import chip, photo_link
 from app.pictures.cell_images import FLOW_COLORS, GAP, CellPictures, strip_of_basis
 from fairing.judge.inspect import FaceCells
 from fairing.scene import Scene
@@ -115,25 +116,23 @@ def _bars(
 def _chips(facts: CellFacts, cells_view: CellsView, controls: CellsControls) -> str:
     """Buttons for the columns shown and for the length of the arrows."""
     columns = "".join(
-        button(
+        chip(
             HEADS[kind],
             controls.column(str(n)),
-            hint=f"{'Hide' if kind in cells_view.columns else 'Show'} {KINDS[kind]}",
-            css_class="chip on" if kind in cells_view.columns else "chip",
+            f"{'Hide' if kind in cells_view.columns else 'Show'} {KINDS[kind]}",
+            kind in cells_view.columns,
         )
         for n, kind in enumerate(KINDS)
     )
     arrows = ""
     if any(kind in ARROW_KINDS for kind in cells_view.columns):
         scales = "".join(
-            button(
-                f"×{scale}",
-                controls.scale(str(n)),
-                hint=f"Arrows {scale} times longer than the flow",
-                css_class="chip on" if scale == cells_view.arrow_scale else "chip",
+            chip(
+                f"×{scale}", controls.scale(str(n)), f"Arrows {scale} times longer than the flow",
+                scale == cells_view.arrow_scale,
             )
             for n, scale in enumerate(ARROW_SCALES)
-        )
+        )  # fmt: skip
         arrows = f"<div class='row chips'><span class='dim'>Arrows</span>{scales}</div>{_flow_note(facts)}"
     return f"<div class='row chips'>{columns}</div>{arrows}"
 
@@ -178,7 +177,7 @@ def _row(
     facts_line = f"c = {coefficients} · {seen:.0f} % of the cell seen"
     shown = f"<span class='dim one grow' title='{text(facts_line)}'>c {text(coefficients)}</span>"
     shown += f"<span class='dim'>E {energy}</span>"
-    go = button(name, enter(str(view_id)), hint=f"Look through {name}", css_class="link")
+    go = photo_link(name, enter(str(view_id)))
     return (
         f"<div class='cell'><div class='row'>{go}{shown}</div>"
         f"<div class='tiles' role='button' tabindex='0' aria-label='Enlarge a cell in {text(name)}' "

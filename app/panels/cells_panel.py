@@ -6,12 +6,13 @@ import viser
 
 from app.background_worker import BackgroundWorker
 from app.debugger.run_state import RunState
-from app.html import button, text
+from app.html import text
 from app.page_state.cells_controls import CellsControls
 from app.page_state.cells_state import PAGES
 from app.page_state.page_state import PageState
 from app.panels.cell_source import CellSource, chosen_face
 from app.panels.cell_table import cell_table
+from app.panels.choice import chip
 from app.panels.photo_pages import PhotoPages
 from app.query_cache import QueryCache
 from app.viser_bridge.html_panel import HtmlPanel
@@ -71,21 +72,11 @@ class CellsPanel:
 
     def _choices(self, page_state: PageState, vertex: int, face: int) -> str:
         faces = "".join(
-            button(
-                str(f),
-                self._choose_face(str(f)),
-                hint=f"Cells of face {f}",
-                css_class="face on" if f == face else "face",
-            )
+            chip(str(f), self._choose_face(str(f)), f"Cells of face {f}", f == face, "face")
             for f in self._scene.mesh.one_rings[vertex].tolist()
         )
         pages = "".join(
-            button(
-                title,
-                self._controls.page(str(n)),
-                hint=f"Page: {title}",
-                css_class="chip on" if page == page_state.cells.page else "chip",
-            )
+            chip(title, self._controls.page(str(n)), f"Page: {title}", page == page_state.cells.page)
             for n, (page, title) in enumerate(PAGES.items())
         )
         return f"<div class='row chips'>{pages}</div><div class='row faces'><span class='dim'>Face</span>{faces}</div>"

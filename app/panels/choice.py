@@ -1,8 +1,18 @@
-"""Segmented control: a group of buttons of which one is pressed."""
+"""Selectable buttons: chips, and segmented controls of which one button is pressed."""
 
 from typing import Any
 
 from app.html import button, text
+
+
+def chip(label: str, press: str, hint: str, is_on: bool, css_class: str = "chip") -> str:
+    """Markup of a small button that is highlighted while `is_on`."""
+    return button(label, press, hint=hint, css_class=f"{css_class} on" if is_on else css_class)
+
+
+def photo_link(name: str, press: str) -> str:
+    """Markup of a photo's name that looks through its camera."""
+    return button(name, press, hint=f"Look through {name}", css_class="link")
 
 
 def choice(options: dict[Any, tuple[str, str]], chosen: object, name: str) -> str:

@@ -9,6 +9,7 @@ from app.experiments.experiment_runner import ExperimentRunner, Outcome, Status
 from app.html import button, icon, text
 from app.page_state.page_state import PageState
 from app.panels.chart_svg import charts_svg
+from app.panels.choice import chip
 from app.viser_bridge.html_events import HtmlEvents, choice_of, press
 from app.viser_bridge.html_panel import HtmlPanel
 from fairing.errors import InputError
@@ -75,12 +76,9 @@ class ExperimentsPanel:
 
     def _choices(self, page_state: PageState) -> str:
         chips = "".join(
-            button(
-                experiment.title, self._events("choose", n), hint=experiment.question,
-                css_class="chip on" if name == page_state.experiment else "chip",
-            )
+            chip(experiment.title, self._events("choose", n), experiment.question, name == page_state.experiment)
             for n, (name, experiment) in enumerate(EXPERIMENTS.items())
-        )  # fmt: skip
+        )
         return f"<div class='row chips'>{chips}</div><div>{text(EXPERIMENTS[page_state.experiment].question)}</div>"
 
     def _start(self, state: RunState, page_state: PageState, outcome: Outcome | None) -> str:

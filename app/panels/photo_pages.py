@@ -9,10 +9,11 @@ from app.debugger.controller import Controller
 from app.debugger.history import last_step_about
 from app.debugger.run_state import Activity, RunState
 from app.debugger.step_text import slot_of
-from app.html import button, number, text
+from app.html import number, text
 from app.page_state.cells_controls import CellsControls
 from app.page_state.cells_state import ARROW_SCALES, CROP, PAIR_PICTURES, PAIR_TIMES, SPANS, CellsView
 from app.palette import NOW, RGB, SELECTED, START, css
+from app.panels.choice import chip, photo_link
 from app.pictures.cell_images import arrow_path, data_uri
 from app.pictures.photo_crops import FacePair, Window, face_pair
 from app.pictures.photo_store import PhotoStore
@@ -153,12 +154,7 @@ class PhotoPages:
         picks = "".join(
             f"<div class='row chips'><span class='dim' style='width:14px'>{letter}</span>"
             + "".join(
-                button(
-                    str(v),
-                    control(str(v)),
-                    hint=f"Photo {letter}: {self._scene.views[v].name}",
-                    css_class="chip tight on" if v == chosen else "chip tight",
-                )
+                chip(str(v), control(str(v)), f"Photo {letter}: {self._scene.views[v].name}", v == chosen, "chip tight")
                 for v in views
             )
             + "</div>"
@@ -216,11 +212,7 @@ class PhotoPages:
 
     def _name(self, view_id: int) -> str:
         name = self._scene.views[view_id].name
-        return (
-            "<div class='one'>"
-            + button(name, self._enter(str(view_id)), hint=f"Look through {name}", css_class="link")
-            + "</div>"
-        )
+        return f"<div class='one'>{photo_link(name, self._enter(str(view_id)))}</div>"
 
 
 def chosen_pair(views: list[int], wanted: tuple[int | None, int | None]) -> tuple[int, int]:
@@ -235,10 +227,7 @@ def is_in_front(camera: Camera, points: np.ndarray) -> bool:
 
 
 def _chips(names, chosen: int, press: Callable[[str], str], hint: str) -> str:
-    return "".join(
-        button(name, press(str(n)), hint=hint.format(name), css_class="chip on" if n == chosen else "chip")
-        for n, name in enumerate(names)
-    )
+    return "".join(chip(name, press(str(n)), hint.format(name), n == chosen) for n, name in enumerate(names))
 
 
 def _pair_picture(pair: FacePair, when: str, picture: str, side: int) -> str:

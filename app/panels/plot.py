@@ -13,10 +13,11 @@ from app.debugger.compare import Compared, RunEnergies, look_up
 from app.debugger.history import EnergyHistory, Recorded
 from app.debugger.run_state import RunState
 from app.debugger.series import QUANTITIES, Series, series_of
-from app.html import button, number, text
+from app.html import number, text
 from app.page_state.page_state import PageState, PlotView
 from app.palette import NOW, REFERENCE, SELECTED, css
-from app.panels.plot_drawing import BOTTOM, HEIGHT, LEFT, RIGHT, TOP, WIDTH, Line, band, frame, line_at
+from app.panels.choice import chip
+from app.panels.plot_drawing import BOTTOM, HEIGHT, LEFT, RIGHT, TOP, WIDTH, Line, band, frame, intervals, line_at
 from app.ticks import log_ticks, ticks
 from app.viser_bridge.html_events import Handler, HtmlEvents, choice_of, press
 from app.viser_bridge.html_panel import HtmlPanel
@@ -94,7 +95,7 @@ class Plot:
             before, after = energies.before[: run.length], energies.after[: run.length]
             return [
                 Line(np.arange(first, end + 1), np.concatenate([[before[first]], after[first:end]]))
-                for first, end in _runs(energies.sweeps[: run.length])
+                for first, end in intervals(energies.sweeps[: run.length])
             ]
         key = (name, vertex)
         if role not in self._series or self._series[role][0] != key:
@@ -108,24 +109,20 @@ class Plot:
 
     def _chips(self, plot: PlotView, selected: int | None) -> str:
         quantities = "".join(
-            button(
+            chip(
                 quantity.title,
                 self._events("quantity", n),
-                hint=f"Plot {quantity.meaning}",
-                css_class="chip tight on" if name == plot.name else "chip tight",
+                f"Plot {quantity.meaning}",
+                name == plot.name,
+                "chip tight",
             )
             for n, (name, quantity) in enumerate(QUANTITIES.items())
         )
         whose = "vertex" if selected is None else f"v {selected}"
-        vertex = button(
-            whose, self._events("vertex"), hint="Plot the selected vertex (instead of the whole run)",
-            css_class="chip tight on" if plot.of_vertex else "chip tight",
-        )  # fmt: skip
-        log = button(
-            "log", self._events("log"), hint="Logarithmic scale",
-            css_class="chip tight on" if is_log(plot) else "chip tight",
-        )  # fmt: skip
-        return f"<div class='row chips'>{quantities}<span class='grow'></span>{vertex}{log}</div>"
+        hint = "Plot the selected vertex (instead of the whole run)"
+        vertex = chip(whose, self._events("vertex"), hint, plot.of_vertex, "chip tight first")
+        log = chip("log", self._events("log"), "Logarithmic scale", is_log(plot), "chip tight")
+        return f"<div class='row chips quantities'>{quantities}{vertex}{log}</div>"
 
     def _picture(
         self, state: RunState, plot: PlotView, lines: list[Line], compared: Compared | None, others: list[Line]
@@ -152,7 +149,7 @@ class Plot:
 
         parts = [frame(log_ticks(low, high) if log else ticks(low, high), y)]
         levels = self._energies.levels[: state.length]
-        for first, end in _runs(levels):
+        for first, end in intervals(levels):
             blur = state.options.schedule.blur[levels[first]]
             parts.append(band(float(x(first)), float(x(end)), f"σ {blur:g}", first > 0))
         # Lines of A are pale beyond A's moment; the other lines are pale beyond the current moment.
@@ -194,9 +191,3 @@ def _mark_of_a(x: float) -> str:
         f'<rect x="{x - 5:.1f}" y="0" width="10" height="11" rx="2" fill="{css(REFERENCE)}"/>'
         f'<text x="{x:.1f}" y="9" text-anchor="middle" style="fill:#16181c;font-weight:700">A</text>'
     )
-
-
-def _runs(values: np.ndarray) -> list[tuple[int, int]]:
-    """First index and end of every run of equal values."""
-    begins = np.flatnonzero(np.diff(values, prepend=values[0] - 1)).tolist()
-    return list(zip(begins, [*begins[1:], len(values)], strict=True))

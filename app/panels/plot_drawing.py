@@ -22,6 +22,12 @@ class Line:
     values: np.ndarray
 
 
+def intervals(values: np.ndarray) -> list[tuple[int, int]]:
+    """First index and end of every run of equal values (n,), n > 0."""
+    first = np.flatnonzero(np.diff(values, prepend=values[0] - 1)).tolist()
+    return list(zip(first, [*first[1:], len(values)], strict=True))
+
+
 def frame(values: np.ndarray, y: Callable[[float], np.ndarray]) -> str:
     """Horizontal grid lines with labels at `values` (n,); `y` maps a value to SVG px."""
     lines = []

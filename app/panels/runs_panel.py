@@ -102,10 +102,14 @@ class RunsPanel:
         apart = 100 * distances(compared, state.vertices) / self._scene.mesh.diagonal
         clear = button("", self._events("clear"), hint="Stop comparing", icon=icon("leave"), css_class="small")
         back = button("", self._events("visit"), hint="Go to A", icon=icon("go"), css_class="small")
+        figures = f"mean {_percent(apart.mean())}, max {_percent(apart.max())}"
+        hint = (
+            f"Distance of the vertices from their positions in A, {compared.name}: {figures} of the diagonal; "
+            f"vertex {int(apart.argmax())} is farthest"
+        )
         return (
-            f"<span class='grow one'>{A} {text(compared.name)} <span class='dim' title='Distance of the vertices from "
-            f"their positions in A, % of the diagonal; vertex {int(apart.argmax())} is farthest'>mean {_percent(apart.mean())}, "
-            f"max {_percent(apart.max())}</span></span>{back}{clear}{mark}{race}"
+            f"<span class='grow one' title='{text(hint)}'>{A} {text(compared.name)} <span class='dim'>{figures}</span></span>"
+            f"{back}{clear}{mark}{race}"
         )
 
     def _row(self, run: RunInfo, state: RunState, page_state: PageState, knows_truth: bool) -> str:

@@ -26,9 +26,9 @@ class Line(NamedTuple):
     meaning: str
 
 
-IN_PART = Line(START, "face takes part in this photo")
-HELD_BACK = Line(LOCKED, "face takes part, but not in this photo (hidden, too flat, too small, at the border)")
-OUT = Line(REJECTED, "face takes no part at all: fewer than 3 photos see it well enough")
+IN_PART = Line(START, "face used in this photo")
+HELD_BACK = Line(LOCKED, "face used, but not in this photo (hidden, too oblique, too small, at the border)")
+OUT = Line(REJECTED, "face not used: fewer than 3 photos see it well enough")
 
 
 def overlay(scene: Scene, check: SceneCheck, view: int, width: int | None = None) -> np.ndarray:

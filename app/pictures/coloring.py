@@ -81,9 +81,7 @@ def _no_reference(session: Session, moment: int) -> np.ndarray:
 COLORINGS: dict[str, Coloring] = {
     "energy": Coloring("Energy", "Energy of each face", "", True, Scale.LINEAR, quantities.face_energy),
     "moved": Coloring("Displacement", "Distance from the start", "%", False, Scale.LINEAR, quantities.displacement),
-    "distance": Coloring(
-        "Distance to truth", "Distance to the truth", "%", False, Scale.LINEAR, quantities.distance_to_truth
-    ),
+    "distance": Coloring("Error", "Distance to the truth", "%", False, Scale.LINEAR, quantities.distance_to_truth),
     DIFFERENCE: Coloring("Distance to A", "Distance to A", "%", False, Scale.LINEAR, _no_reference),
     "photos": Coloring("Photo count", "Photos that see each face", "", True, Scale.COUNT, quantities.view_count),
     "determined": Coloring(

@@ -275,7 +275,7 @@ def test_the_report_opens_from_disk(tab, facts):
 
 
 def test_a_video_plays_in_the_browser(tab, facts, monkeypatch):
-    monkeypatch.setattr("app.export.video.PAINTINGS", 2)
+    monkeypatch.setattr("app.export.video.KEYFRAMES", 2)
     monkeypatch.setattr("app.export.video.SECONDS", 0.5)
     monkeypatch.setattr("app.export.video.VIDEO_SIZE", (320, 240))
     for name in ("run.mp4", "run.webm"):

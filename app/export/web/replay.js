@@ -10,9 +10,9 @@ let arrays = null, cells = null, viewer = null, plots = [];
 
 function unfold() {
   const points = (numbers) => Float32Array.from(numbers, (number) => number * data.grid);
-  const { moved } = data, last = data.start.slice(), places = new Float32Array(moved.ways.length);
+  const { moved } = data, last = data.start.slice(), places = new Float32Array(moved.displacements.length);
   moved.vertices.forEach((v, i) => {
-    for (let c = 0; c < 3; c++) places[3 * i + c] = data.grid * (last[3 * v + c] += moved.ways[3 * i + c]);
+    for (let c = 0; c < 3; c++) places[3 * i + c] = data.grid * (last[3 * v + c] += moved.displacements[3 * i + c]);
   });
   moved.places = places;
   return {
