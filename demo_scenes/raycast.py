@@ -1,11 +1,12 @@
-"""Photographs of a stage: rays through a grid of points in every pixel, met exactly with the faces' planes."""
+"""Ray casting of a stage: rays through a grid of points in every pixel, intersected exactly with the faces' planes."""
 
 from math import floor
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
-from demo_scenes.surface import Stage
+from demo_scenes.surface import PaintedSurface, Stage
 from fairing.camera import Camera
 from fairing.geometry.rasterize import rasterize
 
@@ -31,7 +32,8 @@ def photograph(stage: Stage, light: np.ndarray, camera: Camera, samples: int) ->
     in_front = (corners[..., 2] > 0).all(axis=1) & (volume > 1e-12)
     weights_from_image = np.zeros((len(corners), 3, 3))
     weights_from_image[in_front] = np.linalg.inv(corners[in_front].transpose(0, 2, 1))
-    texels, shapes, starts = _packed(stage.surface.textures)
+    paint = _paint(surface)
+    lighting = _Lighting(light, stage.sun_direction, stage.sun_color, stage.sky_color, stage.gloss)
     photo = _sky(stage, camera)
     for first_row in range(0, camera.height, STRIP_ROWS):
         rows = min(STRIP_ROWS, camera.height - first_row)
@@ -43,18 +45,8 @@ def photograph(stage: Stage, light: np.ndarray, camera: Camera, samples: int) ->
             first_row,
             samples,
             weights_from_image,
-            surface.vertices[surface.faces],
-            surface.normals,
-            surface.texture_of_face,
-            surface.texel,
-            texels,
-            shapes,
-            starts,
-            light,
-            stage.sun_direction,
-            stage.sun_color,
-            stage.sky_color,
-            stage.gloss,
+            paint,
+            lighting,
             camera.center,
         )
     return photo
@@ -66,11 +58,46 @@ def _finer(samples: int, first_row: int) -> np.ndarray:
     return np.array([[samples, 0, shift], [0, samples, shift - samples * first_row], [0, 0, 1.0]])
 
 
-def _packed(textures: tuple[np.ndarray, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """All textures in one uint8 array, their (height, width), and where each starts."""
+class _Paint(NamedTuple):
+    """A surface of m faces for the compiled loops; all textures lie in one array.
+
+    Attributes:
+        corners, normals: (m, 3, 3) float: positions, world units, and unit normals of the faces' corners.
+        texture_of_face: (m,) int.
+        texel: (m, 3, 2) float, texels: the faces' corners in their texture.
+        texels: flat uint8: the textures (h, w, 3), one after another.
+        shapes: (t, 2) int: height and width of each texture.
+        starts: (t,) int: where each texture starts in `texels`.
+    """
+
+    corners: np.ndarray
+    normals: np.ndarray
+    texture_of_face: np.ndarray
+    texel: np.ndarray
+    texels: np.ndarray
+    shapes: np.ndarray
+    starts: np.ndarray
+
+
+class _Lighting(NamedTuple):
+    """The light of a stage for the compiled loops: see `Stage`; `lattice` from `light_lattice`."""
+
+    lattice: np.ndarray
+    sun_direction: np.ndarray
+    sun_color: np.ndarray
+    sky_color: np.ndarray
+    gloss: float
+
+
+def _paint(surface: PaintedSurface) -> _Paint:
+    textures = surface.textures
     sizes = np.array([texture.size for texture in textures], dtype=np.int64)
     shapes = np.array([texture.shape[:2] for texture in textures], dtype=np.int64)
-    return np.concatenate([texture.ravel() for texture in textures]), shapes, np.cumsum(sizes) - sizes
+    texels = np.concatenate([texture.ravel() for texture in textures])
+    corners = surface.vertices[surface.faces]
+    return _Paint(
+        corners, surface.normals, surface.texture_of_face, surface.texel, texels, shapes, np.cumsum(sizes) - sizes
+    )
 
 
 def _sky(stage: Stage, camera: Camera) -> np.ndarray:
@@ -83,28 +110,21 @@ def _sky(stage: Stage, camera: Camera) -> np.ndarray:
 
 
 @njit(cache=True, nogil=True)
-def _shade(
-    photo,
-    face_id,
-    first_row,
-    samples,
-    weights_from_image,
-    corners,
-    normals,
-    texture_of_face,
-    texel,
-    texels,
-    shapes,
-    starts,
-    light,
-    sun_direction,
-    sun_color,
-    sky_color,
-    gloss,
-    eye,
-):
-    """Replace the background by the mean colour of the rays through each pixel of a strip, in place."""
-    steps = light.shape[1] - 1
+def _shade(photo, face_id, first_row, samples, weights_from_image, paint, lighting, eye):
+    """Replace the background by the mean colour of the rays through each pixel of a strip, in place.
+
+    Args:
+        photo: (rows, width, 3) float64: the strip.
+        face_id: (rows * samples, width * samples) int: the face that each ray meets, -1 for none.
+        first_row: of the strip in the photo.
+        samples: rays per pixel along an axis.
+        weights_from_image: (m, 3, 3) float: times (u, v, 1) proportional to the barycentric weights of a face.
+        paint, lighting: `_Paint` and `_Lighting`.
+        eye: (3,) float, world units.
+    """
+    # Unpacked here, because a field of a tuple is reference-counted at every access: half the speed within the loop.
+    corners, normals, texture_of_face, texel, texels, shapes, starts = paint
+    lattice, sun_direction, sun_color, sky_color, gloss = lighting
     share = 1.0 / (samples * samples)
     color = np.zeros(3)
     for y in range(photo.shape[0]):
@@ -120,46 +140,58 @@ def _shade(
                         blue += photo[y, x, 2]
                         continue
                     u = x + (sx + 0.5) / samples - 0.5
-                    W = weights_from_image[f]
-                    a = W[0, 0] * u + W[0, 1] * v + W[0, 2]
-                    b = W[1, 0] * u + W[1, 1] * v + W[1, 2]
-                    c = W[2, 0] * u + W[2, 1] * v + W[2, 2]
-                    # Rays on an edge may miss it by rounding.
-                    total = a + b + c
-                    a, b, c = max(a / total, 0.0), max(b / total, 0.0), max(c / total, 0.0)
-                    total = a + b + c
-                    a, b, c = a / total, b / total, c / total
-
+                    a, b, c = _barycentric(weights_from_image[f], u, v)
                     t = texture_of_face[f]
                     tx = a * texel[f, 0, 0] + b * texel[f, 1, 0] + c * texel[f, 2, 0]
                     ty = a * texel[f, 0, 1] + b * texel[f, 1, 1] + c * texel[f, 2, 1]
                     _look_up(texels, starts[t], shapes[t, 0], shapes[t, 1], tx, ty, color)
-
-                    nx = a * normals[f, 0, 0] + b * normals[f, 1, 0] + c * normals[f, 2, 0]
-                    ny = a * normals[f, 0, 1] + b * normals[f, 1, 1] + c * normals[f, 2, 1]
-                    nz = a * normals[f, 0, 2] + b * normals[f, 1, 2] + c * normals[f, 2, 2]
-                    n = (nx * nx + ny * ny + nz * nz) ** 0.5
-                    nx, ny, nz = nx / n, ny / n, nz / n
+                    nx, ny, nz = _unit_normal(normals, f, a, b, c)
                     cosine = max(nx * sun_direction[0] + ny * sun_direction[1] + nz * sun_direction[2], 0.0)
-                    sun = cosine * _interpolate(light, f, steps, b, c, 0)
-                    sky = _interpolate(light, f, steps, b, c, 1)
-
+                    sun = cosine * _interpolate(lattice, f, b, c, 0)
+                    sky = _interpolate(lattice, f, b, c, 1)
                     glint = 0.0
                     if gloss > 0 and sun > 0:
-                        hx = eye[0] - a * corners[f, 0, 0] - b * corners[f, 1, 0] - c * corners[f, 2, 0]
-                        hy = eye[1] - a * corners[f, 0, 1] - b * corners[f, 1, 1] - c * corners[f, 2, 1]
-                        hz = eye[2] - a * corners[f, 0, 2] - b * corners[f, 1, 2] - c * corners[f, 2, 2]
-                        h = (hx * hx + hy * hy + hz * hz) ** 0.5
-                        # Blinn and Phong: the half vector between the eye and the sun.
-                        hx, hy, hz = hx / h + sun_direction[0], hy / h + sun_direction[1], hz / h + sun_direction[2]
-                        h = (hx * hx + hy * hy + hz * hz) ** 0.5
-                        glint = gloss * sun * max((nx * hx + ny * hy + nz * hz) / h, 0.0) ** SHININESS
+                        glint = gloss * sun * _specular(corners, f, a, b, c, eye, sun_direction, nx, ny, nz)
                     red += color[0] * (sun * sun_color[0] + sky * sky_color[0]) + glint
                     green += color[1] * (sun * sun_color[1] + sky * sky_color[1]) + glint
                     blue += color[2] * (sun * sun_color[2] + sky * sky_color[2]) + glint
             photo[y, x, 0] = red * share
             photo[y, x, 1] = green * share
             photo[y, x, 2] = blue * share
+
+
+@njit(cache=True, nogil=True)
+def _barycentric(W, u, v):
+    """Barycentric weights (a, b, c) at image point (u, v); rays on an edge may miss it by rounding, so they are clamped."""
+    a = W[0, 0] * u + W[0, 1] * v + W[0, 2]
+    b = W[1, 0] * u + W[1, 1] * v + W[1, 2]
+    c = W[2, 0] * u + W[2, 1] * v + W[2, 2]
+    total = a + b + c
+    a, b, c = max(a / total, 0.0), max(b / total, 0.0), max(c / total, 0.0)
+    total = a + b + c
+    return a / total, b / total, c / total
+
+
+@njit(cache=True, nogil=True)
+def _unit_normal(normals, f, a, b, c):
+    """Unit normal of face f at barycentric weights."""
+    nx = a * normals[f, 0, 0] + b * normals[f, 1, 0] + c * normals[f, 2, 0]
+    ny = a * normals[f, 0, 1] + b * normals[f, 1, 1] + c * normals[f, 2, 1]
+    nz = a * normals[f, 0, 2] + b * normals[f, 1, 2] + c * normals[f, 2, 2]
+    n = (nx * nx + ny * ny + nz * nz) ** 0.5
+    return nx / n, ny / n, nz / n
+
+
+@njit(cache=True, nogil=True)
+def _specular(corners, f, a, b, c, eye, sun_direction, nx, ny, nz):
+    """Specular lobe of Blinn and Phong, 0 to 1, by the half vector between the eye and the sun."""
+    hx = eye[0] - a * corners[f, 0, 0] - b * corners[f, 1, 0] - c * corners[f, 2, 0]
+    hy = eye[1] - a * corners[f, 0, 1] - b * corners[f, 1, 1] - c * corners[f, 2, 1]
+    hz = eye[2] - a * corners[f, 0, 2] - b * corners[f, 1, 2] - c * corners[f, 2, 2]
+    h = (hx * hx + hy * hy + hz * hz) ** 0.5
+    hx, hy, hz = hx / h + sun_direction[0], hy / h + sun_direction[1], hz / h + sun_direction[2]
+    h = (hx * hx + hy * hy + hz * hz) ** 0.5
+    return max((nx * hx + ny * hy + nz * hz) / h, 0.0) ** SHININESS
 
 
 @njit(cache=True, nogil=True)
@@ -176,8 +208,9 @@ def _look_up(texels, start, height, width, tx, ty, color):
 
 
 @njit(cache=True, nogil=True)
-def _interpolate(light, f, steps, b, c, channel):
+def _interpolate(light, f, b, c, channel):
     """Light of a face at barycentric weights b, c: linear over the triangles of its lattice."""
+    steps = light.shape[1] - 1
     i, j = min(int(b * steps), steps - 1), min(int(c * steps), steps - 1)
     p, q = b * steps - i, c * steps - j
     if p + q <= 1:

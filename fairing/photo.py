@@ -80,7 +80,7 @@ class FilePhoto:
 
 # Undistorted photos, the most recently used ones: a photo is loaded several times in a run (engine, textures, report).
 # There is no cache on disk; `eigenfairing convert` writes undistorted photos (ledger: cache of undistorted photos).
-_UNDISTORTED: BoundedCache[FilePhoto] = BoundedCache(room=500_000_000)
+_UNDISTORTED: BoundedCache[FilePhoto] = BoundedCache(max_bytes=500_000_000)
 
 
 @dataclass(frozen=True, eq=False)

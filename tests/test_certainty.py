@@ -1,4 +1,4 @@
-"""What the photos determine of a vertex, against geometry and the Cramer-Rao bound."""
+"""Certainty of vertices, against geometry and the Cramer-Rao bound."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ MIDDLE = 7  # of the side z = 1
 
 
 def corner_with_middle(scale: float = 1.0) -> Session:
-    """The cube's corner where it truly is, one of its three sides divided about a vertex in its middle."""
+    """The true corner of the cube, with one of its three sides divided at a vertex in its middle."""
     vertices = scale * np.vstack([VERTICES, [[0.5, 0.5, 1]]])
     faces = np.vstack([[[0, 1, MIDDLE], [1, 2, MIDDLE], [2, 3, MIDDLE], [3, 0, MIDDLE]], FACES[2:]])
     return Session(Scene.build("corner", vertices, faces, corner_scene((0, 0, 0), scale=scale).views), FINEST)
@@ -35,7 +35,7 @@ def test_axes_and_lengths_are_those_of_the_normal_matrix():
     np.testing.assert_allclose(found.lengths, found.deviations / found.deviations[0])
 
 
-def test_deviations_come_near_the_cramer_rao_bound():
+def test_deviations_are_close_to_the_cramer_rao_bound():
     rng, noise = np.random.default_rng(1), 6.0
     noisy = {
         i: np.clip(np.round(photo + rng.normal(0, noise, photo.shape[:2])[..., None]), 0, 255).astype(np.uint8)
@@ -46,12 +46,12 @@ def test_deviations_come_near_the_cramer_rao_bound():
     assert np.linalg.norm(found.deviations) == pytest.approx(expected, rel=0.3)
 
 
-def test_deviations_grow_with_the_world():
+def test_deviations_scale_with_the_world():
     small, large = (certainties(corner_with_middle(scale), np.array([MIDDLE]))[0] for scale in (1.0, 8.0))
     np.testing.assert_allclose(large.deviations, 8 * small.deviations, rtol=1e-6)
 
 
-def test_a_vertex_that_photos_do_not_see_is_left_open():
+def test_an_unseen_vertex_is_undetermined():
     session = corner_with_middle()
     session.sweep_state().context.kernel.face_dimensions[:] = 0
     (found,) = certainties(session, np.array([0]))
@@ -60,7 +60,7 @@ def test_a_vertex_that_photos_do_not_see_is_left_open():
     assert np.isinf(found.deviations).all()
 
 
-def test_the_run_does_not_notice():
+def test_the_run_is_not_changed():
     session, alone = corner_with_middle(), corner_with_middle()
     for _ in range(2):
         certainties(session, np.arange(8))

@@ -1,4 +1,4 @@
-"""Textures that follow the eye: what a photo shows is shown from its place, and nothing jumps in between."""
+"""View-dependent textures: from a photo's camera they show the photo, and they change continuously between photos."""
 
 import cv2
 import numpy as np
@@ -7,11 +7,11 @@ import pytest
 from fairing.scene import Scene
 from fairing.texture import EigenTexture, TexturedModel, eigen_texture, textured_model
 from tests.small_scene import FACES, HEIGHT, VERTICES, WIDTH, cameras, corner_scene, photos
-from tests.test_texture import inner, shown_in
+from tests.texture_view import inner, shown_in
 
 
 def glossy_photos() -> dict[int, np.ndarray]:
-    """The corner's photos under a sheen that slides over the faces as the camera moves; at most 50 grey levels."""
+    """The corner's photos with a highlight of up to 50 grey levels that moves over the faces with the camera."""
     y, x = np.mgrid[:HEIGHT, :WIDTH]
     found = {}
     for i, (camera, photo) in enumerate(zip(cameras(), photos(), strict=True)):
@@ -32,7 +32,7 @@ def from_eye(texture: EigenTexture, eye: np.ndarray) -> TexturedModel:
     return TexturedModel(texture.vertices, texture.faces, texture.layout.uv, texture.image_for(eye))
 
 
-def test_from_a_photos_place_it_shows_the_photo_better_than_the_static_texture(glossy: EigenTexture):
+def test_from_a_photos_camera_it_is_closer_to_the_photo_than_the_static_texture(glossy: EigenTexture):
     photos, scene = glossy_photos(), corner_scene(change=glossy_photos())
     static = textured_model(scene, VERTICES, 1024)
     for i, view in enumerate(scene.views):
@@ -60,7 +60,7 @@ def test_where_the_photos_agree_it_looks_like_the_static_texture():
         assert abs(difference.mean()) < 1, difference.mean()
 
 
-def test_exposures_of_the_photos_do_not_follow_the_eye():
+def test_exposures_of_the_photos_are_removed():
     gains = np.array([0.75, 1.25, 0.85, 1.1, 0.95, 1.2, 0.8, 1.05])
     exposed = {i: np.clip(photo * gains[i] * 0.8, 0, 255).astype(np.uint8) for i, photo in enumerate(photos())}
     scene = corner_scene(change=exposed)
@@ -72,7 +72,7 @@ def test_exposures_of_the_photos_do_not_follow_the_eye():
     assert max(means) / min(means) < 1.03, means
 
 
-def test_weights_are_the_nearest_photos_and_never_jump(glossy: EigenTexture):
+def test_weights_are_those_of_the_nearest_photos_and_continuous(glossy: EigenTexture):
     centers = np.array([camera.center for camera in cameras()])
     at_photo = glossy.weights_for(centers[2])
     assert np.allclose(at_photo.sum(axis=1), 1)
@@ -90,7 +90,7 @@ def test_weights_are_the_nearest_photos_and_never_jump(glossy: EigenTexture):
     assert np.abs(np.diff(finer, axis=0)).max() < 0.12
 
 
-def test_no_photo_sees_a_face_then_it_is_grey():
+def test_a_face_that_no_photo_sees_is_grey():
     scene = corner_scene()
     hidden = Scene.build("hidden", VERTICES, np.vstack([FACES, [1, 2, 6]]), scene.views)
     texture = eigen_texture(hidden, VERTICES)

@@ -121,8 +121,8 @@ def _rows(runner: ExperimentRunner) -> tuple[Row, ...]:
 
 def test_a_scene_without_truth_says_so_and_starts_nothing():
     runner = ExperimentRunner(replace(corner_scene(), truth=None), "corner", lambda: None)
-    assert "true places of its vertices" in runner.obstacle()
-    with pytest.raises(InputError, match="true places"):
+    assert "true positions of its vertices" in runner.obstacle()
+    with pytest.raises(InputError, match="true positions"):
         runner.start(EXPERIMENT, ONE_LEVEL)
     assert runner.working is None
 
@@ -185,7 +185,7 @@ def test_without_a_name_the_experiments_are_listed(capsys):
 def test_ctrl_c_keeps_what_is_done_and_resume_ends_where_an_unbroken_one_ends(tmp_path, capsys):
     whole, broken = tmp_path / "whole", tmp_path / "broken"
     assert command(whole) == 0
-    assert "came back" in capsys.readouterr().err
+    assert "converged" in capsys.readouterr().err
     line = [sys.executable, "-m", "app", "experiment", "capture-range", "--out", str(broken), *FLAGS]
     process = subprocess.Popen(line, stderr=subprocess.PIPE, text=True, start_new_session=True)
     assert process.stderr is not None

@@ -1,4 +1,4 @@
-"""Experiments: what they measure, against independent computations, and how they go on."""
+"""Experiments: their measurements against independent computations, and resuming."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -8,7 +8,8 @@ import pytest
 from scipy.ndimage import map_coordinates
 
 from demo_scenes import load_demo
-from fairing.cells.context import cell_grid
+from fairing.cells.layout import cell_grid
+from fairing.cells.scale_space import LUMA
 from fairing.errors import InputError
 from fairing.experiments import CaptureRange, KSweep, NoiseAgainstBound, Setting, WarpComparison, results
 from fairing.experiments.k_sweep import part_left
@@ -52,7 +53,7 @@ def test_directions_are_unit_vectors_on_all_sides(setting: Setting):
     assert apart.max() < np.cos(np.radians(30))
 
 
-def test_a_vertex_along_an_edge_is_judged_across_it():
+def test_errors_of_a_vertex_on_an_edge_are_measured_across_it():
     setting = Setting.of(corner_scene(), ONE_LEVEL, vertex=1)  # on the edge of y = 1 and z = 1
     np.testing.assert_allclose(setting.directions(4)[:, 0], 0, atol=1e-12)
     vertices = VERTICES.copy()
@@ -62,7 +63,7 @@ def test_a_vertex_along_an_edge_is_judged_across_it():
 
 def test_a_scene_without_truth_is_refused_in_one_line():
     scene = replace(corner_scene(), truth=None)
-    with pytest.raises(InputError, match=r"scene corner: .*not known; take a synthetic scene") as error:
+    with pytest.raises(InputError, match=r"scene corner: .*they are unknown; use a synthetic scene") as error:
         Setting.of(scene)
     assert "\n" not in str(error.value)
 
@@ -128,21 +129,21 @@ def test_the_bound_grows_with_the_noise_and_with_fewer_photos(monkeypatch):
 
 
 def test_a_bound_on_a_scene_without_truth_or_on_an_unseen_vertex_is_refused():
-    with pytest.raises(InputError, match="true places"):
+    with pytest.raises(InputError, match="true positions"):
         cramer_rao_bound(replace(corner_scene(), truth=None), 0, 1.0)
-    with pytest.raises(InputError, match="leave a direction open"):
+    with pytest.raises(InputError, match="leave a direction undetermined"):
         cramer_rao_covariance(corner_scene(), 0, 1.0, {face: np.zeros(0, int) for face in range(6)})
 
 
-def test_luma_noise_is_what_noise_in_three_channels_makes():
+def test_luma_noise_follows_from_noise_in_three_channels():
     rng = np.random.default_rng(0)
     smooth = rng.uniform(50, 200, (200_000, 1))
     noisy = np.rint(smooth + 3 * rng.standard_normal((200_000, 3)))
-    luma = (noisy - smooth) @ cramer_rao.LUMA
+    luma = (noisy - smooth) @ LUMA
     assert luma.std() == pytest.approx(luma_noise(3.0), rel=0.01)
 
 
-def test_noisy_photos_are_seeded_and_as_noisy_as_asked():
+def test_noisy_photos_are_seeded_and_have_the_requested_noise():
     flat = replace(corner_scene().views[0], photo=ArrayPhoto(np.full((120, 160, 3), 128, np.uint8)))
     (first,), (again,), (other,) = (noisy_views((flat,), 5.0, seed) for seed in (3, 3, 4))
     assert first.photo.load().std() == pytest.approx(5.0, rel=0.02)
@@ -161,13 +162,13 @@ def test_cases_already_measured_are_not_measured_again(setting: Setting):
     assert rest == [whole[1], whole[3]]
 
 
-def test_a_near_start_comes_back_and_one_across_the_edge_does_not(setting: Setting):
+def test_a_near_start_converges_and_one_across_the_edge_does_not(setting: Setting):
     experiment = CaptureRange(starts=(4.0, 90.0), directions=1)
     near, far = results(experiment, setting)
     assert near["end_percent"] < 0.4
     assert far["end_percent"] > 9
     assert "up to 4 %" in experiment.finding([near, far])
-    assert "From 90 % it came back from 0 of 1." in experiment.finding([near, far])
+    assert "From 90 % it converged from 0 of 1 directions." in experiment.finding([near, far])
 
 
 def test_the_end_error_is_that_of_an_ordinary_run(setting: Setting):
@@ -192,14 +193,14 @@ def test_noise_costs_accuracy_and_the_bound_lies_below(setting: Setting, monkeyp
     assert "(rms of 2)" in experiment.finding(rows)
 
 
-def test_what_all_draws_share_is_told_from_their_spread():
+def test_bias_and_spread_of_the_draws_are_separated():
     rows = [{"noise": 2.0, "bound_percent": 0.01, "end_percent": end, "error": [end]} for end in (0.10, 0.12, 0.11)]
     said = NoiseAgainstBound().finding(rows)
     assert "0.11 % of the edge (rms of 3), 11.0 times the bound" in said
-    assert "Without what all draws have in common it is 1.0 times." in said
+    assert "The spread about the mean is 1.0 times the bound." in said
 
 
-def test_an_eigenspace_of_more_dimensions_explains_more_misalignment_away(setting: Setting):
+def test_an_eigenspace_of_more_dimensions_absorbs_more_misalignment(setting: Setting):
     direction = setting.directions(2)[0]
     left = [part_left(setting, k, direction) for k in range(1, 6)]
     assert all(later < earlier for earlier, later in pairwise(left)), left
@@ -207,7 +208,7 @@ def test_an_eigenspace_of_more_dimensions_explains_more_misalignment_away(settin
     assert left[4] < 0.1 * left[0]
 
 
-def test_k_runs_from_one_to_two_less_than_the_views(setting: Setting):
+def test_k_runs_from_one_to_the_number_of_views_minus_two(setting: Setting):
     # Two of the eight photos see some of the faces at too flat an angle.
     assert [case["k"] for case in KSweep(directions=1).cases(setting)] == [1, 2, 3, 4]
     with pytest.raises(InputError, match="k from 1 to 4"):

@@ -36,7 +36,7 @@ def test_along_an_edge_only_the_motion_across_it_is_known():
     assert confidence.max() < 1e-6
 
 
-def test_pixels_that_do_not_count_have_no_say():
+def test_masked_pixels_have_no_influence():
     image = texture(64)
     target = shift(image, (0.2, 0.4), order=5, mode="mirror")
     valid = np.ones(image.shape, bool)
@@ -73,15 +73,15 @@ def test_model_flow_is_what_a_small_displacement_does(warp):
         # In the cell: the warp of the face as it was takes the new place back to where the old cell shows it.
         at = int(np.argmax(np.abs(after - before).sum(axis=1)))
         x, y = after[at]
-        guess = _cell_place(camera, vertices[FACES[1]], np.array([x, y]), warp)
+        guess = _cell_position(camera, vertices[FACES[1]], np.array([x, y]), warp)
         expected = cells.size * (guess[:2] - bary[at, :2])
         assert flow.vectors[i, at] == pytest.approx(expected, rel=1e-2, abs=1e-7)
         J = camera.J_image_wrt_point(vertices[corner])
         assert flow.vertex_vectors[i] == pytest.approx(J @ eta)
 
 
-def _cell_place(camera, corners: np.ndarray, uv: np.ndarray, warp: str) -> np.ndarray:
-    """Barycentric weights at which a face shows up at a pixel."""
+def _cell_position(camera, corners: np.ndarray, uv: np.ndarray, warp: str) -> np.ndarray:
+    """Barycentric weights of the point of a face at a pixel."""
     if warp == "affine":
         photo, _ = camera.project(corners)
         return np.linalg.solve(np.vstack([photo.T, np.ones(3)]), [*uv, 1])
@@ -121,7 +121,7 @@ def test_optical_flow_points_against_the_model_flow_of_the_right_correction():
     assert max(cosines) < -0.35, cosines
 
 
-def test_flow_vectors_come_at_the_asked_spacing():
+def test_flow_vectors_have_the_requested_spacing():
     session = Session(corner_scene(START), small_options(cells={"color": True}))
     cells = face_cells(session, 0)
     flow = optical_flow(cells, spacing=4)

@@ -19,8 +19,8 @@ from fairing.solve.normal_equations import (
     undetermined_directions,
     vertex_systems,
 )
+from tests.cell_cases import ALL_CORNERS, FACE_IDS, prepared, sample_points, sharp_options
 from tests.small_scene import FACES, VERTICES, photos, small_options
-from tests.test_kernels import ALL_CORNERS, FACE_IDS, prepared, sample_points, sharp_options
 
 SMOOTH = {"interpolation": ["cubic"], "weighting": "cell", "size": [32], "inset": [0.5]}
 

@@ -1,4 +1,4 @@
-"""Cells recomputed from a trace are those of the run: energies to the bit, parts that add up, samples in place."""
+"""Cells recomputed from a trace are those of the run: energies to the bit, consistent parts, samples at the right pixels."""
 
 import numpy as np
 import pytest
@@ -8,8 +8,8 @@ from fairing.judge.inspect import energies_by_dimension, face_cells
 from fairing.options import FairingOptions
 from fairing.run.session import Session
 from fairing.trace import Trace
+from tests.blurred_photo import blurred
 from tests.small_scene import corner_scene, small_options
-from tests.test_kernels import blurred
 
 
 def run(steps: int, options: FairingOptions | None = None) -> Session:
@@ -59,7 +59,7 @@ def test_observed_is_reconstruction_plus_residual_and_reconstruction_lies_in_the
     assert np.abs(offset[cells.counts]).max() < 2e-3
 
 
-def test_masked_samples_have_no_residual_and_a_reconstruction_all_the_same():
+def test_masked_samples_have_no_residual_but_a_reconstruction():
     session = run(0)
     cells = face_cells(session, 0)
     assert not cells.counts.all()
@@ -68,7 +68,7 @@ def test_masked_samples_have_no_residual_and_a_reconstruction_all_the_same():
     assert np.ptp(cells.reconstruction[~cells.counts]) > 20
 
 
-def test_each_sample_stands_where_the_photo_shows_it():
+def test_each_sample_is_at_its_position_in_the_photo():
     session = run(0, small_options(cells={"warp": "affine", "adaptive": False, "size": [24]}))
     cells = face_cells(session, 1)
     images = cells.as_images(cells.observed)
@@ -106,7 +106,7 @@ def test_a_face_that_takes_no_part_shows_its_cells_without_an_energy():
     assert cells.observed.shape[0] == 4
 
 
-def test_there_is_no_face_or_moment_beyond_the_last():
+def test_unknown_faces_and_moments_are_refused():
     session = run(1)
     with pytest.raises(IndexError, match="faces 0 to 5"):
         face_cells(session, 6)
@@ -114,7 +114,7 @@ def test_there_is_no_face_or_moment_beyond_the_last():
         face_cells(session, 0, 2)
 
 
-def test_another_k_is_looked_at_without_changing_the_run():
+def test_another_k_does_not_change_the_run():
     session = run(2, small_options(eigenspace={"dimensions": [2]}))
     own, energies = face_cells(session, 1), energies_by_dimension(session, 1)
     assert len(energies) == len(own.views) - 2

@@ -8,61 +8,19 @@ from scipy.ndimage import map_coordinates
 import fairing.solve.energy
 from fairing.errors import Cancelled
 from fairing.judge.inspect import face_cells
-from fairing.kernels.compiled import SOURCE
 from fairing.kernels.eigenspace import fit_face
-from fairing.kernels.faces import evaluate_faces, show_face
 from fairing.kernels.robust import HISTOGRAM_STEP, weigh
-from fairing.options import FairingOptions
-from fairing.run.session import Session, SweepState
+from fairing.run.session import SweepState
 from fairing.solve.energy import Evaluator, robust_scale
+from tests.blurred_photo import blurred
+from tests.cell_cases import ALL_CORNERS, FACE_IDS, prepared, sample_points, sharp_options
 from tests.numpy_twin import TwinPhotos, evaluate_face
 from tests.small_scene import FACES, HEIGHT, WIDTH, corner_scene, photos, small_options
-
-FACE_IDS = np.arange(6)
-ALL_CORNERS = np.full(6, -1)
-
-
-def prepared(options: FairingOptions, masks: bool = False, **scene) -> tuple[Session, SweepState]:
-    """A session at its start; without masks every sample of every cell counts."""
-    session = Session(corner_scene(**scene), options)
-    sweep = session.sweep_state()
-    if not masks:
-        sweep.context.kernel.pair_mask[:] = -1
-    return session, sweep
-
-
-def sharp_options(**changes) -> FairingOptions:
-    """One level without sub-pixel blur, all cells weighing the same: what the oracles below compute."""
-    stages = {
-        "schedule": {"blur": [1.0]},
-        "cells": {"weighting": "cell", "inset": [0.5], "size": [32]},
-        "robust": {"norm": "least_squares"},
-    }
-    for name, value in changes.items():
-        stages[name] = stages.get(name, {}) | value
-    return small_options(**stages)
-
-
-def sample_points(session: Session, sweep: SweepState, face: int) -> np.ndarray:
-    """(p, 3) float: barycentric weights of the samples of a cell, computed anew from the cell's definition."""
-    size = face_cells(session, face).size
-    inset = sweep.context.kernel.face_inset[face]
-    rows, columns = np.nonzero(np.add.outer(np.arange(size), np.arange(size)) < size)
-    a = inset + (1 - 3 * inset) * (columns + 1 / 3) / size
-    b = inset + (1 - 3 * inset) * (rows + 1 / 3) / size
-    return np.stack([a, b, 1 - a - b], axis=1)
-
-
-def blurred(view: int, blur: float) -> np.ndarray:
-    """(h, w): the photo smoothed by OpenCV's Gaussian."""
-    grey = photos()[view][..., 0].astype(np.float32)
-    size = 2 * int(np.ceil(4 * blur)) + 1
-    return cv2.GaussianBlur(grey, (size, size), blur, borderType=cv2.BORDER_REFLECT_101).astype(np.float64)
 
 
 @pytest.mark.parametrize(("interpolation", "order"), [("bilinear", 1), ("cubic", 3)])
 @pytest.mark.parametrize("warp", ["homography", "affine"])
-def test_cells_are_the_photo_at_the_samples_places(interpolation, order, warp):
+def test_cells_are_the_photo_at_the_samples_positions(interpolation, order, warp):
     session, sweep = prepared(sharp_options(cells={"warp": warp, "interpolation": [interpolation]}))
     vertices = session.vertices
     for face in (0, 3):
@@ -200,7 +158,7 @@ def test_geman_mcclure_turns_at_sigma_over_root_three_and_the_printed_form_does_
         assert e[np.argmax(weight * e)] == pytest.approx(turn, abs=0.02)
 
 
-def test_masked_samples_have_no_say():
+def test_masked_samples_have_no_influence():
     """A disc of one photo is painted over; samples within three pixels of it are masked in both."""
     options = sharp_options(schedule={"blur": [0.0]})
     _, probe = prepared(options)
@@ -265,11 +223,6 @@ def test_a_corner_behind_a_camera_makes_the_energy_infinite_and_nothing_else():
     assert np.isinf(found.energy).all()
 
 
-def test_compiled_code_on_disk_is_told_apart_by_the_text_of_every_file_it_comes_from():
-    for kept in (evaluate_faces, show_face):
-        assert SOURCE in [cell.cell_contents for cell in kept.py_func.__closure__]
-
-
 def test_threads_do_not_change_a_bit():
     session, sweep = prepared(small_options(), masks=True)
     one, two = (
@@ -282,23 +235,23 @@ def test_threads_do_not_change_a_bit():
         assert np.array_equal(getattr(one, name), getattr(two, name)), name
 
 
-def test_a_long_list_is_computed_in_parts_and_can_be_given_up(monkeypatch: pytest.MonkeyPatch):
+def test_a_long_list_is_computed_in_parts_and_can_be_cancelled(monkeypatch: pytest.MonkeyPatch):
     session, sweep = prepared(small_options(), masks=True)
     whole = Evaluator(1).measure(sweep.context, session.vertices, FACE_IDS, sweep.scale)
-    monkeypatch.setattr(fairing.solve.energy, "MOST_SAMPLES", 1)
-    asked = []
-    in_parts = Evaluator(1, lambda: asked.append(1)).measure(sweep.context, session.vertices, FACE_IDS, sweep.scale)
-    assert len(asked) == len(FACE_IDS)
+    monkeypatch.setattr(fairing.solve.energy, "MAX_PART_SAMPLES", 1)
+    checks = []
+    in_parts = Evaluator(1, lambda: checks.append(1)).measure(sweep.context, session.vertices, FACE_IDS, sweep.scale)
+    assert len(checks) == len(FACE_IDS)
     assert np.array_equal(in_parts.energy, whole.energy)
     assert np.array_equal(in_parts.median, whole.median)
 
-    def give_up() -> None:
-        asked.append(1)
-        if len(asked) == len(FACE_IDS) + 2:
+    def raise_if_cancelled() -> None:
+        checks.append(1)
+        if len(checks) == len(FACE_IDS) + 2:
             raise Cancelled
 
     with pytest.raises(Cancelled):
-        Evaluator(1, give_up).measure(sweep.context, session.vertices, FACE_IDS, sweep.scale)
+        Evaluator(1, raise_if_cancelled).measure(sweep.context, session.vertices, FACE_IDS, sweep.scale)
 
 
 def test_statistics_are_the_largest_and_the_median_residual():
@@ -311,12 +264,12 @@ def test_statistics_are_the_largest_and_the_median_residual():
         assert found.median[face] == pytest.approx(np.median(size), abs=HISTOGRAM_STEP)
 
 
-def test_a_dimension_that_only_learns_noise_is_given_up():
+def test_a_dimension_that_only_fits_noise_is_dropped():
     session, sweep = prepared(small_options(eigenspace={"dimensions": [2], "significance": [0.0]}), masks=True)
     found = Evaluator(1).measure(sweep.context, session.vertices, FACE_IDS, sweep.scale)
     squared = [face_cells(session, face).singular_values ** 2 for face in range(6)]
     expected = np.array([values[1] / values[2:].mean() for values in squared])
     assert np.allclose(found.singular_value_ratio, expected, rtol=1e-4)
     least = float(np.median(expected))
-    k = sweep.context.without_noise_dimensions(found.singular_value_ratio, least).kernel.face_dimensions
+    k = sweep.context.with_reduced_dimensions(found.singular_value_ratio, least).kernel.face_dimensions
     assert np.array_equal(k[FACE_IDS], np.where(expected < least, 1, 2))

@@ -1,4 +1,4 @@
-"""Memory: what a run holds, what it is told to take, and one clear line where that is too much."""
+"""Memory: photos stored by a run, the memory estimate, and the warning for runs that do not fit."""
 
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -20,8 +20,8 @@ from tests.small_scene import HEIGHT, VERTICES, WIDTH, corner_scene, small_optio
 GIGABYTE = 10**9
 
 
-def test_two_can_lay_out_photos_at_once(monkeypatch: pytest.MonkeyPatch):
-    """As a search does that tries two directions: what one adds, into the room kept for it, does not disturb the other."""
+def test_two_threads_can_lay_out_photos_at_once(monkeypatch: pytest.MonkeyPatch):
+    """As in a local search that evaluates two directions: photos added to the reserved part do not disturb others."""
     shared, alone = (ScaleSpace(corner_scene(), color=False) for _ in range(2))
     filtered = ScaleSpace._filtered
     with ThreadPoolExecutor(2) as pool, ThreadPoolExecutor(2) as both:
@@ -34,14 +34,14 @@ def test_two_can_lay_out_photos_at_once(monkeypatch: pytest.MonkeyPatch):
             assert np.array_equal(pixels[starts[wanted] :][: WIDTH * HEIGHT], expected[-WIDTH * HEIGHT :])
 
 
-def test_a_photo_is_laid_out_only_where_it_is_wanted_and_stays_the_same_as_others_come(monkeypatch: pytest.MonkeyPatch):
+def test_only_requested_photos_are_laid_out_and_later_ones_do_not_change_them(monkeypatch: pytest.MonkeyPatch):
     photos = ScaleSpace(corner_scene(), color=False)
     with ThreadPoolExecutor(2) as pool:
         few, starts = photos.lay_out(2.0, False, [(3, 2.0), (1, 4.0)], pool)
         assert len(few) == 2 * WIDTH * HEIGHT
         more, later = photos.lay_out(2.0, False, [(3, 2.0), (0, 2.0), (3, 4.0)], pool)
         assert len(more) == 4 * WIDTH * HEIGHT
-        monkeypatch.setattr("fairing.cells.scale_space.KEPT_PHOTOS", 0)
+        monkeypatch.setattr("fairing.cells.scale_space.MAX_DECODED_BYTES", 0)
         anew, third = ScaleSpace(corner_scene(), color=False).lay_out(2.0, False, [(3, 2.0)], pool)
     size = WIDTH * HEIGHT
     np.testing.assert_array_equal(few[starts[3, 2.0] :][:size], more[later[3, 2.0] :][:size])
@@ -50,12 +50,12 @@ def test_a_photo_is_laid_out_only_where_it_is_wanted_and_stays_the_same_as_other
 
 
 def small_reductions(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Treat the corner as a scene of more pixels than are kept."""
-    monkeypatch.setattr("fairing.cells.scale_space.LARGE", 0)
-    monkeypatch.setattr("fairing.cells.scale_space.SMALLEST", 8)
+    """Treat the corner as a scene of more than `LARGE_SCENE_PIXELS`."""
+    monkeypatch.setattr("fairing.cells.scale_space.LARGE_SCENE_PIXELS", 0)
+    monkeypatch.setattr("fairing.cells.scale_space.MIN_REDUCED_SIZE", 8)
 
 
-def test_of_a_large_scene_every_so_manieth_pixel_of_a_blurred_photo_is_kept(monkeypatch: pytest.MonkeyPatch):
+def test_a_large_scene_stores_a_subset_of_the_pixels_of_a_blurred_photo(monkeypatch: pytest.MonkeyPatch):
     wanted = [(0, 1.9), (0, 2.0), (0, 5.0), (0, 100.0)]
     with ThreadPoolExecutor(1) as pool:
         pixels, starts = ScaleSpace(corner_scene(), color=False).lay_out(1.2, False, wanted, pool)
@@ -70,8 +70,8 @@ def test_of_a_large_scene_every_so_manieth_pixel_of_a_blurred_photo_is_kept(monk
         np.testing.assert_array_equal(small, whole[::factor, ::factor])
 
 
-def test_photos_that_are_kept_smaller_lead_to_the_same_place(monkeypatch: pytest.MonkeyPatch):
-    """A photo pixel is 1.7 % of the edge; half a kept pixel off would be as much."""
+def test_reduced_photos_lead_to_the_same_position(monkeypatch: pytest.MonkeyPatch):
+    """A photo pixel is 1.7 % of the edge; an error of half a reduced pixel would be as large."""
     options = small_options(
         locked_vertices=(1, 2, 3, 4, 5, 6), cells={"point_spread": ["as_seen"]},
         schedule={"blur": [2.0], "max_sweeps": [6]},
@@ -88,19 +88,19 @@ def test_photos_that_are_kept_smaller_lead_to_the_same_place(monkeypatch: pytest
     assert np.linalg.norm(ends[1] - VERTICES[0]) < 0.012
 
 
-def test_a_scene_of_which_less_is_kept_needs_less_memory(monkeypatch: pytest.MonkeyPatch):
+def test_a_scene_with_reduced_photos_needs_less_memory(monkeypatch: pytest.MonkeyPatch):
     scene = corner_scene()
     options = small_options(cells={"point_spread": ["as_seen"]}, schedule={"blur": [6.0]})
     monkeypatch.setattr(memory, "PROGRAM", 0)
     needed = memory_needed(scene, options)
     small_reductions(monkeypatch)
-    monkeypatch.setattr(memory, "LARGE", 0)
+    monkeypatch.setattr(memory, "LARGE_SCENE_PIXELS", 0)
     pixels = sum(view.camera.width * view.camera.height for view in scene.views)
     assert needed - memory_needed(scene, options) == pytest.approx(4 * pixels * (1 - 1 / 16), abs=1)
 
 
 @pytest.mark.parametrize("call", ["_filtered", "mask"])  # while photos are read, and while visibility is judged
-def test_a_run_nobody_wants_stops_between_two_photos(call: str, monkeypatch: pytest.MonkeyPatch):
+def test_a_cancelled_run_stops_between_two_photos(call: str, monkeypatch: pytest.MonkeyPatch):
     scene, seen = corner_scene(), []
     problem = Problem(scene, small_options(threads=1), scene.mesh.vertices, cancel_requested=lambda: len(seen) == 3)
     before = getattr(ScaleSpace, call)
@@ -113,16 +113,16 @@ def test_a_run_nobody_wants_stops_between_two_photos(call: str, monkeypatch: pyt
     with pytest.raises(Cancelled):
         problem.context(0, scene.mesh.vertices)
     assert len(seen) == 3
-    seen.append(None)  # wanted again
+    seen.append(None)  # no longer cancelled
     expected = Problem(scene, small_options(), scene.mesh.vertices).context(0, scene.mesh.vertices)
     np.testing.assert_array_equal(problem.context(0, scene.mesh.vertices).kernel.pixels, expected.kernel.pixels)
 
 
-def test_photos_in_strips_become_the_same_grey(monkeypatch: pytest.MonkeyPatch):
+def test_conversion_to_grey_in_strips_changes_nothing(monkeypatch: pytest.MonkeyPatch):
     scene = corner_scene()
     with ThreadPoolExecutor(1) as pool:
         whole, _ = ScaleSpace(scene, color=False).lay_out(0.0, False, [(0, 0.0)], pool)
-        monkeypatch.setattr("fairing.cells.scale_space.ROWS", 7)
+        monkeypatch.setattr("fairing.cells.scale_space.STRIP_ROWS", 7)
         strips, _ = ScaleSpace(scene, color=False).lay_out(0.0, False, [(0, 0.0)], pool)
     np.testing.assert_array_equal(whole, strips)
 
@@ -135,14 +135,14 @@ def test_a_check_lays_out_no_photo_and_counts_the_views_of_a_run(monkeypatch: py
     np.testing.assert_array_equal(check.faces.n_views, expected.n_views)
 
 
-def test_with_too_many_parts_of_photos_the_last_level_reads_them_whole_and_says_so(monkeypatch: pytest.MonkeyPatch):
+def test_with_too_many_patch_pixels_the_last_level_reads_whole_photos_and_warns(monkeypatch: pytest.MonkeyPatch):
     scene, options = corner_scene(), PRESETS["accurate"]
     start, last = scene.mesh.vertices, options.n_levels - 1
     problem = Problem(scene, options, start)
     parts = problem.context(last, start).kernel
     assert (parts.pair_frame[:, 2] < WIDTH).any()
     assert TOO_MANY_PARTS not in problem.warnings
-    monkeypatch.setattr("fairing.cells.context.MOST_PIXELS", 0)
+    monkeypatch.setattr("fairing.cells.context.MAX_PATCH_PIXELS", 0)
     whole = problem.context(last, start).kernel
     assert (whole.pair_frame == (0, 0, WIDTH, HEIGHT)).all()
     assert len(whole.pixels) == len(scene.views) * WIDTH * HEIGHT
@@ -163,7 +163,7 @@ def test_a_run_that_does_not_fit_is_refused_in_one_line(
     tmp_path, capsys, monkeypatch: pytest.MonkeyPatch, total: int, free: int, code: int
 ):
     write_corner(tmp_path / "corner")
-    monkeypatch.setattr(memory, "memory_there", lambda: (total, free))
+    monkeypatch.setattr(memory, "memory_available", lambda: (total, free))
     arguments = ["fair", str(tmp_path / "corner"), "--out", str(tmp_path / "out"), "--schedule.blur", "1.2"]
     assert run(arguments) == code
     lines = [line for line in capsys.readouterr().err.splitlines() if "GB of memory" in line]
@@ -175,11 +175,11 @@ def test_a_run_that_does_not_fit_is_refused_in_one_line(
 def test_the_remedy_is_a_scale_that_fits(monkeypatch: pytest.MonkeyPatch):
     scene, options = corner_scene(), PRESETS["accurate"]
     monkeypatch.setattr(memory, "PROGRAM", 0)
-    monkeypatch.setattr(memory, "memory_there", lambda: (memory_needed(scene, options) - 1,) * 2)
+    monkeypatch.setattr(memory, "memory_available", lambda: (memory_needed(scene, options) - 1,) * 2)
     warning = memory_warning(scene, options)
     assert warning is not None
     assert warning.is_too_much
     scale = float(warning.line.rsplit("--photo-scale ", 1)[1])
-    assert memory_needed(scene, options, scale) <= memory.SPARE * (memory_needed(scene, options) - 1)
-    monkeypatch.setattr(memory, "memory_there", lambda: None)
+    assert memory_needed(scene, options, scale) <= memory.USABLE_PART * (memory_needed(scene, options) - 1)
+    monkeypatch.setattr(memory, "memory_available", lambda: None)
     assert memory_warning(scene, options) is None

@@ -1,4 +1,4 @@
-"""Mesh: what it refuses, its neighbourhoods against slow loops, welding, and the findings of inspect_mesh."""
+"""Mesh: validation, neighbourhoods against slow loops, welding, and the findings of inspect_mesh."""
 
 import numpy as np
 import pytest
@@ -57,7 +57,7 @@ def test_diagonal_ignores_unused_vertices():
     assert Mesh(np.vstack([SQUARE, [[100, 0, 0]]]), SQUARE_FACES).diagonal == pytest.approx(np.sqrt(2))
 
 
-def test_weld_keeps_first_appearance_and_leads_back():
+def test_weld_keeps_first_occurrences_and_maps_back():
     distinct = np.random.default_rng(0).normal(size=(30, 3))
     distinct[3] = [0.0, 1, 2]
     picks = np.concatenate([np.arange(30), np.random.default_rng(1).integers(0, 30, 200)])
@@ -74,7 +74,7 @@ def test_weld_leaves_close_vertices_apart():
     assert len(weld(vertices)[0]) == 2
 
 
-def test_closed_cube_has_nothing_unusual():
+def test_a_closed_cube_has_no_findings():
     facts = inspect_mesh(Mesh(CUBE_VERTICES, CUBE_FACES))
     assert facts.warnings() == ()
     assert len(facts.boundary_vertices) == 0
@@ -92,7 +92,7 @@ def test_degenerate_faces_are_found_at_any_scale_and_place(scale: float, shift: 
     assert "mesh: degenerate faces: 2 (first: 2); they take no part" in facts.warnings()
 
 
-def test_repeated_faces_are_found_turned_either_way():
+def test_repeated_faces_are_found_in_either_orientation():
     faces = np.vstack([SQUARE_FACES, [[1, 2, 0], [3, 2, 0]]])
     facts = inspect_mesh(Mesh(SQUARE, faces))
     assert facts.repeated_faces.tolist() == [2, 3]
@@ -106,12 +106,12 @@ def test_edges_of_three_faces_are_found():
     assert "first: 0-2" in facts.warnings()[0]
 
 
-def test_faces_turned_to_opposite_sides_are_found():
+def test_faces_of_opposite_orientations_are_found():
     facts = inspect_mesh(Mesh(SQUARE, np.array([[0, 1, 2], [0, 3, 2]])))
     assert facts.misoriented_edges.tolist() == [[0, 2]]
 
 
-def test_parts_boundary_and_unused_vertices_are_counted():
+def test_components_boundary_and_unused_vertices_are_counted():
     vertices = np.vstack([SQUARE, SQUARE + 5, [[9, 9, 9]]])
     facts = inspect_mesh(Mesh(vertices, np.vstack([SQUARE_FACES, SQUARE_FACES + 4])))
     assert facts.n_components == 2
@@ -119,7 +119,7 @@ def test_parts_boundary_and_unused_vertices_are_counted():
     assert facts.unreferenced_vertices.tolist() == [8]
 
 
-def test_warnings_name_vertices_as_the_user_knows_them():
+def test_warnings_use_the_input_vertex_numbers():
     facts = inspect_mesh(Mesh(np.vstack([SQUARE, [[9, 9, 9]]]), SQUARE_FACES))
     assert "first: 4)" in facts.warnings()[0]
     assert "first: 14)" in facts.warnings(np.arange(10, 15))[0]

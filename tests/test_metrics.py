@@ -1,4 +1,4 @@
-"""Measures of quality against brute force, scikit-image and sums done by hand."""
+"""Metrics against brute force, scikit-image and manual calculations."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -34,7 +34,7 @@ from tests.small_scene import FACES, START, VERTICES, corner_scene, small_option
 
 
 @pytest.mark.parametrize("count", [1, 3, 4, 5, 300])
-def test_closest_point_agrees_with_looking_at_every_triangle(count):
+def test_closest_point_agrees_with_a_loop_over_all_triangles(count):
     rng = np.random.default_rng(count)
     vertices = rng.normal(size=(3 * count, 3)) * [1, 1, 0.2]
     faces = np.arange(3 * count).reshape(-1, 3)
@@ -73,7 +73,7 @@ def test_surface_distance_of_a_shifted_plane_is_the_shift():
         assert summary[f"{name}_percent"] == pytest.approx(1 / np.sqrt(2))
 
 
-def test_distances_sum_up_as_by_hand():
+def test_summaries_agree_with_manual_calculation():
     summary = Distances(np.array([0.0, 3.0, 4.0]), 50.0).summary()
     assert summary["rms_world"] == pytest.approx(np.sqrt(25 / 3))
     assert summary["median_world"] == 3
@@ -122,7 +122,7 @@ def test_flips_are_counted_against_the_start():
     assert len(flipped_faces(VERTICES, VERTICES, FACES)) == 0
 
 
-def test_sparse_points_kept_to_judge_by_are_measured_to_the_moved_mesh():
+def test_held_out_sparse_points_are_measured_to_the_moved_mesh():
     scene = corner_scene()
     assert sparse_point_distance(scene, VERTICES) is None
     kept = np.array([[0.5, 0.5, 1.02], [1.01, 0.5, 0.5], [0.5, 1.05, 0.5]])
@@ -191,7 +191,7 @@ def test_the_robust_mean_agrees_with_a_plain_one_and_leaves_outliers_out():
 
 
 def layered_scene() -> Scene:
-    """A grey wall and a bright board before it, seen by five cameras side by side, so that the board hides wall."""
+    """A grey wall partly hidden by a bright board, seen by five cameras side by side."""
     wall = np.array([[-4, -4, 6], [4, -4, 6], [4, 4, 6], [-4, 4, 6]], float)
     board = np.array([[-0.5, -0.5, 4], [0.5, -0.5, 4], [0.5, 0.5, 4], [-0.5, 0.5, 4]], float)
     vertices = np.vstack([wall, board])
@@ -206,7 +206,7 @@ def layered_scene() -> Scene:
     return Scene.build("layers", vertices, faces, tuple(views))
 
 
-def test_what_hides_a_surface_does_not_colour_it():
+def test_occluders_do_not_contribute_colours_to_hidden_surfaces():
     scene = layered_scene()
     rendered = Renderer(scene, scene.mesh.vertices).render(2)
     truth = scene.views[2].photo.load()
@@ -241,7 +241,7 @@ def masked(view: View, counts: np.ndarray, folder: Path) -> View:
     return replace(view, mask=Mask(folder / f"{view.name}.png"))
 
 
-def test_what_is_masked_neither_colours_nor_is_judged(tmp_path: Path):
+def test_masked_pixels_contribute_no_colour_and_are_not_evaluated(tmp_path: Path):
     scene = layered_scene()
     half = np.ones((91, 121), bool)
     half[:, :60] = False
@@ -265,7 +265,7 @@ def test_what_is_masked_neither_colours_nor_is_judged(tmp_path: Path):
     assert predictions[0].is_known[:, 61:].any()
 
 
-def test_a_photo_colours_by_its_weight():
+def test_photos_contribute_in_proportion_to_their_weight():
     scene = layered_scene()
     dark = replace(scene.views[3], photo=ArrayPhoto(np.clip(scene.views[3].photo.load(), 10, 255) - 6))
 
@@ -278,7 +278,7 @@ def test_a_photo_colours_by_its_weight():
     assert middle(1e3) < middle(1.0) - 3
 
 
-def test_large_photos_are_rendered_smaller_and_from_the_best_sources_only(monkeypatch: pytest.MonkeyPatch):
+def test_large_photos_are_rendered_at_reduced_size_and_from_the_best_sources_only(monkeypatch: pytest.MonkeyPatch):
     scene = layered_scene()
     whole = Renderer(scene, scene.mesh.vertices).render(2)
     monkeypatch.setattr("fairing.judge.render.LARGEST", 60 * 45)
@@ -294,7 +294,7 @@ def test_large_photos_are_rendered_smaller_and_from_the_best_sources_only(monkey
     assert few._sources(0) == [1, 2]
 
 
-def test_exposure_does_not_count_unless_asked_for():
+def test_exposure_is_ignored_by_default():
     scene = corner_scene()
     dark = (0.7 * scene.views[0].photo.load() + 5).astype(np.uint8)
     other = replace(scene, views=(replace(scene.views[0], photo=ArrayPhoto(dark)), *scene.views[1:]))

@@ -1,4 +1,4 @@
-"""One point spread for all photos of a face: against scipy's filters, and against a texture whose blur is known exactly."""
+"""Common point spread function: against scipy's filters, and against a texture whose blur is known exactly."""
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -8,7 +8,7 @@ import pytest
 from scipy.ndimage import gaussian_filter, map_coordinates, spline_filter
 
 from fairing.camera import Camera
-from fairing.cells.point_spread import LENS_VARIANCE, WIDEST, equally_sharp, missing_blur
+from fairing.cells.point_spread import LENS_VARIANCE, MAX_AREA_RATIO, common_psf_patches, missing_blur
 from fairing.cells.scale_space import ScaleSpace
 from fairing.photo import ArrayPhoto
 from fairing.scene import Scene, View
@@ -56,10 +56,10 @@ def photo_of_waves(camera: Camera) -> np.ndarray:
 
 
 def luma(scene: Scene, view: int) -> np.ndarray:
-    return scene.views[view].photo.load().astype(float) @ np.array([0.299, 0.587, 0.114])
+    return scene.views[view].photo.load().astype(float) @ np.array([0.299, 0.587, 0.114])  # Rec. 601
 
 
-def test_the_parts_are_the_photos_blurred():
+def test_the_patches_are_the_blurred_photos():
     scene = corner_scene()
     photos = ScaleSpace(scene, color=False)
     corners = VERTICES[FACES]
@@ -67,12 +67,12 @@ def test_the_parts_are_the_photos_blurred():
     view = np.tile(np.arange(len(scene.views)), len(FACES))
     cams = [item.camera for item in scene.views]
     covariance = missing_blur(cams, view, start, corners, np.full(len(view), 1.5))
-    pixels, base, frame = equally_sharp(photos, cams, view, start, corners, np.full(len(view), 1.5), False, POOL)
-    smooth, _, _ = equally_sharp(photos, cams, view, start, corners, np.full(len(view), 1.5), True, POOL)
+    pixels, base, frame = common_psf_patches(photos, cams, view, start, corners, np.full(len(view), 1.5), False, POOL)
+    smooth, _, _ = common_psf_patches(photos, cams, view, start, corners, np.full(len(view), 1.5), True, POOL)
     for pair in (0, 11, 29):
         left, top, width, height = frame[pair]
         photo = luma(scene, view[pair])
-        # Along the axes of its ellipse a Gaussian is a product of two: turn the photo's place, not the filter.
+        # Along the axes of its ellipse a Gaussian is a product of two: sample the photo along rotated axes.
         values, vectors = np.linalg.eigh(covariance[pair])
         rows = slice(base[pair], base[pair] + width * height)
         found = pixels[rows].reshape(height, width)
@@ -97,9 +97,9 @@ def test_a_round_gaussian_agrees_with_scipy():
     noise = np.random.default_rng(0).integers(0, 256, (SIZE, SIZE, 3), np.uint8)
     scene = replace(corner_scene(), views=[View(name, camera, ArrayPhoto(noise)) for name in "abc"])
     photos = ScaleSpace(scene, color=True)
-    least = np.array([2.0])
-    pixels, base, (frame,) = equally_sharp(
-        photos, [camera], np.array([0]), np.array([0, 1]), FACE[None], least, False, POOL
+    min_sigma = np.array([2.0])
+    pixels, base, (frame,) = common_psf_patches(
+        photos, [camera], np.array([0]), np.array([0, 1]), FACE[None], min_sigma, False, POOL
     )
     left, top, width, height = frame
     expected = gaussian_filter(
@@ -109,38 +109,40 @@ def test_a_round_gaussian_agrees_with_scipy():
     assert np.abs(pixels.reshape(3, height, width) - expected).max() < 0.02
 
 
-def test_all_spots_are_one_on_the_face():
+def test_all_photos_have_one_psf_on_the_face():
     covariance = missing_blur(CAMERAS, PAIR_VIEW, PAIR_START, FACE[None], np.full(4, 0.5))
-    spots = []
+    psfs = []
     for camera, missing in zip(CAMERAS, covariance, strict=True):
         back = np.linalg.inv(jacobian(camera))
-        spots.append(back @ (missing + LENS_VARIANCE * np.eye(2)) @ back.T)
+        psfs.append(back @ (missing + LENS_VARIANCE * np.eye(2)) @ back.T)
         assert np.linalg.eigvalsh(missing)[0] > -1e-12
-    assert np.allclose(spots, spots[0], rtol=1e-6, atol=1e-12)
+    assert np.allclose(psfs, psfs[0], rtol=1e-6, atol=1e-12)
     # Smallest: some photo needs no blur along some direction.
     assert min(np.linalg.eigvalsh(missing)[0] for missing in covariance) < 0.02
 
 
-def test_a_photo_taken_askance_does_not_blur_the_others_without_limit():
-    askance = [*CAMERAS, far_camera(6.0, 0.0, 70)]
-    covariance = missing_blur(askance, np.arange(5), np.array([0, 5]), FACE[None], np.full(5, 0.5))
-    sharpest = min(LENS_VARIANCE / abs(np.linalg.det(jacobian(camera))) for camera in askance)
-    back = np.linalg.inv(jacobian(askance[0]))
-    spot = back @ (covariance[0] + LENS_VARIANCE * np.eye(2)) @ back.T
-    # A photo that is less sharp than the common spot along some direction keeps what it has there.
-    assert np.sqrt(np.linalg.det(spot)) <= 1.3 * WIDEST * sharpest
-    assert sharpest * 6 < LENS_VARIANCE / abs(np.linalg.det(jacobian(askance[4])))
+def test_an_oblique_view_does_not_blur_the_others_without_limit():
+    oblique = [*CAMERAS, far_camera(6.0, 0.0, 70)]
+    covariance = missing_blur(oblique, np.arange(5), np.array([0, 5]), FACE[None], np.full(5, 0.5))
+    sharpest = min(LENS_VARIANCE / abs(np.linalg.det(jacobian(camera))) for camera in oblique)
+    back = np.linalg.inv(jacobian(oblique[0]))
+    psf = back @ (covariance[0] + LENS_VARIANCE * np.eye(2)) @ back.T
+    # A photo that is less sharp than the common PSF along some direction keeps its own blur there.
+    assert np.sqrt(np.linalg.det(psf)) <= 1.3 * MAX_AREA_RATIO * sharpest
+    assert sharpest * 6 < LENS_VARIANCE / abs(np.linalg.det(jacobian(oblique[4])))
 
 
-def test_equally_sharp_photos_show_one_texture():
-    """The cells of a plane seen from near, far and askance become the same image; photos as seen differ."""
+def test_photos_with_a_common_psf_show_one_texture():
+    """The cells of a plane seen from near, far and obliquely become the same image; photos as seen differ."""
     waves = [photo_of_waves(camera) for camera in CAMERAS]
     views = [
         View(f"{i}", camera, ArrayPhoto(np.repeat(np.round(photo)[..., None], 3, axis=2).astype(np.uint8)))
         for i, (camera, photo) in enumerate(zip(CAMERAS, waves, strict=True))
     ]
     photos = ScaleSpace(replace(corner_scene(), views=views), color=False)
-    pixels, base, frame = equally_sharp(photos, CAMERAS, PAIR_VIEW, PAIR_START, FACE[None], np.full(4, 0.5), True, POOL)
+    pixels, base, frame = common_psf_patches(
+        photos, CAMERAS, PAIR_VIEW, PAIR_START, FACE[None], np.full(4, 0.5), True, POOL
+    )
     a, b = np.random.default_rng(1).dirichlet(np.ones(3), 400)[:, :2].T
     points = np.stack([a, b, np.zeros(400)], axis=1)
     cells, as_seen = [], []
@@ -151,6 +153,6 @@ def test_equally_sharp_photos_show_one_texture():
         cells.append(map_coordinates(part, (uv - (left, top)).T[::-1], order=3, prefilter=False))
         as_seen.append(map_coordinates(np.round(waves[i]), uv.T[::-1], order=3))
     spread, before = (np.std(values, axis=0).mean() for values in (cells, as_seen))
-    # What is left is the rounding to whole grey levels.
+    # The rest is the rounding to whole grey levels.
     assert spread < 0.3, (spread, before)
     assert before > 5 * spread

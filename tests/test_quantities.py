@@ -1,4 +1,4 @@
-"""What breakpoints may ask about a step, against what the engine says of it."""
+"""Quantities of breakpoints against values computed from the engine's own records."""
 
 from types import SimpleNamespace
 
@@ -35,13 +35,13 @@ def session(scene: Scene) -> Session:
 
 
 def apart(scene: Scene, one: np.ndarray, other: np.ndarray) -> float:
-    """The largest distance in any photo, px; the cube is in sight of all of them."""
+    """The largest distance in any photo, px; all photos show the cube."""
     return max(
         float(np.linalg.norm(np.diff(view.camera.project(np.stack([one, other]))[0], axis=0))) for view in scene.views
     )
 
 
-def test_a_data_breakpoint_stops_each_time_the_vertex_has_travelled_so_far(scene: Scene):
+def test_a_data_breakpoint_stops_each_time_the_vertex_has_moved_the_given_distance(scene: Scene):
     controller = Controller(Session(scene, OPTIONS))
     try:
         controller.edit_breakpoints(lambda b: b.added("travelled(0) > 1.5"))
@@ -97,14 +97,14 @@ def test_changes_of_visibility_are_counted_where_a_sweep_begins(session: Session
     assert sum(counts) == 12 * 11
 
 
-def test_what_needs_the_engine_is_not_a_number_without_it(session: Session):
+def test_quantities_that_need_the_engine_are_nan_without_it(session: Session):
     ask = quantities_of(session.trace.steps[0], 1)
     for name in ("travelled", "displaced", "outliers"):
         assert np.isnan(ask.functions[name](0))
     assert np.isnan(ask.values["seen_changes"]())
 
 
-def test_vertices_and_views_that_are_not_there_are_pointed_at(scene: Scene):
+def test_errors_name_unknown_vertices_and_views(scene: Scene):
     limits = limits_of(scene)
     parse_step_condition("about(6) and view(11) > 0", limits)
     with pytest.raises(InputError, match=r"column 13: about\(\) expects a whole number from 0 to 6.*⟨here⟩7"):

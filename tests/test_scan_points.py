@@ -1,4 +1,4 @@
-"""Scans boil down to their edges and ends, and the photos that see each point are those that really do."""
+"""Scan points: edges and ends of the surface are chosen, and visibility in photos is correct."""
 
 import numpy as np
 import pytest
@@ -38,7 +38,7 @@ def test_every_corner_of_the_cube_has_a_point_near_it():
     assert distance.max() < 0.06, distance
 
 
-def test_photos_see_what_nothing_hides():
+def test_photos_see_points_that_are_not_occluded():
     points = scan()
     table = 0.3 + 0.3 * points[:400]  # a plate within the cube: hidden from everywhere
     everything = np.concatenate([points, table])

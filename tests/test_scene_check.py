@@ -1,4 +1,4 @@
-"""`check`: mistakes in the cameras found by what they do, textures and exposures measured, a page that stands alone."""
+"""Capture check: convention mistakes in cameras, texture and exposure, and the self-contained page."""
 
 import json
 import re
@@ -64,9 +64,9 @@ def posed(change: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> Callable[[C
 MISTAKES: dict[str, tuple[Callable[[Camera], np.ndarray], str | None]] = {
     "none": (lambda camera: camera.image_from_world, None),
     "a tenth": (shifted(0.1, -0.1), None),
-    "half a pixel": (shifted(0.5, 0.5), r"half a pixel.*centre of the top-left pixel for \(0\.5, 0\.5\)"),
-    "half a pixel back": (shifted(-0.5, -0.5), r"half a pixel.*top-left pixel for \(0, 0\) where it is \(0\.5, 0\.5\)"),
-    "principal point": (shifted(0.3, 1.2), r"\(\+0\.\d+, \+1\.\d+\) px .*principal point is off"),
+    "half a pixel": (shifted(0.5, 0.5), r"half a pixel.*centre of the top-left pixel at \(0\.5, 0\.5\)"),
+    "half a pixel back": (shifted(-0.5, -0.5), r"half a pixel.*top-left pixel at \(0, 0\) instead of \(0\.5, 0\.5\)"),
+    "principal point": (shifted(0.3, 1.2), r"\(\+0\.\d+, \+1\.\d+\) px .*principal point is wrong"),
     "opengl": (posed(lambda R, t: AXES @ np.column_stack([R, t])), r"if axes are y up, z backwards"),
     "inverse": (posed(lambda R, t: np.column_stack([R.T, -R.T @ t])), r"if poses are camera to world"),
     "left and right": (lambda c: np.array([[-1, 0, WIDTH - 1], [0, 1, 0], [0, 0, 1]]) @ c.image_from_world, "mirrored"),
@@ -86,7 +86,7 @@ def test_a_mistake_in_the_cameras_is_recognised_by_the_sparse_points(what: str):
         assert re.search(said, found), found
 
 
-def test_points_of_one_photo_alone_do_not_blame_all_cameras():
+def test_one_bad_photo_is_not_attributed_to_all_cameras():
     scene = with_points(corner_scene())
     views = list(scene.views)
     views[0] = replace(views[0], camera=Camera(shifted(3, 0)(views[0].camera), WIDTH, HEIGHT))
@@ -94,7 +94,7 @@ def test_points_of_one_photo_alone_do_not_blame_all_cameras():
     assert explain_reprojection(scene) is None
     check = check_scene(scene)
     assert check.verdict == "doubtful"
-    assert any("photo photo0: sparse points lie 3" in hint for hint in check.hints)
+    assert any("photo photo0: the reprojection error of the sparse points is 3" in hint for hint in check.hints)
     shift = median_shift(scene, 0)
     assert shift is not None
     assert shift == pytest.approx((3, 0), abs=0.15)
@@ -108,7 +108,7 @@ def test_a_mesh_that_no_photo_shows_is_explained_by_the_poses():
 
 
 def flat_scene(pictures: list[np.ndarray]) -> Scene:
-    """Two triangles, each as wide as a photo, seen straight on by cameras side by side."""
+    """Two triangles, each as wide as a photo, seen frontally by cameras side by side."""
     h, w = pictures[0].shape
     vertices = np.array([[0, 0, 0], [w - 1, 0, 0], [w - 1, h - 1, 0], [0, h - 1, 0]], float)
     views = []
@@ -131,7 +131,7 @@ def test_texture_is_the_gradient_in_grey_levels_a_pixel():
     np.testing.assert_array_equal(blank.texture, 0)
 
 
-def test_exposures_are_found_from_the_faces_photos_share():
+def test_exposures_are_estimated_from_shared_faces():
     gains = np.array([1.0, 0.8, 1.2, 1.0, 0.6, 1.0, 1.0, 1.0])
     change = {v: np.round(photos()[v] * gain).astype(np.uint8) for v, gain in enumerate(gains)}
     scene = corner_scene(displacement=(0, 0, 0), change=change)
@@ -160,7 +160,7 @@ def test_every_face_has_its_views_size_texture_and_reason():
 def test_suggestions_name_the_first_level_and_an_open_mesh():
     scene = corner_scene()
     found = " ".join(check_scene(scene).suggestions)
-    assert "a run begins about level" in found
+    assert "a run starts at about level" in found
 
 
 def test_the_overlay_shows_what_takes_part_and_what_is_masked(tmp_path: Path):
@@ -210,7 +210,7 @@ class Page(HTMLParser):
         assert self._open.pop() == tag
 
 
-def test_the_page_stands_alone_and_escapes_what_comes_from_outside():
+def test_the_page_is_self_contained_and_escapes_input():
     evil = "<script>alert(1)</script>"
     scene = with_points(corner_scene())
     views = (replace(scene.views[0], name=evil), *scene.views[1:])
@@ -238,11 +238,11 @@ def test_check_writes_page_sheet_data_and_overlays(tmp_path: Path, capsys: pytes
     assert "suggestion: faces measure" in capsys.readouterr().out
 
 
-def test_a_scene_with_half_a_pixel_amiss_is_doubtful_from_its_files_on(tmp_path: Path):
+def test_files_with_a_shift_of_half_a_pixel_are_doubtful(tmp_path: Path):
     capture = ForeignCapture()
     source = write_scene(capture, tmp_path / "scene", "COLMAP")
     cameras = source / "sparse" / "cameras.txt"
     cameras.write_text(cameras.read_text().replace("48.0 36.0", "48.5 36.5"))
     check = check_scene(load_scene(source))
     assert check.verdict != "good"
-    assert check.hints[0].startswith("in all photos alike sparse points lie (+0.50, +0.50) px")
+    assert check.hints[0].startswith("in all photos sparse points are shifted by (+0.50, +0.50) px")

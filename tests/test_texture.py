@@ -1,18 +1,16 @@
-"""Textured models: faces apart in the image, colours of the photos at the right place, files other programs read."""
+"""Textured models: separate faces in the atlas, colours of the photos, and files that other programs read."""
 
 import io
 import json
 import struct
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 import trimesh
 from PIL import Image
 
 from app.cli.main import run
-from fairing.camera import Camera
 from fairing.errors import InputError
 from fairing.geometry.rasterize import rasterize
 from fairing.io import read_mesh, write_mesh
@@ -23,12 +21,11 @@ from fairing.photo import ArrayPhoto
 from fairing.scene import Scene, View
 from fairing.texture import AtlasLayout, TexturedModel, textured_model
 from tests.small_scene import FACES, VERTICES, corner_scene, photos, write_corner
-
-RNG = np.random.default_rng(3)
+from tests.texture_view import inner, shown_in
 
 
 @pytest.mark.parametrize(("largest", "gutter"), [(1024, 2), (300, 4)])
-def test_as_many_faces_fit_as_is_said_and_not_one_more(largest, gutter):
+def test_most_faces_is_the_exact_limit(largest, gutter):
     most = AtlasLayout.most_faces(largest, gutter)
     layout = AtlasLayout.plan(np.ones((most, 3)), largest, gutter)
     assert max(layout.width, layout.height) <= largest
@@ -36,31 +33,11 @@ def test_as_many_faces_fit_as_is_said_and_not_one_more(largest, gutter):
         AtlasLayout.plan(np.ones((most + 1, 3)), largest, gutter)
 
 
-def shown_in(model: TexturedModel, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
-    """The model in a camera (h, w, 3), looked up by its texture coordinates alone, and where it is (h, w)."""
-    face_id, depth = rasterize(model.vertices, model.faces, camera)
-    rows, columns = np.nonzero(face_id >= 0)
-    face = face_id[rows, columns]
-    rays = depth[rows, columns] * np.stack([columns, rows, np.ones(len(rows))])
-    points = np.linalg.solve(camera.image_from_world[:, :3], rays - camera.image_from_world[:, 3:]).T
-    weights = trimesh.triangles.points_to_barycentric(model.vertices[model.faces[face]], points)
-    uv = np.einsum("qc,qcx->qx", weights, model.uv[face])
-    height, width = model.image.shape[:2]
-    x, y = (uv * (width, height) - 0.5).astype(np.float32).T
-    colors = cv2.remap(model.image.astype(np.float32), x[None], y[None], cv2.INTER_LINEAR)[0]
-    image = np.zeros((camera.height, camera.width, 3))
-    image[rows, columns] = colors
-    return image, face_id >= 0
-
-
-def inner(is_shown: np.ndarray) -> np.ndarray:
-    return cv2.erode(is_shown.astype(np.uint8), np.ones((5, 5), np.uint8), borderValue=0) > 0
-
-
 @pytest.mark.parametrize("largest", [4096, 500])
 def test_no_face_reads_the_texels_of_another(largest):
-    lengths = np.exp(RNG.uniform(np.log(5), np.log(150), 60))
-    edges = np.column_stack([lengths, lengths * RNG.uniform(0.7, 1, 60), lengths * RNG.uniform(0.4, 0.9, 60)])
+    rng = np.random.default_rng(3)
+    lengths = np.exp(rng.uniform(np.log(5), np.log(150), 60))
+    edges = np.column_stack([lengths, lengths * rng.uniform(0.7, 1, 60), lengths * rng.uniform(0.4, 0.9, 60)])
     layout = AtlasLayout.plan(edges, largest)
     assert max(layout.width, layout.height) <= largest
     owner = np.full((layout.height, layout.width), -1)
@@ -76,7 +53,7 @@ def test_no_face_reads_the_texels_of_another(largest):
         owner[near] = face
 
 
-def test_a_face_gets_as_many_texels_as_photos_have_pixels_for_it_until_the_texture_is_full():
+def test_texels_match_photo_pixels_until_the_texture_is_full():
     edges = np.tile([100.0, 80.0, 60.0], (200, 1))
     free, full = AtlasLayout.plan(edges, 10000), AtlasLayout.plan(edges, 600)
     assert free.scale == 1
@@ -87,7 +64,7 @@ def test_a_face_gets_as_many_texels_as_photos_have_pixels_for_it_until_the_textu
         AtlasLayout.plan(edges, 64)
 
 
-def test_the_model_at_the_truth_looks_like_the_photos_and_a_wrong_one_does_not():
+def test_the_true_model_looks_like_the_photos_and_a_wrong_one_does_not():
     scene = corner_scene()
     right, wrong = (textured_model(scene, vertices) for vertices in (VERTICES, scene.mesh.vertices))
     for view in scene.views[:3]:
@@ -115,7 +92,7 @@ def test_exposures_of_the_photos_leave_no_seams():
     assert max(ratio) / min(ratio) < 1.02, ratio
 
 
-def test_what_one_photo_shows_wrongly_hardly_shows():
+def test_an_artefact_in_one_photo_is_suppressed():
     painted = photos()[0].copy()
     painted[30:90, 50:110] = 255
     clean, disturbed = (
@@ -129,7 +106,7 @@ def test_what_one_photo_shows_wrongly_hardly_shows():
     assert np.percentile(difference, 95) < 6, np.percentile(difference, [50, 95, 99])
 
 
-def test_no_photo_sees_a_face_then_it_is_grey():
+def test_a_face_that_no_photo_sees_is_grey():
     scene = corner_scene()
     faces = np.vstack([FACES, [1, 2, 6]])  # behind the others
     hidden = Scene.build("hidden", VERTICES, faces, scene.views)
@@ -144,7 +121,7 @@ def model() -> TexturedModel:
 
 
 @pytest.mark.parametrize("suffix", [".obj", ".ply"])
-def test_trimesh_reads_the_model_as_it_was_written(tmp_path: Path, model: TexturedModel, suffix: str):
+def test_trimesh_reads_the_written_model(tmp_path: Path, model: TexturedModel, suffix: str):
     write_textured(tmp_path / f"model{suffix}", model)
     read = trimesh.load_mesh(tmp_path / f"model{suffix}", process=False)
     np.testing.assert_allclose(read.triangles, model.vertices[model.faces], atol=1e-7)
@@ -176,7 +153,7 @@ def test_another_suffix_is_refused_in_one_line(tmp_path: Path, model: TexturedMo
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_photo_counts_only_where_its_mask_lets_it():
+def test_masked_pixels_do_not_contribute():
     class Right:
         size = (160, 120)
 
@@ -208,7 +185,7 @@ def test_the_command_writes_a_model_and_refuses_bad_sizes(tmp_path: Path, capsys
     assert len(capsys.readouterr().err.splitlines()) == 1
 
 
-def test_fair_adds_models_and_the_proof_on_photos_left_out(tmp_path: Path, capsys):
+def test_fair_writes_models_and_the_evaluation_on_left_out_photos(tmp_path: Path, capsys):
     write_corner(tmp_path / "corner")
     out = tmp_path / "out"
     quick = ["--schedule.blur", "2", "1", "--schedule.max-sweeps", "2", "--cells.size", "32"]
@@ -223,7 +200,7 @@ def test_fair_adds_models_and_the_proof_on_photos_left_out(tmp_path: Path, capsy
     assert f"{proof['judged_share']:.0%} of their pixels" in capsys.readouterr().err
 
 
-def test_another_mesh_is_judged_on_the_pixels_that_both_show(tmp_path: Path, capsys):
+def test_another_mesh_is_evaluated_on_the_pixels_that_both_show(tmp_path: Path, capsys):
     """The start without one of its six faces: where both show a surface it is the same as the start."""
     write_corner(tmp_path / "corner")
     start = Mesh(*read_mesh(tmp_path / "corner" / "mesh.obj"))

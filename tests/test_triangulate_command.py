@@ -15,7 +15,7 @@ from fairing.io.convert import write_capture
 from fairing.run.session import Session
 from fairing.trace import Trace
 from fairing.triangulation import FlipTrace
-from tests.test_triangulation import seen_points, terrain
+from tests.terrain_scene import seen_points, terrain
 
 QUICK = (
     "--schedule.blur",
@@ -54,7 +54,7 @@ def test_points_become_a_mesh_with_a_record_and_a_report(capture, tmp_path, caps
     assert report["vertices"] + sum(report["points_left_out"].values()) == 25
     said = " ".join(capsys.readouterr().err.split())
     assert f"{len(vertices)} points became vertices, triangulated in photo" in said
-    assert "no flip lowers the energy any more" in said
+    assert "no further flip lowers the energy" in said
 
     assert run(["triangulate", str(capture), "--out", str(out), "--max-vertices", "14"]) == 0
     assert len(read_mesh(out)[0]) <= 14  # its own earlier result may be replaced

@@ -1,16 +1,14 @@
-"""Image-consistent triangulation: the right diagonal is found, wrong flips are not made, points become a start mesh."""
+"""Image-consistent triangulation: correct flips are made, wrong ones are not, and points become a start mesh."""
 
 import numpy as np
 import pytest
 from scipy.spatial import Delaunay
 
-from fairing.camera import Camera
 from fairing.errors import InputError
 from fairing.geometry.mesh_check import inspect_mesh
 from fairing.geometry.normals import face_normals
 from fairing.mesh import Mesh
-from fairing.photo import ArrayPhoto
-from fairing.scene import Scene, SparsePoints, View
+from fairing.scene import Scene, View
 from fairing.triangulation import (
     EdgeFlipper,
     FlipTrace,
@@ -23,12 +21,12 @@ from fairing.triangulation.quads import find_quads, judge_shapes
 from tests.roof_scene import (
     VERTICES,
     counter_clockwise,
-    photo,
     plane_photos,
     plane_vertices,
     roof_scene,
     views_of,
 )
+from tests.terrain_scene import BLANK, CAMERAS, VIEWS, pinhole, seen_points, terrain
 
 
 def edges_of(faces: np.ndarray) -> set[tuple[int, int]]:
@@ -41,7 +39,7 @@ def last_faces(flipper: EdgeFlipper) -> np.ndarray:
 
 @pytest.mark.parametrize("truth", ["AB", "CD"])
 @pytest.mark.parametrize("start", ["AB", "CD"])
-def test_the_ridge_ends_where_the_photos_have_it(truth, start):
+def test_the_ridge_of_the_photos_is_found(truth, start):
     scene = roof_scene(truth, start)
     flipper = EdgeFlipper(scene)
     summary = flipper.run()
@@ -54,7 +52,7 @@ def test_the_ridge_ends_where_the_photos_have_it(truth, start):
     assert edges_of(last_faces(flipper)) - {ridge} == {(0, 2), (0, 3), (1, 2), (1, 3)}
 
 
-def test_the_energy_of_the_right_roof_is_that_of_starting_there():
+def test_the_final_energy_equals_that_of_a_correct_start():
     wrong, right = EdgeFlipper(roof_scene("AB", "CD")), EdgeFlipper(roof_scene("AB", "AB"))
     found, there = wrong.run(), right.run()
     assert found.energy_before > 100 * found.energy_after
@@ -68,7 +66,7 @@ def test_the_energy_of_the_right_roof_is_that_of_starting_there():
 
 
 @pytest.mark.parametrize("orientation", [1, -1])
-def test_a_mesh_turned_inside_out_is_flipped_alike(orientation):
+def test_an_inverted_mesh_gets_the_same_flips(orientation):
     scene = roof_scene("AB", "CD")
     flipper = EdgeFlipper(Scene.build("roof", VERTICES, scene.mesh.faces[:, ::orientation], scene.views))
     flipper.run()
@@ -77,7 +75,7 @@ def test_a_mesh_turned_inside_out_is_flipped_alike(orientation):
     assert (np.sign(turned[:, 2]) == orientation).all()
 
 
-def test_a_flat_patch_stays_as_it_is():
+def test_a_flat_patch_is_not_changed():
     vertices = plane_vertices()
     faces = counter_clockwise(Delaunay(vertices[:, :2]).simplices, vertices)
     flipper = EdgeFlipper(Scene.build("plane", vertices, faces, views_of(plane_photos())))
@@ -85,14 +83,6 @@ def test_a_flat_patch_stays_as_it_is():
     assert len(flipper.trace) == 0
     assert summary.verdicts[0][Verdict.NO_GAIN] > 20
     assert summary.energy_after == summary.energy_before
-
-
-def terrain() -> tuple[np.ndarray, tuple[View, ...]]:
-    """Points on a true surface of many folds, and its photos."""
-    vertices = plane_vertices()
-    vertices[:, 2] = 0.25 * np.abs(np.sin(3 * vertices[:, 0] + 1.3 * vertices[:, 1]))
-    truth = counter_clockwise(Delaunay(vertices[:, :2] @ np.array([[1, 0.9], [0.2, 1]])).simplices, vertices)
-    return vertices, views_of(tuple(photo(view.camera, vertices, truth, 2) for view in views_of(plane_photos())))
 
 
 @pytest.fixture(scope="module")
@@ -132,7 +122,7 @@ def test_after_the_run_no_flip_lowers_the_energy(terrain_scene):
     assert again.run().inconsistent_before == 0
 
 
-def test_the_same_flips_whatever_the_number_of_threads(terrain_scene, tmp_path):
+def test_flips_do_not_depend_on_the_number_of_threads(terrain_scene, tmp_path):
     records = []
     for threads in (1, 3):
         flipper = EdgeFlipper(terrain_scene, TriangulationOptions(threads=threads))
@@ -174,7 +164,7 @@ def test_the_record_replays_to_the_same_mesh(terrain_scene, tmp_path):
         FlipTrace.load(path)
 
 
-def test_a_run_stops_when_asked_and_keeps_what_it_has(terrain_scene):
+def test_a_stopped_run_keeps_its_flips(terrain_scene):
     flipper = EdgeFlipper(terrain_scene)
     summary = flipper.run(should_stop=lambda: len(flipper.trace) > 0)
     assert summary.stop_reason == "stopped on request"
@@ -215,34 +205,12 @@ def test_an_edge_of_a_tetrahedron_cannot_be_flipped():
     assert (judge_shapes(quads, faces, vertices) == Verdict.TWICE).all()
 
 
-def test_only_edges_of_two_faces_turned_alike_are_looked_at():
+def test_only_edges_of_two_consistently_oriented_faces_are_considered():
     assert len(find_quads(np.array([[0, 1, 2], [1, 0, 3]])).edge) == 1
     turned = find_quads(np.array([[0, 1, 2], [0, 1, 3]]))
     assert (len(turned.edge), turned.n_other) == (0, 5)
     crowded = find_quads(np.array([[0, 1, 2], [1, 0, 3], [1, 0, 4]]))
     assert len(crowded.edge) == 0
-
-
-def pinhole(eye, target, up=(0, 1, 0)) -> Camera:
-    z = np.subtract(target, eye) / np.linalg.norm(np.subtract(target, eye))
-    x = np.cross(z, up) / np.linalg.norm(np.cross(z, up))
-    R = np.stack([x, np.cross(z, x), z])
-    K = np.array([[600, 0, 319.5], [0, 600, 239.5], [0, 0, 1]])
-    return Camera.from_krt(K, R, -R @ np.asarray(eye, float), 640, 480)
-
-
-BLANK = ArrayPhoto(np.zeros((480, 640, 3), np.uint8))
-CAMERAS = [pinhole([x, y, 6], [0, 0, 0]) for x, y in ((0.1, 0), (-2, 1), (2, 1), (-2, -1), (2, -1))]
-VIEWS = tuple(View(f"p{i}", camera, BLANK) for i, camera in enumerate(CAMERAS))
-
-
-def seen_points(positions: np.ndarray, sees: np.ndarray | None = None, views=VIEWS) -> SparsePoints:
-    """Points with exact pixels; `sees` (V, n) bool, default: everybody sees everything."""
-    sees = np.ones((len(views), len(positions)), bool) if sees is None else sees
-    view_id, point_id = np.nonzero(sees)
-    pixels = np.stack([views[v].camera.project(positions[p])[0] for v, p in zip(view_id, point_id, strict=True)])
-    colors = np.zeros((len(positions), 3), np.uint8)
-    return SparsePoints(positions, colors, np.column_stack([point_id, view_id]), pixels)
 
 
 def wall(count: int = 300, seed: int = 0) -> np.ndarray:
@@ -268,13 +236,13 @@ def test_points_become_a_sound_mesh_that_faces_the_central_photo():
 
 
 @pytest.mark.parametrize("most", [12, 40])
-def test_vertices_keep_to_the_number_wanted(most):
+def test_the_number_of_vertices_is_limited(most):
     mesh = start_mesh(VIEWS, seen_points(wall()), TriangulationOptions(max_vertices=most))
     assert 0.5 * most <= len(mesh.vertices) <= most
     assert np.ptp(mesh.vertices[:, 0]) > 1.5  # still spread over the wall
 
 
-def test_points_that_cannot_be_trusted_are_left_out_and_said():
+def test_outliers_are_left_out_and_reported():
     positions = wall()
     sees = np.ones((5, 300), bool)
     sees[2:, :20] = False  # too few photos
@@ -285,12 +253,12 @@ def test_points_that_cannot_be_trusted_are_left_out_and_said():
     mesh = start_mesh(VIEWS, points, TriangulationOptions())
     assert not np.isin(np.arange(23), mesh.point_ids).any()
     assert mesh.left_out["seen by fewer than 3 photos"] == 20
-    assert mesh.left_out["far from where the photos see it"] == 1
+    assert mesh.left_out["reprojection error too large"] == 1
     assert mesh.left_out["far from all others"] == 2
     assert np.abs(mesh.vertices[:, 2] - 0.2 * mesh.vertices[:, 0]).max() < 1e-12
 
 
-def test_a_jump_in_depth_is_not_bridged():
+def test_a_depth_discontinuity_is_not_bridged():
     positions = np.vstack([wall(200, 1) * [0.45, 1, 0] - [0.8, 0, 0], wall(200, 2) * [0.45, 1, 0] + [0.75, 0, -4]])
     mesh = start_mesh(VIEWS, seen_points(positions), TriangulationOptions())
     in_front = mesh.vertices[mesh.faces][:, :, 2] > -2
@@ -298,7 +266,7 @@ def test_a_jump_in_depth_is_not_bridged():
     assert inspect_mesh(Mesh(mesh.vertices, mesh.faces)).n_components == 2
 
 
-def test_what_the_central_photo_cannot_see_becomes_another_patch():
+def test_surfaces_hidden_from_the_central_photo_become_another_patch():
     back = tuple(
         View(f"back{i}", pinhole([x, y, -6], [0, 0, 0]), BLANK) for i, (x, y) in enumerate(((0, 0.1), (1, 1), (-1, 1)))
     )
@@ -313,7 +281,7 @@ def test_what_the_central_photo_cannot_see_becomes_another_patch():
     assert (patch.all(axis=1) | ~patch.any(axis=1)).all()
 
 
-def test_what_cannot_be_triangulated_is_one_line():
+def test_errors_are_one_line():
     def message(points, **options) -> str:
         with pytest.raises(InputError) as caught:
             triangulate("capture", VIEWS, points, TriangulationOptions(**options))

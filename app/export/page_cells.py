@@ -14,7 +14,8 @@ import numpy as np
 
 from app.export.packing import packed
 from app.export.run_facts import RunFacts
-from fairing.cells.context import ANTI_ALIASING, NORMS, CellContext, blur_rungs
+from fairing.cells.context import NORMS, CellContext
+from fairing.cells.pair_photos import ANTI_ALIASING, blur_octaves, blur_of_octave
 from fairing.cells.point_spread import missing_blur
 from fairing.cells.scale_space import ScaleSpace
 from fairing.errors import InputError
@@ -139,7 +140,9 @@ def _choices(facts: RunFacts, key: tuple[int, int], state: SweepState, faces: li
     for row, of_face in enumerate(pairs):
         samples = sizes[row] * (sizes[row] + 1) // 2
         masks += [_bits(data.masks, start, samples) for start in data.pair_mask[of_face].tolist()]
-    is_common = by_level(facts.options.cells.point_spread, context.level) == "common" and not context.too_many_parts
+    is_common = (
+        by_level(facts.options.cells.point_spread, context.level) == "common" and not context.point_spread_fallback
+    )
     of_pairs = np.repeat(sizes, np.diff(starts))
     return _Sweep(
         key=key,
@@ -188,8 +191,8 @@ def _blur(
         least = np.maximum(blur, ANTI_ALIASING * spacing)
         covariance = missing_blur(cameras, views, starts, corners, least)
         return covariance.reshape(-1, 4)[:, [0, 1, 3]]
-    rung = blur_rungs(spacing, blur)
-    sigma = np.where(rung == 0, blur, max(blur, 1.0) * 2.0**rung)
+    octaves = blur_octaves(spacing, blur)
+    sigma = np.array([blur_of_octave(octave, blur) for octave in octaves.tolist()])
     return np.stack([sigma**2, np.zeros(len(face)), sigma**2], axis=1)
 
 

@@ -1,4 +1,4 @@
-"""At which level a run begins: no coarser than its faces allow."""
+"""Choice of levels by blur: the first level of a run, and the fine levels near the truth."""
 
 import numpy as np
 
@@ -7,15 +7,15 @@ from fairing.options import FairingOptions
 from fairing.scene import Scene
 
 FOOTPRINT_PER_BLUR = 12.0  # a face's height over sigma_smooth at the first level
-NEAR_TRUTH_BLUR = 1.2  # px
+NEAR_TRUTH_BLUR = 1.2  # px: levels up to this blur are fine enough to judge vertices near the truth
 
 
 def first_level(scene: Scene, vertices: np.ndarray, orientation: int, options: FairingOptions) -> int:
     """The first level whose blur suits the size of the faces in the photos.
 
     Args:
-        vertices: (n, 3) float: the start.
-        orientation: see `fairing.cells.context.facing`.
+        vertices: (n, 3) float, world units: the start.
+        orientation: see `fairing.cells.visibility.mesh_orientation`.
     """
     if options.schedule.start == "first":
         return 0
@@ -28,18 +28,22 @@ def first_level(scene: Scene, vertices: np.ndarray, orientation: int, options: F
 
 
 def level_for_footprint(typical: float, options: FairingOptions) -> int:
-    """The first level whose blur suits faces of a typical height in the photos, px."""
+    """The first level whose blur suits faces of a typical height in the photos.
+
+    Args:
+        typical: median height of the faces' footprints, px.
+    """
     fitting = (k for k, blur in enumerate(options.schedule.blur) if blur <= typical / FOOTPRINT_PER_BLUR)
     return next(fitting, options.n_levels - 1)
 
 
 def first_fine_level(options: FairingOptions) -> int:
-    """The first level fine enough to tell near the truth."""
+    """The first level whose blur is at most `NEAR_TRUTH_BLUR`; the last level if there is none."""
     fine = (k for k, blur in enumerate(options.schedule.blur) if blur <= NEAR_TRUTH_BLUR)
     return next(fine, options.n_levels - 1)
 
 
 def last_fine_level(options: FairingOptions) -> int:
-    """The last level of the blur that the first fine one has."""
+    """The last level with the same blur as the first fine level."""
     blur = options.schedule.blur[first_fine_level(options)]
     return max(k for k in range(options.n_levels) if options.schedule.blur[k] == blur)

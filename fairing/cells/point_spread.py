@@ -1,16 +1,14 @@
-"""One point spread for all cells of a face: each photo is blurred by what it lacks of it, around each face.
+"""Common point spread function (PSF): each photo is blurred around each face until all photos of the face are equally sharp.
 
-A photo shows a point of the surface as a small spot: its lens, its pixels and the level's blur. On the face the spot is an
-ellipse, larger the farther away the camera and longer the more askance it looks. So the cells of one face are blurred
-differently, and what differs looks like misalignment: on the cube an eigenspace of one dimension ends 0.0076 % of the edge
-off, and a second dimension, which takes it up, costs precision where there is noise (3.6 times the Cramer-Rao bound). With
-one spot on the face for all photos, blurred as little as that allows, k = 1 ends 0.0008 % off, with noise 1.6 times the
-bound. (Affine-adapted smoothing: Lindeberg and Garding, Image and Vision Computing 1997.)
-
-Tried and lost: the same at blur 1.2 (fountain from structure from motion: sparse points 0.0872 % from the surface instead
-of 0.0801: faces are not quite planes, and more blur lets them off).
+The PSF of a photo comes from its lens, its pixels and the level's blur. Back-projected onto the face it is an ellipse that
+grows with the camera's distance and is elongated in an oblique view. The cells of one face are therefore blurred
+differently, and the difference looks like misalignment: it costs accuracy with one eigenspace dimension, and a second
+dimension, which would absorb it, costs precision under noise (ledger: common point spread function). This module finds one
+PSF on the face for all its photos, as small as possible, and applies the missing blur to each photo.
+(Affine-adapted smoothing: Lindeberg and Garding, Image and Vision Computing 1997.)
 """
 
+from collections.abc import Sequence
 from concurrent.futures import Executor
 
 import numpy as np
@@ -21,75 +19,92 @@ from fairing.camera import Camera
 from fairing.cells.scale_space import ScaleSpace
 
 LENS_VARIANCE = 0.36 + 1 / 12
-"""px^2: the spot of a photo as taken: a good lens, and the pixel's box."""
-WIDEST = 3.0
-"""A photo that looks askance does not make the others blur to more than so many times the area of the sharpest spot."""
-TRAVEL = 6.0
-"""px around a face that are blurred, too: so far it may move before a sweep ends and this is done anew."""
-MOST_PIXELS = 500_000_000
-"""Of the parts around all faces together, 2 GB. With more the photos are read as they are: of 100,000 vertices and 200
-photos of 20 Mpx the parts would take 35 GB where the photos take 16, and 1.4 million parts minutes a sweep."""
+"""px^2: variance of the PSF of a photo as taken: a good lens, and the pixel's box."""
+MAX_AREA_RATIO = 3.0
+"""An oblique view does not force the others to a PSF of more than this many times the area of the sharpest one."""
+PATCH_MARGIN = 6.0
+"""px around a face that are blurred too: a vertex may move this far before the patches are computed again (next sweep)."""
+MAX_PATCH_PIXELS = 500_000_000
+"""Limit of the patches around all faces together, 2 GB. Beyond it photos are used as seen (ledger: patch memory)."""
 _SHAPE_ROUNDS = 30
-_TAIL = 3.5
-_SMALLEST = 8
+_KERNEL_RADIUS = 3.5
+"""Radius of a patch's border in standard deviations of the Gaussian."""
+_MIN_PATCH = 8
+"""px: least width and height of a patch."""
 
 
 def missing_blur(
-    cameras: list[Camera], pair_view: np.ndarray, pair_start: np.ndarray, corners: np.ndarray, least: np.ndarray
+    cameras: Sequence[Camera], pair_view: np.ndarray, pair_start: np.ndarray, corners: np.ndarray, min_sigma: np.ndarray
 ) -> np.ndarray:
-    """The Gaussians that give all photos of a face one point spread on it.
+    """The Gaussians that give all photos of a face one PSF on it.
 
     Args:
+        cameras: V cameras.
         pair_view: (P,) int: pairs of face and view, face by face.
         pair_start: (m + 1,) int: the pairs of face f are pair_start[f] : pair_start[f + 1].
-        corners: (m, 3, 3) float: the faces, world units.
-        least: (P,) float: standard deviation of each pair's spot at least, px.
+        corners: (m, 3, 3) float: corners of the faces, world units.
+        min_sigma: (P,) float: least standard deviation of each pair's PSF, px.
 
     Returns:
-        (P, 2, 2) float: covariances, px^2; zero along directions in which a photo is blurred enough as it is.
+        (P, 2, 2) float: covariances, px^2; zero along directions in which a photo is already blurred enough.
     """
     face = np.repeat(np.arange(len(corners)), np.diff(pair_start))
     axes, centers = _plane_axes(corners), corners.mean(axis=1)
-    J = np.empty((len(face), 2, 2))  # pixels by place in the face's plane
+    J = np.empty((len(face), 2, 2))  # J_image_wrt_plane: pixels by position in the face's plane
     for v, camera in enumerate(cameras):
         rows = np.flatnonzero(pair_view == v)
         J[rows] = camera.J_image_wrt_point(centers[face[rows]]) @ axes[face[rows]]
     back = np.linalg.inv(J)
-    own = np.maximum(LENS_VARIANCE, least**2)
-    spots = back @ back.transpose(0, 2, 1) * own[:, None, None]
+    own = np.maximum(LENS_VARIANCE, min_sigma**2)
+    ellipses = back @ back.transpose(0, 2, 1) * own[:, None, None]
     common = np.zeros((len(corners), 2, 2))
-    _enclose(spots, pair_start, common)
-    wanted = J @ common[face] @ J.transpose(0, 2, 1)
-    values, vectors = np.linalg.eigh(wanted)
+    _enclose(ellipses, pair_start, common)
+    target = J @ common[face] @ J.transpose(0, 2, 1)
+    values, vectors = np.linalg.eigh(target)
     missing = np.maximum(values - LENS_VARIANCE, 0.0)
     return (vectors * missing[:, None, :]) @ vectors.transpose(0, 2, 1)
 
 
-def pixels_around(longest_edge: np.ndarray, height: np.ndarray) -> np.ndarray:
-    """(P,) float, about: pixels of the part around each footprint, of its longest edge and its height on it (P,), px."""
-    return (longest_edge + 2 * TRAVEL) * (height + 2 * TRAVEL)
+def patch_pixels(longest_edge: np.ndarray, height: np.ndarray) -> np.ndarray:
+    """Approximate number of pixels of the patch around each footprint.
+
+    Args:
+        longest_edge, height: (P,) float: longest edge of the footprint and the height on it, px.
+
+    Returns:
+        (P,) float.
+    """
+    return (longest_edge + 2 * PATCH_MARGIN) * (height + 2 * PATCH_MARGIN)
 
 
-def equally_sharp(
+def common_psf_patches(
     photos: ScaleSpace,
-    cameras: list[Camera],
+    cameras: Sequence[Camera],
     pair_view: np.ndarray,
     pair_start: np.ndarray,
     corners: np.ndarray,
-    least: np.ndarray,
+    min_sigma: np.ndarray,
     cubic: bool,
     pool: Executor,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The part of a photo around a face for every pair, blurred by what `missing_blur` says, exactly, by Fourier transform.
+    """The patch of a photo around the face of every pair, blurred by `missing_blur`, exactly, by Fourier transform.
 
     Args:
-        cubic: give cubic B-spline coefficients instead of pixels.
-        pool: works on several photos at a time.
+        photos: the photos as taken.
+        cameras: V cameras.
+        pair_view: (P,) int: pairs of face and view, face by face.
+        pair_start: (m + 1,) int: the pairs of face f are pair_start[f] : pair_start[f + 1].
+        corners: (m, 3, 3) float: corners of the faces, world units.
+        min_sigma: (P,) float: least standard deviation of each pair's PSF, px.
+        cubic: return cubic B-spline coefficients instead of pixels.
+        pool: executes several photos at a time.
 
     Returns:
-        `pixels`, `pair_base` and `pair_frame` of `fairing.kernels.data.KernelData`.
+        pixels: flat float32, grey levels: the patches' planes (channels, height, width), patch after patch.
+        base: (P,) int64: where each patch starts in `pixels`.
+        frame: (P, 4) int64: left and top pixel of each patch in its photo, width and height, px.
     """
-    covariance = missing_blur(cameras, pair_view, pair_start, corners, least)
+    covariance = missing_blur(cameras, pair_view, pair_start, corners, min_sigma)
     face = np.repeat(np.arange(len(corners)), np.diff(pair_start))
     corners_px, sizes = np.empty((len(face), 3, 2)), np.empty((len(face), 2), dtype=np.int64)
     pairs_of = {int(v): np.flatnonzero(pair_view == v) for v in np.unique(pair_view)}
@@ -97,13 +112,13 @@ def equally_sharp(
         camera = cameras[v]
         corners_px[rows] = camera.project(corners[face[rows]].reshape(-1, 3))[0].reshape(-1, 3, 2)
         sizes[rows] = camera.width, camera.height
-    low = np.clip(np.floor(corners_px.min(axis=1) - TRAVEL).astype(np.int64), 0, sizes - _SMALLEST)
-    high = np.clip(np.ceil(corners_px.max(axis=1) + TRAVEL).astype(np.int64) + 2, low + _SMALLEST, sizes)
+    low = np.clip(np.floor(corners_px.min(axis=1) - PATCH_MARGIN).astype(np.int64), 0, sizes - _MIN_PATCH)
+    high = np.clip(np.ceil(corners_px.max(axis=1) + PATCH_MARGIN).astype(np.int64) + 2, low + _MIN_PATCH, sizes)
     frame = np.concatenate([low, high - low], axis=1)
     base = np.concatenate([[0], np.cumsum(photos.channels * frame[:, 2] * frame[:, 3])])
     pixels = np.empty(base[-1], dtype=np.float32)
     deviation = np.sqrt(np.trace(covariance, axis1=1, axis2=2))
-    border = np.ceil(_TAIL * deviation).astype(np.int64) + 3
+    border = np.ceil(_KERNEL_RADIUS * deviation).astype(np.int64) + 3
 
     def fill(view: int, photo: np.ndarray) -> None:
         for pair in pairs_of[view]:
@@ -133,11 +148,11 @@ def _plane_axes(corners: np.ndarray) -> np.ndarray:
 
 
 @njit(cache=True, nogil=True)
-def _enclose(spots, starts, common):
-    """For each face a small ellipse around the spots (P, 2, 2) of its photos, into `common` (m, 2, 2).
+def _enclose(ellipses, starts, common):
+    """For each face a small ellipse around the PSFs (P, 2, 2) of its photos, into `common` (m, 2, 2).
 
-    Its shape is a mean of the spots in which those that reach out farthest weigh most (multiplicative updates towards
-    the ellipse of least area), its size what encloses them all, or WIDEST.
+    Its shape is a weighted mean of the PSFs in which those that extend farthest weigh most (multiplicative updates towards
+    the ellipse of least area). Its size encloses them all, up to MAX_AREA_RATIO.
     """
     for f in range(len(starts) - 1):
         first, count = starts[f], starts[f + 1] - starts[f]
@@ -146,21 +161,21 @@ def _enclose(spots, starts, common):
         share, reach = np.full(count, 1.0 / count), np.empty(count)
         sharpest = np.inf
         for i in range(count):
-            s = spots[first + i]
+            s = ellipses[first + i]
             sharpest = min(sharpest, np.sqrt(s[0, 0] * s[1, 1] - s[0, 1] * s[0, 1]))
         a, b, c, largest, determinant = 0.0, 0.0, 0.0, 0.0, 1.0
         for _ in range(_SHAPE_ROUNDS):
             a, b, c = 0.0, 0.0, 0.0
             for i in range(count):
-                s = spots[first + i]
+                s = ellipses[first + i]
                 a += share[i] * s[0, 0]
                 b += share[i] * s[0, 1]
                 c += share[i] * s[1, 1]
             determinant = a * c - b * b
             largest, total = 0.0, 0.0
             for i in range(count):
-                # The largest eigenvalue of M^-1 S: how far the spot reaches out of the ellipse M.
-                s = spots[first + i]
+                # The largest eigenvalue of M^-1 S: how far the PSF S extends beyond the ellipse M.
+                s = ellipses[first + i]
                 half = (c * s[0, 0] - 2 * b * s[0, 1] + a * s[1, 1]) / determinant / 2
                 product = (s[0, 0] * s[1, 1] - s[0, 1] * s[0, 1]) / determinant
                 reach[i] = half + np.sqrt(max(half * half - product, 0.0))
@@ -168,13 +183,17 @@ def _enclose(spots, starts, common):
                 share[i] *= reach[i]
                 total += share[i]
             share /= total
-        scale = min(largest, WIDEST * sharpest / np.sqrt(determinant))
+        scale = min(largest, MAX_AREA_RATIO * sharpest / np.sqrt(determinant))
         common[f, 0, 0], common[f, 1, 1] = scale * a, scale * c
         common[f, 0, 1] = common[f, 1, 0] = scale * b
 
 
 def _transfer(shape: tuple[int, ...], covariance: np.ndarray, cubic: bool) -> np.ndarray:
-    """Fourier transform of the Gaussian, divided by that of the cubic B-spline's samples if coefficients are wanted."""
+    """Transfer function of the Gaussian, for `rfft2`; with `cubic` divided by that of the cubic B-spline's samples.
+
+    For a covariance with a mixed term it jumps at the Nyquist frequency of an axis, where wx or wy is both +pi and -pi: one
+    of the two signs is taken.
+    """
     wy, wx = 2 * np.pi * scipy.fft.fftfreq(shape[0])[:, None], 2 * np.pi * scipy.fft.rfftfreq(shape[1])[None]
     transfer = np.exp(-0.5 * (covariance[0, 0] * wx * wx + 2 * covariance[0, 1] * wx * wy + covariance[1, 1] * wy * wy))
     if cubic:
@@ -183,6 +202,6 @@ def _transfer(shape: tuple[int, ...], covariance: np.ndarray, cubic: bool) -> np
 
 
 def _mirrored(first: int, count: int, size: int) -> np.ndarray:
-    """(count,) int: places from `first` on, those outside of 0 to size - 1 mirrored at the border, or at it if far away."""
+    """(count,) int: indices from `first` on; those outside 0 to size - 1 are mirrored at the border, then clamped."""
     at = np.abs(np.arange(first, first + count))
     return np.clip(np.where(at >= size, 2 * size - 2 - at, at), 0, size - 1)

@@ -1,4 +1,4 @@
-"""The photos at the blurs the levels ask for."""
+"""Scale space: Gaussian-blurred photos, computed on demand for the blurs of a level."""
 
 import math
 import threading
@@ -13,33 +13,40 @@ from scipy.ndimage import spline_filter
 
 from fairing.scene import Scene
 
-KEPT_PHOTOS = 1_500_000_000  # bytes of decoded photos; what goes beyond is decoded anew for every blur
-AT_ONCE = 4  # photos in work: each takes 28 bytes a pixel
-ROWS = 1024  # of a photo converted to grey at a time
-LARGE = 500_000_000
-"""Pixels of all photos together. With more, blurred photos are kept smaller: of 200 photos of 20 Mpx and faces of 280 px the
-level of blur 2 would take 41 GB, for most photos are wanted at several blurs; so it takes 5."""
-SMALLEST = 64  # px: no photo is kept smaller
-ROOM = 8  # a part of what is laid out is reserved for what later sweeps add, without copying all; it costs nothing until then
+LUMA = np.array([0.299, 0.587, 0.114])
+"""Weights of red, green and blue in the luma (Rec. 601)."""
+MAX_DECODED_BYTES = 1_500_000_000
+"""Decoded photos kept in memory; the others are decoded again for every blur."""
+MAX_CONCURRENT_PHOTOS = 4
+"""Photos decoded and blurred at a time; each takes 28 bytes per pixel."""
+STRIP_ROWS = 1024
+"""Rows of a photo converted to grey at a time."""
+LARGE_SCENE_PIXELS = 500_000_000
+"""A scene whose photos have more pixels in all stores blurred photos at reduced resolution (ledger: reduced photos)."""
+MIN_REDUCED_SIZE = 64
+"""px: least width and height of a reduced photo."""
+RESERVED_PART = 8
+"""1 / RESERVED_PART of an array is reserved for photos that later sweeps add, which saves copying; untouched pages are free."""
 
 
 def reduction(is_large: bool, size: tuple[int, int], sigma: float) -> int:
-    """Pixels of a photo along an edge for each pixel that is kept of it, blurred by sigma px: a power of 2.
+    """Reduction factor at which a photo is stored: a power of 2, at most sigma.
 
-    At most sigma: what finer pixels could show is below 1 % by then (exp(-pi^2 / 2)).
+    The blur leaves less than 1 % (exp(-pi^2 / 2)) of the frequencies that the reduced photo cannot represent.
 
     Args:
-        is_large: whether the photos together have more than `LARGE` pixels.
-        size: (width, height) of the photo.
+        is_large: whether the photos together have more than `LARGE_SCENE_PIXELS` pixels.
+        size: (width, height) of the photo, px.
+        sigma: standard deviation of the photo's Gaussian blur, px.
     """
     factor = 2 ** max(0, math.frexp(sigma)[1] - 1) if is_large and sigma >= 2 else 1
-    while factor > 1 and min(size) < SMALLEST * factor:
+    while factor > 1 and min(size) < MIN_REDUCED_SIZE * factor:
         factor //= 2
     return factor
 
 
 class _Layout(NamedTuple):
-    """Blurred photos one after another, and where each begins; they lie at the front of what is reserved."""
+    """Blurred photos in one array, and where each starts; `pixels` is the used front part of `reserved`."""
 
     reserved: np.ndarray
     pixels: np.ndarray
@@ -47,16 +54,17 @@ class _Layout(NamedTuple):
 
 
 class ScaleSpace:
-    """Gaussian-blurred photos of a scene, one blur (and its coarser companions) kept at a time per interpolation.
+    """Gaussian-blurred photos of a scene: those of one level's blur and its octaves, per interpolation.
 
-    Memory: 4 bytes a pixel of what is laid out, and decoded photos (2 bytes a pixel) up to `KEPT_PHOTOS`. Of a scene of more
-    than `LARGE` pixels blurred photos are kept smaller.
+    Memory: 4 bytes per pixel of blurred photos, and decoded photos (2 bytes per pixel, 3 in colour) up to
+    `MAX_DECODED_BYTES`. Scenes of more than `LARGE_SCENE_PIXELS` store blurred photos at reduced resolution.
 
     Args:
-        on_photo: told of the photos being laid out: how many are done, and of how many.
+        color: use all three channels instead of the luma.
+        on_photo: progress callback (photos done, photos in all), called from the pool's threads.
 
     Attributes:
-        seconds: spent on laying out photos.
+        seconds: time spent on decoding and blurring photos.
     """
 
     def __init__(
@@ -64,48 +72,50 @@ class ScaleSpace:
     ) -> None:
         self._views = scene.views
         self._color = color
-        self._is_large = sum(view.camera.width * view.camera.height for view in scene.views) > LARGE
+        self._is_large = sum(view.camera.width * view.camera.height for view in scene.views) > LARGE_SCENE_PIXELS
         self._photos: dict[int, np.ndarray] = {}
         self._layouts: dict[tuple[float, bool], _Layout] = {}
         self._masks: dict[tuple[int, int], np.ndarray] = {}
-        self._in_work = threading.Semaphore(AT_ONCE)
+        self._in_work = threading.Semaphore(MAX_CONCURRENT_PHOTOS)
         self._laying_out = threading.Lock()
         self.seconds = 0.0
         self._on_photo = on_photo
 
     @property
     def channels(self) -> int:
+        """Planes of a photo: 1 (luma) or 3."""
         return 3 if self._color else 1
 
     @property
     def grey_levels(self) -> np.float32:
-        """Grey levels in a unit of the photos as they are kept."""
+        """Grey levels per unit of the decoded photos (`for_each`)."""
         return np.float32(1.0 if self._color else 1 / 8)
 
     def lay_out(
-        self, blur: float, cubic: bool, wanted: Iterable[tuple[int, float]], pool: Executor
+        self, blur: float, cubic: bool, requested: Iterable[tuple[int, float]], pool: Executor
     ) -> tuple[np.ndarray, dict[tuple[int, float], int]]:
-        """Photos at blurs in one flat float32 array, planes (channels, height, width) each, in grey levels, of `size_at`.
+        """Blurred photos in one flat array.
 
         Args:
-            blur: of the level, px; what was laid out for it is kept until `forget_all_but`.
-            cubic: give cubic B-spline coefficients instead of pixels.
-            wanted: views, each with the sigma of a Gaussian, px; 0 for none.
-            pool: works on several photos at a time.
+            blur: of the level, px; the array of a level is kept until `forget_all_but`.
+            cubic: store cubic B-spline coefficients instead of pixels.
+            requested: view ids, each with the sigma of a Gaussian, px; 0 for none.
+            pool: executes several photos at a time.
 
         Returns:
-            The array, and where each wanted photo begins in it.
+            The array, flat float32, grey levels: planes (channels, height, width) of each photo at `size_at`; and the index at
+            which each requested photo starts in it.
         """
         with self._laying_out:
-            return self._laid_out(blur, cubic, wanted, pool)
+            return self._laid_out(blur, cubic, requested, pool)
 
     def _laid_out(
-        self, blur: float, cubic: bool, wanted: Iterable[tuple[int, float]], pool: Executor
+        self, blur: float, cubic: bool, requested: Iterable[tuple[int, float]], pool: Executor
     ) -> tuple[np.ndarray, dict[tuple[int, float], int]]:
         nothing = np.zeros(0, np.float32)
         reserved, pixels, starts = self._layouts.get((blur, cubic), _Layout(nothing, nothing, {}))
         missing: dict[int, list[float]] = {}
-        for view, sigma in wanted:
+        for view, sigma in requested:
             if (view, sigma) not in starts:
                 missing.setdefault(view, []).append(sigma)
         if missing:
@@ -115,7 +125,7 @@ class ScaleSpace:
                     starts[view, sigma] = at
                     at += self._pixels_at(view, sigma)
             if at > len(reserved):
-                reserved = np.empty(at + at // ROOM, dtype=np.float32)
+                reserved = np.empty(at + at // RESERVED_PART, dtype=np.float32)
                 reserved[: len(pixels)] = pixels
             pixels = reserved[:at]
 
@@ -130,29 +140,33 @@ class ScaleSpace:
         return pixels, starts
 
     def reduction(self, view: int, sigma: float) -> int:
-        """See `reduction`, of a view at a blur. Pixel (x, y) of the photo that is kept is pixel (f x, f y) of the blurred one."""
+        """Reduction factor f of a view at a blur (px): pixel (x, y) of the stored photo is pixel (f x, f y) of the blurred one."""
         camera = self._views[view].camera
         return reduction(self._is_large, (camera.width, camera.height), sigma)
 
     def size_at(self, view: int, sigma: float) -> tuple[int, int]:
-        """(width, height) of the photo that is kept of a view at a blur."""
+        """(width, height), px, of the stored photo of a view at a blur (px)."""
         camera, factor = self._views[view].camera, self.reduction(view, sigma)
         return -(-camera.width // factor), -(-camera.height // factor)
 
-    def for_each(self, views: Collection[int], do: Callable[[int, np.ndarray], None], pool: Executor) -> None:
-        """Call `do(view, photo)` with photos as taken, (channels, height, width) in units of `grey_levels`, several at a time."""
+    def for_each(self, views: Collection[int], process: Callable[[int, np.ndarray], None], pool: Executor) -> None:
+        """Call `process(view, photo)` with photos as taken, (channels, height, width) in units of `grey_levels`.
+
+        Raises:
+            InputError: a photo cannot be decoded.
+        """
         began, done = time.perf_counter(), iter(range(1, len(views) + 1))
 
         def work(view: int) -> None:
             with self._in_work:
-                do(view, self._photo(view))
+                process(view, self._photo(view))
             self._on_photo(next(done), len(views))
 
         list(pool.map(work, views))
         self.seconds += time.perf_counter() - began
 
     def mask(self, view: int, reduction: int) -> np.ndarray | None:
-        """(h, w) bool at 1 / `reduction` of the photo's size: True where all its pixels count; None without a mask."""
+        """(h, w) bool at 1 / `reduction` of the photo's size: True where none of its pixels is masked; None without a mask."""
         mask = self._views[view].mask
         if mask is None:
             return None
@@ -165,7 +179,7 @@ class ScaleSpace:
         return self._masks[view, reduction]
 
     def forget_all_but(self, blur: float) -> None:
-        """Free what was laid out for the blurs of other levels."""
+        """Free the blurred photos of other levels' blurs."""
         self._layouts = {key: layout for key, layout in self._layouts.items() if key[0] == blur}
 
     def _pixels_at(self, view: int, sigma: float) -> int:
@@ -176,7 +190,7 @@ class ScaleSpace:
         if view in self._photos:
             return self._photos[view]
         photo = self._decode(view)
-        if photo.nbytes + sum(kept.nbytes for kept in list(self._photos.values())) <= KEPT_PHOTOS:
+        if photo.nbytes + sum(kept.nbytes for kept in list(self._photos.values())) <= MAX_DECODED_BYTES:
             self._photos[view] = photo
         return photo
 
@@ -184,11 +198,11 @@ class ScaleSpace:
         pixels = self._views[view].photo.load()
         if self._color:
             return np.ascontiguousarray(pixels.transpose(2, 0, 1))
-        # Rec. 601 luma, kept in eighths of a grey level: rounding to whole levels would triple the quantisation noise.
+        # Luma in eighths of a grey level: rounding to whole levels would triple the quantisation noise.
         eighths = np.empty((1, *pixels.shape[:2]), dtype=np.uint16)
-        for row in range(0, len(pixels), ROWS):
-            part = slice(row, row + ROWS)
-            luma = pixels[part].astype(np.float32) @ np.array([0.299, 0.587, 0.114], dtype=np.float32)
+        for row in range(0, len(pixels), STRIP_ROWS):
+            part = slice(row, row + STRIP_ROWS)
+            luma = pixels[part].astype(np.float32) @ LUMA.astype(np.float32)
             eighths[0, part] = np.round(luma * 8)
         return eighths
 

@@ -1,24 +1,24 @@
-"""Which photos a face takes part in, with which samples of its cell, and why not where it does not."""
+"""Visibility of faces by their outlines: which photos may show a face, and the reason where one does not."""
 
+from collections.abc import Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from enum import IntEnum
 
-import cv2
 import numpy as np
-from numba import njit
 
 from fairing.camera import Camera
-from fairing.geometry.rasterize import rasterize
+from fairing.cells.depth_map import depth_map
 from fairing.options import VisibilityOptions
+from fairing.scene import Scene
 
-# Depth jumps are measured in pixels' worth of depth (depth / focal length). A crease between faces seen at the smallest
-# angle looks like a jump of up to 1 / tan(min_angle) of them, so a depth edge is a larger jump.
-DEPTH_EDGE_JUMP = 6.0
-HIDDEN_DEPTH = 4.0
+# The orientation of a mesh is found in about this many photos, at 1 / ORIENTATION_REDUCTION of their resolution.
+ORIENTATION_VIEWS = 8
+ORIENTATION_REDUCTION = 4
 
 
 class Visibility(IntEnum):
-    """How a view sees a face."""
+    """Whether a view shows a face; every value above `PARTLY_SEEN` is the reason why the view is not used."""
 
     SEEN = 0
     PARTLY_SEEN = 1
@@ -38,25 +38,36 @@ class Visibility(IntEnum):
 
 @dataclass(frozen=True, eq=False)
 class Footprints:
-    """The faces as one camera projects them, (m,) each: area and height in px^2 and px, longest edge in px."""
+    """The projected faces: (m,) arrays for one camera, or (m, V) for all.
+
+    Attributes:
+        area: float, px^2.
+        height: float, px: height on the longest edge.
+        longest_edge: float, px.
+        reason: int8, `Visibility` by the outline alone; occlusion is not considered.
+    """
 
     area: np.ndarray
     height: np.ndarray
     longest_edge: np.ndarray
     reason: np.ndarray
-    """Visibility codes; SEEN where the outline alone speaks for the view."""
 
 
 def footprints(
     vertices: np.ndarray, faces: np.ndarray, camera: Camera, orientation: int, options: VisibilityOptions, blur: float
 ) -> Footprints:
-    """Judge every face by its outline in a photo; occlusion is judged later, sample by sample.
+    """Project all faces into a photo and judge visibility by their outlines.
+
+    Occlusion is judged later, sample by sample (`fairing.cells.sample_masks`).
 
     Args:
         vertices: (n, 3) float, world units.
         faces: (m, 3) int.
         orientation: 1 if the faces are counter-clockwise seen from outside, -1 if clockwise.
         blur: sigma_smooth of the level, px.
+
+    Returns:
+        Arrays of shape (m,).
     """
     uv, depth = camera.project(vertices)
     corners, corner_depth = uv[faces], depth[faces]
@@ -84,131 +95,66 @@ def footprints(
     return Footprints(area, height, longest, reason)
 
 
-@dataclass(frozen=True, eq=False)
-class DepthMap:
-    """What one camera sees of the mesh, at 1 / `reduction` of the photo's resolution.
-
-    Attributes:
-        inverse_depth: (h, w) float32, 1 / world units, 0 where there is no face.
-        edge_distance: (h, w) float32, photo px to the nearest depth edge or masked pixel.
-        focal_length: photo px.
-        reduction: photo px per pixel of the maps.
-        face_id: (h, w) int32, the face seen, -1 for none.
-    """
-
-    inverse_depth: np.ndarray
-    edge_distance: np.ndarray
-    focal_length: float
-    reduction: int
-    face_id: np.ndarray
-
-
-def depth_map(
-    vertices: np.ndarray, faces: np.ndarray, camera: Camera, reduction: int = 1, mask: np.ndarray | None = None
-) -> DepthMap:
-    """Depth and depth edges of the mesh in a photo.
+def footprints_in_views(
+    vertices: np.ndarray,
+    faces: np.ndarray,
+    cameras: Sequence[Camera],
+    orientation: int,
+    options: VisibilityOptions,
+    blur: float,
+    pool: Executor,
+) -> Footprints:
+    """`footprints` in all photos, several at a time: arrays of shape (m, V).
 
     Args:
-        mask: (h, w) bool at the same reduction, True where the photo counts. What is masked is kept away from like a
-            depth edge: the blurred photo mixes it in.
+        vertices: (n, 3) float, world units.
+        faces: (m, 3) int.
+        cameras: V cameras.
+        orientation: see `mesh_orientation`.
+        blur: sigma_smooth of the level, px.
+        pool: executes one task per photo.
     """
-    shift = (1 / reduction - 1) / 2
-    coarser = np.array([[1 / reduction, 0, shift], [0, 1 / reduction, shift], [0, 0, 1]])
-    small = Camera(coarser @ camera.image_from_world, -(-camera.width // reduction), -(-camera.height // reduction))
-    face_id, depth = rasterize(vertices, faces, small)
-    uv, corner_depth = small.project(vertices)
-    focal = float(camera.K[0, 0])
-    edges = np.zeros(face_id.shape, dtype=np.uint8)
-    inverse = 1 / np.where(corner_depth > 0, corner_depth, np.inf)[faces]
-    _mark_depth_edges(uv[faces], inverse, face_id, depth, focal / reduction, edges)
-    if mask is not None:
-        edges[~mask] = 1
-    # Distance to the nearest marked pixel; everything is far away where nothing is marked.
-    distance = (
-        cv2.distanceTransform(1 - edges, cv2.DIST_L2, cv2.DIST_MASK_PRECISE) * np.float32(reduction)
-        if edges.any()
-        else np.full(edges.shape, 1e6, dtype=np.float32)
-    )
-    with np.errstate(divide="ignore"):
-        return DepthMap((1 / depth).astype(np.float32), distance, focal, reduction, face_id)
+    # Face-major: numpy's sums over the views of a face depend on the memory layout.
+    area, height, longest = (np.empty((len(faces), len(cameras))) for _ in range(3))
+    reason = np.empty((len(faces), len(cameras)), dtype=np.int8)
+
+    def project_into(v: int) -> None:
+        found = footprints(vertices, faces, cameras[v], orientation, options, blur)
+        area[:, v], longest[:, v], height[:, v] = found.area, found.longest_edge, found.height
+        reason[:, v] = found.reason
+
+    list(pool.map(project_into, range(len(cameras))))
+    return Footprints(area, height, longest, reason)
 
 
-@njit(cache=True, nogil=True)
-def _plane(uv, inverse_depth, f, x, y):
-    """Inverse depth of face f's plane at a pixel."""
-    ax, ay, bx, by, cx, cy = uv[f, 0, 0], uv[f, 0, 1], uv[f, 1, 0], uv[f, 1, 1], uv[f, 2, 0], uv[f, 2, 1]
-    doubled = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
-    alpha = ((bx - x) * (cy - y) - (by - y) * (cx - x)) / doubled
-    beta = ((cx - x) * (ay - y) - (cy - y) * (ax - x)) / doubled
-    return alpha * inverse_depth[f, 0] + beta * inverse_depth[f, 1] + (1 - alpha - beta) * inverse_depth[f, 2]
-
-
-@njit(cache=True, nogil=True)
-def _mark_depth_edges(uv, inverse_depth, face_id, depth, focal, edges):
-    height, width = face_id.shape
-    for y in range(height):
-        for x in range(width):
-            here = face_id[y, x]
-            for step in range(2):
-                x2, y2 = (x + 1, y) if step == 0 else (x, y + 1)
-                if x2 >= width or y2 >= height:
-                    continue
-                there = face_id[y2, x2]
-                if here == there:
-                    continue
-                is_edge = here < 0 or there < 0
-                if not is_edge:
-                    d1, d2 = depth[y, x], depth[y2, x2]
-                    w1, w2 = _plane(uv, inverse_depth, there, x, y), _plane(uv, inverse_depth, here, x2, y2)
-                    m1 = abs(1 / w1 - d1) if w1 > 0 else np.inf
-                    m2 = abs(1 / w2 - d2) if w2 > 0 else np.inf
-                    is_edge = min(m1, m2) * focal > DEPTH_EDGE_JUMP * min(d1, d2)
-                if is_edge:
-                    edges[y, x] = 1
-                    edges[y2, x2] = 1
-
-
-@njit(cache=True, nogil=True)
-def mask_samples(
-    pixels, corners, grids, grid_start, ramp, insets, inverse_depth, edge_distance, face_id, transparent, focal,
-    reduction, border, margin, size, masks, starts, seen,
-):  # fmt: skip
-    """Mark the samples of cells that one photo really shows.
+def mark_surplus(reasons: np.ndarray, area: np.ndarray, max_views: int) -> None:
+    """Mark all but the `max_views` largest footprints of each face as surplus, in place.
 
     Args:
-        pixels: (n, 3) float64: homogeneous pixels of the vertices (the depth last).
-        corners: (c, 3) int64: vertices of the faces to judge.
-        grids, insets: (c,): cell grid of each and the border left out, fraction of the face's height.
-        grid_start, ramp: the cell grids, see `KernelData`.
-        inverse_depth, edge_distance, face_id: see `DepthMap`.
-        transparent: (c, 2) int64: faces of the depth map that do not hide the cell; -1 for none.
-        border: distance to keep from the photo's border, px.
-        margin: distance to keep from depth edges, px.
-        size: (width, height) of the photo, px.
-        masks: flat uint8, out: the masks one after another.
-        starts: (c,) int64: where each begins.
-        seen: (c,) int64, out: samples that count.
+        reasons: (m, V) int8, `Visibility`; modified.
+        area: (m, V) float, px^2.
     """
-    for f in range(corners.shape[0]):
-        first, last = grid_start[grids[f]], grid_start[grids[f] + 1]
-        shrink = 1 - 3 * insets[f]
-        a0, a1, a2 = pixels[corners[f, 0]]
-        b0, b1, b2 = pixels[corners[f, 1]]
-        c0, c1, c2 = pixels[corners[f, 2]]
-        count = 0
-        for s in range(last - first):
-            a, b = insets[f] + shrink * ramp[0, first + s], insets[f] + shrink * ramp[1, first + s]
-            c = 1 - a - b
-            w = a * a2 + b * b2 + c * c2
-            x, y = (a * a0 + b * b0 + c * c0) / w, (a * a1 + b * b1 + c * c1) / w
-            is_seen = border <= x <= size[0] - 1 - border and border <= y <= size[1] - 1 - border
-            if is_seen:
-                ix, iy = int((x + 0.5) / reduction), int((y + 0.5) / reduction)
-                front = inverse_depth[iy, ix]
-                is_hidden = front > 0 and w - 1 / front > HIDDEN_DEPTH * reduction * w / focal
-                if is_hidden:
-                    is_hidden = face_id[iy, ix] != transparent[f, 0] and face_id[iy, ix] != transparent[f, 1]
-                is_seen = not is_hidden and edge_distance[iy, ix] >= margin
-            masks[starts[f] + s] = is_seen
-            count += is_seen
-        seen[f] = count
+    crowded = np.flatnonzero((reasons <= Visibility.PARTLY_SEEN).sum(1) > max_views)
+    for rows in np.array_split(crowded, len(crowded) // 10_000 + 1):
+        part = reasons[rows] <= Visibility.PARTLY_SEEN
+        ranked = np.argsort(np.where(part, -area[rows], np.inf), axis=1, kind="stable")
+        for rank in range(max_views, part.shape[1]):
+            is_surplus = part[np.arange(len(rows)), ranked[:, rank]]
+            reasons[rows[is_surplus], ranked[is_surplus, rank]] = Visibility.SURPLUS
+
+
+def mesh_orientation(scene: Scene, vertices: np.ndarray) -> int:
+    """1 if the photos show mostly the counter-clockwise side of the faces, -1 if the clockwise side.
+
+    Args:
+        vertices: (n, 3) float, world units.
+    """
+    balance = 0
+    faces = scene.mesh.faces
+    points = vertices[faces]
+    normal = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])
+    for view in scene.views[:: max(1, len(scene.views) // ORIENTATION_VIEWS)]:
+        face_id = depth_map(vertices, faces, view.camera, reduction=ORIENTATION_REDUCTION).face_id
+        counts = np.bincount(face_id[face_id >= 0], minlength=len(faces))
+        balance += int((counts * np.sign(((view.camera.center - points[:, 0]) * normal).sum(1))).sum())
+    return 1 if balance >= 0 else -1

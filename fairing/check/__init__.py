@@ -1,4 +1,9 @@
-"""Check of a capture before a run: cameras, coverage, sizes, texture, exposure and memory.
+"""Capture check: cameras, coverage, face sizes, texture, exposure and memory, before a run.
 
-May import the data modules of `fairing`, `fairing.geometry` and `fairing.cells`.
+What belongs here: tests of the input that need no run. The check itself (`scene_check`, `result`), its measurements
+(`appearance`, `conventions`, `memory`), and the texts that explain the findings (`hints`).
+
+May import: the data modules of `fairing`, `fairing.util`, `fairing.geometry` and `fairing.cells`.
+
+Offers: `check_scene` and `SceneCheck`; `memory_needed` and `memory_warning`; `explain_view` for cameras that miss the mesh.
 """

@@ -1,28 +1,31 @@
-"""What the photos show of each face: its mean grey level, and how much texture there is to hold on to."""
+"""Appearance of the faces in the photos: mean grey level and strength of texture; and the photos' exposures."""
 
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
-from fairing.cells.visibility import Visibility, depth_map
+from fairing.cells.depth_map import depth_map
+from fairing.cells.visibility import Visibility
 from fairing.scene import Scene
 
 _STEP = 2
-"""Every so many pixels are looked at, in both directions."""
-_FEWEST = 10
-"""Pixels that a photo must show of a face to be asked about it."""
-_MOST = 20_000
-"""Faces that tell the photos' exposures: evenly chosen ones stand for all."""
+"""Sampling distance in both directions, px."""
+_MIN_PIXELS = 10
+"""A photo that shows fewer sampled pixels of a face is ignored for its mean."""
+_MAX_FACES = 20_000
+"""Exposures are estimated from at most this many faces, an even subset."""
 
 
 @dataclass(frozen=True, eq=False)
 class Appearance:
-    """Attributes:
-    mean: (m, V) float: mean grey level of each face in each photo, NaN where too little is seen.
-    texture: (m,) float: grey levels a pixel: rms gradient after a blur of 1 px, all photos together; NaN if unseen.
-    weakest: (m,) float: the same along the direction in which the grey levels change least. Where it is near 0 but
-        `texture` is not, the face can slide along its stripes unseen (the aperture problem).
+    """Appearance of m faces in V photos.
+
+    Attributes:
+        mean: (m, V) float: mean grey level of each face in each photo, NaN where too few pixels show it.
+        texture: (m,) float, grey levels / px: rms gradient after a blur of 1 px, over all photos; NaN if unseen.
+        weakest: (m,) float, grey levels / px: rms gradient along the direction in which the grey levels change least. Where
+            it is near 0 but `texture` is not, the face can slide along its stripes (the aperture problem).
     """
 
     mean: np.ndarray
@@ -31,10 +34,10 @@ class Appearance:
 
 
 def measure_appearance(scene: Scene, reasons: np.ndarray) -> Appearance:
-    """Look at every face in the photos that see it.
+    """Measure every face in the photos that see it.
 
     Args:
-        reasons: (m, V) `Visibility` of every face in every view.
+        reasons: (m, V) int8: `Visibility` of every face in every view.
 
     Raises:
         InputError: a photo cannot be decoded.
@@ -59,7 +62,7 @@ def measure_appearance(scene: Scene, reasons: np.ndarray) -> Appearance:
         ids = face_id[counts]
         pixels = np.bincount(ids, minlength=n_faces)
         total = np.bincount(ids, grey[::_STEP, ::_STEP][counts], minlength=n_faces)
-        enough = pixels >= _FEWEST
+        enough = pixels >= _MIN_PIXELS
         mean[enough, v] = total[enough] / pixels[enough]
         count += pixels
         products = (gx[counts] ** 2, gx[counts] * gy[counts], gy[counts] ** 2)
@@ -74,15 +77,21 @@ def measure_appearance(scene: Scene, reasons: np.ndarray) -> Appearance:
 
 
 def exposures(mean: np.ndarray) -> np.ndarray:
-    """(V,) float: how bright each photo is beside the median photo, from faces that several photos show; NaN if unknown.
+    """Exposure of each photo relative to the median photo, from faces that several photos show.
 
-    Robust alternating fit of log(mean) = face + photo, so that photos of other parts of the scene compare fairly.
+    Robust alternating fit of log(mean) = face + photo, so that photos of different parts of the scene are comparable.
+
+    Args:
+        mean: (m, V) float: mean grey level of each face in each photo, NaN where unknown.
+
+    Returns:
+        (V,) float: ratio; NaN if unknown.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         log = np.log(np.where(mean > 2, mean, np.nan))
     known = np.isfinite(log)
     log = log[known.sum(axis=1) >= 2]
-    log = log[:: -(-len(log) // _MOST) or 1]
+    log = log[:: -(-len(log) // _MAX_FACES) or 1]
     gain = np.zeros(mean.shape[1])
     known = np.isfinite(log)
     if not known.any():
@@ -96,7 +105,7 @@ def exposures(mean: np.ndarray) -> np.ndarray:
 
 
 def _median(values: np.ndarray, axis: int) -> np.ndarray:
-    """Median of what is known; NaN where nothing is."""
+    """Median of the finite values along an axis; NaN where there are none."""
     known = np.isfinite(values).any(axis=axis)
     result = np.full(values.shape[1 - axis], np.nan)
     result[known] = np.nanmedian(np.compress(known, values, axis=1 - axis), axis=axis)

@@ -1,4 +1,4 @@
-"""Which mistake in axes or pixels would explain cameras that do not fit? Each is tried on what should project well."""
+"""Convention mistakes: wrong axes or pixel conventions that would explain cameras that do not fit the photos."""
 
 from collections.abc import Callable
 
@@ -27,14 +27,14 @@ def _inverse_opengl(camera: Camera) -> np.ndarray:
 def _image(matrix: Callable[[Camera], list[list[float]]]) -> Callable[[Camera], np.ndarray]:
     def changed(camera: Camera) -> np.ndarray:
         M = np.array(matrix(camera), dtype=np.float64)
-        # A mirrored matrix was turned over when it became a Camera (P and -P are the same), so turn it back.
+        # Camera negates a mirrored matrix (P and -P are equivalent); this undoes it.
         return np.sign(np.linalg.det(M)) * M @ camera.image_from_world
 
     return changed
 
 
 MISTAKES: dict[str, Callable[[Camera], np.ndarray]] = {
-    # Nearly the same as mirrored photos (but for the principal point); the likelier comes first.
+    # Almost equivalent to mirrored photos (up to the principal point); the more likely mistake comes first.
     "axes are y up, z backwards (OpenGL)": _opengl,
     "poses are camera to world instead of world to camera": _inverse,
     "poses are camera to world, with y up, z backwards (OpenGL)": _inverse_opengl,
@@ -44,18 +44,18 @@ MISTAKES: dict[str, Callable[[Camera], np.ndarray]] = {
     "cameras are for photos of half the size": _image(lambda _: [[2, 0, 0.5], [0, 2, 0.5], [0, 0, 1]]),
     "cameras are for photos of twice the size": _image(lambda _: [[0.5, 0, -0.25], [0, 0.5, -0.25], [0, 0, 1]]),
 }
-"""What the truth would be, and the matrix (3, 4) of a camera then; its third row gives the depth."""
+"""The actual convention in words, and the corrected matrix (3, 4) of a camera under it; its third row gives the depth."""
 
 
 def project(image_from_world: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Pixels (n, 2) and depths (n,) of points (n, 3) by a matrix that may be mirrored."""
+    """Pixels (n, 2) and depths (n,), world units, of points (n, 3), world units, by a matrix (3, 4) that may be mirrored."""
     homogeneous = points @ image_from_world[:, :3].T + image_from_world[:, 3]
     with np.errstate(divide="ignore", invalid="ignore"):
         return homogeneous[:, :2] / homogeneous[:, 2:], homogeneous[:, 2]
 
 
 def share_in_view(scene: Scene, matrix: Callable[[Camera], np.ndarray]) -> float:
-    """Mean over the photos of the part of the mesh's vertices that lie inside them and in front, 0 to 1."""
+    """Fraction of the mesh's vertices that lie inside a photo and in front of its camera, 0 to 1, mean over the photos."""
     vertices = scene.mesh.vertices[np.unique(scene.mesh.faces)]
     shares = []
     for view in scene.views:
@@ -67,14 +67,14 @@ def share_in_view(scene: Scene, matrix: Callable[[Camera], np.ndarray]) -> float
 
 
 def explain_view(scene: Scene) -> str | None:
-    """The mistake under which photos that hardly show the mesh would show it, if there is one."""
+    """The convention mistake that explains why the photos hardly show the mesh, or None."""
     shares = {name: share_in_view(scene, matrix) for name, matrix in MISTAKES.items()}
     best = max(shares, key=shares.__getitem__)
     return best if shares[best] > 0.3 else None
 
 
 def observed_distance(scene: Scene, matrix: Callable[[Camera], np.ndarray]) -> float:
-    """Median distance of sparse points to where the photos saw them, px; infinite if most lie behind the cameras."""
+    """Median reprojection error of the sparse points, px; infinite if most lie behind the cameras."""
     sparse = scene.sparse_points
     assert sparse is not None
     distances = []
@@ -87,11 +87,11 @@ def observed_distance(scene: Scene, matrix: Callable[[Camera], np.ndarray]) -> f
 
 
 def explain_reprojection(scene: Scene) -> str | None:
-    """What is likely wrong with cameras that do not project the sparse points to where the photos saw them.
+    """The likely mistake in cameras that do not project the sparse points onto their observations, or None.
 
-    A shift that all photos share tells of another place of the pixels' centres if it is half a pixel, else of another
-    principal point; far-off points tell of axes. None if nothing stands out. Cameras and points that were made together
-    under a mistake fit each other, so no mistake found is no proof.
+    A shift common to all photos indicates another convention of pixel centres if it is half a pixel, else a wrong principal
+    point; large errors indicate wrong axes. Cameras and points that were reconstructed together under a mistake fit each
+    other, so the absence of a finding proves nothing.
     """
     sparse = scene.sparse_points
     if sparse is None or len(sparse.observations) < 20:
@@ -101,24 +101,24 @@ def explain_reprojection(scene: Scene) -> str | None:
         tried = {name: observed_distance(scene, matrix) for name, matrix in MISTAKES.items()}
         best = min(tried, key=tried.__getitem__)
         if tried[best] < 0.3 * distance:
-            now = "behind the cameras" if np.isinf(distance) else f"{distance:.3g} px off"
-            return f"sparse points lie {now} (median), but {tried[best]:.2g} px off if {best}"
+            now = "are behind the cameras" if np.isinf(distance) else f"have a reprojection error of {distance:.3g} px"
+            return f"sparse points {now} (median), but of {tried[best]:.2g} px if {best}"
     shifts = np.array([shift for v in range(len(scene.views)) if (shift := median_shift(scene, v)) is not None])
     shift = np.median(shifts, axis=0)
     spread = np.median(np.abs(shifts - shift), axis=0).max()
     if np.abs(shift).max() < 0.3 or spread > 0.15 or distance > 20:
         return None
-    text = f"in all photos alike sparse points lie ({shift[0]:+.2f}, {shift[1]:+.2f}) px from where they were seen"
+    text = f"in all photos sparse points are shifted by ({shift[0]:+.2f}, {shift[1]:+.2f}) px from their observations"
     if np.abs(np.abs(shift) - 0.5).max() < 0.15 and shift[0] * shift[1] > 0:
         return (
-            f"{text}: half a pixel, so the cameras take the centre of the top-left pixel for "
-            f"{'(0.5, 0.5)' if shift[0] > 0 else '(0, 0)'} where it is {'(0, 0)' if shift[0] > 0 else '(0.5, 0.5)'}"
+            f"{text}: half a pixel, so the cameras assume the centre of the top-left pixel at "
+            f"{'(0.5, 0.5)' if shift[0] > 0 else '(0, 0)'} instead of {'(0, 0)' if shift[0] > 0 else '(0.5, 0.5)'}"
         )
-    return f"{text}: the principal point is off by that"
+    return f"{text}: the principal point is wrong by that amount"
 
 
 def median_shift(scene: Scene, v: int) -> np.ndarray | None:
-    """(2,) px: median over its sparse points of where a camera puts them, from where the photo saw them."""
+    """(2,) float, px: median of projection minus observation over a photo's sparse points; None for fewer than five."""
     sparse = scene.sparse_points
     if sparse is None:
         return None

@@ -1,4 +1,4 @@
-"""What speaks against a scene, and which options are worth trying, in words."""
+"""Hints and suggestions of the capture check, in words."""
 
 import numpy as np
 
@@ -9,32 +9,32 @@ from fairing.geometry.mesh_check import inspect_mesh
 from fairing.options import FairingOptions
 from fairing.scene import Scene
 
-# Beyond these the verdict is "doubtful"; found on captures that worked and on ones made to fail.
-MIN_FACES_IN_PART = 0.6
-MIN_PARALLAX = 5.0
-MAX_REPROJECTION = 1.5
-MIN_FOOTPRINT = 8.0
-MAX_BLANK = 0.3
-MIN_IN_FRONT = 0.5
-# Suggestions only.
+# Beyond these limits the verdict is "doubtful"; chosen on captures that worked and on captures made to fail.
+MIN_FACES_IN_PART = 0.6  # of all faces
+MIN_PARALLAX = 5.0  # degrees
+MAX_REPROJECTION = 1.5  # px
+MIN_FOOTPRINT = 8.0  # px
+MAX_BLANK = 0.3  # of the faces that take part
+MIN_IN_FRONT = 0.5  # of the vertices
+# Limits of suggestions, which do not change the verdict.
 MAX_EXPOSURE_RATIO = 1.5
-LARGE_FOOTPRINT = 200.0
-LARGE_PHOTO = 6e6
+LARGE_FOOTPRINT = 200.0  # px
+LARGE_PHOTO = 6e6  # px
 
 _REMEDIES = {
     "behind_camera": "they lie behind the cameras: check the axes of the cameras",
-    "turned_away": "they are turned away: add photos from the other side, or turn the faces",
-    "grazing": "they are seen too flat: add photos that face them",
-    "outside_photo": "they lie outside the photos: check that mesh and cameras share their coordinates",
+    "turned_away": "they face away from the cameras: add photos from the other side, or flip the faces",
+    "grazing": "they are seen at grazing angles: add photos that face them",
+    "outside_photo": "they lie outside the photos: check that mesh and cameras share a coordinate system",
     "too_small": "they are too small in the photos: use larger photos or a coarser mesh",
-    "hidden": "other faces or masks hide them: add photos, or check the mesh for faces in front",
+    "hidden": "other faces or masks hide them: add photos, or check the mesh for wrong faces in front",
     "degenerate": "they have no area: repair the mesh",
-    "too_few_photos": "there are too few photos: add some",
+    "too_few_photos": "there are too few photos: add photos",
 }
 
 
 def find_hints(check: SceneCheck) -> list[str]:
-    """What speaks against the scene, in order of importance."""
+    """Problems of the scene and their remedies, in order of importance."""
     hints = [] if check.mistake is None else [f"{check.mistake}; correct the cameras"]
     faces = check.faces
     out = check.n_faces - check.faces_in_part
@@ -46,30 +46,30 @@ def find_hints(check: SceneCheck) -> list[str]:
         )
     if check.footprint and check.footprint[2] < MIN_FOOTPRINT:
         hints.append(
-            f"faces measure {check.footprint[2]:.1f} px in the photos (median): too small to hold texture; "
+            f"faces measure {check.footprint[2]:.1f} px in the photos (median), too small for texture: "
             "use larger photos or a coarser mesh"
         )
     if check.parallax is not None and check.parallax < MIN_PARALLAX:
         hints.append(
-            f"the photos see a face from within {check.parallax:.1f} degrees (median), so depth is hardly determined; "
-            "add photos from farther aside"
+            f"the parallax of a face is {check.parallax:.1f} degrees (median), so depth is poorly determined: "
+            "add photos from more distant positions"
         )
     blank = int(faces.is_blank.sum())
     if check.faces_in_part and blank > MAX_BLANK * check.faces_in_part:
         hints.append(
-            f"{blank} of {check.faces_in_part} faces show hardly any texture, so nothing holds them; "
-            "expect their inner vertices to stay where they are"
+            f"{blank} of {check.faces_in_part} faces have almost no texture: "
+            "expect the vertices inside such regions to stay in place"
         )
     hints += [
-        f"photo {view.name}: sparse points lie {view.reprojection:.1f} px (median) off where it saw them; its camera "
-        f"does not fit: calibrate again, or try --leave-out {view.name}"
+        f"photo {view.name}: the reprojection error of the sparse points is {view.reprojection:.1f} px (median), so its "
+        f"camera does not fit: calibrate again, or try --leave-out {view.name}"
         for view in check.views
         if view.reprojection is not None and view.reprojection > MAX_REPROJECTION
     ]
     behind = [view.name for view in check.views if view.in_front < MIN_IN_FRONT]
     if behind:
         hints.append(
-            f"{len(behind)} of {len(check.views)} photos have most of the mesh behind the camera (first: {behind[0]}); "
+            f"{len(behind)} of {len(check.views)} photos have most of the mesh behind the camera (first: {behind[0]}): "
             "check the axes of the cameras"
         )
     unused = [view.name for view in check.views if view.faces == 0]
@@ -79,48 +79,48 @@ def find_hints(check: SceneCheck) -> list[str]:
 
 
 def find_suggestions(scene: Scene, check: SceneCheck, options: FairingOptions) -> list[str]:
-    """Options and changes worth trying, and what a run will do by itself."""
+    """Options worth trying, changes of the input worth making, and the level at which a run starts."""
     if not check.footprint:
         return []
     suggestions = []
     typical = check.footprint[2]
     blurs = options.schedule.blur
     first = level_for_footprint(typical, options)
-    coarsest = "" if first == 0 else "; --schedule.start first begins with the coarsest"
+    coarsest = "" if first == 0 else "; --schedule.start first starts at the coarsest"
     suggestions.append(
-        f"faces measure {typical:.0f} px, so a run begins about level {first + 1} of {len(blurs)} (blur "
+        f"faces measure {typical:.0f} px, so a run starts at about level {first + 1} of {len(blurs)} (blur "
         f"{blurs[first]:g} px){coarsest}"
     )
     largest = max(options.cells.size)
     if check.footprint[4] > 1.5 * largest:
         suggestions.append(
-            f"the largest face measures {check.footprint[4]:.0f} px, more than the finest cells of {largest} samples "
-            "hold: a finer mesh follows the surface better"
+            f"the largest face measures {check.footprint[4]:.0f} px, more than the {largest} samples of the finest cells: "
+            "a finer mesh follows the surface better"
         )
     pixels = [view.width * view.height for view in check.views]
     if typical > LARGE_FOOTPRINT and np.median(pixels) > LARGE_PHOTO:
         suggestions.append(
-            f"photos of {np.median(pixels) / 1e6:.0f} Mpx are finer than this mesh needs: try --photo-scale 0.5"
+            f"photos of {np.median(pixels) / 1e6:.0f} Mpx have more resolution than this mesh needs: try --photo-scale 0.5"
         )
     if memory := memory_warning(scene, options):
         suggestions.append(memory.line)
     border = len(inspect_mesh(scene.mesh).boundary_vertices)
     if 0 < border < 0.5 * len(scene.mesh.vertices):
-        suggestions.append(f"the mesh is open ({border} vertices at its border): --lock-boundary keeps its outline")
+        suggestions.append(f"the mesh is open ({border} boundary vertices): --lock-boundary preserves its outline")
     striped = int(check.faces.is_striped.sum())
     if striped > 0.2 * check.faces_in_part:
         suggestions.append(
-            f"{striped} faces show stripes in one direction only; along it --step.prior keeps them from sliding"
+            f"{striped} faces have texture in one direction only: --step.prior prevents them from sliding along it"
         )
     lights = {view.name: view.exposure for view in check.views if view.exposure}
     if lights and max(lights.values()) > MAX_EXPOSURE_RATIO * min(lights.values()):
         low, high = min(lights, key=lights.__getitem__), max(lights, key=lights.__getitem__)
         suggestions.append(
-            f"the same faces are {lights[high] / lights[low]:.1f} times as bright in photo {high} as in {low}; "
-            "gains do no harm, for haze or offsets try --cells.remove-bias"
+            f"the same faces are {lights[high] / lights[low]:.1f} times as bright in photo {high} as in {low}: "
+            "a gain is harmless; for haze or offsets try --cells.remove-bias"
         )
     unused = [view.name for view in check.views if view.faces == 0]
     if 0 < len(unused) < len(check.views):
         names = " ".join(unused[:6]) + (" ..." if len(unused) > 6 else "")
-        suggestions.append(f"photos that see nothing cost time only: --leave-out {names}")
+        suggestions.append(f"photos that see no face only cost time: --leave-out {names}")
     return suggestions

@@ -1,4 +1,4 @@
-"""How much memory a run takes, told before it begins: photos decide, then faces."""
+"""Memory estimate of a run, before it starts: photos dominate, then faces."""
 
 import os
 from dataclasses import replace
@@ -7,36 +7,37 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fairing.cells.context import blur_of_rung, blur_rungs
-from fairing.cells.point_spread import MOST_PIXELS, pixels_around
-from fairing.cells.scale_space import AT_ONCE, KEPT_PHOTOS, LARGE, reduction
+from fairing.cells.pair_photos import blur_octaves, blur_of_octave
+from fairing.cells.point_spread import MAX_PATCH_PIXELS, patch_pixels
+from fairing.cells.scale_space import LARGE_SCENE_PIXELS, MAX_CONCURRENT_PHOTOS, MAX_DECODED_BYTES, reduction
 from fairing.cells.visibility import Visibility, footprints
 from fairing.options import FairingOptions, by_level
 from fairing.scene import Scene
 
-# Bytes, found by measuring runs of 1,000 to 100,000 vertices and of 10 to 200 photos.
-PROGRAM = 300_000_000
+# Bytes, measured on runs of 1,000 to 100,000 vertices and of 10 to 200 photos.
+PROGRAM = 300_000_000  # the program itself
 PER_FACE = 8_000  # normal equations, their sparse factors, and a sweep's record
 PER_FACE_AND_VIEW = 60  # footprints and visibility
 PER_PIXEL_IN_WORK = 28  # a photo being decoded and blurred
 PER_MAP_PIXEL = 40  # a depth map being made
-SPARE = 0.9  # of the memory that is there: what a run may take
-SCALES = (0.75, 0.6, 0.5, 0.4, 0.3, 0.25, 0.2, 0.15, 0.1)
+USABLE_PART = 0.9  # of the memory that is available
+PHOTO_SCALES = (0.75, 0.6, 0.5, 0.4, 0.3, 0.25, 0.2, 0.15, 0.1)
 
 
 def memory_needed(scene: Scene, options: FairingOptions, scale: float = 1.0) -> int:
-    """Bytes that a run takes at most, about.
+    """Approximate peak memory of a run, bytes.
 
     Args:
-        scale: of the photos' width and height, as `--photo-scale` would make them.
+        scale: factor of the photos' width and height (`--photo-scale`).
     """
     sizes = scale**2 * np.array([view.camera.width * view.camera.height for view in scene.views], dtype=float)
     channels, n_faces = 3 if options.cells.color else 1, len(scene.mesh.faces)
     threads = min(options.threads or os.cpu_count() or 1, len(sizes))
     laid_out = 4 * channels * _pixels_laid_out(scene, options, scale, sizes)
-    decoded = min((3 if options.cells.color else 2) * float(sizes.sum()), KEPT_PHOTOS)
+    decoded = min((3 if options.cells.color else 2) * float(sizes.sum()), MAX_DECODED_BYTES)
     in_work = float(sizes.max()) * max(
-        min(threads, AT_ONCE) * PER_PIXEL_IN_WORK, threads * PER_MAP_PIXEL / options.visibility.reduction**2
+        min(threads, MAX_CONCURRENT_PHOTOS) * PER_PIXEL_IN_WORK,
+        threads * PER_MAP_PIXEL / options.visibility.reduction**2,
     )
     masked = np.array([view.mask is not None for view in scene.views])
     masks = float(sizes[masked].sum()) / options.visibility.reduction**2
@@ -45,35 +46,35 @@ def memory_needed(scene: Scene, options: FairingOptions, scale: float = 1.0) -> 
 
 
 def _pixels_laid_out(scene: Scene, options: FairingOptions, scale: float, sizes: np.ndarray) -> float:
-    """Blurred pixels of the level that holds most: whole photos, or for each face the parts of photos around it.
+    """Blurred pixels of the level that stores most: whole photos, or the patches of photos around each face.
 
-    Large faces need whole photos at several blurs, see `fairing.cells.context`.
+    Large faces need whole photos at several blurs, see `fairing.cells.pair_photos`.
 
     Args:
-        sizes: (V,) float: pixels of the photos.
+        sizes: (V,) float, px: pixels of the photos.
     """
-    laid_out, is_large = np.zeros(options.n_levels), float(sizes.sum()) > LARGE
-    parts, count = np.zeros(len(scene.mesh.faces)), np.zeros(len(scene.mesh.faces))
+    laid_out, is_large = np.zeros(options.n_levels), float(sizes.sum()) > LARGE_SCENE_PIXELS
+    patches, count = np.zeros(len(scene.mesh.faces)), np.zeros(len(scene.mesh.faces))
     everywhere = replace(options.visibility, min_angle=0.0, min_footprint=0.0)
     for v, view in enumerate(scene.views):
         outline = footprints(scene.mesh.vertices, scene.mesh.faces, view.camera, 1, everywhere, 0.0)
         is_seen = np.isin(outline.reason, (Visibility.SEEN, Visibility.TURNED_AWAY))
         longest, height = scale * outline.longest_edge[is_seen], scale * outline.height[is_seen]
-        parts[is_seen] += pixels_around(longest, height)
+        patches[is_seen] += patch_pixels(longest, height)
         count[is_seen] += 1
         for level, blur in enumerate(options.schedule.blur):
-            rungs = np.unique(blur_rungs(longest / by_level(options.cells.size, level), blur)).tolist()
-            for rung in rungs or [0]:
-                factor = reduction(is_large, (view.camera.width, view.camera.height), blur_of_rung(rung, blur))
+            octaves = np.unique(blur_octaves(longest / by_level(options.cells.size, level), blur)).tolist()
+            for octave in octaves or [0]:
+                factor = reduction(is_large, (view.camera.width, view.camera.height), blur_of_octave(octave, blur))
                 laid_out[level] += sizes[v] / factor**2
-    of_parts = float((parts * np.minimum(1, options.visibility.max_views / np.maximum(count, 1))).sum())
+    of_patches = float((patches * np.minimum(1, options.visibility.max_views / np.maximum(count, 1))).sum())
     levels = [by_level(options.cells.point_spread, level) for level in range(options.n_levels)]
-    is_in_parts = [spread == "common" and of_parts <= MOST_PIXELS for spread in levels]
-    return max(of_parts if parts else float(laid_out[level]) for level, parts in enumerate(is_in_parts))
+    uses_patches = [spread == "common" and of_patches <= MAX_PATCH_PIXELS for spread in levels]
+    return max(of_patches if patched else float(laid_out[level]) for level, patched in enumerate(uses_patches))
 
 
-def memory_there() -> tuple[int, int] | None:
-    """Bytes that this machine has, and that are free now; None where it cannot be told."""
+def memory_available() -> tuple[int, int] | None:
+    """Total and available memory of this machine, bytes; None if unknown."""
     status = Path("/proc/meminfo")
     if status.exists():
         lines = dict(line.split(":", 1) for line in status.read_text().splitlines())
@@ -87,21 +88,26 @@ def memory_there() -> tuple[int, int] | None:
 
 
 class MemoryWarning(NamedTuple):
-    """A line that says what a run needs, what is there and what to do; and whether the run cannot fit at all."""
+    """A warning about a run's memory.
+
+    Attributes:
+        line: memory needed, memory available, and a remedy.
+        is_too_much: whether the run needs more than the machine has.
+    """
 
     line: str
     is_too_much: bool
 
 
 def memory_warning(scene: Scene, options: FairingOptions) -> MemoryWarning | None:
-    """Where a run needs more memory than is free now, or than this machine has."""
-    there = memory_there()
+    """A warning if a run needs more memory than is available; else None."""
+    available = memory_available()
     needed = memory_needed(scene, options)
-    if there is None or needed <= SPARE * min(there):
+    if available is None or needed <= USABLE_PART * min(available):
         return None
-    total, free = there
-    scale = next((s for s in SCALES if memory_needed(scene, options, s) <= SPARE * free), None)
-    remedy = "leave photos out (--leave-out) or use a coarser mesh" if scale is None else f"try --photo-scale {scale:g}"
+    total, free = available
+    scale = next((s for s in PHOTO_SCALES if memory_needed(scene, options, s) <= USABLE_PART * free), None)
+    remedy = "leave out photos (--leave-out) or use a coarser mesh" if scale is None else f"try --photo-scale {scale:g}"
     line = f"{len(scene.views)} photos and {len(scene.mesh.faces)} faces need about {needed / 1e9:.1f} GB of memory, "
     if needed > total:
         return MemoryWarning(f"{line}this machine has {total / 1e9:.1f} GB: {remedy}", True)

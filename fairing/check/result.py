@@ -1,4 +1,4 @@
-"""What `fairing.check.scene_check` finds, in numbers and words."""
+"""Result of the capture check, in numbers and words."""
 
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
@@ -7,26 +7,28 @@ import numpy as np
 
 from fairing.cells.visibility import Visibility
 
-# Grey levels a pixel. Noise of 2 grey levels alone gives 0.8 after the blur; what falls below this holds no vertex.
+# Grey levels / px. Noise of 2 grey levels alone gives 0.8 after the blur; texture below this limit determines no vertex.
 BLANK_TEXTURE = 1.2
-# A face whose gradients all but vanish along one direction can slide along it.
+# A face can slide along a direction in which its rms gradient is below this fraction of the whole.
 STRIPED = 0.2
 SEEN = (Visibility.SEEN, Visibility.PARTLY_SEEN, Visibility.SURPLUS)
 
 
 @dataclass(frozen=True)
 class ViewCheck:
-    """One photo.
+    """Findings for one photo.
 
     Attributes:
+        name: of the photo.
+        width, height: px.
         focal_length: px.
-        faces: faces that take part in it.
-        mesh_share: part of the photo that the mesh covers, 0 to 1.
-        in_front: part of the mesh's vertices in front of the camera, 0 to 1.
-        reprojection: median distance of sparse points to where the photo saw them, px; None without any.
-        shift: median of the same as a vector, px: what is systematic in it.
-        exposure: how bright the photo is beside the median photo, judged by the faces both see; None if unknown.
-        masked: part of the photo that its mask leaves out, 0 to 1.
+        faces: number of faces that the photo shows well enough.
+        mesh_share: fraction of the photo that the mesh covers, 0 to 1.
+        in_front: fraction of the mesh's vertices in front of the camera, 0 to 1.
+        reprojection: median reprojection error of its sparse points, px; None without any.
+        shift: median of projection minus observation, px: the systematic part of that error; None for fewer than five.
+        exposure: brightness relative to the median photo, from faces that several photos show; None if unknown.
+        masked: fraction of the photo that its mask excludes, 0 to 1.
     """
 
     name: str
@@ -44,15 +46,15 @@ class ViewCheck:
 
 @dataclass(frozen=True, eq=False)
 class FaceChecks:
-    """All faces, (m,) each.
+    """Findings for all faces, (m,) each.
 
     Attributes:
-        n_views: photos a face takes part in.
-        takes_part: whether they are enough.
-        footprint: square root of its mean area in them, px.
-        texture: rms gradient of the photos there, grey levels a pixel (`fairing.check.appearance`); NaN where it is not seen.
-        weakest: the same in the direction of least.
-        reason: for faces that take no part, what most of the photos say, as in `Visibility`, in lower case.
+        n_views: int: photos that take part.
+        takes_part: bool: whether they are enough.
+        footprint: float, px: square root of the mean area in these photos.
+        texture: float, grey levels / px: rms gradient (`fairing.check.appearance`); NaN if unseen.
+        weakest: float, grey levels / px: rms gradient in the direction of least change.
+        reason: for faces that take no part, the most frequent `Visibility` in the photos, in lower case; else "".
     """
 
     n_views: np.ndarray
@@ -64,37 +66,42 @@ class FaceChecks:
 
     @property
     def is_blank(self) -> np.ndarray:
-        """(m,) bool: faces in part that show no texture."""
+        """(m,) bool: faces that take part but have no texture."""
         return self.takes_part & (self.texture < BLANK_TEXTURE)
 
     def without_part(self) -> dict[str, np.ndarray]:
-        """Ids (k,) of the faces that take no part, by reason in words, most first."""
+        """Ids (k,) int of the faces that take no part, by reason in words, most frequent reason first."""
         reasons = np.array(self.reason)
         found = {reason: np.flatnonzero(reasons == reason) for reason in sorted(set(self.reason) - {""})}
         return {reason.replace("_", " "): ids for reason, ids in sorted(found.items(), key=lambda item: -len(item[1]))}
 
     @property
     def is_striped(self) -> np.ndarray:
-        """(m,) bool: faces in part whose texture runs in one direction only."""
+        """(m,) bool: faces that take part whose grey levels change in one direction only."""
         return self.takes_part & ~self.is_blank & (self.weakest < STRIPED * self.texture)
 
 
 @dataclass(frozen=True, eq=False)
 class SceneCheck:
-    """What `check_scene` found.
+    """Findings of `check_scene`.
 
     Attributes:
-        faces_in_part: faces seen by enough photos, of `n_faces`.
+        verdict: "unusable" if no face takes part, "doubtful" if there are hints, else "good".
+        n_faces: number of faces.
+        faces_in_part: number of faces seen by enough photos.
         views_per_face: percentiles 0, 25, 50, 75, 100 over faces.
         footprint: the same percentiles of the square root of a face's mean area in the photos, px.
-        texture: the same of the faces' texture, grey levels a pixel.
-        reasons: why faces take no part, as counts over all pairs of face and photo.
-        parallax: median over the faces in part of the widest angle between two of their lines of sight, degrees.
-        mistake: what is likely wrong with the cameras as a whole, or None.
-        memory: bytes that a run takes at most, about.
+        texture: the same percentiles of the faces' texture, grey levels / px.
+        reasons: number of pairs of face and photo by `Visibility`, in lower case.
+        parallax: widest angle between two lines of sight to a face, degrees, median over the faces that take part.
+        mistake: likely mistake in the cameras as a whole, or None.
+        memory: approximate peak memory of a run, bytes.
+        views: findings for each photo.
+        faces: findings for the faces.
+        visibility: (m, V) int8: `Visibility` of every face in every photo.
         warnings: of the scene.
-        hints: what speaks against the scene and what to do, in order of importance.
-        suggestions: options and changes worth trying; they speak against nothing.
+        hints: problems and their remedies, in order of importance.
+        suggestions: options and changes worth trying; they do not affect the verdict.
     """
 
     verdict: Literal["good", "doubtful", "unusable"]
@@ -115,7 +122,7 @@ class SceneCheck:
     suggestions: tuple[str, ...]
 
     def as_dict(self) -> dict[str, Any]:
-        """For JSON. Faces are lists of numbers, one a face, null where a number is unknown."""
+        """Plain values for JSON. Faces are lists with one entry per face, null where unknown."""
         values = {name: getattr(self, name) for name in self.__dataclass_fields__ if name != "visibility"}
         values["views"] = [asdict(view) for view in self.views]
         values["faces"] = {

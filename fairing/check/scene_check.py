@@ -1,4 +1,4 @@
-"""Can this input work? Cameras, coverage, sizes, texture and exposure, judged before a run with the run's own rules."""
+"""Capture check: cameras, coverage, face sizes, texture and exposure, judged before a run by the run's own rules."""
 
 import os
 from collections.abc import Iterable
@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from fairing.cells.context import CellContext, build_context, facing
+from fairing.cells.context import CellContext, build_context
 from fairing.cells.scale_space import ScaleSpace
-from fairing.cells.visibility import Visibility
+from fairing.cells.visibility import Visibility, mesh_orientation
 from fairing.check.appearance import Appearance, exposures, measure_appearance
 from fairing.check.conventions import explain_reprojection, median_shift
 from fairing.check.hints import find_hints, find_suggestions
@@ -20,21 +20,21 @@ from fairing.geometry.rasterize import rasterize
 from fairing.options import FairingOptions
 from fairing.scene import Scene
 
-MOST_FACES = 10_000  # asked about their parallax: evenly chosen ones stand for all
-COVERAGE_WIDTH = 500  # px of the picture that tells how much of a photo the mesh covers
+PARALLAX_FACES = 10_000  # the parallax is the median over at most this many faces, an even subset
+COVERAGE_WIDTH = 500  # px: width of the image in which the covered part of a photo is counted
 
 
-class _MasksAlone(ScaleSpace):
-    """No cell is sampled here, so no photo is laid out."""
+class _MasksOnly(ScaleSpace):
+    """Scale space without photos: the check samples no cells."""
 
     def lay_out(
-        self, blur: float, cubic: bool, wanted: Iterable[tuple[int, float]], pool: Executor
+        self, blur: float, cubic: bool, requested: Iterable[tuple[int, float]], pool: Executor
     ) -> tuple[np.ndarray, dict[tuple[int, float], int]]:
-        return np.zeros(0, dtype=np.float32), dict.fromkeys(wanted, 0)
+        return np.zeros(0, dtype=np.float32), dict.fromkeys(requested, 0)
 
 
 def check_scene(scene: Scene, options: FairingOptions | None = None) -> SceneCheck:
-    """Judge a scene at the finest level of the options.
+    """Check a scene at the finest level of the options.
 
     Raises:
         InputError: a photo cannot be decoded.
@@ -43,10 +43,10 @@ def check_scene(scene: Scene, options: FairingOptions | None = None) -> SceneChe
     sound = np.ones(len(scene.mesh.faces), dtype=bool)
     sound[inspect_mesh(scene.mesh).degenerate_faces] = False
     vertices, level = scene.mesh.vertices, options.n_levels - 1
-    as_seen = replace(options, cells=replace(options.cells, point_spread=("as_seen",)))  # no photo need be read
+    as_seen = replace(options, cells=replace(options.cells, point_spread=("as_seen",)))  # reads no photos
     with ThreadPoolExecutor(options.threads or os.cpu_count()) as pool:
         context = build_context(
-            scene, _MasksAlone(scene, color=False), as_seen, level, vertices, facing(scene, vertices), sound, pool
+            scene, _MasksOnly(scene, color=False), as_seen, level, vertices, mesh_orientation(scene, vertices), sound, pool
         )  # fmt: skip
     appearance = measure_appearance(scene, context.reasons)
     bright = exposures(appearance.mean)
@@ -131,11 +131,11 @@ def _reprojection(scene: Scene, v: int) -> float | None:
 
 
 def _parallax(scene: Scene, context: CellContext) -> float | None:
-    """Median over faces of the widest angle between lines of sight, degrees."""
+    """Widest angle between two lines of sight to a face, degrees, median over faces."""
     centers = np.array([view.camera.center for view in scene.views])
     widest = []
     part = np.flatnonzero(context.takes_part)
-    for face in part[:: -(-len(part) // MOST_FACES) or 1].tolist():
+    for face in part[:: -(-len(part) // PARALLAX_FACES) or 1].tolist():
         rays = centers[context.kernel.pair_view[context.pairs_of(face)]] - scene.mesh.vertices[
             scene.mesh.faces[face]
         ].mean(axis=0)

@@ -1,8 +1,14 @@
-"""Experiments on one vertex of a scene whose truth is known: what to expect of fairing, and why.
+"""Experiments on one displaced vertex of a scene with known truth: capture range, noise, dimensions, warps and solvers.
 
-setting = Setting.of(scene)
-for row in results(CaptureRange(), setting):
-    print(row)
+    setting = Setting.of(scene)
+    for row in results(CaptureRange(), setting):
+        print(row)
+
+What belongs here: `Setting` (the vertex and its options), the `Experiment` protocol, and one file per experiment.
+
+May import: every other part of `fairing`.
+
+Offers: `EXPERIMENTS` by name, `Setting`, `results`, `check_truth`.
 """
 
 from fairing.experiments.capture_range import CaptureRange

@@ -1,4 +1,4 @@
-"""How far away may a vertex start? The error at the end over the error at the start, from several directions."""
+"""Capture range experiment: final error against initial error, from several directions."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ from typing import ClassVar
 from fairing.experiments.experiment import Row
 from fairing.experiments.setting import Setting
 
-LOST = 0.1  # a vertex is back when it has kept at most this part of its error
+CONVERGED = 0.1  # a run converged if at most this part of the initial error remains
 
 
 @dataclass(frozen=True)
@@ -16,18 +16,18 @@ class CaptureRange:
 
     name: ClassVar[str] = "capture-range"
     title: ClassVar[str] = "Capture range"
-    question: ClassVar[str] = "How far off may a vertex start and still come back to its place?"
+    question: ClassVar[str] = "How far from its true position may a vertex start and still converge?"
     columns: ClassVar[dict[str, str]] = {
-        "start_percent": "error at the start, % of the edge",
-        "direction": "number of the direction, from 0",
-        "end_percent": "error at the end, % of the edge",
+        "start_percent": "initial error, % of the edge",
+        "direction": "index of the direction",
+        "end_percent": "final error, % of the edge",
         "steps": "steps of the run",
     }
 
     starts: tuple[float, ...] = (10.0, 20.0, 30.0, 40.0, 50.0, 60.0)
-    """Errors at the start, percent of the shortest edge at the vertex."""
+    """Initial errors, percent of the shortest edge at the vertex."""
     directions: int = 6
-    """How many directions, spread over the sphere."""
+    """Number of directions, spread over the sphere."""
 
     def cases(self, setting: Setting) -> list[Row]:
         return [{"start_percent": s, "direction": d} for d in range(self.directions) for s in self.starts]
@@ -41,25 +41,25 @@ class CaptureRange:
     def finding(self, rows: Sequence[Row]) -> str:
         if not rows:
             return ""
-        safe, first_lost = 0.0, ""
+        safe, first_failure = 0.0, ""
         for start in sorted({row["start_percent"] for row in rows}):
             here = [row for row in rows if row["start_percent"] == start]
-            back = sum(is_back(row) for row in here)
-            if back < len(here):
-                first_lost = f" From {start:g} % it came back from {back} of {len(here)}."
+            converged = sum(has_converged(row) for row in here)
+            if converged < len(here):
+                first_failure = f" From {start:g} % it converged from {converged} of {len(here)} directions."
                 break
             safe = start
         directions = len({row["direction"] for row in rows})
         if not safe:
-            return f"At no distance did the vertex come back from every direction.{first_lost}"
+            return f"The vertex did not converge from every direction at any distance.{first_failure}"
         ends = [row["end_percent"] for row in rows if row["start_percent"] <= safe]
-        ways = "the direction tried" if directions == 1 else f"all {directions} directions tried"
+        tried = "the one direction tried" if directions == 1 else f"all {directions} directions tried"
         return (
-            f"From up to {safe:g} % of the edge the vertex came back from {ways} (to {max(ends):.2g} % or nearer)."
-            f"{first_lost}"
+            f"From up to {safe:g} % of the edge the vertex converged from {tried} (to {max(ends):.2g} % or less)."
+            f"{first_failure}"
         )
 
 
-def is_back(row: Row) -> bool:
-    """Whether the vertex has lost nearly all of its error."""
-    return row["end_percent"] <= LOST * row["start_percent"]
+def has_converged(row: Row) -> bool:
+    """Whether at most `CONVERGED` of the initial error remains."""
+    return row["end_percent"] <= CONVERGED * row["start_percent"]

@@ -1,4 +1,4 @@
-"""What an experiment is: a list of cases, and what is measured of each."""
+"""Experiment protocol: a list of cases, and a measurement of each."""
 
 from collections.abc import Iterator, Sequence
 from typing import Any, ClassVar, Protocol
@@ -6,17 +6,17 @@ from typing import Any, ClassVar, Protocol
 from fairing.experiments.setting import Setting
 
 Row = dict[str, Any]
-"""A case's settings and, once it is measured, its results: numbers and names, and lists of numbers for curves."""
+"""The settings of a case and, once it is measured, its results: numbers and names, and lists of numbers for curves."""
 
 
 class Experiment(Protocol):
-    """A frozen dataclass whose fields say how much is done; every case is a run of its own and knows nothing of others.
+    """A frozen dataclass whose fields set the number of cases; every case is an independent run.
 
     Attributes:
-        name: what the user types.
-        title: what the user reads.
-        question: the question it answers, one sentence.
-        columns: of a row that has been measured: name and meaning with unit. Rows may hold curves besides.
+        name: on the command line.
+        title: in headings.
+        question: the question that the experiment answers, one sentence.
+        columns: name of each column of a measured row, and its meaning with unit. Rows may also hold curves.
     """
 
     name: ClassVar[str]
@@ -25,24 +25,24 @@ class Experiment(Protocol):
     columns: ClassVar[dict[str, str]]
 
     def cases(self, setting: Setting) -> list[Row]:
-        """The settings of all cases, those that show most first.
+        """The settings of all cases, the most informative first.
 
         Raises:
-            InputError: the scene does not allow any.
+            InputError: the scene allows no case.
         """
         ...
 
     def measure(self, setting: Setting, case: Row) -> Row:
-        """The results of a case; the same for the same case, whatever was measured before."""
+        """The results of a case; they depend on the case only."""
         ...
 
     def finding(self, rows: Sequence[Row]) -> str:
-        """What the rows measured so far say, in a sentence or two; empty where they say nothing yet."""
+        """Conclusion from the rows measured so far, one or two sentences; empty if they do not suffice."""
         ...
 
 
 def open_cases(experiment: Experiment, setting: Setting, done: Sequence[Row] = ()) -> list[Row]:
-    """The cases that no row of `done` has measured, in their order."""
+    """The cases that are not among the rows `done`, in their order."""
     return [
         case
         for case in experiment.cases(setting)
@@ -51,7 +51,7 @@ def open_cases(experiment: Experiment, setting: Setting, done: Sequence[Row] = (
 
 
 def measured(experiment: Experiment, setting: Setting, case: Row) -> Row:
-    """The whole row of a case."""
+    """Measure a case; returns its complete row."""
     return case | experiment.measure(setting, case)
 
 
@@ -59,7 +59,7 @@ def results(experiment: Experiment, setting: Setting, done: Sequence[Row] = ()) 
     """Measure one case after another.
 
     Args:
-        done: rows of an earlier, interrupted call; their cases are not measured again.
+        done: rows of an earlier, interrupted call; their cases are skipped.
     """
     for case in open_cases(experiment, setting, done):
         yield measured(experiment, setting, case)

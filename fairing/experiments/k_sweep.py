@@ -1,4 +1,4 @@
-"""What does k do? The error at the end over the eigenspace's dimensions, and how much misalignment it explains away."""
+"""Dimensions experiment: final error against the eigenspace's dimensions k, and the misalignment that it absorbs."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -15,35 +15,39 @@ from fairing.run.session import Session
 
 START_PERCENT = 10.0
 MISALIGNED_PERCENT = 2.0
-BLUR = 2.0  # px: of the photos in which the misalignment is looked at
-CELL_SIZE = 64
+BLUR = 2.0  # px: blur of the photos in which the misalignment is measured
+CELL_SIZE = 64  # samples along a leg
 
 
 @dataclass(frozen=True)
 class KSweep:
-    """Runs with every k, and what the eigenspace explains away of a misalignment before any step."""
+    """Runs with every k, and the part of a misalignment that the eigenspace absorbs before any step."""
 
     name: ClassVar[str] = "k-sweep"
     title: ClassVar[str] = "Dimensions of the eigenspace"
-    question: ClassVar[str] = "How many dimensions k should the eigenspace have, and what misalignment does it swallow?"
+    question: ClassVar[str] = (
+        "How many dimensions k should the eigenspace have, and how much misalignment does it absorb?"
+    )
     columns: ClassVar[dict[str, str]] = {
-        "k": "dimensions of the eigenspace, on all levels",
-        "direction": "number of the direction, from 0",
-        "end_percent": "error at the end, % of the edge",
-        "left_percent": "of what a misalignment of 2 % of the edge leaves unexplained by the true eigenspace, the part "
-        "that is left once the eigenspace is fitted again, %",
+        "k": "dimensions of the eigenspace, at all levels",
+        "direction": "index of the direction",
+        "end_percent": "final error, % of the edge",
+        "left_percent": "squared residual of a misalignment of 2 % of the edge with the refitted eigenspace, % of that with the "
+        "true eigenspace",
         "steps": "steps of the run",
     }
 
     dimensions: tuple[int, ...] = ()
-    """Values of k, the same on all levels. Default: all from 1 to two less than the views."""
+    """Values of k, the same at all levels. Default: all from 1 to the number of views minus two."""
     directions: int = 2
-    """From how many directions the vertex starts, 10 % of the edge away."""
+    """Number of directions in which the vertex is displaced by 10 % of the edge."""
 
     def cases(self, setting: Setting) -> list[Row]:
         most = largest_k(setting)
         if self.dimensions and not 1 <= min(self.dimensions) <= max(self.dimensions) <= most:
-            raise InputError(f"dimensions: expected values of k from 1 to {most}, two less than the views of a face")
+            raise InputError(
+                f"dimensions: expected values of k from 1 to {most}, the number of views of a face minus two"
+            )
         wanted = self.dimensions or tuple(range(1, most + 1))
         return [{"k": k, "direction": d} for d in range(self.directions) for k in wanted]
 
@@ -67,17 +71,17 @@ class KSweep:
         left = {k: float(np.median([row["left_percent"] for row in here])) for k, here in by_k.items()}
         best, last = min(end, key=lambda k: end[k]), max(end)
         return (
-            f"k = {best} ends nearest, {end[best]:.2g} % of the edge off; k = {last} ends {end[last]:.2g} % off. The "
-            f"eigenspace explains away all but {left[min(left)]:.2g} % of a misalignment with k = {min(left)}, and all "
-            f"but {left[last]:.2g} % with k = {last}."
+            f"The final error is least with k = {best}, {end[best]:.2g} % of the edge; with k = {last} it is {end[last]:.2g} %. "
+            f"The eigenspace absorbs all but {left[min(left)]:.2g} % of a misalignment with k = {min(left)}, and all but "
+            f"{left[last]:.2g} % with k = {last}."
         )
 
 
 def largest_k(setting: Setting) -> int:
-    """Two less than the views of the face around the vertex that fewest see.
+    """Largest possible k: the number of views minus two of the one-ring face with the fewest views.
 
     Raises:
-        InputError: that leaves no dimension.
+        InputError: that is less than one.
     """
     context = _at_one_level(setting, 0.0, np.zeros(3)).sweep_state().context
     views = int(context.n_views[setting.scene.mesh.one_rings[setting.vertex]].min())
@@ -87,10 +91,14 @@ def largest_k(setting: Setting) -> int:
 
 
 def part_left(setting: Setting, k: int, direction: np.ndarray) -> float:
-    """Of the squared residual that a misalignment adds under the true eigenspace, the part that a refitted one leaves.
+    """Part of the squared residual that remains with a refitted eigenspace, of what a misalignment adds under the true one.
 
-    That refitting leaves so little, even with k = 1, is why a step that holds the eigenspace still is many times too
-    short: U follows the texture, wherever the vertex drags it.
+    Even with k = 1 refitting leaves so little that a step with a fixed eigenspace is many times too short: U follows the
+    texture wherever the vertex drags it.
+
+    Args:
+        k: dimensions.
+        direction: (3,) float: unit vector of the misalignment.
     """
     aligned, off = (_at_one_level(setting, percent, direction) for percent in (0.0, MISALIGNED_PERCENT))
     held = refitted = least = 0.0
@@ -107,12 +115,12 @@ def part_left(setting: Setting, k: int, direction: np.ndarray) -> float:
 
 
 def _weighted(cells: FaceCells, views: np.ndarray, shown: np.ndarray) -> np.ndarray:
-    """(n, p) float: cells of some views, samples that all show, weighted as the energy weighs them."""
+    """(n, p) float: cells of some views (ids) at the samples `shown` (bool), weighted as in the energy."""
     return cells.observed[np.ix_(views, shown)] * np.sqrt(cells.pair_weight[views])[:, None]
 
 
 def _at_one_level(setting: Setting, percent: float, direction: np.ndarray) -> Session:
-    """A run that has not begun, on a single level with cells of one size, so that cells compare sample by sample."""
+    """A run at its start, with a single level and cells of one size, so that cells are comparable sample by sample."""
     options: FairingOptions = setting.options
     cells = CellOptions(warp=options.cells.warp, size=(CELL_SIZE,), adaptive=False, inset=(0.0,))
     cells = replace(cells, interpolation=("bilinear",), weighting=options.cells.weighting)

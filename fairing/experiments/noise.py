@@ -1,4 +1,4 @@
-"""How much does noise cost? The error at the end over the photos' noise, beside what any method could reach."""
+"""Noise experiment: final error against the photos' noise, compared with the Cramer-Rao bound."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -19,31 +19,31 @@ START_PERCENT = 5.0
 
 @dataclass(frozen=True)
 class NoiseAgainstBound:
-    """Runs on photos with more and more noise."""
+    """Runs on photos with increasing noise."""
 
     name: ClassVar[str] = "noise"
     title: ClassVar[str] = "Accuracy against noise"
-    question: ClassVar[str] = "How much accuracy does noise in the photos cost, and how much must it cost at least?"
+    question: ClassVar[str] = "How much accuracy does noise in the photos cost, compared with the theoretical minimum?"
     columns: ClassVar[dict[str, str]] = {
         "noise": "standard deviation of the noise added to each channel, grey levels",
-        "draw": "number of the draw, from 0",
-        "noise_in_all": "the same with the rounding to 8 bits, grey levels",
-        "end_percent": "error at the end, % of the edge",
-        "bound_percent": "Cramer-Rao bound of its rms with unknown texture, % of the edge",
+        "draw": "index of the random draw",
+        "noise_in_all": "standard deviation of noise and rounding to 8 bits together, grey levels",
+        "end_percent": "final error, % of the edge",
+        "bound_percent": "Cramer-Rao bound of the rms error with unknown texture, % of the edge",
         "steps": "steps of the run",
     }
 
     noises: tuple[float, ...] = (0.0, 1.0, 2.0, 4.0, 8.0)
     """Standard deviations of the noise added to each channel of the photos, grey levels."""
     draws: int = 6
-    """How many times each noise is drawn."""
+    """Number of random draws for each noise level."""
 
     def cases(self, setting: Setting) -> list[Row]:
-        # Without noise every draw is the same.
+        # At zero noise all draws are equal.
         return [{"noise": s, "draw": d} for d in range(self.draws) for s in self.noises if s > 0 or d == 0]
 
     def measure(self, setting: Setting, case: Row) -> Row:
-        """Also `error`: the error at the end as a vector, so that what all draws share can be told from the rest."""
+        """The columns, and `error`: the final error as a vector, to separate bias from spread."""
         start = setting.displaced(START_PERCENT, setting.directions(3)[0])
         noisy = replace(start, views=noisy_views(start.views, case["noise"], case["draw"]))
         session = setting.session(noisy)
@@ -63,27 +63,27 @@ class NoiseAgainstBound:
         here = [row for row in rows if row["noise"] == noise]
         rms, bound = rms_of(here), here[0]["bound_percent"]
         spread = spread_of(here)
-        alone = "" if spread is None else f" Without what all draws have in common it is {spread / bound:.1f} times."
+        precision = "" if spread is None else f" The spread about the mean is {spread / bound:.1f} times the bound."
         return (
-            f"With noise of {noise:g} grey levels the error is {rms:.2g} % of the edge (rms of {len(here)}), "
-            f"{rms / bound:.1f} times the bound of {bound:.2g} %.{alone}"
+            f"With noise of {noise:g} grey levels the final error is {rms:.2g} % of the edge (rms of {len(here)}), "
+            f"{rms / bound:.1f} times the bound of {bound:.2g} %.{precision}"
         )
 
 
 def rms_of(rows: Sequence[Row]) -> float:
-    """Root mean square of the errors at the end, percent of the edge."""
+    """Root mean square of the final errors, percent of the edge."""
     return float(np.sqrt(np.mean([row["end_percent"] ** 2 for row in rows])))
 
 
 def spread_of(rows: Sequence[Row]) -> float | None:
-    """Root mean square distance of the ends from their mean, percent of the edge; None for a single draw."""
+    """Root mean square distance of the final positions from their mean, percent of the edge; None for a single draw."""
     if len(rows) < 2:
         return None
     return float(np.sqrt(np.var([row["error"] for row in rows], axis=0, ddof=1).sum()))
 
 
 def noisy_views(views: tuple[View, ...], noise: float, seed: int) -> tuple[View, ...]:
-    """The views with normal noise of a standard deviation (grey levels, each channel) in their photos, 8 bits again."""
+    """The views with Gaussian noise in their photos (standard deviation in grey levels, per channel), rounded to 8 bits."""
     rng = np.random.default_rng(seed)
     noisy = []
     for view in views:
@@ -95,14 +95,14 @@ def noisy_views(views: tuple[View, ...], noise: float, seed: int) -> tuple[View,
 
 @lru_cache(maxsize=1)
 def bound_percent(setting: Setting) -> float:
-    """The Cramer-Rao bound of the rms error along what the truth determines, % of the edge a grey level of luma noise."""
+    """Cramer-Rao bound of the rms error in the determined directions, % of the edge per grey level of luma noise."""
     covariance = cramer_rao_covariance(setting.scene, setting.vertex, 1.0, _views_of_face(setting))
     along = setting.determined @ covariance @ setting.determined.T
     return 100 / setting.edge * float(np.sqrt(np.trace(along)))
 
 
 def _views_of_face(setting: Setting) -> dict[int, np.ndarray]:
-    """For each face around the vertex the views that see any of it: a bound for all methods leaves no photo out."""
+    """For each face around the vertex the views that see any part of it: a bound for all methods uses all photos."""
     scene = setting.displaced(0.0, np.zeros(3))
     anything = VisibilityOptions(min_angle=0.5, min_footprint=0.1, edge_margin=0.0, min_samples=0.01)
     options = replace(setting.options, visibility=replace(anything, max_views=len(scene.views)))

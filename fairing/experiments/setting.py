@@ -1,4 +1,4 @@
-"""One vertex of a scene whose truth is known, put off its place: the ground of every experiment."""
+"""Setting of an experiment: one displaced vertex of a scene with known truth."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -17,13 +17,15 @@ GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
 
 @dataclass(frozen=True, eq=False)
 class Setting:
-    """Attributes:
-        scene: its truth must be known.
-        vertex: the one that is put off its place; all others stay at theirs.
-        options: of every run, but for what an experiment varies.
+    """A vertex, its scene and the options of the runs.
+
+    Attributes:
+        scene: a scene with known true vertices.
+        vertex: id of the vertex that is displaced; all others stay at their true positions.
+        options: of every run, except for what an experiment varies.
 
     Raises:
-        InputError: the truth is not known, or there is no such vertex.
+        InputError: the truth is unknown, or there is no such vertex.
     """
 
     scene: Scene
@@ -38,31 +40,31 @@ class Setting:
 
     @classmethod
     def of(cls, scene: Scene, options: FairingOptions | None = None, vertex: int | None = None) -> "Setting":
-        """With the preset `accurate` and the vertex that photos determine best, unless told otherwise."""
+        """A setting with defaults: the preset `accurate`, and the vertex that the photos determine best."""
         check_truth(scene)
         return cls(scene, best_seen_vertex(scene) if vertex is None else vertex, options or FairingOptions())
 
     @cached_property
     def truth(self) -> np.ndarray:
-        """(n, 3) float: where the vertices belong, world units."""
+        """(n, 3) float, world units: true positions of the vertices."""
         assert self.scene.truth is not None
         assert self.scene.truth.vertices is not None
         return self.scene.truth.vertices
 
     @cached_property
     def edge(self) -> float:
-        """Shortest edge at the vertex, world units: what percentages refer to."""
+        """Shortest edge at the vertex, world units: the length that percentages refer to."""
         faces = self.scene.mesh.faces[self.scene.mesh.one_rings[self.vertex]]
         neighbours = np.setdiff1d(faces, self.vertex)
         return float(np.linalg.norm(self.truth[neighbours] - self.truth[self.vertex], axis=1).min())
 
     @cached_property
     def determined(self) -> np.ndarray:
-        """(d, 3) float: unit vectors that span what the photos can determine of the vertex."""
+        """(d, 3) float: orthonormal directions in which the photos can determine the vertex."""
         return determined_directions(self.scene, self.vertex)
 
     def directions(self, count: int) -> np.ndarray:
-        """(count, 3) float: unit vectors spread over all directions that the photos can determine."""
+        """(count, 3) float: unit vectors spread over the directions in which the photos can determine the vertex."""
         # A Fibonacci lattice on the sphere.
         k = np.arange(count) + 0.5
         height, turn = 1 - 2 * k / count, GOLDEN_ANGLE * k
@@ -72,13 +74,13 @@ class Setting:
         return within / np.linalg.norm(within, axis=1, keepdims=True)
 
     def displaced(self, percent: float, direction: np.ndarray) -> Scene:
-        """The scene with all vertices at the truth but this one, off by a percentage of the edge."""
+        """The scene with all vertices at the truth, except this one, displaced along a unit vector (3,) by percent of the edge."""
         start = self.truth.copy()
         start[self.vertex] += percent / 100 * self.edge * direction
         return replace(self.scene, mesh=self.scene.mesh.moved(start))
 
     def session(self, scene: Scene, options: FairingOptions | None = None) -> Session:
-        """A run on the scene in which no other vertex moves."""
+        """A run on the scene in which only this vertex moves."""
         others = np.flatnonzero(scene.original_from_welded != self.vertex).tolist()
         options = replace(
             options or self.options, locked_vertices=tuple(others), lock_boundary=False, locked_boxes=(), region=()
@@ -86,37 +88,40 @@ class Setting:
         return Session(scene, options)
 
     def error(self, vertices: np.ndarray) -> np.ndarray:
-        """(d,) float: what is left of the vertex's error along `determined`, percent of the edge."""
+        """(d,) float, percent of the edge: the vertex's error along `determined`, for vertices (n, 3), world units."""
         return 100 / self.edge * self.determined @ (vertices[self.vertex] - self.truth[self.vertex])
 
     def distance(self, vertices: np.ndarray) -> float:
-        """Length of `error`, percent of the edge."""
+        """Length of `error` for vertices (n, 3), percent of the edge."""
         return float(np.linalg.norm(self.error(vertices)))
 
 
 def check_truth(scene: Scene) -> None:
-    """Raises InputError where nobody knows the true places of the scene's vertices."""
+    """Raise InputError if the true positions of the scene's vertices are unknown."""
     if scene.truth is None or scene.truth.vertices is None:
         raise InputError(
-            f"scene {scene.name}: experiments measure errors against the true places of its vertices, and they are not "
-            "known; take a synthetic scene, such as the demo cube"
+            f"scene {scene.name}: experiments need the true positions of its vertices, and they are unknown; "
+            "use a synthetic scene, such as the demo cube"
         )
 
 
 def determined_directions(scene: Scene, vertex: int) -> np.ndarray:
-    """(d <= 3, 3) float: unit vectors that span the normals of the true surfaces that meet at the vertex."""
+    """(d <= 3, 3) float: orthonormal basis of the span of the true normals at the vertex."""
     normals = scene.truth.normals if scene.truth is not None else None
     if normals is None:
         return np.eye(3)
     _, strength, directions = np.linalg.svd(normals[vertex], full_matrices=False)
     found = directions[strength > SPAN_TOLERANCE * strength[0]]
-    # The base of a corner is the world's own axes, so that its error reads as it is.
+    # At a corner the basis is the world axes, so that errors are in world coordinates.
     return np.eye(3) if len(found) == 3 else found
 
 
 def best_seen_vertex(scene: Scene) -> int:
-    """Of the vertices that the true surface determines in most directions, the one whose faces fill most of the photos
-    that see them all from the front."""
+    """Id of the vertex that the photos determine best.
+
+    Of the vertices whose true surface determines most directions, the one whose one-ring covers most pixels in the photos that
+    show all of it from the front.
+    """
     assert scene.truth is not None
     assert scene.truth.vertices is not None
     vertices, faces = scene.truth.vertices, scene.mesh.faces

@@ -1,4 +1,4 @@
-"""Which warp, which solver? Affine or homography, alternating or variable projection: error step by step."""
+"""Warp and solver experiment: affine or homography, alternating or variable projection, error step by step."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -18,20 +18,22 @@ class WarpComparison:
 
     name: ClassVar[str] = "warps"
     title: ClassVar[str] = "Warps and solvers"
-    question: ClassVar[str] = "What do the exact homography and variable projection gain over the paper's choices?"
+    question: ClassVar[str] = (
+        "How much accuracy do the exact homography and variable projection gain over the paper's choices?"
+    )
     columns: ClassVar[dict[str, str]] = {
         "warp": "affine (the paper) or homography",
         "solver": "alternating (the paper) or variable_projection",
-        "start_percent": "error at the start, % of the edge",
-        "direction": "number of the direction, from 0",
-        "end_percent": "error at the end, % of the edge",
+        "start_percent": "initial error, % of the edge",
+        "direction": "index of the direction",
+        "end_percent": "final error, % of the edge",
         "steps": "steps of the run",
     }
 
     starts: tuple[float, ...] = (10.0, 20.0)
-    """Errors at the start, percent of the shortest edge at the vertex."""
+    """Initial errors, percent of the shortest edge at the vertex."""
     directions: int = 3
-    """How many directions, spread over the sphere."""
+    """Number of directions, spread over the sphere."""
 
     def cases(self, setting: Setting) -> list[Row]:
         return [
@@ -42,7 +44,7 @@ class WarpComparison:
         ]
 
     def measure(self, setting: Setting, case: Row) -> Row:
-        """Also `path`: the error after each step, the start's first, % of the edge."""
+        """The columns, and `path`: the initial error and the error after each step, % of the edge."""
         direction = setting.directions(self.directions)[case["direction"]]
         options = replace(
             setting.options,
@@ -62,7 +64,7 @@ class WarpComparison:
         if not all(ends.values()):
             return ""
         medians = {variant: float(np.median(values)) for variant, values in ends.items()}
-        said = "; ".join(
-            f"{warp}, {solver.replace('_', ' ')} {medians[warp, solver]:.2g} %" for warp, solver in VARIANTS
+        summary = "; ".join(
+            f"{warp}, {solver.replace('_', ' ')} {medians[warp, solver]:.2g}" for warp, solver in VARIANTS
         )
-        return f"Median error at the end, of the edge: {said}."
+        return f"Median final error, % of the edge: {summary}."

@@ -1,5 +1,9 @@
-"""Geometry of meshes and cameras, without photos.
+"""Geometry of meshes, without photos.
 
-Holds rasterization, closest points, face normals and quality, mesh inspection and normal filtering.
-May import the data modules of `fairing`.
+What belongs here: rasterization (`rasterize`), closest points on a surface (`closest_point`), face normals and quality
+(`normals`), normal filtering (`normal_filter`) and mesh inspection (`mesh_check`).
+
+May import: the data modules of `fairing` and `fairing.util`.
+
+Offers: `rasterize`, `SurfaceTree`, `face_normals`, `face_quality`, `folded_faces`, `smoothed`, `inspect_mesh`.
 """

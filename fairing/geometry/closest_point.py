@@ -1,4 +1,4 @@
-"""Exact distance from points to a triangle mesh, through a tree of boxes."""
+"""Closest point: exact distances from points to a triangle mesh, by a bounding volume hierarchy."""
 
 import numpy as np
 from numba import njit
@@ -6,13 +6,14 @@ from numba import njit
 from fairing.mesh import Mesh
 
 _LEAF = 4
-"""Triangles a leaf."""
+"""Triangles per leaf."""
 
 
 class SurfaceTree:
-    """A mesh prepared for many questions of the kind "how far is the surface from here".
+    """Bounding volume hierarchy of a mesh for many closest-point queries.
 
-    Triangles are sorted along a space-filling curve and boxed four by four; boxes are paired up to one root.
+    Triangles are sorted along a space-filling curve; every `_LEAF` of them share a box, and boxes are merged in pairs up to
+    one root.
     """
 
     def __init__(self, mesh: Mesh) -> None:
@@ -32,11 +33,11 @@ class SurfaceTree:
         self._low, self._high = low, high
 
     def distance(self, points: np.ndarray) -> np.ndarray:
-        """(p,) float, world units, from points (p, 3)."""
+        """(p,) float, world units: distances of points (p, 3), world units, to the surface."""
         return self.closest(points)[0]
 
     def closest(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Distance (p,) from points (p, 3), and the face (p,) int that the nearest point lies on."""
+        """Distances (p,) float, world units, of points (p, 3), world units, and the faces (p,) int of the closest points."""
         points = np.ascontiguousarray(points, dtype=np.float64)
         distance, face = np.empty(len(points)), np.empty(len(points), dtype=np.int64)
         _search(points, self._triangles, self._low, self._high, distance, face)
@@ -44,7 +45,7 @@ class SurfaceTree:
 
 
 def _morton(points: np.ndarray) -> np.ndarray:
-    """Position of points (p, 3) along a Z-order curve, 20 bits an axis."""
+    """(p,) uint64: position of points (p, 3) along a Z-order curve, 20 bits per axis."""
     low = points.min(axis=0)
     cells = ((points - low) / max(float(np.ptp(points, axis=0).max()), 1e-300) * (2**20 - 1)).astype(np.uint64)
     code = np.zeros(len(points), dtype=np.uint64)
@@ -56,6 +57,7 @@ def _morton(points: np.ndarray) -> np.ndarray:
 
 @njit(cache=True, nogil=True)
 def _search(points, triangles, low, high, distance, face):
+    """Closest triangle of each point, into `distance` and `face` (p,); low, high (2 * leaves, 3): the boxes, root at 1."""
     leaves = low.shape[0] // 2
     stack = np.empty(64, dtype=np.int64)
     for i in range(points.shape[0]):
@@ -69,7 +71,7 @@ def _search(points, triangles, low, high, distance, face):
                 continue
             if node < leaves:
                 left, right = 2 * node, 2 * node + 1
-                # The nearer child last, so that it is looked at first.
+                # The nearer child is pushed last, so that it is visited first.
                 if _squared_to_box(p, low[left], high[left]) < _squared_to_box(p, low[right], high[right]):
                     left, right = right, left
                 stack[size], stack[size + 1] = left, right
@@ -86,6 +88,7 @@ def _search(points, triangles, low, high, distance, face):
 
 @njit(cache=True, nogil=True)
 def _squared_to_box(p, low, high):
+    """Squared distance of a point to an axis-aligned box; 0 inside."""
     total = 0.0
     for axis in range(3):
         outside = max(low[axis] - p[axis], p[axis] - high[axis], 0.0)
@@ -95,6 +98,7 @@ def _squared_to_box(p, low, high):
 
 @njit(cache=True, nogil=True)
 def _squared_to_segment(p, a, b):
+    """Squared distance of a point to a segment."""
     along, length = 0.0, 0.0
     for axis in range(3):
         along += (p[axis] - a[axis]) * (b[axis] - a[axis])
@@ -108,7 +112,7 @@ def _squared_to_segment(p, a, b):
 
 @njit(cache=True, nogil=True)
 def _squared_to_triangle(p, a, b, c):
-    """The foot of the perpendicular if it lies inside, else the nearest edge."""
+    """Squared distance of a point to a triangle: to its plane if the foot of the perpendicular lies inside, else to an edge."""
     u, v, w = b - a, c - a, p - a
     uu, uv, vv = np.dot(u, u), np.dot(u, v), np.dot(v, v)
     wu, wv = np.dot(w, u), np.dot(w, v)

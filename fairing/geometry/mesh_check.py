@@ -1,4 +1,4 @@
-"""What is unusual about a mesh: handled by the engine, and named so that nobody wonders."""
+"""Mesh inspection: defects and unusual features, which the engine handles and reports."""
 
 from dataclasses import dataclass
 
@@ -10,22 +10,22 @@ from fairing.errors import InputError
 from fairing.mesh import Mesh
 
 _FLAT = 1e-8
-"""A face is degenerate when its height is below this fraction of its longest edge: no photo resolves it."""
+"""A face is degenerate if its height is below this fraction of its longest edge."""
 
 
 @dataclass(frozen=True, eq=False)
 class MeshFacts:
-    """Findings of `inspect_mesh`. Edges are (low, high) vertex ids. Edges and the boundary are those of sound faces,
+    """Findings of `inspect_mesh`. Edges are (low, high) vertex ids. Edges and the boundary consider only sound faces,
     which are neither degenerate nor repeated.
 
     Attributes:
         degenerate_faces: (d,) int: faces without area.
-        repeated_faces: (r,) int: faces with the corners of an earlier face, turned either way.
+        repeated_faces: (r,) int: faces with the corners of an earlier face, in either orientation.
         crowded_edges: (c, 2) int: edges of more than two faces.
-        misoriented_edges: (m, 2) int: edges whose two faces are turned to opposite sides.
+        misoriented_edges: (m, 2) int: edges whose two faces have opposite orientations.
         boundary_vertices: (b,) int: vertices on an edge of one face.
         unreferenced_vertices: (u,) int: vertices of no face.
-        n_components: parts that share no vertex.
+        n_components: number of connected components.
     """
 
     degenerate_faces: np.ndarray
@@ -37,10 +37,10 @@ class MeshFacts:
     n_components: int
 
     def warnings(self, vertex_ids: np.ndarray | None = None) -> tuple[str, ...]:
-        """One line for each finding that the user may want to repair.
+        """One line for each kind of defect.
 
         Args:
-            vertex_ids: (n,) int: the number by which the user knows each vertex, where that is not its index.
+            vertex_ids: (n,) int: number of each vertex in the input, if that is not its index.
         """
         crowded_edges, misoriented_edges, unreferenced = (
             ids if vertex_ids is None else vertex_ids[ids]
@@ -50,7 +50,7 @@ class MeshFacts:
             (self.degenerate_faces, "degenerate faces", "they take no part"),
             (self.repeated_faces, "faces with the corners of another", "remove them if they are a mistake"),
             (crowded_edges, "edges of more than two faces", "the mesh is not a manifold there"),
-            (misoriented_edges, "edges between faces turned to opposite sides", "turn the faces consistently"),
+            (misoriented_edges, "edges between faces of opposite orientations", "orient the faces consistently"),
             (unreferenced, "vertices of no face", "they stay where they are"),
         ]
         return tuple(
@@ -61,7 +61,7 @@ class MeshFacts:
 
 
 def inspect_mesh(mesh: Mesh) -> MeshFacts:
-    """Find degenerate and repeated faces, edges that are not manifold, the boundary and the parts.
+    """Find degenerate and repeated faces, non-manifold edges, the boundary and the connected components.
 
     Raises:
         InputError: every face is degenerate.
@@ -80,7 +80,7 @@ def inspect_mesh(mesh: Mesh) -> MeshFacts:
     keys = half_edges.min(axis=1) * len(mesh.vertices) + half_edges.max(axis=1)
     keys, edge_of, count = np.unique(keys, return_inverse=True, return_counts=True)
     edges = np.column_stack(np.divmod(keys, len(mesh.vertices)))
-    # +1 for a face that runs from the lower to the higher vertex, -1 for the other way: a well turned pair sums to 0.
+    # +1 for a face that runs from the lower to the higher vertex, -1 for the other way: consistent pairs sum to 0.
     turn = np.bincount(edge_of, np.where(half_edges[:, 0] < half_edges[:, 1], 1, -1), len(edges))
     is_referenced = np.zeros(len(mesh.vertices), dtype=bool)
     is_referenced[mesh.faces] = True
@@ -96,7 +96,7 @@ def inspect_mesh(mesh: Mesh) -> MeshFacts:
 
 
 def _is_degenerate(mesh: Mesh) -> np.ndarray:
-    """(m,) bool, free of any unit: heights are compared with edges."""
+    """(m,) bool: faces whose height is below `_FLAT` times the longest edge."""
     corners = mesh.vertices[mesh.faces]
     sides = np.roll(corners, -1, axis=1) - corners
     longest = np.linalg.norm(sides, axis=2).max(axis=1)
@@ -106,7 +106,7 @@ def _is_degenerate(mesh: Mesh) -> np.ndarray:
 
 
 def _first_of_each(rows: np.ndarray) -> np.ndarray:
-    """Index of the first row of each distinct kind, for integer rows (r, 3)."""
+    """Index of the first occurrence of each distinct row of an integer array (r, 3)."""
     order = np.lexsort(rows.T)
     is_new = np.ones(len(order), dtype=bool)
     is_new[1:] = (rows[order[1:]] != rows[order[:-1]]).any(axis=1)

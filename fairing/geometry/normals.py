@@ -6,13 +6,16 @@ from fairing.options import StepOptions
 
 
 def face_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """(m, 3) float: normals, as long as twice the faces' areas."""
+    """(m, 3) float: normals with length twice the faces' areas, from vertices (n, 3) float and faces (m, 3) int."""
     corners = vertices[faces]
     return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
 
 
 def face_quality(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """(m,) float: height over longest edge; 0.87 for an equilateral triangle, 0 for a collapsed one."""
+    """(m,) float: height over longest edge, from vertices (n, 3) float and faces (m, 3) int.
+
+    0.87 for an equilateral triangle, 0 for a collapsed one.
+    """
     corners = vertices[faces]
     edges = corners[:, [1, 2, 0]] - corners
     longest_squared = (edges**2).sum(-1).max(-1)
@@ -25,7 +28,7 @@ def folded_faces(
     """(m,) bool: faces that a step flips, folds over or collapses.
 
     Args:
-        before, after, start: (n, 3) float: vertices before the step, after it and at the start of the run.
+        before, after, start: (n, 3) float, world units: vertices before the step, after it and at the start of the run.
         faces: (m, 3) int.
     """
     old, new, first = (face_normals(v, faces) for v in (before, after, start))

@@ -1,4 +1,4 @@
-"""Which face a camera sees at each pixel: a z-buffer, exact at pixel centres."""
+"""Rasterization: the visible face and its depth at each pixel (a z-buffer, exact at pixel centres)."""
 
 import numba
 import numpy as np
@@ -7,10 +7,13 @@ from fairing.camera import Camera
 
 # An edge belongs to both its faces, so that rounding opens no cracks; the nearer face wins, then the lower id.
 EDGE_TOLERANCE = 1e-9
+# Depth test against a depth map: a point is hidden when a surface lies in front of it by more than this many pixels' worth
+# of depth (depth / focal length).
+HIDDEN_DEPTH = 4.0
 
 
 def rasterize(vertices: np.ndarray, faces: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
-    """Nearest face and its depth at every pixel centre, front and back faces alike.
+    """Nearest face and its depth at every pixel centre; front and back faces are treated alike.
 
     Args:
         vertices: (n, 3) float, world units.

@@ -1,5 +1,12 @@
-"""Judgements of a run: metrics, reports, certainty, and views into cells and flow.
+"""Evaluation of runs and meshes: accuracy, certainty, reports, and displays of cells and flow.
 
-Nothing here changes a run. May import the data modules of `fairing`, `fairing.geometry`, `fairing.cells`,
-`fairing.kernels`, `fairing.solve`, `fairing.run` and `fairing.util`.
+What belongs here: computations on a run that do not change it. Accuracy against truth, sparse points and left-out photos
+(`metrics`, `quantities`, `left_out`, `render`), certainty of vertices (`certainty`, `cramer_rao`), the cells of a recorded
+moment (`inspect`) and their flow (`flow`), and the report of a run (`report`).
+
+May import: the data modules of `fairing`, `fairing.util`, `fairing.geometry`, `fairing.kernels`, `fairing.cells`,
+`fairing.solve` and `fairing.run`.
+
+Offers: `face_cells`, `quality_report`, `run_report`, `leave_one_out`, `Renderer`, `certainties`, `cramer_rao_covariance`,
+`model_flow` and `optical_flow`, and per-face and per-vertex quantities for display.
 """

@@ -1,6 +1,6 @@
-"""How well the photos determine where vertices are: the normal matrix as an ellipsoid.
+"""Certainty of vertices: how well the photos determine a position, as an ellipsoid from the normal matrix.
 
-Where the aperture problem leaves a direction open (within a plane, along an edge), the ellipsoid is long.
+The ellipsoid is long in directions that the aperture problem leaves open (within a plane, along an edge).
 """
 
 from dataclasses import dataclass
@@ -12,17 +12,17 @@ from fairing.run.local_search import loss_of_faces
 from fairing.run.session import Session
 from fairing.solve.normal_equations import vertex_systems
 
-NO_INFORMATION = 1e-9  # of the largest eigenvalue
+NO_INFORMATION = 1e-9  # eigenvalues below this fraction of the largest count as zero
 
 
 @dataclass(frozen=True, eq=False)
 class Certainty:
-    """Of one vertex, all others held, at one moment. Priors take no part: this is what the photos say.
+    """Certainty of one vertex at one moment, all other vertices fixed, from the photos alone (without priors).
 
     Attributes:
         vertex: id.
-        normal_matrix: (3, 3) float, H of the faces around it, energy / world unit^2.
-        noise: variance of the photos' noise in the energy's own unit, by what the eigenspace leaves unexplained.
+        normal_matrix: (3, 3) float, energy / world unit^2: H of the one-ring.
+        noise: variance of the photos' noise in units of the energy, estimated from the residual of the eigenspace.
     """
 
     vertex: int
@@ -36,7 +36,7 @@ class Certainty:
 
     @property
     def is_seen(self) -> bool:
-        """Whether the photos say anything of it."""
+        """Whether the photos determine the vertex in any direction."""
         return bool(self._decomposed[0][0] > 0)
 
     @property
@@ -46,31 +46,34 @@ class Certainty:
 
     @property
     def lengths(self) -> np.ndarray:
-        """(3,) float: 1 / sqrt(eigenvalue) along the axes, relative to the first; infinite where photos say nothing."""
+        """(3,) float: 1 / sqrt(eigenvalue) along the axes, relative to the first; infinite in undetermined directions."""
         values = self._decomposed[0]
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(values > 0, np.sqrt(values[0] / values), np.inf)
 
     @property
     def deviations(self) -> np.ndarray:
-        """(3,) float: standard deviations along the axes, world units; infinite where photos say nothing."""
+        """(3,) float: standard deviations along the axes, world units; infinite in undetermined
+        directions."""
         values = self._decomposed[0]
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(values > 0, np.sqrt(self.noise / values), np.inf)
 
 
 def certainties(session: Session, vertices: np.ndarray, moment: int | None = None) -> list[Certainty]:
-    """How well vertices are determined at a moment (default: the present one), under its sweep's cells and sigma.
+    """Certainty of vertices at a moment, with the cells and sigma of the moment's sweep.
 
-    Always by variable projection: with a fixed eigenspace a vertex within a plane would look determined by its texture.
-    Some of that remains, as photos at a slant show the texture less sharp: the ellipsoid of a vertex in the middle of a
-    plane is three times as long within it as across, at the finest level, not infinitely.
-    The noise of independent photo pixels is estimated by the loss of the faces around a vertex. With energy
+    The normal matrix is that of variable projection: with a fixed eigenspace a vertex within a plane would seem determined by
+    its texture. Part of that remains, because oblique views show the texture less sharply: at the finest level the ellipsoid
+    of a vertex in the middle of a plane is about three times as long within the plane as across it, not infinitely long.
+
+    The noise of independent photo pixels is estimated from the loss of the faces around a vertex. With energy
     E = sum rho(e), rho(e) = e^2 / sigma^2 for small e, and loss s^2 / sigma^2 per pixel, the covariance s^2 (J^T J)^-1
     of a least squares estimate is 2 loss H^-1. A Gaussian blur of b px leaves one independent pixel in 4 pi b^2.
 
     Args:
         vertices: (u,) int, ids.
+        moment: moment of the run; default: the present one.
 
     Raises:
         IndexError: no such moment.

@@ -1,15 +1,14 @@
-"""Flows to look at (the paper's figure 4): what a displaced vertex does to cells, and what cells ask for.
+"""Flow fields for display (the paper's figure 4): the warp by a displaced vertex, and optical flow to the reconstruction.
 
 Two fields over the same cells, with opposite signs by construction:
 
-- `model_flow`: a displacement eta of the vertex moves the places where the photo is read by upsilon(u, eta), so that
+- `model_flow`: a displacement eta of the vertex moves the positions at which the photo is read by upsilon(u, eta), so that
   the new cell is I(u + upsilon). Arrows show upsilon.
-- `optical_flow`: how the texture has to move to get from the cell to its reconstruction, [U c](u + f) = I(u) (constant
-  brightness). Arrows show f.
+- `optical_flow`: the motion of the texture from the cell to its reconstruction, [U c](u + f) = I(u) (constant brightness).
+  Arrows show f.
 
-Eq. 4 asks for upsilon with I(u + upsilon) = [U c](u). So for the right eta f = -upsilon: the two counter-balance, as
-the paper says. It shows best with few eigenspace dimensions; more of them explain part of the misalignment away. Both
-flows are for display; the engine uses neither.
+Eq. 4 requires I(u + upsilon) = [U c](u), so f = -upsilon for the correct eta: the two counter-balance, as the paper says. The
+effect is clearest with few eigenspace dimensions; further ones absorb part of the misalignment. The engine uses neither field.
 """
 
 from dataclasses import dataclass, replace
@@ -21,18 +20,18 @@ from fairing.camera import Camera
 from fairing.judge.inspect import FaceCells
 from fairing.scene import Scene
 
-# Least eigenvalue of a window's structure tensor, (grey levels / cell pixel)^2, at which a flow is half believed.
+# Least eigenvalue of a window's structure tensor, (grey levels / cell pixel)^2, at which the confidence of a flow is 0.5.
 HALF_CONFIDENCE = 4.0
 
 
 @dataclass(frozen=True, eq=False)
 class ModelFlow:
-    """What a displacement of one vertex does to the cells of a face, n views, p places.
+    """Effect of a displacement of one vertex on the cells of a face: n views, p positions.
 
     Attributes:
         places: (p, 2) float: column and row in the cell, cell pixels.
         vectors: (n, p, 2) float: upsilon, cell pixels (column, row).
-        photo_places: (n, p, 2) float: the same places in the photos, px.
+        photo_places: (n, p, 2) float: the same positions in the photos, px.
         photo_vectors: (n, p, 2) float: their displacement, px.
         vertex_vectors: (n, 2) float: delta u_iv, displacement of the vertex itself in each photo, px.
     """
@@ -56,18 +55,19 @@ def model_flow(
     """Cell-pixel displacements induced by a small displacement eta of a vertex.
 
     delta u = hat J eta (Eq. 10 and the linear variation of section 4.3), upsilon = H_2x2 delta u (Eq. 11 without the
-    neglected delta H), where H_2x2 is the linear part of cell_from_image at the place: constant over the cell with the
+    neglected delta H), where H_2x2 is the linear part of cell_from_image at the position: constant over the cell with the
     affine warp, else that of the homography.
 
     Args:
-        vertices: (n, 3) float: positions the cells belong to.
-        vertex: one of the face's corners.
+        vertices: (n, 3) float, world units: positions the cells belong to.
+        cells: the cells of a face.
+        vertex: id of one of the face's corners.
         displacement: (3,) float, eta, world units.
-        affine: as in the options of the run.
-        spacing: every how many cell pixels to give a vector.
+        affine: whether the run's warp is affine.
+        spacing: distance of the vectors, cell pixels.
 
     Raises:
-        ValueError: the vertex is no corner of the face.
+        ValueError: the vertex is not a corner of the face.
     """
     face = scene.mesh.faces[cells.face]
     if vertex not in face:
@@ -91,10 +91,10 @@ def model_flow(
 def step_flow(
     scene: Scene, before: np.ndarray, after: np.ndarray, cells: FaceCells, affine: bool = False, spacing: int = 1
 ) -> ModelFlow | None:
-    """Cell-pixel displacements of a step: the sum over the face's corners that it moved. None if it moved none.
+    """Cell-pixel displacements of a step: the sum over the face's corners that it moved, or None if it moved none.
 
     Args:
-        before, after: (n, 3) float: positions of all vertices; the cells belong to those before.
+        before, after: (n, 3) float, world units: positions of all vertices; the cells belong to those before.
         affine, spacing: as in `model_flow`.
     """
     moved = [int(v) for v in scene.mesh.faces[cells.face] if (before[v] != after[v]).any()]
@@ -117,8 +117,8 @@ def _in_photo(
     displacement: np.ndarray,
     affine: bool,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """In one photo, px: places (p, 2), their displacements (p, 2), the derivative of a place by the weights of corners
-    0 and 1 (p, 2, 2), and the vertex' displacement (2,)."""
+    """In one photo, px: positions (p, 2), their displacements (p, 2), the derivative of a position by the weights of corners
+    0 and 1 (p, 2, 2), and the vertex's displacement (2,)."""
     of_vertex = camera.J_image_wrt_point(vertex) @ displacement
     edges = corners[:2] - corners[2]
     if affine:
@@ -136,9 +136,9 @@ class OpticalFlow:
 
     Attributes:
         places: (q, 2) float: column and row in the cell, cell pixels.
-        vectors: (n, q, 2) float: f, cell pixels (column, row); 0 where nothing is known.
+        vectors: (n, q, 2) float: f, cell pixels (column, row); 0 where undefined.
         confidence: (n, q) float, 0 to 1: how well the texture in the window determines both components (from the
-            smaller eigenvalue of its structure tensor; 0 along a mere edge).
+            smaller eigenvalue of its structure tensor; 0 on a straight edge).
     """
 
     places: np.ndarray
@@ -147,12 +147,12 @@ class OpticalFlow:
 
 
 def optical_flow(cells: FaceCells, window: float = 4.0, spacing: int = 1, reduction: int = 1) -> OpticalFlow:
-    """Flow from each cell to its reconstruction.
+    """Optical flow from each cell to its reconstruction.
 
     Args:
         window: sigma of the Gaussian window, cell pixels.
-        spacing: every how many cell pixels to give a vector.
-        reduction: average blocks of so many cell pixels first: faster by its square; what is smaller is lost.
+        spacing: distance of the vectors, cell pixels.
+        reduction: edge of the blocks that are averaged first, cell pixels: faster by its square; finer detail is lost.
     """
     one, other = cells.as_images(cells.observed), cells.as_images(cells.reconstruction)
     valid = cells.as_images(cells.counts.astype(float))
@@ -161,7 +161,7 @@ def optical_flow(cells: FaceCells, window: float = 4.0, spacing: int = 1, reduct
     if reduction > 1:
         one, other, valid = (_reduced(images, reduction) for images in (one, other, valid))
     rows, columns = cells.rows_and_columns
-    last = one.shape[1] * reduction  # what is left over at the ends of a reduced cell has no flow
+    last = one.shape[1] * reduction  # the remainder at the ends of a reduced cell has no flow
     chosen = (rows % spacing == 0) & (columns % spacing == 0) & (rows < last) & (columns < last)
     rows, columns = rows[chosen], columns[chosen]
     at = rows // reduction, columns // reduction
@@ -182,7 +182,7 @@ def _reduced(images: np.ndarray, reduction: int) -> np.ndarray:
 def lucas_kanade(
     image: np.ndarray, target: np.ndarray, valid: np.ndarray, window: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Flow f (h, w, 2) with target(u + f) = image(u), least squares in a Gaussian window, and confidence (h, w).
+    """Flow f with target(u + f) = image(u) by least squares in a Gaussian window, and its confidence.
 
     Brightness constancy, linearised with the mean of both gradients g (the error is then of third order in f):
     g . f + (target - image) = 0. The window's normal equations (sum g g^T) f = -sum g (target - image), Lucas and
@@ -192,6 +192,9 @@ def lucas_kanade(
         image, target: (h, w) float, grey levels; NaN is allowed where not valid.
         valid: (h, w) bool: pixels that count.
         window: sigma, pixels.
+
+    Returns:
+        (h, w, 2) float, pixels (column, row), and (h, w) float, 0 to 1.
     """
     mean = np.where(valid, 0.5 * (image + target), 0)
     difference = np.where(valid, target - image, 0)

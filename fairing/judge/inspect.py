@@ -1,7 +1,7 @@
-"""The cells of any recorded moment, computed again on demand: the paper's figure 3, for every face and view.
+"""Cells of any recorded moment, recomputed on demand: the paper's figure 3, for every face and view.
 
-Nothing of this is stored. A trace holds the vertices to the bit, a sweep's visibility and robust scale follow from
-them, and the same compiled functions as in the run give the same cells, residuals and energies, to the last bit.
+None of this is stored. A trace holds the vertices to the bit, a sweep's visibility and robust scale follow from them, and the
+compiled functions of the run reproduce its cells, residuals and energies to the last bit.
 """
 
 from dataclasses import dataclass, replace
@@ -20,8 +20,8 @@ from fairing.run.session import Session
 class FaceCells:
     """The cells of one face, n views, N x N samples in a right triangle, p samples (times three with colour).
 
-    A sample stands at row r and column c of the cell. Corner 2 of the face is the cell's right angle at the top left,
-    corner 0 lies to its right, corner 1 below it. `as_images` puts values in that place.
+    A sample lies at row r and column c of the cell. Corner 2 of the face is the cell's right angle at the top left,
+    corner 0 lies to its right, corner 1 below it. `as_images` arranges values in this order.
 
     Attributes:
         face: id.
@@ -30,14 +30,14 @@ class FaceCells:
         channels: 1 (grey) or 3.
         views: (n,) int: the view of each cell.
         observed: (n, p) float32: I, grey levels.
-        reconstruction: (n, p) float32: U c, grey levels (with mean cell and means added where options take them off).
+        reconstruction: (n, p) float32: U c, grey levels (with the mean cell and means added if the options subtract them).
         residual: (n, p) float32: e = I - U c, 0 where masked.
-        counts: (n, p) bool: samples that this view really shows; others take no part.
+        counts: (n, p) bool: samples that the view really shows; the others are masked.
         weights: (n, p) float32: robust weight rho'(e) / e.
-        rho: (n, p) float: robust norm of the residual; n energies are its sums over p times `pair_weight`.
+        rho: (n, p) float: robust norm of the residual; its sum over p times `pair_weight` is the view's energy.
         sigma: scale parameter of the robust norm, grey levels.
-        outlier_threshold: e_T, |e| at which a residual begins to lose influence, grey levels; infinite if never.
-        pair_weight: (n,) float: photo pixels a sample stands for.
+        outlier_threshold: e_T, |e| beyond which a residual loses influence, grey levels; infinite if never.
+        pair_weight: (n,) float: photo pixels per sample, times the photo's weight.
         view_energy: (n,) float: exactly as recorded.
         basis: (k, p) float32: basis images U, rows orthonormal; k = 0 if too few views see the face.
         singular_values: (n,) float, descending.
@@ -67,7 +67,7 @@ class FaceCells:
 
     @property
     def takes_part(self) -> bool:
-        """Whether the face has an energy at all (at least three views, k >= 1)."""
+        """Whether the face has an energy (at least three views, k >= 1)."""
         return len(self.basis) > 0
 
     @property
@@ -80,7 +80,7 @@ class FaceCells:
 
     @cached_property
     def rows_and_columns(self) -> tuple[np.ndarray, np.ndarray]:
-        """Row and column (p / channels,) of every sample."""
+        """Row and column of every sample, (p / channels,) int each."""
         rows, columns = np.nonzero(np.add.outer(np.arange(self.size), np.arange(self.size)) < self.size)
         return rows, columns
 
@@ -96,13 +96,13 @@ class FaceCells:
 def face_cells(session: Session, face: int, moment: int | None = None, dimensions: int | None = None) -> FaceCells:
     """Cells of a face at a moment, under the visibility and robust scale of the sweep of the moment's next step.
 
-    Their energy is the `face_energy_before` of that step, if it is a Gauss-Newton step that looks at the face
-    (searches and the smoothing of the start compare places with cells of their own).
+    Their energy is the `face_energy_before` of that step if it is a Gauss-Newton step that includes the face (local searches
+    and the smoothing of the start build cells of their own).
 
     Args:
         face: id.
-        moment: default: the session's present one.
-        dimensions: k to look at instead of the run's own; the run is not changed by it.
+        moment: default: the session's present moment.
+        dimensions: k to use instead of the run's; the run is not changed.
 
     Raises:
         IndexError: no such face or moment.
@@ -120,10 +120,17 @@ def face_cells(session: Session, face: int, moment: int | None = None, dimension
 
 
 def energies_by_dimension(session: Session, face: int, moment: int | None = None) -> np.ndarray:
-    """(n - 2,) float: the face's energy E with k = 1, 2 ... n - 2, n views; empty where fewer than three see it.
+    """Energy of a face for every possible number of eigenspace dimensions, at the run's sigma.
 
-    sigma stays the run's. To first order the misalignment of the cells spans three dimensions, so the first few k take
-    up most of a misplaced face's energy: the eigenspace absorbs what should move the vertex.
+    To first order the misalignment of the cells spans three dimensions, so the first few k absorb most of the energy of a
+    misplaced face, which should move the vertex instead.
+
+    Args:
+        face: id.
+        moment: default: the session's present moment.
+
+    Returns:
+        (n - 2,) float: E with k = 1, 2 ... n - 2 for n views; empty for fewer than three views.
     """
     moment = session.moment if moment is None else moment
     largest = int(session.sweep_state(moment).context.n_views[face]) - 2
@@ -143,9 +150,27 @@ def _with_dimensions(context: CellContext, face: int, dimensions: int) -> CellCo
 
 
 def cells_in_context(
-    session: Session, context: CellContext, vertices: np.ndarray, face: int, moment: int, sigma: float, scale: float
+    session: Session,
+    context: CellContext,
+    vertices: np.ndarray,
+    face: int,
+    moment: int,
+    sigma: float,
+    squared_scale: float,
 ) -> FaceCells:
-    """Cells of a face at any vertex positions (n, 3); `scale` is what the kernel wants of sigma."""
+    """Cells of a face at any vertex positions.
+
+    Args:
+        context: the cells' fixed data.
+        vertices: (n, 3) float, world units.
+        face: id.
+        moment: the moment to note in the result.
+        sigma: scale parameter of the robust norm, grey levels.
+        squared_scale: the same as the kernels use it, see `fairing.solve.energy.robust_scale`.
+
+    Raises:
+        InputError: a corner of the face lies behind a camera.
+    """
     data = context.kernel
     pairs = context.pairs_of(face)
     n, k = pairs.stop - pairs.start, int(data.face_dimensions[face])
@@ -156,7 +181,7 @@ def cells_in_context(
     basis, V = np.zeros((k + 1, p), dtype=np.float32), np.zeros((n, k + 1))
     singular_values, view_energy = np.zeros(n), np.zeros(n)
     fitted = show_face(
-        data, np.ascontiguousarray(vertices), face, scale,
+        data, np.ascontiguousarray(vertices), face, squared_scale,
         raw, bias, residual, weights, counts, basis, V, singular_values, view_energy,
     )  # fmt: skip
     if fitted is None:
@@ -175,9 +200,9 @@ def cells_in_context(
         residual=residual,
         counts=counts > 0,
         weights=weights,
-        rho=_rho(data, residual, scale) if k else np.zeros((n, p)),
+        rho=_rho(data, residual, squared_scale) if k else np.zeros((n, p)),
         sigma=sigma,
-        outlier_threshold=float(np.sqrt(scale / 3)) if data.norm == NORM_GEMAN_MCCLURE else float("inf"),
+        outlier_threshold=float(np.sqrt(squared_scale / 3)) if data.norm == NORM_GEMAN_MCCLURE else float("inf"),
         pair_weight=data.pair_weight[pairs],
         view_energy=view_energy,
         basis=basis[:k],
@@ -190,21 +215,23 @@ def cells_in_context(
 def _reconstruction(
     raw: np.ndarray, fitted: np.ndarray, bias: np.ndarray, residual: np.ndarray, counts: np.ndarray
 ) -> np.ndarray:
-    """U c in grey levels (n, p): I - e where the view shows the sample; elsewhere what the eigenspace predicts.
+    """U c in grey levels (n, p): I - e where the view shows the sample; elsewhere the prediction of the eigenspace.
 
-    `fitted` differs from `raw` by each cell's `bias` and, with a centred eigenspace, by the mean cell; both are added
-    again.
+    `fitted` differs from `raw` by each cell's `bias` and, with a centred eigenspace, by the mean cell; both are added back.
     """
     mean_cell = np.where(counts, raw - fitted - bias, 0).sum(axis=0) / np.maximum(counts.sum(axis=0), 1)
     return np.where(counts, raw - residual, fitted - residual + bias + mean_cell).astype(np.float32)
 
 
-def _rho(data: KernelData, residual: np.ndarray, scale: float) -> np.ndarray:
-    """The robust norm of each residual (as the kernel's `_weigh`, which returns only their sum)."""
+def _rho(data: KernelData, residual: np.ndarray, squared_scale: float) -> np.ndarray:
+    """The robust norm of each residual (`fairing.kernels.robust.weigh` returns only their sum)."""
     squared = residual.astype(np.float64) ** 2
     if data.norm == NORM_GEMAN_MCCLURE:
-        return squared / (scale + squared)
+        return squared / (squared_scale + squared)
     if data.norm == NORM_HUBER:
         size = np.abs(residual.astype(np.float64))
-        return np.where(squared <= scale, squared, 2 * size * np.sqrt(scale) - scale) / scale
-    return squared / scale
+        return (
+            np.where(squared <= squared_scale, squared, 2 * size * np.sqrt(squared_scale) - squared_scale)
+            / squared_scale
+        )
+    return squared / squared_scale

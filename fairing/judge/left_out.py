@@ -1,4 +1,4 @@
-"""PSNR and SSIM of photos that the model was not textured from."""
+"""Leave-one-out evaluation: PSNR and SSIM of photos rendered from the textured model without the photo itself."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -7,7 +7,8 @@ from typing import Any
 import cv2
 import numpy as np
 
-from fairing.judge.render import PHOTO_ROOM, Renderer
+from fairing.cells.scale_space import LUMA
+from fairing.judge.render import PHOTO_BYTES, Renderer
 from fairing.mesh import Mesh
 from fairing.scene import Scene
 from fairing.util.bounded_cache import BoundedCache
@@ -22,10 +23,10 @@ class LeftOut:
     """How well one state of the mesh predicts photos, each rendered from the others.
 
     Attributes:
-        views: ids of the photos judged.
-        psnr: (len(views),) float, dB.
-        ssim: (len(views),) float, of the luma.
-        share: (len(views),) float: part of the photo that was judged, 0 to 1.
+        views: v ids of the evaluated photos.
+        psnr: (v,) float, dB; NaN for a photo without evaluated pixels.
+        ssim: (v,) float, of the luma; NaN likewise.
+        share: (v,) float, 0 to 1: evaluated part of the photo; NaN likewise.
     """
 
     views: tuple[int, ...]
@@ -36,12 +37,12 @@ class LeftOut:
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """One photo, and what the others make of it.
+    """One photo, and its prediction from the others.
 
     Attributes:
-        view: its id.
-        photo: (h, w, 3) float32, RGB.
-        images: for each state of the mesh (h, w, 3) float32.
+        view: id of the photo.
+        photo: (h, w, 3) float32, RGB grey levels.
+        images: (h, w, 3) float32, RGB grey levels, for each state of the mesh.
         is_known: (h, w) bool: pixels that all states predict.
     """
 
@@ -58,23 +59,28 @@ def leave_one_out(
     match_exposure: bool = True,
     on_view: Callable[[Prediction], None] = lambda prediction: None,
 ) -> list[LeftOut]:
-    """Render photos from the others with several states of the vertices (n, 3), judged on the pixels known to all.
+    """Render each photo from the others for several states of the mesh, evaluated on the pixels that all states predict.
 
-    Other meshes, too, are compared so: judged on the pixels each of them shows, a mesh that dares to show more looks worse
-    (castle-P19, two starts: 25.3 dB on 27 % of the pixels and 24.5 on 39 %, but 25.4 and 25.8 on those that both show).
+    The common pixels make states comparable: evaluated on its own pixels, a mesh that covers more of the photos scores worse
+    (ledger: leave-one-out pixels).
 
-    Large photos are judged at the size the renderer bounds them to (`fairing.judge.render.LARGEST`); what masks take out of a
-    photo is not judged.
+    Large photos are evaluated at the renderer's size limit (`fairing.judge.render.LARGEST`); masked pixels are excluded.
 
     Args:
-        states: vertices of the scene's mesh, or meshes of their own.
-        views: photos to leave out one at a time; default all.
-        match_exposure: fit a gain and an offset a channel to the photo first, because photos of one scene differ in
-            exposure and the model cannot know the one left out.
-        on_view: told of every photo as it is judged, for pictures.
+        states: vertices (n, 3) float of the scene's mesh, world units, or other meshes.
+        views: ids of the photos to leave out, one at a time; default: all.
+        match_exposure: fit a gain and an offset per channel to the photo first, because photos of one scene differ in
+            exposure and the exposure of the left-out photo is unknown to the model.
+        on_view: callback with every evaluated photo, for pictures.
+
+    Returns:
+        One result per state.
+
+    Raises:
+        InputError: a photo cannot be decoded.
     """
     views = tuple(range(len(scene.views)) if views is None else views)
-    photos: BoundedCache[int] = BoundedCache(PHOTO_ROOM)
+    photos: BoundedCache[int] = BoundedCache(PHOTO_BYTES)
     meshes = [state if isinstance(state, Mesh) else scene.mesh.moved(state) for state in states]
     renderers = [Renderer(replace(scene, mesh=mesh), mesh.vertices, photos) for mesh in meshes]
     psnrs, ssims, shares = (np.full((len(states), len(views)), np.nan) for _ in range(3))
@@ -95,9 +101,13 @@ def leave_one_out(
 
 
 def left_out_summary(scene: Scene, before: LeftOut, after: LeftOut, beside: LeftOut | None = None) -> dict[str, Any]:
-    """Plain numbers for a report: of each photo, and their means over the photos that could be judged.
+    """Plain numbers for a report: per photo, and means over the evaluated photos.
 
-    PSNR says nothing about two meshes that show different parts of the photos: see `judged_share`, and `beside`.
+    PSNR of two meshes compares only on the same pixels: see `judged_share`.
+
+    Args:
+        before, after: two states from one call of `leave_one_out`.
+        beside: a third state from the same call to compare with, for example another program's mesh.
     """
     photos = [
         {
@@ -124,16 +134,22 @@ def left_out_summary(scene: Scene, before: LeftOut, after: LeftOut, beside: Left
 
 
 def psnr(image: np.ndarray, reference: np.ndarray) -> float:
-    """dB, for grey levels 0 to 255."""
+    """Peak signal-to-noise ratio, dB, of two arrays of one shape with grey levels 0 to 255."""
     error = float(((image.astype(np.float64) - reference) ** 2).mean())
     return float(10 * np.log10(255**2 / error)) if error > 0 else float("inf")
 
 
 def ssim_map(image: np.ndarray, reference: np.ndarray) -> np.ndarray:
-    """(h, w) float: structural similarity at every pixel of two grey images (Wang et al. 2004, Eq. 13).
+    """Structural similarity at every pixel of two grey images (Wang et al. 2004, Eq. 13).
 
-    ((2 mu_x mu_y + C1) (2 sigma_xy + C2)) / ((mu_x^2 + mu_y^2 + C1) (sigma_x^2 + sigma_y^2 + C2)). Within five pixels
-    of the border the photo is mirrored.
+    ((2 mu_x mu_y + C1) (2 sigma_xy + C2)) / ((mu_x^2 + mu_y^2 + C1) (sigma_x^2 + sigma_y^2 + C2)). Images are mirrored at their
+    borders.
+
+    Args:
+        image, reference: (h, w) float, grey levels.
+
+    Returns:
+        (h, w) float.
     """
     x, y = image.astype(np.float64), reference.astype(np.float64)
 
@@ -146,7 +162,7 @@ def ssim_map(image: np.ndarray, reference: np.ndarray) -> np.ndarray:
 
 
 def _matched(image: np.ndarray, photo: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """The image with the gain and offset a channel that bring it nearest to the photo."""
+    """The image with the gain and offset per channel that fit it to the photo (least squares over known pixels)."""
     result = image.copy()
     for channel in range(3):
         x, y = image[known, channel].astype(np.float64), photo[known, channel].astype(np.float64)
@@ -156,4 +172,4 @@ def _matched(image: np.ndarray, photo: np.ndarray, known: np.ndarray) -> np.ndar
 
 
 def _luma(image: np.ndarray) -> np.ndarray:
-    return image @ np.array([0.299, 0.587, 0.114], dtype=np.float32)
+    return image @ LUMA.astype(np.float32)

@@ -1,6 +1,6 @@
-"""How good a mesh is: against the truth where it is known, against sparse points, and against photos left out.
+"""Metrics of a mesh: distances to the truth where it is known, distances to sparse points, and energy.
 
-Distances come in world units and in percent of the diagonal of the scene's start mesh.
+Distances are given in world units and in percent of the diagonal of the scene's start mesh.
 """
 
 from dataclasses import dataclass
@@ -19,18 +19,20 @@ from fairing.solve.point_fit import kept_points
 
 SURFACE_SAMPLES = 20_000
 SEEN_FRACTION = 0.3
+"""A photo sees a true face if at least this fraction of its outline shows the face ..."""
 SEEN_PIXELS = 30
+"""... and at least this many pixels."""
 SPAN_TOLERANCE = 0.05
 """Normals that span less than this (sine of their angle) count as parallel."""
 
 
 @dataclass(frozen=True, eq=False)
 class Distances:
-    """Distances and the length that percentages refer to.
+    """Distances with the length that percentages refer to.
 
     Attributes:
         values: (n,) float, world units.
-        diagonal: world units.
+        diagonal: diagonal of the start mesh, world units.
     """
 
     values: np.ndarray
@@ -42,7 +44,7 @@ class Distances:
         return 100 * self.values / self.diagonal
 
     def summary(self) -> dict[str, float]:
-        """rms, mean, median and maximum, in percent of the diagonal and in world units."""
+        """Root mean square, mean, median and maximum, in percent of the diagonal and in world units."""
         result = {}
         for suffix, values in (("percent", self.percent), ("world", self.values)):
             result |= {
@@ -56,13 +58,13 @@ class Distances:
 
 @dataclass(frozen=True, eq=False)
 class VertexErrors:
-    """How far vertices are from their true places, split by what photos can determine.
+    """Distances of vertices to their true positions, split by what photos can determine.
 
     Attributes:
-        total: all of it.
-        determined: the part in the span of the normals of the true surfaces that meet at the vertex.
-        sliding: the rest: along a plane or an edge, where the surface moves in itself.
-        seen: the part of `determined` in the span of the normals of those true faces that at least three photos see.
+        total: the whole error.
+        determined: its component in the span of the normals of the true surfaces that meet at the vertex.
+        sliding: the rest: tangential, along a plane or an edge, where the surface moves within itself.
+        seen: the component of `determined` in the span of the normals of the true faces that at least three photos see.
     """
 
     total: Distances
@@ -72,7 +74,12 @@ class VertexErrors:
 
 
 def vertex_errors(scene: Scene, vertices: np.ndarray) -> VertexErrors:
-    """Distances of vertices (n, 3) to the truth. Without known normals everything counts as determined."""
+    """Distances of vertices to their true positions. Without known normals the whole error counts as determined.
+
+    Args:
+        scene: its truth must name vertices.
+        vertices: (n, 3) float, world units.
+    """
     error = vertices - _true_vertices(scene)
     determined = determined_part(scene, error)
     diagonal = scene.mesh.diagonal
@@ -81,7 +88,14 @@ def vertex_errors(scene: Scene, vertices: np.ndarray) -> VertexErrors:
 
 
 def determined_part(scene: Scene, error: np.ndarray) -> np.ndarray:
-    """(n, 3) float: projection of each vertex's error (n, 3) on the span of its true normals."""
+    """Projection of each vertex's error on the span of its true normals.
+
+    Args:
+        error: (n, 3) float, world units.
+
+    Returns:
+        (n, 3) float, world units.
+    """
     normals = scene.truth.normals if scene.truth is not None else None
     if normals is None:
         return error.copy()
@@ -94,10 +108,16 @@ def determined_part(scene: Scene, error: np.ndarray) -> np.ndarray:
 
 
 def seen_part(scene: Scene, error: np.ndarray) -> np.ndarray:
-    """(n, 3) float: projection of each vertex's error (n, 3) on the span of the normals of its seen true faces.
+    """Projection of each vertex's error on the span of the normals of those of its true faces that three photos see.
 
-    What lies inside a porch or behind a pillar no photo can correct. A photo sees a face when `SEEN_FRACTION` of its
-    outline, and `SEEN_PIXELS`, shows the face itself; three photos are the least that determine anything.
+    No photo can correct what lies inside a porch or behind a pillar. A photo sees a face if at least `SEEN_FRACTION` of its
+    outline and `SEEN_PIXELS` pixels show the face itself; the energy needs at least three photos.
+
+    Args:
+        error: (n, 3) float, world units.
+
+    Returns:
+        (n, 3) float, world units.
     """
     vertices, faces = _true_vertices(scene), scene.mesh.faces
     normals = face_normals(vertices, faces)
@@ -123,10 +143,10 @@ def seen_part(scene: Scene, error: np.ndarray) -> np.ndarray:
 
 
 def sample_surface(mesh: Mesh, count: int = SURFACE_SAMPLES, seed: int = 0) -> np.ndarray:
-    """(count, 3) float: points spread evenly over the area of a mesh, always the same ones."""
+    """(count, 3) float, world units: points spread evenly over the area of a mesh, the same in every call."""
     rng = np.random.default_rng(seed)
     area = np.linalg.norm(face_normals(mesh.vertices, mesh.faces), axis=1)
-    # Evenly spaced along the summed areas with one random offset each: less spread than independent draws.
+    # Stratified along the summed areas: lower variance than independent draws.
     where = (np.arange(count) + rng.random(count)) / count * area.sum()
     face = np.minimum(np.searchsorted(np.cumsum(area), where, side="right"), len(area) - 1)
     a, b = rng.random(count), rng.random(count)
@@ -136,15 +156,23 @@ def sample_surface(mesh: Mesh, count: int = SURFACE_SAMPLES, seed: int = 0) -> n
 
 
 def surface_distance(mesh: Mesh, surface: Mesh | SurfaceTree, diagonal: float) -> Distances:
-    """Distances of 20,000 samples of a mesh to a true or reference surface, exact."""
+    """Exact distances of `SURFACE_SAMPLES` samples of a mesh to a true or reference surface.
+
+    Args:
+        diagonal: diagonal of the start mesh, world units.
+    """
     tree = surface if isinstance(surface, SurfaceTree) else SurfaceTree(surface)
     return Distances(tree.distance(sample_surface(mesh)), diagonal)
 
 
 def sparse_point_distance(scene: Scene, vertices: np.ndarray) -> Distances | None:
-    """Distances of those sparse points that no vertex is ever drawn to, to the mesh at the given vertices (n, 3).
+    """Distances of the held-out sparse points, which the fit to sparse points never uses, to the mesh.
 
-    None where there are no such points.
+    Args:
+        vertices: (n, 3) float, world units.
+
+    Returns:
+        None if the scene has no such points.
     """
     points = kept_points(scene)
     if len(points) == 0:
@@ -153,12 +181,14 @@ def sparse_point_distance(scene: Scene, vertices: np.ndarray) -> Distances | Non
 
 
 def reprojection_error(scene: Scene, vertices: np.ndarray, determined_only: bool = True) -> np.ndarray:
-    """(n,) float, px: how far vertices (n, 3) appear from their true places, rms over the photos they fall into.
-
-    NaN for a vertex outside all photos.
+    """Distance of the projections of vertices and of their true positions, rms over the photos that contain them.
 
     Args:
-        determined_only: leave out the part of the error that slides along the surface.
+        vertices: (n, 3) float, world units.
+        determined_only: exclude the component of the error that slides along the surface.
+
+    Returns:
+        (n,) float, px; NaN for a vertex outside all photos.
     """
     truth = _true_vertices(scene)
     error = vertices - truth
@@ -175,7 +205,15 @@ def reprojection_error(scene: Scene, vertices: np.ndarray, determined_only: bool
 
 
 def flipped_faces(start: np.ndarray, end: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """(f,) int: faces whose normal has turned by more than a right angle between two states of the vertices (n, 3)."""
+    """Faces whose normal has turned by more than a right angle between two states.
+
+    Args:
+        start, end: (n, 3) float: vertices of both states, in any unit.
+        faces: (m, 3) int.
+
+    Returns:
+        (f,) int: face ids.
+    """
     return np.flatnonzero((face_normals(start, faces) * face_normals(end, faces)).sum(axis=1) < 0)
 
 
@@ -184,7 +222,7 @@ class EnergySummary:
     """E of Eq. 2 at one moment, under the visibility and robust scale of that moment's sweep.
 
     Attributes:
-        total: sum.
+        total: sum over faces.
         by_face: (m,) float.
         by_view: (V,) float.
         median_residual: (m,) float, grey levels; 0 for faces that take no part.
@@ -197,21 +235,21 @@ class EnergySummary:
 
 
 def energy_summary(session: Session, moment: int | None = None) -> EnergySummary:
-    """The energy of all faces at a moment (default: now)."""
+    """The energy of all faces at a moment (default: the present one)."""
     moment = session.moment if moment is None else moment
     sweep = session.sweep_state(moment)
     everything = np.arange(len(session.scene.mesh.faces))
     evaluator = Evaluator(session.options.threads)
     found = evaluator.measure(sweep.context, session.trace.vertices_at(moment), everything, sweep.scale)
-    by_view = sweep.context.by_view(found.pair_energy)
+    by_view = sweep.context.sum_by_view(found.pair_energy)
     return EnergySummary(float(found.energy.sum()), found.energy, by_view, found.median)
 
 
 def quality_report(scene: Scene, start: np.ndarray, end: np.ndarray) -> dict[str, Any]:
-    """What can be said of a run without further photos, as plain numbers: before, after, and what got worse.
+    """All metrics of a run that need no rendering, as plain numbers before and after.
 
     Args:
-        start, end: (n, 3) float: vertices of the welded mesh.
+        start, end: (n, 3) float, world units: vertices of the welded mesh.
     """
     report: dict[str, Any] = {"flipped_faces": flipped_faces(start, end, scene.mesh.faces).tolist()}
     states = {"before": start, "after": end}

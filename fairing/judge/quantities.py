@@ -1,6 +1,6 @@
-"""Numbers on the mesh that tell how a run goes, one a face or one a vertex, at any recorded moment.
+"""Quantities on the mesh, one per face or per vertex, at any recorded moment.
 
-All are NaN where nothing is known. Lengths come in percent of the diagonal of the scene's start mesh.
+All are NaN where undefined. Lengths are in percent of the diagonal of the scene's start mesh.
 """
 
 import numpy as np
@@ -18,13 +18,13 @@ def face_energy(session: Session, moment: int) -> np.ndarray:
 
 
 def view_count(session: Session, moment: int) -> np.ndarray:
-    """(m,) float: photos that each face takes part in, 0 where too few see it."""
+    """(m,) float: photos that take part in each face; 0 where too few see it."""
     context = session.sweep_state(moment).context
     return np.where(context.takes_part, context.n_views, 0).astype(np.float64)
 
 
 def displacement(session: Session, moment: int) -> np.ndarray:
-    """(n,) float: distance of each vertex from where the run began, percent of the diagonal."""
+    """(n,) float: distance of each vertex from its position at the start of the run, percent of the diagonal."""
     moved = session.trace.vertices_at(moment) - session.trace.start
     return 100 * np.linalg.norm(moved, axis=1) / session.scene.mesh.diagonal
 
@@ -32,8 +32,8 @@ def displacement(session: Session, moment: int) -> np.ndarray:
 def distance_to_truth(session: Session, moment: int) -> np.ndarray:
     """(n,) float: distance of each vertex to the truth, percent of the diagonal; NaN without a known truth.
 
-    Where the scene says where each vertex belongs, the distance to that place without the part that slides in the
-    surface; else the distance to the true surface.
+    If the scene has true vertex positions, the distance to these without the component that slides within the surface; else
+    the distance to the true surface.
     """
     scene, vertices = session.scene, session.trace.vertices_at(moment)
     if scene.truth is None:
@@ -48,7 +48,7 @@ def distance_to_truth(session: Session, moment: int) -> np.ndarray:
 def determinacy(session: Session, moment: int) -> np.ndarray:
     """(n,) float, 0 to 1: weakest over strongest eigenvalue of each vertex's normal matrix, from its last step.
 
-    Near 0 the photos leave the vertex free in some direction (aperture problem), near 1 they hold it alike in all.
+    Near 0 the photos leave a direction undetermined (aperture problem); near 1 they determine all directions equally.
     """
     result = np.full(len(session.trace.start), np.nan)
     for slots, record in _last_steps(session.trace, moment, needs_eigenvalues=True):
@@ -58,7 +58,7 @@ def determinacy(session: Session, moment: int) -> np.ndarray:
 
 
 def last_reason(session: Session, moment: int) -> np.ndarray:
-    """(n,) float: the `StepReason` of each vertex's last step; NaN where it has had none."""
+    """(n,) float: the `StepReason` of each vertex's last step; NaN before its first."""
     result = np.full(len(session.trace.start), np.nan)
     for slots, record in _last_steps(session.trace, moment, needs_eigenvalues=False):
         result[record.vertices[slots]] = record.reasons[slots]
@@ -66,7 +66,7 @@ def last_reason(session: Session, moment: int) -> np.ndarray:
 
 
 def _last_steps(trace: Trace, moment: int, needs_eigenvalues: bool):
-    """Records from a moment back, with the slots of the vertices for which no later record was given."""
+    """Records from a moment backwards, each with the slots of the vertices that have no later record."""
     open_vertices = np.ones(len(trace.start), dtype=bool)
     for record in reversed(trace.steps[:moment]):
         slots = open_vertices[record.vertices]

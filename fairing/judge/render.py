@@ -1,7 +1,7 @@
-"""The textured model seen from one of the cameras, without that camera's photo: does the model predict the photo?
+"""Rendering of the textured model into one of the cameras, from the other photos only.
 
-A pixel's surface point is looked up in the other photos that see it; their colours are averaged robustly, each weighing
-as much as it resolves the surface.
+The surface point at each pixel is projected into the other photos that see it; their colours are averaged robustly, weighted
+by the resolution at which each photo shows the surface.
 """
 
 from dataclasses import dataclass
@@ -12,28 +12,26 @@ import numpy as np
 from numba import njit
 
 from fairing.camera import Camera
-from fairing.geometry.rasterize import rasterize
+from fairing.geometry.rasterize import HIDDEN_DEPTH, rasterize
 from fairing.scene import Scene, View
 from fairing.util.bounded_cache import BoundedCache
 
-# A point is hidden when something stands in front of it by more than this many pixels' worth of depth.
-HIDDEN_DEPTH = 4.0
-# Colours farther than this from the others, grey levels, are taken for a reflection or for something in the way.
+# Scale of the robust mean, grey levels: colours farther from the others are attributed to reflections or occluders.
 OUTLIER = 20.0
 ROBUST_ROUNDS = 3
 MIN_SOURCES = 2
 MOST_SOURCES = 24
-LARGEST = 2_000_000  # pixels of a rendered photo: larger ones are rendered, and judged, at this size
-PHOTO_ROOM, DEPTH_ROOM = 300_000_000, 1_000_000_000  # bytes kept; 24 sources of `LARGEST` need half of it
-SURVEY_REDUCTION = 4
+LARGEST = 2_000_000  # pixels: larger photos are rendered, and evaluated, at this size
+PHOTO_BYTES, DEPTH_BYTES = 300_000_000, 1_000_000_000  # size of the caches; 24 sources of `LARGEST` need half of it
+SURVEY_REDUCTION = 4  # photo px per pixel of the images that count how much of each face a view shows
 
 
 @dataclass(frozen=True, eq=False)
 class RenderedView:
-    """A photo as the model predicts it.
+    """A photo predicted by the model.
 
     Attributes:
-        image: (h, w, 3) float32, RGB grey levels; 0 where nothing is known.
+        image: (h, w, 3) float32, RGB grey levels; 0 where unknown.
         n_sources: (h, w) int: photos that contributed.
     """
 
@@ -42,11 +40,11 @@ class RenderedView:
 
     @property
     def is_known(self) -> np.ndarray:
-        """(h, w) bool: at least two photos agreed on a colour."""
+        """(h, w) bool: at least `MIN_SOURCES` photos contributed."""
         return self.n_sources >= MIN_SOURCES
 
     def at_size(self, width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
-        """Image and `is_known` at another size, pixels."""
+        """`image` (height, width, 3) and `is_known` (height, width), resampled to another size, px."""
         if self.n_sources.shape == (height, width):
             return self.image, self.is_known
         image = cv2.resize(self.image, (width, height), interpolation=cv2.INTER_LINEAR)
@@ -56,25 +54,29 @@ class RenderedView:
 class Renderer:
     """Renders one state of a mesh into any of the scene's cameras from the other photos, in bounded memory.
 
-    What a mask takes out of a photo neither colours nor is predicted; a photo colours by its weight.
+    Masked pixels neither contribute colours nor are predicted. Photos contribute in proportion to their weight.
 
     Args:
         vertices: (n, 3) float, world units.
-        photos: decoded photos, to share with the renderer of another state.
+        photos: cache of decoded photos, to share with the renderer of another state.
 
     Attributes:
-        views: the scene's, those of more than `LARGEST` pixels made smaller.
+        views: the scene's views; those of more than `LARGEST` pixels are reduced to that size.
     """
 
     def __init__(self, scene: Scene, vertices: np.ndarray, photos: BoundedCache[int] | None = None) -> None:
         self.views = tuple(_of_bounded_size(view) for view in scene.views)
         self._faces = scene.mesh.faces
         self._vertices = vertices
-        self._depths: BoundedCache[int] = BoundedCache(DEPTH_ROOM)
-        self._photos: BoundedCache[int] = BoundedCache(PHOTO_ROOM) if photos is None else photos
+        self._depths: BoundedCache[int] = BoundedCache(DEPTH_BYTES)
+        self._photos: BoundedCache[int] = BoundedCache(PHOTO_BYTES) if photos is None else photos
 
     def render(self, view: int) -> RenderedView:
-        """The model in the camera of a view, at the size it has in `views`."""
+        """The model rendered into the camera of a view, at its size in `views`.
+
+        Raises:
+            InputError: a photo cannot be decoded.
+        """
         camera = self.views[view].camera
         face_id, depth = self._depth(view)
         rows, columns = np.nonzero(face_id >= 0)
@@ -100,11 +102,11 @@ class Renderer:
         return RenderedView(image, n_sources)
 
     def photo(self, view: int) -> np.ndarray:
-        """(h, w, 3) uint8, RGB: the photo at the size it has in `views`."""
+        """(h, w, 3) uint8, RGB: the photo at its size in `views`."""
         return self._photos.get(view, lambda: (self.views[view].photo.load(),))[0]
 
     def _sources(self, view: int) -> list[int]:
-        """The other views; of more than `MOST_SOURCES` those that show most of what this one shows, as sharply."""
+        """The other views; of more than `MOST_SOURCES`, those that share most pixels of the same faces with this one."""
         others = [v for v in range(len(self.views)) if v != view]
         if len(others) <= MOST_SOURCES:
             return others
@@ -114,7 +116,7 @@ class Renderer:
 
     @cached_property
     def _shown(self) -> np.ndarray:
-        """(V, m) float32: pixels of each view that show each face, counted in a small image."""
+        """(V, m) float32: pixels of each view that show each face, counted in a reduced image."""
         shown = np.zeros((len(self.views), len(self._faces)), dtype=np.float32)
         for v, view in enumerate(self.views):
             width, height = (max(1, size // SURVEY_REDUCTION) for size in (view.camera.width, view.camera.height))
@@ -123,7 +125,7 @@ class Renderer:
         return shown
 
     def _depth(self, view: int) -> tuple[np.ndarray, ...]:
-        """Face ids and depths of a view. What is masked, and the pixel beside it, is hidden by something at the camera."""
+        """Face ids (h, w) and depths (h, w) of a view. Masked pixels and their neighbours have depth 0, so they hide everything."""
 
         def make() -> tuple[np.ndarray, ...]:
             face_id, depth = rasterize(self._vertices, self._faces, self.views[view].camera)
@@ -146,14 +148,14 @@ def _of_bounded_size(view: View) -> View:
 
 @njit(cache=True, nogil=True)
 def _look_up(P, points, face, resolved, face_id, depth, tolerance, photo, color, weight):
-    """Colour (q, 3) and weight (q,) that one photo gives points (q, 3); the weight stays 0 where it does not see them.
+    """Colours (q, 3) and weights (q,) of points (q, 3) in one photo; the weight stays 0 where the photo does not see a point.
 
     Args:
         P: (3, 4) image_from_world.
         face: (q,) face of each point.
         resolved: (m,) the weight of a point of each face.
-        face_id, depth: what the photo's camera sees.
-        tolerance: depth by which something must stand in front to hide a point, as a fraction of the depth.
+        face_id, depth: (h, w): visible faces and depths of the photo's camera.
+        tolerance: depth by which a surface must lie in front of a point to hide it, as a fraction of the depth.
     """
     height, width = face_id.shape
     for q in range(points.shape[0]):
@@ -166,7 +168,7 @@ def _look_up(P, points, face, resolved, face_id, depth, tolerance, photo, color,
         if not (1 <= x <= width - 2 and 1 <= y <= height - 2):
             continue
         nearest_y, nearest_x = int(y + 0.5), int(x + 0.5)
-        # A neighbouring face of about the same depth is no occluder.
+        # A neighbouring face at about the same depth is not an occluder.
         if face_id[nearest_y, nearest_x] != face[q] and z - depth[nearest_y, nearest_x] > tolerance * z:
             continue
         weight[q] = resolved[face[q]]
@@ -180,9 +182,9 @@ def _look_up(P, points, face, resolved, face_id, depth, tolerance, photo, color,
 
 @njit(cache=True, nogil=True)
 def robust_mean(colors, weights):
-    """(q, 3) float32: mean of the colours (s, q, 3) with weights (s, q), outliers losing their weight; 0 without any.
+    """(q, 3) float32: robust mean of colours (s, q, 3), grey levels, with weights (s, q); 0 where all weights are 0.
 
-    Begins at the median and reweights three times (Geman-McClure).
+    Starts at the median and reweights `ROBUST_ROUNDS` times (Geman-McClure).
     """
     n_sources, n_points = weights.shape
     result = np.zeros((n_points, 3), dtype=np.float32)

@@ -1,4 +1,4 @@
-"""What a run did, as plain numbers for `report.json`."""
+"""Run report: the contents of `report.json`, and energies sweep by sweep."""
 
 import platform
 from dataclasses import dataclass
@@ -18,14 +18,15 @@ PACKAGES = ("eigenfairing", "numpy", "scipy", "numba", "opencv-python-headless",
 
 @dataclass
 class SweepEnergy:
-    """Energy of the faces that a sweep touched, all under the visibility and robust scale of that sweep.
+    """Energy of the faces that a sweep touched, with the visibility and robust scale of that sweep.
 
-    Energies of different sweeps differ in what they measure; only before and after of one sweep compare.
+    Energies of different sweeps are not comparable, because visibility and scale differ; before and after of one sweep are.
 
     Attributes:
+        level, sweep: position in the schedule.
         before, after: sums over faces.
         steps, accepted: iterations, and vertex moves accepted in them.
-        longest_step_px: the farthest accepted move of a vertex in any photo.
+        longest_step_px: longest accepted move of a vertex in any photo, px.
     """
 
     level: int
@@ -38,7 +39,7 @@ class SweepEnergy:
 
 
 class EnergyTally:
-    """Adds up the energies of a run, step by step."""
+    """Accumulates the energies of a run, step by step."""
 
     def __init__(self, n_faces: int) -> None:
         self.sweeps: list[SweepEnergy] = []
@@ -48,9 +49,9 @@ class EnergyTally:
         self._is_preparing = False
 
     def add(self, record: StepRecord) -> SweepEnergy:
-        """Count one step; returns the state of its sweep."""
+        """Add one step; returns the current energies of its sweep."""
         level, sweep = record.position[:2]
-        if self._is_preparing:  # what was done to the start was judged by other cells than the first sweep's
+        if self._is_preparing:  # preparations of the start used other cells than the first sweep
             self.sweeps.pop()
         self._is_preparing = record.is_preparing
         if not self.sweeps or (self.sweeps[-1].level, self.sweeps[-1].sweep) != (level, sweep):
@@ -80,15 +81,15 @@ def sweep_energies(trace: Trace) -> list[SweepEnergy]:
 
 
 def run_report(session: Session, preset: str, seconds: dict[str, float], quality: dict[str, Any]) -> dict[str, Any]:
-    """Everything worth keeping about a run, ready for JSON.
+    """The report of a run, ready for JSON.
 
     Args:
-        preset: name of the preset the options began with.
+        preset: name of the preset that the options started from.
         seconds: time spent outside the session, by stage (loading, for example).
-        quality: what `fairing.judge.metrics.quality_report` says.
+        quality: from `fairing.judge.metrics.quality_report`.
     """
     own = dict(session.seconds)
-    # Of a run cut short between two sweeps the next one would take minutes to prepare, only to be told of here.
+    # For a run stopped between two sweeps, preparing the next one only for this report could take minutes.
     sweep = session.sweep_state() if session.finished else session.latest_sweep
     context = sweep.context if sweep else None
     computing = max(own["steps"] - own["photos"] - own["visibility"], 1e-9)
@@ -117,12 +118,12 @@ def run_report(session: Session, preset: str, seconds: dict[str, float], quality
 
 
 def versions() -> dict[str, str | None]:
-    """Of Python, of this package and of those that results depend on."""
+    """Versions of Python, of this package and of the packages that results depend on; None if not installed as a package."""
     return {"python": platform.python_version()} | {name: _version(name) for name in PACKAGES}
 
 
 def _version(package: str) -> str | None:
-    """None for a package that is used from its source folder."""
+    """None for a package that runs from its source folder."""
     try:
         return version(package)
     except PackageNotFoundError:
@@ -146,13 +147,13 @@ def _scene_facts(session: Session) -> dict[str, Any]:
 
 
 def _skipped(session: Session, context: CellContext | None) -> dict[str, Any]:
-    """Faces and vertices that took no part at the last level, with the reasons; None: no sweep has begun."""
+    """Faces and vertices that took no part at the last level, with reasons; empty for `context` None (no sweep has begun)."""
     if context is None:
         return {"faces": [], "faces_with_fewer_dimensions": [], "vertices": []}
-    asked = by_level(session.options.eigenspace.dimensions, context.level)
+    requested = by_level(session.options.eigenspace.dimensions, context.level)
     takes_part = context.takes_part
     out = np.flatnonzero(~takes_part)
-    lowered = np.flatnonzero(takes_part & (context.kernel.face_dimensions < asked))
+    lowered = np.flatnonzero(takes_part & (context.kernel.face_dimensions < requested))
     return {
         "faces": [
             {"face": int(face), "views": int(context.n_views[face]), "reasons": _reasons(context.reasons[face])}
@@ -163,8 +164,8 @@ def _skipped(session: Session, context: CellContext | None) -> dict[str, Any]:
             for face in lowered
         ],
         "vertices": [
-            {"vertex": vertex, "reason": _reason_for_rest(session, takes_part, vertex)}
-            for vertex in np.flatnonzero(~_ever_tried(session.trace)).tolist()
+            {"vertex": vertex, "reason": _reason_not_moved(session, takes_part, vertex)}
+            for vertex in np.flatnonzero(~_was_tried(session.trace)).tolist()
         ],
     }
 
@@ -174,15 +175,15 @@ def _reasons(codes: np.ndarray) -> dict[str, int]:
     return {Visibility(value).name.lower(): int(count) for value, count in zip(values, counts, strict=True)}
 
 
-def _ever_tried(trace: Trace) -> np.ndarray:
+def _was_tried(trace: Trace) -> np.ndarray:
     tried = np.zeros(len(trace.start), dtype=bool)
     for record in trace.steps:
         tried[record.vertices] = True
     return tried
 
 
-def _reason_for_rest(session: Session, takes_part: np.ndarray, vertex: int) -> str:
-    """Why a vertex did not move; takes_part (m,) bool: of faces at the last level."""
+def _reason_not_moved(session: Session, takes_part: np.ndarray, vertex: int) -> str:
+    """Why a vertex did not move; takes_part: (m,) bool, faces at the last level."""
     if session.locked[vertex]:
         return StepReason.LOCKED.text
     faces = session.scene.mesh.one_rings[vertex]
@@ -192,7 +193,7 @@ def _reason_for_rest(session: Session, takes_part: np.ndarray, vertex: int) -> s
 
 
 def _vertices(session: Session, context: CellContext | None) -> list[dict[str, Any]]:
-    """Every welded vertex, by the numbers its copies have in the input."""
+    """Every welded vertex, with the indices of its copies in the input."""
     n = len(session.scene.mesh.vertices)
     takes_part = context.takes_part if context else np.ones(len(session.scene.mesh.faces), dtype=bool)
     views = context.vertex_views.sum(axis=1) if context else np.zeros(n, dtype=int)
@@ -216,7 +217,7 @@ def _vertices(session: Session, context: CellContext | None) -> list[dict[str, A
             "eigenvalues": None if np.isnan(eigenvalues[v]).any() else eigenvalues[v].tolist(),
             "stop_reason": StepReason(last_reason[v]).text
             if last_reason[v] >= 0
-            else _reason_for_rest(session, takes_part, v),
+            else _reason_not_moved(session, takes_part, v),
         }
         for v in range(n)
     ]

@@ -1,4 +1,4 @@
-"""What the kernels are given that stays fixed while vertices move."""
+"""Input of the kernels that stays fixed while vertices move."""
 
 from typing import NamedTuple
 
@@ -9,25 +9,26 @@ NORM_GEMAN_MCCLURE, NORM_HUBER, NORM_LEAST_SQUARES = 0, 1, 2
 
 
 class KernelData(NamedTuple):
-    """What stays fixed while vertices move (built by `fairing.cells.context.CellContext`). P pairs of face and view, V views.
+    """The fixed data of m faces, V views and P pairs of a face and a view, built by `fairing.cells.context.build_context`.
 
     Attributes:
         faces: (m, 3) int64.
-        image_from_world: (C, 3, 4) float64: of the V views; then of photos that are kept smaller.
-        pixels: flat float32: the planes (channels, height, width) of blurred photos, or of parts of them, one after another.
-        channels: planes a photo.
+        image_from_world: (C, 3, 4) float64: of the V views, then of photos stored at reduced resolution.
+        pixels: flat float32, grey levels: the planes (channels, height, width) of blurred photos, or of patches of them, one
+            after another.
+        channels: planes of a photo.
         pair_start: (m + 1,) int64: the pairs of face f are pair_start[f] : pair_start[f + 1].
-        pair_view: (P,) int64.
-        pair_camera: (P,) int64: which of `image_from_world` belongs to the pair's photo as it is kept.
-        pair_base: (P,) int64: where the pair's photo, or part of it, starts in `pixels`.
-        pair_frame: (P, 4) int64: that part's left and top pixel, width and height.
+        pair_view: (P,) int64: view id.
+        pair_camera: (P,) int64: the index in `image_from_world` of the pair's photo as it is stored.
+        pair_base: (P,) int64: where the pair's photo, or patch of it, starts in `pixels`.
+        pair_frame: (P, 4) int64: that patch's left and top pixel, width and height.
         pair_weight: (P,) float64: photo pixels a cell sample stands for, times the photo's weight.
         pair_mask: (P,) int64: where the samples' mask starts in `masks`, or -1 if every sample counts.
-        masks: flat uint8.
+        masks: flat uint8: 1 where a sample counts.
         face_dimensions: (m,) int64: k; 0 for a face that takes no part.
         face_inset: (m,) float64: border left out, as a fraction of the face's height.
-        face_grid: (m,) int64: which cell grid.
-        grid_start: (g + 1,) int64.
+        face_grid: (m,) int64: cell grid of each face.
+        grid_start: (g + 1,) int64: where each grid starts in `ramp`.
         ramp: (2, total) float32: barycentric weights of corner 0 and 1 at the cells' samples.
         affine, cubic, remove_bias, centered: bool.
         norm: NORM_*.

@@ -1,8 +1,8 @@
-"""The eigenspace of a face's cells, and the residual it leaves."""
+"""Eigenspace of a face's cells, and the residual of their reconstruction."""
 
 import numpy as np
 
-from fairing.kernels.compiled import fast, plain, stay_one_function
+from fairing.kernels.compiled import fast, never_inline, plain
 from fairing.kernels.rows import BLOCK, add_rows, dot, dot_three
 
 FILL_ITERATIONS = 3
@@ -13,17 +13,27 @@ def fit_face(cells, k, centered, mask_weight, masked, basis, V, singular_values,
     """Eigenspace and residual of one face's cells (n, p).
 
     residual = I - U c (Eq. 1). Masked samples are filled from the reconstruction itself, starting from the mean of the other
-    cells: a fixed number of rounds, so that the energy is a function of the vertices alone. Their residual is zero.
-    Centred: the mean cell is taken off `cells` in place first. The last row of the basis, (k + 1, p), is scratch.
+    cells, in a fixed number of iterations, so that the energy is a function of the vertices alone. Their residual is zero.
+
+    Args:
+        cells: (n, p) float32, grey levels; modified: masked samples are filled, the mean cell is subtracted if centred.
+        k: dimensions.
+        centered: subtract the mean cell.
+        mask_weight: (n, p) float32: 1 where a sample counts, else 0; read only if `masked`.
+        masked: whether any sample is masked.
+        basis: (k + 1, p) float32, out: the last row is scratch.
+        V: (n, at least k) float64, out: right singular vectors.
+        singular_values: (at least n,) float64, out, descending.
+        residual: (n, p) float32, out, grey levels.
     """
-    stay_one_function()  # pyright: ignore[reportCallIssue]
+    never_inline()  # pyright: ignore[reportCallIssue]
     n, p = cells.shape
     if masked:
         _fill_with_mean(cells, mask_weight, residual)
     back = np.empty((n, k), dtype=np.float32)
     for _ in range(FILL_ITERATIONS + 1 if masked else 1):
         if centered:
-            _take_mean_off(cells, basis[k])
+            _subtract_mean(cells, basis[k])
         factors = _decompose(cells, k, V, singular_values)
         for i in range(n):
             for m in range(k):
@@ -42,9 +52,9 @@ def fit_face(cells, k, centered, mask_weight, masked, basis, V, singular_values,
 
 @plain
 def _decompose(cells, k, V, singular_values):
-    """First k left singular vectors of the cells through the n x n Gram matrix; signs fixed so that runs compare.
+    """First k singular vectors of the cells from the n x n Gram matrix; signs are fixed so that runs are comparable.
 
-    Fills V (n, k); returns the factors (k, n) that make the basis images out of the cells.
+    Fills V (n, k); returns the factors (k, n) float32 whose product with the cells is the basis.
     """
     n = cells.shape[0]
     gram = np.empty((n, n))
@@ -92,7 +102,7 @@ def _gram_matrix(cells, gram):
 
 
 @fast
-def _take_mean_off(cells, mean):
+def _subtract_mean(cells, mean):
     """Subtract the mean cell from all; mean: (p,) scratch."""
     n = cells.shape[0]
     mean[:] = 0
@@ -105,7 +115,7 @@ def _take_mean_off(cells, mean):
 
 @fast
 def _fill_with_mean(cells, mask_weight, scratch):
-    """Give masked samples the mean of the other cells; scratch: (n, p) with n at least 2, overwritten."""
+    """Set masked samples to the mean of the other cells; scratch: (n, p) with n at least 2, overwritten."""
     n, p = cells.shape
     total, count = scratch[0], scratch[1]
     total[:] = 0
@@ -125,7 +135,7 @@ def _fill_with_mean(cells, mask_weight, scratch):
 
 @fast
 def _fill_with_reconstruction(cells, mask_weight, residual):
-    """Give masked samples their reconstruction; their residual becomes zero."""
+    """Set masked samples to their reconstruction; their residual becomes zero."""
     for i in range(cells.shape[0]):
         cell, weight, rest = cells[i], mask_weight[i], residual[i]
         for t in range(cell.shape[0]):
@@ -136,7 +146,7 @@ def _fill_with_reconstruction(cells, mask_weight, residual):
 @fast
 def remove_means(cells, mask_weight, masked):
     """Subtract from each cell its mean over the samples that count (the bias between photos)."""
-    stay_one_function()  # pyright: ignore[reportCallIssue]
+    never_inline()  # pyright: ignore[reportCallIssue]
     for i in range(cells.shape[0]):
         cell = cells[i]
         total, count = 0.0, float(cell.shape[0])

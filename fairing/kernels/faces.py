@@ -1,12 +1,12 @@
-"""The hot loops, compiled: one call works through a list of faces.
+"""Entry points of the kernels: energies and normal equations of a list of faces, or all intermediate results of one face.
 
-Every face is computed on its own, in a fixed order of operations, and written to its own place, so that the result does
-not depend on how the list is shared among threads.
+Every face is computed independently, in a fixed order of operations, and written to its own slot, so that the result does not
+depend on how the list is divided among threads.
 """
 
 import numpy as np
 
-from fairing.kernels.compiled import SOURCE, kept, plain
+from fairing.kernels.compiled import SOURCE, cached, plain
 from fairing.kernels.data import SOLVER_NONE, SOLVER_VARIABLE_PROJECTION
 from fairing.kernels.eigenspace import fit_face, remove_means
 from fairing.kernels.normal_equations import normal_equations
@@ -16,21 +16,21 @@ from fairing.kernels.sampling import apply_masks, sample_face
 
 
 @plain
-def _evaluate_faces(data, vertices, todo, corners, sigma_scale, solver, energy, pair_energy, H, g, statistics):
+def _evaluate_faces(data, vertices, todo, corners, squared_scale, solver, energy, pair_energy, H, g, statistics):
     """Energy and normal equations of the faces `todo`.
 
     Args:
         data: KernelData.
-        vertices: (n, 3) float64.
-        todo: (F,) int64 face ids.
+        vertices: (n, 3) float64, world units.
+        todo: (F,) int64: face ids.
         corners: (F,) int64: which corner moves, -1 for all.
-        sigma_scale: (m,) float64: the robust norm's scale by face.
+        squared_scale: (m,) float64: the robust norm's squared scale by face, see `fairing.kernels.robust.weigh`.
         solver: SOLVER_*; with SOLVER_NONE only energies are filled.
         energy: (F,) float64, out: sum of weight * rho(e); infinite if a corner lies behind a camera.
         pair_energy: (P,) float64, out: the same by pair, for the pairs of `todo`.
-        H, g: (F, 9, 9), (F, 9) float64, out.
-        statistics: (F, 3) float64, out: largest and median absolute residual, grey levels; the k-th singular value
-            squared over the mean of the later ones.
+        H, g: (F, 9, 9), (F, 9) float64, out: by the nine coordinates of the corners, energy / world unit^2 and energy / world unit.
+        statistics: (F, 3) float64, out, only with SOLVER_NONE: largest and median absolute residual, grey levels; the k-th
+            singular value squared over the mean square of the later ones.
     """
     n_most, p_most = 1, 1
     for f in todo:
@@ -38,13 +38,13 @@ def _evaluate_faces(data, vertices, todo, corners, sigma_scale, solver, energy, 
         p_most = max(p_most, data.grid_start[data.face_grid[f] + 1] - data.grid_start[data.face_grid[f]])
     p_most *= data.channels
     k_most = max(1, data.face_dimensions.max()) + 1
-    want = solver != SOLVER_NONE
+    with_system = solver != SOLVER_NONE
     all_components = 9 if data.affine and corners.min() < 0 else 3
     cells_buffer = np.empty(n_most * p_most, dtype=np.float32)
     residual_buffer = np.empty(n_most * p_most, dtype=np.float32)
     weights_buffer = np.empty(n_most * p_most, dtype=np.float32)
     mask_buffer = np.empty(n_most * p_most if data.masks.shape[0] > 0 else 1, dtype=np.float32)
-    G_buffer = np.empty(all_components * n_most * p_most if want else 1, dtype=np.float32)
+    G_buffer = np.empty(all_components * n_most * p_most if with_system else 1, dtype=np.float32)
     hats_buffer = np.empty(3 * p_most, dtype=np.float32)
     basis_buffer = np.empty(k_most * p_most, dtype=np.float32)
     strip = np.empty((5, STRIP), dtype=np.float32)
@@ -69,22 +69,22 @@ def _evaluate_faces(data, vertices, todo, corners, sigma_scale, solver, energy, 
         residual = residual_buffer[: n * pc].reshape(n, pc)
         weights = weights_buffer[: n * pc].reshape(n, pc)
         mask_weight = mask_buffer[: n * pc].reshape(n, pc) if data.masks.shape[0] > 0 else mask_buffer.reshape(1, 1)
-        G = G_buffer[: components * n * pc if want else 0].reshape(components if want else 0, n, pc)
+        G = G_buffer[: components * n * pc if with_system else 0].reshape(components if with_system else 0, n, pc)
         hats = hats_buffer[: 3 * pc].reshape(3, pc)
-        if not sample_face(data, vertices, face, corner, want, cells, G, hats, strip, taps, index):
+        if not sample_face(data, vertices, face, corner, with_system, cells, G, hats, strip, taps, index):
             energy[at] = np.inf
             continue
-        masked = apply_masks(data, face, p, mask_weight, G, components if want else 0)
+        masked = apply_masks(data, face, p, mask_weight, G, components if with_system else 0)
         if data.remove_bias:
             remove_means(cells, mask_weight, masked)
         V = np.zeros((n, k + 1))
         basis = basis_buffer[: (k + 1) * pc].reshape(k + 1, pc)
         fit_face(cells, k, data.centered, mask_weight, masked, basis, V, singular_values, residual)
         for i in range(n):
-            rho = weigh(residual[i], data.norm, sigma_scale[face], weights[i])
+            rho = weigh(residual[i], data.norm, squared_scale[face], weights[i])
             pair_energy[first + i] = data.pair_weight[first + i] * rho
             energy[at] += pair_energy[first + i]
-        if want:
+        if with_system:
             used = k
             if data.centered:
                 V[:, k] = 1 / np.sqrt(n)
@@ -102,23 +102,35 @@ def _evaluate_faces(data, vertices, todo, corners, sigma_scale, solver, energy, 
 
 @plain
 def _show_face(
-    data, vertices, face, scale, raw, bias, residual, weights, mask_weight, basis, V, singular_values, pair_energy
+    data,
+    vertices,
+    face,
+    squared_scale,
+    raw,
+    bias,
+    residual,
+    weights,
+    mask_weight,
+    basis,
+    V,
+    singular_values,
+    pair_energy,
 ):
-    """The same computation as in `_evaluate_faces` for one face, with everything it passes through kept for display.
+    """The computation of `_evaluate_faces` for one face, with all intermediate results for display.
 
     Args:
-        scale: the robust norm's scale of the face.
+        squared_scale: the robust norm's squared scale of the face.
         raw, residual, weights, mask_weight: (n, p * channels) float32, out: cells as sampled, I - U c, rho'(e) / e, and
             1 where a sample counts.
-        bias: (n,) float32, out: mean taken off each cell.
+        bias: (n,) float32, out: mean subtracted from each cell.
         basis: (k + 1, p * channels) float32, out; the last row is scratch.
         V: (n, k + 1) float64, out: right singular vectors.
         singular_values: (n,) float64, out.
         pair_energy: (n,) float64, out.
 
     Returns:
-        The cells (n, p * channels) as the eigenspace was fitted to them: masked samples filled in, means taken off
-        where the options ask for it; None where a corner lies behind a camera.
+        The cells (n, p * channels) as the eigenspace was fitted to them: masked samples filled in, means subtracted if
+        the options say so; None if a corner lies behind a camera.
     """
     n, pc = raw.shape
     k = data.face_dimensions[face]
@@ -139,19 +151,19 @@ def _show_face(
         fit_face(cells, k, data.centered, mask_weight, masked, basis, V, singular_values, residual)
         first = data.pair_start[face]
         for i in range(n):
-            rho = weigh(residual[i], data.norm, scale, weights[i])
+            rho = weigh(residual[i], data.norm, squared_scale, weights[i])
             pair_energy[i] = data.pair_weight[first + i] * rho
     return cells
 
 
-def _kept_for(source):
-    @kept
+def _cached_for(source):
+    @cached
     def evaluate_faces(*arguments):
         """See `_evaluate_faces`."""
         assert source >= 0
         _evaluate_faces(*arguments)
 
-    @kept
+    @cached
     def show_face(*arguments):
         """See `_show_face`."""
         assert source >= 0
@@ -160,4 +172,4 @@ def _kept_for(source):
     return evaluate_faces, show_face
 
 
-evaluate_faces, show_face = _kept_for(SOURCE)
+evaluate_faces, show_face = _cached_for(SOURCE)

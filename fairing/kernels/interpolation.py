@@ -1,7 +1,7 @@
-"""Photos between pixels: bilinear, or a cubic B-spline; values and exact gradients at a strip of coordinates.
+"""Interpolation of photos: bilinear or cubic B-spline, values and exact gradients at a strip of coordinates.
 
 A strip is read in passes (addresses, loads, interpolation), because the loads are the only part that does not vectorise.
-Neighbouring pixels are copied in one load: 0.54 ns a sample against 1.08 one by one.
+Neighbouring pixels are copied in one load (ledger: pixel copies).
 """
 
 import numpy as np
@@ -13,9 +13,9 @@ from fairing.kernels.compiled import by_sample, fast
 
 
 def _pixel_copier(count):
-    """A compiled function (target, t, source, i): copies `count` neighbouring float32 by one load and one store.
+    """A compiled function (target, t, source, i) that copies `count` neighbouring float32 by one load and one store.
 
-    LLVM does not merge loads whose neighbourhood it would have to prove.
+    LLVM does not merge these loads itself.
     """
 
     @intrinsic
@@ -40,7 +40,7 @@ _copy_two, _copy_four = _pixel_copier(2), _pixel_copier(4)
 
 @fast
 def addresses(x, y, stride, index):
-    """Where the pixel up and left of each place is."""
+    """Flat index of the pixel above and to the left of each position, into `index` (n,) int32."""
     step = np.int32(stride)
     for s in range(x.shape[0]):
         index[s] = np.int32(y[s]) * step + np.int32(x[s])
@@ -48,6 +48,7 @@ def addresses(x, y, stride, index):
 
 @fast
 def load_bilinear(image, stride, index, taps):
+    """Copy the 2 x 2 pixels of each position into two rows of `taps`."""
     upper, lower = taps[0], taps[1]
     for s in range(index.shape[0]):
         i = np.int64(index[s])
@@ -61,7 +62,7 @@ def bilinear(x, y, taps, cell, gx, gy):
     upper, lower = taps[0], taps[1]
     for s in range(x.shape[0]):
         fx, fy = x[s] - np.floor(x[s]), y[s] - np.floor(y[s])
-        left = np.uint64(s) * np.uint64(2)  # an unsigned index needs no test for being negative
+        left = np.uint64(s) * np.uint64(2)  # unsigned indices skip the test for negative ones
         right = left + np.uint64(1)
         top, bottom = upper[right] - upper[left], lower[right] - lower[left]
         above = upper[left] + fx * top
@@ -73,6 +74,7 @@ def bilinear(x, y, taps, cell, gx, gy):
 
 @fast
 def load_cubic(image, stride, index, taps):
+    """Copy the 4 x 4 pixels of each position into four rows of `taps`."""
     row0, row1, row2, row3 = taps[0], taps[1], taps[2], taps[3]
     for s in range(index.shape[0]):
         i = np.int64(index[s]) - stride - 1

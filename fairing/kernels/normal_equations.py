@@ -1,7 +1,4 @@
-"""The normal equations of a face: how its energy answers to its corners.
-
-Tried and lost: hat * G and the basis taken off in one pass instead of two (2.96 ns a sample, 2.95 before).
-"""
+"""Normal equations of a face: Gauss-Newton matrix and gradient of its energy by its corners (ledger: normal equations)."""
 
 import numpy as np
 
@@ -14,10 +11,21 @@ def normal_equations(G, hats, corner, remove_bias, project, basis, V, residual, 
     """Add one face's H (9, 9) and g (9,): sum of w D_a D_b and w e D_a over views and samples.
 
     D is the derivative of the residual: hat * G for the alternating solver; with `project`, variable projection,
-    (I - U U^T) J (I - V V^T), because the refitted U and c answer to the vertex (Golub and Pereyra 1973, Kaufman 1975).
+    (I - U U^T) J (I - V V^T), because the refitted U and c depend on the vertex (Golub and Pereyra 1973, Kaufman 1975).
 
-    One round over the blocks projects the views and finds the columns' means and coefficients along the basis; a second takes
-    these off and sums. V^T acts on views and U^T on samples, so their order does not matter.
+    A first pass over the blocks projects the views and computes the columns' means and coefficients along the basis; a second
+    pass subtracts these and sums. V^T acts on views and U^T on samples, so their order does not matter.
+
+    Args:
+        G: (3 or 9, n, p) float32: image gradient times J_image_wrt_point, by world axis (by corner and axis if affine);
+            modified.
+        hats: (3, p) float32: barycentric weights of the corners.
+        corner: the corner that moves, -1 for all three.
+        basis: (k, p) float32, rows orthonormal.
+        V: (n, k) float64: right singular vectors.
+        residual, weights: (n, p) float32: e in grey levels and rho'(e) / e.
+        pair_weight: (n,) float64.
+        H, g: (9, 9), (9,) float64, out.
     """
     n, p = G.shape[1:]
     k = basis.shape[0]
@@ -50,7 +58,7 @@ def normal_equations(G, hats, corner, remove_bias, project, basis, V, residual, 
                     _add_dots(hat, axes, start, means[:, a : a + 3])
                 if project:
                     for m in range(k):
-                        # The hat goes onto the basis, once for all views.
+                        # The hat multiplies the basis, once for all views.
                         times(hat, basis[m, start:stop], scaled[: stop - start])
                         _add_dots(scaled[: stop - start], axes, start, along[m, :, a : a + 3])
         means /= p
@@ -58,7 +66,7 @@ def normal_equations(G, hats, corner, remove_bias, project, basis, V, residual, 
             for a in range(rows):
                 for m in range(k):
                     along[m, i, a] -= means[i, a] * basis_sums[m]
-    taken_off = (-along.transpose(1, 2, 0)).astype(np.float32).copy()
+    subtracted = (-along.transpose(1, 2, 0)).astype(np.float32).copy()
     sums, slope = np.zeros((n, rows, rows)), np.zeros((n, rows))
     for start in range(0, p, BLOCK):
         stop = min(start + BLOCK, p)
@@ -69,7 +77,7 @@ def normal_equations(G, hats, corner, remove_bias, project, basis, V, residual, 
                 if remove_bias:
                     subtract(column, np.float32(means[i, a]))
                 if project:
-                    add_rows(column, taken_off[i, a], basis, start)
+                    add_rows(column, subtracted[i, a], basis, start)
             _add_products(
                 columns, stop - start, weights[i, start:stop], residual[i, start:stop], sums[i], slope[i],
                 scaled[: stop - start],
@@ -108,7 +116,7 @@ def _add_dots(row, axes, start, sums):
 
 @plain
 def _columns(G, hats, first, i, start, stop, columns):
-    """hat * G of view i by the corners' axes, for a block of samples."""
+    """hat * G of view i by the corners' axes, for a block of samples, into `columns` (rows, BLOCK)."""
     for j in range(columns.shape[0] // 3):
         hat = hats[first + j, start:stop]
         for b in range(3):

@@ -1,8 +1,8 @@
-"""The robust norm of residuals, and the statistics its scale is chosen by."""
+"""The robust norm of residuals, and the residual statistics that determine its scale."""
 
 import numpy as np
 
-from fairing.kernels.compiled import fast, plain, stay_one_function
+from fairing.kernels.compiled import fast, never_inline, plain
 from fairing.kernels.data import NORM_GEMAN_MCCLURE, NORM_HUBER
 from fairing.kernels.rows import STRIP
 
@@ -11,13 +11,19 @@ HISTOGRAM_STEP = 0.0625  # grey levels
 
 
 @fast
-def weigh(residual, norm, scale, weights):
-    """Robust weight rho'(e) / e of every residual; returns the sum of rho(e).
+def weigh(residual, norm, squared_scale, weights):
+    """Robust weight rho'(e) / e of every residual, into `weights`; returns the sum of rho(e).
 
-    `scale` is sigma squared (sigma itself for the printed Geman-McClure form); all norms behave as e^2 / sigma^2 near zero.
+    All norms behave as e^2 / sigma^2 near zero.
+
+    Args:
+        residual: (p,) float32, grey levels.
+        norm: NORM_*.
+        squared_scale: sigma squared, grey levels^2 (sigma itself for the printed Geman-McClure form).
+        weights: (p,) float32, out.
     """
-    stay_one_function()  # pyright: ignore[reportCallIssue]
-    s2 = np.float32(scale)
+    never_inline()  # pyright: ignore[reportCallIssue]
+    s2 = np.float32(squared_scale)
     total = np.float32(0)
     two, one = np.float32(2), np.float32(1)
     if norm == NORM_GEMAN_MCCLURE:
@@ -43,7 +49,7 @@ def weigh(residual, norm, scale, weights):
 
 @plain
 def residual_statistics(residual, mask_weight, masked, index, found):
-    """Largest and median absolute residual of the samples that count; found: (3,) float64, out, the first two."""
+    """Largest and median absolute residual, grey levels, of the samples that count, into found[0] and found[1]."""
     n, p = residual.shape
     histograms = np.zeros((4, HISTOGRAM_BINS + 1), dtype=np.int32)
     for i in range(n):
@@ -54,7 +60,7 @@ def residual_statistics(residual, mask_weight, masked, index, found):
             if masked:
                 for t in range(bins.shape[0]):
                     if mask_weight[i, start + t] == 0:
-                        bins[t] = HISTOGRAM_BINS  # a masked residual is zero, and is not the largest
+                        bins[t] = HISTOGRAM_BINS  # masked residuals are zero, so they never are the largest
             _count(bins, histograms)
     histogram = histograms.sum(axis=0)[:HISTOGRAM_BINS].astype(np.float64)
     found[1] = _median_from_histogram(histogram, histogram.sum())
@@ -74,13 +80,14 @@ def _bins(residual, index):
 
 @plain
 def _count(index, histograms):
-    """Count bins in four histograms in turn: a count need not wait for that of a neighbour in the same bin."""
+    """Count bins in four histograms in turn, so that a count does not wait for that of a neighbour in the same bin."""
     for t in range(index.shape[0]):
         histograms[t & 3, index[t]] += 1
 
 
 @plain
 def _median_from_histogram(histogram, total):
+    """Median, grey levels, interpolated linearly within its bin."""
     half, below = total / 2, 0.0
     for b in range(histogram.shape[0]):
         if below + histogram[b] >= half and histogram[b] > 0:

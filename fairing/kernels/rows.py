@@ -1,6 +1,6 @@
 """Arithmetic on rows of samples.
 
-A face is gone through in blocks, so that what a block needs stays in cache, and sums of several rows are made in one pass.
+Faces are processed in blocks of samples that fit the processor's cache; sums over several rows are computed in one pass.
 """
 
 import numpy as np
@@ -8,23 +8,26 @@ import numpy as np
 from fairing.kernels.compiled import fast
 
 STRIP = 512  # samples read from a photo at a time
-BLOCK = 1024  # normal equations: 4.0 ns a sample with 256 (hats not yet on the basis), 2.9 with 512, 2.7 with 1024
+BLOCK = 1024  # samples of the normal equations at a time (ledger: kernel block)
 
 
 @fast
 def times(a, b, out):
+    """out = a * b."""
     for t in range(out.shape[0]):
         out[t] = a[t] * b[t]
 
 
 @fast
 def subtract(a, number):
+    """a -= number."""
     for t in range(a.shape[0]):
         a[t] -= number
 
 
 @fast
 def sum_of(a):
+    """Sum, float32."""
     total = np.float32(0)
     for t in range(a.shape[0]):
         total += a[t]
@@ -33,6 +36,7 @@ def sum_of(a):
 
 @fast
 def dot(a, b):
+    """Inner product, float32."""
     total = np.float32(0)
     for s in range(a.shape[0]):
         total += a[s] * b[s]
@@ -41,6 +45,7 @@ def dot(a, b):
 
 @fast
 def dot_three(a, b0, b1, b2):
+    """Inner products of a row with three others, float32."""
     total0, total1, total2 = np.float32(0), np.float32(0), np.float32(0)
     for s in range(a.shape[0]):
         total0 += a[s] * b0[s]
@@ -53,7 +58,7 @@ def dot_three(a, b0, b1, b2):
 def add_rows(target, factors, rows, start):
     """target += sum of factors[m] * rows[m, start : ...], four rows in a pass.
 
-    `start` is an argument because numba does not know of rows[:, start:] that its rows are contiguous.
+    `start` is an argument because numba cannot infer that the rows of rows[:, start:] are contiguous.
     """
     stop = start + target.shape[0]
     m, left = 0, factors.shape[0]

@@ -1,30 +1,34 @@
-"""The cells of a face as the photos show them, and how they change when its corners move."""
+"""Cells of a face sampled from the photos, and their derivatives by the corners of the face."""
 
 import numpy as np
 
-from fairing.kernels.compiled import by_sample, fast, plain, stay_one_function
+from fairing.kernels.compiled import by_sample, fast, never_inline, plain
 from fairing.kernels.interpolation import addresses, bilinear, cubic, load_bilinear, load_cubic
 from fairing.kernels.rows import STRIP
 
 
 @plain
-def sample_face(data, vertices, face, corner, want_gradient, cells, G, hats, strip, taps, index):
+def sample_face(data, vertices, face, corner, with_gradient, cells, G, hats, strip, taps, index):
     """Cells of a face, and the derivative of every sample with respect to the face's corners.
 
-    de/d eta = grad I . (hat * J_image_wrt_point), Eq. 5-11 with the image's gradient; hat is kept apart, in `hats`.
+    de/d eta = grad I . (hat * J_image_wrt_point), Eq. 5-11 with the image's gradient; G excludes the factor hat, which is returned
+    in `hats`.
 
     Args:
+        data: KernelData.
+        vertices: (n, 3) float64, world units.
+        face: face id.
         corner: 0, 1 or 2 for the derivative by one corner, -1 for all three.
-        want_gradient: fill G.
-        cells: (n, p * channels) float32, out.
-        G: (c, n, p * channels) float32, out: c = 3 world axes, or 9 with the affine warp and corner -1.
+        with_gradient: fill G.
+        cells: (n, p * channels) float32, out, grey levels.
+        G: (c, n, p * channels) float32, out, grey levels / world unit: c = 3 world axes, or 9 with the affine warp and corner -1.
         hats: (3, p * channels) float32, out: barycentric weights of the three corners.
         strip, taps, index: scratch.
 
     Returns:
-        False if a corner lies behind a camera (nothing is usable then).
+        False if a corner lies behind a camera; the outputs are then undefined.
     """
-    stay_one_function()  # pyright: ignore[reportCallIssue]
+    never_inline()  # pyright: ignore[reportCallIssue]
     grid = data.face_grid[face]
     first, last = data.grid_start[grid], data.grid_start[grid + 1]
     p = last - first
@@ -43,7 +47,7 @@ def sample_face(data, vertices, face, corner, want_gradient, cells, G, hats, str
         _corner_pixels(data, vertices, face, camera, q)
         if q[0, 2] <= 0 or q[1, 2] <= 0 or q[2, 2] <= 0:
             return False
-        # The corner nearest the origin, less two pixels, becomes the origin: float32 then resolves 1e-5 pixels.
+        # The origin moves two pixels up and left of the corners: float32 then resolves 1e-5 pixels.
         left, top, width, height = data.pair_frame[pair]
         ox = np.floor(min(q[0, 0] / q[0, 2], q[1, 0] / q[1, 2], q[2, 0] / q[2, 2])) - 2
         oy = np.floor(min(q[0, 1] / q[0, 2], q[1, 1] / q[1, 2], q[2, 1] / q[2, 2])) - 2
@@ -91,7 +95,7 @@ def sample_face(data, vertices, face, corner, want_gradient, cells, G, hats, str
                 else:
                     load_bilinear(image, width, index[:count], taps)
                     bilinear(x, y, taps, cell, gx, gy)
-                if not want_gradient:
+                if not with_gradient:
                     continue
                 if data.affine:
                     low = 0 if corner < 0 else 3 * corner
@@ -105,7 +109,7 @@ def sample_face(data, vertices, face, corner, want_gradient, cells, G, hats, str
 
 @plain
 def _corner_pixels(data, vertices, face, camera, q):
-    """Homogeneous pixels of a face's corners with weight near 1 where the affine warp asks for it."""
+    """Homogeneous pixels of a face's corners, into q (3, 3); normalised to weight 1 for the affine warp."""
     P = data.image_from_world[camera]
     for j in range(3):
         v = data.faces[face, j]
@@ -134,6 +138,7 @@ def _coordinates(q, ramp0, ramp1, limits, x, y, w):
 
 @fast
 def _to_affine(gx, gy, jx, jy, out):
+    """Derivative by a coordinate that moves the samples by (jx, jy) px per world unit, up to the hat."""
     for s in range(gx.shape[0]):
         out[s] = gx[s] * jx + gy[s] * jy
 
@@ -154,7 +159,7 @@ def _to_homography(gx, gy, x, y, w, J, out0, out1, out2):
 
 @plain
 def apply_masks(data, face, p, mask_weight, G, components):
-    """Zero the derivative where a sample is masked; returns whether any is, and fills mask_weight (n, p * channels)."""
+    """Zero the derivative of masked samples and fill mask_weight (n, p * channels); returns whether any sample is masked."""
     any_masked = False
     n = data.pair_start[face + 1] - data.pair_start[face]
     for i in range(n):

@@ -219,7 +219,7 @@ def _norms_by_match(errors: np.ndarray, matches: Sequence[Match]) -> np.ndarray:
 
 
 def _closest_on(scan: Mesh | np.ndarray):
-    """A function from points (p, 3) to the scan's nearest points (p, 3) and the unit normals there (p, 3)."""
+    """A function from points (p, 3) to the closest points (p, 3) of the scan and the unit normals (p, 3) there."""
     if isinstance(scan, Mesh):
         tree = SurfaceTree(scan)
         triangles = scan.vertices[scan.faces]
@@ -242,7 +242,7 @@ def _closest_on(scan: Mesh | np.ndarray):
 
 
 def normals_and_variation(points: np.ndarray, tree: KDTree) -> tuple[np.ndarray, np.ndarray]:
-    """Unit normals (n, 3) of a point cloud and its surface variation (n,), 0 in a plane to 1/3 (Pauly et al. 2002).
+    """Unit normals and surface variation of a point cloud (Pauly et al. 2002).
 
     Both follow from the covariance of each point's nearest neighbours: the direction of the smallest variance, and its
     fraction of the total variance.

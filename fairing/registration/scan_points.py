@@ -14,7 +14,7 @@ from fairing.errors import InputError
 from fairing.scene import SparsePoints, View
 
 NEIGHBOURS = 24
-MOST_POINTS = 200_000  # larger scans are subsampled evenly to this many
+MAX_POINTS = 200_000  # larger scans are subsampled evenly to this many
 GAP = np.radians(120.0)  # a point with such an angle free of neighbours lies at an end of the surface
 BENT = 0.01  # surface variation (0 to 1/3) above which a surface bends: two planes at 25 degrees
 FILL = 2.5  # spacings between points where nothing bends or ends
@@ -24,10 +24,12 @@ BEHIND = 2.0  # spacings: a point less far behind its occluder is visible, for s
 
 @dataclass(frozen=True, eq=False)
 class CriticalPoints:
-    """Attributes:
-    positions: (k, 3) float: chosen points of the scan, the most critical first.
-    variation: (k,) float: surface variation, 0 in a plane.
-    is_end: (k,) bool: points where the surface ends.
+    """Chosen points of a scan, the most critical first.
+
+    Attributes:
+        positions: (k, 3) float, in the scan's unit.
+        variation: (k,) float: surface variation, 0 in a plane to 1/3.
+        is_end: (k,) bool: points where the surface ends.
     """
 
     positions: np.ndarray
@@ -43,16 +45,16 @@ def critical_points(points: np.ndarray, spacing: float) -> CriticalPoints:
     """
     if len(points) < 50:
         raise InputError(f"scan: expected at least 50 points, found {len(points)}")
-    points = np.asarray(points, dtype=np.float64)[:: max(1, -(-len(points) // MOST_POINTS))]
+    points = np.asarray(points, dtype=np.float64)[:: max(1, -(-len(points) // MAX_POINTS))]
     variation, is_end = _shape(points)
-    # Ends come before bends: where a surface ends, its variation says nothing.
+    # Ends come before bends, because the variation is meaningless where a surface ends.
     order = np.lexsort((np.arange(len(points)), -variation, ~is_end))
     is_critical = is_end | (variation > BENT)
     tree = KDTree(points)
     is_free = np.ones(len(points), dtype=bool)
     chosen: list[int] = []
     for radius, candidates in ((spacing, order[is_critical[order]]), (FILL * spacing, order[~is_critical[order]])):
-        if radius > spacing:  # keep the wider distance to what is chosen, too
+        if radius > spacing:  # keep the wider distance to the points chosen before, too
             for point in chosen:
                 is_free[tree.query_ball_point(points[point], radius)] = False
         for point in candidates.tolist():
@@ -63,7 +65,7 @@ def critical_points(points: np.ndarray, spacing: float) -> CriticalPoints:
 
 
 def _shape(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Surface variation (n,) (Pauly, Gross, Kobbelt 2002) and whether the surface ends at a point (n,)."""
+    """Surface variation (n,) float (Pauly, Gross, Kobbelt 2002), and whether the surface ends at a point (n,) bool."""
     neighbours = np.asarray(KDTree(points).query(points, k=min(NEIGHBOURS, len(points)))[1])
     variation, is_end = np.empty(len(points)), np.empty(len(points), dtype=bool)
     for block in np.array_split(np.arange(len(points)), max(1, len(points) // 20_000)):
@@ -80,9 +82,15 @@ def _shape(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def seen_points(scan: np.ndarray, chosen: np.ndarray, views: Sequence[View], spacing: float) -> SparsePoints:
-    """Chosen points (k, 3) of a registered scan (n, 3) with the photos that see them, as a reconstruction has them.
+    """Chosen points of a registered scan as sparse points, with the photos that see them.
 
-    A photo sees a point that lies inside of it and not behind another point of the scan, which hides a disc around it.
+    A photo sees a point that projects into it and does not lie behind the discs that the points of the scan occlude.
+
+    Args:
+        scan: (n, 3) float, world units.
+        chosen: (k, 3) float, world units.
+        views: V views.
+        spacing: distance of the chosen points, world units.
     """
     observations, pixels = [], []
     for v, view in enumerate(views):

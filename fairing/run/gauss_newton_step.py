@@ -88,7 +88,7 @@ def gauss_newton_step(
 
     better_faces = np.zeros(len(mesh.faces), dtype=bool)
     better_faces[unit.faces] = better[unit.owner]
-    is_better_pair = sweep.context.by_pair(better_faces)
+    is_better_pair = sweep.context.broadcast_to_pairs(better_faces)
     pair_energy_after = np.where(is_better_pair, new_system.pair_energy, system.pair_energy)
     # A vertex at rest proposes to stay, which is never worse: it goes on resting until the sweep ends.
     rejections = np.where(better & ~is_resting, 0, rejections + 1)
@@ -109,8 +109,8 @@ def gauss_newton_step(
         faces=unit.faces,
         face_energy_before=system.energy,
         face_energy_after=np.where(better[unit.owner], new_system.energy, system.energy),
-        view_energy_before=sweep.context.by_view(system.pair_energy),
-        view_energy_after=sweep.context.by_view(pair_energy_after),
+        view_energy_before=sweep.context.sum_by_view(system.pair_energy),
+        view_energy_after=sweep.context.sum_by_view(pair_energy_after),
         damping_next=_next_damping(options, damping, better),
         rejections=rejections,
     )

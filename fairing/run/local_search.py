@@ -145,7 +145,7 @@ def search_block(
         return places[ids], score(context, face_energy, places)
 
     best_score, best = score_before * (1 - options.schedule.search_gain), vertices[ids].copy()
-    for reached, reached_score in evaluator.side_by_side(tried, np.vstack([np.zeros(3), search_directions()])):
+    for reached, reached_score in evaluator.map_concurrently(tried, np.vstack([np.zeros(3), search_directions()])):
         improved = reached_score < best_score
         best[improved] = reached[improved]
         best_score = np.where(improved, reached_score, best_score)

@@ -54,8 +54,8 @@ def moved_record(
         faces=before.system.faces,
         face_energy_before=before.system.energy,
         face_energy_after=after.system.energy,
-        view_energy_before=before.context.by_view(before.system.pair_energy),
-        view_energy_after=after.context.by_view(after.system.pair_energy),
+        view_energy_before=before.context.sum_by_view(before.system.pair_energy),
+        view_energy_after=after.context.sum_by_view(after.system.pair_energy),
         damping_next=blank,
         rejections=np.zeros(len(ids), dtype=np.int64),
     )

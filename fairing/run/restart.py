@@ -169,7 +169,7 @@ def fused(problem: Problem, sweep: SweepState, first: np.ndarray, second: np.nda
         folded[mesh.faces[folded_faces(result, tried, problem.start, mesh.faces, problem.options.step)]] = True
         around = np.zeros(len(mesh.faces), dtype=bool)
         around[unit.faces] = True
-        here, there = problem.evaluator.side_by_side(
+        here, there = problem.evaluator.map_concurrently(
             lambda places: _losses(sweep, mesh, _judged(problem, sweep, places, around), unit), (result, tried)
         )
         taken = [g for g, a, b in zip(groups, here, there, strict=True) if b < a * (1 - gain) and not folded[g].any()]

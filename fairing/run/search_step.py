@@ -39,7 +39,7 @@ def search_step(
     moved_faces[unit.faces[moved[unit.owner]]] = True
     energy_before, energy_after = found.system_before.pair_energy, found.system_after.pair_energy
     # Faces of a vertex that stays keep their energy, even where a moved neighbour uncovers or hides a part of them.
-    view_energy_after = found.context_before.by_view(energy_before, ~moved_faces) + found.context_after.by_view(
+    view_energy_after = found.context_before.sum_by_view(energy_before, ~moved_faces) + found.context_after.sum_by_view(
         energy_after, moved_faces
     )
     blank = np.zeros(len(ids))
@@ -60,7 +60,7 @@ def search_step(
         faces=unit.faces,
         face_energy_before=found.system_before.energy,
         face_energy_after=found.system_after.energy,
-        view_energy_before=found.context_before.by_view(energy_before),
+        view_energy_before=found.context_before.sum_by_view(energy_before),
         view_energy_after=view_energy_after,
         damping_next=blank,
         rejections=np.zeros(len(ids), dtype=np.int64),

@@ -97,7 +97,7 @@ def begin_sweep(
     context = problem.context(level, vertices, among)
     unscaled = np.ones(len(mesh.faces))
     measured = problem.measure(context, vertices, unscaled)
-    shorter = context.without_noise_dimensions(
+    shorter = context.with_reduced_dimensions(
         measured.singular_value_ratio, by_level(options.eigenspace.significance, level)
     )
     if shorter is not context:

@@ -1,4 +1,4 @@
-"""Energies and normal equations of faces, computed on several threads with one and the same result."""
+"""Evaluator: energies and normal equations of faces, computed on several threads; the result is independent of their number."""
 
 import os
 import threading
@@ -17,8 +17,8 @@ from fairing.options import RobustOptions, by_level
 
 SOLVERS = {"alternating": SOLVER_ALTERNATING, "variable_projection": SOLVER_VARIABLE_PROJECTION}
 PARTS_PER_THREAD = 4
-MOST_SAMPLES = 100_000_000  # of a part, after about a second of which the work can be given up
-AT_ONCE = 2  # of `Evaluator.side_by_side`
+MAX_PART_SAMPLES = 100_000_000  # per part of a list, about one second of work: the latency of a cancellation
+CONCURRENT_ITEMS = 2  # of `Evaluator.map_concurrently`
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -26,16 +26,17 @@ Result = TypeVar("Result")
 
 @dataclass(frozen=True, eq=False)
 class FaceSystem:
-    """What the kernel says of a list of faces.
+    """Energies, residual statistics and normal equations of a list of F faces.
 
     Attributes:
         faces: (F,) int, ids.
         energy: (F,) float: E of Eq. 2, weighted; infinite where a corner lies behind a camera.
-        pair_energy: (P,) float: the same by face and view; only the pairs of `faces` are filled.
-        H: (F, 9, 9) float: normal matrix by the nine coordinates of the corners; zero where a corner was not asked for.
-        g: (F, 9) float: gradient.
+        pair_energy: (P,) float: the energy by pair of face and view; only the pairs of `faces` are filled.
+        H: (F, 9, 9) float, energy / world unit^2: normal matrix by the nine coordinates of the corners; zero for fixed corners.
+        g: (F, 9) float, energy / world unit: gradient.
         largest, median: (F,) float: absolute residual, grey levels (only from `measure`).
-        singular_value_ratio: (F,) float: the k-th singular value squared over the mean of the later ones (only from `measure`).
+        singular_value_ratio: (F,) float: the k-th singular value squared over the mean square of the later ones (only
+            from `measure`).
     """
 
     faces: np.ndarray
@@ -49,27 +50,28 @@ class FaceSystem:
 
 
 class Evaluator:
-    """Runs the kernel over lists of faces on `threads` threads (0: one per core).
+    """Runs the kernels over lists of faces on several threads.
 
     Args:
-        ask: called before each of several parts of a list; what it raises ends the work.
+        threads: number of threads; 0: one per core.
+        raise_if_cancelled: called before each part of a list; its exception ends the computation.
     """
 
-    def __init__(self, threads: int = 0, ask: Callable[[], None] = lambda: None) -> None:
-        self._threads, self._ask = threads or os.cpu_count() or 1, ask
+    def __init__(self, threads: int = 0, raise_if_cancelled: Callable[[], None] = lambda: None) -> None:
+        self._threads, self._raise_if_cancelled = threads or os.cpu_count() or 1, raise_if_cancelled
         self.pool = ThreadPoolExecutor(self._threads, thread_name_prefix="fairing")
         self.samples = 0
-        """Cell samples read so far, for the speed shown to users."""
+        """Cell samples evaluated so far, for the speed shown to users."""
         self._counting = threading.Lock()
 
-    def side_by_side(self, work: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
-        """Results of independent pieces of work, each of which uses the evaluator and its pool itself.
+    def map_concurrently(self, work: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
+        """Results of independent tasks, in the order of `items`; each task uses the evaluator and its pool itself.
 
-        Two go on at once: while one is between calls of compiled code, the other keeps the threads busy.
+        Two tasks run concurrently: while one executes Python code between kernel calls, the other keeps the threads busy.
         """
         if self._threads == 1:
             return [work(item) for item in items]
-        with ThreadPoolExecutor(AT_ONCE, thread_name_prefix="side-by-side") as both:
+        with ThreadPoolExecutor(CONCURRENT_ITEMS, thread_name_prefix="concurrent") as both:
             return list(both.map(work, items))
 
     def linearise(
@@ -78,24 +80,38 @@ class Evaluator:
         vertices: np.ndarray,
         faces: np.ndarray,
         corners: np.ndarray,
-        sigma: np.ndarray,
+        squared_scale: np.ndarray,
         solver: str,
     ) -> FaceSystem:
-        """Energy and normal equations at `vertices`.
+        """Energy and normal equations at given vertex positions.
 
         Args:
-            faces: (F,) int ids.
+            context: the cells.
+            vertices: (n, 3) float, world units.
+            faces: (F,) int: face ids.
             corners: (F,) int: the corner that moves, -1 for all three.
-            sigma: (m,) float: scale of the robust norm squared, by face (see `robust_scale`).
+            squared_scale: (m,) float, grey levels^2: squared scale of the robust norm by face, from `robust_scale`.
             solver: "alternating" or "variable_projection".
+
+        Returns:
+            The system without residual statistics (they are 0).
         """
-        return self._run(context, vertices, faces, corners, sigma, SOLVERS[solver])
+        return self._run(context, vertices, faces, corners, squared_scale, SOLVERS[solver])
 
-    def measure(self, context: CellContext, vertices: np.ndarray, faces: np.ndarray, sigma: np.ndarray) -> FaceSystem:
-        """Energy and residual statistics only."""
-        return self._run(context, vertices, faces, np.full(len(faces), -1), sigma, SOLVER_NONE)
+    def measure(
+        self, context: CellContext, vertices: np.ndarray, faces: np.ndarray, squared_scale: np.ndarray
+    ) -> FaceSystem:
+        """Energy and residual statistics at given vertex positions, without normal equations (H and g are 0).
 
-    def _run(self, context, vertices, faces, corners, sigma, solver) -> FaceSystem:
+        Args:
+            context: the cells.
+            vertices: (n, 3) float, world units.
+            faces: (F,) int: face ids.
+            squared_scale: (m,) float, grey levels^2: squared scale of the robust norm by face, from `robust_scale`.
+        """
+        return self._run(context, vertices, faces, np.full(len(faces), -1), squared_scale, SOLVER_NONE)
+
+    def _run(self, context, vertices, faces, corners, squared_scale, solver) -> FaceSystem:
         data = context.kernel
         faces = np.ascontiguousarray(faces, dtype=np.int64)
         corners = np.ascontiguousarray(corners, dtype=np.int64)
@@ -109,9 +125,9 @@ class Evaluator:
             self.samples += int(samples.sum()) * data.channels
 
         def work(part: slice) -> None:
-            self._ask()
+            self._raise_if_cancelled()
             evaluate_faces(
-                data, vertices, faces[part], corners[part], sigma, solver,
+                data, vertices, faces[part], corners[part], squared_scale, solver,
                 energy[part], pair_energy, H[part], g[part], statistics[part],
             )  # fmt: skip
 
@@ -123,18 +139,27 @@ class Evaluator:
         return FaceSystem(faces, energy, pair_energy, H, g, *statistics.T)
 
     def _parts(self, samples: np.ndarray) -> list[slice]:
-        """Runs of faces of about equal work."""
+        """Consecutive slices of faces of about equal work."""
         total = np.cumsum(samples)
         if len(total) == 0:
             return []
-        count = max(self._threads * PARTS_PER_THREAD if self._threads > 1 else 1, -(-int(total[-1]) // MOST_SAMPLES))
+        count = max(
+            self._threads * PARTS_PER_THREAD if self._threads > 1 else 1, -(-int(total[-1]) // MAX_PART_SAMPLES)
+        )
         targets = np.linspace(0, total[-1], count + 1)[1:-1]
         cuts = np.unique(np.concatenate([[0], np.searchsorted(total, targets), [len(samples)]]))
         return [slice(int(a), int(b)) for a, b in pairwise(cuts)]
 
 
 def robust_sigma(options: RobustOptions, level: int, system: FaceSystem) -> np.ndarray:
-    """sigma in grey levels for the faces of `system` (F,), by the level's rule."""
+    """Scale parameter sigma of the robust norm, by the level's rule.
+
+    Args:
+        system: from `Evaluator.measure`, for its residual statistics.
+
+    Returns:
+        (F,) float, grey levels, for the faces of `system`.
+    """
     rule = by_level(options.sigma_rule, level)
     if rule == "paper":
         sigma = system.largest / np.sqrt(3)
@@ -148,5 +173,12 @@ def robust_sigma(options: RobustOptions, level: int, system: FaceSystem) -> np.n
 
 
 def robust_scale(options: RobustOptions, sigma: np.ndarray) -> np.ndarray:
-    """What the kernel divides e^2 by: sigma squared, or sigma itself for the printed Geman-McClure form."""
+    """The squared scale that the kernels use: sigma squared, or sigma itself for the printed Geman-McClure form.
+
+    Args:
+        sigma: (F,) float, grey levels.
+
+    Returns:
+        (F,) float, grey levels^2.
+    """
     return sigma if options.norm == "geman_mcclure_printed" else sigma**2

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from fairing.cells.context import CellContext, build_context, facing
+from fairing.cells.context import CellContext, build_context
 from fairing.cells.scale_space import ScaleSpace
-from fairing.cells.visibility import Visibility
+from fairing.cells.visibility import Visibility, mesh_orientation
 from fairing.errors import Cancelled, InputError
 from fairing.geometry.mesh_check import inspect_mesh
 from fairing.options import FairingOptions
@@ -63,8 +63,8 @@ class Problem:
         self._judged[degenerate] = False
         self.locked = locked_by_options(scene, options)
         self.locked[scene.mesh.faces[degenerate]] = True
-        self.orientation = facing(scene, start)
-        """See `fairing.cells.context.facing`."""
+        self.orientation = mesh_orientation(scene, start)
+        """See `fairing.cells.visibility.mesh_orientation`."""
         if self.orientation < 0:
             self.warnings.append("mesh: its faces point away from the photos; they are taken as turned around")
 
@@ -87,7 +87,7 @@ class Problem:
         on_photos = self._photos.seconds - photos_before
         self.seconds["photos"] += on_photos
         self.seconds["visibility"] += time.perf_counter() - began - on_photos
-        if context.too_many_parts and TOO_MANY_PARTS not in self.warnings:
+        if context.point_spread_fallback and TOO_MANY_PARTS not in self.warnings:
             self.warnings.append(TOO_MANY_PARTS)
         if among is None and not context.takes_part.any() and level == self.options.n_levels - 1:
             counts = {reason: int((context.reasons == reason).sum()) for reason in Visibility}

@@ -1,4 +1,4 @@
-"""A textured mesh as a camera sees it, drawn by the processor: for pictures and videos without a graphics card."""
+"""Software drawing of a textured mesh from a camera, for pictures and videos without a graphics card."""
 
 import cv2
 import numba
@@ -9,15 +9,16 @@ from fairing.geometry.rasterize import rasterize
 
 RGB = tuple[int, int, int]
 OVERSAMPLING = 2
-"""Pixels drawn per pixel and direction, so that outlines are smooth."""
+"""Pixels drawn per pixel and axis, for smooth outlines."""
 
 
 class Drawing:
-    """One mesh before one camera, onto which any texture of its faces can be put.
+    """One mesh in one camera, which can be drawn with any texture.
 
     Args:
         vertices: (n, 3) float, world units.
         faces: (m, 3) int.
+        camera: its size is the size of the pictures.
     """
 
     def __init__(self, vertices: np.ndarray, faces: np.ndarray, camera: Camera) -> None:
@@ -32,12 +33,12 @@ class Drawing:
         self._weights[seen] = np.linalg.inv(corners)
 
     def textured(self, uv: np.ndarray, image: np.ndarray, background: RGB) -> np.ndarray:
-        """(h, w, 3) uint8, RGB.
+        """The picture, (h, w, 3) uint8, RGB.
 
         Args:
             uv: (m, 3, 2) float: texture coordinates of the faces' corners, 0 to 1, origin at the top left.
             image: (h', w', 3) uint8, the texture.
-            background: where no face is.
+            background: colour outside the mesh.
         """
         picture = np.empty((*self._face.shape, 3), dtype=np.uint8)
         picture[:] = background
@@ -47,10 +48,10 @@ class Drawing:
 
 @numba.njit(cache=True, nogil=True)
 def _paint(face_id, weights, uv, image, picture):
-    """Bilinear texels, perspective taken into account.
+    """Bilinear texels with correct perspective, into `picture`.
 
     Args:
-        weights: (m, 3, 3): times (x, y, 1) they are proportional to the barycentric weights of the corners.
+        weights: (m, 3, 3): multiplied by (x, y, 1) they are proportional to the barycentric weights of the corners.
     """
     height, width = image.shape[:2]
     for y in range(face_id.shape[0]):

@@ -1,10 +1,10 @@
-"""A texture that follows the eye: each face's eigenspace coefficients, blended from the photos taken near the eye.
+"""View-dependent texture: each face's eigenspace coefficients, blended from the photos taken near the eye.
 
-Eigen-texture (Nishino, Sato, Ikeuchi 1999): what the photos show of a face is a sum of a few images, with coefficients
-for each photo. Here the first image is the static texture's U with the gain c as its coefficient; up to IMAGES more
-explain what is left. Between photos the coefficients are averaged with the weights of unstructured lumigraph rendering
-(Buehler et al. 2001): by the angle at the face between eye and camera, falling to nothing at the angle of the first
-photo left out, so that nothing jumps as the eye moves.
+Eigen-texture (Nishino, Sato, Ikeuchi 1999): the photos of a face are modelled as a sum of a few images, with coefficients for
+each photo. The first image is the static texture's U with the gain c as its coefficient; up to IMAGES more explain the
+residual. Between photos the coefficients are averaged with the weights of unstructured lumigraph rendering (Buehler et al.
+2001): by the angle at the face between eye and camera, falling to zero at the angle of the first photo left out, so that the
+texture changes continuously as the eye moves.
 """
 
 from dataclasses import dataclass
@@ -13,39 +13,36 @@ import numba
 import numpy as np
 
 from fairing.scene import Scene
+from fairing.texture.fusion import exposures, fuse
 from fairing.texture.layout import AtlasLayout
-from fairing.texture.model import (
-    UNSEEN,
-    chosen_views,
-    exposures,
-    fuse,
-    most_texels,
-    sample,
-    survey,
-)
-from fairing.texture.texels import columns, place, rows
+from fairing.texture.model import UNSEEN
+from fairing.texture.samples import most_texels, sample
+from fairing.texture.texels import SOURCE, columns, place, rows
+from fairing.texture.view_choice import chosen_views, survey
 
 GUTTER = 2  # texels: the atlas is small, and its image has no mip levels
-IMAGES = 3  # beside the first
-BLENDED = 3  # photos; the next nearest one's angle is where weights end
-OUTLIER = 60.0  # grey levels, sigma of the Geman-McClure weight: wider than the static one's, a highlight belongs here
+IMAGES = 3  # in addition to the first
+BLENDED = 3  # photos; weights fall to zero at the angle of the next nearest one
+OUTLIER = (
+    60.0  # grey levels, sigma of the Geman-McClure weight: wider than the static one's, because highlights are modelled
+)
 ROUNDS = 3
 LEAST_DEVIATION = 1.0  # grey levels: an image that explains less than this is noise
-TIE = 1e-6  # share that keeps the weights' sum from zero when all photos are equally near
-OWN_PLACE = 1e-3  # rad: from here the photo at the eye's own place is all that counts
+TIE = 1e-6  # keeps the sum of the weights positive when all photos are equally near
+OWN_ANGLE = 1e-3  # rad: within this angle of a photo's camera, that photo dominates
 
 
 @dataclass(frozen=True, eq=False)
 class EigenTexture:
-    """A mesh whose image depends on where it is looked at from.
+    """A mesh with a texture that depends on the position of the eye: m faces, s photos per face, t texels.
 
     Attributes:
         vertices: (n, 3) float, world units.
         faces: (m, 3) int.
-        layout: where the faces lie in the image.
-        centers: (m, 3) float, world units: the faces' middles.
+        layout: the faces in the image.
+        centers: (m, 3) float, world units: centroids of the faces.
         directions: (m, s, 3) float: unit vectors from these to the cameras of the face's photos, 0 for none.
-        coefficients: (m, s, 1 + IMAGES) float: of the face's images for each of its photos, exposures taken off.
+        coefficients: (m, s, 1 + IMAGES) float: of the face's images for each of its photos, divided by the exposures.
         starts: (m + 1,) int: the first texel of each face in `basis`.
         basis: (t, 3, 1 + IMAGES) float32: the faces' images, texel by texel.
     """
@@ -60,16 +57,16 @@ class EigenTexture:
     basis: np.ndarray
 
     def weights_for(self, eye: np.ndarray) -> np.ndarray:
-        """(m, s) float: how much each photo of a face counts for an eye at (3,), world units; rows sum to 1 or 0."""
+        """(m, s) float: blending weight of each photo of a face for an eye at (3,), world units; rows sum to 1 or 0."""
         sight = np.asarray(eye, dtype=np.float64) - self.centers
         sight /= np.maximum(np.linalg.norm(sight, axis=1, keepdims=True), 1e-300)
         is_there = self.directions.any(axis=2)
-        # The chord is exact where the cosine's arc is not: at small angles.
+        # By the chord, because the arc cosine is inaccurate at small angles.
         chord = np.linalg.norm(self.directions - sight[:, None], axis=2)
         angle = np.where(is_there, 2 * np.arcsin(np.minimum(chord / 2, 1.0)), np.inf)
         end = np.sort(angle, axis=1)[:, BLENDED : BLENDED + 1]
         near = np.where(is_there, angle, 0.0)
-        share = (np.maximum(1 - near / np.maximum(end, 1e-300), 0) + TIE) / (near + OWN_PLACE)
+        share = (np.maximum(1 - near / np.maximum(end, 1e-300), 0) + TIE) / (near + OWN_ANGLE)
         share = np.where(is_there, share, 0.0)
         return share / np.maximum(share.sum(axis=1, keepdims=True), 1e-300)
 
@@ -79,7 +76,7 @@ class EigenTexture:
         coefficients[~self.directions.any(axis=(1, 2)), 0] = 1.0
         layout = self.layout
         image = np.full((layout.height, layout.width, 3), int(UNSEEN), dtype=np.uint8)
-        _compose(
+        compose(
             coefficients.astype(np.float32), self.starts, self.basis, layout.corner, layout.legs, layout.is_turned,
             layout.gutter, image,
         )  # fmt: skip
@@ -87,10 +84,12 @@ class EigenTexture:
 
 
 def eigen_texture(scene: Scene, vertices: np.ndarray, largest: int = 1024) -> EigenTexture:
-    """The eigen-texture of the scene's mesh with its vertices at (n, 3), world units.
+    """The eigen-texture of the scene's mesh with its vertices at given positions.
 
-    It holds 16 numbers for a texel and colour, so `largest` (texels of width and height) should stay small; 1024 are
-    at most 50 MB.
+    Args:
+        vertices: (n, 3) float, world units.
+        largest: limit of the texture's width and height, texels. The basis has 12 numbers per texel, 48 bytes: at most 50 MB
+            for 1024.
 
     Raises:
         ValueError: too many faces for the largest texture.
@@ -108,7 +107,7 @@ def eigen_texture(scene: Scene, vertices: np.ndarray, largest: int = 1024) -> Ei
     basis = np.zeros((int(most_texels(layout).sum()), 3, 1 + IMAGES), dtype=np.float32)
     coefficients = np.zeros((*chosen.shape, 1 + IMAGES))
     coefficients[..., 0] = np.exp(log_gain)
-    _explain(starts, colors, weights, *placed, image, coefficients, basis)
+    explain(starts, colors, weights, *placed, image, coefficients, basis)
     exposure = exposures(layout, chosen, log_gain, len(scene.views))[1]
     coefficients /= exposure[chosen][..., None]
     centers = vertices[scene.mesh.faces].mean(axis=1)
@@ -119,12 +118,12 @@ def eigen_texture(scene: Scene, vertices: np.ndarray, largest: int = 1024) -> Ei
     return EigenTexture(vertices, scene.mesh.faces, layout, centers, directions, coefficients, starts, basis)
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(nogil=True)
 def _explain(starts, colors, weights, corner, legs, is_turned, gutter, image, coefficients, basis):
-    """The images of every face: U, and the principal ones of what U times the gains leaves.
+    """The images of every face: U, and the principal components of the residual of U times the gains.
 
-    Samples that are unseen, or as far as they are outliers, are replaced by what the images say of them, which at first
-    is U alone (weighted low-rank approximation by expectation maximisation, Srebro and Jaakkola 2003).
+    Unseen samples, and outliers in part, are replaced by their prediction from the images, at first from U alone (weighted
+    low-rank approximation by expectation maximisation, Srebro and Jaakkola 2003).
     """
     n_slots = weights.shape[1]
     for face in range(legs.shape[0]):
@@ -174,8 +173,9 @@ def _explain(starts, colors, weights, corner, legs, is_turned, gutter, image, co
                     basis[start + i, k, 1 + j] = images[j, 3 * i + k]
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(nogil=True)
 def _compose(coefficients, starts, basis, corner, legs, is_turned, gutter, image):
+    """The texture for coefficients (m, 1 + IMAGES), into `image`."""
     for face in range(legs.shape[0]):
         w, h = legs[face, 0], legs[face, 1]
         t = starts[face]
@@ -188,3 +188,22 @@ def _compose(coefficients, starts, basis, corner, legs, is_turned, gutter, image
                         value += coefficients[face, j] * basis[t, k, j]
                     image[y, x, k] = np.uint8(min(max(value, 0.0), 255.0))
                 t += 1
+
+
+def _cached_for(source):
+    @numba.njit(cache=True, nogil=True)
+    def explain(*arguments):
+        """See `_explain`."""
+        assert source >= 0
+        _explain(*arguments)
+
+    @numba.njit(cache=True, nogil=True)
+    def compose(*arguments):
+        """See `_compose`."""
+        assert source >= 0
+        _compose(*arguments)
+
+    return explain, compose
+
+
+explain, compose = _cached_for(SOURCE)

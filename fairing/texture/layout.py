@@ -1,11 +1,11 @@
-"""Where the faces lie in the texture: two of one size share a rectangle, rectangles stand in rows.
+"""Layout of the texture atlas: two faces of one size share a rectangle, rectangles are packed in rows.
 
-Every face is a right triangle there. Its legs are as many texels long as the face's two edges are pixels in the photos,
-so a texel is about a pixel everywhere. Around each face a gutter continues its texture, so that filtering (and the first
-mip levels) never read the neighbour's.
+Every face is a right triangle in the atlas. Its legs have as many texels as the face's two edges have pixels in the photos, so
+a texel is about a photo pixel everywhere. Around each face a gutter continues its texture, so that filtering (and the first
+mip levels) never reads a neighbour's texels.
 
-Unwrapping connected faces into charts would save gutters and inner seams, but needs a library of its own and mixes
-the textures of faces that the engine judges apart.
+Unwrapping connected faces into charts would save gutters and inner seams, but needs an additional library and mixes the
+textures of faces that the engine treats separately.
 """
 
 from dataclasses import dataclass
@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 SHORTEST_LEG = 4  # texels
-STEPS_AN_OCTAVE = 4  # leg lengths are rounded up to these, so that faces find partners
-SLACK = 1.02  # by which the texture grows when its rows do not fit
+STEPS_PER_OCTAVE = 4  # leg lengths are rounded up to these steps, so that faces of equal size can be paired
+SLACK = 1.02  # factor by which the texture grows when its rows do not fit
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,13 +23,13 @@ class AtlasLayout:
 
     Attributes:
         width, height: texels of the texture.
-        gutter: texels around a face that continue its texture; towards its partner about half of it.
+        gutter: texels around a face that continue its texture; towards the paired face about half of that.
         order: (m, 3) int: 0 to 2: the face's corners at the right angle, along the rectangle's width, and along its
             height.
         corner: (m, 2) int: column and row of the rectangle's first texel.
         legs: (m, 2) int: texels between the right angle and the corners along width and height.
         is_turned: (m,) bool: whether the face lies in the lower right half.
-        scale: texels a photo pixel (at most 1): less if the faces did not fit at full resolution.
+        scale: texels per photo pixel, at most 1; less if the faces do not fit at full resolution.
     """
 
     width: int
@@ -43,14 +43,15 @@ class AtlasLayout:
 
     @classmethod
     def plan(cls, edge_lengths: np.ndarray, largest: int, gutter: int = 4) -> "AtlasLayout":
-        """Lay out faces in a texture of at most `largest` texels in width and height.
+        """Pack faces into a texture.
 
         Args:
-            edge_lengths: (m, 3) float, pixels: edge j lies between corners j and j + 1.
+            edge_lengths: (m, 3) float, photo px: edge j lies between corners j and j + 1.
+            largest: limit of width and height, texels.
             gutter: texels; less for small textures of many faces.
 
         Raises:
-            ValueError: even the smallest faces do not fit.
+            ValueError: the faces do not fit even at the least size.
         """
         order, legs_px = _legs(np.asarray(edge_lengths, dtype=np.float64))
         scale = 1.0
@@ -65,7 +66,7 @@ class AtlasLayout:
 
     @staticmethod
     def most_faces(largest: int, gutter: int = 4) -> int:
-        """So many faces fit into a texture of at most `largest` texels in width and height, however small they are."""
+        """Number of faces of the least size that fit into a texture of at most `largest` texels in width and height."""
         return 2 * (largest // (SHORTEST_LEG + 3 * gutter + 1)) ** 2
 
     @property
@@ -87,7 +88,7 @@ class AtlasLayout:
 
 
 def _legs(edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Corners in the order (right angle, end of the longer leg, of the shorter), and the legs' lengths (m, 2).
+    """Corners (m, 3) in the order right angle, end of the longer leg, of the shorter; and the legs' lengths (m, 2).
 
     The right angle goes to the corner opposite the longest edge, which distorts the triangle least.
     """
@@ -102,8 +103,8 @@ def _legs(edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _rounded_up(lengths: np.ndarray) -> np.ndarray:
-    steps = np.ceil(STEPS_AN_OCTAVE * np.log2(np.maximum(lengths, SHORTEST_LEG) / SHORTEST_LEG) - 1e-9)
-    return np.ceil(SHORTEST_LEG * 2 ** (steps / STEPS_AN_OCTAVE) - 1e-9).astype(np.int64)
+    steps = np.ceil(STEPS_PER_OCTAVE * np.log2(np.maximum(lengths, SHORTEST_LEG) / SHORTEST_LEG) - 1e-9)
+    return np.ceil(SHORTEST_LEG * 2 ** (steps / STEPS_PER_OCTAVE) - 1e-9).astype(np.int64)
 
 
 def _packed(legs: np.ndarray, gutter: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -128,7 +129,7 @@ def _packed(legs: np.ndarray, gutter: int) -> tuple[np.ndarray, np.ndarray, np.n
 
 
 def _rows(boxes: list[list[int]], width: int) -> tuple[list[tuple[int, int]], int]:
-    """Rectangles, tallest first, in rows of a width: their first texels and the height of all rows."""
+    """Rectangles, tallest first, packed in rows of a width: their first texels, and the height of all rows."""
     places, x, y, row = [], 0, 0, 0
     for w, h in boxes:
         if x + w > width:

@@ -1,4 +1,12 @@
-"""Image-consistent triangulation (Morris and Kanade, CVPR 2000): from sparse points to a start mesh."""
+"""Image-consistent triangulation (Morris and Kanade, CVPR 2000): from sparse points to a start mesh.
+
+What belongs here: the initial mesh (`points`, `initial_mesh`), edge flips (`quads`, `inconsistency`, `flips`), their record
+(`record`), and the whole (`run`, `options`).
+
+May import: the data modules of `fairing`, `fairing.util`, `fairing.geometry`, `fairing.cells` and `fairing.solve`.
+
+Offers: the names in `__all__`, imported on first use; `triangulate` is the entry point.
+"""
 
 from typing import TYPE_CHECKING
 

@@ -1,9 +1,9 @@
-"""Edges are flipped, the largest gain first, until no flip makes the photos agree better.
+"""Edge flips: the flips with the largest gain first, until no flip makes the photos agree better.
 
-Morris and Kanade, Image-Consistent Surface Triangulation, CVPR 2000. Flips come in rounds. In a round the surface that
-hides things stands still: all candidates are measured, and flips are made by falling gain; faces beside a flip wait for
-the next round, so that each measured gain is the gain had. Then visibility is judged anew. The energy of the mesh, each
-face with the visibility it has by then, must have fallen; else only the better half of the round's flips is made.
+Morris and Kanade, Image-Consistent Surface Triangulation, CVPR 2000. Flips are made in rounds. Within a round the occluding
+surface is fixed: all candidates are measured, and flips are made in order of decreasing gain; faces adjacent to a flip wait for
+the next round, so that each measured gain is the actual one. Then visibility is judged again. The energy of the mesh, with the
+new visibility of each face, must have decreased; else only the better half of the round's flips is made.
 """
 
 from collections.abc import Callable
@@ -19,22 +19,23 @@ from fairing.triangulation.quads import Quads, Verdict, edge_keys, find_quads, j
 from fairing.triangulation.record import FlipRecord, FlipTrace
 
 BATCH = 1500
-"""Edges measured at a time: bounds memory, and how long a wish to stop waits."""
+"""Edges measured at a time; bounds memory and the latency of a stop request."""
 LEAST_GAIN = 0.001
-"""Least fall of the loss: 0.6 grey levels where there was no residual; less is noise."""
-COMMON_PHOTOS = 3
+"""Least decrease of the loss: that of 0.6 grey levels where there was no residual; less is noise."""
+MIN_COMMON_PHOTOS = 3
+"""A flip is measured in at least this many photos that see all four faces."""
 
 
 @dataclass(frozen=True, eq=False)
 class FlipSummary:
-    """How a search for flips went.
+    """Summary of a search for flips.
 
     Attributes:
-        inconsistent_before, inconsistent_after: edges whose flip lowers the energy; after an interruption the second is
-            None.
-        energy_before, energy_after: see `FlipRecord`.
-        rounds: rounds that flipped something.
-        verdicts: what became of every edge in the first search and in the last, by `Verdict`.
+        inconsistent_before, inconsistent_after: number of edges whose flip lowers the energy; the second is None if the
+            search was stopped.
+        energy_before, energy_after: energy of the mesh, see `FlipRecord`.
+        rounds: number of rounds with flips.
+        verdicts: number of edges by `Verdict`, in the first search and in the last.
         stop_reason: a sentence.
     """
 
@@ -49,7 +50,7 @@ class FlipSummary:
 
 @dataclass(frozen=True, eq=False)
 class _State:
-    """A mesh and what the photos say of it."""
+    """A mesh with its losses in the photos."""
 
     faces: np.ndarray
     losses: FaceLosses
@@ -63,7 +64,7 @@ class _State:
 
 @dataclass(frozen=True, eq=False)
 class _Search:
-    """Edges looked at, and those worth flipping, by falling gain."""
+    """Edges examined, and those worth flipping in order of decreasing gain."""
 
     verdicts: np.ndarray
     n_other: int
@@ -81,7 +82,10 @@ class EdgeFlipper:
     """Flips the edges of a scene's mesh.
 
     Attributes:
-        trace: the record so far; the mesh of its last moment is the present one.
+        trace: the record so far; the mesh of its last moment is the current one.
+
+    Raises:
+        InputError: no face of the scene's mesh is seen by three photos.
     """
 
     def __init__(self, scene: Scene, options: TriangulationOptions | None = None) -> None:
@@ -93,8 +97,10 @@ class EdgeFlipper:
         start = self._measure(self.trace.faces_at(0))
         seen = start.losses.n_views > 0
         if not seen.any():
-            raise InputError("triangulation: no face of the start mesh is seen by three photos; nothing can be judged")
-        # Energies count the pixels that surface covers in a typical photo of the start: one figure for the whole run.
+            raise InputError(
+                "triangulation: no face of the start mesh is seen by three photos, so no edge can be judged"
+            )
+        # Energies are in pixels of a typical photo of the start mesh, one factor for the whole run.
         pixels = start.losses.weight.sum(axis=1)[seen] / start.losses.n_views[seen]
         self._pixels_per_area = float(pixels.sum() / self._judge.surface(start.faces[seen]).sum())
         self._state = replace(start, face_energy=self._energies(start.faces, start.losses))
@@ -107,14 +113,14 @@ class EdgeFlipper:
         """Flip until no edge is inconsistent.
 
         Args:
-            should_stop: asked between batches; what was flipped by then stays.
-            on_progress: told after each round: flips made, edges found inconsistent in the last search, energy.
+            should_stop: polled between batches; flips made before a stop remain.
+            on_progress: callback after each search: flips made, inconsistent edges found, energy.
         """
         energy_before = self._state.energy
         first: _Search | None = None
         search, rounds = None, 0
         active: np.ndarray | None = None  # faces around which to search; None: everywhere
-        stop_reason = "no flip lowers the energy any more"
+        stop_reason = "no further flip lowers the energy"
         while True:
             found = self._search(active, should_stop)
             if found is None:
@@ -158,11 +164,11 @@ class EdgeFlipper:
         return _State(faces, losses, self._energies(faces, losses), maps)
 
     def _energies(self, faces: np.ndarray, losses: FaceLosses) -> np.ndarray:
-        """(F,) float: loss per pixel times surface, in pixels: what a face adds to the energy."""
+        """(F,) float: energy of each face, loss per pixel times surface in pixels."""
         return self._pixels_per_area * self._judge.surface(faces) * losses.mean()
 
     def _search(self, active: np.ndarray | None, should_stop: Callable[[], bool]) -> _Search | None:
-        """Find the edges worth flipping, beside the faces `active`; None if stopped meanwhile."""
+        """Find the edges worth flipping, at the faces `active` (m,) bool or all; None if stopped."""
         state = self._state
         quads = find_quads(state.faces)
         if active is not None:
@@ -183,7 +189,7 @@ class EdgeFlipper:
         if should_stop():
             return None
         worth = np.flatnonzero(verdicts == Verdict.FLIPPED)
-        # Largest gain first; edges are sorted, so that ties have one order.
+        # Largest gain first; edges are sorted, so the order of ties is fixed.
         worth = worth[np.argsort(energy[worth, 1] - energy[worth, 0], kind="stable")]
         return _Search(verdicts, quads.n_other, quads.of(worth), energy[worth], common[worth], n_views[worth])
 
@@ -198,21 +204,21 @@ class EdgeFlipper:
         energy_old = state.face_energy[both].reshape(2, -1).sum(axis=0)
         energy_new = self._energies(new_faces, new).reshape(2, -1).sum(axis=0)
         verdict = np.full(len(n_views), Verdict.NO_GAIN, dtype=np.int8)
-        # One number must fall where like is compared with like, the other keeps the sum over all photos from rising.
+        # The loss in common photos compares equal pixels; the energy must not rise over all photos either.
         is_gain = loss_new < loss_old - np.maximum(self._options.gain * loss_old, LEAST_GAIN)
         verdict[is_gain & (energy_new < energy_old)] = Verdict.FLIPPED
         sides_old = self._judge.shown_side(state.faces[both]).reshape(2, len(n_views), -1)
         sides_new = self._judge.shown_side(new_faces).reshape(2, len(n_views), -1)
         takes_part = (old.weight > 0).reshape(2, len(n_views), -1).all(axis=0) & (sides_old > 0).all(axis=0)
         turns_away = takes_part & (sides_new <= 0).any(axis=0)
-        # Refused only where most of these photos say so, the archway ended 0.656 % off instead of 0.662, with folds for the rest.
+        # One such photo refuses the flip (ledger: flips that turn away).
         verdict[np.logical_or.reduce(turns_away, axis=1)] = Verdict.TURNED_AWAY
-        few = (n_views < COMMON_PHOTOS) & (verdict != Verdict.TURNED_AWAY)
+        few = (n_views < MIN_COMMON_PHOTOS) & (verdict != Verdict.TURNED_AWAY)
         verdict[few] = Verdict.TOO_FEW_PHOTOS
         return verdict, np.stack([energy_old, energy_new], 1), np.stack([loss_old, loss_new], 1), n_views
 
     def _independent(self, quads: Quads) -> np.ndarray:
-        """Rows of flips, in order, that do not touch or neighbour each other's faces and make no edge twice."""
+        """Rows of flips, in order, whose faces are neither shared nor adjacent and that create no edge twice."""
         everything = find_quads(self._state.faces)
         neighbours: list[set[int]] = [set() for _ in range(len(self._state.faces))]
         for f, g in everything.faces.tolist():
@@ -231,7 +237,7 @@ class EdgeFlipper:
         return np.array(rows)
 
     def _flip(self, search: _Search, chosen: np.ndarray, round_number: int) -> int | None:
-        """Flip the first so many of `chosen` that the mesh's energy falls; how many, or None if not even the first."""
+        """Flip as many of `chosen`, from the first, as lower the energy (by halving); returns their number, or None for none."""
         before = self._state
         count = len(chosen)
         while count > 0:
@@ -259,7 +265,7 @@ class EdgeFlipper:
         return count
 
     def _around(self, quads: Quads) -> np.ndarray:
-        """(m,) bool: faces that were flipped, and all faces at their corners."""
+        """(m,) bool: the flipped faces and all faces that share a vertex with them."""
         touched = np.zeros(len(self.trace.vertices), dtype=bool)
         touched[quads.edge] = touched[quads.opposite] = True
         return np.logical_or.reduce(touched[self._state.faces], axis=1)

@@ -1,17 +1,19 @@
-"""What the photos say of faces that are, and of faces that could be: the loss of the eigenspace, photo by photo.
+"""Inconsistency of existing and candidate faces: the loss of the eigenspace, photo by photo.
 
-Morris and Kanade (CVPR 2000) compare photos with the average of all of them, warped to the face; here one eigenvector
-takes the place of the average, as in fairing, and Geman-McClure that of the square. A face's loss in a photo is a mean
-over the pixels seen there, so that photos that see little of it do not look consistent.
+Morris and Kanade (CVPR 2000) compare photos with their average, warped to the face; here one eigenvector replaces the average,
+as in fairing, and the Geman-McClure norm the square. A face's loss in a photo is a mean over the visible pixels, so that photos
+that see little of the face do not appear consistent.
 """
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fairing.cells.context import Occluders, build_context, facing
+from fairing.cells.context import build_context
+from fairing.cells.depth_map import DepthMap, depth_map
+from fairing.cells.sample_masks import Occluders
 from fairing.cells.scale_space import ScaleSpace
-from fairing.cells.visibility import DepthMap, depth_map
+from fairing.cells.visibility import mesh_orientation
 from fairing.geometry.normals import face_normals
 from fairing.mesh import Mesh
 from fairing.options import (
@@ -27,16 +29,17 @@ from fairing.solve.energy import Evaluator
 from fairing.triangulation.options import TriangulationOptions
 
 UNSEEN_LOSS = 0.25
-"""What a face costs per pixel that no three photos see: as residuals of 0.6 sigma would."""
-_MAP_BYTES = 12
-_MAP_MEMORY = 1.5e9
+"""Loss per pixel of a face that fewer than three photos see: that of residuals of 0.6 sigma."""
+_BYTES_PER_MAP_PIXEL = 12
+_MAX_MAP_BYTES = 1.5e9
+"""Depth maps of all photos; their resolution is reduced to stay below."""
 
 
 def judging_options(options: TriangulationOptions) -> FairingOptions:
-    """The engine's options for judging faces: those of the middle levels of fairing, at one blur.
+    """The engine's options for measuring faces: those of the middle levels of fairing, at one blur.
 
-    Thin faces take part down to 1 px x blur of height (fairing: 2), else no flip could remove them. 20 photos a face
-    (fairing: 12), so that the photos of neighbours are the same ones.
+    Thin faces take part down to a height of 1 px x blur (fairing: 2), else no flip could remove them. Up to 20 photos per
+    face (fairing: 12), so that neighbouring faces use the same photos.
     """
     return FairingOptions(
         cells=CellOptions(size=(64,), spacing=(1.0,), inset=(0.0,), interpolation=("bilinear",)),
@@ -53,9 +56,9 @@ class FaceLosses:
     """Losses of F faces in V photos.
 
     Attributes:
-        weight: (F, V) float: photo pixels a face covers, times the photo's weight; 0 where the photo takes no part.
-        loss: (F, V) float in 0 to 1: mean of the robust norm over the face's samples, corrected for the eigenspace's
-            freedom: few photos do not look like a good fit.
+        weight: (F, V) float, px: photo pixels that a face covers, times the photo's weight; 0 where the photo is not used.
+        loss: (F, V) float, 0 to 1: mean of the robust norm over the face's samples, corrected for the eigenspace's
+            degrees of freedom, so that few photos do not appear as a good fit.
     """
 
     weight: np.ndarray
@@ -72,20 +75,20 @@ class FaceLosses:
         return np.where(total > 0, (self.weight * self.loss).sum(axis=1) / np.maximum(total, 1e-300), UNSEEN_LOSS)
 
     def of(self, rows: np.ndarray) -> "FaceLosses":
-        """Those of some faces."""
+        """The losses of some faces, by index (k,) int."""
         return FaceLosses(self.weight[rows], self.loss[rows])
 
 
 def common_loss(pairs: list[FaceLosses]) -> tuple[np.ndarray, np.ndarray]:
     """Loss per pixel of several pairs of faces over the same quads, in the photos that all faces of a quad take part in.
 
-    Both pairs cover the same pixels there: like is compared with like.
+    All pairs cover the same pixels there, so their losses are comparable.
 
     Args:
         pairs: P entries, each with the losses of 2 Q faces: the first face of each quad, then the second of each.
 
     Returns:
-        (P, Q) float losses, and (Q,) int: how many photos. Where there is none the losses are 0.
+        (P, Q) float: losses, 0 without common photos; and (Q,) int: number of common photos.
     """
     quads = len(pairs[0].weight) // 2
     shape = (2, quads, -1)
@@ -99,9 +102,10 @@ def common_loss(pairs: list[FaceLosses]) -> tuple[np.ndarray, np.ndarray]:
 
 
 class Judge:
-    """Measures losses of faces spanned between the fixed vertices of a scene.
+    """Measures losses of faces between the fixed vertices of a scene.
 
     Attributes:
+        vertices: (n, 3) float, world units.
         orientation: 1 if faces are counter-clockwise seen from the photos, else -1.
     """
 
@@ -110,16 +114,16 @@ class Judge:
         self._options = judging_options(options)
         cameras = [view.camera for view in scene.views]
         pixels = sum(camera.width * camera.height for camera in cameras)
-        coarse = int(np.ceil(np.sqrt(_MAP_BYTES * pixels / _MAP_MEMORY)))
+        coarse = int(np.ceil(np.sqrt(_BYTES_PER_MAP_PIXEL * pixels / _MAX_MAP_BYTES)))
         visibility = replace(self._options.visibility, reduction=max(self._options.visibility.reduction, coarse))
         self._options = replace(self._options, visibility=visibility)
         self._photos = ScaleSpace(scene, color=False)
         self._evaluator = Evaluator(options.threads)
         self.vertices = scene.mesh.vertices
-        self.orientation = facing(scene, self.vertices)
+        self.orientation = mesh_orientation(scene, self.vertices)
 
     def depth_maps(self, faces: np.ndarray) -> list[DepthMap]:
-        """What hides what, in every photo, if these are the faces (m, 3)."""
+        """Depth maps of the mesh with these faces (m, 3) int, one per photo."""
         reduction = self._options.visibility.reduction
 
         def one(v: int) -> DepthMap:
@@ -129,12 +133,12 @@ class Judge:
         return list(self._evaluator.pool.map(one, range(len(self._scene.views))))
 
     def losses(self, faces: np.ndarray, depth_maps: list[DepthMap], replaced: np.ndarray) -> FaceLosses:
-        """Losses of faces.
+        """Losses of existing or candidate faces.
 
         Args:
-            faces: (F, 3) int.
-            depth_maps: of the mesh as it is.
-            replaced: (F, 2) int: the faces of that mesh whose place each would take.
+            faces: (F, 3) int: vertex ids.
+            depth_maps: of the current mesh.
+            replaced: (F, 2) int: the faces of the current mesh that each would replace.
         """
         scene = replace(self._scene, mesh=Mesh(self.vertices, faces))
         context = build_context(
@@ -164,11 +168,11 @@ class Judge:
         return FaceLosses(weight, loss)
 
     def surface(self, faces: np.ndarray) -> np.ndarray:
-        """(F,) float, world units squared: areas."""
+        """(F,) float, world units^2: areas of faces (F, 3) int."""
         return 0.5 * np.linalg.norm(face_normals(self.vertices, faces), axis=1)
 
     def shown_side(self, faces: np.ndarray) -> np.ndarray:
-        """(F, V) float: positive where a photo is on the outer side of a face, world units cubed."""
+        """(F, V) float, world units^3: positive where a photo lies on the outer side of a face (F, 3) int."""
         normals = self.orientation * face_normals(self.vertices, faces)
         centers = np.stack([view.camera.center for view in self._scene.views])
         return normals @ centers.T - (normals * self.vertices[faces[:, 0]]).sum(axis=1)[:, None]

@@ -1,7 +1,7 @@
-"""A start mesh from sparse points: Delaunay triangulations of their projections in central photos.
+"""Initial mesh from sparse points: Delaunay triangulations of their projections in central photos.
 
-The central photo sees most points from about the mean direction. What it cannot see (the sides of a building, the back
-of a statue) becomes further patches, each from the photo that is central to the points left. Patches are not joined.
+The central photo sees most points from about the mean direction. Surfaces that it does not see (the sides of a building, the
+back of a statue) become further patches, each from the photo that is central to the remaining points. Patches are not joined.
 """
 
 from collections.abc import Sequence
@@ -22,26 +22,26 @@ from fairing.triangulation.points import PointFacts, judge_points, spread_out
 from fairing.triangulation.quads import MIN_QUALITY
 
 LEAST_ANGLE = 15.0
-"""Degrees between a face and the central photo's sight; flatter ones span a jump in depth."""
+"""Degrees between a face and the central photo's line of sight; flatter faces span a depth discontinuity."""
 LONG = 4.0
-"""A face at the border goes when an edge of it is longer than this times the median edge, in the photo."""
+"""A boundary face is removed if an edge of it is longer than this times the median edge, in the photo."""
 LEAST_ISLAND = 0.02
-"""Parts of a patch with fewer faces than this share go."""
+"""Components of a patch with less than this fraction of its faces are removed."""
 LEAST_PATCH = 0.05
-"""A further patch must hold this share of the usable points."""
+"""A further patch must contain this fraction of the usable points."""
 MOST_PATCHES = 12
 
 
 @dataclass(frozen=True, eq=False)
 class StartMesh:
-    """Vertices and faces, counter-clockwise seen from the photos, and where they come from.
+    """Vertices and faces, counter-clockwise seen from the photos, and their origin.
 
     Attributes:
         vertices: (n, 3) float, world units.
         faces: (m, 3) int.
-        point_ids: (n,) int: the sparse point that each vertex is.
-        central_views: the photos whose Delaunay triangulations these are, one a patch.
-        left_out: how many points are no vertices, by reason.
+        point_ids: (n,) int: the sparse point of each vertex.
+        central_views: ids of the photos of the Delaunay triangulations, one per patch.
+        left_out: number of points that are not vertices, by reason.
     """
 
     vertices: np.ndarray
@@ -65,18 +65,18 @@ def start_mesh(views: Sequence[View], points: SparsePoints, options: Triangulati
     """Triangulate sparse points.
 
     Raises:
-        InputError: too few points, or none of the triangles can be kept.
+        InputError: too few points, or no usable triangle.
     """
     facts, patches, central = _patches(views, points, options, None)
     if options.max_vertices is not None:
-        # As many as wanted, shared out as the patches would have them without a limit.
+        # The limit is distributed over the patches in proportion to their sizes without a limit.
         whole = [len(patch.ids) for patch in patches]
         shares = [int(options.max_vertices * size / max(sum(whole), options.max_vertices)) for size in whole]
         plan = [(v, share) for v, share in zip(central, shares, strict=True) if share >= 3]
         facts, patches, central = _patches(views, points, options, plan)
     if not patches:
         raise InputError(
-            "triangulation: expected sparse points that span a surface, found none that do in any photo; "
+            "triangulation: expected sparse points that span a surface in some photo, found none; "
             "give a mesh with --mesh"
         )
     ids, corners = np.unique(np.concatenate([patch.faces for patch in patches]), return_inverse=True)
@@ -88,10 +88,10 @@ def start_mesh(views: Sequence[View], points: SparsePoints, options: Triangulati
 def _patches(
     views: Sequence[View], points: SparsePoints, options: TriangulationOptions, plan: list[tuple[int, int]] | None
 ) -> tuple[PointFacts, list[_Patch], list[int]]:
-    """Patches with their central photos, and what became of every point.
+    """Patches with their central photos, and the status of every point.
 
     Args:
-        plan: for each patch its central photo and its most vertices; None: as many as there are, without limit.
+        plan: central photo and largest number of vertices of each patch; None: all patches, without limit.
     """
     facts = judge_points(views, points, options)
     usable = int(facts.usable.sum())
@@ -126,7 +126,7 @@ def _central_view(views: Sequence[View], points: SparsePoints, facts: PointFacts
     mean = directions.sum(axis=0)
     unit = directions / np.maximum(np.linalg.norm(directions, axis=1, keepdims=True), 1e-300)
     cosine = np.maximum(unit @ mean / max(float(np.linalg.norm(mean)), 1e-300), 0)
-    # A photo beside the others sees less of what they see: counted twice over.
+    # The square favours photos near the mean direction.
     return int(np.argmax(sees.sum(axis=1) * (cosine**2 + 1e-9)))
 
 
@@ -139,7 +139,7 @@ def _patch(
     options: TriangulationOptions,
     others: list[_Patch],
 ) -> _Patch | None:
-    """The Delaunay triangulation of points in a photo, without what cannot be surface; None where nothing remains."""
+    """The Delaunay triangulation of points in a photo, without triangles that cannot be surface; None if none remains."""
     uv, depth = camera.project(positions)
     strength = facts.n_photos - np.minimum(facts.error / 1e3, 0.5)
     ids = seen[spread_out(uv[seen], strength[seen], options.spacing, most)]
@@ -173,7 +173,7 @@ def _patch(
 
 
 def _facing(triangles: np.ndarray, positions: np.ndarray, camera: Camera) -> np.ndarray:
-    """The triangles, turned so that the camera sees them counter-clockwise."""
+    """The triangles (t, 3), oriented so that the camera sees them counter-clockwise."""
     away = (face_normals(positions, triangles) * (camera.center - positions[triangles[:, 0]])).sum(axis=1) < 0
     return np.where(away[:, None], triangles[:, [0, 2, 1]], triangles)
 
@@ -181,7 +181,7 @@ def _facing(triangles: np.ndarray, positions: np.ndarray, camera: Camera) -> np.
 def _off_in_depth(
     triangles: np.ndarray, ids: np.ndarray, uv: np.ndarray, depth: np.ndarray, camera: Camera
 ) -> np.ndarray:
-    """(len(ids),) bool: points from which all edges of the triangulation run steeply along the sight."""
+    """(len(ids),) bool: points whose edges in the triangulation all run steeply along the line of sight."""
     ends = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
     run = np.linalg.norm(uv[ends[:, 0]] - uv[ends[:, 1]], axis=1)
     rise = np.abs(depth[ends[:, 0]] - depth[ends[:, 1]]) * camera.K[0, 0] / depth[ends].mean(axis=1)
@@ -192,7 +192,7 @@ def _off_in_depth(
 
 
 def _peeled(triangles: np.ndarray, uv: np.ndarray, positions: np.ndarray, facts: PointFacts) -> np.ndarray:
-    """Without the faces at the border, layer by layer, that are long, thin, or whose corners no two photos share."""
+    """Remove boundary faces, layer by layer, that are long, thin, or whose corners no two photos share."""
     if len(triangles) == 0:
         return triangles
     sides = np.linalg.norm(uv[triangles[:, [1, 2, 0]]] - uv[triangles], axis=2)
@@ -211,7 +211,7 @@ def _peeled(triangles: np.ndarray, uv: np.ndarray, positions: np.ndarray, facts:
 
 
 def _without_islands(triangles: np.ndarray) -> np.ndarray:
-    """Without parts, connected by edges, that hold hardly any faces."""
+    """Remove edge-connected components with less than `LEAST_ISLAND` of the faces."""
     if len(triangles) == 0:
         return triangles
     ends = np.sort(triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
@@ -224,7 +224,7 @@ def _without_islands(triangles: np.ndarray) -> np.ndarray:
 
 
 def _is_on(patch: _Patch, points: np.ndarray) -> np.ndarray:
-    """(p,) bool: points (p, 3) that lie on a patch, by half the size of the face they fall on."""
+    """(p,) bool: points (p, 3) on a patch, within half the size of the face that they project onto."""
     uv, depth = patch.camera.project(points)
     height, width = patch.face_id.shape
     with np.errstate(invalid="ignore"):
@@ -238,7 +238,7 @@ def _is_on(patch: _Patch, points: np.ndarray) -> np.ndarray:
 
 
 def _bridges(patch: _Patch, corners: np.ndarray) -> np.ndarray:
-    """(m,) bool: faces (m, 3, 3) that lie on a patch with more than one of four inner points."""
+    """(m,) bool: faces (m, 3, 3) of which more than one of four inner points lies on a patch."""
     weights = np.array([[1, 1, 1], [4, 1, 1], [1, 4, 1], [1, 1, 4]], dtype=float)
     weights /= weights.sum(axis=1, keepdims=True)
     inner = np.einsum("kc,mcx->mkx", weights, corners)

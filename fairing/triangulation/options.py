@@ -1,4 +1,4 @@
-"""Choices of image-consistent triangulation."""
+"""Options of image-consistent triangulation."""
 
 from dataclasses import dataclass
 
@@ -7,18 +7,18 @@ from fairing.errors import InputError
 
 @dataclass(frozen=True)
 class TriangulationOptions:
-    """How points become a start mesh, and when an edge is flipped."""
+    """Options of the start mesh and of edge flips."""
 
     max_vertices: int | None = None
-    """At most so many points become vertices: those that most photos see, well spread. Default: as many as `spacing` allows."""
+    """Limit of the number of vertices; points seen by most photos are preferred. Default: as many as `spacing` allows."""
     spacing: float = 16.0
-    """Smallest distance of two vertices in the central photo, px: smaller faces hold too little texture to judge."""
+    """Smallest distance of two vertices in the central photo, px; smaller faces have too little texture to judge."""
     min_photos: int = 3
-    """Points that fewer photos see are left out."""
+    """Points seen by fewer photos are left out."""
     gain: float = 0.05
-    """An edge is flipped when that lowers the loss in the photos that see all four faces by more than this fraction."""
+    """An edge is flipped if the loss in the photos that see all four faces decreases by more than this fraction."""
     blur: float = 2.0
-    """Blur of the photos that faces are judged by, px: about as far as points may be off."""
+    """Blur of the photos in which faces are judged, px: about the error of the points."""
     threads: int = 0
     """Threads; 0: one per core. The result is the same for any number."""
 

@@ -1,4 +1,4 @@
-"""Which sparse points can be trusted, and which few of them stand for all."""
+"""Selection of sparse points: outliers are removed, and a well-spread subset is chosen."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -11,21 +11,21 @@ from fairing.scene import SparsePoints, View
 from fairing.triangulation.options import TriangulationOptions
 
 LARGEST_ERROR = 4.0
-"""A point is an outlier when its rms reprojection error is more than this times the median (at least 1 px)."""
+"""A point is an outlier if its rms reprojection error exceeds this times the median (at least 1 px), ..."""
 ISOLATED = 8.0
 NEIGHBOURS = 6
-"""... or when its sixth neighbour is 8 times as far away as the median point's."""
+"""... or if the distance to its neighbour number `NEIGHBOURS` exceeds `ISOLATED` times the median over points."""
 
 
 @dataclass(frozen=True, eq=False)
 class PointFacts:
-    """What the photos say of n points.
+    """Observations and status of n points.
 
     Attributes:
         n_photos: (n,) int: photos that see a point.
         error: (n,) float, px: rms reprojection error over them; infinite for a point behind one of them.
-        seen_by: (V, n) bool.
-        left_out: (n,) object: why a point is no vertex, "" while it may be one.
+        seen_by: (V, n) bool: photos that see a point.
+        left_out: (n,) object: "vertex", the reason why a point is not a vertex, or "" while undecided.
     """
 
     n_photos: np.ndarray
@@ -35,17 +35,17 @@ class PointFacts:
 
     @property
     def usable(self) -> np.ndarray:
-        """(n,) bool."""
+        """(n,) bool: undecided points."""
         return self.left_out == ""
 
     def leave_out(self, ids: np.ndarray, reason: str) -> None:
-        """Note why points are not used, for those that may still be."""
+        """Leave out points, by index (k,) int, for a reason; only those that are still undecided change."""
         ids = np.asarray(ids, dtype=np.int64)
         self.left_out[ids[self.left_out[ids] == ""]] = reason
 
 
 def judge_points(views: Sequence[View], points: SparsePoints, options: TriangulationOptions) -> PointFacts:
-    """Count photos, measure reprojection errors, and leave out what cannot be trusted.
+    """Count photos, measure reprojection errors, and leave out outliers and points that too few photos see.
 
     Raises:
         InputError: fewer than three points are left.
@@ -71,7 +71,7 @@ def judge_points(views: Sequence[View], points: SparsePoints, options: Triangula
     usable = facts.usable
     if usable.any():
         limit = LARGEST_ERROR * max(float(np.median(error[usable])), 1.0)
-        facts.leave_out(np.flatnonzero(~(error <= limit)), "far from where the photos see it")
+        facts.leave_out(np.flatnonzero(~(error <= limit)), "reprojection error too large")
     ids = np.flatnonzero(facts.usable)
     if len(ids) > NEIGHBOURS:
         reach = KDTree(points.positions[ids]).query(points.positions[ids], NEIGHBOURS + 1)[0][:, -1]
@@ -86,12 +86,16 @@ def judge_points(views: Sequence[View], points: SparsePoints, options: Triangula
 
 
 def spread_out(pixels: np.ndarray, strength: np.ndarray, spacing: float, most: int | None) -> np.ndarray:
-    """Indices of points that keep their distance from each other, the strongest first.
+    """Greedy choice of points with a minimum distance from each other, the strongest first.
 
     Args:
-        pixels: (n, 2) float.
-        strength: (n,) float: the larger, the sooner; ties go to the lower index.
-        spacing: smallest distance, px; larger where more than `most` points would remain.
+        pixels: (n, 2) float, px.
+        strength: (n,) float: priority; ties go to the lower index.
+        spacing: minimum distance, px; increased if more than `most` points would remain.
+        most: limit of the number of points; None: no limit.
+
+    Returns:
+        (k,) int: indices.
     """
     order = np.argsort(-strength, kind="stable")
     chosen = _greedy(pixels, order, spacing)
@@ -110,7 +114,7 @@ def spread_out(pixels: np.ndarray, strength: np.ndarray, spacing: float, most: i
 
 
 def _greedy(pixels: np.ndarray, order: np.ndarray, spacing: float) -> np.ndarray:
-    """Take points in order unless one taken before is nearer than `spacing`."""
+    """Take points in order, except those nearer than `spacing` to one taken before."""
     squares: dict[tuple[int, int], list[int]] = {}
     cells = np.floor(pixels / spacing).astype(np.int64).tolist()
     places = pixels.tolist()

@@ -1,4 +1,4 @@
-"""Inner edges of a mesh with the two faces on either side, and whether the other diagonal may take an edge's place."""
+"""Quads: interior edges of a mesh with their two faces, and whether the other diagonal may replace an edge."""
 
 from dataclasses import dataclass
 from enum import IntEnum
@@ -8,13 +8,13 @@ import numpy as np
 from fairing.geometry.normals import face_normals, face_quality
 
 MIN_QUALITY = 0.05
-"""Height over longest edge of a face; thinner ones are made only in place of still thinner ones."""
+"""Least height over longest edge of a new face; thinner faces are made only in place of still thinner ones."""
 SHARPEST = np.cos(np.deg2rad(150))
-"""Cosine of the largest angle between the normals of neighbours; more is a fold, unless it was there before."""
+"""Cosine of the largest angle between the normals of neighbours; more is a fold, unless it existed before."""
 
 
 class Verdict(IntEnum):
-    """What became of an edge in a search for edges to flip."""
+    """Result for an edge in a search for edges to flip."""
 
     FLIPPED = 0
     NO_GAIN = 1
@@ -34,25 +34,25 @@ class Verdict(IntEnum):
 _TEXTS = {
     Verdict.FLIPPED: "flipped: the photos that see all four faces agree better with the other diagonal",
     Verdict.NO_GAIN: "kept: the other diagonal is not better",
-    Verdict.BOUNDARY: "kept: it has not two faces, turned alike",
-    Verdict.TWICE: "kept: the other diagonal is an edge already",
+    Verdict.BOUNDARY: "kept: the edge does not have two consistently oriented faces",
+    Verdict.TWICE: "kept: the other diagonal is already an edge",
     Verdict.THIN: "kept: a face would have collapsed",
     Verdict.FOLD: "kept: a face would have folded over",
-    Verdict.TURNED_AWAY: "kept: a face would have turned away from a photo that sees the place",
+    Verdict.TURNED_AWAY: "kept: a face would have turned away from a photo that sees the quad",
     Verdict.TOO_FEW_PHOTOS: "kept: fewer than three photos see all four faces",
-    Verdict.TAKEN_BACK: "kept: with the visibility it would have, the mesh had become worse",
+    Verdict.TAKEN_BACK: "kept: with the new visibility the energy of the mesh would have risen",
 }
 
 
 @dataclass(frozen=True, eq=False)
 class Quads:
-    """Q inner edges. The faces beside edge (a, b) are (a, b, c) and (b, a, d), turned alike; a < b.
+    """Q interior edges. The faces at edge (a, b) are (a, b, c) and (b, a, d), consistently oriented; a < b.
 
     Attributes:
         edge: (Q, 2) int: a, b.
         opposite: (Q, 2) int: c, d.
         faces: (Q, 2) int: ids of the face with c and of the face with d.
-        n_other: edges of the mesh that cannot be flipped: boundary, crowded, or turned to opposite sides.
+        n_other: number of other edges, which cannot be flipped: boundary, non-manifold, or inconsistently oriented.
     """
 
     edge: np.ndarray
@@ -61,11 +61,11 @@ class Quads:
     n_other: int
 
     def of(self, rows: np.ndarray) -> "Quads":
-        """Some of them."""
+        """A subset, by index (k,) int."""
         return Quads(self.edge[rows], self.opposite[rows], self.faces[rows], self.n_other)
 
     def flipped(self) -> tuple[np.ndarray, np.ndarray]:
-        """(Q, 3) and (Q, 3) int: the faces in place of those with c and d, turned alike."""
+        """(Q, 3) and (Q, 3) int: the faces that replace those with c and d, consistently oriented."""
         (a, b), (c, d) = self.edge.T, self.opposite.T
         return np.column_stack([a, d, c]), np.column_stack([d, b, c])
 
@@ -97,20 +97,23 @@ def find_quads(faces: np.ndarray) -> Quads:
 
 
 def edge_keys(edges: np.ndarray) -> set[tuple[int, int]]:
-    """Edges (e, 2) as pairs, lower vertex first."""
+    """Edges (e, 2) int as pairs, lower vertex first."""
     return {(min(a, b), max(a, b)) for a, b in edges.tolist()}
 
 
 def judge_shapes(quads: Quads, faces: np.ndarray, vertices: np.ndarray) -> np.ndarray:
-    """(Q,) int8 `Verdict`: what forbids a flip, judged by shape alone; `FLIPPED` where nothing does.
+    """Test flips by shape alone.
 
-    The two faces of a flip span the same vector area as the old ones. Both must show the side that it shows: else the
-    quad is not convex seen from there, and one of them is folded over. They may not fold against the four neighbours
-    (angles between normals up to 150 degrees), unless an old face did.
+    The two new faces span the same vector area as the old ones. Both must face its direction: otherwise the quad is not
+    convex seen from there, and one of them is folded over. They must not fold against the four neighbours (angles between
+    normals up to 150 degrees), unless an old face did.
 
     Args:
         faces: (m, 3) int: the mesh.
         vertices: (n, 3) float, world units.
+
+    Returns:
+        (Q,) int8: the `Verdict` that forbids a flip; `FLIPPED` where none does.
     """
     verdict = np.full(len(quads.edge), Verdict.FLIPPED, dtype=np.int8)
     one, two = quads.flipped()
@@ -137,13 +140,13 @@ def _sharpest(
     normals = face_normals(vertices, faces)
     normals = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
     new_one, new_two = (n / np.maximum(np.linalg.norm(n, axis=1, keepdims=True), 1e-300) for n in new)
-    # Every directed edge of a face leads to the neighbour that runs along it the other way; -1 where there is none.
+    # The neighbour across a directed edge contains the reversed edge; -1 where there is none.
     size = int(faces.max()) + 1
     directed = faces[:, [0, 1, 2]].ravel() * size + faces[:, [1, 2, 0]].ravel()
     order = np.argsort(directed, kind="stable")
 
     def beyond(start: np.ndarray, end: np.ndarray) -> np.ndarray:
-        """The face that runs from `end` to `start`."""
+        """Ids of the faces with the directed edges from `end` to `start`."""
         wanted = end * size + start
         at = np.minimum(np.searchsorted(directed[order], wanted), len(order) - 1)
         return np.where(directed[order][at] == wanted, order[at] // 3, -1)
@@ -151,7 +154,7 @@ def _sharpest(
     (a, b), (c, d) = quads.edge.T, quads.opposite.T
     old_c, old_d = normals[quads.faces[:, 0]], normals[quads.faces[:, 1]]
     sharpest_old, sharpest_new = (old_c * old_d).sum(axis=1), (new_one * new_two).sum(axis=1)
-    # Outer edges with the old and the new face inside.
+    # Outer edges of the quads, with the old and the new face on the inner side.
     for start, end, old_inside, new_inside in (
         (b, c, old_c, new_two), (c, a, old_c, new_one), (a, d, old_d, new_one), (d, b, old_d, new_two),
     ):  # fmt: skip

@@ -1,4 +1,4 @@
-"""From calibrated photos with sparse points, or with a mesh, to a mesh whose edges agree with the photos."""
+"""Triangulation: from calibrated photos with sparse points, or with a mesh, to a mesh whose edges agree with the photos."""
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
@@ -17,14 +17,14 @@ from fairing.triangulation.record import FlipTrace
 
 @dataclass(frozen=True, eq=False)
 class Triangulation:
-    """A triangulation and how it came about.
+    """Result of `triangulate`.
 
     Attributes:
         scene: the photos with the mesh before any flip.
-        faces: (m, 3) int: the faces found, between the vertices of `scene.mesh`.
-        start: where the mesh before any flip came from; None if it was given.
+        faces: (m, 3) int: the final faces, as vertex ids of `scene.mesh`.
+        start: the initial mesh from sparse points; None if a mesh was given.
         trace: the flips.
-        summary: how the search went.
+        summary: of the search.
     """
 
     scene: Scene
@@ -34,7 +34,7 @@ class Triangulation:
     summary: FlipSummary
 
     def mesh(self) -> tuple[np.ndarray, np.ndarray]:
-        """Vertices (n, 3) in the order of the mesh given, and faces (m, 3)."""
+        """Vertices (n, 3) float, world units, in the order of the given mesh, and faces (m, 3) int."""
         scene = self.scene
         _, input_vertex = np.unique(scene.original_from_welded, return_index=True)
         kept = (self.faces == scene.mesh.faces).all(axis=1)
@@ -43,7 +43,7 @@ class Triangulation:
         )
 
     def result(self) -> Scene:
-        """The photos with the mesh found."""
+        """A scene of the photos and the final mesh."""
         vertices, faces = self.mesh()
         built = Scene.build(self.scene.name, vertices, faces, self.scene.views, sparse_points=self.scene.sparse_points)
         if self.start is None:
@@ -51,12 +51,12 @@ class Triangulation:
         left_out = sum(self.start.left_out.values())
         note = (
             f"no mesh was given: {len(vertices)} of {len(vertices) + left_out} sparse points are triangulated, "
-            f"{len(self.trace)} edges flipped; `eigenfairing triangulate` says more"
+            f"{len(self.trace)} edges flipped; for details run `eigenfairing triangulate`"
         )
         return replace(built, triangulated=True, warnings=(note,))
 
     def report(self) -> dict[str, Any]:
-        """Counts, energies and what was left out, as plain numbers and words."""
+        """Counts, energies and reasons for points left out, as plain values for JSON."""
         summary, start = self.summary, self.start
         names = [view.name for view in self.scene.views]
         return {
@@ -89,16 +89,17 @@ def triangulate(
     should_stop: Callable[[], bool] = lambda: False,
     on_progress: Callable[[int, int, float], None] = lambda flips, open_edges, energy: None,
 ) -> Triangulation:
-    """Triangulate sparse points, or take a mesh, and flip edges until the photos agree no better.
+    """Triangulate sparse points, or take a mesh, and flip edges until no flip makes the photos agree better.
 
     Args:
-        mesh: vertices (n, 3) and faces (m, 3) to begin with, instead of a triangulation of the points.
-        record_to: a file to keep the record of flips in from the first one on.
-        header: facts to put in the record.
+        name: of the scene.
+        mesh: vertices (n, 3) float, world units, and faces (m, 3) int, instead of a triangulation of the points.
+        record_to: file for the record of flips, written as they are made.
+        header: facts to store in the record.
         should_stop, on_progress: see `EdgeFlipper.run`.
 
     Raises:
-        InputError: there are no points to triangulate, too few, or no face is seen by three photos.
+        InputError: there are no or too few points to triangulate, or no face is seen by three photos.
     """
     options = options or TriangulationOptions()
     start = None
@@ -120,5 +121,5 @@ def triangulate(
 
 
 def flip_progress(flips: int, open_edges: int) -> float:
-    """How far a search has come, 0 to 1, as far as can be told: every flip may open further edges."""
+    """Estimated progress of a search, 0 to 1; every flip may make further edges inconsistent."""
     return 0.98 * flips / (flips + 1.5 * open_edges) if open_edges else 0.99

@@ -1,5 +1,8 @@
-"""Helpers without any knowledge of meshes or photos.
+"""Helpers that are independent of meshes and photos.
 
-Holds lazy imports, the append-only block file, part files, NumPy archives, guards for input and the bounded cache. May
-import `fairing.errors` only.
+What belongs here: code that could serve any program. Lazy imports (`on_demand`), the append-only block file (`block_file`),
+part files (`part_file`), checked NumPy archives (`npz`), guards for input (`guards`), the bounded cache (`bounded_cache`) and
+the source hash for numba's disk cache (`source_hash`).
+
+May import: `fairing.errors` only.
 """

@@ -1,4 +1,4 @@
-"""What is costly to make again, kept up to a number of bytes."""
+"""Bounded cache: the most recently used tuples of arrays, up to a number of bytes."""
 
 import threading
 from collections import OrderedDict
@@ -11,15 +11,15 @@ K = TypeVar("K", bound=Hashable)
 
 
 class BoundedCache(Generic[K]):
-    """Tuples of arrays by key, those used last, up to `room` bytes; safe to use from several threads."""
+    """Tuples of arrays by key; the least recently used are dropped beyond `max_bytes`. Thread-safe."""
 
-    def __init__(self, room: int) -> None:
-        self._room = room
+    def __init__(self, max_bytes: int) -> None:
+        self._max_bytes = max_bytes
         self._kept: OrderedDict[K, tuple[np.ndarray, ...]] = OrderedDict()
         self._lock = threading.Lock()
 
     def get(self, key: K, make: Callable[[], tuple[np.ndarray, ...]]) -> tuple[np.ndarray, ...]:
-        """What was kept for a key, else what `make` returns. They are not to be written to."""
+        """The cached arrays of a key, else the result of `make`, which is then cached. The arrays must not be written to."""
         with self._lock:
             if key in self._kept:
                 self._kept.move_to_end(key)
@@ -27,6 +27,6 @@ class BoundedCache(Generic[K]):
         arrays = make()
         with self._lock:
             self._kept[key] = arrays
-            while sum(array.nbytes for kept in self._kept.values() for array in kept) > self._room:
+            while sum(array.nbytes for kept in self._kept.values() for array in kept) > self._max_bytes:
                 self._kept.popitem(last=False)
         return arrays

@@ -1,7 +1,7 @@
-"""Packages whose rooms are opened when somebody enters them.
+"""Lazy imports: submodules of a package are imported on first use.
 
-The whole engine takes a second to import. What needs one room of it, as the command line needs the options, does not
-wait for the others.
+Importing the whole engine takes a second. Code that needs one part of it, such as the command line, which needs the options,
+does not wait for the others.
 """
 
 import importlib
@@ -9,16 +9,17 @@ from collections.abc import Callable
 from typing import Any
 
 
-def on_demand(package: str, rooms: dict[str, str]) -> Callable[[str], Any]:
-    """The `__getattr__` of a package (PEP 562).
+def on_demand(package: str, modules: dict[str, str]) -> Callable[[str], Any]:
+    """The `__getattr__` of a package (PEP 562) that imports names from submodules on first use.
 
     Args:
-        rooms: the module of every name that the package offers.
+        package: name of the package.
+        modules: the module of every public name of the package.
     """
 
-    def enter(name: str) -> Any:
-        if name not in rooms:
+    def import_name(name: str) -> Any:
+        if name not in modules:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
-        return getattr(importlib.import_module(rooms[name]), name)
+        return getattr(importlib.import_module(modules[name]), name)
 
-    return enter
+    return import_name

@@ -1,0 +1,102 @@
+"""Depth maps: inverse depth, visible faces and distance to depth edges in one photo."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numba import njit
+
+from fairing.camera import Camera
+from fairing.geometry.rasterize import rasterize
+
+# Depth jumps are measured in pixels' worth of depth (depth / focal length). A crease between faces seen at the smallest
+# allowed angle looks like a jump of up to 1 / tan(min_angle) of them, so a depth edge is a larger jump.
+DEPTH_EDGE_JUMP = 6.0
+
+
+@dataclass(frozen=True, eq=False)
+class DepthMap:
+    """What one camera sees of the mesh, at 1 / `reduction` of the photo's resolution.
+
+    Attributes:
+        inverse_depth: (h, w) float32, 1 / world units, 0 where there is no face.
+        edge_distance: (h, w) float32, photo px to the nearest depth edge or masked pixel.
+        focal_length: photo px.
+        reduction: photo px per pixel of the maps.
+        face_id: (h, w) int32, the visible face, -1 for none.
+    """
+
+    inverse_depth: np.ndarray
+    edge_distance: np.ndarray
+    focal_length: float
+    reduction: int
+    face_id: np.ndarray
+
+
+def depth_map(
+    vertices: np.ndarray, faces: np.ndarray, camera: Camera, reduction: int = 1, mask: np.ndarray | None = None
+) -> DepthMap:
+    """Depth and depth edges of the mesh in a photo.
+
+    Args:
+        vertices: (n, 3) float, world units.
+        faces: (m, 3) int.
+        reduction: photo px per pixel of the maps.
+        mask: (h, w) bool at the same reduction, True where the photo is used. Masked pixels count as depth edges, because
+            the blurred photo mixes them into their neighbours.
+    """
+    shift = (1 / reduction - 1) / 2
+    coarser = np.array([[1 / reduction, 0, shift], [0, 1 / reduction, shift], [0, 0, 1]])
+    small = Camera(coarser @ camera.image_from_world, -(-camera.width // reduction), -(-camera.height // reduction))
+    face_id, depth = rasterize(vertices, faces, small)
+    uv, corner_depth = small.project(vertices)
+    focal = float(camera.K[0, 0])
+    edges = np.zeros(face_id.shape, dtype=np.uint8)
+    inverse = 1 / np.where(corner_depth > 0, corner_depth, np.inf)[faces]
+    _mark_depth_edges(uv[faces], inverse, face_id, depth, focal / reduction, edges)
+    if mask is not None:
+        edges[~mask] = 1
+    # Distance to the nearest marked pixel; effectively infinite if none is marked.
+    distance = (
+        cv2.distanceTransform(1 - edges, cv2.DIST_L2, cv2.DIST_MASK_PRECISE) * np.float32(reduction)
+        if edges.any()
+        else np.full(edges.shape, 1e6, dtype=np.float32)
+    )
+    with np.errstate(divide="ignore"):
+        return DepthMap((1 / depth).astype(np.float32), distance, focal, reduction, face_id)
+
+
+@njit(cache=True, nogil=True)
+def _plane(uv, inverse_depth, f, x, y):
+    """Inverse depth of face f's plane at a pixel."""
+    ax, ay, bx, by, cx, cy = uv[f, 0, 0], uv[f, 0, 1], uv[f, 1, 0], uv[f, 1, 1], uv[f, 2, 0], uv[f, 2, 1]
+    doubled = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+    alpha = ((bx - x) * (cy - y) - (by - y) * (cx - x)) / doubled
+    beta = ((cx - x) * (ay - y) - (cy - y) * (ax - x)) / doubled
+    return alpha * inverse_depth[f, 0] + beta * inverse_depth[f, 1] + (1 - alpha - beta) * inverse_depth[f, 2]
+
+
+@njit(cache=True, nogil=True)
+def _mark_depth_edges(uv, inverse_depth, face_id, depth, focal, edges):
+    """Mark both pixels of every neighbouring pair that a depth edge separates, in `edges` (h, w) uint8."""
+    height, width = face_id.shape
+    for y in range(height):
+        for x in range(width):
+            here = face_id[y, x]
+            for step in range(2):
+                x2, y2 = (x + 1, y) if step == 0 else (x, y + 1)
+                if x2 >= width or y2 >= height:
+                    continue
+                there = face_id[y2, x2]
+                if here == there:
+                    continue
+                is_edge = here < 0 or there < 0
+                if not is_edge:
+                    d1, d2 = depth[y, x], depth[y2, x2]
+                    w1, w2 = _plane(uv, inverse_depth, there, x, y), _plane(uv, inverse_depth, here, x2, y2)
+                    m1 = abs(1 / w1 - d1) if w1 > 0 else np.inf
+                    m2 = abs(1 / w2 - d2) if w2 > 0 else np.inf
+                    is_edge = min(m1, m2) * focal > DEPTH_EDGE_JUMP * min(d1, d2)
+                if is_edge:
+                    edges[y, x] = 1
+                    edges[y2, x2] = 1

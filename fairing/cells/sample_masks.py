@@ -1,0 +1,151 @@
+"""Sample masks: which samples of a face one photo really shows, by occlusion and the photo's borders and mask."""
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from fairing.camera import Camera
+from fairing.cells.depth_map import DepthMap, depth_map
+from fairing.cells.layout import CellLayout
+from fairing.cells.scale_space import ScaleSpace
+from fairing.cells.visibility import Visibility
+from fairing.geometry.rasterize import HIDDEN_DEPTH
+from fairing.options import VisibilityOptions
+
+
+@dataclass(frozen=True, eq=False)
+class Occluders:
+    """An occluding surface that differs from the mesh of the cells, used to judge candidate faces.
+
+    Attributes:
+        depth_maps: one per photo.
+        transparent: (m, 2) int: for each face of the cells, the faces of that surface that it would replace and that
+            therefore do not hide it; -1 for none.
+    """
+
+    depth_maps: Sequence[DepthMap]
+    transparent: np.ndarray
+
+
+class ViewMasks(NamedTuple):
+    """The partly seen faces of one photo.
+
+    Attributes:
+        faces: (c,) int: face ids.
+        masks: flat uint8: the samples' masks, face after face; 1 where the photo shows the sample.
+    """
+
+    faces: np.ndarray
+    masks: np.ndarray
+
+
+def mask_views(
+    vertices: np.ndarray,
+    faces: np.ndarray,
+    cameras: Sequence[Camera],
+    photos: ScaleSpace,
+    layout: CellLayout,
+    options: VisibilityOptions,
+    blur: float,
+    reasons: np.ndarray,
+    occluders: Occluders | None,
+    pool: Executor,
+    on_view: Callable[[], None],
+) -> list[ViewMasks]:
+    """Judge occlusion sample by sample in all photos, several photos at a time.
+
+    Args:
+        vertices: (n, 3) float, world units.
+        faces: (m, 3) int.
+        cameras: V cameras.
+        photos: provides the photos' masks.
+        blur: sigma_smooth of the level, px; samples keep a distance from depth edges that grows with it.
+        reasons: (m, V) int8, `Visibility`: faces that are SEEN are judged, and become PARTLY_SEEN or HIDDEN in place.
+        occluders: what hides the cells; None: the mesh itself.
+        on_view: called before each photo is judged, from the pool's threads.
+
+    Returns:
+        The masks of each photo's partly seen faces.
+    """
+    is_candidate = reasons == Visibility.SEEN
+    samples = layout.samples
+    margin = options.edge_margin * blur + 1.0
+    P = np.stack([camera.image_from_world for camera in cameras])
+
+    def mask_view(v: int) -> ViewMasks:
+        chosen = np.flatnonzero(is_candidate[:, v])
+        on_view()
+        if len(chosen) == 0:
+            return ViewMasks(chosen, np.zeros(0, dtype=np.uint8))
+        if occluders is None:
+            depths = depth_map(vertices, faces, cameras[v], options.reduction, photos.mask(v, options.reduction))
+            transparent = np.full((len(chosen), 2), -1, dtype=np.int64)
+        else:
+            depths, transparent = occluders.depth_maps[v], occluders.transparent[chosen]
+        starts = np.concatenate([[0], np.cumsum(samples[chosen])])
+        masks, seen = np.empty(starts[-1], dtype=np.uint8), np.empty(len(chosen), dtype=np.int64)
+        _mask_samples(
+            vertices @ P[v, :, :3].T + P[v, :, 3], faces[chosen], layout.face_grid[chosen], layout.grid_start, layout.ramp,
+            layout.inset[chosen], depths.inverse_depth, depths.edge_distance, depths.face_id, transparent,
+            HIDDEN_DEPTH * depths.reduction, depths.focal_length, depths.reduction, 1.0 + blur, margin,
+            (cameras[v].width, cameras[v].height), masks, starts[:-1], seen,
+        )  # fmt: skip
+        is_partial = seen < samples[chosen]
+        reasons[chosen[is_partial], v] = Visibility.PARTLY_SEEN
+        is_hidden = seen < options.min_samples * samples[chosen]
+        reasons[chosen[is_hidden], v] = Visibility.HIDDEN
+        kept = is_partial & ~is_hidden
+        return ViewMasks(chosen[kept], masks[np.repeat(kept, samples[chosen])])
+
+    return list(pool.map(mask_view, range(len(cameras))))
+
+
+@njit(cache=True, nogil=True)
+def _mask_samples(
+    pixels, corners, grids, grid_start, ramp, insets, inverse_depth, edge_distance, face_id, transparent, hidden_depth,
+    focal, reduction, border, margin, size, masks, starts, seen,
+):  # fmt: skip
+    """Mark the samples of cells that one photo really shows.
+
+    Args:
+        pixels: (n, 3) float64: homogeneous pixels of the vertices (the depth last).
+        corners: (c, 3) int64: vertices of the faces to judge.
+        grids, insets: (c,): cell grid of each and the border left out, fraction of the face's height.
+        grid_start, ramp: the cell grids, see `CellLayout`.
+        inverse_depth, edge_distance, face_id: see `DepthMap`.
+        transparent: (c, 2) int64: faces of the depth map that do not hide the cell; -1 for none.
+        hidden_depth: photo pixels' worth of depth by which a surface must lie in front of a sample to hide it.
+        border: distance to keep from the photo's border, px.
+        margin: distance to keep from depth edges, px.
+        size: (width, height) of the photo, px.
+        masks: flat uint8, out: the masks one after another.
+        starts: (c,) int64: where each begins.
+        seen: (c,) int64, out: number of samples that the photo shows.
+    """
+    for f in range(corners.shape[0]):
+        first, last = grid_start[grids[f]], grid_start[grids[f] + 1]
+        shrink = 1 - 3 * insets[f]
+        a0, a1, a2 = pixels[corners[f, 0]]
+        b0, b1, b2 = pixels[corners[f, 1]]
+        c0, c1, c2 = pixels[corners[f, 2]]
+        count = 0
+        for s in range(last - first):
+            a, b = insets[f] + shrink * ramp[0, first + s], insets[f] + shrink * ramp[1, first + s]
+            c = 1 - a - b
+            w = a * a2 + b * b2 + c * c2
+            x, y = (a * a0 + b * b0 + c * c0) / w, (a * a1 + b * b1 + c * c1) / w
+            is_seen = border <= x <= size[0] - 1 - border and border <= y <= size[1] - 1 - border
+            if is_seen:
+                ix, iy = int((x + 0.5) / reduction), int((y + 0.5) / reduction)
+                front = inverse_depth[iy, ix]
+                is_hidden = front > 0 and w - 1 / front > hidden_depth * w / focal
+                if is_hidden:
+                    is_hidden = face_id[iy, ix] != transparent[f, 0] and face_id[iy, ix] != transparent[f, 1]
+                is_seen = not is_hidden and edge_distance[iy, ix] >= margin
+            masks[starts[f] + s] = is_seen
+            count += is_seen
+        seen[f] = count

@@ -1,0 +1,69 @@
+"""numba's cache on disk: no compiled function is reused after a change of code that it depends on."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+import demo_scenes
+import fairing
+from fairing.kernels import compiled
+from fairing.kernels.faces import evaluate_faces, show_face
+from fairing.texture import eigen, fusion, samples, texels
+from fairing.util.source_hash import source_hash
+
+FILES = [
+    path
+    for package in (fairing, demo_scenes)
+    for path in sorted(Path(str(package.__file__)).parent.rglob("*.py"))
+    if "njit" in path.read_text()
+]
+
+
+def is_cached(function: ast.FunctionDef) -> bool:
+    return any("cache=True" in ast.unparse(decorator) for decorator in function.decorator_list)
+
+
+def names_of(function: ast.FunctionDef, functions: dict[str, ast.FunctionDef]) -> set[str]:
+    """The names that a function reads, and those that the functions of its file read that it calls."""
+    names: set[str] = set()
+    pending = [function]
+    while pending:
+        current = pending.pop()
+        found = {node.id for node in ast.walk(current) if isinstance(node, ast.Name)} - names
+        names |= found
+        pending += [functions[name] for name in found if name in functions and functions[name] is not current]
+    return names
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
+def test_cached_functions_depend_on_their_own_file_or_close_over_the_source_hash(path: Path):
+    tree = ast.parse(path.read_text())
+    functions = {node.name: node for node in tree.body if isinstance(node, ast.FunctionDef)}
+    imported = {
+        alias.asname or alias.name
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ImportFrom) and str(node.module).split(".")[0] in ("fairing", "demo_scenes")
+        for alias in node.names
+    }
+    for function in filter(is_cached, functions.values()):
+        assert not names_of(function, functions) & imported, function.name
+
+
+def test_functions_that_use_other_files_close_over_the_source_hash():
+    for source, functions in (
+        (compiled.SOURCE, (evaluate_faces, show_face)),
+        (texels.SOURCE, (samples.look_up, fusion.fuse, fusion.multiply, eigen.explain, eigen.compose)),
+    ):
+        for function in functions:
+            assert source in [cell.cell_contents for cell in function.py_func.__closure__]
+
+
+def test_the_source_hash_changes_with_any_python_file(tmp_path: Path):
+    (tmp_path / "one.py").write_text("A = 1\n")
+    (tmp_path / "two.py").write_text("B = 2\n")
+    before = source_hash(tmp_path)
+    (tmp_path / "notes.md").write_text("nothing")
+    assert source_hash(tmp_path) == before
+    (tmp_path / "two.py").write_text("B = 3\n")
+    assert source_hash(tmp_path) != before
