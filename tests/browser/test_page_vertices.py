@@ -145,7 +145,7 @@ def test_locked_vertices_are_drawn_as_blocks_and_cannot_be_dragged(visitor: Visi
     assert np.flatnonzero(state.locked).tolist() == [2, 4]
     visitor.page.wait_for_function("() => window.__viserMutable.nodeRefFromName['/vertices/locked']?.visible")
     visitor.page.wait_for_function("() => !window.__viserMutable.nodeRefFromName['/drag_handle/ball']?.visible")
-    visitor.page.get_by_text("drawn as a block").wait_for()
+    visitor.page.get_by_text("shown as a block").wait_for()
     visitor.click_vertex(2)
     wait_for(lambda: selected(visitor) == [2])
     assert np.flatnonzero(visitor.key("f").locked).tolist() == [4]
