@@ -1,6 +1,7 @@
-"""Scenes with exact truth, photographed by a ray caster: the ground the engine is tested, tuned and taught on."""
+"""Demo scenes: synthetic buildings and shapes with exact truth, photographed by a ray caster."""
 
 import importlib
+import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +13,18 @@ if TYPE_CHECKING:
     from demo_scenes.photography import Photography, Progress
     from fairing.scene import Scene
 
-__all__ = ["DEMOS", "Demo", "Photography", "Progress", "cube_scene", "load_demo"]
+__all__ = [
+    "BUILDING",
+    "DEMOS",
+    "DEMO_NAMES",
+    "Demo",
+    "Photography",
+    "Progress",
+    "cube_scene",
+    "find_demo",
+    "is_demo",
+    "load_demo",
+]
 
 
 @dataclass(frozen=True)
@@ -22,17 +34,21 @@ class Demo:
     Attributes:
         name: what the user types.
         description: one line.
+        seed: of a member of the family `building:SEED`; None for the other scenes.
     """
 
     name: str
     description: str
+    seed: int | None = None
 
     def build(self, *args: Any, **scene_options: Any) -> "Scene":
-        """Makes the scene of a `Photography` and a progress callback; further keywords are the scene's own."""
-        # The module of a scene is imported when it is wanted: a list of them should not have to wait for any.
-        return getattr(importlib.import_module(f"demo_scenes.{self.name}"), f"{self.name}_scene")(
-            *args, **scene_options
-        )
+        """Build the scene from a `Photography` and a progress callback; further keywords are the scene's own."""
+        # Modules of scenes are imported on first use, so that listing the scenes is fast.
+        module, function = f"demo_scenes.{self.name}", f"{self.name}_scene"
+        if self.seed is not None:
+            module, function = "demo_scenes.building.scene", "building_scene"
+            scene_options = {"seed": self.seed, **scene_options}
+        return getattr(importlib.import_module(module), function)(*args, **scene_options)
 
 
 DEMOS: dict[str, Demo] = {
@@ -47,25 +63,48 @@ DEMOS: dict[str, Demo] = {
         Demo("dome", "a curved surface under dense mosaic, radially disturbed; 16 photos"),
     ]
 }
+BUILDING = Demo("building:SEED", "a building drawn from any integer, such as building:7; 8 to 30 photos")
+_FAMILY = "building:"
+DEMO_NAMES = f"{', '.join(DEMOS)}, {BUILDING.name}"
+
+
+def is_demo(name: str) -> bool:
+    """Whether a name is that of a demo scene; `building:` with a bad seed is one, too, and `find_demo` rejects it."""
+    return name in DEMOS or name.startswith(_FAMILY)
+
+
+def find_demo(name: str) -> Demo:
+    """The demo scene of that name.
+
+    Raises:
+        InputError: there is no such scene.
+    """
+    if name in DEMOS:
+        return DEMOS[name]
+    if name.startswith(_FAMILY):
+        seed = name.removeprefix(_FAMILY)
+        if not re.fullmatch(r"-?[0-9]{1,18}", seed):
+            raise InputError(
+                f"demo {name}: expected an integer as the seed, such as {_FAMILY}7, found {seed or 'none'}"
+            )
+        return Demo(f"{_FAMILY}{int(seed)}", BUILDING.description, int(seed))
+    raise InputError(f"demo {name}: expected one of {DEMO_NAMES}")
 
 
 def load_demo(
     name: str, photography: "Photography | None" = None, progress: "Progress | None" = None, **scene_options: Any
 ) -> "Scene":
-    """The demo scene of that name; its photos are taken on first use (some seconds) and cached.
+    """The demo scene of that name; its photos are rendered on first use (seconds to a minute) and cached.
 
     Args:
-        progress: called with a fraction 0 to 1 and a line that says what is going on.
+        photography: default: ideal photos; for `building:SEED` what is drawn from the seed.
+        progress: called with a fraction 0 to 1 and a line that describes the current work.
         scene_options: the scene's own keywords, such as the cube's `displacement`.
 
     Raises:
         InputError: there is no such scene.
     """
-    if name not in DEMOS:
-        raise InputError(f"demo {name}: expected one of {', '.join(DEMOS)}")
-    from demo_scenes.photography import Photography
-
-    return DEMOS[name].build(photography or Photography(), progress, **scene_options)
+    return find_demo(name).build(photography, progress, **scene_options)
 
 
 __getattr__ = on_demand(

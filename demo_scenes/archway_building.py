@@ -1,16 +1,13 @@
-"""The archway's geometry in metres: two deep round arches, a balcony with a low parapet, a block higher up."""
+"""Geometry of the demo `archway`, metres: two deep round arches, a balcony with a low parapet, a block above it."""
 
-from itertools import pairwise
-
-import numpy as np
-
+from demo_scenes.parts import add_parapet, add_soffit, arch_outline, parapet_section
 from demo_scenes.sheet import Sheet, SheetBuilder
 
-SPACING = 1.15  # aimed-at edge length
+SPACING = 1.15  # target edge length
 LEFT, RIGHT, TOP = -4.6, 4.6, 7.4
 ARCH_CENTERS, ARCH_RADIUS, ARCH_SPRING, ARCH_SEGMENTS, ARCH_DEPTH = (-2.1, 2.1), 1.15, 2.0, 8, 1.0
 
-# Left, right, bottom, floor, the parapet's top, how far it stands out.
+# Left, right, bottom, floor, top of the parapet, projection from the wall.
 BALCONY = (-3.6, 3.6, 3.75, 4.35, 4.65, 1.2)
 PARAPET = 0.3
 
@@ -30,14 +27,9 @@ def build_archway() -> Sheet:
 
 
 def _arch(sheet: SheetBuilder, center: float) -> list[tuple[float, float, float]]:
-    """Jambs, round soffit and back of a deep arch; returns its mouth from left to right."""
-    turn = np.pi * np.arange(ARCH_SEGMENTS + 1) / ARCH_SEGMENTS
-    mouth = [(center - ARCH_RADIUS, 0.0)]
-    mouth += [(center - ARCH_RADIUS * float(np.cos(t)), ARCH_SPRING + ARCH_RADIUS * float(np.sin(t))) for t in turn]
-    mouth.append((center + ARCH_RADIUS, 0.0))
-    for (x0, y0), (x1, y1) in pairwise(mouth):
-        stone = [(x0, y0, 0), (x1, y1, 0), (x1, y1, -ARCH_DEPTH), (x0, y0, -ARCH_DEPTH)]
-        sheet.add(stone, (y1 - y0, x0 - x1, 0), "stone")
+    """Add the jambs, soffit and back of a deep arch; returns its mouth from left to right."""
+    mouth = arch_outline(center, ARCH_RADIUS, ARCH_SPRING, ARCH_SEGMENTS)
+    add_soffit(sheet, mouth, 0, -ARCH_DEPTH, "stone")
     sheet.add([(x, y, -ARCH_DEPTH) for x, y in mouth], (0, 0, 1), "rubble")
     return [(x, y, 0) for x, y in mouth]
 
@@ -45,19 +37,10 @@ def _arch(sheet: SheetBuilder, center: float) -> list[tuple[float, float, float]
 def _balcony(
     sheet: SheetBuilder, left: float, right: float, bottom: float, floor: float, top: float, front: float
 ) -> list[tuple[float, float, float]]:
-    """A slab with a solid parapet on three sides; returns its section at the wall, a U."""
-    in_left, in_right, in_front = left + PARAPET, right - PARAPET, front - PARAPET
+    """Add a slab with a solid parapet on three sides; returns its section at the wall, a U."""
     sheet.rectangle((left, right), (bottom, top), (front, front), (0, 0, 1), "plaster")
     sheet.rectangle((left, left), (bottom, top), (0, front), (-1, 0, 0), "plaster")
     sheet.rectangle((right, right), (bottom, top), (0, front), (1, 0, 0), "plaster")
     sheet.rectangle((left, right), (bottom, bottom), (0, front), (0, -1, 0), "stone")
-    rim = [(left, 0), (in_left, 0), (in_left, in_front), (in_right, in_front), (in_right, 0), (right, 0)]
-    rim += [(right, front), (left, front)]
-    sheet.add([(x, top, z) for x, z in rim], (0, 1, 0), "stone")
-    sheet.rectangle((in_left, in_left), (floor, top), (0, in_front), (1, 0, 0), "plaster")
-    sheet.rectangle((in_right, in_right), (floor, top), (0, in_front), (-1, 0, 0), "plaster")
-    sheet.rectangle((in_left, in_right), (floor, top), (in_front, in_front), (0, 0, -1), "plaster")
-    sheet.rectangle((in_left, in_right), (floor, floor), (0, in_front), (0, 1, 0), "stone")
-    section = [(left, bottom), (right, bottom), (right, top), (in_right, top), (in_right, floor)]
-    section += [(in_left, floor), (in_left, top), (left, top)]
-    return [(x, y, 0) for x, y in section]
+    add_parapet(sheet, (left, right), (floor, top), (0, front), PARAPET, "stone", "plaster", "stone")
+    return [(x, y, 0) for x, y in parapet_section(left, right, bottom, floor, top, PARAPET)]

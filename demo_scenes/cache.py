@@ -1,9 +1,9 @@
-"""Photos kept in the user's cache folder, so that only the first use of a scene pays for them."""
+"""Cache of rendered photos in the user's cache folder."""
 
 import hashlib
 import os
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
@@ -12,23 +12,16 @@ import numpy as np
 
 import fairing.camera
 import fairing.geometry.rasterize
-
-
-def cache_folder() -> Path:
-    """EIGENFAIRING_CACHE, else XDG_CACHE_HOME/eigenfairing, else ~/.cache/eigenfairing."""
-    if folder := os.environ.get("EIGENFAIRING_CACHE"):
-        return Path(folder)
-    root = os.environ.get("XDG_CACHE_HOME")
-    return (Path(root) if root else Path.home() / ".cache") / "eigenfairing"
+from fairing.util.cache_folder import cache_folder
 
 
 def cached_photos(
     scene: str, options: str, shape: tuple[int, int, int, int], make: Callable[[], np.ndarray]
 ) -> np.ndarray:
-    """Photos of a scene (n, height, width, 3) uint8: read from the cache, else made and put there.
+    """Photos of a scene (n, height, width, 3) uint8: read from the cache, or made and written to it.
 
-    The file's name holds the scene, a digest of the options and one of the code that makes photos. A file that is
-    damaged or of another shape is made again; a cache that cannot be written is no reason to fail.
+    The file name holds the scene, a digest of the options and a digest of the code that makes photos. A file that is
+    damaged or of another shape is replaced. Errors in writing the cache are ignored.
     """
     prefix = f"{scene}-{hashlib.sha256(options.encode()).hexdigest()[:12]}-"
     path = cache_folder() / f"{prefix}{_code_digest()}.npz"
@@ -45,7 +38,7 @@ def cached_photos(
 
 
 def _read(path: Path) -> np.ndarray | None:
-    """The photos in a file, None where it is missing or fails its zip checksum."""
+    """The photos in a file; None if it is missing or damaged."""
     try:
         with np.load(path, allow_pickle=False) as archive:
             return archive["photos"]
@@ -54,7 +47,7 @@ def _read(path: Path) -> np.ndarray | None:
 
 
 def _write(path: Path, photos: np.ndarray) -> None:
-    """Write aside, then rename: readers never see half a file."""
+    """Write to a temporary file and rename it, so that readers never see a partial file."""
     path.parent.mkdir(parents=True, exist_ok=True)
     aside = path.with_name(f".{path.name}.{os.getpid()}")
     try:
@@ -67,9 +60,23 @@ def _write(path: Path, photos: np.ndarray) -> None:
 
 @cache
 def _code_digest() -> str:
-    """Changes whenever the code that decides over a photo's pixels does."""
+    """Digest of the code that determines a photo's pixels, except for the code of single scenes in sub-packages."""
+    modules = [Path(fairing.geometry.rasterize.__file__), Path(fairing.camera.__file__)]
+    return source_digest([*_modules_in(Path(__file__).parent), *modules])
+
+
+def package_digest(package: Path) -> str:
+    """Digest of all modules of a package: for the key of photos that depend on it."""
+    return source_digest(_modules_in(package))
+
+
+def source_digest(modules: Iterable[Path]) -> str:
+    """Digest of source files, 12 hexadecimal digits."""
     digest = hashlib.sha256()
-    sources = sorted(Path(__file__).parent.glob("*.py"))
-    for source in [*sources, Path(fairing.geometry.rasterize.__file__), Path(fairing.camera.__file__)]:
-        digest.update(source.read_bytes())
+    for module in modules:
+        digest.update(module.read_bytes())
     return digest.hexdigest()[:12]
+
+
+def _modules_in(package: Path) -> list[Path]:
+    return sorted(package.glob("*.py"))

@@ -1,4 +1,4 @@
-"""The paper's illustration: three faces of a unit cube that meet in corner A, which is off its place."""
+"""Demo scene `cube`, the paper's illustration: three faces of a unit cube that meet in a displaced corner A."""
 
 import hashlib
 from collections.abc import Sequence
@@ -9,16 +9,15 @@ from demo_scenes.graphics import poster
 from demo_scenes.lighting import spread_over_cap
 from demo_scenes.materials import brick, planks
 from demo_scenes.photography import GLOSS_LEVELS, Photography, Progress, looking_at, take_photos
-from demo_scenes.start import determined_normals
+from demo_scenes.start import faceted_truth
 from demo_scenes.surface import PaintedSurface, Stage, painted
 from fairing.camera import Camera
-from fairing.mesh import Mesh
-from fairing.scene import Scene, Truth
+from fairing.scene import Scene
 
 # Vertex 0 is A; all six triangles contain it. Two triangles a square: z = 1, x = 1, y = 1, in this order.
 VERTICES = np.array([[1, 1, 1], [0, 1, 1], [0, 0, 1], [1, 0, 1], [1, 0, 0], [1, 1, 0], [0, 1, 0]], float)
 FACES = np.array([[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 5], [0, 5, 6], [0, 6, 1]])
-# Where the corners of those triangles lie on their square's texture (right, down), in units of its side.
+# Texture coordinates (right, down) of those triangles' corners on their square, in units of its side.
 _CORNERS = np.array([[[0, 1], [0, 0], [1, 0]], [[0, 1], [1, 0], [1, 1]]], float)
 _ON_SIDE = np.array([[[1, 0], [0, 0], [0, 1]], [[1, 0], [0, 1], [1, 1]]], float)
 _ON_OTHER_SIDE = np.array([[[0, 0], [0, 1], [1, 1]], [[0, 0], [1, 1], [1, 0]]], float)
@@ -37,10 +36,10 @@ def cube_scene(
     displacement: np.ndarray = DEFAULT_DISPLACEMENT,
     textures: Sequence[np.ndarray] | None = None,
 ) -> Scene:
-    """The cube with corner A (vertex 0) off its place.
+    """The cube with corner A (vertex 0) displaced.
 
     Args:
-        displacement: (3,) float, edges: start of A minus its true place. The photos do not depend on it.
+        displacement: (3,) float, edges: start minus true position of A. The photos do not depend on it.
         textures: three (h, w, 3) or (h, w) arrays in grey levels for the sides z = 1, x = 1 and y = 1 instead of the
             painted ones.
     """
@@ -53,8 +52,7 @@ def cube_scene(
     )
     start = VERTICES.copy()
     start[0] += displacement
-    truth = Truth(Mesh(VERTICES, FACES), VERTICES, determined_normals(VERTICES, FACES))
-    return Scene.build("cube", start, FACES, views, truth=truth)
+    return Scene.build("cube", start, FACES, views, truth=faceted_truth(VERTICES, FACES))
 
 
 def cube_cameras() -> list[Camera]:

@@ -1,4 +1,4 @@
-"""A dome under dense mosaic: a curved surface whose coarse mesh is disturbed along its radii."""
+"""Demo scene `dome`: a curved surface with a dense texture; the vertices of its coarse mesh are off along its radii."""
 
 import numpy as np
 
@@ -22,11 +22,12 @@ UP = np.array([0, 1.0, 0])
 
 
 def dome_scene(photography: Photography | None = None, progress: Progress | None = None, start_seed: int = 1) -> Scene:
-    """A cap of the unit sphere about the origin. The photos show a fine mesh of it (chords within 0.003 % of the
-    diagonal).
+    """A cap of the unit sphere about the origin; the photos show a fine mesh of it.
+
+    The chords of the fine mesh lie within 0.003 % of the diagonal of the sphere.
 
     Args:
-        start_seed: draws another start; the photos do not depend on it.
+        start_seed: seed of the start mesh; the photos do not depend on it.
     """
     photography = photography or Photography()
     fine, coarse = sphere_cap(FINE_RINGS), sphere_cap(COARSE_RINGS)
@@ -43,7 +44,7 @@ def dome_scene(photography: Photography | None = None, progress: Progress | None
 
 
 def sphere_cap(rings: int) -> Mesh:
-    """A cap of the unit sphere about the y axis: ring r holds 6 r vertices, so that all triangles are nearly alike."""
+    """A cap of the unit sphere about the y axis: ring r holds 6 r vertices, so that all triangles have nearly the same shape."""
     vertices = [UP]
     faces = []
     first = 1
@@ -82,7 +83,7 @@ def dome_cameras() -> list[Camera]:
 
 
 def _stage(fine: Mesh, photography: Photography) -> Stage:
-    """Azimuthal equidistant texture: distances from the crown are kept, so the texture has no seam."""
+    """The dome with an azimuthal equidistant texture, which has no seam, on paving."""
     n, density = 1400, 540.0  # texels per radius
     polar = np.arccos(np.clip(fine.vertices[:, 1], -1, 1))
     around = np.arctan2(fine.vertices[:, 0], fine.vertices[:, 2])

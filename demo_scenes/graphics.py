@@ -1,4 +1,4 @@
-"""Pictures with a place of their own, not seamless materials: a weathered poster, windows with curtains."""
+"""Textures that do not repeat: a weathered poster, windows with curtains."""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ INK = np.array([34.0, 34.0, 44.0])
 
 
 def poster(n: int, seed: int) -> np.ndarray:
-    """A printed poster (n, n, 3): sun over hills, a headline and small print, on paper that has seen some rain."""
+    """A printed poster (n, n, 3): sun over hills, a headline and small print, on stained paper."""
     rng = seeded(seed, 11)
     y, x = np.mgrid[0:n, 0:n] / n
     pixel = 1.0 / n

@@ -1,8 +1,8 @@
-"""Sunlight with soft shadows and skylight with its dark corners, as functions of the place alone.
+"""Sunlight with soft shadows and skylight with ambient occlusion, as functions of position alone.
 
 Both are sampled on a barycentric lattice of every face and interpolated between, so that all photos of a Lambertian
-surface see the same light, and coplanar neighbours agree along their common edge. What shades what is read from depth
-maps: the scene rasterised from points far away in each direction of the sky.
+surface see the same light, and coplanar neighbours agree along their common edge. Shadows come from depth maps: the scene
+is rasterised from far away in each direction of the sky.
 """
 
 import numpy as np
@@ -22,7 +22,7 @@ LIFT = 0.004  # fraction of the scene's radius by which samples are lifted off t
 def light_lattice(stage: Stage) -> np.ndarray:
     """Light on every face: (m, steps + 1, steps + 1, 2) float, sun visibility and sky visibility, 0 to 1.
 
-    Entry [f, i, j] is the place with barycentric weights i / steps on the second corner and j / steps on the third;
+    Entry [f, i, j] is the point with barycentric weights i / steps on the second corner and j / steps on the third;
     entries with i + j > steps repeat their face's border. Without shadows (`light_steps` 1) all is 1.
     """
     steps = stage.light_steps
@@ -41,7 +41,7 @@ def light_lattice(stage: Stage) -> np.ndarray:
         cosine = normals @ direction
         sky += np.maximum(cosine, 0) * _is_lit(surface, lifted, direction, center, radius)
         open_sky += np.abs(cosine)
-    # Walls see half the sky, and light from the ground comes back: never quite dark.
+    # Walls see half the sky; light reflected by the ground keeps everything above 0.42.
     sky = 0.42 + 0.58 * np.minimum(sky / (0.55 * open_sky), 1.3)
     light[..., 0] = (sun / SUN_DIRECTIONS).reshape(light.shape[:3])
     light[..., 1] = sky.reshape(light.shape[:3])
@@ -49,7 +49,7 @@ def light_lattice(stage: Stage) -> np.ndarray:
 
 
 def _lattice(surface: PaintedSurface, steps: int) -> tuple[np.ndarray, np.ndarray]:
-    """Places and normals (m * (steps + 1)^2, 3) of all lattice entries."""
+    """Points and normals (m * (steps + 1)^2, 3) of all lattice entries."""
     i, j = (k.ravel().astype(float) for k in np.mgrid[0 : steps + 1, 0 : steps + 1])
     excess = np.maximum(i + j - steps, 0) / 2
     b, c = (i - excess) / steps, (j - excess) / steps
@@ -81,7 +81,7 @@ def frame(axis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def _is_lit(
     surface: PaintedSurface, places: np.ndarray, direction: np.ndarray, center: np.ndarray, radius: float
 ) -> np.ndarray:
-    """(p,) float, 0 to 1: the part of the four depth-map pixels around each place that lies no nearer to the light."""
+    """(p,) float, 0 to 1: bilinear share of the four depth-map pixels around each point that do not shade it."""
     distance = 40 * radius
     side, other = frame(direction)
     R = np.array([side, -other, -direction])

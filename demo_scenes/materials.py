@@ -1,8 +1,8 @@
 """Building materials painted from noise and structure, each a seamless texture.
 
 A painter returns (n, n, 3) float64, albedo in grey levels 0 to 255, for a square piece of wall `metres` wide. Rows
-run downwards as on a photo. Every painter ends in `_finish`, which takes out what is finer than about two texels:
-photos see two or more texels per pixel, so their pixels average without aliasing.
+run downwards as on a photo. Every painter ends in `_finish`, which removes detail finer than about two texels. Photos show
+two or more texels per pixel, so their pixels average without aliasing.
 """
 
 import numpy as np
@@ -119,7 +119,7 @@ def planks(n: int, metres: float, seed: int, tint: Color = (142, 104, 66)) -> np
 
 
 def blank(n: int, tint: Color) -> np.ndarray:
-    """A freshly painted wall: one colour, so that photos tell nothing about positions inside it."""
+    """A wall of one colour, on which photos do not determine tangential position."""
     return np.broadcast_to(np.asarray(tint, float), (n, n, 3)).copy()
 
 
@@ -157,7 +157,7 @@ def _blend(below: np.ndarray, above: np.ndarray, cover: np.ndarray) -> np.ndarra
 def _courses(n: int, rows: int, columns: int, rng: np.random.Generator, wobble: float) -> tuple[np.ndarray, np.ndarray]:
     """Courses of units, every second course shifted by half a unit (`rows` is even, so the texture is seamless).
 
-    `wobble` bends the joints by so many texels, as no bricklayer's line is straight.
+    `wobble` is the amplitude, in texels, by which the joints deviate from straight lines.
 
     Returns:
         The unit's number (n, n) int64 and the distance to its border (n, n) in texels.

@@ -1,7 +1,6 @@
-"""Seeded random fields that repeat seamlessly: the irregularity of brick, plaster, stone and wood.
+"""Seeded random fields that repeat seamlessly, for textures of brick, plaster, stone and wood.
 
-Everything is plain float64 arithmetic on arrays of `numpy.random.Generator(PCG64)`, so the same seed paints the same
-texture on every machine.
+All arithmetic is float64 on draws of `numpy.random.Generator(PCG64)`, so a seed gives the same texture on every machine.
 """
 
 from math import floor
@@ -11,7 +10,7 @@ from numba import njit
 
 
 def seeded(*key: int) -> np.random.Generator:
-    """The generator that belongs to a key of integers."""
+    """The random generator of a key of integers, none of them negative."""
     return np.random.Generator(np.random.PCG64(list(key)))
 
 
@@ -19,12 +18,10 @@ def spline_noise(size: tuple[int, int], cells: tuple[int, int], rng: np.random.G
     """Smooth random field (height, width), standard deviation about 1, periodic in both directions.
 
     A lattice of normal numbers, `cells` = (rows, columns), interpolated by the uniform cubic B-spline: twice
-    continuously differentiable, hence without the creases that betray value noise, and with next to nothing above the
-    lattice's frequency.
+    continuously differentiable, without the creases of value noise, and almost free of frequencies above the lattice's.
     """
     lattice = rng.standard_normal(cells)
-    # The B-spline averages its knots (variance 0.23 in each dimension on average over the cell); bring the contrast
-    # back.
+    # The B-spline averages its knots: the variance is 0.23 in each dimension, on average over a cell.
     return _upsample(lattice, size[0], size[1]) / 0.48
 
 
@@ -34,7 +31,7 @@ def fractal_noise(
     """Sum of `octaves` spline noises (height, width), each twice as fine and `persistence` times as strong; deviation
     1.
 
-    `cells` is the coarsest lattice (rows, columns). Nothing finer than three texels is made, to stay band-limited.
+    `cells` is the coarsest lattice (rows, columns). Octaves finer than three texels are omitted.
     """
     cells = min(cells[0], max(1, size[0] // 3)), min(cells[1], max(1, size[1] // 3))
     total = np.zeros(size)

@@ -1,4 +1,4 @@
-"""What gets between a camera and a building: a standing pole, leaves, passers-by."""
+"""Occluders between the cameras and a building: a pole, leaves, passers-by."""
 
 from collections.abc import Sequence
 
@@ -48,14 +48,14 @@ def pole_and_leaves(points: np.ndarray, cameras: Sequence[Camera], up: np.ndarra
 
 
 def passer_by(points: np.ndarray, camera: Camera, up: np.ndarray, rng: np.random.Generator) -> PaintedSurface:
-    """Somebody in a coat, for this camera only, on the ground before a random low one of the points (n, 3)."""
+    """A standing person, for one camera only, on the ground in front of a random low one of the points (n, 3)."""
     _, size = _middle_and_size(points)
     tall = 0.055 * size
     height = points @ up
     low = np.flatnonzero(height <= height.min() + 0.35 * np.ptp(height))
     target = points[rng.choice(low)]
     sight = camera.center - target
-    # Where the line of sight is as high as the middle of a person, if that is well between the two.
+    # Where the line of sight passes at half a person's height, kept between the target and the camera.
     away = np.clip((height.min() + tall - target @ up) / (sight @ up), 0.12, 0.6)
     center = target + away * sight
     center += (height.min() + tall - center @ up) * up
@@ -78,6 +78,6 @@ def _middle_and_size(points: np.ndarray) -> tuple[np.ndarray, float]:
 def _unmapped(
     vertices: np.ndarray, faces: np.ndarray, texture: np.ndarray, density: float, right: np.ndarray, up: np.ndarray
 ) -> PaintedSurface:
-    """A surface whose texture is laid on along two directions, whatever its faces' planes."""
+    """A surface with texture coordinates along two directions, regardless of the planes of its faces."""
     texel = density * np.stack([vertices @ right, -(vertices @ up)], axis=-1)[faces]
     return PaintedSurface.flat(vertices, faces, np.zeros(len(faces), int), texel, [texture])

@@ -1,4 +1,4 @@
-"""Taking the photos of a scene: what may go wrong on a real shoot, and the views that come of it."""
+"""Photos of a scene: flaws of real photography, rendering in threads, and the resulting views."""
 
 import os
 from collections.abc import Callable, Sequence
@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from demo_scenes.cache import cached_photos
-from demo_scenes.lens import expose
+from demo_scenes.lens import BLUR, expose
 from demo_scenes.lighting import light_lattice
 from demo_scenes.noise import seeded
 from demo_scenes.occluders import passer_by, pole_and_leaves
@@ -22,15 +22,16 @@ Progress = Callable[[float, str], None]
 
 @dataclass(frozen=True)
 class Photography:
-    """How the photos of a demo scene are taken; the defaults are ideal.
+    """Settings of the photos of a demo scene; the defaults are ideal.
 
     Attributes:
         noise: standard deviation of the sensor's noise, grey levels.
         exposure: largest gain error of a photo; 0.15 is +-15 %, drawn for each photo.
-        occluders: a pole, leaves and passers-by stand before the scene; they are not part of its mesh.
-        gloss: the surface shines: a highlight that moves with the camera.
+        occluders: a pole, leaves and passers-by stand in front of the scene; the mesh does not contain them.
+        gloss: the surface has a specular highlight, which moves with the camera.
         blank_wall: one wall is of a single colour (scenes without a wall ignore it).
-        seed: of everything drawn here.
+        seed: seed of all random numbers.
+        blur: largest blur of a photo beyond the lens's own, pixels (sigma); drawn for each photo.
     """
 
     noise: float = 0.0
@@ -39,6 +40,7 @@ class Photography:
     gloss: bool = False
     blank_wall: bool = False
     seed: int = 0
+    blur: float = 0.0
 
 
 GLOSS_LEVELS = 70.0
@@ -54,13 +56,13 @@ def take_photos(
     progress: Progress | None,
     variant: str = "",
 ) -> tuple[View, ...]:
-    """Views of a scene, from the cache where they have been taken before.
+    """Views of a scene; the photos are rendered on first use and cached.
 
     Args:
-        build_stage: paints what the cameras see; called only when photos are to be made.
-        subject: (n, 3) float, points of what the photos are about; occluders stand before them.
+        build_stage: builds what the cameras see; called only if photos have to be rendered.
+        subject: (n, 3) float, points of the photographed object; occluders stand in front of them.
         samples: rays along a pixel's side.
-        variant: whatever else the photos depend on (goes into the cache's key).
+        variant: anything else the photos depend on; part of the cache key.
     """
 
     def shoot() -> np.ndarray:
@@ -80,7 +82,7 @@ def take_photos(
                 person = passer_by(subject, cameras[k], stage.up, seeded(photography.seed, k, 22))
                 seen = replace(stage, surface=stage.surface.joined(person))
                 lit = np.concatenate([light, np.ones((len(person.faces), *light.shape[1:]))])
-            photos[k] = _develop(expose(seen, lit, cameras[k], samples), photography, k)
+            photos[k] = _develop(expose(seen, lit, cameras[k], samples, _blur_of(photography, k)), photography, k)
 
         with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
             waiting = [pool.submit(take, k) for k in range(len(cameras))]
@@ -89,7 +91,7 @@ def take_photos(
                     future.result()
                     report(0.3 + 0.7 * count / len(cameras), f"{scene}: photo {count} of {len(cameras)}")
             finally:
-                # Whoever interrupts does not wait for the photos that have not been begun.
+                # After an interruption, photos that have not been started are cancelled.
                 pool.shutdown(cancel_futures=True)
         return photos
 
@@ -120,6 +122,11 @@ def looking_at(
     R = np.array([right, down, forward])
     K = np.array([[focal_px, 0, (width - 1) / 2], [0, focal_px, (height - 1) / 2], [0, 0, 1]])
     return Camera.from_krt(K, R, -R @ eye, width, height)
+
+
+def _blur_of(photography: Photography, photo_id: int) -> float:
+    """Sigma of a photo's blur, pixels: the lens's, and independent of it what was drawn for the photo."""
+    return float(np.hypot(BLUR, photography.blur * seeded(photography.seed, photo_id, 23).random()))
 
 
 def _develop(levels: np.ndarray, photography: Photography, photo_id: int) -> np.ndarray:

@@ -1,6 +1,6 @@
-"""Triangulation of a flat polygon with holes: ears are cut, points added, edges flipped until the mesh is Delaunay.
+"""Delaunay triangulation of a plane polygon with holes: ear clipping, point insertion, edge flips.
 
-Its corners are kept as they are and its border is never split, so that patches which share their border fit together.
+The border is never split, so that patches with a common border fit together.
 """
 
 from itertools import pairwise

@@ -11,11 +11,11 @@ from fairing.camera import Camera
 from fairing.geometry.rasterize import rasterize
 
 STRIP_ROWS = 48  # photo rows rendered at a time, to bound memory
-SHININESS = 10.0  # a broad lobe: brushed or wet matter, not a mirror
+SHININESS = 10.0  # exponent of a broad specular lobe
 
 
 def photograph(stage: Stage, light: np.ndarray, camera: Camera, samples: int) -> np.ndarray:
-    """The photo a noiseless sensor takes: (height, width, 3) float64, grey levels, not clipped.
+    """The photo of a noiseless sensor without lens: (height, width, 3) float64, grey levels, not clipped.
 
     A pixel is the mean over its square of `samples` x `samples` rays. A ray through image point u meets the plane of
     a face with corners X_k at barycentric weights lambda ~ inv([P X_0, P X_1, P X_2]) u, scaled to the sum 1: exact

@@ -1,4 +1,4 @@
-"""Buildings as one sheet of triangles, put together from flat patches that meet without cracks.
+"""Buildings as one sheet of triangles, assembled from plane patches that meet without cracks.
 
 A patch is a polygon with holes in space. Where patches meet, the corners of one become vertices of the other, and
 every edge is divided in the same way for both, so that no vertex lies on another triangle's edge.
@@ -53,10 +53,10 @@ class Sheet:
 
 @dataclass(eq=False)
 class SheetBuilder:
-    """Collects patches, then makes the sheet.
+    """Builder of a sheet from patches.
 
     Attributes:
-        spacing: metres: aimed-at length of the triangles' edges.
+        spacing: metres: target length of the triangles' edges.
     """
 
     spacing: float
@@ -77,7 +77,7 @@ class SheetBuilder:
     def box_recess(
         self, x: tuple[float, float], y: tuple[float, float], z: tuple[float, float], reveal: str, back: str
     ) -> list[tuple[float, float, float]]:
-        """Line a recess from the wall at z[1] back to z[0]; returns its mouth, the hole in the wall."""
+        """Add a recess from the wall at z[1] back to z[0]; returns its opening, the hole in the wall."""
         (x0, x1), (y0, y1), (z0, z1) = x, y, z
         self.rectangle((x0, x0), y, z, (1, 0, 0), reveal)
         self.rectangle((x1, x1), y, z, (-1, 0, 0), reveal)
@@ -88,16 +88,16 @@ class SheetBuilder:
         return [(x0, y0, z1), (x1, y0, z1), (x1, y1, z1), (x0, y1, z1)]
 
     def box_ledge(
-        self, x: tuple[float, float], y: tuple[float, float], depth: float, material: str
+        self, x: tuple[float, float], y: tuple[float, float], depth: float, material: str, wall: float = 0.0
     ) -> list[tuple[float, float, float]]:
-        """A block that stands out of the wall z = 0 by `depth`; returns its section there, the wall's hole."""
-        z = (0.0, depth)
-        self.rectangle(x, y, (depth, depth), (0, 0, 1), material)
+        """Add a block that projects by `depth` from the wall at z = `wall`; returns its section, the hole in the wall."""
+        z = (wall, wall + depth)
+        self.rectangle(x, y, (z[1], z[1]), (0, 0, 1), material)
         self.rectangle(x, (y[0], y[0]), z, (0, -1, 0), material)
         self.rectangle(x, (y[1], y[1]), z, (0, 1, 0), material)
         self.rectangle((x[0], x[0]), y, z, (-1, 0, 0), material)
         self.rectangle((x[1], x[1]), y, z, (1, 0, 0), material)
-        return [(x[0], y[0], 0.0), (x[1], y[0], 0.0), (x[1], y[1], 0.0), (x[0], y[1], 0.0)]
+        return [(x[0], y[0], wall), (x[1], y[0], wall), (x[1], y[1], wall), (x[0], y[1], wall)]
 
     def rectangle(
         self,
@@ -118,7 +118,7 @@ class SheetBuilder:
         self.add(outline, facing, material, mapping=mapping)
 
     def build(self) -> Sheet:
-        """Divide all edges, triangulate all patches and weld what they share."""
+        """Subdivide all edges, triangulate all patches and weld common vertices."""
         corners = np.unique(np.round(np.vstack([loop for patch in self.patches for loop in patch.loops]), 9), axis=0)
         index: dict[tuple[float, ...], int] = {}
         faces, materials, texture_metres = [], [], []
@@ -162,7 +162,7 @@ class SheetBuilder:
 
 
 def plane_axes(normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Unit vectors right and up in the plane of that outward normal, as an upright observer outside sees it."""
+    """Unit vectors right and up in the plane of that outward normal, as seen upright from outside."""
     normal = normal / np.linalg.norm(normal)
     right = np.cross(UP, normal) if abs(normal[1]) < 0.99 else np.array([1.0, 0, 0])
     right /= np.linalg.norm(right)

@@ -1,21 +1,21 @@
-"""Start meshes that are wrong in the way real ones are, and what the truth allows to judge."""
+"""Start meshes with realistic errors, sparse points, and the normals that photos can determine."""
 
 import numpy as np
 
 from demo_scenes.surface import face_normals
 from fairing.geometry.rasterize import rasterize
 from fairing.mesh import Mesh
-from fairing.scene import SparsePoints, View
+from fairing.scene import SparsePoints, Truth, View
 
 
 def slide_off_corners(
     vertices: np.ndarray, faces: np.ndarray, distances: tuple[float, float], rng: np.random.Generator
 ) -> np.ndarray:
-    """Start vertices (n, 3) as range data gives them: on the true surface, but beside the true vertex.
+    """Start vertices (n, 3) like those from range data: on the true surface, but beside the true vertex.
 
-    Each vertex goes to a random place on its incident true faces (or their coplanar neighbours) whose distance from
-    it lies in `distances` (world units). No face flips or collapses: a place that would do this is drawn again; where
-    none fits, the least bad of the draws is taken.
+    Each vertex moves to a random position on its incident true faces (or their coplanar neighbours) at a distance from it
+    within `distances` (world units). Positions that flip or collapse a face are drawn again, up to 200 times; then the
+    best of them is used.
     """
     normals = face_normals(vertices, faces)
     areas = _doubled_areas(vertices, faces)
@@ -39,6 +39,11 @@ def slide_off_corners(
                 break
         start[v] = best
     return start
+
+
+def faceted_truth(vertices: np.ndarray, faces: np.ndarray) -> Truth:
+    """The truth of a surface of plane faces whose vertices (n, 3) are where those of the start mesh belong."""
+    return Truth(Mesh(vertices, faces), vertices, determined_normals(vertices, faces))
 
 
 def determined_normals(vertices: np.ndarray, faces: np.ndarray, least_angle: float = 0.17) -> list[np.ndarray]:
@@ -83,7 +88,7 @@ def displaced_at_random(
 def observed_points(
     truth: Mesh, views: tuple[View, ...], count: int, error: float, rng: np.random.Generator, pixel_error: float = 0.3
 ) -> SparsePoints:
-    """Points as a reconstruction gives them: spread over the part of the surface that three views or more see.
+    """Sparse points of a reconstruction: spread over the part of the surface that three views or more see.
 
     Args:
         count: points drawn evenly over the surface; those that fewer views see are dropped.

@@ -1,4 +1,4 @@
-"""What stands before the cameras: triangles painted with textures, and the light they stand in."""
+"""Textured triangles and their illumination: what the cameras see."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ class PaintedSurface:
             centres at integers). Textures repeat in both directions.
         textures: (h, w, 3) uint8 arrays, albedo in grey levels.
         normals: (m, 3, 3) float, unit normal at each corner of each face; differ inside a face only where the triangles
-            stand for a curved surface.
+            approximate a curved surface.
     """
 
     vertices: np.ndarray

@@ -1,4 +1,4 @@
-"""The whole engine in one call."""
+"""`fair`: a complete run in one call."""
 
 from collections.abc import Callable
 
@@ -14,16 +14,17 @@ def fair(
     should_stop: Callable[[], bool] = lambda: False,
     on_step: Callable[[StepRecord], None] = lambda _: None,
 ) -> Session:
-    """Fair the mesh of a scene: move its vertices to where the photos agree.
+    """Fair the mesh of a scene: move its vertices to the positions where the photos agree.
 
     Args:
         options: default: the preset `accurate`.
-        should_stop: asked before every step.
-        on_step: told of every step.
+        should_stop: called before every step; True ends the run.
+        on_step: called with the record of every step.
 
     Returns:
-        The session at its end. `scene.unweld(session.vertices)` are the positions in the input's order,
-        `session.trace` is the record of every step, `session.stop_reason` says why it ended.
+        The session after its last step. `session.scene.unweld(session.vertices)` are the positions, (N, 3) float in world
+        units, in the order of the input; `session.trace` holds the records of all steps; `session.stop_reason` is the reason
+        for the end, as a sentence.
 
     Raises:
         InputError: an option or the scene cannot be used.

@@ -1,4 +1,4 @@
-"""Options that contradict themselves, found before anything runs."""
+"""Validation of option values before a run."""
 
 from dataclasses import fields, is_dataclass
 from typing import Any, Literal, get_args, get_origin, get_type_hints
@@ -6,7 +6,7 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 from fairing.errors import InputError
 from fairing.options import FairingOptions
 
-# name: (lowest allowed, whether it is allowed itself). Numbers that are not listed only have to be finite.
+# name: (lower bound, whether the bound itself is allowed). Numbers that are not listed only have to be finite.
 _LOWEST: dict[str, tuple[float, bool]] = {
     "cells.size": (4, True),
     "cells.spacing": (0, False),
@@ -40,10 +40,10 @@ _MAY_BE_EMPTY = ("locked_vertices", *_BOXES)
 
 
 def check_options(options: FairingOptions) -> None:
-    """Refuse values no run can work with.
+    """Check that all values are in their allowed ranges.
 
     Raises:
-        InputError: naming the option, what was expected and what was found.
+        InputError: with the name of the option, the expected and the given value.
     """
     _check(options, "")
 

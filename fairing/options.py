@@ -1,7 +1,8 @@
-"""Every choice of the engine, with its default, unit and meaning, in one place.
+"""Options of the engine: defaults, units and meanings.
 
-The command line's flags and the page's widgets are generated from these fields. Values "by level" are tuples; the last one
-holds for all further levels.
+The flags of the command line and the widgets of the page are generated from these fields, with their texts. Values "by level"
+are tuples; the last value holds for all further levels. The measurements behind the defaults are in the ledger
+(`tests/ledger.md`).
 """
 
 from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
@@ -10,6 +11,9 @@ from typing import Any, Literal, TypeVar
 from fairing.errors import InputError
 
 T = TypeVar("T")
+
+FORMER_NAMES = {"options.schedule.start": "first_level"}
+"""New names of renamed options, by their former path; traces and reports may hold the former ones."""
 
 
 def by_level(values: tuple[T, ...], level: int) -> T:
@@ -22,30 +26,32 @@ class CellOptions:
     """How a face's footprint in a photo becomes a cell."""
 
     warp: Literal["homography", "affine"] = "homography"
-    """homography: exact for a plane. affine: the paper's; it moves the minimum itself (cube: 1.6 % with cameras 4 edges away)."""
+    """homography: exact for a plane. affine: the approximation of the paper, which biases the minimum."""
     size: tuple[int, ...] = (64, 64, 64, 64, 64, 64, 256)
-    """Largest cell, samples along an edge, by level."""
+    """Size of the largest cell, by level: samples along an edge."""
     adaptive: bool = True
-    """Smaller cells where the footprint is smaller: one sample per `spacing` of the footprint. Off: always `size`."""
+    """Use smaller cells for smaller footprints: one sample per `spacing` of the footprint. Off: always `size`."""
     spacing: tuple[float, ...] = (1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.7)
-    """Distance of samples with `adaptive`, in units of max(1 px, the level's blur), by level."""
+    """Distance between samples with `adaptive`, by level, in units of max(1 px, blur of the level)."""
     inset: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 2.0)
-    """Border of the face left out, photo pixels, by level: there the neighbour's texture mixes in."""
+    """Width of the border of a face that is left out, by level, photo px: the texture of the neighbouring face mixes in there."""
     interpolation: tuple[Literal["bilinear", "cubic"], ...] = (
         "bilinear", "bilinear", "bilinear", "bilinear", "bilinear", "bilinear", "cubic",
     )  # fmt: skip
-    """How photos are read between pixels, by level. cubic: B-spline, 3-4 x slower, no interpolation blur."""
+    """Interpolation between photo pixels, by level. cubic: B-spline without interpolation blur, 3 to 4 times slower."""
     point_spread: tuple[Literal["as_seen", "common"], ...] = (
         "as_seen", "as_seen", "as_seen", "as_seen", "as_seen", "as_seen", "common",
     )  # fmt: skip
-    """By level. common: the photos of a face are blurred so that they are equally sharp on it, and no more than that takes; the
-    level's blur is their spot's least size, the lens's own included. as_seen: all are blurred alike, in pixels."""
+    """Point spread function (PSF) of the photos on a face, by level. common: each photo is blurred just enough that all photos of
+    the face have the same PSF on it; the blur of the level is the smallest sigma of that PSF, the PSF of the lens included.
+    as_seen: every photo is blurred by the same number of pixels."""
     color: bool = False
-    """Stack red, green and blue instead of using grey."""
+    """Stack the red, green and blue channels instead of using grey levels."""
     remove_bias: bool = False
-    """Subtract each cell's mean, so that brightness offsets between photos do not count. Gains never do."""
+    """Subtract the mean of each cell, which makes the energy invariant to brightness offsets between photos. It is always
+    invariant to gains."""
     weighting: Literal["photo_area", "cell"] = "photo_area"
-    """photo_area: a cell weighs as many photo pixels as it covers. cell: all cells weigh the same (the paper)."""
+    """photo_area: the weight of a cell is the number of photo pixels it covers. cell: all cells weigh the same (the paper)."""
 
 
 @dataclass(frozen=True)
@@ -53,120 +59,120 @@ class EigenspaceOptions:
     """The subspace that explains the cells of one face."""
 
     dimensions: tuple[int, ...] = (3, 3, 1, 1, 1, 1, 2)
-    """k, by level. To first order misalignment spans three dimensions, so a large k absorbs it. At most views - 2."""
+    """k, by level, at most views - 2. To first order a misalignment spans three dimensions, so a large k absorbs it."""
     significance: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 6.0)
-    """By level: a face whose k-th singular value squared is less than this many times the mean of the later ones does with one
-    dimension less: it would only learn noise. 0: never."""
+    """By level: the k-th dimension of a face is dropped if its squared singular value is less than this many times the mean of
+    the later ones, because it would fit noise. 0: never."""
     centered: bool = False
-    """Take the mean cell off first (PCA). The paper does not."""
+    """Subtract the mean cell first (PCA). The paper does not."""
 
 
 @dataclass(frozen=True)
 class RobustOptions:
-    """The norm rho of the residual."""
+    """The robust loss rho of the residual."""
 
     norm: Literal["geman_mcclure", "geman_mcclure_printed", "huber", "least_squares"] = "geman_mcclure"
-    """geman_mcclure: e^2 / (sigma^2 + e^2), turning at sigma / sqrt(3) as the paper's figure says.
-    geman_mcclure_printed: e^2 / (sigma + e^2), the paper's formula, which turns at sqrt(sigma / 3)."""
+    """geman_mcclure: e^2 / (sigma^2 + e^2); its outlier threshold is sigma / sqrt(3), as in the figure of the paper.
+    geman_mcclure_printed: e^2 / (sigma + e^2), the formula as printed; its outlier threshold is sqrt(sigma / 3)."""
     sigma_rule: tuple[Literal["paper", "convex", "mad", "fixed"], ...] = (
         "paper", "paper", "fixed", "fixed", "fixed", "fixed", "paper",
     )  # fmt: skip
-    """By level. paper: max|e| / sqrt(3). convex: sqrt(3) max|e|. mad: a robust scale of the residual. fixed: `sigma`."""
+    """Scale parameter of the loss, by level. paper: max|e| / sqrt(3). convex: sqrt(3) max|e|. mad: median absolute residual times
+    `mad_factor`. fixed: `sigma`."""
     sigma: float = 20.0
-    """Grey levels, for the rule `fixed`."""
+    """Scale for the rule `fixed`, grey levels."""
     mad_factor: float = 4.0
-    """sigma = mad_factor * 1.4826 * median|e| with the rule `mad`; residuals beyond sigma / sqrt(3) lose influence."""
+    """With the rule `mad`, sigma = mad_factor * 1.4826 * median|e|; the influence of residuals falls beyond sigma / sqrt(3)."""
     sigma_floor: float = 1.0
-    """Smallest sigma, grey levels: photos are never better than their quantisation and noise."""
+    """Lower bound of sigma, grey levels: the quantisation and noise of the photos."""
 
 
 @dataclass(frozen=True)
 class StepOptions:
-    """One Gauss-Newton step and what may be accepted."""
+    """Gauss-Newton steps: solver, damping, acceptance and priors."""
 
     solver: Literal["variable_projection", "alternating"] = "variable_projection"
-    """variable_projection: the eigenspace answers to the vertex (Golub and Pereyra 1973). alternating: the paper's, U and c
-    held fixed during a step, which makes it 10-200 times too short."""
+    """variable_projection: the eigenspace is eliminated from the least squares problem (Golub and Pereyra 1973). alternating: U and
+    c are fixed during a step, as in the paper; steps are then 10 to 200 times shorter."""
     max_step: float = 2.0
-    """Longest step in a photo, in units of max(1 px, the level's blur)."""
+    """Longest step in a photo, in units of max(1 px, blur of the level)."""
     damping_always: bool = False
-    """Levenberg-Marquardt damping from the first step on, instead of only after a rejection. It shrank the capture
-    range (from 20 % away 100 % -> 62 %)."""
+    """Use Levenberg-Marquardt damping from the first step on, instead of only after a rejection. It narrows the basin of
+    attraction."""
     initial_damping: float = 1e-3
-    """First damping after a rejection, as a fraction of the normal matrix's diagonal."""
+    """First damping after a rejection, as a fraction of the largest eigenvalue of the vertex's normal matrix."""
     max_rejections: int = 6
-    """A vertex rests after this many rejections in a row."""
+    """A vertex is not tried again in a sweep after more than this many rejections in a row."""
     tolerance: float = 0.001
-    """A vertex has converged when its step moves it by less than this in every photo, px."""
+    """A vertex has converged when a step moves it by less than this in every photo, px."""
     prior: float = 0.1
-    """Pull to the start along directions that the photos do not determine, relative to the largest eigenvalue. 0: none."""
+    """Strength of the prior to the start in directions that the photos do not determine, relative to the largest eigenvalue.
+    0: none."""
     prior_threshold: float = 0.15
     """A direction is undetermined when its eigenvalue is below this fraction of the largest."""
     normal_spread: float = 0.01
-    """Directions in which the incident normals vary by less than this (variance) count as undetermined, too."""
+    """A direction is also undetermined when the variance of the incident face normals along it is below this."""
     smoothing: tuple[float, ...] = (0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.0)
-    """By level, for a start that the photos find noisy: pull to where its faces would be smooth, relative to the median of
-    the vertices' largest eigenvalues. 0 on all levels: never smooth, not even the start. (At the last level 0.03 flattens
-    what is curved: dome 0.060 instead of 0.031 % from the true surface on average, where its best mesh has 0.030; two
-    captures with noise ended alike, at 0.1255 instead of 0.1240 and 0.186.)"""
+    """Strength of the smoothness prior, by level, for a start whose smoothed version fits the photos better; relative to the median
+    of the vertices' largest eigenvalues. 0 on all levels: smooth nothing, not even the start."""
     points: tuple[float, ...] = (0.3,)
-    """By level, for a scene with sparse points that the photos agree with: pull to half of them, relative to the median of the
-    vertices' largest eigenvalues, in directions they know as well as others on average. 0 on all levels: never use them."""
+    """Strength of the prior to the sparse points, by level, if fitting the start to them lowers the photo loss; relative to the
+    median of the vertices' largest eigenvalues, for a direction that the points determine as well as an average one. Every
+    second point is used. 0 on all levels: do not use the points."""
     min_quality: float = 0.05
-    """A face may not become thinner than this (height over longest edge) unless it was so before."""
+    """Smallest ratio of height to longest edge of a face after a step, unless the face was thinner before."""
     max_turn: float = 60.0
-    """A face's normal may not turn by more than this in one step, degrees."""
+    """Largest rotation of a face normal in one step, degrees."""
 
 
 @dataclass(frozen=True)
 class VisibilityOptions:
-    """Which photos a face takes part in."""
+    """Visibility: the photos in which a face is used."""
 
     min_angle: float = 12.0
     """Smallest angle between the face and the line of sight, degrees."""
     min_footprint: float = 2.0
-    """Smallest height of the footprint, in units of max(1 px, the level's blur)."""
+    """Smallest height of the footprint, in units of max(1 px, blur of the level)."""
     edge_margin: float = 2.0
-    """Samples nearer than this to a depth edge are left out, in units of the level's blur (at least one pixel): a photo
-    blurred as a whole mixes colours across depth edges (facade, sigma 3.6: 1.14 % rms without, 0.15 with)."""
+    """Samples nearer than this to a depth edge are left out, in units of the blur of the level, at least one pixel: blurring a
+    photo mixes colours across depth edges."""
     min_samples: float = 0.4
-    """A cell takes part if at least this fraction of its samples is seen."""
+    """A cell is used if at least this fraction of its samples is visible."""
     reduction: int = 2
-    """Photo pixels per pixel of the depth maps occlusion is judged by."""
+    """Photo pixels per pixel of the depth maps for the occlusion test."""
     max_views: int = 12
-    """At most so many photos a face, those with the largest footprints."""
+    """Largest number of photos per face: those with the largest footprints."""
 
 
 @dataclass(frozen=True)
 class ScheduleOptions:
-    """Coarse to fine, and in which order vertices move."""
+    """Coarse-to-fine levels, local search, and the order in which vertices move."""
 
     blur: tuple[float, ...] = (6.0, 3.6, 2.0, 2.0, 1.2, 1.2, 0.5)
-    """sigma_smooth by level, photo pixels."""
-    start: Literal["auto", "first"] = "auto"
-    """auto: skip levels whose blur exceeds 1/12 of the faces' median footprint. first: begin with the first level."""
+    """sigma_smooth, by level, photo pixels."""
+    first_level: Literal["auto", "first"] = "auto"
+    """Where the run begins. auto: skip levels whose blur exceeds 1/12 of the median height of the faces' footprints. first: at the
+    first level."""
     search: tuple[float, ...] = (0.0, 0.0, 1.0, 0.75, 0.6, 0.5, 0.9)
-    """By level: before Gauss-Newton, look for a better place of each vertex so far away, in units of `start_error`. 0: do not.
-    Where photos are equally sharp (`cells.point_spread`), only of those that fit worse than half of them; what then fits twice as
-    badly as half of them is tried again together, from the first level that searched."""
+    """Radius of the local search before Gauss-Newton, by level, in units of `start_error`. 0: no search. On a level with a common
+    point spread (`cells.point_spread`) only vertices above the median loss are searched; those above twice the median are then
+    restarted together from the first level with a search."""
     start_error: float = -1.0
-    """How far the start's vertices may lie from their place, photo px. Negative: find out by trying. 0: never search."""
+    """Distance of the start's vertices from their true positions, photo px. Negative: estimated by trial searches. 0: no search."""
     search_gain: float = 0.05
-    """A place found must lower the mean loss around the vertex by this fraction."""
+    """A position found by a search is taken if it lowers the mean loss around the vertex by this fraction."""
     order: Literal["joint", "independent", "sequential", "worst_first"] = "joint"
-    """joint: all vertices by one sparse system. independent: sets of vertices that share no face, one set after another.
-    sequential: one vertex at a time, as the paper. worst_first: the same, largest energy first."""
+    """joint: all vertices in one sparse system. independent: sets of vertices that share no face, one set after another.
+    sequential: one vertex at a time, as in the paper. worst_first: one at a time, largest energy first."""
     max_sweeps: tuple[int, ...] = (12, 8, 4, 2, 4, 2, 4)
-    """Gauss-Newton sweeps, by level; visibility is refreshed at the beginning of each."""
+    """Largest number of Gauss-Newton sweeps, by level; visibility is updated at the beginning of each."""
     sweeps_near_truth: tuple[int, ...] = (1, 1, 1, 1, 1, 1, 2)
-    """At most so many where trying found the start near its truth and no sparse points hold it: with every sweep vertices drift a
-    little farther along what the photos hardly tell (three captures without their points, median distance of these to the
-    surface: with as many sweeps as elsewhere -8, +7 and +4 %, so -8, -4 and -2 %; left-out photos better by 0.3 dB instead of
-    0.5)."""
+    """Largest number of Gauss-Newton sweeps, by level, if the estimated start error is 0 and no sparse points constrain the mesh:
+    vertices drift in directions that the photos barely determine."""
     max_iterations: tuple[int, ...] = (4, 4, 3)
-    """Gauss-Newton iterations of a vertex (or of all, with joint) within a sweep, by level."""
+    """Largest number of Gauss-Newton iterations of a block of vertices within a sweep, by level."""
     sweep_tolerance: float = 0.02
-    """A level ends when no vertex moved more than this in a sweep, in units of the level's blur."""
+    """A level ends when no vertex moved more than this in a sweep, in units of the blur of the level."""
 
 
 @dataclass(frozen=True)
@@ -180,15 +186,15 @@ class FairingOptions:
     visibility: VisibilityOptions = field(default_factory=VisibilityOptions)
     schedule: ScheduleOptions = field(default_factory=ScheduleOptions)
     lock_boundary: bool = False
-    """Keep the vertices at the mesh's boundary where they are."""
+    """Lock the vertices at the boundary of the mesh."""
     locked_vertices: tuple[int, ...] = ()
-    """Vertices that never move, by their number in the input mesh."""
+    """Locked vertices, by their number in the input mesh."""
     locked_boxes: tuple[float, ...] = ()
-    """Vertices that start inside never move: x0 y0 z0 x1 y1 z1, world units; further boxes behind."""
+    """Boxes x0 y0 z0 x1 y1 z1, world units, one after another: vertices that start inside are locked."""
     region: tuple[float, ...] = ()
-    """Region of interest, x0 y0 z0 x1 y1 z1, world units: vertices that start outside never move."""
+    """Region of interest x0 y0 z0 x1 y1 z1, world units: vertices that start outside are locked."""
     threads: int = 0
-    """Threads; 0: one per core. The result is the same for any number."""
+    """Number of threads; 0: one per core. The result does not depend on it."""
 
     @property
     def n_levels(self) -> int:
@@ -212,7 +218,7 @@ PRESETS: dict[str, FairingOptions] = {
         step=StepOptions(solver="alternating", prior=0.0, smoothing=(0.0,), points=(0.0,)),
         schedule=ScheduleOptions(
             blur=(6.0, 4.8, 3.6, 2.4, 1.2),
-            start="first",
+            first_level="first",
             search=(0.0,),
             order="sequential",
             max_sweeps=(10,),
@@ -223,12 +229,16 @@ PRESETS: dict[str, FairingOptions] = {
 
 
 def options_to_dict(options: FairingOptions) -> dict[str, Any]:
-    """Plain numbers, strings and lists, for JSON."""
+    """Options as nested dictionaries of numbers, strings and tuples, for JSON."""
     return asdict(options)
 
 
 def options_from_dict(values: dict[str, Any]) -> FairingOptions:
-    """The inverse of `options_to_dict`; unknown names raise InputError."""
+    """The inverse of `options_to_dict`; former names (`FORMER_NAMES`) are accepted.
+
+    Raises:
+        InputError: unknown name, or a value of the wrong kind.
+    """
     return _from_dict(FairingOptions(), values, "options")
 
 
@@ -236,6 +246,7 @@ def _from_dict(default: Any, values: dict[str, Any], where: str) -> Any:
     if not isinstance(values, dict):
         raise InputError(f"{where}: expected options by name, found {values!r:.60}")
     known = {f.name for f in fields(default)}
+    values = {FORMER_NAMES.get(f"{where}.{name}", name): value for name, value in values.items()}
     unknown = set(values) - known
     if unknown:
         raise InputError(f"{where}: unknown option {min(unknown)}; known are {', '.join(sorted(known))}")

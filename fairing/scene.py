@@ -1,6 +1,7 @@
 """Scenes: a mesh, its calibrated photos, sparse points and, for synthetic scenes, the true surface."""
 
 from dataclasses import dataclass, field, replace
+from typing import Literal
 
 import numpy as np
 
@@ -64,6 +65,7 @@ class SparsePoints:
         colors: (n, 3) uint8, RGB.
         observations: (o, 2) int: index of a point and index of the view that observes it.
         pixels: (o, 2) float, pixels: the position of each observation in the undistorted photo.
+        origin: "given" with the capture, "own" (found in its photos with its cameras) or "both".
 
     Raises:
         InputError: positions or pixels are not finite or implausibly large.
@@ -73,6 +75,7 @@ class SparsePoints:
     colors: np.ndarray
     observations: np.ndarray
     pixels: np.ndarray
+    origin: Literal["given", "own", "both"] = "given"
 
     def __post_init__(self) -> None:
         check_coordinates(self.positions, "sparse points")

@@ -19,6 +19,7 @@ import numpy as np
 
 from fairing.errors import InputError
 from fairing.mesh import Mesh
+from fairing.run_plan import RunPlan
 from fairing.trace_check import (
     Field,
     check_counts,
@@ -85,21 +86,21 @@ class SchedulePosition(NamedTuple):
 
     level: int
     sweep: int
-    unit: int
+    block: int
     iteration: int
 
     def __str__(self) -> str:
-        return f"{self.level}:{self.sweep}:{self.unit}:{self.iteration}"
+        return f"{self.level}:{self.sweep}:{self.block}:{self.iteration}"
 
 
 @dataclass(frozen=True, eq=False)
 class StepRecord:
-    """One iteration of one unit: a vertex, a set of independent vertices, or all vertices at once.
+    """One iteration of one block: a vertex, a set of independent vertices, or all vertices at once.
 
-    u vertices of the unit, F faces around them, V views.
+    u vertices of the block, F faces around them, V views.
 
     Attributes:
-        position: level, sweep, unit and iteration of this step.
+        position: level, sweep, block and iteration of this step.
         next_position: position of the next step; its level is the number of levels when the run has finished.
         sweep_moment: the moment at which the sweep began; visibility, sigma and priors are those of that moment.
         vertices: (u,) int, ids.
@@ -109,8 +110,8 @@ class StepRecord:
         damping: (u,) float, Levenberg-Marquardt damping used.
         eigenvalues: (u, 3) float, of the normal matrix without priors, ascending, energy / world unit^2.
         reasons: (u,) int8 `StepReason`.
-        objective_before, objective_after: energy plus priors of the unit, before and after the step that was tried.
-        faces: (F,) int ids of the faces around the unit.
+        objective_before, objective_after: energy plus priors of the block, before and after the step that was tried.
+        faces: (F,) int ids of the faces around the block.
         face_energy_before, face_energy_after: (F,) float; after equals before where the step was rejected.
         view_energy_before, view_energy_after: (V,) float.
         damping_next, rejections: (u,): solver state for the next iteration.
@@ -175,6 +176,7 @@ class Trace:
         start: (n, 3) float, world units: vertices at moment 0.
         faces: (m, 3) int, indices into `start`.
         steps: the records.
+        plan: see `RunPlan`; None before it is computed, and in traces of versions that did not record it.
         manual_moments: the moments after steps that a user made.
     """
 
@@ -183,6 +185,7 @@ class Trace:
         self.start = np.array(start, dtype=np.float64)
         self.faces = np.array(faces, dtype=np.int64)
         self.steps: list[StepRecord] = []
+        self.plan: RunPlan | None = None
         self.manual_moments: list[int] = []
         self._keyframes: dict[int, np.ndarray] = {0: self.start}
         self._newest: tuple[int, np.ndarray] = (0, self.start.copy())
@@ -192,6 +195,15 @@ class Trace:
     def __len__(self) -> int:
         return len(self.steps)
 
+    def record_plan(self, plan: RunPlan) -> None:
+        """Set the plan, and write it to the file if one is attached.
+
+        Raises:
+            InputError: the disk is full. The plan is kept in memory; the next call of `append` tries to write it.
+        """
+        self.plan = plan
+        self._write(_pack_plan(plan))
+
     def append(self, record: StepRecord) -> None:
         """Add a step and write it to the attached file, if any.
 
@@ -199,11 +211,7 @@ class Trace:
             InputError: the disk is full. The step is kept in memory; the next call writes all steps again.
         """
         self._index(record)
-        if self._unwritten is not None:
-            self.attach(self._unwritten)
-        elif self._file is not None:
-            with self._giving_up_file():
-                self._file.append(_pack_record(record))
+        self._write(_pack_record(record))
 
     def vertices_at(self, moment: int) -> np.ndarray:
         """(n, 3) float, world units: positions at a moment, a copy.
@@ -246,7 +254,8 @@ class Trace:
         if self._file is not None:
             self.detach()
         header = pack({"header": json.dumps(self.header)}, start=self.start, faces=self.faces)
-        self._file = BlockFile(path, MAGIC, itertools.chain([header], map(_pack_record, self.steps)))
+        plan = [] if self.plan is None else [_pack_plan(self.plan)]
+        self._file = BlockFile(path, MAGIC, itertools.chain([header], plan, map(_pack_record, self.steps)))
         self._unwritten = None
 
     def flush(self) -> None:
@@ -272,6 +281,14 @@ class Trace:
             self._file.close()
             self._file = None
 
+    def _write(self, block: bytes) -> None:
+        """Append a block to the file if one is attached; after a failure write the whole trace again."""
+        if self._unwritten is not None:
+            self.attach(self._unwritten)
+        elif self._file is not None:
+            with self._giving_up_file():
+                self._file.append(block)
+
     @contextmanager
     def _giving_up_file(self) -> Iterator[None]:
         """Detaches the file if writing to it fails; the next append or flush writes it again."""
@@ -283,8 +300,9 @@ class Trace:
             raise
 
     def cut(self, moment: int) -> "Trace":
-        """A new trace in memory with the steps up to a moment."""
+        """A new trace in memory with the plan and the steps up to a moment."""
         branch = Trace(dict(self.header), self.start, self.faces)
+        branch.plan = self.plan
         for record in self.steps[:moment]:
             branch._index(record)
         return branch
@@ -309,19 +327,21 @@ class Trace:
             check_fields(arrays, _MESH_FIELDS, {})
             mesh = Mesh(arrays["start"], arrays["faces"])
         trace = cls(header, mesh.vertices, mesh.faces)
-        for moment, block in enumerate(blocks[1:]):
-            with naming_block(f"trace {path}: step {moment + 1}"):
-                trace._index(trace._unpack_record(block))
+        for block in blocks[1:]:
+            with naming_block(f"trace {path}: step {len(trace) + 1}"):
+                texts, values = unpack(block)
+                if "plan" in texts:
+                    trace.plan = RunPlan.from_json(texts["plan"])
+                else:
+                    trace._index(trace._checked_record(values))
         return trace
 
-    def _unpack_record(self, block: bytes) -> StepRecord:
-        """The record that a block holds, which continues this trace.
+    def _checked_record(self, values: dict[str, np.ndarray]) -> StepRecord:
+        """The record of the arrays of a block, which continues this trace.
 
         Raises:
             InputError: a field is missing, unknown, of another shape or type, or out of range.
-            ValueError: the block is no archive of arrays.
         """
-        _, values = unpack(block)
         check_fields(values, _STEP_FIELDS, {"V": len(self.header["views"])})
         for name in ("position", "next_position", "rejections"):
             check_counts(values[name], name)
@@ -354,6 +374,10 @@ class Trace:
 
 def _pack_record(record: StepRecord) -> bytes:
     return pack({}, **{field.name: np.asarray(getattr(record, field.name)) for field in fields(StepRecord)})
+
+
+def _pack_plan(plan: RunPlan) -> bytes:
+    return pack({"plan": plan.to_json()})
 
 
 _MESH_FIELDS = {"start": Field("f", ("n", 3)), "faces": Field("iu", ("m", 3))}

@@ -1,5 +1,7 @@
 """Speed, memory and accuracy: `python -m tests.benchmark [--quick] [--json FILE] [--only PART ...]`.
 
+`--family 12 [--odd]` measures the default engine on seeds of the family `building:SEED` instead (`tests/family.py`).
+
 Times are the least of several repetitions: what the machine can do when nothing else runs on it. Each whole run has a
 process of its own, so that its peak memory is its own.
 """
@@ -34,6 +36,7 @@ from fairing.run.session import Session
 from fairing.scene import Scene
 from fairing.solve.energy import Evaluator
 from tests.best_mesh import best_mesh
+from tests.family import default_results, family_seeds, measure_family
 from tests.large_capture import write_terrain
 from tests.numpy_twin import TwinPhotos, evaluate_face
 
@@ -58,7 +61,7 @@ def one_level(options: FairingOptions, blur: float, size: int) -> FairingOptions
     return replace(
         options,
         cells=replace(options.cells, adaptive=False, size=(size,)),
-        schedule=replace(options.schedule, blur=(blur,), search=(0.0,), start="first"),
+        schedule=replace(options.schedule, blur=(blur,), search=(0.0,), first_level="first"),
     )
 
 
@@ -343,7 +346,7 @@ def _surface_run(name: str) -> Table:
 
 def _one_sweep(folder: Path) -> Table:
     schedule = replace(
-        ACCURATE.schedule, blur=(1.2,), search=(0.0,), start="first", max_sweeps=(1,), max_iterations=(1,)
+        ACCURATE.schedule, blur=(1.2,), search=(0.0,), first_level="first", max_sweeps=(1,), max_iterations=(1,)
     )
     options = replace(ACCURATE, schedule=schedule, step=replace(ACCURATE.step, smoothing=(0.0,)))
     began = time.process_time()
@@ -400,13 +403,22 @@ class Arguments:
     quick: bool = False
     """Fewer repetitions and cases: about a minute."""
     json: Path | None = None
-    """Write the figures to this file, too."""
+    """Write the figures to this file, too (of the family: default in the cache folder; the table goes beside it)."""
     only: Annotated[tuple[str, ...], tyro.conf.arg(help=f"Some of: {', '.join(PARTS)}.")] = ()
+    family: int = 0
+    """Measure so many seeds of the family instead: 0, 2, 4, ... Runs of the same code in the results file are not repeated."""
+    odd: bool = False
+    """The odd seeds of the family: 1, 3, 5, ..."""
+    seeds: tuple[int, ...] = ()
+    """These seeds of the family."""
 
 
 def main() -> None:
     """Run the parts asked for and print a table of each."""
     arguments = tyro.cli(Arguments)
+    if seeds := arguments.seeds or family_seeds(arguments.family, arguments.odd):
+        measure_family(seeds, arguments.json or default_results())
+        return
     results: Table = {
         "machine": {"processor": platform.processor() or platform.machine(), "python": platform.python_version()}
     }

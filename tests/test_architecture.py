@@ -14,7 +14,7 @@ DATA = {"fairing"}
 ALLOWED: dict[str, set[str]] = {
     "fairing": {"fairing.util"},
     "fairing.util": {"fairing.errors"},
-    "fairing.kernels": set(),
+    "fairing.kernels": {"fairing.util"},
     "fairing.geometry": DATA,
     "fairing.cells": DATA | {"fairing.geometry", "fairing.kernels"},
     "fairing.solve": DATA | {"fairing.geometry", "fairing.cells", "fairing.kernels"},
@@ -23,7 +23,7 @@ ALLOWED: dict[str, set[str]] = {
     | {"fairing.util", "fairing.geometry", "fairing.cells", "fairing.kernels", "fairing.solve", "fairing.run"},
     "fairing.check": DATA | {"fairing.geometry", "fairing.cells"},
     "fairing.registration": DATA | {"fairing.geometry"},
-    "fairing.texture": DATA | {"fairing.geometry", "fairing.kernels"},
+    "fairing.texture": DATA | {"fairing.util", "fairing.geometry", "fairing.kernels"},
     "fairing.triangulation": DATA | {"fairing.util", "fairing.geometry", "fairing.cells", "fairing.solve"},
     "fairing.io": DATA
     | {
@@ -38,6 +38,7 @@ ALLOWED: dict[str, set[str]] = {
     "fairing.experiments": DATA | {"fairing.geometry", "fairing.solve", "fairing.run", "fairing.judge"},
     "fairing.api": {"fairing", "fairing.run"},
     "demo_scenes": DATA | {"fairing.util", "fairing.geometry"},
+    "demo_scenes.building": DATA | {"demo_scenes", "fairing.geometry", "fairing.triangulation"},
     "demo_scenes.range_data": DATA | {"demo_scenes", "fairing.geometry", "fairing.registration"},
     "app": DATA | {"fairing.geometry", "fairing.judge", "app.cli.main"},
     "app.debugger": {"app", "engine"},

@@ -68,7 +68,7 @@ def test_into_a_file_progress_is_plain_lines(scene, tmp_path, monkeypatch, capsy
 
 def test_the_report_adds_up(scene, tmp_path):
     out = tmp_path / "out"
-    fair(scene, out, "--locked-vertices", "2", "3")
+    fair(scene, out, "--locked-vertices", "2", "3", "--points", "none")
     report = json.loads((out / "report.json").read_text())
     trace = Trace.load(out / "run.trace")
     assert report["preset"] == "accurate"
@@ -216,6 +216,8 @@ def test_a_full_disk_is_one_line_and_leaves_nothing_half_written(scene, tmp_path
 
 MISTAKES = {
     "nosuch": (["fair", "nosuch", "--out", "{out}"], "expected a demo"),
+    "seed missing": (["fair", "building:", "--out", "{out}"], "expected an integer as the seed"),
+    "seed no integer": (["check", "building:x"], "expected an integer as the seed"),
     "mesh of a demo": (["fair", "cube", "--mesh", "{scene}/mesh.obj", "--out", "{out}"], "has its own mesh"),
     "missing mesh": (["fair", "{scene}", "--mesh", "no.ply", "--out", "{out}"], "no.ply"),
     "folder in use": (["fair", "{scene}", "--out", "{scene}"], "empty or new folder"),
@@ -224,7 +226,7 @@ MISTAKES = {
     "locked": (["fair", "{scene}", "--out", "{out}", "--locked-vertices", "99"], "expected numbers 0 to 7"),
     "no trace": (["replay", "{scene}"], "run.trace"),
     "not a trace": (["replay", "{scene}/mesh.obj"], "expected an EigenFairing trace"),
-    "check": (["check", "{scene}/images"], "expected"),
+    "check": (["check", "{scene}/images", "--points", "none"], "expected"),
     "endless": (["fair", "{scene}", "--out", "{out}", "--step.prior", "nan"], "finite"),
 }
 
@@ -285,7 +287,8 @@ def test_load_scene_and_the_command_agree_on_the_scene(scene):
 
 def test_demos_are_listed(capsys):
     assert run(["demos"]) == 0
-    assert [line.split()[0] for line in capsys.readouterr().out.splitlines()] == ["cube", "facade", "archway", "dome"]
+    names = [line.split()[0] for line in capsys.readouterr().out.splitlines()]
+    assert names == ["cube", "facade", "archway", "dome", "building:SEED"]
 
 
 def test_the_module_runs_as_a_command():
@@ -302,7 +305,7 @@ def test_the_module_runs_as_a_command():
 
 
 def test_ctrl_c_ends_the_debugger_cleanly_with_the_run_saved(scene, tmp_path):
-    command = [sys.executable, "-m", "app", "view", str(scene), "--no-browser", "--at", "end"]
+    command = [sys.executable, "-m", "app", "view", str(scene), "--no-browser", "--at", "end", "--points", "none"]
     process = subprocess.Popen(
         [*command, "--port", "0", "--save-to", str(tmp_path / "run.trace")],
         stdout=subprocess.PIPE,

@@ -40,7 +40,9 @@ from tests.commands import do
 from tests.small_scene import corner_scene, small_options
 
 OPTIONS = FairingOptions(
-    schedule=ScheduleOptions(blur=(3.6, 2.0), order="sequential", max_sweeps=(2,), max_iterations=(3,), start="first")
+    schedule=ScheduleOptions(
+        blur=(3.6, 2.0), order="sequential", max_sweeps=(2,), max_iterations=(3,), first_level="first"
+    )
 )
 
 
@@ -276,7 +278,7 @@ def test_pause_does_not_wait_for_a_long_step(controller: Controller, monkeypatch
     def endless(problem: Problem, *args):
         began.set()
         while True:
-            problem._raise_if_cancelled()
+            problem.raise_if_cancelled()
             time.sleep(0.001)
 
     monkeypatch.setattr(fairing.run.sweep_cache, "begin_sweep", endless)

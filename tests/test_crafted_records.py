@@ -159,7 +159,7 @@ def test_a_block_that_is_no_archive_is_refused(tmp_path: Path, load: Any, magic:
 def test_a_run_that_goes_on_at_a_block_its_sweep_does_not_have_is_refused(tmp_path: Path):
     path = write_trace(tmp_path / "run.trace", steps=[step(next_position=np.array([0, 0, 5, 0]))])
     session = Session(corner_scene(), trace=Trace.load(path))
-    with pytest.raises(InputError, match="goes on at block 6 of a sweep with"):
+    with pytest.raises(InputError, match="continues at block 6 of a sweep with"):
         session.step()
 
 

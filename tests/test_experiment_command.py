@@ -229,5 +229,5 @@ def test_a_scene_without_truth_is_one_line_and_is_not_even_opened(tmp_path, caps
     assert run(["experiment", "noise", str(tmp_path / "capture"), "--out", str(tmp_path / "out")]) == 1
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == 1
-    assert "expected a demo (cube, facade, archway, dome)" in lines[0]
+    assert "expected a demo (cube, facade, archway, dome, building:SEED)" in lines[0]
     assert not (tmp_path / "out").exists()

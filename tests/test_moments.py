@@ -25,7 +25,9 @@ from tests.commands import do
 from tests.small_scene import write_corner
 
 OPTIONS = FairingOptions(
-    schedule=ScheduleOptions(blur=(3.6, 2.0), order="sequential", max_sweeps=(2,), max_iterations=(3,), start="first")
+    schedule=ScheduleOptions(
+        blur=(3.6, 2.0), order="sequential", max_sweeps=(2,), max_iterations=(3,), first_level="first"
+    )
 )
 
 
@@ -92,9 +94,15 @@ def test_bookmarks_are_saved_beside_the_run_and_come_back_with_it(scene: Scene, 
 
 def test_a_damaged_file_of_bookmarks_is_said(tmp_path):
     path = tmp_path / "run.bookmarks.json"
-    for content in ("", "[]", '{"bookmarks": [{"at": 1}]}', '{"bookmarks": 3}'):
+    damaged = {
+        "": "line 1: expected JSON",
+        "[]": r"expected an object, found \[\]",
+        '{"bookmarks": [{"at": 1}]}': r"bookmarks\[0\]: expected moment",
+        '{"bookmarks": 3}': "bookmarks: expected a list, found 3",
+    }
+    for content, said in damaged.items():
         path.write_text(content)
-        with pytest.raises(InputError, match="expected a JSON list of bookmarks"):
+        with pytest.raises(InputError, match=said):
             read_bookmarks(path, 10)
     assert read_bookmarks(tmp_path / "none.json", 10).items == ()
 

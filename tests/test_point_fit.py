@@ -1,4 +1,4 @@
-"""A mesh drawn to sparse points, and what a run makes of them."""
+"""Fit of a mesh to sparse points, and runs with sparse points."""
 
 from dataclasses import replace
 
@@ -48,36 +48,36 @@ def test_points_are_halved_and_none_is_in_both_halves():
     assert len(fitting_points(corner_scene())) == len(kept_points(corner_scene())) == 0
 
 
-def test_a_vertex_off_its_corner_is_drawn_to_where_the_points_meet():
+def test_a_displaced_vertex_moves_to_the_corner_of_the_points():
     scene = with_points(on_the_faces())
-    found = fitted_to_points(problem_of(scene), scene.mesh.vertices, 12).places
-    # The pull to where it was keeps some of the error.
+    found = fitted_to_points(problem_of(scene), scene.mesh.vertices, 12).targets
+    # The regularization keeps some of the error.
     assert error_of(found) < 0.1 * error_of(scene.mesh.vertices)
 
 
-def test_points_that_belong_elsewhere_hardly_matter():
+def test_outliers_among_the_points_hardly_matter():
     points = on_the_faces()
     wrong = np.random.default_rng(2).random(len(points)) < 0.15
     points[wrong] += np.random.default_rng(3).uniform(-0.4, 0.4, (wrong.sum(), 3))
     scene = with_points(points)
-    found = fitted_to_points(problem_of(scene), scene.mesh.vertices, 12).places
+    found = fitted_to_points(problem_of(scene), scene.mesh.vertices, 12).targets
     assert error_of(found) < 0.2 * error_of(scene.mesh.vertices)
 
 
-def test_what_no_point_tells_of_and_what_is_locked_stays():
+def test_vertices_without_points_and_locked_vertices_stay():
     points = on_the_faces()
     # Only of the two faces in z = 1, well inside: vertices 4, 5 and 6 are corners of neither.
     points = points[(points[:, 2] > 0.999) & (points[:, :2].max(axis=1) < 0.8)]
     scene = with_points(points)
     found = fitted_to_points(problem_of(scene), scene.mesh.vertices, 4)
-    assert np.array_equal(found.places[[4, 5, 6]], scene.mesh.vertices[[4, 5, 6]])
-    assert not found.blocks[[4, 5, 6]].any()
-    assert not np.array_equal(found.places[0], scene.mesh.vertices[0])
+    assert np.array_equal(found.targets[[4, 5, 6]], scene.mesh.vertices[[4, 5, 6]])
+    assert not found.hessians[[4, 5, 6]].any()
+    assert not np.array_equal(found.targets[0], scene.mesh.vertices[0])
     locked = problem_of(scene, replace(small_options(), locked_vertices=(0,)))
-    assert np.array_equal(fitted_to_points(locked, scene.mesh.vertices, 4).places[0], scene.mesh.vertices[0])
+    assert np.array_equal(fitted_to_points(locked, scene.mesh.vertices, 4).targets[0], scene.mesh.vertices[0])
 
 
-def test_what_points_know_is_the_sum_of_their_normal_equations():
+def test_the_hessians_are_the_sum_of_the_normal_equations_of_the_points():
     points = on_the_faces(60)
     scene = with_points(points, (0, 0, 0))
     normals = face_normals(VERTICES, FACES)
@@ -93,13 +93,13 @@ def test_what_points_know_is_the_sum_of_their_normal_equations():
     average = np.diag(H)[np.diag(H) > 0].mean()
     found = fitted_to_points(problem_of(scene), VERTICES, 1)
     for v in range(7):
-        assert found.blocks[v] == pytest.approx(H[3 * v : 3 * v + 3, 3 * v : 3 * v + 3] / average, abs=1e-9)
+        assert found.hessians[v] == pytest.approx(H[3 * v : 3 * v + 3, 3 * v : 3 * v + 3] / average, abs=1e-9)
 
 
 def test_no_face_folds_however_the_points_lie():
     heap = np.random.default_rng(4).uniform(-0.5, 1.5, (400, 3))
     scene = with_points(heap)
-    found = fitted_to_points(problem_of(scene), scene.mesh.vertices, 12).places
+    found = fitted_to_points(problem_of(scene), scene.mesh.vertices, 12).targets
     start = face_normals(scene.mesh.vertices, FACES)
     assert ((start * face_normals(found, FACES)).sum(axis=1) > 0).all()
 
@@ -130,6 +130,7 @@ def test_a_run_with_points_is_not_continued_with_others():
             Session(other, trace=drawn.trace)
 
 
+@pytest.mark.slow
 def test_points_that_the_photos_contradict_are_not_used():
     wrong = on_the_faces() + np.array([0.08, -0.05, 0.06])
     with_wrong = Session(with_points(wrong, (0.01, 0, 0)), small_options(step=USED))
@@ -139,7 +140,8 @@ def test_points_that_the_photos_contradict_are_not_used():
     assert np.array_equal(with_wrong.vertices, without.vertices)
 
 
-def test_points_kept_to_judge_by_change_nothing():
+@pytest.mark.slow
+def test_points_kept_for_evaluation_change_nothing():
     scene = with_points(on_the_faces())
     assert scene.sparse_points is not None
     positions = scene.sparse_points.positions.copy()
@@ -165,39 +167,41 @@ def test_a_run_that_used_points_resumes_to_the_same_bytes(tmp_path):
     assert np.array_equal(resumed.vertices, whole.vertices)
 
 
-def test_a_noisy_start_is_smoothed_before_it_is_drawn_to_the_points():
+def test_a_noisy_start_is_smoothed_before_it_is_fitted_to_the_points():
     scene = with_points(on_the_faces(), START)
     session = Session(scene, small_options(step={**USED, "smoothing": [0.1, 0.03, 0.01]}))
-    reasons = [preparation.reason for preparation in session.start.preparations]
-    assert reasons == [StepReason.SMOOTHED, StepReason.FITTED_TO_POINTS]
+    plan = session.make_plan()
+    assert plan.is_smoothed
+    assert plan.is_fitted_to_points
+    reasons = [StepReason.SMOOTHED, StepReason.FITTED_TO_POINTS]
     for reason in reasons:
         record = session.step()
         assert record is not None
         assert (record.reasons == reason).all()
-    assert np.array_equal(session.trace.origin_at(2), session.start.preparations[-1].after)
+    assert np.array_equal(session.trace.origin_at(2), session.vertices)
 
 
 def test_a_mesh_far_from_all_points_stays():
     scene = with_points(on_the_faces() + 10.0)
     found = fitted_to_points(problem_of(scene), scene.mesh.vertices, 3)
-    assert np.array_equal(found.places, scene.mesh.vertices)
-    assert not found.blocks.any()
+    assert np.array_equal(found.targets, scene.mesh.vertices)
+    assert not found.hessians.any()
 
 
 def test_the_fit_is_free_of_units():
     points = on_the_faces() + 0.01 * np.random.default_rng(5).standard_normal((600, 3))
     scene = with_points(points)
-    expected = fitted_to_points(problem_of(scene), scene.mesh.vertices, 6).places
+    expected = fitted_to_points(problem_of(scene), scene.mesh.vertices, 6).targets
     mesh, far = Mesh(1000 * scene.mesh.vertices + 5e4, FACES), sparse_points(np.repeat(1000 * points + 5e4, 2, axis=0))
     large = replace(scene, mesh=mesh, sparse_points=far)
-    found = fitted_to_points(problem_of(large), mesh.vertices, 6).places
+    found = fitted_to_points(problem_of(large), mesh.vertices, 6).targets
     assert found == pytest.approx(1000 * expected + 5e4, abs=1e-5)
 
 
 def test_fewer_points_than_coordinates_are_not_used():
     few, enough = (Session(with_points(on_the_faces(count)), small_options(step=USED)) for count in (18, 24))
-    assert few.start.preparations == ()
-    assert [preparation.reason for preparation in enough.start.preparations] == [StepReason.FITTED_TO_POINTS]
+    assert not few.make_plan().is_fitted_to_points
+    assert enough.make_plan().is_fitted_to_points
 
 
 def test_energies_of_sweeps_leave_out_what_was_done_to_the_start():

@@ -18,7 +18,9 @@ from fairing.scene import Scene
 
 OPTIONS = FairingOptions(
     robust=RobustOptions(sigma_rule=("fixed",), sigma=3),
-    schedule=ScheduleOptions(blur=(3.6, 2.0), order="sequential", max_sweeps=(2,), max_iterations=(3,), start="first"),
+    schedule=ScheduleOptions(
+        blur=(3.6, 2.0), order="sequential", max_sweeps=(2,), max_iterations=(3,), first_level="first"
+    ),
 )
 
 

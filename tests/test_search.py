@@ -1,38 +1,24 @@
-"""Searches before Gauss-Newton: what they take is better for the photos that see it there, and it is right."""
+"""Local searches: a position found fits better by the photos that see it there, and it is the true one."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
 
 import fairing.run.search_step
 from fairing.cells.context import CellContext
-from fairing.options import FairingOptions
-from fairing.run.local_search import Found, search_directions
+from fairing.run.local_search import SearchResult, search_directions
+from fairing.run.phases import MAX_DISPLACEMENT
 from fairing.run.session import Session
-from fairing.run.start_estimate import REACH
 from fairing.scene import Scene
 from fairing.solve.energy import Evaluator
 from fairing.trace import StepReason, StepRecord, Trace
-from tests.small_scene import VERTICES, corner_scene, small_options
+from tests.search_scene import SHARP_AT_LAST, rough_scene, searching
+from tests.small_scene import VERTICES, corner_scene
 
 SEARCH_REASONS = {StepReason.FOUND_PLACE, StepReason.NO_BETTER_PLACE, StepReason.REJECTED_FOLD}
 FAR = (0.2, -0.15, 0.15)  # 17 px at 60 px an edge, where blurs of 1.2 and 0.6 px see no slope towards the truth
 OTHERS = (1, 2, 3, 4, 5, 6)
-SHARP_AT_LAST = {"cells": {"point_spread": ["as_seen", "common"], "interpolation": ["bilinear", "cubic"]}}
-
-
-def searching(start_error: float, **changes) -> FairingOptions:
-    """Two fine levels, each searched first."""
-    schedule = {"blur": [1.2, 0.6], "search": [1.0, 0.5], "start_error": start_error, "start": "first"}
-    return small_options(schedule=schedule | changes.pop("schedule", {}), **changes)
-
-
-def rough_scene() -> Scene:
-    """Every vertex about 4 px off its place, corner A 10 px."""
-    scene = corner_scene((0.11, -0.09, 0.09))
-    noise = 0.05 * np.random.default_rng(2).standard_normal((7, 3)) * (np.arange(7) > 0)[:, None]
-    return replace(scene, mesh=scene.mesh.moved(scene.mesh.vertices + noise))
 
 
 def is_search(record: StepRecord) -> bool:
@@ -47,10 +33,10 @@ def pixels_moved(scene: Scene, place: np.ndarray, offset: np.ndarray) -> float:
 
 @dataclass
 class Call:
-    """One search of a unit: what it was given, what it found."""
+    """One search of a block: its arguments and its result."""
 
     args: tuple
-    found: Found
+    found: SearchResult
 
 
 @pytest.fixture
@@ -95,29 +81,32 @@ def slow_score(vertex: int, places: np.ndarray, context: CellContext, energy: np
 
 
 @pytest.mark.parametrize("changes", [{}, SHARP_AT_LAST])
-def test_a_place_taken_is_better_for_the_photos_that_see_it_there(calls, changes):
+def test_a_position_found_fits_better_by_the_photos_that_see_it_there(calls, changes):
     scene = rough_scene()
     session = Session(scene, searching(10.0, **changes))
     session.run()
     taken = 0
     for call in calls:
-        unit, vertices, _, _, _, mean, scale, _, options, evaluator, stages, _ = call.args
+        problem, block, vertices, _, stages, scale, mean = call.args
         after = vertices.copy()
-        after[unit.vertices] = call.found.after
+        after[block.vertices] = call.found.after
         scores = []
         for places in (vertices, after):
             context = stages[-1].context_at(places, np.ones(len(scene.mesh.faces), dtype=bool))
-            energy = evaluator.measure(context, places, np.arange(len(scene.mesh.faces)), scale).energy
-            scores.append([slow_score(v, places, context, energy, scene, mean) for v in unit.vertices])
+            energy = problem.evaluator.measure(context, places, np.arange(len(scene.mesh.faces)), scale).energy
+            scores.append([slow_score(v, places, context, energy, scene, mean) for v in block.vertices])
         before, now = np.array(scores)
-        moved = (call.found.after != vertices[unit.vertices]).any(axis=1)
+        moved = (call.found.after != vertices[block.vertices]).any(axis=1)
         assert call.found.score_before == pytest.approx(before, rel=1e-6)
-        assert (now[moved] < before[moved] * (1 - options.schedule.search_gain) * (1 + 1e-6)).all(), (before, now)
+        assert (now[moved] < before[moved] * (1 - problem.options.schedule.search_gain) * (1 + 1e-6)).all(), (
+            before,
+            now,
+        )
         taken += int(moved.sum())
     assert taken >= 3
 
 
-def test_steps_of_a_search_say_so_and_others_do_not():
+def test_only_steps_of_a_search_have_its_reasons():
     session = Session(rough_scene(), searching(10.0))
     session.run()
     searches = [record for record in session.trace.steps if is_search(record)]
@@ -140,7 +129,7 @@ def test_steps_of_a_search_say_so_and_others_do_not():
             assert not np.isin(record.reasons, [StepReason.FOUND_PLACE, StepReason.NO_BETTER_PLACE]).any()
 
 
-def test_a_search_brings_back_what_lies_beyond_gauss_newton_s_reach():
+def test_a_search_finds_what_is_outside_the_basin_of_gauss_newton():
     scene = corner_scene(FAR)
     with_search, without = (Session(scene, searching(error, locked_vertices=OTHERS)) for error in (20.0, 0.0))
     with_search.run()
@@ -150,7 +139,7 @@ def test_a_search_brings_back_what_lies_beyond_gauss_newton_s_reach():
     assert errors[1] > 0.05, f"without a search: {100 * errors[1]:.3f} % of the edge"
 
 
-def test_sharp_cells_search_only_vertices_that_fit_worse_than_half_of_them():
+def test_a_sharp_search_moves_only_vertices_above_the_median_loss():
     session = Session(rough_scene(), searching(10.0, **SHARP_AT_LAST))
     session.run()
     searched = {v for record in session.trace.steps if record.position[:2] == (1, 0) for v in record.vertices.tolist()}
@@ -172,34 +161,34 @@ def test_sharp_cells_search_only_vertices_that_fit_worse_than_half_of_them():
     assert 0 < len(searched) < len(vertices)
 
 
-def test_no_search_where_the_start_is_said_to_be_right():
+def test_a_start_error_of_zero_disables_the_search():
     session = Session(rough_scene(), searching(0.0))
     session.run()
     assert not any(set(record.reasons.tolist()) & {8, 9} for record in session.trace.steps)
 
 
-def test_an_error_that_is_said_binds_nobody_where_nothing_is_searched():
+def test_a_start_error_has_no_effect_without_a_search():
     sessions = [Session(rough_scene(), searching(error, schedule={"search": [0.0]})) for error in (4.0, 0.0)]
     for session in sessions:
         session.run()
     assert np.array_equal(sessions[0].vertices, sessions[1].vertices)
 
 
-def test_the_estimated_error_of_the_truth_is_none():
-    assert Session(corner_scene((0, 0, 0)), searching(-1.0)).start.error == 0
+def test_the_estimated_error_of_the_truth_is_zero():
+    assert Session(corner_scene((0, 0, 0)), searching(-1.0)).make_plan().start_error == 0
 
 
 @pytest.mark.parametrize("displacement", [(0.06, -0.04, 0.05), (0.12, -0.1, 0.1)])
 def test_the_estimated_error_is_the_distance_in_the_photos(displacement):
     scene = corner_scene(displacement)
-    estimate = Session(scene, searching(-1.0, locked_vertices=OTHERS)).start.error
+    estimate = Session(scene, searching(-1.0, locked_vertices=OTHERS)).make_plan().start_error
     distance = pixels_moved(scene, VERTICES[0], np.array(displacement))
     assert estimate == pytest.approx(distance, rel=0.15)
 
 
 def test_a_start_near_its_truth_gets_few_sweeps_at_fine_levels():
     schedule = {
-        "blur": [1.2, 1.2, 0.6], "search": [1.0, 0.8, 0.5], "start": "auto", "max_sweeps": [4], "sweep_tolerance": 0.0,
+        "blur": [1.2, 1.2, 0.6], "search": [1.0, 0.8, 0.5], "first_level": "auto", "max_sweeps": [4], "sweep_tolerance": 0.0,
         "max_iterations": [1], "sweeps_near_truth": [1, 1, 2],
     }  # fmt: skip
 
@@ -209,28 +198,29 @@ def test_a_start_near_its_truth_gets_few_sweeps_at_fine_levels():
         return sorted({record.position[:2] for record in session.trace.steps if len(record.vertices)})
 
     assert sweeps(-1.0) == [(1, 0), (2, 0), (2, 1)]
-    # Where the options say that nothing is to be tried, nothing is found out either.
+    # With a given start error nothing is estimated.
     assert sweeps(0.0) == [(level, sweep) for level in range(3) for sweep in range(4)]
 
 
-def test_no_vertex_ends_beyond_the_reach_of_the_searches():
-    """The corner's place is 17 px away, the searches reach 6."""
+def test_no_vertex_ends_beyond_the_largest_displacement():
+    """The true position of the corner is 17 px away; a displacement of 6 px is allowed."""
     scene = corner_scene(FAR)
     session = Session(scene, searching(4.0, locked_vertices=OTHERS))
     session.run()
     # A displacement in space is bounded as if it were seen where it looks longest; perspective adds some per cent.
     for moment in range(len(session.trace) + 1):
         offset = session.trace.vertices_at(moment)[0] - session.trace.start[0]
-        assert pixels_moved(scene, session.trace.start[0], offset) < 1.1 * REACH * 4.0
+        assert pixels_moved(scene, session.trace.start[0], offset) < 1.1 * MAX_DISPLACEMENT * 4.0
 
 
+@pytest.mark.slow
 def test_a_run_resumed_within_a_search_writes_the_same_bytes(tmp_path):
     options = searching(10.0, schedule={"max_sweeps": [1], "max_iterations": [2]})
     whole = Session(rough_scene(), options)
     whole.trace.attach(tmp_path / "whole.trace")
     whole.run()
     whole.trace.detach()
-    within = [m for m, record in enumerate(whole.trace.steps, 1) if is_search(record) and record.next_position.unit]
+    within = [m for m, record in enumerate(whole.trace.steps, 1) if is_search(record) and record.next_position.block]
     assert len(within) >= 2
     for stop in (within[0], within[-1]):
         session = Session(rough_scene(), options)
@@ -246,12 +236,14 @@ def test_a_run_resumed_within_a_search_writes_the_same_bytes(tmp_path):
         assert (tmp_path / "run.trace").read_bytes() == (tmp_path / "whole.trace").read_bytes()
 
 
+@pytest.mark.slow
 def test_the_number_of_threads_does_not_change_what_a_search_finds():
     schedule = {"max_sweeps": [1], "max_iterations": [1]}
     sessions = [Session(rough_scene(), searching(-1.0, threads=n, schedule=schedule, **SHARP_AT_LAST)) for n in (1, 2)]
     for session in sessions:
         session.run()
-    assert sessions[0].start.error == sessions[1].start.error > 0
+    assert sessions[0].plan == sessions[1].plan
+    assert sessions[0].make_plan().start_error > 0
     assert np.array_equal(sessions[0].vertices, sessions[1].vertices)
 
 

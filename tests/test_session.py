@@ -1,4 +1,4 @@
-"""Runs: monotone, reversible, resumable, and free of units, orders and thread counts."""
+"""Runs: monotone, reversible, resumable, and independent of units, orders and thread counts."""
 
 from dataclasses import replace
 
@@ -44,6 +44,7 @@ def test_the_corner_moves_to_its_place():
     assert session.progress == 1
 
 
+@pytest.mark.slow
 def test_the_paper_s_preset_moves_the_corner_closer():
     session = finished(
         small_options("paper", locked_vertices=(1, 2, 3, 4, 5, 6), schedule={"max_sweeps": [3], "max_iterations": [10]})
@@ -196,12 +197,13 @@ def test_a_branch_goes_on_with_other_options():
     assert session.trace.header["options"] == options_to_dict(quick())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("before", "after"),
     [("joint", "sequential"), ("sequential", "joint"), ("worst_first", "independent"), ("independent", "independent")],
 )
 def test_a_branch_goes_on_under_another_order(before, after, tmp_path):
-    """From anywhere: where the new order has no such unit, the sweep begins anew. A resumed branch does the same."""
+    """From any moment: under another order the sweep begins anew. A resumed branch does the same."""
     session = Session(corner_scene(), quick(before))
     for _ in range(20):
         session.step()
@@ -222,7 +224,7 @@ def test_a_branch_goes_on_under_another_order(before, after, tmp_path):
     assert bytes_of(resumed.trace, tmp_path) == bytes_of(branch.trace, tmp_path)
 
 
-def test_a_branch_with_fewer_levels_or_other_locks_does_not_stumble():
+def test_a_branch_with_fewer_levels_or_other_locks_runs_to_its_end():
     session = finished(quick("independent"))
     for moment in range(1, len(session.trace) + 1, 3):
         session.go_to(moment)
@@ -236,7 +238,7 @@ def test_a_branch_with_fewer_levels_or_other_locks_does_not_stumble():
         assert coarse.finished
 
 
-def test_stepping_back_and_forth_keeps_what_holds_for_a_sweep():
+def test_stepping_back_and_forth_uses_the_cached_sweeps():
     session = finished(quick("independent"))
     moments = [m for m in range(1, len(session.trace)) if session.trace.steps[m].position[2:] == (0, 0)][-2:]
     states = [session.sweep_state(moment) for moment in moments]
@@ -245,7 +247,7 @@ def test_stepping_back_and_forth_keeps_what_holds_for_a_sweep():
         assert session.sweep_state(moment) is state
 
 
-def test_units_sweeps_and_levels_end_where_their_names_say():
+def test_blocks_sweeps_and_levels_end_where_their_names_say():
     session = Session(corner_scene(), quick("sequential"))
     session.step_block()
     assert session.position[:3] == (0, 0, 1)
@@ -325,7 +327,7 @@ def test_a_vertex_at_rest_rests_until_its_sweep_ends():
     assert seen > 0
 
 
-def test_the_record_holds_what_a_debugger_wants():
+def test_a_record_holds_eigenvalues_energies_and_reasons():
     session = finished(quick())
     record = session.trace.steps[0]
     assert record.eigenvalues.shape == (7, 3)

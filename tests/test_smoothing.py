@@ -1,4 +1,4 @@
-"""Smoothing by geometry alone, and what the engine makes of a noisy start."""
+"""Smoothing by geometry alone, and runs from a noisy start."""
 
 import numpy as np
 import pytest
@@ -61,7 +61,7 @@ def noisy_session(**changes) -> Session:
 
 def test_a_noisy_start_is_smoothed_first_and_the_photos_agree():
     session = noisy_session()
-    assert session.start.is_noisy
+    assert session.make_plan().is_smoothed
     record = session.step()
     assert record is not None
     assert (record.reasons == StepReason.SMOOTHED).all()
@@ -75,7 +75,7 @@ def test_a_noisy_start_is_smoothed_first_and_the_photos_agree():
 
 def test_a_start_at_its_place_is_not_smoothed():
     session = Session(corner_scene((0, 0, 0)), small_options(step=SMOOTHING))
-    assert not session.start.is_noisy
+    assert not session.make_plan().is_smoothed
     record = session.step()
     assert record is not None
     assert not (record.reasons == StepReason.SMOOTHED).any()

@@ -17,7 +17,9 @@ from fairing.options import FairingOptions, ScheduleOptions
 from fairing.run.session import Session
 
 OPTIONS = FairingOptions(
-    schedule=ScheduleOptions(blur=(3.6, 2.0), order="sequential", max_sweeps=(2,), max_iterations=(3,), start="first")
+    schedule=ScheduleOptions(
+        blur=(3.6, 2.0), order="sequential", max_sweeps=(2,), max_iterations=(3,), first_level="first"
+    )
 )
 
 

@@ -41,7 +41,7 @@ def capture(tmp_path_factory):
 
 def test_points_become_a_mesh_with_a_record_and_a_report(capture, tmp_path, capsys):
     out = tmp_path / "start.ply"
-    assert run(["triangulate", str(capture), "--out", str(out)]) == 0
+    assert run(["triangulate", str(capture), "--out", str(out), "--points", "given"]) == 0
     vertices, faces = read_mesh(out)
     trace = FlipTrace.load(tmp_path / "start.flips")
     report = json.loads((tmp_path / "start.report.json").read_text())
@@ -81,18 +81,19 @@ def test_an_output_that_cannot_be_is_one_line(capture, tmp_path, capsys, out, wo
     assert said.count("\n") == 1
 
 
-def test_a_capture_without_points_is_one_line(tmp_path, capsys):
+def test_without_points_one_line_gives_the_reason(tmp_path, capsys):
     vertices, views = terrain()
     prepare_output_folder(tmp_path / "bare")
     write_capture(tmp_path / "bare", "colmap", views, None, None)
-    assert run(["triangulate", str(tmp_path / "bare"), "--out", str(tmp_path / "m.ply")]) == 1
+    bare, given = str(tmp_path / "bare"), ["--points", "given"]
+    assert run(["triangulate", bare, "--out", str(tmp_path / "m.ply"), *given]) == 1
     assert "expected sparse points to triangulate, found none" in capsys.readouterr().err
-    assert run(["fair", str(tmp_path / "bare"), "--out", str(tmp_path / "run")]) == 1
+    assert run(["fair", bare, "--out", str(tmp_path / "run"), *given]) == 1
     assert "expected a mesh" in capsys.readouterr().err
     two = seen_points(vertices[:2], views=views)
     prepare_output_folder(tmp_path / "two")
     write_capture(tmp_path / "two", "colmap", views, two, None)
-    assert run(["triangulate", str(tmp_path / "two"), "--out", str(tmp_path / "m.ply")]) == 1
+    assert run(["triangulate", str(tmp_path / "two"), "--out", str(tmp_path / "m.ply"), *given]) == 1
     assert "at least 3 sparse points, found 2" in capsys.readouterr().err
     assert not (tmp_path / "m.ply").exists()
 

@@ -9,6 +9,7 @@ import tyro
 
 from fairing.io import PhotoChoice
 from fairing.io.photo_choice import SceneFormat
+from fairing.io.points_choice import PointsChoice
 from fairing.options import PRESETS, FairingOptions
 
 
@@ -46,6 +47,14 @@ MeshArgument = Annotated[
         metavar="PATH",
         help="The mesh. Default: the mesh that the scene names, or the only one in its folder, or a triangulation of its "
         "sparse points.",
+    ),
+]
+PointsArgument = Annotated[
+    PointsChoice,
+    tyro.conf.arg(
+        help="Sparse points: those given with the capture, its own (found in its photos), both, or none. Automatic: the "
+        "given ones if they are enough (3 for each vertex of the mesh; without a mesh 500), otherwise its own; for a demo "
+        "the given ones.",
     ),
 ]
 RunArgument = Annotated[
@@ -102,3 +111,15 @@ def chosen_preset(arguments: Sequence[str]) -> FairingOptions:
         elif argument.startswith("--preset="):
             chosen = argument.partition("=")[2]
     return PRESETS.get(chosen, PRESETS["accurate"])
+
+
+FORMER_FLAGS = {"--schedule.start": "--schedule.first-level"}
+
+
+def with_current_flags(arguments: Sequence[str]) -> list[str]:
+    """The arguments with former names of flags replaced by the current ones."""
+    current = []
+    for argument in arguments:
+        name, separator, value = argument.partition("=")
+        current.append(FORMER_FLAGS.get(name, name) + separator + value)
+    return current

@@ -8,7 +8,7 @@ from PIL import Image
 from rich.console import Console
 from rich.table import Table
 
-from app.cli.arguments import ALL_PHOTOS, MeshArgument, PhotosArgument, SceneArgument
+from app.cli.arguments import ALL_PHOTOS, MeshArgument, PhotosArgument, PointsArgument, SceneArgument
 from app.cli.lines import print_line
 from app.cli.loading import load_with_progress
 from app.files.check_page import VERDICTS, check_page
@@ -25,14 +25,18 @@ PAGE, DATA, SHEET = "check.html", "check.json", "contact-sheet.png"
 
 
 def check(
-    scene: SceneArgument, mesh: MeshArgument = None, out: Path | None = None, photos: PhotosArgument = ALL_PHOTOS
+    scene: SceneArgument,
+    mesh: MeshArgument = None,
+    out: Path | None = None,
+    points: PointsArgument = "automatic",
+    photos: PhotosArgument = ALL_PHOTOS,
 ) -> int:
     """Check whether a scene can be refined: cameras, coverage, sizes, and what to do.
 
     Args:
         out: Folder for check.html, check.json and the mesh drawn over every photo.
     """
-    return check_to_console(SceneSource.typed(scene, mesh, photos), out, Console())
+    return check_to_console(SceneSource.typed(scene, mesh, photos, points), out, Console())
 
 
 def check_to_console(source: SceneSource, out: Path | None, console: Console) -> int:

@@ -8,7 +8,7 @@ from app.cli.arguments import ALL_CONVERTED_PHOTOS, ConvertedPhotosArgument, Mes
 from app.cli.lines import print_line
 from app.cli.loading import load_with_progress
 from app.files.scene_source import SceneSource
-from demo_scenes import DEMOS
+from demo_scenes import is_demo
 from fairing.errors import InputError
 from fairing.io import prepare_output_folder, read_mesh
 from fairing.io.convert import Format, write_capture
@@ -37,7 +37,7 @@ def convert_to_folder(source: SceneSource, out: Path, format: Format, console: C
     Returns:
         Exit code.
     """
-    if source.scene in DEMOS:
+    if is_demo(source.scene):
         scene = load_with_progress(source, console)
         views, sparse, warnings = scene.views, scene.sparse_points, scene.warnings
         mesh = scene.unweld(scene.mesh.vertices), scene.original_faces

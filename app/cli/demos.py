@@ -6,7 +6,7 @@ from rich.console import Console
 
 from app.cli.demo_scan import write_demo_scan
 from app.cli.lines import print_line
-from demo_scenes import DEMOS
+from demo_scenes import BUILDING, DEMOS
 
 
 def demos(scan: Path | None = None) -> int:
@@ -18,6 +18,6 @@ def demos(scan: Path | None = None) -> int:
     console = Console()
     if scan is not None:
         return write_demo_scan(scan, console)
-    for demo in DEMOS.values():
-        print_line(console, f"{demo.name:10}{demo.description}")
+    for demo in [*DEMOS.values(), BUILDING]:
+        print_line(console, f"{demo.name:15}{demo.description}")
     return 0

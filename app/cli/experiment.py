@@ -17,7 +17,7 @@ from app.cli.loading import load_with_progress
 from app.experiments.record import Record
 from app.experiments.workers import measure_all
 from app.files.scene_source import SceneSource
-from demo_scenes import DEMOS
+from demo_scenes import DEMO_NAMES, is_demo
 from fairing.errors import InputError
 from fairing.experiments import EXPERIMENTS, Experiment, Row, Setting
 from fairing.experiments.experiment import open_cases
@@ -66,9 +66,9 @@ def _command(kind: type[Experiment], default: FairingOptions) -> Callable[..., i
         preset: Options of every run, except those that the experiment varies; further flags change single ones.
         resume: Continue an interrupted experiment in `out`.
         """
-        if scene not in DEMOS:
+        if not is_demo(scene):
             raise InputError(
-                f"{scene}: expected a demo ({', '.join(DEMOS)}), found another scene; experiments measure errors against "
+                f"{scene}: expected a demo ({DEMO_NAMES}), found another scene; experiments measure errors against "
                 "the truth, which is known for demos only"
             )
         source = SceneSource.typed(scene, None)

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import tyro
 from rich.console import Console
 
-from app.cli.arguments import ALL_PHOTOS, MeshArgument, PhotosArgument, Preset, SceneArgument
+from app.cli.arguments import ALL_PHOTOS, MeshArgument, PhotosArgument, PointsArgument, Preset, SceneArgument
 from app.cli.interrupt import Interrupt
 from app.cli.lines import print_line
 from app.cli.loading import load_with_progress
@@ -18,7 +18,7 @@ from app.cli.run_extras import RunExtras, predict_left_out, write_models
 from app.cli.run_progress import RunProgress
 from app.files.json_file import write_json
 from app.files.run_files import MESH, REPORT, TRACE
-from app.files.scene_source import SceneSource
+from app.files.scene_source import SceneSource, write_points_of_run
 from fairing.check.memory import memory_warning
 from fairing.errors import Cancelled, InputError
 from fairing.io import prepare_output_folder, write_mesh
@@ -43,6 +43,7 @@ def fair_command(default: FairingOptions) -> Callable[..., int]:
         preset: Preset = "accurate",
         resume: bool = False,
         extras: Annotated[RunExtras, tyro.conf.arg(name="")] = NO_EXTRAS,
+        points: PointsArgument = "automatic",
         photos: PhotosArgument = ALL_PHOTOS,
         options: Annotated[FairingOptions, tyro.conf.arg(name="")] = default,
     ) -> int:
@@ -53,8 +54,8 @@ def fair_command(default: FairingOptions) -> Callable[..., int]:
             preset: Options to start from; further flags change single ones.
             resume: Continue the run in `out`, which was recorded on the same scene with the same options.
         """
-        console = Console(stderr=True)
-        return fair_to_folder(SceneSource.typed(scene, mesh, photos), out, preset, options, resume, extras, console)
+        source = SceneSource.typed(scene, mesh, photos, points)
+        return fair_to_folder(source, out, preset, options, resume, extras, Console(stderr=True))
 
     return fair
 
@@ -76,8 +77,11 @@ def fair_to_folder(
     check_options(options)
     beside = extras.other_mesh()
     began = time.perf_counter()
+    trace = _earlier_run(out / TRACE, options) if resume else None
     if resume and source.mesh is None and (out / START_MESH).exists():
         source = replace(source, mesh=str((out / START_MESH).resolve()))
+    if trace is not None:
+        source = source.resumed(trace.header, out / TRACE)
     scene = load_with_progress(source, console)
     low_memory = memory_warning(scene, options)
     if low_memory and low_memory.is_too_much:
@@ -88,11 +92,11 @@ def fair_to_folder(
         source = replace(source, mesh=str((out / START_MESH).resolve()))
     elif not resume:
         (out / START_MESH).unlink(missing_ok=True)  # of an earlier run
-    trace = _earlier_run(out / TRACE, options) if resume else None
     if low_memory:
         print_line(console, f"note: {low_memory.line}")
     session = Session(scene, options, trace)
-    source.note_in(session.trace.header)
+    source.resolved(scene.sparse_points).note_in(session.trace.header)
+    write_points_of_run(scene.sparse_points, out / TRACE)
     session.trace.attach(out / TRACE)
     loading = time.perf_counter() - began
     interrupt = Interrupt()

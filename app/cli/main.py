@@ -23,16 +23,18 @@ from app.cli.arguments import (
     PageAddress,
     PageArgument,
     PhotosArgument,
+    PointsArgument,
     Preset,
     RecordedMeshArgument,
     RecordedSceneArgument,
     SceneArgument,
+    with_current_flags,
 )
-from app.cli.loading import load_with_bar, load_with_progress
+from app.cli.loading import ShowLine, load_with_bar
 from app.debugger.moment_id import START, find_moment, parse_moment_id
 from app.files.recorded_run import find_run
 from app.files.run_files import FLIPS
-from app.files.scene_source import SceneSource
+from app.files.scene_source import SceneSource, write_points_of_run
 from fairing.errors import InputError
 from fairing.io import PhotoChoice
 from fairing.options import PRESETS, options_from_dict
@@ -55,6 +57,7 @@ def view(
     save_to: Path | None = None,
     at: str = "start",
     lesson: str | None = None,
+    points: PointsArgument = "automatic",
     photos: PhotosArgument = ALL_PHOTOS,
 ) -> int:
     """Open the debugger on a scene, paused.
@@ -66,7 +69,7 @@ def view(
         lesson: Open this lesson, on the scene that it uses. The page lists all lessons.
     """
     console = Console(stderr=True)
-    source = SceneSource.typed(scene, mesh, photos)
+    source = SceneSource.typed(scene, mesh, photos, points)
     wanted = parse_moment_id(at, PRESETS[preset].n_levels)
     load = source.load
     if lesson is not None:
@@ -74,21 +77,23 @@ def view(
 
         load = scene_of_lesson(lesson, source)
 
-    def open_session() -> "Session":
+    def open_session(show: ShowLine) -> "Session":
         from fairing.run.session import Session
 
-        session = Session(load_with_bar(source.scene, load, console), PRESETS[preset])
+        session = Session(load_with_bar(source.scene, load, console, show), PRESETS[preset])
         if lesson is None or session.scene.name == source.scene:  # a lesson's own scene has no name to find it by
-            source.note_in(session.trace.header)
+            source.resolved(session.scene.sparse_points).note_in(session.trace.header)
+        if save_to is not None:
+            write_points_of_run(session.scene.sparse_points, save_to)
         return session
 
     if at.strip() == START:
         return _serve(open_session, page, save_to=save_to, lesson=lesson)
     from app.cli.run_progress import run_to
 
-    session = open_session()
+    session = open_session(lambda line: None)
     run_to(session, wanted, console)
-    return _serve(lambda: session, page, save_to=save_to, page_first=False, lesson=lesson)
+    return _serve(lambda show: session, page, save_to=save_to, page_first=False, lesson=lesson)
 
 
 def replay(
@@ -116,10 +121,10 @@ def replay(
     trace, source, path = find_run(run, scene, mesh, photos)
     wanted = parse_moment_id(at, options_from_dict(trace.header["options"]).n_levels)
 
-    def open_session() -> "Session":
+    def open_session(show: ShowLine) -> "Session":
         from fairing.run.session import Session
 
-        session = Session(load_with_progress(source, Console(stderr=True)), trace=trace)
+        session = Session(load_with_bar(source.scene, source.load, Console(stderr=True), show), trace=trace)
         session.go_to(find_moment(trace, wanted))
         return session
 
@@ -138,10 +143,10 @@ def _replay_flips(run: Path, scene: str | None, page: PageAddress, photos: Photo
     return 0
 
 
-def _serve(open_session: Callable[[], "Session"], page: PageAddress, **how: Any) -> int:
+def _serve(open_session: Callable[[ShowLine], "Session"], page: PageAddress, **how: Any) -> int:
     from app.cli.serve import serve
 
-    serve(open_session, page, **how)
+    serve(open_session, address=page, **how)
     return 0
 
 
@@ -153,6 +158,7 @@ def run(arguments: Sequence[str]) -> int:
     """
     if not arguments or (arguments[0].startswith("-") and arguments[0] not in ("-h", "--help")):
         arguments = ["view", "cube", *arguments]
+    arguments = with_current_flags(arguments)
     commands: dict[str, Callable[..., int]] = {"view": view, "replay": replay}
     prog, description = "eigenfairing", DESCRIPTION
     if arguments[0] == "experiment" and len(arguments) > 1:

@@ -11,9 +11,10 @@ from app.cli.interrupt import Interrupt
 from app.cli.lines import print_line
 from app.cli.loading import load_with_progress
 from app.files.scene_source import SceneSource
-from demo_scenes import DEMOS
+from demo_scenes import is_demo
 from fairing.errors import Cancelled, InputError
 from fairing.features import FeaturePoints
+from fairing.features.find import progress_line
 from fairing.io import prepare_output_folder, read_capture
 from fairing.io.colmap_write import check_cameras
 from fairing.io.convert import write_capture
@@ -42,7 +43,7 @@ def points_to_folder(source: SceneSource, out: Path, console: Console) -> int:
     Raises:
         InputError: whatever is wrong with the input, or there are no points.
     """
-    if source.scene in DEMOS:
+    if is_demo(source.scene):
         loaded = load_with_progress(source, console)
         views, warnings = loaded.views, loaded.warnings
     else:
@@ -78,13 +79,13 @@ def _find(views: tuple[View, ...], path: Path, console: Console) -> FeaturePoint
     """The points, with a progress bar; Ctrl-C cancels."""
     interrupt = Interrupt()
     bar = Progress(
-        TextColumn("finding points"), BarColumn(), TextColumn("{task.percentage:3.0f} %"), TextColumn("left"),
+        TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:3.0f} %"), TextColumn("left"),
         TimeRemainingColumn(), console=console, transient=True, disable=not console.is_terminal,
     )  # fmt: skip
     with interrupt.listening(), bar:
-        task = bar.add_task("", total=None)
-        return find_points_once(
-            views, path,
-            on_progress=lambda done, count: bar.update(task, completed=done, total=count),
-            cancel_requested=lambda: interrupt.requested,
-        )  # fmt: skip
+        task = bar.add_task("finding points", total=None)
+
+        def show(done: int, count: int) -> None:
+            bar.update(task, completed=done, total=count, description=progress_line(done, len(views)))
+
+        return find_points_once(views, path, on_progress=show, cancel_requested=lambda: interrupt.requested)

@@ -73,6 +73,7 @@ class RunProgress:
 def run_to(session: Session, wanted: SchedulePosition, console: Console) -> None:
     """Run up to a position of the schedule, or to the first moment after it where the run does not stop there."""
     with RunProgress(console, session) as progress:
+        session.make_plan()  # the position at the start depends on it
         while not session.finished and session.position < wanted:
             record = session.step()
             if record is not None:

@@ -13,7 +13,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from app.cli.arguments import PageAddress
-from app.viser_bridge.server import ViewerServer, start_viewer
+from app.cli.loading import ShowLine
+from app.viser_bridge.server import ViewerServer, show_opening, start_viewer
 from fairing.errors import InputError
 
 if TYPE_CHECKING:
@@ -23,7 +24,7 @@ WAIT_SECONDS = 0.5  # a Ctrl-C that arrives just before a wait begins does not e
 
 
 def serve(
-    open_session: Callable[[], "Session"],
+    open_session: Callable[[ShowLine], "Session"],
     address: PageAddress,
     *,
     save_to: Path | None = None,
@@ -34,7 +35,7 @@ def serve(
     """Open the debugger, paused, and return after Ctrl-C.
 
     Args:
-        open_session: returns the run.
+        open_session: returns the run; receives a callback for lines of progress, which the page shows.
         address: where the page is.
         save_to: file that the trace is written to.
         recorded_in: file that the trace was read from; its bookmarks lie beside it.
@@ -50,7 +51,8 @@ def serve(
     def open_app(server: ViewerServer) -> Callable[[], None]:
         from app.page.server import App
 
-        return App(server, open_session(), save_to, recorded_in, lesson).stop
+        session = open_session(lambda line: show_opening(server, line))
+        return App(server, session, save_to, recorded_in, lesson).stop
 
     serve_app(open_app, address, page_first=page_first)
 

@@ -8,16 +8,15 @@ import tyro
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-from app.cli.arguments import ALL_PHOTOS, PhotosArgument, SceneArgument
+from app.cli.arguments import ALL_PHOTOS, PhotosArgument, PointsArgument, SceneArgument
 from app.cli.interrupt import Interrupt
 from app.cli.lines import print_line
-from app.cli.loading import load_with_progress
+from app.cli.loading import load_with_bar
 from app.files.json_file import write_json
-from app.files.run_files import FLIPS
-from app.files.scene_source import SceneSource
-from demo_scenes import DEMOS
+from app.files.run_files import FLIPS, POINTS
+from app.files.scene_source import SceneSource, write_points_of_run
 from fairing.errors import InputError
-from fairing.io import read_capture, read_mesh, write_mesh
+from fairing.io import read_mesh, write_mesh
 from fairing.io.capture import naming
 from fairing.mesh import Mesh
 from fairing.scene import SparsePoints, View
@@ -33,6 +32,7 @@ def triangulate_command(
     mesh: Annotated[Path | None, tyro.conf.arg(help="Flip the edges of this mesh instead.")] = None,
     max_vertices: int | None = None,
     spacing: float = DEFAULTS.spacing,
+    points: PointsArgument = "automatic",
     photos: PhotosArgument = ALL_PHOTOS,
 ) -> int:
     """Make a start mesh from sparse points: Delaunay triangulation, then edge flips where the photos agree better.
@@ -43,7 +43,9 @@ def triangulate_command(
         spacing: Smallest distance of two vertices in the central photo, pixels.
     """
     options = TriangulationOptions(max_vertices=max_vertices, spacing=spacing)
-    return triangulate_to_file(SceneSource.typed(scene, mesh, photos), out, options, Console(stderr=True))
+    if mesh is not None and points == "automatic":
+        points = "given"  # the edges of a given mesh are flipped without points
+    return triangulate_to_file(SceneSource.typed(scene, mesh, photos, points), out, options, Console(stderr=True))
 
 
 def triangulate_to_file(source: SceneSource, out: Path, options: TriangulationOptions, console: Console) -> int:
@@ -57,18 +59,15 @@ def triangulate_to_file(source: SceneSource, out: Path, options: TriangulationOp
     """
     check_triangulation_output(out)
     mesh = None
-    if source.scene in DEMOS:
-        scene = load_with_progress(source, console)
-        views, points, warnings = scene.views, scene.sparse_points, scene.warnings
-    else:
-        capture = read_capture(source.scene, source.choice)
-        views, points, warnings = capture.views, capture.sparse_points, capture.warnings
+    capture = load_with_bar(source.scene, source.load_capture, console)
     if source.mesh is not None:
         mesh = read_mesh(Path(source.mesh))
         with naming(source.mesh):
             Mesh(*mesh)
-    done, interrupted = triangulate_with_progress(source, views, points, mesh, out, options, console)
-    for warning in warnings:
+    done, interrupted = triangulate_with_progress(
+        source, capture.views, capture.sparse_points, mesh, out, options, console
+    )
+    for warning in capture.warnings:
         print_line(console, f"note: {warning}")
     names = f"{out}, {out.with_suffix(FLIPS).name}, {out.with_suffix(REPORT_SUFFIX).name}"
     for line in [*summary_lines(done), f"wrote {names}"]:
@@ -87,7 +86,7 @@ def triangulate_with_progress(
 ) -> tuple[Triangulation, bool]:
     """Triangulate with a progress bar and write the files; also returns whether Ctrl-C ended it early."""
     header: dict = {}
-    source.note_in(header)
+    source.resolved(points).note_in(header)
     interrupt = Interrupt()
     with interrupt.listening(), _bar(console) as bar:
         task = bar.add_task("triangulating", total=1.0)
@@ -101,6 +100,7 @@ def triangulate_with_progress(
         name, record = Path(source.scene).name, out.with_suffix(FLIPS)
         done = triangulate(name, views, points, options, mesh, record, header, lambda: interrupt.requested, show)
     write_mesh(out, *done.mesh())
+    write_points_of_run(points, record)
     write_json(out.with_suffix(REPORT_SUFFIX), done.report())
     return done, interrupt.requested and done.summary.inconsistent_after is None
 
@@ -129,7 +129,7 @@ def check_triangulation_output(out: Path) -> None:
         raise InputError(f"--out {out}: expected a mesh file (.ply, .obj), found {out.suffix or 'no suffix'}")
     if not out.parent.is_dir():
         raise InputError(f"--out {out}: expected a folder to write to, found none; create {out.parent}")
-    existing = [path for path in (out, record, report) if path.exists()]
+    existing = [path for path in (out, record, report, out.with_suffix(POINTS)) if path.exists()]
     if existing and not is_flip_record(record):
         raise InputError(
             f"--out {out}: {existing[0].name} exists and is not of an earlier triangulation; choose another name"

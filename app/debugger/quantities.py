@@ -107,7 +107,7 @@ def quantities_of(record: StepRecord, moment: int, context: StepContext | None =
         "moment": lambda: float(moment),
         "level": lambda: record.position.level + 1.0,
         "sweep": lambda: record.position.sweep + 1.0,
-        "unit": lambda: record.position.unit + 1.0,
+        "unit": lambda: record.position.block + 1.0,
         "iteration": lambda: record.position.iteration + 1.0,
         "energy": lambda: after,
         "change": lambda: after - before,

@@ -79,7 +79,7 @@ class ExperimentRunner:
 
     @property
     def working(self) -> str | None:
-        """The name of the running experiment; None if none runs."""
+        """The name of the running experiment; None if none is running."""
         return next((name for name, found in self._outcomes.items() if found.status is Status.WORKING), None)
 
     def outcome(self, name: str) -> Outcome | None:
@@ -102,13 +102,13 @@ class ExperimentRunner:
             vertex: the vertex to displace; default: the one that the photos see best.
 
         Raises:
-            InputError: another experiment runs, or the scene does not allow it.
+            InputError: another experiment is running, or the scene does not allow it.
         """
         setting = Setting.of(self._scene, options, vertex)
         with self._lock:
             busy = self.working
             if busy is not None:
-                raise InputError(f"{EXPERIMENTS[busy].title} is running; wait until it has finished, or cancel it")
+                raise InputError(f"{EXPERIMENTS[busy].title} is running; wait for its end or cancel it")
             self._outcomes[experiment.name] = Outcome(experiment, setting)
         self._cancelled.clear()
         self._worker.post(self, lambda: self._run(experiment.name), lambda _: None)

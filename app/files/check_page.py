@@ -44,7 +44,10 @@ def check_page(scene: Scene, check: SceneCheck, thumbnails: Sequence[np.ndarray]
 
 
 def _points(scene: Scene) -> str:
-    return "" if scene.sparse_points is None else f", {len(scene.sparse_points.positions)} sparse points"
+    points = scene.sparse_points
+    if points is None:
+        return ""
+    return f", {len(points.positions)} sparse points" + " found in the photos" * (points.origin == "own")
 
 
 def _faces(check: SceneCheck) -> str:

@@ -1,18 +1,24 @@
 """Scene sources: a demo's name or paths as typed, recorded in a run so that its scene can be opened again."""
 
+import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from demo_scenes import DEMOS, load_demo
+from app.files.run_files import POINTS
+from demo_scenes import DEMO_NAMES, find_demo, is_demo, load_demo
 from fairing.errors import InputError
 from fairing.io import PhotoChoice
 from fairing.io.photo_choice import check_format
+from fairing.io.points_choice import PointsChoice, check_points_choice
+from fairing.util.cache_folder import cache_folder
 
 if TYPE_CHECKING:
     from fairing.io.capture import Capture
-    from fairing.scene import Scene
+    from fairing.scene import Scene, SparsePoints
+
+Progress = Callable[[float, str], None]
 
 _KEY = "source"
 _ALL_PHOTOS = PhotoChoice()
@@ -26,16 +32,23 @@ class SceneSource:
         scene: name of a demo, else an absolute path.
         mesh: absolute path of a mesh file, or None for the scene's own.
         choice: photos left out, masks (an absolute path), weights, scale and format.
+        points: sparse points. "automatic" is "given" for a demo.
+        points_file: file of a run with the points it was recorded with; where it exists they are not found again.
     """
 
     scene: str
     mesh: str | None = None
     choice: PhotoChoice = _ALL_PHOTOS
+    points: PointsChoice = "given"
+    points_file: Path | None = None
 
     @classmethod
-    def typed(cls, scene: str, mesh: Path | None, choice: PhotoChoice = _ALL_PHOTOS) -> "SceneSource":
+    def typed(
+        cls, scene: str, mesh: Path | None, choice: PhotoChoice = _ALL_PHOTOS, points: PointsChoice = "given"
+    ) -> "SceneSource":
         """From the command line. A demo's name takes precedence over a folder of that name (`./cube` is the folder)."""
-        if scene in DEMOS:
+        if is_demo(scene):
+            name = find_demo(scene).name
             if mesh is not None:
                 raise InputError(f"--mesh {mesh}: the demo {scene} has its own mesh; leave --mesh out")
             if choice != _ALL_PHOTOS:
@@ -43,12 +56,12 @@ class SceneSource:
                     f"the demo {scene} takes all its photos; leave --leave-out, --masks, --photo-weights, "
                     "--photo-scale and --format out"
                 )
-            return cls(scene)
+            return cls(name, points="given" if points == "automatic" else points)
         if not Path(scene).exists():
-            raise InputError(f"{scene}: expected a demo ({', '.join(DEMOS)}) or a path, found no such file or folder")
+            raise InputError(f"{scene}: expected a demo ({DEMO_NAMES}) or a path, found no such file or folder")
         if choice.masks is not None:
             choice = replace(choice, masks=choice.masks.resolve())
-        return cls(str(Path(scene).resolve()), None if mesh is None else str(mesh.resolve()), choice)
+        return cls(str(Path(scene).resolve()), None if mesh is None else str(mesh.resolve()), choice, points)
 
     @classmethod
     def of_run(cls, header: dict[str, Any], where: Path) -> "SceneSource":
@@ -79,7 +92,9 @@ class SceneSource:
             photos["scale"].number() if "scale" in photos else 1.0,
             check_format(path(photos, "format"), where),
         )
-        return cls(source["scene"].text(), path(source, "mesh"), choice)
+        points = check_points_choice(path(source, "points") or "given", where)
+        file = where.with_suffix(POINTS)
+        return cls(source["scene"].text(), path(source, "mesh"), choice, points, file if file.exists() else None)
 
     @classmethod
     def of_replay(
@@ -91,12 +106,31 @@ class SceneSource:
             InputError: neither the run nor the command line names a scene; or see `typed`.
         """
         recorded = None if scene is not None and _KEY not in header else cls.of_run(header, where)
-        if recorded is None or scene in DEMOS:
+        if recorded is None:
             return cls.typed(scene or "", mesh, choice)
+        if scene is not None and is_demo(scene):
+            return cls.typed(scene, mesh, choice, recorded.points)._with_points_of(recorded)
         choice = recorded.choice if choice == _ALL_PHOTOS else choice
         if scene is None and mesh is None and recorded.mesh is not None:
             mesh = Path(recorded.mesh)
-        return cls.typed(scene or recorded.scene, mesh, choice)
+        return cls.typed(scene or recorded.scene, mesh, choice, recorded.points)._with_points_of(recorded)
+
+    def resumed(self, header: dict[str, Any], where: Path) -> "SceneSource":
+        """With the points of the recorded run to continue, unless others are chosen or the run does not note its scene."""
+        if _KEY not in header:
+            return self
+        recorded = SceneSource.of_run(header, where)
+        if self.points not in ("automatic", recorded.points):
+            return self
+        return replace(self, points=recorded.points)._with_points_of(recorded)
+
+    def _with_points_of(self, recorded: "SceneSource") -> "SceneSource":
+        """With the recorded points, unless photos are chosen anew: observations refer to photos by index."""
+        return replace(self, points_file=recorded.points_file if self.choice == recorded.choice else None)
+
+    def resolved(self, points: "SparsePoints | None") -> "SceneSource":
+        """With the choice that gives the points of the loaded scene again."""
+        return replace(self, points="none" if points is None else points.origin)
 
     def note_in(self, header: dict[str, Any]) -> None:
         """Record the source in the header of a trace."""
@@ -109,20 +143,22 @@ class SceneSource:
         }
         if self.choice.format is not None:
             photos["format"] = self.choice.format
-        header[_KEY] = {"scene": self.scene, "mesh": self.mesh, "photos": photos}
+        header[_KEY] = {"scene": self.scene, "mesh": self.mesh, "photos": photos, "points": self.points}
 
-    def load(self, progress: Callable[[float, str], None] | None = None) -> "Scene":
+    def load(self, progress: Progress | None = None) -> "Scene":
         """The scene; sparse points are triangulated where there is no mesh.
 
         Args:
-            progress: called with the fraction done and a line while photos are rendered or points triangulated.
+            progress: called with the fraction done and a line while photos are rendered, points found or triangulated.
 
         Raises:
             InputError: the scene cannot be used.
         """
-        if self.scene in DEMOS:
-            return load_demo(self.scene, progress=progress)
         tell = progress or (lambda fraction, line: None)
+        if is_demo(self.scene):
+            scene = load_demo(self.scene, progress=progress)
+            capture = self._with_chosen_points(_capture_of(scene), len(scene.mesh.vertices), tell)
+            return replace(scene, sparse_points=capture.sparse_points, warnings=capture.warnings)
 
         from fairing.io import load_scene  # imported on first use: the page is served before the engine is loaded
         from fairing.triangulation import flip_progress, triangulate
@@ -133,4 +169,54 @@ class SceneSource:
 
             return triangulate(name, capture.views, capture.sparse_points, on_progress=show).result()
 
-        return load_scene(self.scene, self.mesh, self.choice, without_mesh)
+        def choose(capture: "Capture", n_vertices: int | None) -> "Capture":
+            return self._with_chosen_points(capture, n_vertices, tell)
+
+        return load_scene(self.scene, self.mesh, self.choice, without_mesh, choose)
+
+    def load_capture(self, progress: Progress | None = None) -> "Capture":
+        """The photos, cameras and sparse points, without a mesh. Arguments and exceptions as of `load`."""
+        from fairing.io import read_capture
+
+        tell = progress or (lambda fraction, line: None)
+        if is_demo(self.scene):
+            capture = _capture_of(load_demo(self.scene, progress=progress))
+        else:
+            capture = read_capture(self.scene, self.choice)
+        return self._with_chosen_points(capture, None, tell)
+
+    def _with_chosen_points(self, capture: "Capture", n_vertices: int | None, progress: Progress) -> "Capture":
+        if self.points in ("own", "both") and self.points_file is not None and self.points_file.exists():
+            from fairing.io.points_file import read_points
+
+            points = read_points(self.points_file, len(capture.views))
+            return capture._replace(sparse_points=replace(points, origin=self.points))
+        if self.points == "given":
+            return capture
+        from fairing.io.scene_points import choose_points
+
+        return choose_points(capture, n_vertices, self.points, self._points_cache(), progress)
+
+    def _points_cache(self) -> Path:
+        """File in the user's cache folder for the points found in these photos."""
+        photos = hashlib.sha256(repr((self.scene, self.choice)).encode()).hexdigest()[:16]
+        return cache_folder() / "points" / f"{Path(self.scene).name.replace(':', '-')}-{photos}.npz"
+
+
+def write_points_of_run(points: "SparsePoints | None", record: Path) -> None:
+    """Write points found in the photos beside the trace or record of flips of a run; given points are not written.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    if points is None or points.origin == "given":
+        return
+    from fairing.io.points_file import write_points
+
+    write_points(record.with_suffix(POINTS), points)
+
+
+def _capture_of(scene: "Scene") -> "Capture":
+    from fairing.io.capture import Capture
+
+    return Capture(scene.views, scene.sparse_points, scene.warnings)

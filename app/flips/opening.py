@@ -5,8 +5,7 @@ from pathlib import Path
 from app.files.scene_source import SceneSource
 from app.flips.server import FlipApp
 from app.viser_bridge.server import ViewerServer
-from demo_scenes import DEMOS, load_demo
-from fairing.io import PhotoChoice, read_capture
+from fairing.io import PhotoChoice
 from fairing.scene import Scene
 from fairing.triangulation import FlipTrace
 
@@ -22,11 +21,7 @@ def open_flips(server: ViewerServer, record: Path, scene: str | None, photos: Ph
     """
     trace = FlipTrace.load(record)
     source = SceneSource.of_replay(trace.header, record, scene, None, photos)
-    if source.scene in DEMOS:
-        demo = load_demo(source.scene)
-        views, points = demo.views, demo.sparse_points
-    else:
-        capture = read_capture(source.scene, source.choice)
-        views, points = capture.views, capture.sparse_points
+    capture = source.load_capture()
+    views, points = capture.views, capture.sparse_points
     name = Path(source.scene).name
     return FlipApp(server, Scene.build(name, trace.vertices, trace.faces_at(0), views, sparse_points=points), trace)

@@ -121,7 +121,7 @@ def start_viewer(host: str, port: int, token: str | None = None) -> ViewerServer
     """
     server = ViewerServer(host, port, token)
     server.gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False)
-    server.gui.set_panel_label("EigenFairing · opening …")
+    show_opening(server, "opening …")
     server.gui.main_panel.dock_right()
     server.gui.main_panel.set_width(PANEL_WIDTH)
     # The default environment map takes seconds to decode, and the textures need no light.
@@ -130,3 +130,8 @@ def start_viewer(host: str, port: int, token: str | None = None) -> ViewerServer
     server.scene.add_light_ambient("/light", intensity=0.25)
     server.scene.world_axes.visible = False
     return server
+
+
+def show_opening(server: ViewerServer, line: str) -> None:
+    """Show a line of progress as the panel's title until there is a scene."""
+    server.gui.set_panel_label(f"EigenFairing · {line}")

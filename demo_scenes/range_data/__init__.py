@@ -1,1 +1,4 @@
-"""Simulated range data of demo scenes. (A package of its own: what lies beside the photos' code outdates cached photos.)"""
+"""Simulated range data of demo scenes.
+
+A package of its own, because the cache key of photos covers all modules beside the photos' code.
+"""

@@ -1,6 +1,6 @@
-"""A laser scan of the facade as a user has one: three stations, noise, a frame and a unit of its own, a few points matched.
+"""Simulated laser scan of the facade: three stations, noise, its own frame and unit, and a few matches with photos.
 
-The scanner's rays stand on a regular grid, so they miss the corners: what the paper's system starts from.
+The scanner's rays form a regular grid and miss the corners, as in the paper's start data.
 """
 
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ RANGE_NOISE = 0.003  # metres
 MATCHES = 8
 CLICKED_IN = 3  # photos of a match
 POINTS, POINT_ERROR = 4000, 0.0005  # sparse points drawn, and their error as a fraction of the diagonal
-# Millimetres, z up, turned and moved anyhow.
+# Scan: millimetres, z up; an arbitrary rotation and translation.
 WORLD_FROM_SCAN = Similarity(
     0.001, Rotation.from_euler("xyz", [-87.0, 4.0, 31.0], degrees=True).as_matrix(), np.array([3.1, -0.8, 6.4])
 )
@@ -34,10 +34,12 @@ WORLD_FROM_SCAN = Similarity(
 
 @dataclass(frozen=True, eq=False)
 class ScannedDemo:
-    """Attributes:
-    scan: (n, 3) float: the scan's points, in its frame and unit.
-    matches: lines of a file of matches: a point of the scan, and where photos show it, clicked to the pixel.
-    sparse_points: of a reconstruction from the photos.
+    """A scan and the data needed to register it.
+
+    Attributes:
+        scan: (n, 3) float: points in the scan's frame, millimetres.
+        matches: lines of a file of matches: a point of the scan and the pixels at which photos show it.
+        sparse_points: of a reconstruction from the photos.
     """
 
     scan: np.ndarray

@@ -17,7 +17,7 @@ def first_level(scene: Scene, vertices: np.ndarray, orientation: int, options: F
         vertices: (n, 3) float, world units: the start.
         orientation: see `fairing.cells.visibility.mesh_orientation`.
     """
-    if options.schedule.start == "first":
+    if options.schedule.first_level == "first":
         return 0
     seen = []
     for view in scene.views:

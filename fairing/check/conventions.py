@@ -91,10 +91,11 @@ def explain_reprojection(scene: Scene) -> str | None:
 
     A shift common to all photos indicates another convention of pixel centres if it is half a pixel, else a wrong principal
     point; large errors indicate wrong axes. Cameras and points that were reconstructed together under a mistake fit each
-    other, so the absence of a finding proves nothing.
+    other, so the absence of a finding proves nothing. Points found in the photos with the cameras as they are fit them, too,
+    and are not examined.
     """
     sparse = scene.sparse_points
-    if sparse is None or len(sparse.observations) < 20:
+    if sparse is None or sparse.origin == "own" or len(sparse.observations) < 20:
         return None
     distance = observed_distance(scene, lambda camera: camera.image_from_world)
     if distance > 3:

@@ -12,7 +12,11 @@ from fairing.scene import Scene
 # Beyond these limits the verdict is "doubtful"; chosen on captures that worked and on captures made to fail.
 MIN_FACES_IN_PART = 0.6  # of all faces
 MIN_PARALLAX = 5.0  # degrees
-MAX_REPROJECTION = 1.5  # px
+MAX_REPROJECTION = 1.5  # px, of points given with the capture
+MAX_OWN_REPROJECTION = (
+    0.7  # px, of points found in the photos, whose errors beyond 1 px are dropped (ledger: own points judge)
+)
+MIN_OWN_SHARE = 0.1  # of the median photo's points found in the photos (ledger: own points judge)
 MIN_FOOTPRINT = 8.0  # px
 MAX_BLANK = 0.3  # of the faces that take part
 MIN_IN_FRONT = 0.5  # of the vertices
@@ -60,12 +64,15 @@ def find_hints(check: SceneCheck) -> list[str]:
             f"{blank} of {check.faces_in_part} faces have almost no texture: "
             "expect the vertices inside such regions to stay in place"
         )
+    largest = MAX_OWN_REPROJECTION if check.points == "own" else MAX_REPROJECTION
     hints += [
         f"photo {view.name}: the reprojection error of the sparse points is {view.reprojection:.1f} px (median), so its "
         f"camera does not fit: calibrate again, or try --leave-out {view.name}"
         for view in check.views
-        if view.reprojection is not None and view.reprojection > MAX_REPROJECTION
+        if view.reprojection is not None and view.reprojection > largest
     ]
+    if check.points == "own":
+        hints += _photos_with_few_points(check)
     behind = [view.name for view in check.views if view.in_front < MIN_IN_FRONT]
     if behind:
         hints.append(
@@ -78,6 +85,18 @@ def find_hints(check: SceneCheck) -> list[str]:
     return hints
 
 
+def _photos_with_few_points(check: SceneCheck) -> list[str]:
+    """Photos that show hardly any of the points found in the photos: these agree with the cameras of the others."""
+    median = float(np.median([view.observations for view in check.views]))
+    return [
+        f"photo {view.name}: it shows {view.observations} of the points found in the photos, the median photo "
+        f"{median:.0f}: its camera does not fit, or it overlaps little with the others; calibrate again, or try "
+        f"--leave-out {view.name}"
+        for view in check.views
+        if view.observations < MIN_OWN_SHARE * median
+    ]
+
+
 def find_suggestions(scene: Scene, check: SceneCheck, options: FairingOptions) -> list[str]:
     """Options worth trying, changes of the input worth making, and the level at which a run starts."""
     if not check.footprint:
@@ -86,7 +105,7 @@ def find_suggestions(scene: Scene, check: SceneCheck, options: FairingOptions) -
     typical = check.footprint[2]
     blurs = options.schedule.blur
     first = level_for_footprint(typical, options)
-    coarsest = "" if first == 0 else "; --schedule.start first starts at the coarsest"
+    coarsest = "" if first == 0 else "; --schedule.first-level first starts at the coarsest"
     suggestions.append(
         f"faces measure {typical:.0f} px, so a run starts at about level {first + 1} of {len(blurs)} (blur "
         f"{blurs[first]:g} px){coarsest}"

@@ -25,6 +25,7 @@ class ViewCheck:
         faces: number of faces that the photo shows well enough.
         mesh_share: fraction of the photo that the mesh covers, 0 to 1.
         in_front: fraction of the mesh's vertices in front of the camera, 0 to 1.
+        observations: number of sparse points observed in it.
         reprojection: median reprojection error of its sparse points, px; None without any.
         shift: median of projection minus observation, px: the systematic part of that error; None for fewer than five.
         exposure: brightness relative to the median photo, from faces that several photos show; None if unknown.
@@ -38,6 +39,7 @@ class ViewCheck:
     faces: int
     mesh_share: float
     in_front: float
+    observations: int
     reprojection: float | None
     shift: tuple[float, float] | None
     exposure: float | None
@@ -94,6 +96,7 @@ class SceneCheck:
         texture: the same percentiles of the faces' texture, grey levels / px.
         reasons: number of pairs of face and photo by `Visibility`, in lower case.
         parallax: widest angle between two lines of sight to a face, degrees, median over the faces that take part.
+        points: origin of the sparse points, see `SparsePoints`; None without any.
         mistake: likely mistake in the cameras as a whole, or None.
         memory: approximate peak memory of a run, bytes.
         views: findings for each photo.
@@ -112,6 +115,7 @@ class SceneCheck:
     texture: tuple[float, ...]
     reasons: dict[str, int]
     parallax: float | None
+    points: Literal["given", "own", "both"] | None
     mistake: str | None
     memory: int
     views: tuple[ViewCheck, ...]

@@ -63,6 +63,7 @@ def check_scene(scene: Scene, options: FairingOptions | None = None) -> SceneChe
         texture=_percentiles(faces.texture[part & np.isfinite(faces.texture)]),
         reasons={Visibility(code).name.lower(): int(count) for code, count in zip(codes, counts, strict=True)},
         parallax=_parallax(scene, context),
+        points=None if scene.sparse_points is None else scene.sparse_points.origin,
         mistake=explain_reprojection(scene),
         memory=memory_needed(scene, options),
         views=views,
@@ -114,11 +115,17 @@ def _check_view(scene: Scene, v: int, context: CellContext, exposure: float) -> 
         faces=int(seen.sum()),
         mesh_share=float((face_id >= 0).mean()),
         in_front=float((depth[used] > 0).mean()),
+        observations=_observations(scene, v),
         reprojection=_reprojection(scene, v),
         shift=None if shift is None else (float(shift[0]), float(shift[1])),
         exposure=float(exposure) if np.isfinite(exposure) else None,
         masked=0.0 if view.mask is None else float(1 - view.mask.load().mean()),
     )
+
+
+def _observations(scene: Scene, v: int) -> int:
+    sparse = scene.sparse_points
+    return 0 if sparse is None else int((sparse.observations[:, 1] == v).sum())
 
 
 def _reprojection(scene: Scene, v: int) -> float | None:

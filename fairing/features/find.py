@@ -79,6 +79,12 @@ def find_points(
         work.end()
 
 
+def progress_line(done: int, n_photos: int) -> str:
+    """One line about the work that is under way, of the amount `done` that `find_points` reports."""
+    photo = done // PHOTO_WORK + 1
+    return f"finding points: photo {photo} of {n_photos}" if photo <= n_photos else "finding points: matching photos"
+
+
 def _triangulated(
     work: "_Work", cameras: list[Camera], keypoints: list[Keypoints], tracks: Tracks, options: FeatureOptions
 ) -> FeaturePoints:

@@ -62,7 +62,7 @@ class FeaturePoints:
     def sparse_points(self) -> SparsePoints:
         """The points as a capture's sparse points, which have no covariances."""
         point = np.repeat(np.arange(len(self)), self.n_views)
-        return SparsePoints(self.positions, self.colors, np.column_stack([point, self.photos]), self.pixels)
+        return SparsePoints(self.positions, self.colors, np.column_stack([point, self.photos]), self.pixels, "own")
 
 
 def points_of_tracks(

@@ -4,6 +4,7 @@ import hashlib
 import json
 import zipfile
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import asdict
 from functools import cache
 from pathlib import Path
@@ -88,10 +89,14 @@ def find_points_once(
     threads: int = 0,
     on_progress: Progress | None = None,
     cancel_requested: Callable[[], bool] | None = None,
+    is_cache: bool = False,
 ) -> FeaturePoints:
     """The points of a file where they were made of the same photos, cameras and options; else found and written there.
 
     Arguments and exceptions as of `find_points`; further:
+
+    Args:
+        is_cache: create missing folders of the file; a file that cannot be written is no error.
 
     Raises:
         InputError: the file cannot be written.
@@ -105,7 +110,12 @@ def find_points_once(
     except InputError:
         pass  # missing, damaged or of another version
     points = find_points(views, options, threads, on_progress, cancel_requested)
-    save_points(path, points, key)
+    if is_cache:
+        with suppress(OSError, InputError):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            save_points(path, points, key)
+    else:
+        save_points(path, points, key)
     return points
 
 

@@ -43,6 +43,7 @@ def load_scene(
     mesh: str | Path | None = None,
     choice: PhotoChoice | None = None,
     without_mesh: Callable[[str, Capture], Scene] | None = None,
+    choose_points: Callable[[Capture, int | None], Capture] | None = None,
 ) -> Scene:
     """The scene in a folder (or a file of it), in any supported format, recognised by content.
 
@@ -51,6 +52,8 @@ def load_scene(
         mesh: a mesh file; default: the one that the format names, or the only one in the folder.
         choice: the format, photos left out, masks and weights.
         without_mesh: builds the scene from its name and the capture where there is no mesh but sparse points.
+        choose_points: returns the capture with the chosen sparse points; called with the capture and the number of the
+            mesh's vertices, or None without a mesh; see `fairing.io.scene_points`. Default: the given points.
 
     Raises:
         InputError: the input cannot be used; the message is one line.
@@ -58,19 +61,24 @@ def load_scene(
     capture, path = read_capture(path, choice), Path(path)
     folder = path if path.is_dir() else path.parent
     found = Path(mesh) if mesh is not None else capture.mesh
-    has_points = capture.sparse_points is not None and len(capture.sparse_points.positions) > 0
-    if found is None and without_mesh is not None and has_points and not files_in(folder, MESH_SUFFIXES):
-        scene = without_mesh(path.resolve().name, capture)
-        return replace(scene, warnings=capture.warnings + scene.warnings)
+    with_points = choose_points or (lambda capture, n_vertices: capture)
+    if found is None and without_mesh is not None and not files_in(folder, MESH_SUFFIXES):
+        chosen = with_points(capture, None)
+        if chosen.sparse_points is None or len(chosen.sparse_points.positions) == 0:
+            raise _no_mesh(folder, chosen.warnings[len(capture.warnings) :])
+        scene = without_mesh(path.resolve().name, chosen)
+        return replace(scene, warnings=chosen.warnings + scene.warnings)
     mesh_path = found or only_mesh(folder)
     vertices, faces = read_mesh(mesh_path)
     with naming(mesh_path):
         Mesh(vertices, faces)  # validated here so that errors name the file
     name = path.resolve().name
-    scene = Scene.build(name, vertices, faces, capture.views, sparse_points=capture.sparse_points)
+    scene = Scene.build(name, vertices, faces, capture.views)
     with naming(mesh_path):
         facts = inspect_mesh(scene.mesh)
     check_mesh_in_view(scene)
+    capture = with_points(capture, len(scene.mesh.vertices))
+    scene = replace(scene, sparse_points=capture.sparse_points)
     _, input_vertices = np.unique(scene.original_from_welded, return_index=True)
     return replace(scene, warnings=capture.warnings + facts.warnings(input_vertices))
 
@@ -154,6 +162,9 @@ def only_mesh(folder: Path) -> Path:
         return meshes[0]
     if meshes:
         raise InputError(f"{folder}: expected one mesh, found {listed(p.name for p in meshes)}; choose with --mesh")
-    raise InputError(
-        f"{folder}: expected a mesh ({', '.join(sorted(MESH_SUFFIXES))}), found none; give one with --mesh"
-    )
+    raise _no_mesh(folder)
+
+
+def _no_mesh(folder: Path, reasons: tuple[str, ...] = ()) -> InputError:
+    found = ", ".join(("found none", *reasons))
+    return InputError(f"{folder}: expected a mesh ({', '.join(sorted(MESH_SUFFIXES))}), {found}; give one with --mesh")

@@ -8,8 +8,8 @@ from functools import cached_property
 
 import numpy as np
 
-from fairing.run.local_search import loss_of_faces
 from fairing.run.session import Session
+from fairing.solve.face_loss import loss_of_faces
 from fairing.solve.normal_equations import vertex_systems
 
 NO_INFORMATION = 1e-9  # eigenvalues below this fraction of the largest count as zero

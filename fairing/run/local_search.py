@@ -1,16 +1,12 @@
-"""Before Gauss-Newton: look around each vertex for a better place, judged with the visibility it would have there.
+"""Local search: tries positions around each vertex, with the visibility each face would have there.
 
-Gauss-Newton finds the minimum near by. On buildings, faces of 20 px with vertices 8 px off their corner lie outside
-its reach, and the photos that seem to see a face are those that see it in its wrong place: then the truth costs more
-than the error. So every place tried is judged by the photos that would see the faces there, per photo area. Measured
-on the facade (median / rms of the determined error in % of the diagonal, from 0.73 / 0.66): Gauss-Newton alone 0.23 /
-0.70; search with visibility kept as it was 0.09 / 0.82; with the visibility of each place 0.10 / 0.44, and 0.085 /
-0.34 when no vertex may leave the search's reach.
+Gauss-Newton finds the nearest minimum. Small faces with distant vertices lie outside its basin of attraction, and the
+photos that see such a face at its wrong position differ from those that see it at the true one. So every position tried
+is evaluated by the photos that would see the faces there, as a loss per photo pixel. (ledger: local search)
 
-Blurred cells mistake places for each other: of the 56 vertices that ended farthest off there, 20 had a lower loss in
-the wrong place at blur 1.2, but 5 at blur 0.5 with photos equally sharp. So at the finest level places are polished on
-blurred cells and judged on sharp ones (determined rms at the end 0.368 -> 0.333; a second such search 0.331, a third 0.333).
-What is wrong together no single vertex can leave: see `restart`.
+Blurred cells confuse positions that sharp cells discriminate, so at the sharp level positions are refined on blurred cells
+and evaluated on sharp ones (ledger: sharp search). A group of vertices that are wrong together is not escaped by moving one
+vertex at a time: see `fairing.run.restart`.
 """
 
 from collections.abc import Callable
@@ -21,44 +17,57 @@ from typing import NamedTuple
 import numpy as np
 
 from fairing.cells.context import CellContext
-from fairing.geometry.normals import face_normals, folded_faces
-from fairing.mesh import Mesh
-from fairing.options import FairingOptions
+from fairing.geometry.normals import folded_faces
 from fairing.solve.blocks import Block
-from fairing.solve.energy import Evaluator, FaceSystem
+from fairing.solve.energy import FaceSystem
+from fairing.solve.face_loss import mean_loss
 from fairing.solve.normal_equations import solve_vertices, vertex_systems
+from fairing.solve.problem import Problem
 
-POLISH_DAMPING = 1e-3
+REFINEMENT_DAMPING = 1e-3
 
 ContextAt = Callable[[np.ndarray, np.ndarray], CellContext]
-"""Cells and visibility at given vertices (n, 3), for the faces of a mask (m,)."""
+"""Cells and visibility with the vertices at given positions (n, 3), of the faces of a mask (m,)."""
 
 
 class Stage(NamedTuple):
-    """Gauss-Newton steps that polish a place before it is judged, on cells of one kind."""
+    """Gauss-Newton steps that refine a position before it is evaluated.
+
+    Attributes:
+        context_at: the cells of these steps.
+        steps: their number.
+    """
 
     context_at: ContextAt
     steps: int
 
 
-def search_directions() -> np.ndarray:
-    """(14, 3) float, unit length: the axes and the space diagonals."""
-    corners = np.array([c for c in product((-1, 0, 1), repeat=3) if sum(map(abs, c)) in (1, 3)], dtype=float)
-    return corners / np.linalg.norm(corners, axis=1, keepdims=True)
+class SearchRegion(NamedTuple):
+    """Where the u vertices of a block are searched.
+
+    Attributes:
+        origin: (n, 3) float: positions at the start of the run or after a manual edit, world units.
+        radius: (u,) float: distance of the positions tried, world units.
+        bound: (u,) float: largest distance of a vertex from its origin afterwards, world units.
+    """
+
+    origin: np.ndarray
+    radius: np.ndarray
+    bound: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
-    """What a search found for the u vertices of a unit.
+class SearchResult:
+    """Result of a search for the u vertices of a block.
 
     Attributes:
-        after: (u, 3) float: the better place, or the old one.
-        proposed: (u, 3) float: displacement to the best place tried.
-        score_before, score_after: (u,) float: mean loss per photo pixel around the vertex, at the old place and at
-        `after`.
-        folds: (u,) bool: the better place would have folded a face.
-        system_before, system_after: energies of the unit's faces at the old and the new places.
-        context_before, context_after: who sees them there.
+        after: (u, 3) float: the better positions, or the old ones, world units.
+        proposed: (u, 3) float: displacements to the best positions tried, world units.
+        score_before, score_after: (u,) float: mean loss per photo pixel around each vertex, at the old position and at
+            `after`.
+        folds: (u,) bool: the better position would have folded a face.
+        system_before, system_after: energies of the faces of the block at the old and the new positions.
+        context_before, context_after: visibility and cells there.
     """
 
     after: np.ndarray
@@ -72,147 +81,117 @@ class Found:
     context_after: CellContext
 
 
+def search_directions() -> np.ndarray:
+    """(14, 3) float, unit length: the axes and the space diagonals."""
+    corners = np.array([c for c in product((-1, 0, 1), repeat=3) if sum(map(abs, c)) in (1, 3)], dtype=float)
+    return corners / np.linalg.norm(corners, axis=1, keepdims=True)
+
+
 def search_block(
-    unit: Block,
+    problem: Problem,
+    block: Block,
     vertices: np.ndarray,
-    start: np.ndarray,
-    radius: np.ndarray,
-    bound: np.ndarray,
-    unseen_loss: float,
-    scale: np.ndarray,
-    mesh: Mesh,
-    options: FairingOptions,
-    evaluator: Evaluator,
+    region: SearchRegion,
     stages: list[Stage],
-    limit: Callable[[CellContext, np.ndarray, np.ndarray, np.ndarray], np.ndarray],
-) -> Found:
-    """Try places around the vertices of an independent unit, each polished by two Gauss-Newton steps.
+    scale: np.ndarray,
+    unseen_loss: float,
+) -> SearchResult:
+    """Try positions around the vertices of an independent block.
 
     Args:
-        vertices, start: (n, 3) float: positions now and at the start of the run (or where a hand put them), world units.
-        radius: (u,) float: how far away the places lie, world units.
-        bound: (u,) float: how far from its start a vertex may end, world units.
-        unseen_loss: what a face costs per photo pixel that no three photos see: as much as the mesh's average.
-        scale: (m,) float: of the robust norm, by face.
-        stages: how places are polished; they are judged on the cells of the last one.
-        limit: shortens steps (u, 3) of the unit's vertices to the capture range.
+        vertices: (n, 3) float: positions now, world units.
+        region: where to search.
+        stages: refinement of each position tried; it is evaluated on the cells of the last stage.
+        scale: (m,) float: of the robust loss, by face.
+        unseen_loss: loss per photo pixel of a face that fewer than three photos see.
+
+    Raises:
+        Cancelled: cancellation was requested.
     """
-    ids = unit.vertices
-    judged = np.zeros(len(mesh.faces), dtype=bool)
-    judged[unit.faces] = True
+    mesh, options, evaluator, origin = problem.scene.mesh, problem.options, problem.evaluator, region.origin
+    ids = block.vertices
+    around = np.zeros(len(mesh.faces), dtype=bool)
+    around[block.faces] = True
 
     def score(context: CellContext, energy: np.ndarray, places: np.ndarray) -> np.ndarray:
-        return mean_loss(context, energy, unit, places, mesh, unseen_loss)
+        return mean_loss(context, energy, block, places, mesh, unseen_loss)
 
     def linearise(context: CellContext, places: np.ndarray) -> FaceSystem:
-        return evaluator.linearise(context, places, unit.faces, unit.corners, scale, options.step.solver)
+        return evaluator.linearise(context, places, block.faces, block.corners, scale, options.step.solver)
 
-    def polish(context: CellContext, places: np.ndarray, steps: int) -> np.ndarray:
-        """Move the unit's vertices in `places`; the faces' energies there."""
+    def refine(context: CellContext, places: np.ndarray, steps: int) -> np.ndarray:
+        """Move the vertices of the block in `places`; returns the energies (F,) of its faces there."""
         system = linearise(context, places)
         face_energy = system.energy
         for step in range(steps):
             H, g = vertex_systems(mesh, system)
-            move = limit(context, places, ids, solve_vertices(H[ids], g[ids], np.full(len(ids), POLISH_DAMPING)))
-            polished = places.copy()
-            polished[ids] += move
-            _undo_folds(places, polished, start, mesh, ids, options)
-            trial = linearise(context, polished)
-            better = _by_owner(unit, trial.energy) < _by_owner(unit, face_energy)
-            places[ids[better]] = polished[ids[better]]
-            face_energy = np.where(better[unit.owner], trial.energy, face_energy)
+            damping = np.full(len(ids), REFINEMENT_DAMPING)
+            move = problem.shortened(context, places, ids, solve_vertices(H[ids], g[ids], damping))
+            refined = places.copy()
+            refined[ids] += move
+            _undo_folds(problem, places, refined, origin, ids)
+            trial = linearise(context, refined)
+            better = _by_owner(block, trial.energy) < _by_owner(block, face_energy)
+            places[ids[better]] = refined[ids[better]]
+            face_energy = np.where(better[block.owner], trial.energy, face_energy)
             if step + 1 < steps:
                 system = trial if better.all() else linearise(context, places)
         return face_energy
 
-    judging = stages[-1]
-    before = judging.context_at(vertices, judged)
-    system_before = evaluator.measure(before, vertices, unit.faces, scale)
+    last_stage = stages[-1]
+    before = last_stage.context_at(vertices, around)
+    system_before = evaluator.measure(before, vertices, block.faces, scale)
     score_before = score(before, system_before.energy, vertices)
 
     def tried(direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Places (u, 3) in a direction from the present ones, polished, and their scores (u,)."""
+        """Refined positions (u, 3) in a direction from the present ones, and their scores (u,)."""
         places = vertices.copy()
-        offset = vertices[ids] + radius[:, None] * direction - start[ids]
+        offset = vertices[ids] + region.radius[:, None] * direction - origin[ids]
         length = np.linalg.norm(offset, axis=1)
-        places[ids] = start[ids] + offset * np.minimum(1, bound / np.maximum(length, 1e-300))[:, None]
-        _undo_folds(vertices, places, start, mesh, ids, options)
+        places[ids] = origin[ids] + offset * np.minimum(1, region.bound / np.maximum(length, 1e-300))[:, None]
+        _undo_folds(problem, vertices, places, origin, ids)
         context, face_energy = before, system_before.energy
         for stage in stages:
-            stays = stage is judging and len(stages) == 1 and not direction.any()
-            context = before if stays else stage.context_at(places, judged)
-            face_energy = polish(context, places, stage.steps)
+            stays = stage is last_stage and len(stages) == 1 and not direction.any()
+            context = before if stays else stage.context_at(places, around)
+            face_energy = refine(context, places, stage.steps)
         return places[ids], score(context, face_energy, places)
 
-    best_score, best = score_before * (1 - options.schedule.search_gain), vertices[ids].copy()
-    for reached, reached_score in evaluator.map_concurrently(tried, np.vstack([np.zeros(3), search_directions()])):
-        improved = reached_score < best_score
-        best[improved] = reached[improved]
-        best_score = np.where(improved, reached_score, best_score)
+    threshold = score_before * (1 - options.schedule.search_gain)
+    best_score, best = threshold, vertices[ids].copy()
+    for found, found_score in evaluator.map_concurrently(tried, np.vstack([np.zeros(3), search_directions()])):
+        improved = found_score < best_score
+        best[improved] = found[improved]
+        best_score = np.where(improved, found_score, best_score)
 
     proposed = best - vertices[ids]
     places = vertices.copy()
     places[ids] = best
-    folds = _undo_folds(vertices, places, start, mesh, ids, options)
-    # The polished place is judged once more by the photos that see it there.
-    after_context = judging.context_at(places, judged)
-    system_after = evaluator.measure(after_context, places, unit.faces, scale)
+    folds = _undo_folds(problem, vertices, places, origin, ids)
+    # The refined position is evaluated once more by the photos that see it there.
+    after_context = last_stage.context_at(places, around)
+    system_after = evaluator.measure(after_context, places, block.faces, scale)
     score_after = score(after_context, system_after.energy, places)
-    worse = ~(score_after < score_before * (1 - options.schedule.search_gain))
+    worse = ~(score_after < threshold)
     places[ids[worse]] = vertices[ids[worse]]
-    kept_faces = worse[unit.owner]
+    kept_faces = worse[block.owner]
     system_after.energy[kept_faces] = system_before.energy[kept_faces]
-    return Found(
+    return SearchResult(
         places[ids], proposed, score_before, np.where(worse, score_before, score_after), folds, system_before,
         system_after, before, after_context,
     )  # fmt: skip
 
 
-def _by_owner(unit: Block, values: np.ndarray) -> np.ndarray:
-    return np.bincount(unit.owner, weights=values, minlength=len(unit.vertices))
-
-
-def mean_loss(
-    context: CellContext, energy: np.ndarray, unit: Block, vertices: np.ndarray, mesh: Mesh, unseen_loss: float
-) -> np.ndarray:
-    """(u,) float: mean loss per photo pixel of the faces around each vertex.
-
-    Args:
-        energy: (F,) float: of the unit's faces.
-        unseen_loss: of a face that fewer than three photos see: the mesh's average. It counts half.
-    """
-    faces = unit.faces
-    loss, pixels = loss_of_faces(context, energy, faces)
-    seen = pixels > 0
-    loss[~seen] = unseen_loss
-    surface = np.linalg.norm(face_normals(vertices, mesh.faces[faces]), axis=1)
-    area = np.where(seen, context.footprint_area[faces], 0)
-    pixels_per_surface = _by_owner(unit, area) / np.maximum(_by_owner(unit, np.where(seen, surface, 0)), 1e-300)
-    weight = np.where(seen, area, 0.5 * surface * pixels_per_surface[unit.owner])
-    weighed = _by_owner(unit, weight)
-    return np.where(weighed > 0, _by_owner(unit, weight * loss) / np.maximum(weighed, 1e-300), unseen_loss)
-
-
-def loss_of_faces(context: CellContext, energy: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Loss of faces (F,) per photo pixel, and their pixels in all photos; both 0 where fewer than three photos see one.
-
-    Divided by the degrees of freedom, (n - k) / n, so that few photos do not look like a good fit.
-    """
-    data = context.kernel
-    samples = np.diff(data.grid_start)[data.face_grid]
-    views = np.diff(data.pair_start)
-    total = np.concatenate([[0], np.cumsum(data.pair_weight * np.repeat(samples, views))])
-    pixels = (total[data.pair_start[1:]] - total[data.pair_start[:-1]])[faces]
-    k, n = data.face_dimensions[faces], views[faces]
-    pixels[k == 0] = 0
-    return np.where(k > 0, energy / np.maximum(pixels, 1e-12) * n / np.maximum(n - k, 1), 0.0), pixels
+def _by_owner(block: Block, values: np.ndarray) -> np.ndarray:
+    return np.bincount(block.owner, weights=values, minlength=len(block.vertices))
 
 
 def _undo_folds(
-    before: np.ndarray, places: np.ndarray, start: np.ndarray, mesh: Mesh, ids: np.ndarray, options: FairingOptions
+    problem: Problem, before: np.ndarray, places: np.ndarray, origin: np.ndarray, ids: np.ndarray
 ) -> np.ndarray:
-    """Put vertices of folded faces back in `places`; tells which of `ids`."""
-    folded = folded_faces(before, places, start, mesh.faces, options.step)
-    hit = np.isin(ids, mesh.faces[folded])
+    """Reset the vertices of folded faces in `places` (n, 3) to `before` (n, 3); returns (u,) bool: which of `ids`."""
+    faces = problem.scene.mesh.faces
+    folded = folded_faces(before, places, origin, faces, problem.options.step)
+    hit = np.isin(ids, faces[folded])
     places[ids[hit]] = before[ids[hit]]
     return hit

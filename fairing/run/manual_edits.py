@@ -1,4 +1,4 @@
-"""What a user may do to vertices by hand: where they may be put, and which are locked."""
+"""Manual edits: moves of vertices by a user, and locks."""
 
 from dataclasses import replace
 
@@ -7,17 +7,17 @@ import numpy as np
 from fairing.errors import InputError
 from fairing.geometry.normals import folded_faces
 from fairing.options import FairingOptions, StepOptions
-from fairing.run.records import Judged, moved_record
+from fairing.run.records import Evaluation, moved_record
 from fairing.run.sweep import SweepState
 from fairing.scene import Scene
 from fairing.solve.normal_equations import vertex_systems
 from fairing.solve.problem import Problem
 from fairing.trace import SchedulePosition, StepReason, StepRecord
 
-MAX_TURN = 90.0  # degrees: a hand may turn a face farther than a step of the engine may, but not around
+MAX_TURN = 90.0  # degrees: a manual edit may rotate a face farther than a step of the engine, but not flip it
 
 
-def check_places(
+def check_positions(
     scene: Scene,
     before: np.ndarray,
     after: np.ndarray,
@@ -26,15 +26,15 @@ def check_places(
     vertices: np.ndarray,
     options: StepOptions,
 ) -> None:
-    """Whether vertices may be put there.
+    """Check that vertices may be moved to new positions.
 
     Args:
-        before, after, start: (n, 3) float: positions now, as wished, and at the start of the run.
+        before, after, start: (n, 3) float: positions now, as requested, and at the start of the run, world units.
         locked: (n,) bool.
-        vertices: (u,) int: those that the hand moves.
+        vertices: (u,) int: the vertices to be moved.
 
     Raises:
-        InputError: a vertex is locked, or a face would be flipped or collapsed; nothing is moved then.
+        InputError: a vertex is locked, or a face would be flipped or collapsed.
     """
     if locked[vertices].any():
         raise InputError(f"vertex {int(vertices[locked[vertices]][0])}: is locked; unlock it to move it")
@@ -42,7 +42,7 @@ def check_places(
         raise InputError(f"vertex {int(vertices[0])}: expected a finite position")
     faces = scene.mesh.faces
     bad = folded_faces(before, after, start, faces, replace(options, max_turn=MAX_TURN))
-    # Where all its corners are at the start, a face is as it was given, whatever it looks like.
+    # A face with all corners at the start is as it was given, whatever its shape.
     bad &= (after[faces] != start[faces]).any(axis=(1, 2)) & np.isin(faces, vertices).any(axis=1)
     if bad.any():
         face = int(np.flatnonzero(bad)[0])
@@ -56,41 +56,43 @@ def manual_step(
     position: SchedulePosition,
     before: np.ndarray,
     vertices: np.ndarray,
-    places: np.ndarray,
+    positions: np.ndarray,
     reason: StepReason,
 ) -> StepRecord:
-    """Put vertices elsewhere; the record's next position is the same.
+    """The step of a manual move.
 
     Args:
-        sweep: the present one, by whose photos both places are judged.
-        before: (n, 3) float: where all are, world units.
-        vertices: (u,) int, ids.
-        places: (u, 3) float: where they are put.
+        sweep: the present one; its photos evaluate both states.
+        position: of the step; the record's next position is the same.
+        before: (n, 3) float: positions of all vertices, world units.
+        vertices: (u,) int, ids of those that move.
+        positions: (u, 3) float: their new positions, world units.
         reason: one of `MANUAL_REASONS`.
 
     Raises:
-        InputError: a vertex is locked or would come behind a camera that sees it, or a face would be flipped or
+        InputError: a vertex is locked or would be behind a camera that sees it, or a face would be flipped or
             collapsed.
+        Cancelled: cancellation was requested.
     """
     mesh = problem.scene.mesh
     after = before.copy()
-    after[vertices] = places
-    check_places(problem.scene, before, after, problem.start, problem.locked, vertices, problem.options.step)
+    after[vertices] = positions
+    check_positions(problem.scene, before, after, problem.start, problem.locked, vertices, problem.options.step)
     faces = np.flatnonzero(np.isin(mesh.faces, vertices).any(axis=1))
     here, there = (
-        Judged(v, sweep.context, problem.linearise(sweep.context, v, faces, np.full(len(faces), -1), sweep.scale))
+        Evaluation(v, sweep.context, problem.linearise(sweep.context, v, faces, np.full(len(faces), -1), sweep.scale))
         for v in (before, after)
     )
     if not np.isfinite(there.system.energy).all():
-        raise InputError(f"vertex {int(vertices[0])}: there it would be behind a camera; nothing was moved")
+        raise InputError(f"vertex {int(vertices[0])}: would be behind a camera there; nothing was moved")
     H, _ = vertex_systems(mesh, there.system)
     record = moved_record(problem, position, sweep.moment, vertices, here, there, reason)
     return replace(record, eigenvalues=np.linalg.eigvalsh(H[vertices]))
 
 
 def with_locks(options: FairingOptions, scene: Scene, vertices: np.ndarray, locked: bool) -> FairingOptions:
-    """The options with vertices (u,) of the mesh locked or unlocked by their numbers."""
-    # The option counts vertices as the input does, where one vertex may have several copies.
+    """The options with vertices (u,) int of the mesh locked or unlocked."""
+    # The option has the vertex numbers of the input, in which a vertex may have several copies.
     copies = np.flatnonzero(np.isin(scene.original_from_welded, vertices)).tolist()
     chosen = set(options.locked_vertices)
     chosen = chosen | set(copies) if locked else chosen - set(copies)

@@ -1,4 +1,4 @@
-"""Records of steps that no system was solved and no place searched for: nothing moves, or vertices are put elsewhere."""
+"""Step records: one builder, and the records of steps that put vertices elsewhere or move none."""
 
 from dataclasses import replace
 from typing import NamedTuple
@@ -12,13 +12,13 @@ from fairing.solve.problem import Problem
 from fairing.trace import SchedulePosition, StepReason, StepRecord
 
 
-class Judged(NamedTuple):
-    """Vertices at given places, as the photos see them there.
+class Evaluation(NamedTuple):
+    """Energies of faces with the vertices at given positions.
 
     Attributes:
-        vertices: (n, 3) float, world units.
-        context: who sees which face.
-        system: energies of faces.
+        vertices: (n, 3) float: the positions, world units.
+        context: visibility and cells.
+        system: energies of the faces.
     """
 
     vertices: np.ndarray
@@ -26,65 +26,144 @@ class Judged(NamedTuple):
     system: FaceSystem
 
 
-def moved_record(
-    problem: Problem,
+class Energies(NamedTuple):
+    """Energies before or after a step.
+
+    Attributes:
+        by_face: (F,) float: of the faces around the block.
+        by_view: (V,) float: summed over the faces by view.
+    """
+
+    by_face: np.ndarray
+    by_view: np.ndarray
+
+
+class SolverState(NamedTuple):
+    """Levenberg-Marquardt state of the u vertices of a block.
+
+    Attributes:
+        damping: (u,) float, used in the step.
+        eigenvalues: (u, 3) float: of the normal matrices without priors, ascending, energy / world unit^2.
+        damping_next: (u,) float, for the next iteration.
+        rejections: (u,) int: in a row.
+    """
+
+    damping: np.ndarray
+    eigenvalues: np.ndarray
+    damping_next: np.ndarray
+    rejections: np.ndarray
+
+    @classmethod
+    def unused(cls, n_vertices: int) -> "SolverState":
+        """The state of a step that solves no system."""
+        zeros = np.zeros(n_vertices)
+        return cls(zeros, np.zeros((n_vertices, 3)), zeros, np.zeros(n_vertices, dtype=np.int64))
+
+
+def build_record(
     position: SchedulePosition,
     sweep_moment: int,
     ids: np.ndarray,
-    before: Judged,
-    after: Judged,
-    reason: StepReason,
+    positions: tuple[np.ndarray, np.ndarray],
+    *,
+    proposed: np.ndarray,
+    step_px: np.ndarray,
+    reasons: np.ndarray,
+    objectives: tuple[float, float],
+    faces: np.ndarray,
+    energies: tuple[Energies, Energies],
+    solver: SolverState | None = None,
 ) -> StepRecord:
-    """Vertices (u,) put from their places before to those after, both judged by the same faces; the run goes on at `position`."""
-    blank, steps = np.zeros(len(ids)), after.vertices[ids] - before.vertices[ids]
+    """A record whose next position is its own; pairs are (before, after).
+
+    Args:
+        ids: (u,) int: the vertices of the block.
+        positions: (u, 3) float each, world units.
+        proposed: (u, 3) float, world units.
+        step_px: (u,) float.
+        reasons: (u,) `StepReason`.
+        faces: (F,) int.
+        solver: default: no system was solved.
+    """
+    solver = solver or SolverState.unused(len(ids))
+    before, after = energies
     return StepRecord(
         position=position,
         next_position=position,
         sweep_moment=sweep_moment,
         vertices=ids,
-        before=before.vertices[ids],
+        before=positions[0],
+        proposed=proposed,
+        after=positions[1],
+        step_px=step_px,
+        reasons=reasons.astype(np.int8),
+        objective_before=objectives[0],
+        objective_after=objectives[1],
+        faces=faces,
+        face_energy_before=before.by_face,
+        face_energy_after=after.by_face,
+        view_energy_before=before.by_view,
+        view_energy_after=after.by_view,
+        **solver._asdict(),
+    )
+
+
+def moved_record(
+    problem: Problem,
+    position: SchedulePosition,
+    sweep_moment: int,
+    ids: np.ndarray,
+    before: Evaluation,
+    after: Evaluation,
+    reason: StepReason,
+    objectives: tuple[float, float] | None = None,
+) -> StepRecord:
+    """The record of vertices (u,) that go from their positions in `before` to those in `after`; same faces in both.
+
+    Args:
+        objectives: before and after; default: the energies.
+    """
+    steps = after.vertices[ids] - before.vertices[ids]
+    return build_record(
+        position,
+        sweep_moment,
+        ids,
+        (before.vertices[ids], after.vertices[ids]),
         proposed=steps,
-        after=after.vertices[ids],
         step_px=problem.pixels_moved(before.context, before.vertices, ids, steps),
-        damping=blank,
-        eigenvalues=np.zeros((len(ids), 3)),
-        reasons=np.full(len(ids), reason, dtype=np.int8),
-        objective_before=float(before.system.energy.sum()),
-        objective_after=float(after.system.energy.sum()),
+        reasons=np.full(len(ids), reason),
+        objectives=objectives or (float(before.system.energy.sum()), float(after.system.energy.sum())),
         faces=before.system.faces,
-        face_energy_before=before.system.energy,
-        face_energy_after=after.system.energy,
-        view_energy_before=before.context.sum_by_view(before.system.pair_energy),
-        view_energy_after=after.context.sum_by_view(after.system.pair_energy),
-        damping_next=blank,
-        rejections=np.zeros(len(ids), dtype=np.int64),
+        energies=(_energies(before), _energies(after)),
     )
 
 
 def empty_record(
-    problem: Problem, position: SchedulePosition, sweep_moment: int, following: SchedulePosition
+    problem: Problem, position: SchedulePosition, sweep_moment: int, next_position: SchedulePosition
 ) -> StepRecord:
-    """Go on elsewhere: no vertex can move here (every footprint is too small), or none needs to."""
-    nothing, views = np.zeros(0), np.zeros(len(problem.scene.views))
-    ids, points = nothing.astype(int), np.zeros((0, 3))
-    return StepRecord(
-        position, following, sweep_moment, ids, points, points, points, nothing,
-        nothing, points, nothing.astype(np.int8), 0.0, 0.0, ids, nothing, nothing, views, views, nothing, ids,
+    """The record of a step that moves nothing, because no vertex can move or none needs to."""
+    ids, points = np.zeros(0, dtype=int), np.zeros((0, 3))
+    nothing = Energies(np.zeros(0), np.zeros(len(problem.scene.views)))
+    record = build_record(
+        position, sweep_moment, ids, (points, points), proposed=points, step_px=np.zeros(0), reasons=ids,
+        objectives=(0.0, 0.0), faces=ids, energies=(nothing, nothing),
     )  # fmt: skip
+    return replace(record, next_position=next_position)
 
 
 def returned_if_worse(
     problem: Problem, sweep: SweepState, last: StepRecord, before: np.ndarray, after: np.ndarray, begun: np.ndarray
 ) -> StepRecord:
-    """A run's last step; or instead of it one that returns every vertex, if the energy was lower where it had begun.
+    """The last step of a run; or a step that returns every vertex to `begun` if the energy is lower there.
 
     Args:
-        sweep: the last one.
-        before, after: (n, 3) float: vertices before and after the last step, world units.
-        begun: (n, 3) float: at the start, or after the last move by hand.
+        sweep: the last sweep.
+        before, after: (n, 3) float: positions before and after the last step, world units.
+        begun: (n, 3) float: positions at the start, or after the last manual edit.
     """
     here, there = (
-        Judged(places, sweep.context, problem.measure(sweep.context, places, sweep.scale)) for places in (after, begun)
+        Evaluation(vertices, sweep.context, problem.measure(sweep.context, vertices, sweep.scale))
+        for vertices in (after, begun)
     )
     if here.system.energy.sum() <= there.system.energy.sum():
         return last
@@ -92,3 +171,8 @@ def returned_if_worse(
     here = here._replace(vertices=before)
     returned = moved_record(problem, last.position, last.sweep_moment, everything, here, there, StepReason.RETURNED)
     return replace(returned, next_position=last.next_position)
+
+
+def _energies(evaluation: Evaluation) -> Energies:
+    system = evaluation.system
+    return Energies(system.energy, evaluation.context.sum_by_view(system.pair_energy))

@@ -1,7 +1,8 @@
-"""A fairing run that can be stepped, stopped, moved back and continued.
+"""Session: a fairing run that can be stepped, stopped, moved back, branched and resumed.
 
-A run is a function of the scene and the options. Every step is computed from the vertices and the recorded position in
-the schedule alone, so that a run resumed from its trace writes the same bytes as one never stopped.
+A run is a function of the scene and the options. It is planned once (`Session.make_plan`); after that every step is computed
+from the vertices, the recorded position in the schedule and the plan alone. A run resumed from its trace therefore writes
+the same bytes as one that was never stopped. Properties never compute: they are functions of trace, options and plan.
 """
 
 import time
@@ -13,11 +14,13 @@ import numpy as np
 from fairing.option_check import check_options
 from fairing.options import FairingOptions, options_from_dict, options_to_dict
 from fairing.run.manual_edits import manual_step
-from fairing.run.schedule import fraction_done
-from fairing.run.start_estimate import Start
+from fairing.run.phases import Phase
+from fairing.run.planning import make_plan
+from fairing.run.schedule import fraction_done, most_blocks
 from fairing.run.stepper import Stepper
 from fairing.run.sweep import SweepState
 from fairing.run.sweep_cache import SweepCache
+from fairing.run_plan import RunPlan
 from fairing.scene import Scene
 from fairing.solve.energy import FaceSystem
 from fairing.solve.problem import Problem
@@ -29,21 +32,28 @@ class Session:
     """The engine on one scene.
 
     Args:
-        scene: what to fair.
-        options: how.
-        trace: continue this run (its options win); default a new one.
+        scene: the mesh to fair, and its photos.
+        options: default: the preset `accurate`.
+        trace: continue this run, under its own options; default: a new run.
+        like: a session on the same scene and start, whose photos in memory this one uses.
 
     Attributes:
-        moment: the present one; the next step continues from there.
-        start: what is known of the mesh the run begins with.
-        cancel_requested: asked within long steps; where it holds, the step in hand is dropped and `step` raises `Cancelled`.
-        on_photo: told within long steps of the photos being read or judged: how many are done, and of how many.
+        moment: the present moment; the next step continues from there.
+        cancel_requested: called within long computations, from any thread; where it returns True, the method that computes
+            raises `Cancelled` and changes nothing.
+        on_photo: called within long computations when photos are read or evaluated, with their number so far and in all.
 
     Raises:
         InputError: an option contradicts the scene, or the trace is not of this scene.
     """
 
-    def __init__(self, scene: Scene, options: FairingOptions | None = None, trace: Trace | None = None) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        options: FairingOptions | None = None,
+        trace: Trace | None = None,
+        like: "Session | None" = None,
+    ) -> None:
         self.scene = scene
         if trace is not None:
             check_same_scene(scene, trace)
@@ -57,14 +67,19 @@ class Session:
         self.cancel_requested: Callable[[], bool] = lambda: False
         self.on_photo: Callable[[int, int], None] = lambda done, count: None
         self._problem = Problem(
-            scene, self.options, self.trace.start, lambda: self.cancel_requested(), lambda *read: self.on_photo(*read)
+            scene,
+            self.options,
+            self.trace.start,
+            lambda: self.cancel_requested(),
+            lambda *read: self.on_photo(*read),
+            None if like is None else like._problem,
         )
-        self.start = Start(self._problem)
-        self._sweeps = SweepCache(self._problem, self.start, self.trace)
-        self._stepper = Stepper(self._problem, self.start, self.trace, self._sweeps)
+        self._sweeps = SweepCache(self._problem, self.trace)
+        self._stepper = Stepper(self._problem, self.trace, self._sweeps)
+        self._max_degree = int(np.bincount(scene.mesh.edges.ravel()).max(initial=0))
         self._seconds = 0.0
 
-    # ------------------------------------------------------------------ where the run is
+    # ------------------------------------------------------------------ state
 
     @property
     def vertices(self) -> np.ndarray:
@@ -72,59 +87,72 @@ class Session:
         return self.trace.vertices_at(self.moment)
 
     @property
+    def plan(self) -> RunPlan | None:
+        """The plan of the run; None before `make_plan` or the first step."""
+        return self.trace.plan
+
+    @property
     def position(self) -> SchedulePosition:
-        """Where the next step belongs."""
+        """Position of the next step; the beginning of the schedule in a run without steps or plan."""
         return self._sweeps.position_at(self.moment)
 
     @property
     def finished(self) -> bool:
-        """Whether the schedule has been worked off at the present moment."""
+        """Whether the schedule is done at the present moment."""
         return self.position.level >= self.options.n_levels
 
     @property
     def stop_reason(self) -> str:
-        """Why the run stopped, as one sentence."""
+        """The reason for the end of the run, as one sentence."""
         if not self.finished:
             return "not finished"
-        if self.moment == 0:
-            return "finished: there was nothing to do"
-        last = self.trace.steps[self.moment - 1]
-        if (last.reasons == StepReason.RETURNED).all():
-            when = "after the last move by hand" if self.trace.manual_moments else "at the start"
+        steps, n_vertices = self.trace.steps[: self.moment], len(self.trace.start)
+        if not any(len(record.vertices) for record in steps):
+            return f"finished: no vertex could move ({int(self.locked.sum())} of {n_vertices} vertices are locked)"
+        last = steps[-1]
+        if len(last.reasons) and (last.reasons == StepReason.RETURNED).all():
+            when = "after the last manual edit" if self.trace.manual_moments else "at the start"
             return f"finished: the energy at the finest level was lower {when}, so every vertex was returned"
-        moved = np.linalg.norm(self.vertices - self.trace.start, axis=1) > 0
-        return f"finished: all {self.options.n_levels} levels done, {int(moved.sum())} of {len(moved)} vertices moved"
+        moved = (self.vertices != self.trace.start).any(axis=1)
+        return f"finished: all {self.options.n_levels} levels done, {int(moved.sum())} of {n_vertices} vertices moved"
 
     @property
     def progress(self) -> float:
-        """Fraction of the schedule worked off, by the longest it can last, 0 to 1."""
+        """Fraction of the schedule that is done, by the longest it can take, 0 to 1; without a plan, by whole levels."""
         if self.finished:
             return 1.0
-        return fraction_done(
-            self.options, self.start.plan, self.position, self.start.first_level, self._sweeps.n_blocks
-        )
+        position, n_levels = self.position, self.options.n_levels
+        if self.trace.plan is None:
+            first = self.trace.steps[0].position.level if self.moment else 0
+            return max(0.0, (position.level - first) / max(1, n_levels - first)) if self.moment else 0.0
+        n_free = int((~self._problem.locked).sum())
+
+        def blocks(phase: Phase) -> int:
+            return most_blocks(phase, self.options.schedule.order, n_free, self._max_degree)
+
+        return fraction_done(self._sweeps.schedule, position, blocks)
 
     @property
     def locked(self) -> np.ndarray:
-        """(n,) bool: vertices that never move, by option or because a degenerate face holds them."""
+        """(n,) bool: vertices that never move, by option or because they belong to a degenerate face."""
         return self._problem.locked.copy()
 
     @property
     def warnings(self) -> list[str]:
-        """What a user should know of the scene and of the run, a line each."""
+        """Warnings about the scene and the run, a line each."""
         return self._problem.warnings
 
     @property
     def seconds(self) -> dict[str, float]:
-        """Time spent: on "photos", on "visibility", and on "steps", which includes what these took of both."""
+        """Time spent on "photos", "visibility" and "steps", s; "steps" includes the other two as far as steps used them."""
         return self._problem.seconds | {"steps": self._seconds}
 
     @property
     def samples(self) -> int:
-        """Cell samples read so far."""
+        """Number of cell samples read so far."""
         return self._problem.evaluator.samples
 
-    # ------------------------------------------------------------------ moving back, and aside
+    # ------------------------------------------------------------------ moments and branches
 
     def go_to(self, moment: int) -> None:
         """Move to a recorded moment; the next step continues from there.
@@ -137,49 +165,60 @@ class Session:
         self.moment = moment
 
     def branch(self, options: FairingOptions | None = None) -> "Session":
-        """A new session that shares this run's past up to the present moment and goes on with other options."""
+        """A new session with the steps of this one up to the present moment, under the same or other options.
+
+        Under other options the sweep of the next step begins anew, and the branch has no plan yet. Both remain if only
+        the number of threads differs.
+        """
+        options = options or self.options
         trace = self.trace.cut(self.moment)
-        trace.header["options"] = options_to_dict(options or self.options)
-        branch = Session(self.scene, trace=trace)
-        branch._problem.share_photos(self._problem)
+        trace.header["options"] = options_to_dict(options)
+        if replace(options, threads=self.options.threads) != self.options:
+            trace.plan = None
+            if self.moment and not self.finished:
+                trace.continue_at(self.position._replace(block=0, iteration=0))
+        branch = Session(self.scene, trace=trace, like=self)
         if branch.options == self.options:
             branch._sweeps.share(self._sweeps, self.moment)
-        elif options is not None and not branch._continues(self):
-            trace.continue_at(self.position._replace(unit=0, iteration=0))
         return branch
 
-    def _continues(self, other: "Session") -> bool:
-        """Whether this run, which shares the past of another, has the other's units up to the one at hand."""
-        position = self.position
-        if self.finished or other.finished or position[2:] == (0, 0):
-            return True
-        units, others = self.sweep_state().units, other.sweep_state().units
-        return len(units) > position.unit and all(
-            np.array_equal(unit.vertices, before.vertices)
-            for unit, before in zip(units[: position.unit + 1], others, strict=False)
-        )
-
     def forget_computed(self) -> None:
-        """Free what can be computed again: blurred photos, visibility, equations. For a run that is put aside."""
+        """Free the memory of what can be computed again: blurred photos, visibility, normal equations."""
         for holder in (self._sweeps, self._stepper, self._problem):
-            holder.forget()
+            holder.clear()
 
-    # ------------------------------------------------------------------ moving forward
+    # ------------------------------------------------------------------ steps
+
+    def make_plan(self) -> RunPlan:
+        """The plan of the run, computed and recorded on the first call. It reads the photos and may take many seconds.
+
+        Raises:
+            InputError: no photo sees any face well enough; or the trace's disk is full.
+            Cancelled: `cancel_requested` returned True; nothing has changed.
+        """
+        if self.trace.plan is None:
+            began = time.perf_counter()
+            plan = make_plan(self._problem)
+            self._seconds += time.perf_counter() - began
+            self.trace.record_plan(plan)
+            return plan
+        return self.trace.plan
 
     def step(self) -> StepRecord | None:
-        """One iteration: of a vertex, a set of vertices or all vertices, as the order has it. None when finished.
+        """One iteration of a block: a vertex, a set of vertices or all, by the order of the options. None when finished.
 
-        At a past moment the recorded step is repeated (a run is deterministic), later ones are computed.
+        At a past moment the recorded step is repeated. A run without a plan is planned first.
 
         Raises:
             InputError: no photo sees any face well enough.
-            Cancelled: `cancel_requested` held while it computed; nothing has changed.
+            Cancelled: `cancel_requested` returned True; no step was made.
         """
         if self.finished:
             return None
         if self.moment < len(self.trace):
             self.moment += 1
             return self.trace.steps[self.moment - 1]
+        self.make_plan()
         began = time.perf_counter()
         record = self._stepper.step_after(self.moment)
         self.trace.append(record)
@@ -190,7 +229,7 @@ class Session:
         return record
 
     def step_block(self) -> StepRecord | None:
-        """All iterations of the present vertex (or set of vertices). Returns the last step."""
+        """All iterations of the present block. Returns the last step."""
         return self._step_while(lambda now, then: now[:3] == then[:3])
 
     def step_sweep(self) -> StepRecord | None:
@@ -202,6 +241,8 @@ class Session:
         return self._step_while(lambda now, then: now[0] == then[0])
 
     def _step_while(self, same: Callable[[SchedulePosition, SchedulePosition], bool]) -> StepRecord | None:
+        if self.moment == len(self.trace):
+            self.make_plan()
         began = self.position
         record = self.step()
         last = record
@@ -213,14 +254,14 @@ class Session:
     def run(
         self, should_stop: Callable[[], bool] = lambda: False, on_step: Callable[[StepRecord], None] = lambda _: None
     ) -> str:
-        """Work off the schedule.
+        """All remaining steps.
 
         Args:
-            should_stop: asked before every step.
-            on_step: told of every step.
+            should_stop: called before every step; True ends the run.
+            on_step: called with the record of every step.
 
         Returns:
-            Why it stopped.
+            The reason for the end.
         """
         while not self.finished:
             if should_stop():
@@ -230,14 +271,14 @@ class Session:
                 on_step(record)
         return self.stop_reason
 
-    # ------------------------------------------------------------------ by hand
+    # ------------------------------------------------------------------ manual edits
 
     def place(
         self, vertices: np.ndarray, positions: np.ndarray, reason: StepReason = StepReason.MOVED_MANUALLY
     ) -> StepRecord:
-        """Put vertices elsewhere by hand, as a step of its own after the last one; the present sweep begins anew.
+        """Move vertices manually, as a step after the last one; the present sweep begins anew.
 
-        From then on a placed vertex counts as having started there; a finished run goes on at its last level.
+        The new positions become the origin of these vertices. A finished run continues at its last level.
 
         Args:
             vertices: (u,) int, ids.
@@ -245,38 +286,49 @@ class Session:
             reason: one of `MANUAL_REASONS`.
 
         Raises:
-            InputError: a vertex is locked or would come behind a camera that sees it, or a face would be flipped or
+            InputError: a vertex is locked or would be behind a camera that sees it, or a face would be flipped or
                 collapsed; nothing is moved.
+            Cancelled: `cancel_requested` returned True; nothing is moved.
         """
         assert self.moment == len(self.trace), "a record only grows at its end; branch first"
-        position = self.position
-        goes_on = position._replace(unit=0, iteration=0)
+        sweep, position = self.sweep_state(), self.position
+        following = position._replace(block=0, iteration=0)
         if self.finished and self.moment:
-            position, goes_on = self.trace.steps[-1].position, SchedulePosition(self.options.n_levels - 1, 0, 0, 0)
-        record = manual_step(self._problem, self.sweep_state(), position, self.vertices, vertices, positions, reason)
-        record = replace(record, next_position=goes_on)
+            position, following = self.trace.steps[-1].position, SchedulePosition(self.options.n_levels - 1, 0, 0, 0)
+        record = manual_step(self._problem, sweep, position, self.vertices, vertices, positions, reason)
+        record = replace(record, next_position=following)
         self.trace.append(record)
         self.moment += 1
         self.trace.flush()
         return record
 
     def reset(self, vertices: np.ndarray) -> StepRecord:
-        """Put vertices (u,) back to their start by hand; see `place`."""
+        """Move vertices (u,) back to their start manually; see `place`."""
         return self.place(vertices, self.trace.start[vertices], StepReason.RESET_MANUALLY)
 
-    # ------------------------------------------------------------------ what the engine sees
+    # ------------------------------------------------------------------ sweeps
 
     def sweep_state(self, moment: int | None = None) -> SweepState:
-        """Visibility, sigma, priors and order of the sweep that a moment belongs to (default: now)."""
+        """The sweep of the step after a moment (default: now). A run without a plan is planned first.
+
+        Raises:
+            InputError: no photo sees any face well enough.
+            Cancelled: `cancel_requested` returned True.
+        """
+        self.make_plan()
         return self._sweeps.at(self.moment if moment is None else moment)
 
     @property
     def latest_sweep(self) -> SweepState | None:
-        """The sweep last asked for, whichever moment it belongs to; None before the first."""
+        """The most recently used sweep, of any moment; None before the first."""
         return self._sweeps.latest
 
     def linearise_by_photos(self, faces: np.ndarray, moment: int) -> FaceSystem:
-        """Energy and normal equations of faces (F,) at a moment by all their corners, with the eigenspace eliminated."""
+        """Energy and normal equations of faces (F,) int at a moment, by all corners, with the eigenspace eliminated.
+
+        Raises:
+            Cancelled: `cancel_requested` returned True.
+        """
         sweep, corners = self.sweep_state(moment), np.full(len(faces), -1)
         vertices = self.trace.vertices_at(moment)
         return self._problem.evaluator.linearise(

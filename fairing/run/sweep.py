@@ -1,4 +1,4 @@
-"""What holds for a whole sweep: visibility, robust scale, priors, and what moves together in which order."""
+"""State of a sweep: visibility, robust scale, priors, and the blocks of vertices in their order."""
 
 from dataclasses import dataclass, replace
 
@@ -8,53 +8,54 @@ from fairing.cells.context import CellContext
 from fairing.geometry.normal_filter import smoothed
 from fairing.mesh import Mesh
 from fairing.options import by_level
-from fairing.run.local_search import loss_of_faces
+from fairing.run.phases import GaussNewton, Level, LocalSearch, Phase, Restart
 from fairing.scene import Scene
 from fairing.solve.blocks import Block, plan_blocks, restart_block
 from fairing.solve.energy import FaceSystem, robust_scale, robust_sigma
+from fairing.solve.face_loss import loss_of_faces
 from fairing.solve.normal_equations import Prior, QuadraticPrior, undetermined_directions, vertex_systems
 from fairing.solve.point_fit import fitted_to_points
 from fairing.solve.problem import Problem
 from fairing.solve.step_limits import pixels_moved, pixels_per_unit
 
-BADLY = 2.0  # times the median loss: a vertex that is tried again
-WELL_SEEN = 0.6  # part of the faces around a vertex
-FIT_ROUNDS = 3  # to the sparse points, from where the sweep begins
-VERTEX_PASSES = 3  # of the filter whose result a noisy start is pulled to
+POOR_FIT = 2.0  # in units of the median loss: vertices above it are restarted
+WELL_SEEN = 0.6  # fraction of the faces around a vertex (ledger: well-seen vertices)
+FIT_ROUNDS = 3  # of the fit to the sparse points, from the vertices at the beginning of the sweep
+VERTEX_PASSES = 3  # of the filter that gives the targets of the smoothness prior
 
 
 @dataclass(frozen=True, eq=False)
 class SweepState:
-    """What holds for a whole sweep, a function of the vertices at its beginning.
+    """What is constant during a sweep: a function of the vertices at its beginning.
 
     Attributes:
-        moment: when the sweep began.
+        moment: at which the sweep began.
+        phase: the phase the sweep belongs to.
         context: cells and visibility.
-        sigma: (m,) float, grey levels, scale of the robust norm by face.
-        scale: (m,) float, what the kernel wants of it.
-        prior: what holds vertices besides the photos.
-        origin: (n, 3) float: their start, or where a hand put them, world units.
-        free: (n,) bool: vertices that may move and that enough photos see.
-        units: what moves together, in order.
-        search_radius: px; 0 for a sweep of Gauss-Newton.
-        pixels_per_unit: (n,) float: how far a vertex moves at most in a photo, px per world unit; 0 where unseen.
+        sigma: (m,) float: scale parameter of the robust loss by face, grey levels.
+        scale: (m,) float: the value of the kernels for it, see `robust_scale`.
+        prior: quadratic priors of the vertices.
+        origin: (n, 3) float: positions at the prepared start, or after the last manual edit of a vertex, world units.
+        free: (n,) bool: vertices that are not locked and that enough photos see.
+        blocks: in their order.
+        pixels_per_unit: (n,) float: largest motion of a vertex in a photo, px per world unit; 0 where unseen.
         mean_loss: of the mesh, per photo px.
     """
 
     moment: int
+    phase: Phase
     context: CellContext
     sigma: np.ndarray
     scale: np.ndarray
     prior: Prior
     origin: np.ndarray
     free: np.ndarray
-    units: list[Block]
-    search_radius: float
+    blocks: list[Block]
     pixels_per_unit: np.ndarray
     mean_loss: float
 
     def longest_move(self, scene: Scene, vertices: np.ndarray) -> float:
-        """How far the sweep has moved any of its vertices in a photo, px; vertices (n, 3) are where they are now."""
+        """Longest move of a free vertex in a photo since the beginning of the sweep, px; vertices (n, 3): positions now."""
         ids, begun = np.flatnonzero(self.free), self.context.vertices
         moved = pixels_moved(scene.views, self.context.vertex_views, begun, ids, vertices[ids] - begun[ids])
         return float(moved.max(initial=0))
@@ -62,110 +63,73 @@ class SweepState:
 
 def begin_sweep(
     problem: Problem,
-    level: int,
+    level: Level,
+    phase: Phase,
     moment: int,
     vertices: np.ndarray,
     origin: np.ndarray,
-    prior_strength: float,
-    search_radius: float = 0.0,
-    smoothing: float = 0.0,
-    attraction: float = 0.0,
-    restart_level: int | None = None,
-    only_again: bool = False,
     among: np.ndarray | None = None,
 ) -> SweepState:
-    """Judge visibility and plan what moves.
+    """Compute visibility, robust scale, priors and blocks.
 
     Args:
-        level, moment: the sweep's.
-        vertices: (n, 3) float: where they are then, world units.
-        origin: (n, 3) float: their start, or where a hand put them.
-        prior_strength: of the pull along what the photos do not determine, see `StepOptions.prior`.
-        search_radius: how far from each vertex to look for a better place, px; 0 for a sweep of Gauss-Newton.
-        smoothing: pull to where the faces would be smooth, as a fraction of the median of the vertices' largest
-            eigenvalues; vertices that no photo determines then move, too.
-        attraction: pull to the sparse points in a direction they know as well as others on average, in the same units.
-        restart_level: level from which a search tries again what fits badly, when its other units are done.
-        only_again: the search has no other units, and any vertex may be tried again.
-        among: (n,) bool: only these vertices may move, and only the faces around them are judged.
+        level: gives the strengths of the priors.
+        phase: what the sweep does; it need not be one of the level's.
+        moment: of the beginning.
+        vertices: (n, 3) float: positions then, world units.
+        origin: (n, 3) float, see `SweepState`.
+        among: (n,) bool: only these vertices may move, and only the faces around them are evaluated; default: all.
 
     Raises:
         InputError: no photo sees any face well enough at the last level.
-        Cancelled: nobody wants it any more.
+        Cancelled: cancellation was requested.
     """
     options, mesh = problem.options, problem.scene.mesh
-    context = problem.context(level, vertices, among)
-    unscaled = np.ones(len(mesh.faces))
-    measured = problem.measure(context, vertices, unscaled)
-    shorter = context.with_reduced_dimensions(
-        measured.singular_value_ratio, by_level(options.eigenspace.significance, level)
-    )
-    if shorter is not context:
-        context = shorter
-        measured = problem.measure(context, vertices, unscaled)
-    # A search compares places whose residuals differ, by one yardstick (facade at the finest blur, all vertices searched:
-    # determined rms 0.393 -> 0.379 % with the paper's sigma, which follows each face's largest residual, 0.366 with one).
-    robust = replace(options.robust, sigma_rule=("fixed",)) if search_radius > 0 else options.robust
-    sigma = robust_sigma(robust, level, measured)
+    context, sigma = _context_and_sigma(problem, level.number, phase, vertices, among)
     scale = robust_scale(options.robust, sigma)
     everything = np.arange(len(mesh.faces))
     system = problem.linearise(context, vertices, everything, np.full(len(everything), -1), scale)
     H, _ = vertex_systems(mesh, system)
     strength = np.linalg.eigvalsh(H)[:, 2]
     informed = strength > 0
-    sliding, weak = undetermined_directions(vertices, mesh, H, context.takes_part, options.step, prior_strength)
-    pulls = [QuadraticPrior(sliding, origin), QuadraticPrior(weak, vertices)]
+    typical = float(np.median(strength[informed])) if informed.any() else 0.0
+    tangential, weak = undetermined_directions(vertices, mesh, H, context.takes_part, options.step, level.prior)
+    terms = [QuadraticPrior(tangential, origin), QuadraticPrior(weak, vertices)]
+    if level.attraction > 0:
+        to_points = fitted_to_points(problem, vertices, FIT_ROUNDS)
+        terms.append(to_points._replace(hessians=level.attraction * typical * to_points.hessians))
     pixels = pixels_per_unit(problem.scene.views, context.vertex_views, vertices)
     free = informed & ~problem.locked
     if among is not None:
         free &= among
     movable = free & (pixels > 0)
-    typical = float(np.median(strength[informed])) if informed.any() else 0.0
-    if attraction > 0:
-        to_points = fitted_to_points(problem, vertices, FIT_ROUNDS)
-        pulls.append(to_points._replace(blocks=attraction * typical * to_points.blocks))
-    if smoothing > 0 and informed.any():
-        smooth_places = smoothed(mesh, vertices, VERTEX_PASSES)
-        pulls.append(QuadraticPrior(np.tile(smoothing * typical * np.eye(3), (len(vertices), 1, 1)), smooth_places))
-        movable = free = ~problem.locked
-    badly = np.zeros(len(vertices), dtype=bool)
-    if search_radius > 0:
-        movable = movable & _well_seen(mesh, context.takes_part)
-        if by_level(options.cells.point_spread, level) == "common":
-            badly = movable & fits_badly(mesh, context, system, movable, BADLY)
-            movable &= fits_badly(mesh, context, system, movable, 1.0)
-    order = "independent" if search_radius > 0 else options.schedule.order
-    units = [] if only_again else plan_blocks(mesh, movable, order, system.energy)
-    # After Gauss-Newton the second try itself tells which of all vertices fit badly (facade, at the end of a run: determined rms
-    # 0.262 instead of 0.275 %).
-    again = free if only_again else badly
-    if restart_level is not None and again.any():
-        units.append(restart_block(mesh, np.flatnonzero(again), restart_level))
+    if level.smoothing > 0 and informed.any():
+        targets = smoothed(mesh, vertices, VERTEX_PASSES)
+        terms.append(QuadraticPrior(np.tile(level.smoothing * typical * np.eye(3), (len(vertices), 1, 1)), targets))
+        movable = free = ~problem.locked  # the smoothness prior determines vertices that no photo sees
     area = float((context.footprint_area * context.n_views)[context.takes_part].sum())
     mean_loss = float(system.energy.sum()) / area if area > 0 else 0.0
+    match phase:
+        case GaussNewton():
+            blocks = plan_blocks(mesh, movable, options.schedule.order, system.energy)
+        case LocalSearch():
+            blocks = _search_blocks(mesh, phase, context, system, movable)
+        case Restart(level_number):
+            blocks = [restart_block(mesh, np.flatnonzero(free), level_number)] if free.any() else []
     return SweepState(
-        moment, context, sigma, scale, Prior(tuple(pulls)), origin, free, units, search_radius, pixels, mean_loss
+        moment, phase, context, sigma, scale, Prior(tuple(terms)), origin, free, blocks, pixels, mean_loss
     )
 
 
-def _well_seen(mesh: Mesh, takes_part: np.ndarray) -> np.ndarray:
-    """(n,) bool: vertices of whose faces enough take part for a search to be trusted.
-
-    Where most of the faces around a vertex are unseen, a far place that suits the few seen ones is seldom the right
-    one (facade: such vertices went from 0.70 to 1.06 % rms).
-    """
-    count, seen = (
-        np.bincount(mesh.faces.ravel(), weights=np.repeat(part, 3), minlength=len(mesh.vertices))
-        for part in (np.ones(len(mesh.faces)), takes_part.astype(float))
-    )
-    return seen >= WELL_SEEN * np.maximum(count, 1)
+def fits_poorly(mesh: Mesh, context: CellContext, system: FaceSystem, among: np.ndarray) -> np.ndarray:
+    """(n,) bool: vertices whose faces have a mean loss above `POOR_FIT` times the median over a mask (n,) bool."""
+    return _above_median(mesh, context, system, among, POOR_FIT)
 
 
-def fits_badly(mesh: Mesh, context: CellContext, system: FaceSystem, among: np.ndarray, factor: float) -> np.ndarray:
-    """(n,) bool: vertices around which faces fit worse than a factor times the median of a mask (n,).
+def _above_median(mesh: Mesh, context: CellContext, system: FaceSystem, among: np.ndarray, factor: float) -> np.ndarray:
+    """(n,) bool: vertices whose faces have a mean loss above a factor times the median over a mask (n,) bool.
 
-    Sharp cells tell which those are (facade: determined rms after the search 0.366 with all vertices, 0.347 with those above
-    the median, at two thirds of the time).
+    (ledger: searched vertices)
     """
     loss, pixels = loss_of_faces(context, system.energy, system.faces)
     total, weight = (
@@ -174,3 +138,49 @@ def fits_badly(mesh: Mesh, context: CellContext, system: FaceSystem, among: np.n
     )
     mean = total / np.maximum(weight, 1e-300)
     return mean > factor * np.median(mean[among]) if among.any() else among
+
+
+def _context_and_sigma(
+    problem: Problem, level: int, phase: Phase, vertices: np.ndarray, among: np.ndarray | None
+) -> tuple[CellContext, np.ndarray]:
+    """Cells with their final eigenspace dimensions, and the scale parameter (m,) by face, grey levels."""
+    options = problem.options
+    context = problem.context(level, vertices, among)
+    unscaled = np.ones(len(problem.scene.mesh.faces))
+    measured = problem.measure(context, vertices, unscaled)
+    shorter = context.with_reduced_dimensions(
+        measured.singular_value_ratio, by_level(options.eigenspace.significance, level)
+    )
+    if shorter is not context:
+        context = shorter
+        measured = problem.measure(context, vertices, unscaled)
+    # A search compares positions with different residuals, so all of them need the same sigma (ledger: sigma of searches).
+    robust = options.robust if isinstance(phase, GaussNewton) else replace(options.robust, sigma_rule=("fixed",))
+    return context, robust_sigma(robust, level, measured)
+
+
+def _search_blocks(
+    mesh: Mesh, phase: LocalSearch, context: CellContext, system: FaceSystem, movable: np.ndarray
+) -> list[Block]:
+    """Independent blocks of the vertices to be searched; at the end the block to be restarted, if the phase has one."""
+    movable = movable & _well_seen(mesh, context.takes_part)
+    poor = np.zeros(len(movable), dtype=bool)
+    if phase.is_sharp:
+        poor = movable & fits_poorly(mesh, context, system, movable)
+        movable = movable & _above_median(mesh, context, system, movable, 1.0)
+    blocks = plan_blocks(mesh, movable, "independent", system.energy)
+    if phase.restart_level is not None and poor.any():
+        blocks.append(restart_block(mesh, np.flatnonzero(poor), phase.restart_level))
+    return blocks
+
+
+def _well_seen(mesh: Mesh, takes_part: np.ndarray) -> np.ndarray:
+    """(n,) bool: vertices with enough faces that take part.
+
+    If most faces around a vertex are unseen, a distant position that fits the few seen ones is seldom right.
+    """
+    count, seen = (
+        np.bincount(mesh.faces.ravel(), weights=np.repeat(part, 3), minlength=len(mesh.vertices))
+        for part in (np.ones(len(mesh.faces)), takes_part.astype(float))
+    )
+    return seen >= WELL_SEEN * np.maximum(count, 1)

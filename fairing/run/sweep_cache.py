@@ -1,38 +1,50 @@
-"""The sweep that any moment of a run belongs to; a few are kept."""
+"""Sweep cache: the sweep states of a recorded run at its moments."""
 
-from fairing.run.start_estimate import Start
+from fairing.run.phases import Schedule, schedule_of
 from fairing.run.sweep import SweepState, begin_sweep
 from fairing.solve.problem import Problem
 from fairing.trace import SchedulePosition, Trace
 
-KEPT_SWEEPS = 4  # so that stepping back and forth does not judge visibility anew
-KEPT_BYTES = 1 << 30  # of blurred photos that kept sweeps hold on to
+MAX_SWEEPS = 4  # so that stepping back and forth does not compute visibility again
+MAX_BYTES = 1 << 30  # of blurred photos that cached sweeps refer to
 
 
 class SweepCache:
-    """Where a recorded run is at its moments, and what holds there."""
+    """Positions in the schedule and sweep states, by moment. States need the plan of the trace; positions do not."""
 
-    def __init__(self, problem: Problem, start: Start, trace: Trace) -> None:
-        self._problem, self._start, self._trace = problem, start, trace
-        self._kept: list[SweepState] = []  # the last used comes last
+    def __init__(self, problem: Problem, trace: Trace) -> None:
+        self._problem, self._trace = problem, trace
+        self._sweeps: list[SweepState] = []  # the most recently used is the last
+
+    @property
+    def schedule(self) -> Schedule:
+        """The schedule of the planned run."""
+        assert self._trace.plan is not None, "plan the run first"
+        return schedule_of(self._problem.options, self._trace.plan)
 
     def position_at(self, moment: int) -> SchedulePosition:
-        """Where the step after a moment belongs; level = number of levels where the run has finished."""
-        if moment == 0:
-            return SchedulePosition(self._start.first_level, 0, 0, 0)
-        return self._trace.steps[moment - 1].next_position
+        """Position of the step after a moment; level = number of levels where the run has finished.
+
+        Before the first step and the plan it is the beginning of the first level.
+        """
+        if moment > 0:
+            return self._trace.steps[moment - 1].next_position
+        if self._trace.steps:
+            return self._trace.steps[0].position
+        first_level = self._trace.plan.first_level if self._trace.plan is not None else 0
+        return SchedulePosition(first_level, 0, 0, 0)
 
     def begun_at(self, moment: int) -> int:
-        """The moment at which the sweep began that the step after a moment belongs to."""
-        is_new = self.position_at(moment)[2:] == (0, 0)
+        """The moment at which the sweep of the step after a moment began."""
+        is_new = moment == 0 or self.position_at(moment)[2:] == (0, 0)
         return moment if is_new else self._trace.steps[moment - 1].sweep_moment
 
     def at(self, moment: int) -> SweepState:
-        """The sweep that the step after a moment belongs to; of a finished run the last one.
+        """The sweep of the step after a moment; the last sweep of a finished run.
 
         Raises:
             InputError: no photo sees any face well enough.
-            Cancelled: nobody wants it any more.
+            Cancelled: cancellation was requested.
         """
         position, begun = self.position_at(moment), self.begun_at(moment)
         n_levels = self._problem.options.n_levels
@@ -41,46 +53,36 @@ class SweepCache:
             # A branch may have fewer levels than the run it comes from.
             position = last.position._replace(level=min(last.position.level, n_levels - 1))
             begun = last.sweep_moment
-        kept = [sweep for sweep in self._kept if (sweep.moment, sweep.context.level) == (begun, position.level)]
-        if kept:
-            sweep = kept[0]
+        found = [sweep for sweep in self._sweeps if (sweep.moment, sweep.context.level) == (begun, position.level)]
+        if found:
+            sweep = found[0]
         else:
-            # Before room is taken for the next one.
-            while self._kept and self._held_bytes() > KEPT_BYTES:
-                self._kept.pop(0)
+            # Memory is freed before the next sweep needs it.
+            while self._sweeps and self._photo_bytes() > MAX_BYTES:
+                self._sweeps.pop(0)
             sweep = self._begin(position, begun)
-        others = [other for other in self._kept if other is not sweep]
-        self._kept = [*others[1 - KEPT_SWEEPS :], sweep]
+        others = [other for other in self._sweeps if other is not sweep]
+        self._sweeps = [*others[1 - MAX_SWEEPS :], sweep]
         return sweep
 
     @property
-    def n_blocks(self) -> int:
-        """Of the sweep last asked for; 1 where there is none."""
-        return len(self._kept[-1].units) if self._kept else 1
-
-    @property
     def latest(self) -> SweepState | None:
-        """The sweep last asked for; None where there is none."""
-        return self._kept[-1] if self._kept else None
+        """The most recently used sweep; None if the cache is empty."""
+        return self._sweeps[-1] if self._sweeps else None
 
     def share(self, other: "SweepCache", moment: int) -> None:
-        """Keep those of another run, whose past this one shares up to a moment."""
-        self._kept = [sweep for sweep in other._kept if sweep.moment <= moment]
+        """Take the sweeps of a run with the same past up to a moment."""
+        self._sweeps = [sweep for sweep in other._sweeps if sweep.moment <= moment]
 
-    def forget(self) -> None:
-        """Keep none; they are made again when they are wanted."""
-        self._kept = []
+    def clear(self) -> None:
+        """Remove all sweeps; they are computed again when needed."""
+        self._sweeps = []
 
     def _begin(self, position: SchedulePosition, moment: int) -> SweepState:
-        level, start, trace = position.level, self._start, self._trace
-        is_second_try = position.sweep > 0 and start.plan(level).is_second_try(position.sweep)
-        radius = start.search_radius(level) if position.sweep == 0 or is_second_try else 0.0
-        vertices, origin = trace.vertices_at(moment), trace.origin_at(moment)
-        return begin_sweep(
-            self._problem, level, moment, vertices, origin, start.prior(level), radius, start.smoothing(level),
-            start.attraction(level), start.restart_level(level), is_second_try,
-        )  # fmt: skip
+        level = self.schedule.levels[position.level]
+        vertices, origin = self._trace.vertices_at(moment), self._trace.origin_at(moment)
+        return begin_sweep(self._problem, level, level.phase_at(position.sweep), moment, vertices, origin)
 
-    def _held_bytes(self) -> int:
-        planes = {id(pixels): pixels.nbytes for pixels in (sweep.context.kernel.pixels for sweep in self._kept)}
+    def _photo_bytes(self) -> int:
+        planes = {id(pixels): pixels.nbytes for pixels in (sweep.context.kernel.pixels for sweep in self._sweeps)}
         return sum(planes.values())

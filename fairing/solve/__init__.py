@@ -1,5 +1,8 @@
-"""Energies, normal equations and constraints: what one step minimizes and how far it may move.
+"""Energies, normal equations and constraints: what one step minimizes, and the limits of the step.
 
-Holds the evaluator, the problem of a run, blocks of vertices, locks, step limits, priors and the fit to sparse points.
-May import the data modules of `fairing`, `fairing.geometry`, `fairing.cells` and `fairing.kernels`.
+`energy` evaluates faces by the kernels, `problem` binds scene, options and photos, `normal_equations` solves for steps with
+quadratic priors, `step_limits` shortens them, `blocks` and `locks` choose the vertices, `face_loss` gives losses per photo
+pixel, `point_fit` fits the mesh to sparse points.
+
+Imports the data modules of `fairing`, `fairing.geometry`, `fairing.cells` and `fairing.kernels`.
 """

@@ -1,4 +1,4 @@
-"""Which vertices move together, and in which order."""
+"""Blocks: sets of vertices that take a step at the same time."""
 
 from dataclasses import dataclass
 
@@ -19,7 +19,7 @@ class Block:
         corners: (F,) int: the corner of each face that moves, -1 where several may.
         owner: (F,) int: for each face the position in `vertices` of the vertex it counts for.
         coupled: whether the vertices share faces and are solved by one system.
-        restart_level: the level at which a second try of the vertices begins; None: no second try.
+        restart_level: the level at which a restart of the vertices begins; None: an ordinary block.
     """
 
     vertices: np.ndarray
@@ -31,12 +31,12 @@ class Block:
 
 
 def plan_blocks(mesh: Mesh, free: np.ndarray, order: str, face_energy: np.ndarray) -> list[Block]:
-    """The units of a sweep.
+    """The blocks of a sweep, in their order.
 
     Args:
         free: (n,) bool: vertices that may move.
         order: see `ScheduleOptions.order`.
-        face_energy: (m,) float, for `worst_first`.
+        face_energy: (m,) float: energies that order the blocks of `worst_first`.
     """
     ids = np.flatnonzero(free)
     if len(ids) == 0:
@@ -59,7 +59,7 @@ def plan_blocks(mesh: Mesh, free: np.ndarray, order: str, face_energy: np.ndarra
 
 
 def independent_sets(mesh: Mesh, ids: np.ndarray) -> list[np.ndarray]:
-    """Greedy colouring: sets of the given vertices, no two of a set on one face."""
+    """Sets of the given vertices (k,) int, no two of a set on one face, by greedy coloring."""
     neighbours: list[set[int]] = [set() for _ in range(len(mesh.vertices))]
     for a, b in mesh.edges:
         neighbours[a].add(int(b))
@@ -72,7 +72,7 @@ def independent_sets(mesh: Mesh, ids: np.ndarray) -> list[np.ndarray]:
 
 
 def independent_block(mesh: Mesh, vertices: np.ndarray) -> Block:
-    """A unit of vertices (u,) that share no face, with the faces around them."""
+    """A block of vertices (u,) int that share no face, with the faces around them."""
     faces = np.concatenate([mesh.one_rings[v] for v in vertices])
     owner = np.repeat(np.arange(len(vertices)), [len(mesh.one_rings[v]) for v in vertices])
     corners = np.argmax(mesh.faces[faces] == vertices[owner][:, None], axis=1)
@@ -81,7 +81,7 @@ def independent_block(mesh: Mesh, vertices: np.ndarray) -> Block:
 
 
 def group_block(mesh: Mesh, groups: list[np.ndarray]) -> Block:
-    """A unit of groups of vertices that share no face with another group: the first of each stands for its group."""
+    """A block of groups of vertices that share no face with another group; its `vertices` are the first of each group."""
     group = np.full(len(mesh.vertices), -1)
     for k, ids in enumerate(groups):
         group[ids] = k
@@ -92,7 +92,7 @@ def group_block(mesh: Mesh, groups: list[np.ndarray]) -> Block:
 
 
 def restart_block(mesh: Mesh, ids: np.ndarray, level: int) -> Block:
-    """A unit of vertices that are tried again from a level on."""
+    """A block of vertices `ids` (u,) int that are restarted from a level on."""
     faces = np.flatnonzero(np.isin(mesh.faces, ids).any(axis=1))
     return Block(
         ids, faces, np.full(len(faces), -1), np.zeros(len(faces), dtype=int), coupled=True, restart_level=level
@@ -100,7 +100,7 @@ def restart_block(mesh: Mesh, ids: np.ndarray, level: int) -> Block:
 
 
 def connected_groups(mesh: Mesh, mask: np.ndarray) -> list[np.ndarray]:
-    """The vertices of a mask (n,), by connected groups."""
+    """The vertices of a mask (n,) bool as connected groups, each (k,) int."""
     edges = mesh.edges[mask[mesh.edges].all(axis=1)]
     n = len(mesh.vertices)
     _, label = connected_components(coo_array((np.ones(len(edges)), edges.T), shape=(n, n)), directed=False)

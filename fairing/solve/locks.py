@@ -1,4 +1,4 @@
-"""Which vertices stay where they are: by number, at the boundary, inside boxes, or outside the region of interest."""
+"""Locks: vertices locked by number, at the boundary, inside boxes, or outside the region of interest."""
 
 import numpy as np
 
@@ -8,10 +8,10 @@ from fairing.scene import Scene
 
 
 def locked_by_options(scene: Scene, options: FairingOptions) -> np.ndarray:
-    """(n,) bool: the vertices that the options hold, judged by where they start.
+    """(n,) bool: the vertices that the options lock, by their positions at the start.
 
     Raises:
-        InputError: a number that no vertex of the input has, or a region in which no vertex lies.
+        InputError: a number that is no vertex of the input, or a region without vertices.
     """
     vertices = scene.mesh.vertices
     locked = inside_boxes(vertices, options.locked_boxes)
@@ -36,7 +36,7 @@ def locked_by_options(scene: Scene, options: FairingOptions) -> np.ndarray:
 
 
 def inside_boxes(points: np.ndarray, boxes: tuple[float, ...]) -> np.ndarray:
-    """(n,) bool: points (n, 3) in any of the boxes, each x0 y0 z0 x1 y1 z1; their sides belong to them."""
+    """(n,) bool: points (n, 3) float inside or on any of the boxes, x0 y0 z0 x1 y1 z1 each, world units."""
     inside = np.zeros(len(points), dtype=bool)
     for box in np.reshape(np.asarray(boxes, dtype=np.float64), (-1, 2, 3)):
         inside |= ((points >= box[0]) & (points <= box[1])).all(axis=1)

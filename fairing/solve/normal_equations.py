@@ -1,4 +1,4 @@
-"""From the faces' normal equations to a displacement of the vertices, and whether it may be accepted."""
+"""Normal equations by vertex, quadratic priors, and the solution of damped Gauss-Newton steps."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -12,7 +12,7 @@ from fairing.mesh import Mesh
 from fairing.options import StepOptions
 from fairing.solve.energy import FaceSystem
 
-# Keeps a block with no information invertible; far below every threshold on eigenvalues.
+# Keeps a matrix without information invertible; far below every threshold on eigenvalues.
 RIDGE = 1e-9
 
 
@@ -20,48 +20,51 @@ class QuadraticPrior(NamedTuple):
     """(x - a)^T B (x - a) / 2 of every vertex x.
 
     Attributes:
-        blocks: (n, 3, 3) float, B.
-        places: (n, 3) float, a, world units.
+        hessians: (n, 3, 3) float, B, energy / world unit^2.
+        targets: (n, 3) float, a, world units.
     """
 
-    blocks: np.ndarray
-    places: np.ndarray
+    hessians: np.ndarray
+    targets: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
 class Prior:
-    """What holds vertices besides the photos: the sum of some pulls.
+    """The sum of several quadratic priors.
 
-    Sliding (directions in which the surface moves in itself) is pulled to the run's start, or to where a hand put the
-    vertex. Weakly seen directions are pulled to the sweep's start only: that slows a vertex where it could run off, but
-    leaves the minimum where it is (pulled to the run's start, corner A of the cube ended 5 % off).
+    Tangential directions (in which the surface moves within itself) have their target at the origin of the vertex: the start
+    of the run, or its position after a manual edit. Weakly seen directions have theirs at the beginning of the sweep, which
+    slows a diverging vertex without moving the minimum. (ledger: prior of weak directions)
     """
 
-    pulls: tuple[QuadraticPrior, ...]
+    terms: tuple[QuadraticPrior, ...]
 
     @property
-    def blocks(self) -> np.ndarray:
-        """(n, 3, 3) float: second derivative."""
-        return np.sum([pull.blocks for pull in self.pulls], axis=0)
+    def hessians(self) -> np.ndarray:
+        """(n, 3, 3) float: second derivatives, energy / world unit^2."""
+        return np.sum([term.hessians for term in self.terms], axis=0)
 
     def energy(self, vertices: np.ndarray, ids: np.ndarray) -> np.ndarray:
-        """(len(ids),) float."""
+        """(u,) float: energy of vertices `ids` (u,) int at positions `vertices` (n, 3) float, world units."""
         total = np.zeros(len(ids))
-        for blocks, places in self.pulls:
-            offset = vertices[ids] - places[ids]
-            total += 0.5 * np.einsum("vi,vij,vj->v", offset, blocks[ids], offset)
+        for hessians, targets in self.terms:
+            offset = vertices[ids] - targets[ids]
+            total += 0.5 * np.einsum("vi,vij,vj->v", offset, hessians[ids], offset)
         return total
 
     def gradient(self, vertices: np.ndarray, ids: np.ndarray) -> np.ndarray:
-        """(len(ids), 3) float."""
+        """(u, 3) float: gradient for the same arguments, energy / world unit."""
         return sum(
-            (np.einsum("vij,vj->vi", blocks[ids], vertices[ids] - places[ids]) for blocks, places in self.pulls),
+            (np.einsum("vij,vj->vi", hessians[ids], vertices[ids] - targets[ids]) for hessians, targets in self.terms),
             np.zeros((len(ids), 3)),
         )
 
 
 def vertex_systems(mesh: Mesh, system: FaceSystem) -> tuple[np.ndarray, np.ndarray]:
-    """Normal matrices (n, 3, 3) and gradients (n, 3) by vertex, summed over the faces of `system`."""
+    """Normal matrices (n, 3, 3) float and gradients (n, 3) float by vertex, summed over the faces of `system`.
+
+    Units: energy / world unit^2 and energy / world unit.
+    """
     n = len(mesh.vertices)
     H, g = np.zeros((n, 3, 3)), np.zeros((n, 3))
     corners = mesh.faces[system.faces]
@@ -75,15 +78,16 @@ def vertex_systems(mesh: Mesh, system: FaceSystem) -> tuple[np.ndarray, np.ndarr
 def undetermined_directions(
     vertices: np.ndarray, mesh: Mesh, H: np.ndarray, usable: np.ndarray, options: StepOptions, strength: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Blocks (n, 3, 3) that penalise what photos do not determine: sliding, and weakly seen directions.
+    """Hessians (n, 3, 3) float of penalties on tangential and on weakly seen directions, energy / world unit^2.
 
-    Sliding: the normals of the incident faces have no spread there (inside a plane, along an edge). Weak: a small
-    eigenvalue of the normal matrix (little texture, few photos). The penalty is `strength` times the largest eigenvalue.
+    Tangential: the normals of the incident faces have no spread along it (within a plane, along an edge). Weakly seen: its
+    eigenvalue of the normal matrix is small (little texture, few photos).
 
     Args:
+        vertices: (n, 3) float: positions, world units.
         H: (n, 3, 3) float: normal matrices.
         usable: (m,) bool: faces that take part.
-        strength: relative.
+        strength: of the penalties, relative to the largest eigenvalue of each normal matrix.
     """
     normals = face_normals(vertices, mesh.faces)
     area = np.linalg.norm(normals, axis=1, keepdims=True)
@@ -98,18 +102,23 @@ def undetermined_directions(
     values, vectors = np.linalg.eigh(H)
     largest = np.maximum(values[:, 2], 0)
     weak = values < options.prior_threshold * largest[:, None]
-    weak_blocks = np.einsum("vik,vk,vjk->vij", vectors, weak.astype(float), vectors)
+    weak_directions = np.einsum("vik,vk,vjk->vij", vectors, weak.astype(float), vectors)
     values, vectors = np.linalg.eigh(spread)
     flat = values < options.normal_spread
-    sliding = np.einsum("vik,vk,vjk->vij", vectors, flat.astype(float), vectors)
+    tangential = np.einsum("vik,vk,vjk->vij", vectors, flat.astype(float), vectors)
     penalty = strength * largest[:, None, None]
-    return penalty * sliding, penalty * weak_blocks
+    return penalty * tangential, penalty * weak_directions
 
 
 def solve_vertices(H: np.ndarray, g: np.ndarray, damping: np.ndarray) -> np.ndarray:
-    """Steps (u, 3) of vertices that do not share faces: -(H + damping diag H)^-1 g, one by one.
+    """Steps (u, 3) float of vertices that share no face: -(H + damping lambda I)^-1 g, lambda the largest eigenvalue of H.
 
-    Directions without any information are left alone.
+    The step is zero in directions without information. Damping by diag H (Marquardt) would depend on the world's axes.
+
+    Args:
+        H: (u, 3, 3) float: normal matrices, energy / world unit^2.
+        g: (u, 3) float: gradients, energy / world unit.
+        damping: (u,) float, relative.
     """
     values, vectors = np.linalg.eigh(H)
     largest = np.maximum(values[:, 2:], 0)
@@ -120,15 +129,17 @@ def solve_vertices(H: np.ndarray, g: np.ndarray, damping: np.ndarray) -> np.ndar
 
 
 def solve_jointly(
-    mesh: Mesh, system: FaceSystem, blocks: np.ndarray, gradient: np.ndarray, free: np.ndarray, damping: float
+    mesh: Mesh, system: FaceSystem, hessians: np.ndarray, gradient: np.ndarray, free: np.ndarray, damping: float
 ) -> np.ndarray:
-    """Steps (n, 3) of all free vertices from one sparse system.
+    """Steps (n, 3) float of all free vertices from one sparse system, world units; zero for the others.
 
     Args:
-        blocks: (n, 3, 3) float: priors to add on the diagonal.
-        gradient: (n, 3) float: gradient including the priors'.
+        system: normal equations of the faces.
+        hessians: (n, 3, 3) float: of the priors.
+        gradient: (n, 3) float: of energy and priors.
         free: (n,) bool.
-        damping: Levenberg-Marquardt, relative to the diagonal blocks' largest eigenvalue.
+        damping: multiple of the identity that is added to the 3 x 3 block of each vertex, relative to the largest eigenvalue
+            of that block.
     """
     n = len(mesh.vertices)
     slot = np.full(n, -1, dtype=np.int32)  # as narrow as the sparse matrix's own indices: rows and columns are long
@@ -138,9 +149,9 @@ def solve_jointly(
     index[np.repeat(corners < 0, 3, axis=1)] = -1
     rows, columns = np.repeat(index, 9, axis=1).reshape(-1), np.tile(index, (1, 9)).reshape(-1)
     keep = (rows >= 0) & (columns >= 0)
-    H_vertex = blocks.copy()
+    H_vertex = hessians.copy()
     diagonal, _ = vertex_systems(mesh, system)
-    strength = np.maximum(np.linalg.eigvalsh(diagonal + blocks)[:, 2], 0)
+    strength = np.maximum(np.linalg.eigvalsh(diagonal + hessians)[:, 2], 0)
     typical = np.median(strength[free & (strength > 0)]) if (free & (strength > 0)).any() else 1.0
     H_vertex += ((damping * strength + 1e-6 * strength + RIDGE * typical)[:, None, None]) * np.eye(3)
     own = 3 * np.arange(free.sum(), dtype=np.int32)[:, None] + np.arange(3, dtype=np.int32)

@@ -1,15 +1,9 @@
-"""The mesh as points known of its surface would have it: the sparse points that came with a capture.
+"""Fit of the mesh to sparse points of the capture.
 
-Structure from motion measured them, so they are evidence as the photos are. They tell where a start bridges a recess with
-a large face or lies far off, which no texture within reach of a vertex does; the photos tell it finely where they agree.
-Every second point is used. The others are kept to judge by: what a report says of the points was not fitted to them.
-
-Measured on captures with start meshes from structure from motion: median distance of the kept points to the surface in %
-of the diagonal, at the start and after fairing without and with the others; and PSNR of photos left out.
-
-fountain: 0.0797 -> 0.0724 and 0.0540, 26.49 -> 26.78 and 28.21 dB; castle: 0.1716 -> 0.1670 and 0.1153, 24.62 -> 24.9
-and 25.29 dB; Sceaux: 0.1008 -> 0.0970 and 0.0722, 20.80 -> 20.9 and 21.35 dB. From noisy meshes, mean distance to a
-reference surface: fountain 0.309 -> 0.140 and 0.124, castle 0.322 -> 0.201 and 0.186 %.
+Sparse points are measurements of the surface by structure from motion. They correct a start that is far from the surface or
+spans a recess with a large face, where no texture is within the basin of attraction of a vertex; where they agree with the
+photos, the photos are more accurate. Every second point is used for the fit; reports are evaluated on the others. (ledger:
+fit to sparse points)
 """
 
 import numpy as np
@@ -24,46 +18,51 @@ from fairing.scene import Scene
 from fairing.solve.normal_equations import QuadraticPrior
 from fairing.solve.problem import Problem
 
-REACH = 0.5  # of a face's mean edge: points farther off belong to something else
-SIDEWAYS = 0.5  # cosine: points farther round an edge than this lie beyond the mesh's rim
-ROUNDING = 1e-6  # of the reach: smaller residuals are equal
-HOLD = 0.03  # pull to where a vertex was, as a fraction of what points know of a coordinate on average
-# (Held-out medians on fountain, Sceaux, castle and faces flipped before any is prevented, with Huber's norm: 0.003: 0.0548,
-# 0.0735, 0.1153, 65 flips; 0.03: 0.0585, 0.0779, 0.1257, none; 0.1: 0.0625, 0.0847, 0.1379. Sum of distances instead of
-# Huber's norm at 0.03: 0.0603, 0.0834, 0.1337; Geman-McClure's 0.0630, 0.0825, 0.1541.)
+MAX_DISTANCE = 0.5  # of a point to a face, in mean edges of the face: points farther away belong to other surfaces
+MIN_COSINE = (
+    0.5  # between the face normal and the direction to the point: other points lie beyond the boundary of the mesh
+)
+ROUNDING = 1e-6  # in units of the maximum distance: smaller residuals are equal
+REGULARIZATION = (
+    0.03  # towards the positions before the fit, relative to the mean diagonal of the normal matrix (ledger)
+)
 
 
 def fitting_points(scene: Scene) -> np.ndarray:
-    """(p, 3) float, world units: the sparse points that vertices are drawn to: every second one."""
+    """(p, 3) float, world units: the sparse points used for the fit, every second one."""
     return scene.sparse_positions[::2]
 
 
 def kept_points(scene: Scene) -> np.ndarray:
-    """(p, 3) float, world units: the sparse points that are kept to judge by."""
+    """(p, 3) float, world units: the sparse points kept for evaluation."""
     return scene.sparse_positions[1::2]
 
 
 def fitted_to_points(problem: Problem, vertices: np.ndarray, rounds: int) -> QuadraticPrior:
-    """Vertices moved until half of the points lie on the faces: Huber's norm of the distances along the normals.
+    """Fit of the vertices to every second point: iterative closest points with Huber's loss of point-to-plane distances.
 
     Args:
-        vertices: (n, 3) float: where they are, world units; a vertex that no point tells of stays there.
-        rounds: how often each point looks anew for the face it lies nearest to.
+        vertices: (n, 3) float: positions, world units; a vertex without points nearby keeps its own.
+        rounds: number of iterations; each assigns every point to its closest face.
 
     Returns:
-        A pull to the places found, in proportion to what the points know of each vertex there: 1 in a direction they
-        know as well as they know a coordinate on average.
+        Prior with the fitted positions as targets. Its Hessians are the normal matrices of the points, relative to the mean
+        of their diagonals: 1 in a direction that the points determine as well as an average coordinate.
+
+    Raises:
+        Cancelled: cancellation was requested.
     """
     mesh, points = problem.scene.mesh, fitting_points(problem.scene)
     ids = np.flatnonzero(~problem.locked)
     columns = (3 * ids[:, None] + np.arange(3)).ravel()
     edges = vertices[np.roll(mesh.faces, -1, axis=1)] - vertices[mesh.faces]
-    reach = REACH * np.linalg.norm(edges, axis=2).mean(axis=1)
-    places, average, blocks = vertices, 0.0, np.zeros((len(vertices), 3, 3))
+    max_distance = MAX_DISTANCE * np.linalg.norm(edges, axis=2).mean(axis=1)
+    places, average, hessians = vertices, 0.0, np.zeros((len(vertices), 3, 3))
     for _ in range(rounds):
-        corners, rows, residual = _residuals(mesh.moved(places), points, reach)
+        problem.raise_if_cancelled()
+        corners, rows, residual = _residuals(mesh.moved(places), points, max_distance)
         scale = max(
-            1.4826 * float(np.median(np.abs(residual))) if len(residual) else 0.0, ROUNDING * float(reach.max())
+            1.4826 * float(np.median(np.abs(residual))) if len(residual) else 0.0, ROUNDING * float(max_distance.max())
         )
         robust = 1 / np.maximum(1, np.abs(residual) / scale)
         index = (3 * corners[:, :, None] + np.arange(3)).ravel()
@@ -71,38 +70,39 @@ def fitted_to_points(problem: Problem, vertices: np.ndarray, rounds: int) -> Qua
             (rows.ravel(), (np.repeat(np.arange(len(rows)), 9), index)), shape=(len(rows), vertices.size)
         ).tocsc()[:, columns]
         H = (J.T @ diags_array(robust) @ J).tocsc()
-        known = H.diagonal()[H.diagonal() > 0]
-        if len(known) == 0:
+        determined = H.diagonal()[H.diagonal() > 0]
+        if len(determined) == 0:
             break
-        average = average or float(known.mean())
-        hold = HOLD * average
-        gradient = J.T @ (robust * residual) + hold * (places - vertices).ravel()[columns]
-        steps = splu(H + hold * eye_array(len(columns), format="csc")).solve(-gradient).reshape(-1, 3)
+        average = average or float(determined.mean())
+        regularization = REGULARIZATION * average
+        gradient = J.T @ (robust * residual) + regularization * (places - vertices).ravel()[columns]
+        steps = splu(H + regularization * eye_array(len(columns), format="csc")).solve(-gradient).reshape(-1, 3)
         steps, _ = problem.unfolded(places, ids, steps)
         places = places.copy()
         places[ids] += steps
-        blocks = np.zeros((len(vertices), 3, 3))
-        np.add.at(blocks, corners, robust[:, None, None, None] * rows[:, :, :, None] * rows[:, :, None, :])
-    return QuadraticPrior(blocks / max(average, 1e-300), places)
+        hessians = np.zeros((len(vertices), 3, 3))
+        np.add.at(hessians, corners, robust[:, None, None, None] * rows[:, :, :, None] * rows[:, :, None, :])
+    return QuadraticPrior(hessians / max(average, 1e-300), places)
 
 
-def _residuals(mesh: Mesh, points: np.ndarray, reach: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Points (p, 3) near a face (within its reach, (m,), world units), and how far they lie off it.
+def _residuals(mesh: Mesh, points: np.ndarray, max_distance: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Point-to-plane residuals of the points (p, 3) float that are within `max_distance` (m,) of their closest face.
 
     Returns:
-        The face's vertices (q, 3) int, the residual's derivatives with respect to them (q, 3, 3), and the residual (q,).
+        Vertices of the faces (q, 3) int, derivatives of the residuals with respect to them (q, 3, 3) float, and residuals
+        (q,) float, world units.
     """
     distance, face = SurfaceTree(mesh).closest(points)
-    near = distance < reach[face]
+    near = distance < max_distance[face]
     distance, target, corners = distance[near, None], points[near], mesh.faces[face[near]]
     triangles = mesh.vertices[corners]
     foot = trimesh.triangles.closest_point(triangles, target)
     normals = face_normals(mesh.vertices, corners)
     normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-300)[:, None]
-    # Off an edge the way to the point is neither face's normal, and the same whichever of the two is taken.
-    way = (target - foot) / np.maximum(distance, 1e-300)
-    direction = np.where(distance > ROUNDING * reach.max(initial=0), way, normals)
-    in_front = np.abs((direction * normals).sum(axis=1)) > SIDEWAYS
+    # Beside an edge the direction to the point is no face's normal, and the same for both faces at the edge.
+    to_point = (target - foot) / np.maximum(distance, 1e-300)
+    direction = np.where(distance > ROUNDING * max_distance.max(initial=0), to_point, normals)
+    in_front = np.abs((direction * normals).sum(axis=1)) > MIN_COSINE
     direction, triangles, foot = direction[in_front], triangles[in_front], foot[in_front]
     weights = trimesh.triangles.points_to_barycentric(triangles, foot)
     residual = ((foot - target[in_front]) * direction).sum(axis=1)

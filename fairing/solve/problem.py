@@ -1,5 +1,6 @@
-"""What a run minimises and within which bounds: the same from its first moment to its last."""
+"""Problem: the energy of a run, and the limits of its steps."""
 
+import copy
 import itertools
 import time
 from collections.abc import Callable
@@ -25,20 +26,23 @@ TOO_MANY_PARTS = (
 
 
 class Problem:
-    """How well the photos agree with the mesh, wherever its vertices are, and how far these may move.
+    """Energy of the mesh with its vertices at any positions, and limits of their steps. Constant during a run.
 
     Args:
         scene: photos and faces.
-        options: how to compare.
+        options: of the run.
         start: (n, 3) float: vertices at the start of the run, world units.
-        cancel_requested: asked before long computations; where it holds, they raise `Cancelled`.
-        on_photo: told of the photos being read or judged: how many are done, and of how many.
+        cancel_requested: called within long computations, from several threads; where it returns True, they raise
+            `Cancelled`.
+        on_photo: called when photos are read or evaluated, with their number so far and in all.
+        like: a problem on the same scene and start, whose photos and orientation are used.
 
     Attributes:
-        locked: (n,) bool: vertices that never move, by option or because a degenerate face holds them.
+        locked: (n,) bool: vertices that never move, by option or because they belong to a degenerate face.
+        orientation: see `fairing.cells.visibility.mesh_orientation`.
         evaluator: computes energies and normal equations.
-        warnings: the scene's, and what was noticed since.
-        seconds: spent on "photos" and on "visibility".
+        warnings: of the scene and of the run so far, a line each.
+        seconds: time spent on "photos" and on "visibility", s.
 
     Raises:
         InputError: an option contradicts the scene.
@@ -51,39 +55,42 @@ class Problem:
         start: np.ndarray,
         cancel_requested: Callable[[], bool] = lambda: False,
         on_photo: Callable[[int, int], None] = lambda done, count: None,
+        like: "Problem | None" = None,
     ) -> None:
         self.scene, self.options, self.start = scene, options, start
-        self.evaluator = Evaluator(options.threads, self._raise_if_cancelled)
+        self.evaluator = Evaluator(options.threads, self.raise_if_cancelled)
         self.warnings: list[str] = list(scene.warnings)
         self.seconds: dict[str, float] = {"photos": 0.0, "visibility": 0.0}
         self._cancel_requested, self._on_photo = cancel_requested, on_photo
         self._photos = self._fresh_photos()
         degenerate = inspect_mesh(scene.mesh).degenerate_faces
-        self._judged = np.ones(len(scene.mesh.faces), dtype=bool)
-        self._judged[degenerate] = False
+        self._usable = np.ones(len(scene.mesh.faces), dtype=bool)
+        self._usable[degenerate] = False
         self.locked = locked_by_options(scene, options)
         self.locked[scene.mesh.faces[degenerate]] = True
-        self.orientation = mesh_orientation(scene, start)
-        """See `fairing.cells.visibility.mesh_orientation`."""
+        self.orientation = mesh_orientation(scene, start) if like is None else like.orientation
+        if like is not None and options.cells.color == like.options.cells.color:
+            self._photos = like._photos
         if self.orientation < 0:
-            self.warnings.append("mesh: its faces point away from the photos; they are taken as turned around")
+            self.warnings.append("mesh: its faces point away from the photos; they are used with reversed orientation")
 
-    # ------------------------------------------------------------------ what the photos say
+    # ------------------------------------------------------------------ energy
 
     def context(self, level: int, vertices: np.ndarray, among: np.ndarray | None = None) -> CellContext:
-        """Visibility and cells of all faces at a level, with the vertices (n, 3) at given places.
+        """Visibility and cells of all faces at a level.
 
         Args:
+            vertices: (n, 3) float: positions, world units.
             among: (n,) bool: only of faces around these vertices.
 
         Raises:
             InputError: no photo sees any face well enough at the last level.
-            Cancelled: nobody wants it any more.
+            Cancelled: cancellation was requested.
         """
         began, photos_before = time.perf_counter(), self._photos.seconds
         self._photos.forget_all_but(self.options.schedule.blur[level])
-        judged = self._judged if among is None else self._judged & among[self.scene.mesh.faces].any(axis=1)
-        context = self.context_of(judged, level, vertices, self.options)
+        usable = self._usable if among is None else self._usable & among[self.scene.mesh.faces].any(axis=1)
+        context = self.context_of(usable, level, vertices, self.options)
         on_photos = self._photos.seconds - photos_before
         self.seconds["photos"] += on_photos
         self.seconds["visibility"] += time.perf_counter() - began - on_photos
@@ -99,21 +106,29 @@ class Problem:
         return context
 
     def context_of(self, faces: np.ndarray, level: int, vertices: np.ndarray, options: FairingOptions) -> CellContext:
-        """The same of the faces of a mask (m,), under options of one's own.
+        """Visibility and cells of the faces of a mask (m,) bool, under given options.
+
+        Args:
+            vertices: (n, 3) float: positions, world units.
 
         Raises:
-            Cancelled: nobody wants it any more.
+            Cancelled: cancellation was requested.
         """
-        self._raise_if_cancelled()
+        self.raise_if_cancelled()
         judged, count = itertools.count(), len(self.scene.views)
-        pool = CancellablePool(self.evaluator.pool, self._raise_if_cancelled)
+        pool = CancellablePool(self.evaluator.pool, self.raise_if_cancelled)
         return build_context(
             self.scene, self._photos, options, level, vertices, self.orientation, faces, pool,
             on_view=lambda: self._on_photo(next(judged), count),
         )  # fmt: skip
 
     def measure(self, context: CellContext, vertices: np.ndarray, scale: np.ndarray) -> FaceSystem:
-        """Energies and residuals of all faces, see `Evaluator.measure`."""
+        """Energies and residuals of all faces, see `Evaluator.measure`.
+
+        Args:
+            vertices: (n, 3) float: positions, world units.
+            scale: (m,) float: of the robust loss by face, see `robust_scale`.
+        """
         return self.evaluator.measure(context, vertices, np.arange(len(self.scene.mesh.faces)), scale)
 
     def linearise(
@@ -121,64 +136,73 @@ class Problem:
     ) -> FaceSystem:
         """Energies and normal equations of faces, see `Evaluator.linearise`.
 
+        Args:
+            vertices: (n, 3) float: positions, world units.
+            faces: (F,) int, ids.
+            corners: (F,) int: the corner that moves, -1 for all three.
+            scale: (m,) float: of the robust loss by face, see `robust_scale`.
+
         Raises:
-            Cancelled: nobody wants it any more.
+            Cancelled: cancellation was requested.
         """
-        self._raise_if_cancelled()
+        self.raise_if_cancelled()
         return self.evaluator.linearise(context, vertices, faces, corners, scale, self.options.step.solver)
 
-    def _raise_if_cancelled(self) -> None:
+    def raise_if_cancelled(self) -> None:
+        """Called within long computations.
+
+        Raises:
+            Cancelled: cancellation was requested.
+        """
         if self._cancel_requested():
             raise Cancelled
 
-    # ------------------------------------------------------------------ how far vertices may move
+    # ------------------------------------------------------------------ limits of steps
 
     def pixels_moved(
         self, context: CellContext, vertices: np.ndarray, ids: np.ndarray, steps: np.ndarray
     ) -> np.ndarray:
-        """(u,) float: how far steps (u, 3) move vertices in the photo where they move most, px."""
+        """(u,) float: longest displacement in a photo by steps (u, 3) of vertices `ids` (u,) at positions (n, 3), px."""
         return pixels_moved(self.scene.views, context.vertex_views, vertices, ids, steps)
 
     def shortened(self, context: CellContext, vertices: np.ndarray, ids: np.ndarray, steps: np.ndarray) -> np.ndarray:
-        """Steps (u, 3) shortened to the capture range of the context's level."""
+        """Steps (u, 3) float shortened to the capture range of the context's level, world units."""
         longest = self.options.step.max_step * max(1.0, self.options.schedule.blur[context.level])
         return shortened(self.scene.views, context.vertex_views, vertices, ids, steps, longest)
 
     def unfolded(self, vertices: np.ndarray, ids: np.ndarray, steps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Steps (u, 3) shortened until no face folds; and (u,) bool: which vertices were held back."""
+        """Steps (u, 3) float shortened until no face folds, world units; and (u,) bool: whose steps were shortened."""
         return unfolded(vertices, ids, steps, self.start, self.scene.mesh.faces, self.options.step)
 
     def under(self, options: FairingOptions) -> "Problem":
-        """The same under other options, with the same photos in memory."""
-        other = Problem(self.scene, options, self.start, self._cancel_requested)
-        other.evaluator = self.evaluator
-        other.share_photos(self)
+        """The same problem under other options of cells, eigenspace, loss or steps.
+
+        Photos, locks, orientation, evaluator, warnings and timings are those of this problem.
+        """
+        assert options.cells.color == self.options.cells.color, "the photos in memory have other channels"
+        other = copy.copy(self)
+        other.options = options
         return other
 
     # ------------------------------------------------------------------ photos in memory
 
-    def forget(self) -> None:
-        """Free the photos; they are read again when they are wanted."""
+    def clear(self) -> None:
+        """Free the photos; they are read again when needed."""
         self._photos = self._fresh_photos()
-
-    def share_photos(self, other: "Problem") -> None:
-        """Read the same photos as another run on the scene, if both want the same channels of them."""
-        if self.options.cells.color == other.options.cells.color:
-            self._photos = other._photos
 
     def _fresh_photos(self) -> ScaleSpace:
         return ScaleSpace(self.scene, self.options.cells.color, self._on_photo)
 
 
 class CancellablePool(Executor):
-    """Works on another pool; before every piece of work it calls `ask`, which raises if nobody wants it any more."""
+    """Executor on another pool; calls `check`, which may raise, before every piece of work."""
 
-    def __init__(self, pool: Executor, ask: Callable[[], None]) -> None:
-        self._pool, self._ask = pool, ask
+    def __init__(self, pool: Executor, check: Callable[[], None]) -> None:
+        self._pool, self._check = pool, check
 
     def submit(self, work: Callable[..., Any], /, *arguments: Any, **named: Any) -> Future[Any]:
-        def asked() -> Any:
-            self._ask()
+        def checked() -> Any:
+            self._check()
             return work(*arguments, **named)
 
-        return self._pool.submit(asked)
+        return self._pool.submit(checked)

@@ -1,4 +1,4 @@
-"""How far vertices move in the photos, and how far a step may take them."""
+"""Step limits: motion of vertices in the photos, capture range, and protection against folded faces."""
 
 from collections.abc import Sequence
 
@@ -14,10 +14,11 @@ _HALVINGS = 3
 def pixels_moved(
     views: Sequence[View], vertex_views: np.ndarray, vertices: np.ndarray, ids: np.ndarray, steps: np.ndarray
 ) -> np.ndarray:
-    """(u,) float: how far each step moves its vertex in the photo where it moves most, px.
+    """(u,) float: longest displacement of each vertex in a photo, px, to first order.
 
     Args:
-        vertex_views: (n, V) bool: photos that count for each vertex.
+        vertex_views: (n, V) bool: photos that are used for each vertex.
+        vertices: (n, 3) float: positions, world units.
         ids: (u,) int: vertices that move.
         steps: (u, 3) float, world units.
     """
@@ -31,7 +32,10 @@ def pixels_moved(
 
 
 def pixels_per_unit(views: Sequence[View], vertex_views: np.ndarray, vertices: np.ndarray) -> np.ndarray:
-    """(n,) float: how far a vertex moves at most in a photo, px per world unit; 0 where no photo counts."""
+    """(n,) float: largest motion of each vertex in a photo, px per world unit; 0 where no photo is used.
+
+    Args: see `pixels_moved`.
+    """
     longest = np.zeros(len(vertices))
     for v, view in enumerate(views):
         ids = np.flatnonzero(vertex_views[:, v])
@@ -48,7 +52,7 @@ def shortened(
     steps: np.ndarray,
     longest: float,
 ) -> np.ndarray:
-    """Steps (u, 3) that move no vertex farther than `longest` in any photo, px."""
+    """Steps (u, 3) float shortened so that no vertex moves farther than `longest` in any photo, px; see `pixels_moved`."""
     pixels = pixels_moved(views, vertex_views, vertices, ids, steps)
     return steps * np.minimum(1, longest / np.maximum(pixels, 1e-12))[:, None]
 
@@ -61,7 +65,15 @@ def unfolded(
     faces: np.ndarray,
     options: StepOptions,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Steps (u, 3) shortened until no face folds or collapses; and (u,) bool: which vertices were held back."""
+    """Steps (u, 3) float shortened until no face folds or collapses, world units; and (u,) bool: whose steps were shortened.
+
+    Args:
+        vertices: (n, 3) float: positions, world units.
+        ids: (u,) int: vertices that move.
+        steps: (u, 3) float, world units.
+        start: (n, 3) float: positions at the start of the run; a face that was thin there may stay thin.
+        faces: (m, 3) int.
+    """
     tried, folds = steps.copy(), np.zeros(len(ids), dtype=bool)
     after = vertices.copy()
     attempt = 0

@@ -18,7 +18,9 @@ from tests.waiting import PATIENCE, wait_for
 pytestmark = IN_BROWSER
 
 OPTIONS = FairingOptions(
-    schedule=ScheduleOptions(blur=(3.6, 2.0), order="sequential", max_sweeps=(2,), max_iterations=(3,), start="first")
+    schedule=ScheduleOptions(
+        blur=(3.6, 2.0), order="sequential", max_sweeps=(2,), max_iterations=(3,), first_level="first"
+    )
 )
 
 
@@ -173,11 +175,11 @@ def test_another_k_makes_a_branch_from_here(visitor: Visitor):
     visitor.page.get_by_text("Eigenspace", exact=True).click()
     entry = visitor.input_of("dimensions")
     entry.fill("none")
-    visitor.button("Keep the past, go on with these").click()
+    visitor.button("Continue from here").click()
     visitor.page.get_by_text("option eigenspace.dimensions").first.wait_for()
     entry.fill("1")
     visitor.page.get_by_text("Changed: dimensions").wait_for()
-    visitor.button("Keep the past, go on with these").click()
+    visitor.button("Continue from here").click()
     wait_for(lambda: visitor.app.controller.state.options.eigenspace.dimensions == (1,))
     state = visitor.app.controller.wait_until_idle()
     assert state.moment == state.length == began.moment

@@ -19,7 +19,9 @@ STEPS = 8
 
 @pytest.fixture(scope="module")
 def app():
-    schedule = ScheduleOptions(blur=(3.6, 2.0), order="sequential", max_sweeps=(2,), max_iterations=(3,), start="first")
+    schedule = ScheduleOptions(
+        blur=(3.6, 2.0), order="sequential", max_sweeps=(2,), max_iterations=(3,), first_level="first"
+    )
     session = Session(load_demo("cube"), replace(FairingOptions(), schedule=schedule))
     for _ in range(STEPS):
         session.step()
@@ -96,7 +98,7 @@ def test_columns_are_switched_and_another_k_is_looked_at_without_a_change_of_the
     wait_for(lambda: "norm" in view.cells.columns)
     page.locator("svg.bars g[onclick]").nth(4).click()
     page.get_by_text("k = 5 instead of").wait_for()
-    visitor.button("Back to the run's own k").click()
+    visitor.button("Back to the k of the run").click()
     wait_for(lambda: view.cells.dimensions is None)
     after = visitor.app.controller.state
     assert (after.run_id, after.moment, after.options) == (before.run_id, before.moment, before.options)

@@ -18,7 +18,9 @@ from tests.waiting import PATIENCE, wait_for
 pytestmark = IN_BROWSER
 
 OPTIONS = FairingOptions(
-    schedule=ScheduleOptions(blur=(3.6, 2.0), order="sequential", max_sweeps=(9,), max_iterations=(9,), start="first")
+    schedule=ScheduleOptions(
+        blur=(3.6, 2.0), order="sequential", max_sweeps=(9,), max_iterations=(9,), first_level="first"
+    )
 )
 
 

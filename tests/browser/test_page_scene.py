@@ -16,7 +16,7 @@ from tests.waiting import PATIENCE, wait_for
 pytestmark = IN_BROWSER
 
 OPTIONS = FairingOptions(
-    schedule=ScheduleOptions(blur=(3.6, 2.0), order="joint", max_sweeps=(1,), max_iterations=(3,), start="first")
+    schedule=ScheduleOptions(blur=(3.6, 2.0), order="joint", max_sweeps=(1,), max_iterations=(3,), first_level="first")
 )
 
 

@@ -18,7 +18,9 @@ from tests.waiting import wait_for
 pytestmark = IN_BROWSER
 
 OPTIONS = FairingOptions(
-    schedule=ScheduleOptions(blur=(3.6, 2.0), order="sequential", max_sweeps=(2,), max_iterations=(3,), start="first")
+    schedule=ScheduleOptions(
+        blur=(3.6, 2.0), order="sequential", max_sweeps=(2,), max_iterations=(3,), first_level="first"
+    )
 )
 
 

@@ -1,31 +1,30 @@
-"""A second try of vertices that fit badly together: it frees them, and takes nothing that fits worse."""
+"""Restarts of vertices that fit poorly together: they correct them, and take nothing that fits worse."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-import fairing.run.restart
 import fairing.run.sweep
 from fairing.options import FairingOptions
-from fairing.run.restart import fused, restart
-from fairing.run.schedule import TRIES
+from fairing.run.fusion import fused
+from fairing.run.phases import RESTARTS, GaussNewton, Restart, schedule_of
+from fairing.run.restart import restart
 from fairing.run.session import Session
 from fairing.run.sweep import SweepState
-from fairing.solve.blocks import connected_groups
-from fairing.trace import SchedulePosition, StepReason, Trace
+from fairing.solve.blocks import connected_groups, restart_block
+from fairing.trace import SchedulePosition, StepReason, StepRecord, Trace
+from tests.search_scene import SHARP_AT_LAST, rough_scene, searching
 from tests.small_scene import VERTICES, corner_scene
-from tests.test_search import SHARP_AT_LAST, rough_scene, searching
 
 LEVEL = 1
 WRONG = {0: (-0.1, 0.11, 0.1), 1: (0.09, 0.1, -0.08)}  # 8 to 12 px
 
 
 @pytest.fixture(autouse=True)
-def most_fit_badly(monkeypatch):
-    """All faces of this scene meet at vertex 0, so nothing fits twice as badly as half of its vertices."""
-    monkeypatch.setattr(fairing.run.restart, "BADLY", 0.5)
-    monkeypatch.setattr(fairing.run.sweep, "BADLY", 0.5)
+def most_fit_poorly(monkeypatch):
+    """All faces of this scene meet at vertex 0, so no vertex has twice the median loss."""
+    monkeypatch.setattr(fairing.run.sweep, "POOR_FIT", 0.5)
 
 
 def sharp_session(**changes) -> Session:
@@ -33,7 +32,7 @@ def sharp_session(**changes) -> Session:
 
 
 def searching_sweep(session: Session, vertices: np.ndarray) -> SweepState:
-    """The last level's search as it would begin with vertices at given places."""
+    """The sweep of the last level's search if it began with the vertices at given positions (n, 3)."""
     session.trace.append(
         replace(
             session.trace.steps[0],
@@ -45,11 +44,21 @@ def searching_sweep(session: Session, vertices: np.ndarray) -> SweepState:
     return session.sweep_state(len(session.trace))
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def begun() -> Session:
     session = sharp_session()
     session.step()
     return session
+
+
+def restarted(session: Session, vertices: np.ndarray) -> StepRecord:
+    """The restart of all vertices from level 0, within the last level's search."""
+    sweep = searching_sweep(session, vertices)
+    schedule, block = (
+        schedule_of(session.options, session.make_plan()),
+        restart_block(session.scene.mesh, np.arange(7), 0),
+    )
+    return restart(session._problem, schedule, sweep, block, SchedulePosition(LEVEL, 0, 0, 0), vertices)
 
 
 def wrong_together() -> np.ndarray:
@@ -63,10 +72,9 @@ def errors(vertices: np.ndarray) -> np.ndarray:
     return np.linalg.norm(vertices - VERTICES, axis=1)
 
 
-def test_vertices_that_are_wrong_together_are_freed(begun):
+def test_vertices_that_are_wrong_together_are_corrected(begun):
     vertices = wrong_together()
-    sweep = searching_sweep(begun, vertices)
-    record = restart(begun._problem, begun.start, sweep, np.arange(7), 0, SchedulePosition(LEVEL, 0, 0, 0), vertices)
+    record = restarted(begun, vertices)
     assert set(record.vertices.tolist()) & set(WRONG)
     after = record.applied_to(vertices)
     assert errors(after)[0] < 0.02 < 0.15 < errors(vertices)[0]
@@ -77,15 +85,12 @@ def test_vertices_that_are_wrong_together_are_freed(begun):
 
 
 def test_nothing_worse_is_taken_at_the_truth(begun):
-    sweep = searching_sweep(begun, VERTICES)
-    record = restart(
-        begun._problem, begun.start, sweep, np.arange(7), 0, SchedulePosition(LEVEL, 0, 0, 0), VERTICES.copy()
-    )
+    record = restarted(begun, VERTICES.copy())
     assert record.objective_after <= record.objective_before
     assert errors(record.applied_to(VERTICES)).max() < 0.01
 
 
-def test_fusing_takes_each_vertex_from_where_it_is_right(begun):
+def test_fusion_takes_each_vertex_from_the_result_where_it_is_right(begun):
     first, second = VERTICES.copy(), VERTICES.copy()
     first[1] += (0.1, 0.0, 0.1)
     second[4] += (0.1, 0.1, 0.0)
@@ -94,25 +99,26 @@ def test_fusing_takes_each_vertex_from_where_it_is_right(begun):
     assert np.array_equal(fused(begun._problem, sweep, second, first), VERTICES)
 
 
-def test_a_run_tries_again_after_its_last_search_and_after_gauss_newton():
+def test_a_run_restarts_after_its_last_search_and_after_gauss_newton():
     session = sharp_session(schedule={"max_sweeps": [1], "max_iterations": [1]})
     session.run()
+    level = schedule_of(session.options, session.make_plan()).levels[LEVEL]
     found = [record for record in session.trace.steps if (record.reasons == StepReason.FOUND_TOGETHER).any()]
     assert found
     for record in found:
         assert record.position.level == LEVEL
-        assert session.start.plan(LEVEL).searches(record.position.sweep)
+        assert not isinstance(level.phase_at(record.position.sweep), GaussNewton)
         assert record.objective_after < record.objective_before
     begun = {record.position.sweep: record for record in session.trace.steps if record.position.level == LEVEL}
-    plan = session.start.plan(LEVEL)
-    again = [sweep for sweep in range(plan.n_sweeps) if plan.is_second_try(sweep)]
-    assert len(again) == TRIES
-    for sweep in again:
+    restarts = [sweep for sweep in range(level.n_sweeps) if isinstance(level.phase_at(sweep), Restart)]
+    assert len(restarts) == RESTARTS
+    for sweep in restarts:
         assert np.isin(begun[sweep].reasons, (StepReason.FOUND_TOGETHER, StepReason.NO_BETTER_PLACE)).all()
     assert errors(session.vertices)[0] < 0.02
 
 
-def test_a_run_resumed_around_a_second_try_writes_the_same_bytes(tmp_path):
+@pytest.mark.slow
+def test_a_run_resumed_around_a_restart_writes_the_same_bytes(tmp_path):
     changes = {"schedule": {"max_sweeps": [1], "max_iterations": [1]}}
     whole = sharp_session(**changes, threads=2)
     whole.trace.attach(tmp_path / "whole.trace")
@@ -135,11 +141,15 @@ def test_a_run_resumed_around_a_second_try_writes_the_same_bytes(tmp_path):
     assert np.array_equal(alone.vertices, whole.vertices)
 
 
-def test_the_default_begins_again_at_its_first_searching_level():
+def test_the_default_restarts_at_its_first_searching_level():
     options = FairingOptions(schedule=replace(FairingOptions().schedule, start_error=9.0))
     session = Session(corner_scene(), options)
-    assert session.start.restart_level(6) == max(2, session.start.first_level)
-    assert session.start.restart_level(5) is None
+    plan = session.make_plan()
+    levels = schedule_of(options, plan).levels
+    assert levels[6].search.restart_level == max(2, plan.first_level)
+    assert levels[5].search.restart_level is None
+    assert Restart(max(2, plan.first_level)) in levels[6].phases
+    assert not any(isinstance(phase, Restart) for level in levels[:6] for phase in level.phases)
 
 
 def test_groups_are_those_of_a_walk_along_edges():

@@ -1,4 +1,4 @@
-"""Moves by hand are steps of the record: they replay, resume and count as a start of their own."""
+"""Manual edits are steps of the record: they replay, resume, and set the origin of their vertices."""
 
 import numpy as np
 import pytest
@@ -39,7 +39,7 @@ def written(session: Session, folder) -> bytes:
 
 @pytest.mark.parametrize("order", ORDERS)
 @pytest.mark.parametrize("steps", [0, 1, 3])
-def test_a_move_by_hand_is_a_step_that_can_be_gone_back_over(order, steps):
+def test_a_manual_move_is_a_step_that_can_be_stepped_over(order, steps):
     session = session_after(steps, quick(order))
     before, target = session.vertices, shifted(session, (0.03, 0.02, -0.04))
     record = session.place(CORNER, target)
@@ -55,7 +55,7 @@ def test_a_move_by_hand_is_a_step_that_can_be_gone_back_over(order, steps):
 
 
 @pytest.mark.parametrize("order", ORDERS)
-def test_a_run_with_moves_by_hand_resumes_to_the_same_bytes(order, tmp_path):
+def test_a_run_with_manual_moves_resumes_to_the_same_bytes(order, tmp_path):
     straight = session_after(2, quick(order))
     straight.place(CORNER, shifted(straight, (0.03, 0.02, -0.04)))
     for _ in range(3):
@@ -72,7 +72,7 @@ def _file_of(session: Session, folder):
     return folder / "run.trace"
 
 
-def test_a_move_by_hand_says_what_it_did_to_the_energy():
+def test_a_manual_move_records_its_energies():
     session = session_after(0, quick(locked_vertices=(1, 2, 3, 4, 5, 6)))
     better = session.place(CORNER, VERTICES[CORNER])
     assert better.energy_after < 0.7 * better.energy_before
@@ -83,8 +83,8 @@ def test_a_move_by_hand_says_what_it_did_to_the_energy():
     assert (worse.eigenvalues[0] > 0).all()
 
 
-def test_the_run_goes_on_from_where_the_hand_put_a_vertex():
-    """From a place nearer than the start it ends where any run ends."""
+def test_a_run_continues_from_a_manual_position():
+    """From a position nearer than the start it ends where any run ends."""
     session = session_after(0, quick(locked_vertices=(1, 2, 3, 4, 5, 6)))
     session.place(CORNER, VERTICES[CORNER] + 0.01)
     session.run()
@@ -92,7 +92,7 @@ def test_the_run_goes_on_from_where_the_hand_put_a_vertex():
     assert np.linalg.norm(session.vertices[0] - VERTICES[0]) < 0.004
 
 
-def test_a_finished_run_goes_on_at_its_last_level_after_a_move_by_hand():
+def test_a_finished_run_continues_at_its_last_level_after_a_manual_move():
     session = session_after(0, quick(locked_vertices=(1, 2, 3, 4, 5, 6)))
     session.run()
     end = session.vertices
@@ -105,8 +105,8 @@ def test_a_finished_run_goes_on_at_its_last_level_after_a_move_by_hand():
     assert np.abs(session.vertices - end).max() < 2e-3
 
 
-def test_what_ends_worse_than_the_hand_left_it_is_returned_there(monkeypatch: pytest.MonkeyPatch):
-    """Without a step that lowers anything, the end is where the hand put the vertex, not the start."""
+def test_a_run_that_ends_with_a_higher_energy_returns_to_the_manual_positions(monkeypatch: pytest.MonkeyPatch):
+    """If no step lowers the energy, the run ends at the manual positions, not at the start."""
     session = session_after(1, quick())
     session.place(CORNER, VERTICES[CORNER])
     left = session.vertices
@@ -121,7 +121,7 @@ def test_what_ends_worse_than_the_hand_left_it_is_returned_there(monkeypatch: py
     monkeypatch.setattr(evaluator, "measure", worse_here)
     session.run()
     assert np.array_equal(session.vertices, left)
-    assert "after the last move by hand" in session.stop_reason
+    assert "after the last manual edit" in session.stop_reason
 
 
 def test_reset_puts_vertices_back_to_their_start():
@@ -133,7 +133,7 @@ def test_reset_puts_vertices_back_to_their_start():
     assert np.array_equal(session.trace.origin_at(session.moment), session.trace.start)
 
 
-def test_the_origin_of_a_vertex_is_where_a_hand_last_put_it():
+def test_the_origin_of_a_vertex_is_its_last_manual_position():
     session = session_after(1)
     first, second = shifted(session, (0.01, 0, 0)), shifted(session, (0, 0.01, 0))
     session.place(CORNER, first)
@@ -165,7 +165,7 @@ def test_a_move_behind_a_camera_is_refused():
     assert len(session.trace) == 1
 
 
-def test_a_locked_vertex_is_not_moved_by_hand_either():
+def test_a_locked_vertex_cannot_be_moved_manually():
     session = session_after(0, quick(locked_vertices=(3,)))
     with pytest.raises(InputError, match="vertex 3: is locked"):
         session.place(np.array([0, 3]), session.vertices[[0, 3]] + 0.01)

@@ -1,0 +1,36 @@
+"""Names of the choices of sparse points, and how many given points are enough."""
+
+from pathlib import Path
+from typing import Literal, cast, get_args
+
+from fairing.errors import InputError
+
+PointsChoice = Literal["automatic", "given", "own", "both", "none"]
+"""Sparse points of a scene: "given" with the capture; "own", found in its photos with its cameras; "both"; "none".
+"automatic": the given ones if they are enough, else its own."""
+
+POINTS_PER_VERTEX = 3
+"""Given points are enough for a mesh with that many for each vertex: the three coordinates of a vertex need the distances
+of at least three points from faces around it."""
+POINTS_WITHOUT_MESH = 500
+"""Given points are enough to triangulate a mesh from that many (ledger: given points that are enough)."""
+
+
+def are_enough(n_points: int, n_vertices: int | None) -> bool:
+    """Whether given points need no further points from the photos.
+
+    Args:
+        n_vertices: of the mesh; None if the mesh is to be triangulated from the points.
+    """
+    return n_points >= (POINTS_WITHOUT_MESH if n_vertices is None else POINTS_PER_VERTEX * n_vertices)
+
+
+def check_points_choice(name: str, where: Path) -> PointsChoice:
+    """The choice of that name.
+
+    Raises:
+        InputError: there is none; the message begins with `where`.
+    """
+    if name not in get_args(PointsChoice):
+        raise InputError(f"{where}: points: expected one of {', '.join(get_args(PointsChoice))}, found {name}")
+    return cast("PointsChoice", name)

@@ -1,0 +1,192 @@
+"""Levels and phases: what a run does at each level, as a function of its options and its plan."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fairing.cells.level_choice import last_fine_level
+from fairing.options import FairingOptions, by_level
+from fairing.run_plan import RunPlan
+
+MAX_DISPLACEMENT = 1.5  # in units of the widest search radius of the run
+PRIOR_AFTER_SEARCH = 0.01  # factor of `StepOptions.prior` at the sharp level (ledger: prior after search)
+RESTARTS = 2  # after the Gauss-Newton sweeps of a level (ledger: restarts)
+SWEEPS_AFTER_RESTART = 2
+
+
+@dataclass(frozen=True)
+class LocalSearch:
+    """One sweep in which each vertex tries positions around its own.
+
+    Attributes:
+        radius: distance of these positions, px.
+        max_displacement: largest distance of a vertex from its origin afterwards, px.
+        is_sharp: whether the level's photos are equally sharp on a face. Only vertices above the median loss are then
+            searched, and positions are refined on blurred cells before they are refined on sharp ones.
+        restart_level: first level of the restart of poorly fitting vertices that ends the sweep; None: no restart.
+    """
+
+    radius: float
+    max_displacement: float
+    is_sharp: bool = False
+    restart_level: int | None = None
+    max_sweeps: int = 1
+    max_iterations: int = 1
+
+
+@dataclass(frozen=True)
+class GaussNewton:
+    """Sweeps of Gauss-Newton iterations.
+
+    Attributes:
+        max_sweeps: largest number of sweeps.
+        max_iterations: largest number of iterations of a block within a sweep.
+        tolerance: the phase ends after a sweep that moves no vertex by as much as this, px.
+        max_displacement: largest distance of a vertex from its origin, px; infinite in a run without searches.
+    """
+
+    max_sweeps: int
+    max_iterations: int
+    tolerance: float = 0.0
+    max_displacement: float = np.inf
+
+
+@dataclass(frozen=True)
+class Restart:
+    """One sweep in which vertices that fit poorly are optimized again from their origin, see `fairing.run.restart`.
+
+    Attributes:
+        from_level: level at which they begin.
+    """
+
+    from_level: int
+    max_sweeps: int = 1
+    max_iterations: int = 1
+
+
+Phase = LocalSearch | GaussNewton | Restart
+
+
+@dataclass(frozen=True)
+class Level:
+    """A level of the schedule.
+
+    Attributes:
+        number: its index, from 0.
+        prior: strength of the prior in undetermined directions, see `StepOptions.prior`.
+        smoothing: strength of the smoothness prior, see `StepOptions.smoothing`; 0: none.
+        attraction: strength of the prior to the sparse points, see `StepOptions.points`; 0: none.
+        phases: in their order.
+    """
+
+    number: int
+    prior: float
+    smoothing: float = 0.0
+    attraction: float = 0.0
+    phases: tuple[Phase, ...] = ()
+
+    @property
+    def n_sweeps(self) -> int:
+        """Largest number of sweeps of all phases."""
+        return sum(phase.max_sweeps for phase in self.phases)
+
+    def phase_at(self, sweep: int) -> Phase:
+        """The phase of a sweep; the last phase for sweeps beyond the end, which branches of longer runs have."""
+        end = 0
+        for phase in self.phases:
+            end += phase.max_sweeps
+            if sweep < end:
+                return phase
+        return self.phases[-1]
+
+    def end_of_phase(self, sweep: int) -> int:
+        """The first sweep after the phase of a sweep."""
+        end = 0
+        for phase in self.phases:
+            end += phase.max_sweeps
+            if sweep < end:
+                return end
+        return sweep + 1
+
+    @property
+    def search(self) -> LocalSearch | None:
+        """The local search of the level, if it has one."""
+        return next((phase for phase in self.phases if isinstance(phase, LocalSearch)), None)
+
+    @property
+    def gauss_newton(self) -> GaussNewton:
+        """The first Gauss-Newton phase."""
+        return next(phase for phase in self.phases if isinstance(phase, GaussNewton))
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """All levels of a run.
+
+    Attributes:
+        levels: one per blur of the options.
+        first_level: position of the first step.
+        begin_level: coarser levels are skipped after the preparation steps.
+    """
+
+    levels: tuple[Level, ...]
+    first_level: int
+    begin_level: int
+
+
+def schedule_of(options: FairingOptions, plan: RunPlan) -> Schedule:
+    """The schedule of a run. Pure: it uses neither photos nor mesh."""
+    # Near the truth, coarser levels increase the error (ledger: begin level).
+    begin = last_fine_level(options) if plan.is_near_truth else plan.first_level
+    levels = tuple(_level(options, plan, number, begin) for number in range(options.n_levels))
+    return Schedule(levels, plan.first_level, begin)
+
+
+def first_searching_level(options: FairingOptions) -> int | None:
+    """The first level with a local search; None if no level has one."""
+    return next((k for k in range(options.n_levels) if by_level(options.schedule.search, k) > 0), None)
+
+
+def is_sharp(options: FairingOptions, level: int) -> bool:
+    """Whether the photos of a face are made equally sharp on it at a level."""
+    return by_level(options.cells.point_spread, level) == "common"
+
+
+def _level(options: FairingOptions, plan: RunPlan, number: int, begin: int) -> Level:
+    schedule, step, sharp = options.schedule, options.step, is_sharp(options, number)
+    max_displacement = MAX_DISPLACEMENT * max(schedule.search) * plan.start_error or np.inf
+    radius = max(by_level(schedule.search, number), 0.0) * plan.start_error
+    sweeps = by_level(schedule.max_sweeps, number)
+    if plan.is_near_truth:
+        sweeps = min(sweeps, by_level(schedule.sweeps_near_truth, number))
+    gauss_newton = GaussNewton(
+        sweeps,
+        by_level(schedule.max_iterations, number),
+        schedule.sweep_tolerance * schedule.blur[number],
+        max_displacement,
+    )
+    phases: tuple[Phase, ...] = (gauss_newton,)
+    if radius > 0:
+        restart_level = _restart_level(options, number, begin) if sharp else None
+        phases = (LocalSearch(radius, max_displacement, sharp, restart_level), gauss_newton)
+        if restart_level is not None:
+            after = GaussNewton(
+                SWEEPS_AFTER_RESTART, gauss_newton.max_iterations, gauss_newton.tolerance, max_displacement
+            )
+            phases += RESTARTS * (Restart(restart_level), after)
+    return Level(
+        number,
+        # The tangential positions of a start that had to be searched for are not reliable.
+        prior=step.prior * (PRIOR_AFTER_SEARCH if sharp and plan.start_error > 0 else 1.0),
+        smoothing=by_level(step.smoothing, number) if plan.is_smoothed else 0.0,
+        attraction=by_level(step.points, number) if plan.is_fitted_to_points else 0.0,
+        phases=phases,
+    )
+
+
+def _restart_level(options: FairingOptions, number: int, begin: int) -> int | None:
+    """The level at which a restart at level `number` begins: the first one of the run with a search; None: no restart."""
+    first = first_searching_level(options)
+    if first is None or max(first, begin) >= number:
+        return None
+    return max(first, begin)

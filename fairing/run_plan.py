@@ -1,0 +1,49 @@
+"""Run plan: the properties of a start mesh that a run determines once, before its first step."""
+
+import json
+from dataclasses import asdict, dataclass, fields
+
+from fairing.errors import InputError
+
+
+@dataclass(frozen=True)
+class RunPlan:
+    """Computed from scene and options by `fairing.run.planning`, and recorded in the trace.
+
+    Attributes:
+        first_level: coarsest level whose blur suits the size of the faces.
+        is_smoothed: whether smoothing the start lowers the photo loss; the first step then smooths it.
+        is_fitted_to_points: whether fitting the start to the sparse points lowers the photo loss; a step then fits it.
+        start_error: distance of the vertices from their true positions, px; 0: no search.
+        is_near_truth: whether trial searches found the unchanged start at its true position.
+    """
+
+    first_level: int
+    is_smoothed: bool
+    is_fitted_to_points: bool
+    start_error: float
+    is_near_truth: bool
+
+    def to_json(self) -> str:
+        """The plan as JSON text; `from_json` returns an equal plan."""
+        return json.dumps(asdict(self))
+
+    @classmethod
+    def from_json(cls, text: str) -> "RunPlan":
+        """The inverse of `to_json`.
+
+        Raises:
+            InputError: the text is no plan.
+        """
+        try:
+            values = json.loads(text)
+            plan = cls(**values)
+        except (ValueError, TypeError, RecursionError):
+            raise InputError(f"run plan: expected a JSON object of its fields, found {text!r:.80}") from None
+        for field in fields(cls):
+            value = getattr(plan, field.name)
+            if type(value) is not field.type:
+                raise InputError(f"run plan: {field.name}: expected {field.type}, found {value!r:.60}")
+        if plan.first_level < 0 or not 0 <= plan.start_error < float("inf"):
+            raise InputError(f"run plan: expected first_level >= 0 and a finite start_error >= 0, found {text!r:.160}")
+        return plan

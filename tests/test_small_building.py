@@ -1,0 +1,74 @@
+"""The engine on a small building whose start is several pixels off: whole runs, with and without search, on few pixels."""
+
+from dataclasses import replace
+
+import pytest
+
+from demo_scenes import Photography
+from demo_scenes.building.cameras import Shoot
+from demo_scenes.building.plan import Plan, draw_plan
+from demo_scenes.building.scene import scene_of_plan
+from fairing import fair
+from fairing.options import PRESETS
+from fairing.run.session import Session
+from fairing.scene import Scene
+from fairing.trace import StepReason
+from tests.family import at_truth, errors_of
+
+
+def small_building() -> Plan:
+    """Two bays of one storey with a projecting block, a pilaster and a window; 9 photos of 0.12 Mpx, noise 1."""
+    plan = draw_plan(20)
+    shoot = Shoot("arc", 9, (400, 300), focal=1.0, fill=0.9)
+    px_per_metre = shoot.focal_px / shoot.distance(*plan.frame.extent)
+    return replace(
+        plan,
+        shoot=shoot,
+        photography=Photography(noise=1.0, exposure=0.05, seed=20),
+        px_per_metre=px_per_metre,
+        start="noise",
+        start_px=4.0,
+        has_points=False,
+        trees=1,
+    )
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    return scene_of_plan("building small", small_building())
+
+
+ERRORS = ("median", "rms", "surface median", "surface rms")
+
+
+def assert_better(scene: Scene, session: Session, **bounds: float) -> None:
+    """No error is larger than at the start, and none above its bound, in % of the diagonal."""
+    start, end = errors_of(scene, scene.mesh.vertices), errors_of(scene, session.vertices)
+    assert all(end[key] <= start[key] for key in ERRORS), (start, end)
+    assert all(end[key.replace("_", " ")] < bound for key, bound in bounds.items()), end
+
+
+# Start: determined median 0.515 % of the diagonal, rms 0.546, surface median 0.187, rms 0.279. The bounds leave a fifth of
+# the measured figures as room.
+
+
+@pytest.mark.slow
+def test_a_building_several_pixels_off_is_improved_by_default(scene):
+    """Measured: 0.164, 0.390, 0.012, 0.183 in 7 s of processor time; the run takes the start for noise, without search."""
+    assert_better(scene, fair(scene), median=0.21, rms=0.47, surface_median=0.02, surface_rms=0.23)
+
+
+@pytest.mark.slow
+def test_a_search_finds_what_smoothing_and_descent_do_not(scene):
+    """Measured: 0.137, 0.250, 0.009, 0.186 in 29 s of processor time."""
+    default = PRESETS["accurate"]
+    session = fair(scene, replace(default, schedule=replace(default.schedule, start_error=5.0)))
+    found = {StepReason.FOUND_PLACE, StepReason.FOUND_TOGETHER}
+    assert sum(StepReason(reason) in found for record in session.trace.steps for reason in record.reasons) > 10
+    assert_better(scene, session, median=0.19, rms=0.32, surface_median=0.015, surface_rms=0.23)
+
+
+@pytest.mark.slow
+def test_a_building_at_its_true_place_stays_there(scene):
+    end = errors_of(scene, fair(at_truth(scene)).vertices)
+    assert end["rms"] < 0.05, end
