@@ -146,7 +146,7 @@ def _replay_flips(run: Path, scene: str | None, page: PageAddress, photos: Photo
 def _serve(open_session: Callable[[ShowLine], "Session"], page: PageAddress, **how: Any) -> int:
     from app.cli.serve import serve
 
-    serve(open_session, page, **how)
+    serve(open_session, address=page, **how)
     return 0
 
 
