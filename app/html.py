@@ -67,7 +67,7 @@ div:has(> .ef > .pinned) + div:has(> .ef > .pinned) {{ top: {DEBUG_BAR_HEIGHT}px
 .ef .tools + .strip {{ margin-top: 6px; }}
 .ef .strip s {{ position: absolute; bottom: 0; width: 1px; background: #f1f3f5; pointer-events: none; }}
 .ef .strip s.level {{ height: 100%; opacity: .75; }} .ef .strip s.sweep {{ height: 28%; opacity: .5; }}
-.ef .crumbs {{ gap: 1px; margin: 0 0 1px -3px; white-space: nowrap; }}
+.ef .crumbs {{ gap: 1px; margin: 0 0 1px -3px; white-space: nowrap; flex-wrap: wrap; }}
 .ef .crumbs button {{ height: auto; padding: 0 2px; background: none; border-color: transparent; gap: 4px; }}
 .ef .crumbs .part {{ padding: 0 3px; }}
 .ef .crumbs button.small {{ padding: 0 5px; }}
@@ -141,7 +141,7 @@ def button(label: str, press: str, *, hint: str, icon: str = "", css_class: str 
 
     Args:
         label: visible text; may be empty for a button with an icon.
-        press: JavaScript from a `Bridge`.
+        press: JavaScript from `HtmlEvents`.
         hint: tooltip; the part before the first " (" is the accessible name.
         icon: SVG from `icon`.
     """

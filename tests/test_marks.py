@@ -1,4 +1,4 @@
-"""The shapes of the vertices' marks: closed, outward, of the size that is said."""
+"""Shapes of the vertex marks: closed, oriented outward, of the documented size."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from app.layers.marks import Shape, ball, block
 
 
 @pytest.mark.parametrize(("shape", "n_faces"), [(ball(0), 20), (ball(1), 80), (ball(2), 320), (block(), 12)])
-def test_marks_are_closed_convex_and_seen_from_outside(shape: Shape, n_faces: int):
+def test_marks_are_closed_convex_and_oriented_outward(shape: Shape, n_faces: int):
     mesh = trimesh.Trimesh(*shape, process=False)
     assert len(mesh.faces) == n_faces
     assert mesh.is_watertight

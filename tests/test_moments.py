@@ -152,7 +152,7 @@ def test_options_are_told_by_their_preset_and_what_differs():
 
 def opened(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> Session:
     found = []
-    monkeypatch.setattr(serve, "serve", lambda open_session, **_: found.append(open_session()))
+    monkeypatch.setattr(serve, "serve", lambda open_session, **_: found.append(open_session(lambda line: None)))
     assert run(arguments) == 0
     return found[0]
 

@@ -43,7 +43,7 @@ def main(wanted: list[str]) -> None:
     with chromium() as browser:
         visitor = Visitor(browser, app)
         _dismiss_notes(visitor.page)
-        page_of(app)._hands.select(CORNER)
+        page_of(app).interaction.select(CORNER)
         for name, take in DEBUGGER.items():
             take(visitor)
             if not wanted or name in wanted:
@@ -60,7 +60,7 @@ def main(wanted: list[str]) -> None:
 
 def page_of(app: App):
     """What the server knows of the only browser."""
-    return next(iter(app._pages.values()))
+    return next(iter(app.pages.values()))
 
 
 def _dismiss_notes(page: Page) -> None:
@@ -122,7 +122,7 @@ def lesson(browser: Browser) -> np.ndarray:
     app = start(Session(load_lesson_scene("cube")), port=0, lesson="cells")
     visitor = Visitor(browser, app)
     _dismiss_notes(visitor.page)
-    player = page_of(app)._lessons.player
+    player = page_of(app).lessons.player
     for step in range(LESSON_STEP + 1):
         wait_for(lambda step=step: player.step == step and player.status is Status.THERE, seconds=120)
         if step < LESSON_STEP:

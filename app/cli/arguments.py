@@ -12,6 +12,26 @@ from fairing.io.photo_choice import SceneFormat
 from fairing.io.points_choice import PointsChoice
 from fairing.options import PRESETS, FairingOptions
 
+
+@dataclass(frozen=True)
+class PageAddress:
+    """Where the page is, and who may open it.
+
+    Attributes:
+        host: Address to listen on. 0.0.0.0 accepts connections from other machines, which need the token.
+        port: Port of the page. A port that is in use is an error; 0 takes any free port.
+        token: Secret that a browser has to present once; the printed address contains it. Default: none on this machine,
+            a random one if --host accepts connections from other machines.
+        browser: Open the page in the default browser.
+    """
+
+    host: str = "127.0.0.1"
+    port: int = 8080
+    token: str | None = None
+    browser: bool = True
+
+
+DEFAULT_PAGE = PageAddress()
 ALL_PHOTOS = PhotoChoice()
 SceneArgument = Annotated[
     str,
@@ -57,13 +77,7 @@ RecordedMeshArgument = Annotated[
         "own mesh.",
     ),
 ]
-PortArgument = Annotated[
-    int, tyro.conf.arg(help="Port of the page. If it is in use, the command ends; choose another one, or 0 for any.")
-]
-HostArgument = Annotated[
-    str, tyro.conf.arg(help="Address to listen on. 0.0.0.0 accepts connections from other machines.")
-]
-BrowserArgument = Annotated[bool, tyro.conf.arg(help="Open the page in the default browser.")]
+PageArgument = Annotated[PageAddress, tyro.conf.arg(name="")]
 PhotosArgument = Annotated[PhotoChoice, tyro.conf.arg(name="")]
 
 

@@ -11,19 +11,19 @@ import sys
 import threading
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 from rich.console import Console
 
 from app.cli.arguments import (
     ALL_PHOTOS,
-    BrowserArgument,
-    HostArgument,
+    DEFAULT_PAGE,
     MeshArgument,
+    PageAddress,
+    PageArgument,
     PhotosArgument,
     PointsArgument,
-    PortArgument,
     Preset,
     RecordedMeshArgument,
     RecordedSceneArgument,
@@ -40,8 +40,7 @@ from fairing.io import PhotoChoice
 from fairing.options import PRESETS, options_from_dict
 
 if TYPE_CHECKING:
-    import viser
-
+    from app.viser_bridge.server import ViewerServer
     from fairing.run.session import Session
 
 DESCRIPTION = (
@@ -54,9 +53,7 @@ def view(
     scene: SceneArgument = "cube",
     mesh: MeshArgument = None,
     preset: Preset = "accurate",
-    port: PortArgument = 8080,
-    host: HostArgument = "127.0.0.1",
-    browser: BrowserArgument = True,
+    page: PageArgument = DEFAULT_PAGE,
     save_to: Path | None = None,
     at: str = "start",
     lesson: str | None = None,
@@ -91,12 +88,12 @@ def view(
         return session
 
     if at.strip() == START:
-        return _serve(open_session, host, port, browser, save_to, None, lesson=lesson)
+        return _serve(open_session, page, save_to=save_to, lesson=lesson)
     from app.cli.run_progress import run_to
 
     session = open_session(lambda line: None)
     run_to(session, wanted, console)
-    return _serve(lambda show: session, host, port, browser, save_to, None, page_first=False, lesson=lesson)
+    return _serve(lambda show: session, page, save_to=save_to, page_first=False, lesson=lesson)
 
 
 def replay(
@@ -110,9 +107,7 @@ def replay(
     ],
     scene: RecordedSceneArgument = None,
     mesh: RecordedMeshArgument = None,
-    port: PortArgument = 8080,
-    host: HostArgument = "127.0.0.1",
-    browser: BrowserArgument = True,
+    page: PageArgument = DEFAULT_PAGE,
     at: str = "start",
     photos: PhotosArgument = ALL_PHOTOS,
 ) -> int:
@@ -122,7 +117,7 @@ def replay(
         at: The moment to open at: level:sweep:vertex:iteration from 1, `start` or `end`.
     """
     if run.suffix == FLIPS:
-        return _replay_flips(run, scene, host, port, browser, photos)
+        return _replay_flips(run, scene, page, photos)
     trace, source, path = find_run(run, scene, mesh, photos)
     wanted = parse_moment_id(at, options_from_dict(trace.header["options"]).n_levels)
 
@@ -133,37 +128,25 @@ def replay(
         session.go_to(find_moment(trace, wanted))
         return session
 
-    return _serve(open_session, host, port, browser, None, path)
+    return _serve(open_session, page, recorded_in=path)
 
 
-def _replay_flips(run: Path, scene: str | None, host: str, port: int, browser: bool, photos: PhotoChoice) -> int:
-    from app.cli.serve import stay
+def _replay_flips(run: Path, scene: str | None, page: PageAddress, photos: PhotoChoice) -> int:
+    from app.cli.serve import serve_app
 
-    def open_app(server: "viser.ViserServer") -> Callable[[], None]:
+    def open_app(server: "ViewerServer") -> Callable[[], None]:
         from app.flips.opening import open_flips
 
         return open_flips(server, run, scene, photos).stop
 
-    stay(open_app, host, port, open_browser=browser)
+    serve_app(open_app, page)
     return 0
 
 
-def _serve(
-    open_session: Callable[[ShowLine], "Session"],
-    host: str,
-    port: int,
-    browser: bool,
-    save_to: Path | None,
-    recorded_in: Path | None,
-    page_first: bool = True,
-    lesson: str | None = None,
-) -> int:
+def _serve(open_session: Callable[[ShowLine], "Session"], page: PageAddress, **how: Any) -> int:
     from app.cli.serve import serve
 
-    serve(
-        open_session, host=host, port=port, open_browser=browser, save_to=save_to, recorded_in=recorded_in,
-        page_first=page_first, lesson=lesson,
-    )  # fmt: skip
+    serve(open_session, address=page, **how)
     return 0
 
 

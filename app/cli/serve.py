@@ -1,7 +1,7 @@
-"""Serves the debugger on the command line: the page first, then the engine behind it.
+"""Serves the page of the debugger or of a flip record until Ctrl-C.
 
-A browser takes as long to unpack the viewer as the engine takes to import and a small scene to load; so the address is
-said, and the browser opened, before either has begun.
+The server starts before the engine: a browser takes as long to load the viewer as the engine takes to import and a small
+scene to load, so the address is printed, and the browser opened, before either has begun.
 """
 
 import contextlib
@@ -9,40 +9,38 @@ import signal
 import threading
 import webbrowser
 from collections.abc import Callable, Iterator
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import viser
-
+from app.cli.arguments import PageAddress
 from app.cli.loading import ShowLine
-from app.viser_bridge.viewer import address_of, show_opening, start_viewer, stop_viewer
+from app.viser_bridge.server import ViewerServer, show_opening, start_viewer
 from fairing.errors import InputError
 
 if TYPE_CHECKING:
     from fairing.run.session import Session
 
+WAIT_SECONDS = 0.5  # a Ctrl-C that arrives just before a wait begins does not end it, so no wait is long
+
 
 def serve(
     open_session: Callable[[ShowLine], "Session"],
+    address: PageAddress,
     *,
-    host: str = "127.0.0.1",
-    port: int = 8080,
-    open_browser: bool = True,
     save_to: Path | None = None,
     recorded_in: Path | None = None,
     page_first: bool = True,
     lesson: str | None = None,
 ) -> None:
-    """Open the debugger, paused, and stay until Ctrl-C.
+    """Open the debugger, paused, and return after Ctrl-C.
 
     Args:
-        open_session: makes the run; receives a callback for lines of progress, which the page shows.
-        port: 0 for any free one.
-        open_browser: also open the page in the user's browser.
-        save_to: keep the record in this file.
-        recorded_in: the file the record was read from; its bookmarks are beside it.
-        page_first: say the address before the run is there: not where a Ctrl-C by then would lose a run made already.
+        open_session: returns the run; receives a callback for lines of progress, which the page shows.
+        address: where the page is.
+        save_to: file that the trace is written to.
+        recorded_in: file that the trace was read from; its bookmarks lie beside it.
+        page_first: start the server before `open_session` is called. Not for a run that exists already: a Ctrl-C
+            while the page starts would lose it.
         lesson: name of the lesson that the first browser opens; the session is on its scene.
 
     Raises:
@@ -50,39 +48,34 @@ def serve(
             `open_session` raises.
     """
 
-    def open_app(server: viser.ViserServer) -> Callable[[], None]:
+    def open_app(server: ViewerServer) -> Callable[[], None]:
         from app.page.server import App
 
         session = open_session(lambda line: show_opening(server, line))
         return App(server, session, save_to, recorded_in, lesson).stop
 
-    stay(open_app, host, port, open_browser=open_browser, page_first=page_first)
+    serve_app(open_app, address, page_first=page_first)
 
 
-def stay(
-    open_app: Callable[[viser.ViserServer], Callable[[], None]],
-    host: str,
-    port: int,
-    *,
-    open_browser: bool,
-    page_first: bool = True,
+def serve_app(
+    open_app: Callable[[ViewerServer], Callable[[], None]], address: PageAddress, *, page_first: bool = True
 ) -> None:
-    """Serve until Ctrl-C what `open_app` puts into the viewer; it returns how to end it. See `serve`."""
-    server = start_viewer(host, port)
-    stop: Callable[[], None] = partial(stop_viewer, server)
+    """Serve until Ctrl-C what `open_app` adds to the server; it returns the function that stops both. See `serve`."""
+    server = start_viewer(address.host, address.port, address.token)
+    stop: Callable[[], None] = server.close
     try:
-        with contextlib.suppress(KeyboardInterrupt), remembered_interrupt() as asked:
+        with contextlib.suppress(KeyboardInterrupt), remembered_interrupt() as interrupts:
             if page_first:
-                _invite(address_of(server), open_browser)
+                _announce(server, address)
             stop = open_app(server)
             if not page_first:
-                _invite(address_of(server), open_browser)
-            # A Ctrl-C that arrives just before a wait begins does not end it, so none is long.
+                _announce(server, address)
             never = threading.Event()
-            while not asked:
-                never.wait(timeout=0.5)
+            while not interrupts:
+                never.wait(timeout=WAIT_SECONDS)
     except InputError as error:
-        stop = partial(stop_viewer, server, str(error))
+        problem = str(error)
+        stop = lambda: server.close(problem)  # noqa: E731 - replaces the function of the same name
         raise
     finally:
         stop()
@@ -90,29 +83,31 @@ def stay(
 
 @contextlib.contextmanager
 def remembered_interrupt() -> Iterator[list[int]]:
-    """Ctrl-C raises KeyboardInterrupt as always, and leaves a trace in the list that is given.
+    """Ctrl-C raises KeyboardInterrupt as always, and is also added to the list that is returned.
 
-    Raised at a bad moment it is swallowed: in a finalizer, a callback from compiled code, or an `except:` of a library
-    that is being imported. Opening an engine has many of those, and who pressed once would wait for ever. (A list,
-    because an Event's lock may be held by the very code that is interrupted.)
+    The exception can be lost: in a finalizer, in a callback from compiled code, or in an `except:` of a library that is
+    being imported. Starting the engine runs many of those. (A list, because the lock of an Event may be held by the very
+    code that is interrupted.)
     """
-    asked: list[int] = []
+    interrupts: list[int] = []
 
-    def ask(number: int, frame: object) -> None:
-        asked.append(number)
+    def interrupt(number: int, frame: object) -> None:
+        interrupts.append(number)
         raise KeyboardInterrupt
 
-    if threading.current_thread() is not threading.main_thread():  # signals are the main thread's
-        yield asked
+    if threading.current_thread() is not threading.main_thread():  # only the main thread can handle signals
+        yield interrupts
         return
-    before = signal.signal(signal.SIGINT, ask)
+    before = signal.signal(signal.SIGINT, interrupt)
     try:
-        yield asked
+        yield interrupts
     finally:
         signal.signal(signal.SIGINT, before)
 
 
-def _invite(address: str, open_browser: bool) -> None:
-    print(f"EigenFairing is at {address} - Ctrl-C ends it.", flush=True)  # noqa: T201 - the one line a user needs
-    if open_browser:
-        webbrowser.open(address)
+def _announce(server: ViewerServer, address: PageAddress) -> None:
+    print(f"EigenFairing is at {server.url} - Ctrl-C ends it.", flush=True)  # noqa: T201 - the line that users need
+    if server.url_for_others:
+        print(f"From other machines: {server.url_for_others}", flush=True)  # noqa: T201
+    if address.browser:
+        webbrowser.open(server.url)

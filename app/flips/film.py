@@ -1,4 +1,4 @@
-"""What a record of flips says of each of its moments. Moment k is the mesh after k flips."""
+"""Meshes, edges and energies at every moment of a flip record. Moment k is the mesh after k flips."""
 
 from dataclasses import dataclass
 
@@ -11,14 +11,14 @@ KEYFRAMES = 128  # flips from one kept mesh to the next
 
 @dataclass(frozen=True, eq=False)
 class Edges:
-    """The edges of a mesh by what became of them, each (e, 2) int, vertices.
+    """The edges of a mesh by what happens to them in the record, each (e, 2) int, vertices.
 
     Attributes:
-        kept: there from the start to the end of the record.
-        came: made by a flip before now.
-        to_go: inconsistent as the record knows: a flip after now takes them away.
+        kept: present from the start to the end.
+        came: made by an earlier flip.
+        to_go: inconsistent: removed by a later flip.
         new: made by the last flip: at most one.
-        gone: the one it took away.
+        gone: removed by the last flip: at most one.
     """
 
     kept: np.ndarray

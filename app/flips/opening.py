@@ -1,21 +1,20 @@
-"""Opening a record of flips with the photos it was made from."""
+"""Opens a flip record with the photos it was made from."""
 
 from pathlib import Path
 
-import viser
-
 from app.files.scene_source import SceneSource
-from app.flips.page import FlipApp
+from app.flips.server import FlipApp
+from app.viser_bridge.server import ViewerServer
 from fairing.io import PhotoChoice
 from fairing.scene import Scene
 from fairing.triangulation import FlipTrace
 
 
-def open_flips(server: viser.ViserServer, record: Path, scene: str | None, photos: PhotoChoice) -> FlipApp:
-    """The page of a record.
+def open_flips(server: ViewerServer, record: Path, scene: str | None, photos: PhotoChoice) -> FlipApp:
+    """Serve a flip record.
 
     Args:
-        scene: where its photos are; None: where the record says.
+        scene: where its photos are; None: where the record was made.
 
     Raises:
         InputError: the record or its photos cannot be read.

@@ -1,6 +1,4 @@
-"""What stands around the mesh of a record of flips: buttons, the last flip, energy, legend, timeline."""
-
-from dataclasses import dataclass
+"""The panels of a flip record: buttons, the last flip, energy plot, legend, timeline."""
 
 import numpy as np
 
@@ -11,43 +9,31 @@ from app.palette import BACKGROUND, NOW, SELECTED, START, css, solid
 from app.panels.plot_drawing import BOTTOM, HEIGHT, LEFT, RIGHT, TOP, WIDTH, Line, frame, line_at
 from app.pictures.cell_images import data_uri
 from app.ticks import ticks
+from app.viser_bridge.html_events import Events
 
 SPEEDS = (2, 10, 50)  # flips a second
 
 
-@dataclass(frozen=True)
-class Presses:
-    """JavaScript of the buttons; `jump`, `speed` take a JavaScript number."""
-
-    start: str
-    round_back: str
-    back: str
-    play: str
-    forward: str
-    round_on: str
-    end: str
-    jump: str
-    speeds: tuple[str, ...]
-
-
-def buttons(press: Presses, moment: int, length: int, *, is_playing: bool) -> str:
-    """Where to go, by a click."""
+def buttons(events: Events, moment: int, length: int, *, is_playing: bool) -> str:
+    """Buttons that go to other moments."""
     at_start, at_end = moment == 0, moment == length
 
-    def one(name: str, shape: str, js: str, enabled: bool, *, mirrored: bool = False) -> str:
-        return button("", js, hint=name, icon=icon(shape, mirrored=mirrored), css_class="grow", enabled=enabled)
+    def one(name: str, shape: str, event: str, enabled: bool, *, mirrored: bool = False) -> str:
+        return button(
+            "", events(event), hint=name, icon=icon(shape, mirrored=mirrored), css_class="grow", enabled=enabled
+        )
 
     play = button(
-        "Pause" if is_playing else "Play", press.play, hint="Play the flips, or stop (T)",
+        "Pause" if is_playing else "Play", events("play"), hint="Play the flips, or stop (T)",
         icon=icon("pause" if is_playing else "run"), css_class="main grow", enabled=length > 0,
     )  # fmt: skip
     return (
-        f"<div class='row'>{one('To the start mesh', 'start', press.start, not at_start)}{play}"
-        f"{one('To the last flip', 'end', press.end, not at_end)}</div>"
-        f"<div class='row note'>{one('Back a round ([)', 'bar', press.round_back, not at_start, mirrored=True)}"
-        f"{one('Back one flip (,)', 'one', press.back, not at_start, mirrored=True)}"
-        f"{one('One flip (.)', 'one', press.forward, not at_end)}"
-        f"{one('On a round (])', 'bar', press.round_on, not at_end)}</div>"
+        f"<div class='row'>{one('To the start mesh', 'start', 'start', not at_start)}{play}"
+        f"{one('To the last flip', 'end', 'end', not at_end)}</div>"
+        f"<div class='row note'>{one('Back a round ([)', 'bar', 'round_back', not at_start, mirrored=True)}"
+        f"{one('Back one flip (,)', 'one', 'back', not at_start, mirrored=True)}"
+        f"{one('One flip (.)', 'one', 'forward', not at_end)}"
+        f"{one('On a round (])', 'bar', 'round_on', not at_end)}</div>"
     )
 
 
@@ -113,13 +99,16 @@ def legend(film: FlipFilm, moment: int) -> str:
     return f"<h4>Edges</h4><div class='legend'>{rows}</div>"
 
 
-def strip(film: FlipFilm, moment: int, press: Presses, speed: int) -> str:
+def strip(film: FlipFilm, moment: int, events: Events, speed: int) -> str:
     """Speeds, and a pixel a flip: brighter green where the loss fell more; a tick where a round begins."""
     speeds = "".join(
         button(
-            f"{value} /s", js, hint=f"Play {value} flips a second", css_class="small on" if value == speed else "small"
+            f"{value} /s",
+            events("speed", k),
+            hint=f"Play {value} flips a second",
+            css_class="small on" if value == speed else "small",
         )
-        for value, js in zip(SPEEDS, press.speeds, strict=True)
+        for k, value in enumerate(SPEEDS)
     )
     if len(film) == 0:
         return f"<div class='row tools'>{speeds}</div><div class='strip'></div>"
@@ -131,7 +120,8 @@ def strip(film: FlipFilm, moment: int, press: Presses, speed: int) -> str:
     marks = "".join(f"<s class='level' style='left:{100 * at / len(film):.2f}%'></s>" for at in begins.tolist())
     click = (
         "var r=this.getBoundingClientRect();"
-        f"var m=Math.max(1,Math.min({len(film)},Math.ceil((event.clientX-r.left)/r.width*{len(film)})));" + press.jump
+        f"var m=Math.max(1,Math.min({len(film)},Math.ceil((event.clientX-r.left)/r.width*{len(film)})));"
+        + events("jump", "m")
     )
     return (
         f"<div class='row tools'>{speeds}<span class='grow'></span><span class='dim'>brighter: a larger gain; "

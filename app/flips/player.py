@@ -1,32 +1,32 @@
-"""Where one browser is in a record, and its playing. Knows no viewer."""
+"""Player: the moment of a record that one browser shows, and its playback."""
 
 import threading
 from collections.abc import Callable
 
 
 class Player:
-    """Moves through moments 0 to `length`; `on_move` is told on whatever thread moved it."""
+    """Moves through moments 0 to `length`. `on_move` is called after every move, on the thread that moved."""
 
     def __init__(self, length: int, speed: int, on_move: Callable[[], None]) -> None:
         self.length, self.speed = length, speed
         self.moment = 0
         self._on_move = on_move
         self._playing: threading.Event | None = None  # set: stop
-        self._moving = threading.Lock()  # or playing would go on from where somebody has just gone
+        self._moving = threading.Lock()  # playback must not continue from a moment that was left meanwhile
 
     @property
     def is_playing(self) -> bool:
         return self._playing is not None
 
     def go_to(self, moment: int) -> None:
-        """Stop there, or at the end that is nearer."""
+        """Stop playing and go to a moment, or to the nearer end."""
         with self._moving:
             self.stop()
             self.moment = min(max(moment, 0), self.length)
         self._on_move()
 
     def play_or_stop(self) -> None:
-        """Play from here, from the start if at the end; or stop."""
+        """Play from here, at the end from the start; or stop."""
         if self.is_playing:
             self.stop()
             self._on_move()
@@ -37,7 +37,7 @@ class Player:
         threading.Thread(target=self._play, args=(self._playing,), name="flips", daemon=True).start()
 
     def stop(self) -> None:
-        """Play no more."""
+        """Stop playing."""
         if self._playing is not None:
             self._playing.set()
             self._playing = None

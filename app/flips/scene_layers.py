@@ -1,4 +1,4 @@
-"""The mesh of a record of flips in the 3D view: its edges by what becomes of them, its faces plain or painted."""
+"""The mesh of a flip record in the 3D view: its edges, colored by what happens to them, and its faces, flat or textured."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -11,22 +11,23 @@ from app.flips.film import Edges, FlipFilm
 from app.palette import HAND, NOW, REJECTED, RGB, SELECTED, START, SURFACE
 from app.pictures.texturer import TexturedMesh, paint
 from app.stage import Stage
-from app.viser_bridge.mesh_swap import TakingTurns
+from app.viser_bridge.line_node import LineNode
+from app.viser_bridge.mesh_swap import DoubleBufferedMesh
 from fairing.mesh import Mesh
 from fairing.scene import Scene
 
-# What the colours of edges mean, in the order of `Edges`.
+# Color, meaning and thickness in px of each kind of edge, in the order of `Edges`.
 MEANINGS: dict[str, tuple[RGB, str, float]] = {
     "kept": (START, "as at the start", 1.2),
-    "came": (NOW, "came by a flip", 1.8),
-    "to_go": (REJECTED, "inconsistent: a flip will take it", 1.8),
-    "new": (SELECTED, "the last flip made it", 4.0),
-    "gone": (HAND, "the last flip took it", 2.0),
+    "came": (NOW, "made by a flip", 1.8),
+    "to_go": (REJECTED, "inconsistent: a later flip removes it", 1.8),
+    "new": (SELECTED, "made by the last flip", 4.0),
+    "gone": (HAND, "removed by the last flip", 2.0),
 }
 
 
 class FlipLayers:
-    """Everything of one moment; the painted faces follow when a moment has been looked at long enough to paint them."""
+    """The mesh at one moment. The texture follows once it has been computed; none is computed while the record plays."""
 
     def __init__(
         self,
@@ -49,22 +50,19 @@ class FlipLayers:
             cast_shadow=False,
             receive_shadow=False,
         )
-        nothing = np.zeros((1, 2, 3), dtype=np.float32)
         self._lines = {
-            name: client.scene.add_line_segments(
-                f"/edges/{name}", nothing, color, thickness=thickness, thickness_units="screen", visible=False
-            )
+            name: LineNode(client, f"/edges/{name}", color, thickness)
             for name, (color, _, thickness) in MEANINGS.items()
         }
-        self._painted = TakingTurns(client, "/mesh/painted", on_painted)
+        self._painted = DoubleBufferedMesh(client, "/mesh/painted", on_painted)
         self._shown = -1
         self._wanted = -1
 
     def show(self, moment: int, *, is_playing: bool, is_textured: bool, outside: bool) -> None:
-        """Bring the browser to a moment; nothing is painted while it plays."""
+        """Show a moment."""
         if moment != self._shown:
             self._shown = moment
-            self._painted.forget()
+            self._painted.clear()
             self._plain.faces = self._film.faces_at(moment).astype(np.uint32)
             self._draw(self._film.edges_at(moment))
         if is_textured and outside and not is_playing and self._wanted != moment:
@@ -79,10 +77,7 @@ class FlipLayers:
 
     def _draw(self, edges: Edges) -> None:
         for name, lines in self._lines.items():
-            chosen = getattr(edges, name)
-            if len(chosen):
-                lines.points = self._points[chosen]
-            lines.visible = len(chosen) > 0
+            lines.show(self._points[getattr(edges, name)])
 
     def _paint(self, moment: int) -> TexturedMesh:
         mesh = self._scene.mesh

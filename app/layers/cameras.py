@@ -13,6 +13,7 @@ from app.page_state.page_state import PageState
 from app.palette import CAMERA
 from app.pictures.shown_photo import shown_photo
 from app.stage import Stage
+from app.viser_bridge.node_events import BackgroundClicks
 from fairing.camera import Camera
 from fairing.errors import InputError
 from fairing.scene import Scene
@@ -66,7 +67,7 @@ class CamerasLayer:
         scene: Scene,
         thumbnails: Thumbnails,
         on_enter: Callable[[int], None],
-        watch: Callable[[viser.CameraFrustumHandle], None],
+        background: BackgroundClicks | None = None,
     ) -> None:
         self._root = client.scene.add_frame("/cameras", show_axes=False)
         for view_id, view in enumerate(scene.views):
@@ -92,7 +93,8 @@ class CamerasLayer:
             def _(_event: viser.SceneNodePointerEvent, view_id: int = view_id) -> None:
                 on_enter(view_id)
 
-            watch(frustum)
+            if background is not None:
+                background.ignore_clicks_on(frustum)
             thumbnails.send(view_id, lambda image, frustum=frustum: setattr(frustum, "image", image))
 
     def show(self, state: RunState, page_state: PageState) -> None:

@@ -4,10 +4,11 @@ import numpy as np
 import viser
 
 from app.debugger.run_state import RunState
-from app.layers.lines import Lines
 from app.page_state.certainty_source import CertaintySource
 from app.page_state.page_state import PageState
+from app.palette import SELECTED
 from app.stage import Stage
+from app.viser_bridge.line_node import LineNode
 from fairing.judge.certainty import Certainty
 from fairing.mesh import Mesh
 
@@ -36,7 +37,7 @@ class CertaintyLayer:
 
     def __init__(self, client: viser.ClientHandle, stage: Stage, mesh: Mesh, source: CertaintySource) -> None:
         self._stage, self._mesh, self._source = stage, mesh, source
-        self._lines = Lines(client, "/certainty", thickness=1.8)
+        self._lines = LineNode(client, "/certainty", SELECTED, 1.8)
 
     def show(self, state: RunState, page_state: PageState) -> None:
         found: list[Certainty] = []

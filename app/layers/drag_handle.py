@@ -1,7 +1,6 @@
 """Drag handle: a ball that drags the selected vertices, with a preview of the edges around them."""
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import viser
@@ -9,9 +8,11 @@ import viser
 from app.debugger.run_state import RunState
 from app.layers.marks import ball, mark_radius
 from app.page_state.page_state import PageState
-from app.palette import HAND, RGB, SELECTED
+from app.palette import HAND, SELECTED
 from app.picking import nearest_to_ray
 from app.stage import Stage
+from app.viser_bridge.line_node import LineNode
+from app.viser_bridge.node_events import BackgroundClicks, on_node_click, on_node_drag
 from fairing.mesh import Mesh
 
 LARGER = 2.1  # radius of the ball, in radii of a vertex mark
@@ -33,7 +34,7 @@ class DragHandleLayer:
         stage: Stage,
         mesh: Mesh,
         on_click: Callable[[int, bool], None],
-        watch: Callable[[viser.MeshHandle], None],
+        background: BackgroundClicks,
         on_grab: Callable[[], np.ndarray],
         on_drop: Callable[[np.ndarray, np.ndarray], None],
     ) -> None:
@@ -43,7 +44,6 @@ class DragHandleLayer:
         self._selected = np.zeros(0, dtype=int)  # the current vertex comes last
         self._points = stage.page_from_world(mesh.vertices)
         self._grabbed: np.ndarray | None = None
-        self._taken_at = np.zeros(3)
         self._ball = client.scene.add_mesh_simple(
             "/drag_handle/ball",
             *ball(2),
@@ -53,31 +53,17 @@ class DragHandleLayer:
             receive_shadow=False,
             visible=False,
         )
-        nothing = np.zeros((1, 2, 3), dtype=np.float32)
+        self._edges = LineNode(client, "/drag_handle/edges", SELECTED, 2.0)
+        self._displacement = LineNode(client, "/drag_handle/displacement", HAND, 2.0)
 
-        def lines(name: str, color: RGB) -> viser.LineSegmentsHandle:
-            return client.scene.add_line_segments(
-                f"/drag_handle/{name}", nothing, color, thickness=2.0, thickness_units="screen", visible=False
-            )
-
-        self._edges, self._displacement = lines("edges", SELECTED), lines("displacement", HAND)
-
-        def clicked(event: viser.SceneNodePointerEvent) -> None:
+        def clicked(event: viser.SceneNodePointerEvent, with_shift: bool) -> None:
             # The ball may have been drawn at an older position when the user clicked, so the vertex follows from the ray.
             vertex = nearest_to_ray(self._points, np.array(event.ray_origin), np.array(event.ray_direction))
-            on_click(vertex, event.modifier == "shift")
+            on_click(vertex, with_shift)
 
-        self._ball.on_click(clicked)
-        self._ball.on_click(modifier="shift")(clicked)
-        watch(self._ball)
-
-        # A coroutine, so that the phases of a drag arrive in order.
-        async def dragged(event: Any) -> None:
-            if event.phase == "start":  # in later events the start position moves with the ball
-                self._taken_at = np.array(event.start_position)
-            self._drag(event.phase, np.array(event.end_position) - self._taken_at)
-
-        self._ball.on_drag("left")(dragged)
+        on_node_click(self._ball, clicked)
+        on_node_drag(self._ball, self._drag)
+        background.ignore_clicks_on(self._ball)
 
     def show(self, state: RunState, page_state: PageState) -> None:
         if self._grabbed is not None:
@@ -101,13 +87,13 @@ class DragHandleLayer:
         after = self._grabbed.copy()
         after[self._selected] += offset / self._stage.scale
         if phase == "end":
-            self._edges.visible = self._displacement.visible = False
+            self._edges.hide()
+            self._displacement.hide()
             self._grabbed = None
             self._on_drop(self._selected, after[self._selected])
             return
         around = self._mesh.edges[np.isin(self._mesh.edges, self._selected).any(axis=1)][:MAX_PREVIEW]
         page = self._stage.page_from_world
         self._ball.position = page(after[self._selected[-1]])
-        self._edges.points = page(after[around])
-        self._displacement.points = page(np.stack([self._grabbed[self._selected], after[self._selected]], axis=1))
-        self._edges.visible = self._displacement.visible = True
+        self._edges.show(page(after[around]))
+        self._displacement.show(page(np.stack([self._grabbed[self._selected], after[self._selected]], axis=1)))

@@ -8,6 +8,7 @@ from app.debugger.run_state import RunState
 from app.page_state.page_state import PageState
 from app.palette import NOW, START
 from app.stage import Stage
+from app.viser_bridge.line_node import LineNode
 
 
 class PathsLayer:
@@ -15,27 +16,15 @@ class PathsLayer:
 
     def __init__(self, client: viser.ClientHandle, stage: Stage, history: PathHistory) -> None:
         self._stage, self._history = stage, history
-        self._handle = client.scene.add_line_segments(
-            "/paths",
-            np.zeros((1, 2, 3), dtype=np.float32),
-            np.zeros((1, 2, 3), dtype=np.uint8),
-            thickness=3.0,
-            thickness_units="screen",
-            visible=False,
-        )
+        self._lines = LineNode(client, "/paths", None, 3.0)
 
     def show(self, state: RunState, page_state: PageState) -> None:
         if not page_state.shows("paths"):
-            self._handle.visible = False
+            self._lines.hide()
             return
         pieces, when, owner = self._history.segments(state)
-        if len(pieces) == 0:
-            self._handle.visible = False
-            return
         now = state.vertices[owner][:, None]
         points = now + page_state.magnification * (pieces - now)
         start, end = np.array(START, dtype=float), np.array(NOW, dtype=float)
         colors = start + when[..., None] * (end - start)
-        self._handle.points = self._stage.page_from_world(points)
-        self._handle.colors = colors.astype(np.uint8)
-        self._handle.visible = True
+        self._lines.show(self._stage.page_from_world(points), colors.astype(np.uint8))

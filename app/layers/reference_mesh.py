@@ -24,5 +24,6 @@ class ReferenceMeshLayer:
         compared = look_up(page_state.reference, state)
         follows = self._follows_a_run or not state.is_moving
         if compared is not None and follows:
-            self._wire.move(compared.vertices, unless_at=state.vertices)
-        self._wire.set_visible(compared is not None and follows)
+            self._wire.show(compared.vertices, unless_at=state.vertices)
+        else:
+            self._wire.hide()

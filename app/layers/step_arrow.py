@@ -5,9 +5,10 @@ import viser
 
 from app.debugger.history import last_step_about
 from app.debugger.run_state import RunState
-from app.layers.lines import Lines
 from app.page_state.page_state import PageState
+from app.palette import SELECTED
 from app.stage import Stage
+from app.viser_bridge.line_node import LineNode
 from fairing.camera import Camera
 from fairing.scene import Scene
 
@@ -44,7 +45,7 @@ class StepArrowLayer:
 
     def __init__(self, client: viser.ClientHandle, stage: Stage, scene: Scene) -> None:
         self._stage, self._scene = stage, scene
-        self._lines = Lines(client, "/step_arrow", thickness=3.0)
+        self._lines = LineNode(client, "/step_arrow", SELECTED, 3.0)
 
     def show(self, state: RunState, page_state: PageState) -> None:
         arrow = self._arrow(state, page_state)

@@ -16,11 +16,11 @@ from app.pictures.coloring import COLORINGS, DIFFERENCE, Legend, color_mesh
 from app.pictures.texturer import MOST_FACES, MOST_FACES_VIEW_DEPENDENT, Texturer
 from app.stage import Stage
 from app.surface_offset import set_back
-from app.viser_bridge.mesh_swap import Drawn, TakingTurns
+from app.viser_bridge.mesh_swap import DoubleBufferedMesh, GlbMesh
 from fairing.io.glb import write_glb
 from fairing.scene import Scene
 
-UNPACK_COLORED = 0.25  # s: without a large texture
+DECODE_COLORED = 0.25  # s: without a large texture
 
 
 @dataclass(frozen=True)
@@ -56,11 +56,11 @@ class SurfaceLayer:
             visible=False,
         )
         self._textured = {
-            shape: TakingTurns(client, f"/mesh/textured_{name}", controller.republish)
+            shape: DoubleBufferedMesh(client, f"/mesh/textured_{name}", controller.republish)
             for shape, name in ((START_SHAPE, "start"), (NOW_SHAPE, "now"), (TRUE_SHAPE, "truth"), (None, "between"))
         }
         self._view_dependent = ViewDependentTexture(client, stage, texturer, controller.republish)
-        self._colored = TakingTurns(client, "/mesh/colored", controller.republish, UNPACK_COLORED)
+        self._colored = DoubleBufferedMesh(client, "/mesh/colored", controller.republish, DECODE_COLORED)
         self._between: tuple[float, np.ndarray, np.ndarray] | None = None
         self._wanted: Wanted | None = None
         self._answer: tuple[Wanted, np.ndarray | Exception] | None = None
@@ -72,7 +72,7 @@ class SurfaceLayer:
         vertices = self.vertices_of(state, page_state.shape)
         self._plain.vertices = self._stage.page_from_world(vertices)
         outside, resting = page_state.entered is None, state.activity is Activity.PAUSED
-        front: TakingTurns | None = None
+        front: DoubleBufferedMesh | None = None
         is_view_dependent = False
         self.legend = None
         if outside and not state.is_moving:
@@ -86,10 +86,10 @@ class SurfaceLayer:
         if not is_view_dependent:
             self._view_dependent.rest()
         if front is not self._colored and self.legend is None:
-            self._colored.forget()
+            self._colored.clear()
             self._wanted = self._drawn = None
         if state.is_moving:  # the texture belongs to an earlier moment
-            self._textured[NOW_SHAPE].forget()
+            self._textured[NOW_SHAPE].clear()
         with self._client.atomic():
             for turns in (*self._textured.values(), self._view_dependent.turns, self._colored):
                 turns.set_visible(turns is front)
@@ -115,7 +115,7 @@ class SurfaceLayer:
             self._between = (shape, state.vertices, state.vertices + share * (other - state.vertices))
         return self._between[2]
 
-    def _texture(self, shape: float, vertices: np.ndarray, resting: bool) -> TakingTurns | None:
+    def _texture(self, shape: float, vertices: np.ndarray, resting: bool) -> DoubleBufferedMesh | None:
         turns = self._textured.get(shape, self._textured[None])
         painted = self._texturer.static.painted(self, vertices) if resting else None
         if painted is not None:
@@ -124,7 +124,9 @@ class SurfaceLayer:
         is_fit = turns.shown is not None and (shape == NOW_SHAPE or turns.shown is painted)
         return turns if is_fit else None
 
-    def _color(self, state: RunState, page_state: PageState, vertices: np.ndarray, resting: bool) -> TakingTurns | None:
+    def _color(
+        self, state: RunState, page_state: PageState, vertices: np.ndarray, resting: bool
+    ) -> DoubleBufferedMesh | None:
         name = page_state.surface
         compared = look_up(page_state.reference, state) if name == DIFFERENCE else None
         reference = None if compared is None else (compared.run.run_id, compared.moment)
@@ -154,7 +156,7 @@ class SurfaceLayer:
             points = set_back(vertices, self._scene, self._stage)
             mesh = color_mesh(COLORINGS[wanted.coloring], values, points, self._scene.mesh.faces)
             self._drawn = (wanted, vertices, mesh.legend)
-            self._colored.offer(Drawn(write_glb(mesh.vertices, mesh.faces, mesh.uv, mesh.picture, "image/png")))
+            self._colored.offer(GlbMesh(write_glb(mesh.vertices, mesh.faces, mesh.uv, mesh.picture, "image/png")))
 
     def _take(self, wanted: Wanted, found: np.ndarray | Exception) -> None:
         self._answer = (wanted, found)

@@ -7,16 +7,15 @@ import viser
 
 from app.debugger.history import REJECTIONS
 from app.debugger.run_state import RunState
-from app.layers.marks import Shape, ball, block, mark_radius
+from app.layers.marks import ball, block, mark_radius
 from app.page_state.page_state import PageState
 from app.palette import LOCKED, NOW, REJECTED, SELECTED, START
 from app.stage import Stage
+from app.viser_bridge.instance_marks import InstanceMarks
+from app.viser_bridge.node_events import BackgroundClicks
 from fairing.mesh import Mesh
 
 MANY = 1500  # vertices; beyond this, marks have 20 triangles instead of 80 (ledger: vertex mark triangles)
-
-OnClick = Callable[[int, bool], None]
-Watch = Callable[[viser.BatchedMeshHandle], None]
 
 
 class VerticesLayer:
@@ -25,12 +24,20 @@ class VerticesLayer:
     The current vertex of the selection is larger than the others.
     """
 
-    def __init__(self, client: viser.ClientHandle, stage: Stage, mesh: Mesh, on_click: OnClick, watch: Watch) -> None:
+    def __init__(
+        self,
+        client: viser.ClientHandle,
+        stage: Stage,
+        mesh: Mesh,
+        on_click: Callable[[int, bool], None],
+        background: BackgroundClicks,
+    ) -> None:
         self._stage, self._radius = stage, mark_radius(stage, mesh)
-        self._free = _Marks(
-            client, stage, "/vertices/free", ball(0 if len(mesh.vertices) > MANY else 1), mesh, on_click, watch
-        )
-        self._locked = _Marks(client, stage, "/vertices/locked", block(), mesh, on_click, watch)
+        sphere, positions = ball(0 if len(mesh.vertices) > MANY else 1), stage.page_from_world(mesh.vertices)
+        self._free = InstanceMarks(client, "/vertices/free", sphere, positions, on_click)
+        self._locked = InstanceMarks(client, "/vertices/locked", block(), positions, on_click)
+        for marks in (self._free, self._locked):
+            background.ignore_clicks_on(marks.node)
 
     def show(self, state: RunState, page_state: PageState) -> None:
         colors = vertex_colors(state, page_state.selection.vertices)
@@ -44,64 +51,6 @@ class VerticesLayer:
         positions = self._stage.page_from_world(state.vertices)
         for marks, chosen in ((self._free, ~state.locked), (self._locked, state.locked)):
             marks.show(chosen, positions, colors, scales, is_visible)
-
-
-class _Marks:
-    """One node with a mark for every vertex; hidden marks have size zero.
-
-    A node with marks for only some vertices would be created again whenever the locks change, and a click that arrives
-    before the browser has the new node's bindings would be lost.
-    """
-
-    def __init__(
-        self,
-        client: viser.ClientHandle,
-        stage: Stage,
-        name: str,
-        shape: Shape,
-        mesh: Mesh,
-        on_click: OnClick,
-        watch: Watch,
-    ) -> None:
-        count = len(mesh.vertices)
-        self._handle = client.scene.add_batched_meshes_simple(
-            name,
-            *shape,
-            np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)),
-            stage.page_from_world(mesh.vertices),
-            batched_scales=np.zeros(count, dtype=np.float32),
-            batched_colors=np.zeros((count, 3), dtype=np.uint8),
-            lod="off",
-            cast_shadow=False,
-            receive_shadow=False,
-            visible=False,
-        )
-
-        def clicked(event: viser.SceneNodePointerEvent) -> None:
-            if event.instance_index is not None and 0 <= event.instance_index < count:
-                on_click(event.instance_index, event.modifier == "shift")
-
-        self._handle.on_click(clicked)
-        self._handle.on_click(modifier="shift")(clicked)
-        watch(self._handle)
-
-    def show(
-        self, chosen: np.ndarray, positions: np.ndarray, colors: np.ndarray, scales: np.ndarray, is_visible: bool
-    ) -> None:
-        """Show the chosen vertices.
-
-        Args:
-            chosen: (n,) bool.
-            positions: (n, 3) float, page units, of all vertices.
-            colors: (n, 3) uint8, of all vertices.
-            scales: (n,) float, page units: radii of all marks.
-        """
-        is_visible = is_visible and bool(chosen.any())
-        if is_visible:
-            self._handle.batched_positions = positions
-            self._handle.batched_colors = colors
-            self._handle.batched_scales = np.where(chosen, scales, np.float32(0))
-        self._handle.visible = is_visible
 
 
 def vertex_colors(state: RunState, selected: tuple[int, ...]) -> np.ndarray:

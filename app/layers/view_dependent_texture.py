@@ -9,9 +9,9 @@ import viser
 
 from app.pictures.texturer import TexturedMesh, Texturer, ViewDependentMesh
 from app.stage import Stage
-from app.viser_bridge.mesh_swap import TakingTurns
+from app.viser_bridge.mesh_swap import DoubleBufferedMesh
 
-UNPACK_SECONDS = 0.3  # at most 1024 texels: three textures a second
+DECODE_SECONDS = 0.3  # at most 1024 texels: three textures a second
 LEAST_TURN = np.radians(0.3)  # camera movement that needs a new texture, as an angle seen from the mesh's centre
 
 
@@ -34,10 +34,10 @@ class ViewDependentTexture:
         self._is_under_way = False
         self._drawn: tuple[ViewDependentMesh, np.ndarray] | None = None
         self._arrived_at: np.ndarray | None = None
-        self.turns = TakingTurns(client, "/mesh/view_dependent", self._arrived, UNPACK_SECONDS)
+        self.turns = DoubleBufferedMesh(client, "/mesh/view_dependent", self._arrived, DECODE_SECONDS)
         client.camera.on_update(lambda _: self._advance())
 
-    def show(self, vertices: np.ndarray) -> TakingTurns | None:
+    def show(self, vertices: np.ndarray) -> DoubleBufferedMesh | None:
         """Follow the viewpoint with the mesh at vertices (n, 3), world units.
 
         Returns:

@@ -7,6 +7,7 @@ from app.debugger.run_state import RunState
 from app.page_state.page_state import PageState
 from app.palette import NOW, RGB, START, TRUTH
 from app.stage import SIZE, Stage
+from app.viser_bridge.line_node import LineNode
 from fairing.mesh import Mesh
 from fairing.scene import Scene
 
@@ -22,26 +23,18 @@ class Wireframe:
         self, client: viser.ClientHandle, stage: Stage, name: str, mesh: Mesh, color: RGB, thickness: float
     ) -> None:
         self._stage, self._mesh = stage, mesh
-        self._lines = client.scene.add_line_segments(
-            name,
-            stage.page_from_world(mesh.vertices)[mesh.edges],
-            color,
-            thickness=thickness,
-            thickness_units="screen",
-            visible=False,
-        )
+        self._lines = LineNode(client, name, color, thickness)
 
-    def move(self, vertices: np.ndarray, unless_at: np.ndarray | None = None) -> None:
-        """Move the vertices to (n, 3), world units, and omit edges whose ends coincide with `unless_at` (n, 3)."""
+    def show(self, vertices: np.ndarray, unless_at: np.ndarray | None = None) -> None:
+        """Draw the edges at vertices (n, 3), world units, except those whose ends coincide with `unless_at` (n, 3)."""
         points, edges = self._stage.page_from_world(vertices), self._mesh.edges
         if unless_at is not None:
             apart = np.linalg.norm(points - self._stage.page_from_world(unless_at), axis=1) > APART
             edges = edges[apart[edges].any(axis=1)]
-        # The browser reports an error for a node without lines, so a line of length zero is sent instead.
-        self._lines.points = points[edges] if len(edges) else np.repeat(points[:1], 2, axis=0)[None]
+        self._lines.show(points[edges])
 
-    def set_visible(self, visible: bool) -> None:
-        self._lines.visible = visible
+    def hide(self) -> None:
+        self._lines.hide()
 
 
 class WireframeLayer:
@@ -52,18 +45,25 @@ class WireframeLayer:
         thickness = 2.0 if len(scene.mesh.edges) < COARSE else 1.2
         self._start = Wireframe(client, stage, "/mesh/before", scene.mesh, START, thickness)
         self._now = Wireframe(client, stage, "/mesh/now_edges", scene.mesh, NOW, thickness)
+        self._true_surface = None if scene.truth is None else scene.truth.surface
         self._truth = (
-            Wireframe(client, stage, "/mesh/truth", scene.truth.surface, TRUTH, 1.5)
-            if scene.truth is not None
-            else None
+            None
+            if self._true_surface is None
+            else Wireframe(client, stage, "/mesh/truth", self._true_surface, TRUTH, 1.5)
         )
 
     def show(self, state: RunState, page_state: PageState) -> None:
         follows = self._follows_a_run or not state.is_moving
-        if follows:
-            self._start.move(state.trace.start, unless_at=state.vertices)
-            self._now.move(state.vertices)
-        self._start.set_visible(page_state.shows("start") and follows)
-        self._now.set_visible(page_state.shows("now") and follows)
-        if self._truth is not None:
-            self._truth.set_visible(page_state.shows("truth"))
+        if follows and page_state.shows("start"):
+            self._start.show(state.trace.start, unless_at=state.vertices)
+        else:
+            self._start.hide()
+        if follows and page_state.shows("now"):
+            self._now.show(state.vertices)
+        else:
+            self._now.hide()
+        if self._truth is not None and self._true_surface is not None:
+            if page_state.shows("truth"):
+                self._truth.show(self._true_surface.vertices)
+            else:
+                self._truth.hide()

@@ -1,10 +1,8 @@
-"""Looking through a camera: the browser's camera takes its pose, its photo lies behind the mesh."""
+"""Camera view: the browser's camera takes the pose of a scene camera, whose photo is shown behind the mesh."""
 
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass
 
-import cv2
 import numpy as np
 import viser
 import viser.transforms
@@ -12,67 +10,24 @@ import viser.transforms
 from app.debugger.run_state import Activity, RunState
 from app.layers.cameras import pose
 from app.page_state.page_state import PageState
-from app.palette import GROUND, RGB
+from app.palette import GROUND
 from app.pictures.predictor import Prediction, Predictor
 from app.pictures.shown_photo import shown_photo
 from app.stage import SIZE, Stage
+from app.viser_bridge.camera_pose import CameraPose, get_camera_pose, set_camera_pose
+from app.viser_bridge.photo_background import PhotoFit, fit_photo, photo_background
 from app.viser_bridge.theme import Theme
-from fairing.camera import Camera
 from fairing.scene import Scene
 
 MOVED = 1e-3  # of the scene's size, or radians: beyond this the user has left the camera's pose
 
 
-@dataclass(frozen=True)
-class Fit:
-    """How a photo stands in a window.
-
-    Attributes:
-        fov: vertical field of view of the window's camera, radians.
-        photo_from_window: (2, 3) affine: a photo's pixel of a window's pixel, both counted from centre to centre.
-    """
-
-    fov: float
-    photo_from_window: np.ndarray
-
-
-def fit_photo(camera: Camera, width: int, height: int) -> Fit:
-    """Fit the whole photo into a window whose camera has its principal point in the middle and square pixels.
-
-    Unequal focal lengths, skew and a principal point off the middle are taken care of by an affine map of the photo.
-    """
-    K = camera.K
-    w, h = camera.width, camera.height
-    corners = np.array([[-0.5, -0.5, 1], [w - 0.5, -0.5, 1], [-0.5, h - 0.5, 1], [w - 0.5, h - 0.5, 1]])
-    reach = np.abs((np.linalg.inv(K) @ corners.T)[:2]).max(axis=1)
-    focal = min(width / 2 / reach[0], height / 2 / reach[1])
-    A = K[:2, :2] / focal
-    middle = np.array([width / 2 - 0.5, height / 2 - 0.5])
-    return Fit(float(2 * np.arctan(height / 2 / focal)), np.column_stack([A, K[:2, 2] - A @ middle]))
-
-
-def photo_behind(photo: np.ndarray, fit: Fit, width: int, height: int, ground: RGB) -> np.ndarray:
-    """(height, width, 3) uint8: the photo as the window's background, `ground` around it."""
-    shrink = 1 / max(1.0, float(np.linalg.norm(fit.photo_from_window[:, 0])))
-    M = fit.photo_from_window.copy()
-    if shrink < 0.75:  # the affine map reads single pixels; average first
-        size = (max(1, round(photo.shape[1] * shrink)), max(1, round(photo.shape[0] * shrink)))
-        scale = np.array([size[0] / photo.shape[1], size[1] / photo.shape[0]])
-        photo = cv2.resize(photo, size, interpolation=cv2.INTER_AREA)
-        M = M * scale[:, None]
-        M[:, 2] += 0.5 * (scale - 1)
-    return cv2.warpAffine(
-        photo,
-        M,
-        (width, height),
-        flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
-        borderMode=cv2.BORDER_CONSTANT,
-        borderValue=ground,
-    )
-
-
 class CameraView:
-    """Takes one browser into a camera and back."""
+    """One browser's view through a camera.
+
+    Args:
+        on_ready: called when a prediction for the photo has been computed.
+    """
 
     def __init__(
         self, client: viser.ClientHandle, stage: Stage, scene: Scene, theme: Theme, on_ready: Callable[[], None]
@@ -80,98 +35,91 @@ class CameraView:
         self._theme = theme
         self._predictor = Predictor(scene, on_ready)
         self._share, self._swipes = 0.0, False
-        self._fitted: tuple[Fit, int, int] | None = None
-        self._laid: tuple[Prediction | None, float, bool] | None = None
+        self._fitted: tuple[PhotoFit, int, int] | None = None
+        self._sent: tuple[Prediction | None, float, bool] | None = None
         self._client, self._stage, self._scene = client, stage, scene
-        self._inside: int | None = None
-        self._outside: tuple[np.ndarray, np.ndarray, np.ndarray, float] | None = None
+        self._view_id: int | None = None
+        self._before: CameraPose | None = None
         self._window = (0, 0)
         self._arrived = False
-        self._placing = threading.Lock()  # or a fit to an old window could overtake the one to the new
+        self._placing = threading.Lock()  # a fit to an old window size must not overtake the one to the new size
 
     @property
-    def inside(self) -> int | None:
-        """The camera looked through."""
-        return self._inside
+    def view_id(self) -> int | None:
+        """The camera that is looked through."""
+        return self._view_id
 
-    def renew(self) -> None:
-        """The theme has changed: the ground around a photo is dark or light."""
-        if self._inside is not None:
+    def refresh(self) -> None:
+        """Send the photo again: the theme has changed, and with it the color around the photo."""
+        if self._view_id is not None:
             self._place()
 
     def enter(self, view_id: int) -> None:
-        """Look through a camera."""
-        self._scene.views[view_id].photo.load()  # before anything changes: it may be unreadable
-        camera = self._client.camera
-        if self._inside is None:
-            self._outside = (
-                np.array(camera.position),
-                np.array(camera.look_at),
-                np.array(camera.up_direction),
-                float(camera.fov),
-            )
-        self._inside = view_id
+        """Look through a camera.
+
+        Raises:
+            InputError: its photo cannot be read. Nothing has changed then.
+        """
+        self._scene.views[view_id].photo.load()
+        if self._view_id is None:
+            self._before = get_camera_pose(self._client)
+        self._view_id = view_id
         self._place()
 
     def leave(self) -> None:
-        """Back to where the user stood before."""
-        self._forget()
-        if self._outside is not None:
-            position, target, up, fov = self._outside
-            with self._client.atomic():
-                self._client.camera.up_direction = up
-                self._client.camera.position = position
-                self._client.camera.look_at = target
-                self._client.camera.fov = fov
-            self._outside = None
+        """Return to the pose before the camera was entered."""
+        self._remove_photo()
+        if self._before is not None:
+            set_camera_pose(self._client, self._before)
+            self._before = None
 
-    def lay_over(self, state: RunState, vertices: np.ndarray, view: PageState) -> None:
-        """Lay the model over the photo: what the other photos and a mesh at vertices (n, 3), world units, predict."""
-        view_id = self._inside
+    def detach(self) -> None:
+        """Leave the camera without moving: the user has begun to look around."""
+        self._remove_photo()
+        with self._client.atomic():
+            self._client.camera.up_direction = self._stage.up
+        self._before = None
+
+    def show_overlay(self, state: RunState, vertices: np.ndarray, page_state: PageState) -> None:
+        """Blend the photo with the prediction from the other photos and a mesh at vertices (n, 3), world units."""
+        view_id = self._view_id
         if view_id is None:
             return
-        if view.model_share > 0 and state.activity is Activity.PAUSED:
+        if page_state.model_share > 0 and state.activity is Activity.PAUSED:
             self._predictor.request(view_id, vertices)
         with self._placing:
-            self._share, self._swipes = view.model_share, view.swipes
-            if self._inside == view_id:
-                self._lay_behind(view_id)
+            self._share, self._swipes = page_state.model_share, page_state.swipes
+            if self._view_id == view_id:
+                self._send_photo(view_id)
 
     def close(self) -> None:
-        """The browser is gone."""
+        """Compute nothing more."""
         self._predictor.close()
 
-    def follow(self) -> bool:
-        """Fit the photo to a resized window. Returns whether the user has moved out of the camera's pose."""
-        if self._inside is None:
+    def user_moved_away(self) -> bool:
+        """Whether the user has left the camera's pose. Fits the photo again if the window was resized."""
+        if self._view_id is None:
             return False
         camera = self._client.camera
         if (camera.image_width, camera.image_height) != self._window:
             self._place()
             return False
-        wxyz, position = pose(self._scene.views[self._inside].camera, self._stage)
+        wxyz, position = pose(self._scene.views[self._view_id].camera, self._stage)
         turned = 2 * float(np.arccos(np.clip(abs(np.dot(wxyz, camera.wxyz)), 0, 1)))
         is_there = bool(np.linalg.norm(camera.position - position) < MOVED * SIZE and turned < MOVED)
-        # Poses from before the move may still be on their way: only who has arrived can leave.
+        # Reports of poses from before the move may still arrive, so only a camera that has arrived can leave.
         has_left = self._arrived and not is_there
         self._arrived |= is_there
         return has_left
 
-    def stay(self) -> None:
-        """Give up the camera, but not the place: the user has begun to look around."""
-        self._forget()
-        with self._client.atomic():
-            self._client.camera.up_direction = self._stage.up
-        self._outside = None
-
-    def _forget(self) -> None:
-        self._inside = None
+    def _remove_photo(self) -> None:
+        self._view_id = None
         self._client.scene.set_background_image(None)
 
     def _place(self) -> None:
         with self._placing:
-            if self._inside is not None:
-                self._fit(self._inside)
+            if self._view_id is not None:
+                self._fit(self._view_id)
 
     def _fit(self, view_id: int) -> None:
         view = self._scene.views[view_id]
@@ -180,33 +128,22 @@ class CameraView:
         self._arrived = False
         fit = fit_photo(view.camera, width, height)
         wxyz, position = pose(view.camera, self._stage)
-        right, down, ahead = viser.transforms.SO3(wxyz).as_matrix().T
-        depth = max(float(-position @ ahead), 0.1 * SIZE)  # who turns the view from here turns it about the mesh
-        camera = self._client.camera
-        # viser sends only what differs from the browser's last report, and that may be older than our own last word:
-        # everything is set to something else first.
-        with self._client.atomic():
-            for up, eye, target, fov in (
-                (right, position + SIZE, position + SIZE + right, fit.fov / 2),
-                (-down, position, position + depth * ahead, fit.fov),
-            ):
-                camera.position = eye
-                camera.look_at = target
-                camera.up_direction = up
-                camera.fov = fov
-        self._fitted, self._laid = (fit, width, height), None
-        self._lay_behind(view_id)
+        _, down, ahead = viser.transforms.SO3(wxyz).as_matrix().T
+        depth = max(float(-position @ ahead), 0.1 * SIZE)  # orbiting from here turns about the mesh
+        set_camera_pose(self._client, CameraPose(position, position + depth * ahead, -down, fit.fov))
+        self._fitted, self._sent = (fit, width, height), None
+        self._send_photo(view_id)
 
-    def _lay_behind(self, view_id: int) -> None:
-        """The photo, with as much of the model over it as asked for; sent only when it differs."""
+    def _send_photo(self, view_id: int) -> None:
+        """Send the photo, blended with the model as the user has set it, if that differs from what was sent last."""
         found = self._predictor.newest
         found = found if found is not None and found.view_id == view_id and self._share > 0 else None
         wanted = (found, self._share, self._swipes) if found is not None else (None, 0.0, False)
-        if self._fitted is None or wanted == self._laid:
+        if self._fitted is None or wanted == self._sent:
             return
-        self._laid = wanted
+        self._sent = wanted
         picture = shown_photo(self._scene.views[view_id])
         if found is not None:
             picture = (found.beside if self._swipes else found.over)(picture, self._share)
-        behind = photo_behind(picture, *self._fitted, GROUND[0 if self._theme.is_dark else 1])
-        self._client.scene.set_background_image(behind, format="jpeg", jpeg_quality=90)
+        background = photo_background(picture, *self._fitted, GROUND[0 if self._theme.is_dark else 1])
+        self._client.scene.set_background_image(background, format="jpeg", jpeg_quality=90)

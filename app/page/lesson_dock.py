@@ -1,4 +1,4 @@
-"""The lessons on one page: the list beside the cells, the open lesson docked above them, keys and palette entries."""
+"""Lesson dock: the list of lessons beside the cells, the open lesson docked above them, and their hotkeys."""
 
 from collections.abc import Callable
 
@@ -12,60 +12,66 @@ from app.lessons.player import Player
 from app.lessons.reader import lesson_names, load_lesson
 from app.lessons.scenes import LESSON_SCENES, is_lesson_scene
 from app.lessons.settings_applier import SettingsApplier
+from app.page.page_frame import Hotkey
+from app.page.resources import ChangeScene
 from app.page_state.page_state import PageState
-from app.panels.lesson_panel import LessonPanel, LessonPresses
+from app.panels.lesson_panel import LessonPanel
 from app.panels.lessons_panel import LessonsPanel
-from app.viser_bridge.html_events import Bridge
+from app.viser_bridge.html_events import HtmlEvents
 from app.viser_bridge.html_panel import HtmlPanel
 from app.viser_bridge.tabs import show_heading, show_tab
 
 BACK_KEY, NEXT_KEY = "PageUp", "PageDown"
-STAND_IN = "archway"  # for photos of one's own
-_LEAVES_RUNS = "This lesson plays on another scene. What was recorded on this one is left, unless it is kept in a file (--save-to)."
+STAND_IN = "archway"  # offered in place of a capture
+_LEAVES_RUNS = "This lesson uses another scene. The runs on this scene are closed; they are lost unless they are saved (--save-to)."
 _ON_A_CAPTURE = (
     "This lesson is about real photographs. Open your own, in any format that <code>eigenfairing check</code> "
     "understands, by<br><code>eigenfairing view CAPTURE --lesson capture</code><br>"
-    "The demo archway may stand in for them: its mesh is made of noisy points, as theirs would be."
+    "The demo archway can take its place: its mesh is made of noisy points, too."
 )
 
 
-class LessonRoom:
+class LessonDock:
     """Args:
     lead_eye: moves the browser's camera, see `SettingsApplier`.
-    change_scene: shows a scene of the lessons instead, and opens a lesson there.
+    change_scene: shows another scene of the lessons, and opens a lesson there; see `SessionResources`.
     """
 
     def __init__(
         self,
         client: viser.ClientHandle,
         controller: Controller,
-        bridge: Bridge,
-        guarded: Callable[[Callable[..., None]], Callable[..., None]],
+        html_events: HtmlEvents,
         lead_eye: Callable[[str | int], None],
-        change_scene: Callable[[viser.ClientHandle, str, str], None],
+        change_scene: ChangeScene,
     ) -> None:
-        self._client, self._controller, self._guarded = client, controller, guarded
+        self._client, self._controller, self._html_events = client, controller, html_events
         self._change_scene = change_scene
         self.player = Player(controller, controller.republish)
         self._lessons = [load_lesson(name) for name in lesson_names()]
         self._settings_applier = SettingsApplier(
             self.player, lead_eye, lambda title: show_tab(client, title), lambda title: show_heading(client, title)
         )
-        self._press = LessonPresses.make(bridge, self.player, self._open_following, lambda: controller.post(Pause()))
-        self._open = {name: bridge.button(lambda name=name: self.open(name)) for name in lesson_names()}
+        self._open = {name: html_events.button(lambda name=name: self.open(name)) for name in lesson_names()}
 
     def build(self, cells: viser.PanelHandle) -> list[LessonsPanel | LessonPanel]:
-        """A tab with the list in the panel of the cells, and above that the open lesson, hidden until there is one."""
+        """Add a tab with the list to the panel of the cells, and above that the open lesson, hidden until there is one."""
         with cells.add_tab("Lessons", viser.Icon.SCHOOL):
             listed = LessonsPanel(self._client.gui, self.player, self._open, self._lessons)
         self._panel = self._client.gui.add_panel(visible=False)
         with self._panel.add_tab("Lesson", viser.Icon.SCHOOL):
-            opened = LessonPanel(self._client.gui, self.player, self._press)
+            opened = LessonPanel(
+                self._client.gui,
+                self._html_events,
+                self.player,
+                self._open_following,
+                lambda: self._controller.post(Pause()),
+            )
         self._panel.dock_above(cells)
         return [listed, opened]
 
     def open(self, name: str) -> None:
-        """Begin a lesson; if it plays on another scene, open that, but ask first if runs on this one would be left."""
+        """Begin a lesson. If it uses another scene, open that, after a confirmation if runs on this one would be closed."""
         lesson = load_lesson(name)
         if lesson.scene == ANY_SCENE and is_lesson_scene("cube", self._controller.scene):
             self._offer(lesson, STAND_IN, _ON_A_CAPTURE, "Stay with the cube", lambda: self._begin(lesson))
@@ -81,7 +87,7 @@ class LessonRoom:
         show_tab(self._client, "Cells")
 
     def _offer(self, lesson: Lesson, scene: str, why: str, otherwise: str, do_otherwise: Callable[[], None]) -> None:
-        """Query whether to open another scene for a lesson."""
+        """Ask the user whether to open another scene for a lesson."""
         gui, title = self._client.gui, LESSON_SCENES[scene].title
         with gui.add_modal(f"Open {title}?") as modal:
             HtmlPanel(gui, why)
@@ -95,26 +101,26 @@ class LessonRoom:
             do()
 
         for button, do in choices:
-            call = self._guarded(chosen)
+            call = self._html_events.guarded(chosen)
             button.on_click(lambda _, call=call, do=do: call(do))
 
     def _open_following(self) -> None:
-        """The lesson after the present one; after the last, the first."""
+        """Open the lesson after the present one; after the last, the first."""
         names = lesson_names()
         if self.player.lesson is not None:
             self.open(names[(names.index(self.player.lesson.name) + 1) % len(names)])
 
-    def commands(self) -> list[tuple[str, Callable[[], None], str | None]]:
-        """For keys and the palette: label, call and key."""
-        opening = [(f"Lesson: {lesson.title}", lambda n=lesson.name: self.open(n), None) for lesson in self._lessons]
-        turning = [
-            ("Next step of the lesson", self.player.next, NEXT_KEY),
-            ("Back one step of the lesson", self.player.back, BACK_KEY),
+    def hotkeys(self) -> list[Hotkey]:
+        """The hotkeys within a lesson, and a palette entry for each lesson."""
+        opening = [Hotkey(f"Lesson: {lesson.title}", lambda n=lesson.name: self.open(n)) for lesson in self._lessons]
+        return [
+            *opening,
+            Hotkey("Next step of the lesson", self.player.next, NEXT_KEY),
+            Hotkey("Back one step of the lesson", self.player.back, BACK_KEY),
         ]
-        return [*opening, *turning]
 
     def show(self, state: RunState, view: PageState) -> None:
-        """Before layers and panels: lead the page where the lesson wants it."""
+        """Apply the settings of the lesson's step; to be called before layers and panels are shown."""
         self._settings_applier.show(state, view)
         is_open = self.player.lesson is not None
         if self._panel.visible != is_open:

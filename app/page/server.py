@@ -1,28 +1,22 @@
-"""Opens the debugger in the browser."""
+"""The debugger's server: one session, and one page for every browser that connects."""
 
 import logging
 import sys
 import threading
-import warnings
 from pathlib import Path
 
 import viser
 
-from app.background_worker import BackgroundWorker
-from app.debugger.compare import RunEnergies
 from app.debugger.controller import Controller
-from app.debugger.history import EnergyHistory, PathHistory
 from app.debugger.run_state import RunState
-from app.experiments.experiment_runner import ExperimentRunner
-from app.layers.cameras import Thumbnails
 from app.lessons.scenes import LESSON_SCENES, load_lesson_scene
-from app.page.page import Page, Shared
+from app.page.page import Page
+from app.page.resources import SessionResources
 from app.page_state.page_state import PageState
-from app.pictures.photo_store import PhotoStore
-from app.pictures.texturer import Texturer
-from app.stage import FIELD_OF_VIEW, Stage
+from app.stage import FIELD_OF_VIEW
+from app.viser_bridge.server import ViewerServer, start_viewer
 from app.viser_bridge.tabs import reload_page
-from app.viser_bridge.viewer import address_of, start_viewer, stop_viewer
+from fairing.errors import InputError
 from fairing.run.session import Session
 
 SWITCH_SECONDS = 0.001
@@ -30,134 +24,146 @@ OTHERS_RELOAD = 4.0  # s
 
 
 class App:
-    """A running debugger: one engine, any number of browsers."""
+    """A running debugger: one engine, any number of browsers.
+
+    Attributes:
+        resources: of the session that is shown.
+        pages: by the id of their browser.
+    """
 
     def __init__(
         self,
-        server: viser.ViserServer,
+        server: ViewerServer,
         session: Session,
         save_to: Path | None = None,
         recorded_in: Path | None = None,
         lesson: str | None = None,
     ) -> None:
-        # The engine computes in Python, too: others would wait 5 ms for every word they put in.
+        # The engine computes in Python, too: at the default of 5 ms every callback would wait that long for its turn.
         sys.setswitchinterval(SWITCH_SECONDS)
-        # A browser may go while it is being shown something; nothing is lost by that.
-        warnings.filterwarnings("ignore", message="Queued a .* on a closed connection")
         self._server, self.port = server, server.get_port()
-        self._pages: dict[int, Page] = {}
-        self._pages_lock = threading.Lock()
-        self._changing = threading.Lock()
+        self.pages: dict[int, Page] = {}
+        self._lock = threading.Lock()  # of the attributes; held for moments only, never while a page or scene is made
+        self._loading = threading.Lock()  # while another scene is loaded
         self._lesson_due = lesson
-        self._enter(session, save_to, recorded_in)
-        self._server.on_client_connect(self._welcome)
-        self._server.on_client_disconnect(self._farewell)
+        self._latest = PageState()
+        self.resources = SessionResources.open(session, save_to, recorded_in, self._change_scene)
+        self._show_session(self.resources)
+        self._server.on_client_connect(self._connected)
+        self._server.on_client_disconnect(self._disconnected)
 
-    def _enter(self, session: Session, save_to: Path | None = None, recorded_in: Path | None = None) -> None:
-        """Begin to show a session."""
-        scene = session.scene
-        stage = Stage.of(scene)
-        self.controller = Controller(session, save_to, recorded_in)
-        self._shared = Shared(
-            scene,
-            stage,
-            self.controller,
-            EnergyHistory(len(scene.mesh.faces)),
-            RunEnergies(len(scene.mesh.faces)),
-            PathHistory(len(scene.mesh.vertices)),
-            Thumbnails(scene),
-            Texturer(scene, stage, self.controller.republish),
-            BackgroundWorker(self.controller.republish),
-            PhotoStore(scene),
-            ExperimentRunner(scene, scene.name, self.controller.republish),
-            self._change_scene,
-        )
-        self._latest_view = PageState()
-        self._set_the_stage(stage)
-        self.controller.subscribe(self._show)
+    @property
+    def controller(self) -> Controller:
+        """The controller of the session that is shown."""
+        return self.resources.controller
 
     @property
     def url(self) -> str:
-        """Where the page is."""
-        return address_of(self._server)
+        """The page's address."""
+        return self._server.url
 
     def stop(self) -> None:
-        """Ends the engine, closes the record's file, lets the browsers go."""
-        self._leave()
-        stop_viewer(self._server)
+        """End the engine, close the trace's file and disconnect all browsers."""
+        self._close(self.resources, self._take_pages())
+        self._server.close()
 
-    def _leave(self) -> None:
-        self.controller.close()
-        self._shared.texturer.close()
-        self._shared.background.close()
-        self._shared.thumbnails.close()
-        self._shared.experiments.close()
-        with self._pages_lock:
-            for page in self._pages.values():
-                page.close()
-            self._pages.clear()
+    def _take_pages(self) -> list[Page]:
+        with self._lock:
+            pages = list(self.pages.values())
+            self.pages.clear()
+        return pages
+
+    @staticmethod
+    def _close(resources: SessionResources, pages: list[Page]) -> None:
+        resources.close()
+        for page in pages:
+            page.close()
 
     def _change_scene(self, client: viser.ClientHandle, scene: str, lesson: str) -> None:
-        """Show a scene of the lessons from now on, and open a lesson in the browser that asked. Takes its time.
+        """Load another scene of the lessons, show it from now on, and open a lesson in the browser that asked for it.
 
-        All runs on the present scene are left. Browsers load the page anew, which leaves nothing of the old scene; those
-        that did not ask do so a little later, so that the lesson opens in the one that did.
+        All runs on the present scene are closed. All browsers reload the page; those that did not ask do so a little
+        later, so that the lesson opens in the one that did.
+
+        Raises:
+            InputError: another scene is being loaded.
         """
-        with self._changing:
-            if client.client_id not in self._pages:  # asked twice: this page is of the scene that was left
+        if not self._loading.acquire(blocking=False):
+            raise InputError("another scene is being opened; wait until it is there")
+        try:
+            if client.client_id not in self.pages:  # a second request from a page of the scene before
                 return
-            note = client.add_notification("Opening a scene", LESSON_SCENES[scene].title, loading=True)
-
-            def tell(_: float, line: str) -> None:
-                note.body = line
-
-            try:
-                session = Session(load_lesson_scene(scene, tell))
-            finally:
-                note.remove()
-            self._leave()
-            self._lesson_due = lesson
-            self._enter(session)
+            resources = self._load(client, scene)
+            with self._lock:
+                old, self.resources = self.resources, resources
+                self._latest, self._lesson_due = PageState(), lesson
+            self._close(old, self._take_pages())
+            self._show_session(resources)
+        finally:
+            self._loading.release()
         for other in self._server.get_clients().values():
             reload_page(other, 0 if other is client else OTHERS_RELOAD)
 
-    def _set_the_stage(self, stage: Stage) -> None:
-        server = self._server
+    def _load(self, client: viser.ClientHandle, scene: str) -> SessionResources:
+        toast = client.add_notification("Opening a scene", LESSON_SCENES[scene].title, loading=True)
+
+        def show_progress(_: float, line: str) -> None:
+            toast.body = line
+
+        try:
+            session = Session(load_lesson_scene(scene, show_progress))
+        finally:
+            toast.remove()
+        return SessionResources.open(session, None, None, self._change_scene)
+
+    def _show_session(self, resources: SessionResources) -> None:
+        server, stage = self._server, resources.stage
         server.scene.set_up_direction(tuple(stage.up))
         server.initial_camera.position = tuple(stage.eye)
         server.initial_camera.look_at = tuple(stage.target)
         server.initial_camera.up = tuple(stage.up)
         server.initial_camera.fov = FIELD_OF_VIEW
+        resources.controller.subscribe(lambda state: self._show(resources, state))
 
-    def _welcome(self, client: viser.ClientHandle) -> None:
+    def _connected(self, client: viser.ClientHandle) -> None:
+        with self._lock:
+            resources, page_state = self.resources, self._latest.copy()
+            lesson, self._lesson_due = self._lesson_due, None
         try:
-            # In one piece, or the browser lays itself out again for every few widgets that arrive.
-            with self._changing, client.atomic():
-                page = Page(client, self._shared, self._latest_view.copy())
-                lesson, self._lesson_due = self._lesson_due, None
+            # In one piece, or the browser lays out the page again for every few widgets that arrive.
+            with client.atomic():
+                page = Page(client, resources, page_state)
                 if lesson is not None:
                     page.open_lesson(lesson)
-                page.fill(self.controller.state)
+                page.fill(resources.controller.state)
         except Exception:
             logging.getLogger(__name__).exception("a page could not be built")
             client.add_notification("The page could not be built", "See the terminal for the reason.", color="red")
             return
-        with self._pages_lock:
-            self._pages[client.client_id] = page
-        self.controller.republish()
+        with self._lock:
+            is_current = resources is self.resources
+            if is_current:
+                self.pages[client.client_id] = page
+        if is_current:
+            resources.controller.republish()
+        else:  # the scene was changed meanwhile
+            page.close()
+            reload_page(client, 0)
 
-    def _farewell(self, client: viser.ClientHandle) -> None:
-        with self._pages_lock:
-            page = self._pages.pop(client.client_id, None)
-        if page is not None:  # it is not of a scene that was left
-            self._latest_view = page.view
+    def _disconnected(self, client: viser.ClientHandle) -> None:
+        with self._lock:
+            page = self.pages.pop(client.client_id, None)
+            if page is not None:
+                self._latest = page.page_state
+        if page is not None:
             page.close()
 
-    def _show(self, state: RunState) -> None:
-        self._shared.energies.update(state)
-        self._shared.paths.update(state)
-        with self._pages_lock:
-            pages = list(self._pages.values())
+    def _show(self, resources: SessionResources, state: RunState) -> None:
+        with self._lock:
+            if resources is not self.resources:  # the last states of a session that was closed
+                return
+            pages = list(self.pages.values())
+        resources.update(state)
         for page in pages:
             try:
                 page.show(state)
@@ -173,10 +179,11 @@ def start(
     save_to: Path | None = None,
     recorded_in: Path | None = None,
     lesson: str | None = None,
+    token: str | None = None,
 ) -> App:
     """Open the debugger and return at once; see `app.cli.serve.serve`.
 
     Raises:
         InputError: the address cannot be used, `save_to` cannot be written, or the bookmarks cannot be read.
     """
-    return App(start_viewer(host, port), session, save_to, recorded_in, lesson)
+    return App(start_viewer(host, port, token), session, save_to, recorded_in, lesson)

@@ -7,7 +7,7 @@ from typing import Any
 from app.html import text
 from app.page_state.cells_state import ARROW_SCALES, CROP, KINDS, PAGES, PAIR_KINDS, SPANS
 from app.page_state.page_state import PageState
-from app.viser_bridge.html_events import Bridge, whole_number
+from app.viser_bridge.html_events import HtmlEvents, whole_number
 from fairing.scene import Scene
 
 MAX_K = 1000
@@ -23,19 +23,21 @@ class CellsControls:
         republish: shows the present state again.
     """
 
-    def __init__(self, bridge: Bridge, view: PageState, scene: Scene, republish: Callable[[], None]) -> None:
-        self._view, self._scene, self._republish = view, scene, republish
+    def __init__(
+        self, html_events: HtmlEvents, page_state: PageState, scene: Scene, republish: Callable[[], None]
+    ) -> None:
+        self._page_state, self._scene, self._republish = page_state, scene, republish
         self._n_views = len(scene.views)
-        self.page = bridge.number(lambda n: self._choose("page", PAGES, n))
-        self.column = bridge.number(self._toggle_column)
-        self.scale = bridge.number(lambda n: self._change(arrow_scale=ARROW_SCALES[_index(n, ARROW_SCALES)]))
-        self.span = bridge.number(lambda n: self._choose("span", SPANS, n))
-        self.dimensions = bridge.number(self.look_at_k)
-        self.enlarge = bridge.number(self._enlarge)
-        self._hover = bridge.number(lambda code: self._change(hovered=self._picture(code)))
-        self.close = bridge.button(lambda: self._change(enlarged=None, hovered=None))
-        self.first = bridge.number(lambda n: self._change(pair=(self._view_id(n), view.cells.pair[1])))
-        self.second = bridge.number(lambda n: self._change(pair=(view.cells.pair[0], self._view_id(n))))
+        self.page = html_events.number(lambda n: self._choose("page", PAGES, n))
+        self.column = html_events.number(self._toggle_column)
+        self.scale = html_events.number(lambda n: self._change(arrow_scale=ARROW_SCALES[_index(n, ARROW_SCALES)]))
+        self.span = html_events.number(lambda n: self._choose("span", SPANS, n))
+        self.dimensions = html_events.number(self.look_at_k)
+        self.enlarge = html_events.number(self._enlarge)
+        self._hover = html_events.number(lambda code: self._change(hovered=self._picture(code)))
+        self.close = html_events.button(lambda: self._change(enlarged=None, hovered=None))
+        self.first = html_events.number(lambda n: self._change(pair=(self._view_id(n), page_state.cells.pair[1])))
+        self.second = html_events.number(lambda n: self._change(pair=(page_state.cells.pair[0], self._view_id(n))))
 
     def look_at_k(self, k: object) -> None:
         """Set the number of eigenspace dimensions; 0: that of the run."""
@@ -81,7 +83,7 @@ class CellsControls:
         return view_id, _LENS_KINDS[kind]
 
     def _toggle_column(self, n: object) -> None:
-        self._view.cells = self._view.cells.toggled(list(KINDS)[_index(n, KINDS)])
+        self._page_state.cells = self._page_state.cells.toggled(list(KINDS)[_index(n, KINDS)])
         self._republish()
 
     def _choose(self, name: str, names: dict[str, str], n: object) -> None:
@@ -91,7 +93,7 @@ class CellsControls:
         return whole_number(n, 0, self._n_views - 1, "camera")
 
     def _change(self, **changes: Any) -> None:
-        self._view.cells = replace(self._view.cells, **changes)
+        self._page_state.cells = replace(self._page_state.cells, **changes)
         self._republish()
 
 

@@ -1,7 +1,5 @@
 """Bookmarks panel: lists bookmarked moments, jumps to them, compares with them, copies their names."""
 
-from collections.abc import Callable
-
 import viser
 
 from app.debugger.bookmarks import Bookmark, Bookmarks
@@ -12,23 +10,39 @@ from app.debugger.moment_id import moment_id
 from app.debugger.run_state import RunState
 from app.html import button, copy_button, icon, text
 from app.page_state.page_state import PageState
-from app.viser_bridge.html_events import Bridge, whole_number
+from app.viser_bridge.html_events import HtmlEvents, integer, press
 from app.viser_bridge.html_panel import HtmlPanel
-from app.viser_bridge.text_field import Line
+from app.viser_bridge.text_field import TextField
+
+MAX_NUMBER = 10**6
 
 
 class BookmarksPanel:
     """The list of bookmarks, and a text field to bookmark the current moment with a note."""
 
-    def __init__(self, gui: viser.GuiApi, bridge: Bridge, press: "BookmarkButtons") -> None:
-        self._press = press
-        note = Line(gui, bridge, "Note", "Enter bookmarks the current moment with this note.", press.keep_with)
-        press.take_note = note.take_draft
+    def __init__(
+        self, gui: viser.GuiApi, html_events: HtmlEvents, controller: Controller, page_state: PageState
+    ) -> None:
+        self._controller, self._page_state = controller, page_state
+        self._events = html_events.named(
+            {
+                "keep": press(self.keep_now),
+                "go": integer(self._go, "bookmark", 1, MAX_NUMBER),
+                "compare": integer(self._compare, "bookmark", 1, MAX_NUMBER),
+                "remove": integer(self._remove, "bookmark", 1, MAX_NUMBER),
+            }
+        )
+        hint = "Enter bookmarks the current moment with this note."
+        self._note = TextField(gui, html_events, "Note", hint, self._keep_with)
         self._panel = HtmlPanel(gui)
+
+    def keep_now(self) -> None:
+        """Bookmark the current moment with the note in the text field."""
+        self._keep_with(self._note.take_draft())
 
     def show(self, state: RunState, page_state: PageState) -> None:
         here = moment_id(state.position, state.moment, state.options.n_levels)
-        keep = button("Bookmark this moment", self._press.keep, hint="Bookmark this moment (K) with the note")
+        keep = button("Bookmark this moment", self._events("keep"), hint="Bookmark this moment (K) with the note")
         rows = "".join(self._row(item, state) for item in state.bookmarks)
         none = "<div class='dim note'>No bookmarks yet. They are saved with the run.</div>"
         self._panel.set(
@@ -39,56 +53,38 @@ class BookmarksPanel:
 
     def _row(self, item: Bookmark, state: RunState) -> str:
         is_here = (item.run_id, item.moment) == (state.run_id, state.moment)
-        number_of = str(item.number)
         go = button(
             item.at,
-            self._press.go(number_of),
+            self._events("go", item.number),
             hint=f"Go to moment {item.moment} of run {item.run_id}",
             css_class="small on" if is_here else "small",
         )
         copy = copy_button(item.at, "Copy the name of this moment (for --at)")
-        compare = button("A", self._press.compare(number_of), hint="Compare with this moment", css_class="small")
+        compare = button("A", self._events("compare", item.number), hint="Compare with this moment", css_class="small")
         remove = button(
-            "", self._press.remove(number_of), hint="Remove this bookmark", icon=icon("leave"), css_class="small"
+            "", self._events("remove", item.number), hint="Remove this bookmark", icon=icon("leave"), css_class="small"
         )
         return (
             f"<tr><td>{go}</td><td class='dim n'>run {item.run_id}</td><td class='what'>{text(item.note)}</td>"
             f"<td><div class='row tools'>{copy}{compare}{remove}</div></td></tr>"
         )
 
-
-class BookmarkButtons:
-    """What the panel's buttons do; made where they stay on the page when the panel is not."""
-
-    def __init__(
-        self,
-        controller: Controller,
-        view: PageState,
-        bridge: Bridge,
-    ) -> None:
-        self._controller, self._view = controller, view
-        self.take_note: Callable[[], str] = lambda: ""
-        self.keep = bridge.button(self.keep_now)
-        self.go = bridge.number(lambda n: self._go(self._of(n)))
-        self.compare = bridge.number(lambda n: self._compare(self._of(n)))
-        self.remove = bridge.number(lambda n: controller.edit_bookmarks(lambda b: b.removed(self._of(n).number)))
-
-    def keep_now(self) -> None:
-        """Bookmark the present moment with the note that is written."""
-        self.keep_with(self.take_note())
-
-    def keep_with(self, note: str) -> None:
-        """Bookmark the present moment with this note."""
+    def _keep_with(self, note: str) -> None:
         state = self._controller.state
         at = moment_id(state.position, state.moment, state.options.n_levels)
         self._controller.edit_bookmarks(lambda b: b.added(state.run_id, state.moment, at, note))
 
-    def _of(self, number: object) -> Bookmark:
-        return Bookmarks(self._controller.state.bookmarks).numbered(whole_number(number, 1, 10**6, "bookmark"))
+    def _numbered(self, number: int) -> Bookmark:
+        return Bookmarks(self._controller.state.bookmarks).numbered(number)
 
-    def _go(self, item: Bookmark) -> None:
+    def _go(self, number: int) -> None:
+        item = self._numbered(number)
         self._controller.post(SwitchTo(item.run_id, item.moment))
 
-    def _compare(self, item: Bookmark) -> None:
-        self._view.reference = Reference(item.run_id, item.moment)
+    def _compare(self, number: int) -> None:
+        item = self._numbered(number)
+        self._page_state.reference = Reference(item.run_id, item.moment)
         self._controller.republish()
+
+    def _remove(self, number: int) -> None:
+        self._controller.edit_bookmarks(lambda b: b.removed(self._numbered(number).number))

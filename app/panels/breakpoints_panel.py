@@ -5,15 +5,15 @@ from dataclasses import replace
 
 import viser
 
-from app.debugger.breakpoints import Breakpoint, Breakpoints
+from app.debugger.breakpoints import Breakpoint
 from app.debugger.controller import Controller
 from app.debugger.quantities import FUNCTIONS, VALUES, limits_of
 from app.debugger.run_state import RunState
 from app.html import button, icon, text
 from app.page_state.page_state import PageState
-from app.viser_bridge.html_events import Bridge, whole_number
+from app.viser_bridge.html_events import HtmlEvents, choice_of, integer, press
 from app.viser_bridge.html_panel import HtmlPanel
-from app.viser_bridge.text_field import Line
+from app.viser_bridge.text_field import TextField
 from fairing.errors import InputError
 
 READY_MADE: dict[str, str] = {
@@ -24,6 +24,8 @@ READY_MADE: dict[str, str] = {
     "Visible faces change": "seen_changes > 0",
     "A level begins": "sweep == 1 and unit == 1 and iteration == 1",
 }
+
+MAX_NUMBER = 10**6
 
 
 def ready_made(page_state: PageState) -> dict[str, str]:
@@ -48,21 +50,31 @@ class BreakpointsPanel:
     def __init__(
         self,
         gui: viser.GuiApi,
+        html_events: HtmlEvents,
         controller: Controller,
-        bridge: Bridge,
-        press: "BreakpointButtons",
+        page_state: PageState,
     ) -> None:
-        self._controller, self._press = controller, press
+        self._controller = controller
+        self._events = html_events.named(
+            {
+                "add": press(lambda: self._add(self._line.take_draft())),
+                "switch": integer(self._switch, "breakpoint", 1, MAX_NUMBER),
+                "report": integer(self._report, "breakpoint", 1, MAX_NUMBER),
+                "remove": integer(self._remove, "breakpoint", 1, MAX_NUMBER),
+                "ready_made": choice_of(
+                    self._add_ready_made, lambda: list(ready_made(page_state).values()), "condition"
+                ),
+            }
+        )
         self._mistake = ""
         hint = "A condition on the recorded values of a step, such as rejected > 0. Enter adds it."
-        self._line = Line(gui, bridge, "Stop when", hint, self._add)
+        self._line = TextField(gui, html_events, "Stop when", hint, self._add)
         self._panel = HtmlPanel(gui)
-        press.on_add = lambda: self._add(self._line.take_draft())
 
     def show(self, state: RunState, page_state: PageState) -> None:
         rows = "".join(self._row(item) for item in state.breakpoints)
         ready = "".join(
-            button(name, self._press.ready_made(str(k)), hint=f"Stop when {condition}", css_class="layer")
+            button(name, self._events("ready_made", k), hint=f"Stop when {condition}", css_class="layer")
             for k, (name, condition) in enumerate(ready_made(page_state).items())
         )
         words = "".join(
@@ -70,7 +82,7 @@ class BreakpointsPanel:
             for name, meaning in [*VALUES.items(), *((f"{name}( )", meaning) for name, meaning in FUNCTIONS.items())]
         )
         log = "".join(f"<div class='dim'>{text(line)}</div>" for line in state.log[-8:])
-        add = button("Add", self._press.add, hint="Add this breakpoint (Enter)", css_class="grow")
+        add = button("Add", self._events("add"), hint="Add this breakpoint (Enter)", css_class="grow")
         self._panel.set(
             f"<div class='row'>{add}</div>{_pointed_at(self._mistake)}"
             f"<div class='note'>{rows or '<span class=dim>No breakpoints yet.</span>'}</div>"
@@ -83,16 +95,20 @@ class BreakpointsPanel:
         number = str(item.number)
         state = "on" if item.enabled else "off"
         switch = button(
-            "●", self._press.switch(number), hint=f"Breakpoint {number} is {state}", css_class=f"dot {state}"
+            "●", self._events("switch", item.number), hint=f"Breakpoint {number} is {state}", css_class=f"dot {state}"
         )
         report = button(
             "log" if item.logs else "stop",
-            self._press.report(number),
+            self._events("report", item.number),
             hint="Stop the run or only log",
             css_class="small",
         )
         remove = button(
-            "", self._press.remove(number), hint="Remove this breakpoint", icon=icon("leave"), css_class="small"
+            "",
+            self._events("remove", item.number),
+            hint="Remove this breakpoint",
+            icon=icon("leave"),
+            css_class="small",
         )
         return (
             f"<div class='row breakpoint'>{switch}<code class='grow'>{text(item.condition.text)}</code>"
@@ -110,6 +126,21 @@ class BreakpointsPanel:
         else:
             self._mistake = ""
 
+    def _add_ready_made(self, condition: str) -> None:
+        self._controller.edit_breakpoints(lambda b: b.added(condition))
+
+    def _switch(self, number: int) -> None:
+        self._change(number, lambda item: replace(item, enabled=not item.enabled))
+
+    def _report(self, number: int) -> None:
+        self._change(number, lambda item: replace(item, logs=not item.logs))
+
+    def _change(self, number: int, change: Callable[[Breakpoint], Breakpoint]) -> None:
+        self._controller.edit_breakpoints(lambda b: b.changed(number, change))
+
+    def _remove(self, number: int) -> None:
+        self._controller.edit_breakpoints(lambda b: b.removed(number))
+
 
 def _pointed_at(mistake: str) -> str:
     """An error message, and below it the input with a mark at the position of the error."""
@@ -117,36 +148,3 @@ def _pointed_at(mistake: str) -> str:
     before, _, after = written.removesuffix(")").partition("⟨here⟩")
     place = f"<code>{text(before)}<b class='rejected'>▸</b>{text(after)}</code>" if written else ""
     return f"<div class='note rejected' role='alert'>{text(message)}</div>{place}" if mistake else ""
-
-
-class BreakpointButtons:
-    """JavaScript for the panel's buttons; made where they stay on the page when the panel is not."""
-
-    def __init__(
-        self,
-        controller: Controller,
-        view: PageState,
-        bridge: Bridge,
-    ) -> None:
-        self.on_add: Callable[[], None] = lambda: None
-        self.add = bridge.button(lambda: self.on_add())
-
-        def edit(change: Callable[[Breakpoints, int], Breakpoints]) -> Callable[[object], None]:
-            def act(number: object) -> None:
-                if isinstance(number, int | float) and number == number and abs(number) < 1e9:
-                    controller.edit_breakpoints(lambda all_of_them: change(all_of_them, int(number)))
-
-            return act
-
-        self.switch = bridge.number(
-            edit(lambda b, n: b.changed(n, lambda item: replace(item, enabled=not item.enabled)))
-        )
-        self.report = bridge.number(edit(lambda b, n: b.changed(n, lambda item: replace(item, logs=not item.logs))))
-        self.remove = bridge.number(edit(lambda b, n: b.removed(n)))
-
-        def add_ready_made(number: object) -> None:
-            conditions = list(ready_made(view).values())
-            chosen = conditions[whole_number(number, 0, len(conditions) - 1, "condition")]
-            controller.edit_breakpoints(lambda all_of_them: all_of_them.added(chosen))
-
-        self.ready_made = bridge.number(add_ready_made)

@@ -8,30 +8,15 @@ from app.debugger.run_state import RunState
 from app.html import button, icon, text
 from app.page_state.page_state import PageState
 from app.panels.choice import choice
-from app.panels.surface_panel import SHAPES, SurfaceButtons
+from app.panels.surface_panel import SurfaceControls
 from app.viser_bridge.floating import MARGIN
-from app.viser_bridge.html_events import Bridge, whole_number
+from app.viser_bridge.html_events import HtmlEvents, choice_of, press, whole_number
 from app.viser_bridge.html_panel import HtmlPanel
-from app.viser_bridge.synced_widget import Followed
+from app.viser_bridge.synced_widget import SyncedSlider
 from fairing.scene import Scene
 
 WIDTH = 300
 LAID = {False: "Blend", True: "Swipe"}
-
-
-class CameraButtons:
-    """JavaScript for the box's buttons, made where it stays on the page when the box is not."""
-
-    def __init__(
-        self, bridge: Bridge, view: PageState, leave: Callable[[], None], republish: Callable[[], None]
-    ) -> None:
-        def lay(swipes: bool) -> None:
-            # A swipe from the edge would show nothing new.
-            view.swipes, view.model_share = swipes, view.model_share or 0.5
-            republish()
-
-        self.leave = bridge.button(leave)
-        self.lay = {swipes: bridge.button(lambda swipes=swipes: lay(swipes)) for swipes in LAID}
 
 
 class CameraBox:
@@ -43,14 +28,14 @@ class CameraBox:
     def __init__(
         self,
         gui: viser.GuiApi,
+        html_events: HtmlEvents,
         scene: Scene,
         page_state: PageState,
-        press: CameraButtons,
-        surface: SurfaceButtons,
-        guarded: Callable[[Callable[..., None]], Callable[..., None]],
+        surface: SurfaceControls,
+        leave: Callable[[], None],
         republish: Callable[[], None],
     ) -> None:
-        self._scene, self._press, self._surface = scene, press, surface
+        self._scene, self._surface = scene, surface
         self._box = gui.add_panel(visible=False)
         with self._box.add_tab("Camera", viser.Icon.CAMERA):
             self._panel = HtmlPanel(gui)
@@ -59,11 +44,18 @@ class CameraBox:
                 hint="Share of the model, in percent: the photo as predicted from the mesh and the other photos.",
             )  # fmt: skip
 
+        def lay(swipes: bool) -> None:
+            # A swipe from the edge would show nothing new.
+            page_state.swipes, page_state.model_share = swipes, page_state.model_share or 0.5
+            republish()
+
+        self._events = html_events.named({"leave": press(leave), "lay": choice_of(lay, lambda: list(LAID), "overlay")})
+
         def set_share(value: object) -> None:
             page_state.model_share = whole_number(value, 0, 100, "share of the model") / 100
             republish()
 
-        self._followed = Followed(share, guarded(set_share))
+        self._followed = SyncedSlider(share, html_events.guarded(set_share))
         self._box.float(x=-MARGIN, y=MARGIN, width=WIDTH)
 
     def show(self, state: RunState, page_state: PageState) -> None:
@@ -71,14 +63,12 @@ class CameraBox:
         if page_state.entered is None:
             return
         name = self._scene.views[page_state.entered].name
-        back = button("Leave", self._press.leave, hint="Leave the camera (0)", icon=icon("leave"))
-        lay = choice(
-            {swipes: (LAID[swipes], js) for swipes, js in self._press.lay.items()}, page_state.swipes, "Overlay"
-        )
-        shapes = {shape: (SHAPES[shape], js) for shape, js in self._surface.press_shape.items()}
+        back = button("Leave", self._events("leave"), hint="Leave the camera (0)", icon=icon("leave"))
+        overlays = {swipes: (label, self._events("lay", k)) for k, (swipes, label) in enumerate(LAID.items())}
+        lay = choice(overlays, page_state.swipes, "Overlay")
         self._panel.set(
             f"<div class='row'>{icon('eye')}<span class='grow big one'>{text(name)}</span>{back}</div>"
             f"<div class='dim note'>overlay of the model</div>{lay}"
-            f"<div class='dim note'>vertices of the model</div>{choice(shapes, page_state.shape, 'Vertices')}"
+            f"<div class='dim note'>vertices of the model</div>{choice(self._surface.shapes(), page_state.shape, 'Vertices')}"
         )
         self._followed.follow(round(100 * page_state.model_share))

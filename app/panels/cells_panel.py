@@ -16,7 +16,7 @@ from app.panels.choice import chip
 from app.panels.photo_pages import PhotoPages
 from app.query_cache import QueryCache
 from app.viser_bridge.html_panel import HtmlPanel
-from app.viser_bridge.synced_widget import Followed
+from app.viser_bridge.synced_widget import SyncedSlider
 from fairing.scene import Scene
 
 
@@ -50,7 +50,7 @@ class CellsPanel:
             visible=False,
             hint="Eigenspace dimensions of the cells shown here. The run keeps its own k.",
         )
-        self._followed = Followed(self._k, guarded(controls.look_at_k))
+        self._followed = SyncedSlider(self._k, guarded(controls.look_at_k))
         self._body = HtmlPanel(gui)
         self._drawing: QueryCache[tuple, str] = QueryCache(background.post)
 

@@ -6,6 +6,8 @@ from app.debugger.actions import ACTIONS
 from app.debugger.run_state import RunState
 from app.html import button, icon
 from app.page_state.page_state import PageState
+from app.page_state.run_controls import RunControls
+from app.viser_bridge.html_events import HtmlEvents, press
 from app.viser_bridge.html_panel import HtmlPanel
 
 UNIT_NAMES = {"sequential": "vertex", "worst_first": "vertex", "independent": "set", "joint": "vertices"}
@@ -14,9 +16,9 @@ UNIT_NAMES = {"sequential": "vertex", "worst_first": "vertex", "independent": "s
 class DebugBar:
     """Run controls, a row of forward steps and a row of backward steps, from one iteration to a whole level."""
 
-    def __init__(self, gui: viser.GuiApi, press: dict[str, str]) -> None:
+    def __init__(self, gui: viser.GuiApi, html_events: HtmlEvents, run_controls: RunControls) -> None:
         self._panel = HtmlPanel(gui)
-        self._press = press
+        self._events = html_events.named({a.name: press(run_controls.poster(a.command)) for a in ACTIONS})
         self._actions = {action.name: action for action in ACTIONS}
 
     def show(self, state: RunState, page_state: PageState) -> None:
@@ -51,4 +53,4 @@ class DebugBar:
         shape = icon(action.icon, mirrored=action.mirrored)
         if key:
             shape += f"<kbd>{action.keys[0][0]}</kbd>"
-        return button(label, self._press[name], hint=action.hint, icon=shape, css_class=css_class, enabled=enabled)
+        return button(label, self._events(name), hint=action.hint, icon=shape, css_class=css_class, enabled=enabled)

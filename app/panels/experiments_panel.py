@@ -10,7 +10,7 @@ from app.html import button, icon, text
 from app.page_state.page_state import PageState
 from app.panels.chart_svg import charts_svg
 from app.panels.choice import chip
-from app.viser_bridge.html_events import Bridge, whole_number
+from app.viser_bridge.html_events import HtmlEvents, choice_of, press
 from app.viser_bridge.html_panel import HtmlPanel
 from fairing.errors import InputError
 from fairing.experiments import EXPERIMENTS
@@ -20,11 +20,50 @@ from fairing.options import PRESETS, FairingOptions
 class ExperimentsPanel:
     """Shows the experiment chosen in one browser. Results are shared by all browsers."""
 
-    def __init__(self, gui: viser.GuiApi, runner: ExperimentRunner, press: "ExperimentButtons") -> None:
-        self._runner, self._press = runner, press
+    def __init__(
+        self,
+        client: viser.ClientHandle,
+        html_events: HtmlEvents,
+        runner: ExperimentRunner,
+        controller: Controller,
+        page_state: PageState,
+    ) -> None:
+        self._client, self._runner, self._controller, self._page_state = client, runner, controller, page_state
+        self._events = html_events.named(
+            {
+                "choose": choice_of(self.choose, lambda: list(EXPERIMENTS), "experiment"),
+                "start": press(self._begin),
+                "cancel": press(runner.cancel),
+                "csv": press(self._download_csv),
+                "png": press(self._download_png),
+            }
+        )
         self._obstacle = runner.obstacle()
-        self._panel = HtmlPanel(gui)
+        self._panel = HtmlPanel(client.gui)
         self._shown: object = None
+
+    def choose(self, name: str) -> None:
+        """Show the experiment of this name."""
+        self._page_state.experiment = name
+        self._controller.republish()
+
+    def _begin(self) -> None:
+        experiment = EXPERIMENTS[self._page_state.experiment]()
+        self._runner.start(experiment, self._controller.state.options, self._page_state.selected)
+
+    def _download_csv(self) -> None:
+        outcome, record = self._measured()
+        self._client.send_file_download(f"{record.stem}.csv", record.csv(outcome.rows), save_immediately=True)
+
+    def _download_png(self) -> None:
+        outcome, record = self._measured()
+        self._client.send_file_download(f"{record.stem}.png", record.png(outcome.rows), save_immediately=True)
+
+    def _measured(self):
+        outcome = self._runner.outcome(self._page_state.experiment)
+        if outcome is None or outcome.record is None or not outcome.rows:
+            raise InputError("nothing has been measured yet; start the experiment first")
+        return outcome, outcome.record
 
     def show(self, state: RunState, page_state: PageState) -> None:
         outcome = self._runner.outcome(page_state.experiment)
@@ -37,7 +76,7 @@ class ExperimentsPanel:
 
     def _choices(self, page_state: PageState) -> str:
         chips = "".join(
-            chip(experiment.title, self._press.choose(str(n)), experiment.question, name == page_state.experiment)
+            chip(experiment.title, self._events("choose", n), experiment.question, name == page_state.experiment)
             for n, (name, experiment) in enumerate(EXPERIMENTS.items())
         )
         return f"<div class='row chips'>{chips}</div><div>{text(EXPERIMENTS[page_state.experiment].question)}</div>"
@@ -49,14 +88,14 @@ class ExperimentsPanel:
         if working is not None and working != page_state.experiment:
             return f"<div class='note dim'>{text(EXPERIMENTS[working].title)} is running; only one experiment runs at a time.</div>"
         if working is not None and outcome is not None:
-            cancel = button("Cancel", self._press.cancel, hint="Cancel (finished runs are kept)", css_class="main")
+            cancel = button("Cancel", self._events("cancel"), hint="Cancel (finished runs are kept)", css_class="main")
             return f"<div class='row note'>{cancel}<span class='dim'>Finished runs are kept.</span></div>"
         which = (
             "the vertex with the best coverage"
             if page_state.selected is None
             else f"vertex {page_state.selected}, which is selected"
         )
-        start = button("Start", self._press.start, hint="Start the experiment", icon=icon("run"), css_class="main")
+        start = button("Start", self._events("start"), hint="Start the experiment", icon=icon("run"), css_class="main")
         return (
             f"<div class='row note'>{start}<span class='dim'>Uses {which}, and {_preset_of(state.options)}. "
             "The run does not change.</span></div>"
@@ -73,57 +112,14 @@ class ExperimentsPanel:
             Status.WORKING: f"{count} so far", Status.DONE: f"{count}, {_duration(outcome.seconds)}",
             Status.CANCELLED: f"cancelled after {count}",
         }[outcome.status]  # fmt: skip
-        csv = button("CSV", self._press.csv, hint="Download the table", css_class="small")
-        png = button("PNG", self._press.png, hint="Download the picture", css_class="small")
+        csv = button("CSV", self._events("csv"), hint="Download the table", css_class="small")
+        png = button("PNG", self._events("png"), hint="Download the picture", css_class="small")
         about = f"vertex {outcome.setting.vertex}, {_preset_of(outcome.setting.options)}"
         charts = charts_svg(charts_of(outcome.experiment, outcome.record.cases, outcome.rows))
         return (
             f"{charts}<div class='note'>{text(finding)}</div>"
             f"<div class='row note'><span class='dim grow'>{text(about)}; {text(progress)}</span>{csv}{png}</div>"
         )
-
-
-class ExperimentButtons:
-    """What the panel's buttons do; made where they stay on the page when the panel is not."""
-
-    def __init__(
-        self,
-        client: viser.ClientHandle,
-        runner: ExperimentRunner,
-        controller: Controller,
-        view: PageState,
-        bridge: Bridge,
-    ) -> None:
-        self._client, self._runner, self._controller, self._view = client, runner, controller, view
-        names = list(EXPERIMENTS)
-        self.choose = bridge.number(lambda n: self.show(names[whole_number(n, 0, len(names) - 1, "experiment")]))
-        self.start = bridge.button(self._start)
-        self.cancel = bridge.button(runner.cancel)
-        self.csv = bridge.button(self._csv)
-        self.png = bridge.button(self._png)
-
-    def show(self, name: str) -> None:
-        """Look at the experiment of this name."""
-        self._view.experiment = name
-        self._controller.republish()
-
-    def _start(self) -> None:
-        experiment = EXPERIMENTS[self._view.experiment]()
-        self._runner.start(experiment, self._controller.state.options, self._view.selected)
-
-    def _csv(self) -> None:
-        outcome, record = self._measured()
-        self._client.send_file_download(f"{record.stem}.csv", record.csv(outcome.rows), save_immediately=True)
-
-    def _png(self) -> None:
-        outcome, record = self._measured()
-        self._client.send_file_download(f"{record.stem}.png", record.png(outcome.rows), save_immediately=True)
-
-    def _measured(self):
-        outcome = self._runner.outcome(self._view.experiment)
-        if outcome is None or outcome.record is None or not outcome.rows:
-            raise InputError("nothing has been measured yet; start the experiment first")
-        return outcome, outcome.record
 
 
 def _progress(outcome: Outcome) -> str:

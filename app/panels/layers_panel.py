@@ -1,12 +1,16 @@
 """Layers panel: switches for the layers of the 3D view and for the theme."""
 
+from collections.abc import Callable
+
 import viser
 
 from app.debugger.run_state import RunState
 from app.html import button, text
-from app.page_state.page_state import LAYERS, PageState
+from app.page_state.page_state import LAYERS, MAX_MAGNIFICATION, PageState
 from app.palette import CAMERA, NOW, POINTS, RGB, SELECTED, START, TRUTH, solid
+from app.viser_bridge.html_events import HtmlEvents, choice_of, press, whole_number
 from app.viser_bridge.html_panel import HtmlPanel
+from app.viser_bridge.synced_widget import on_user_change
 from fairing.scene import Scene
 
 SWATCHES: dict[str, RGB] = {
@@ -30,19 +34,48 @@ def available_layers(scene: Scene) -> list[str]:
 class LayersPanel:
     """One switch per layer, with the colour that the layer has in the 3D view."""
 
-    def __init__(self, gui: viser.GuiApi, press: dict[str, str], switch_theme: str) -> None:
-        self._press = press
-        self._theme = button("Dark or light", switch_theme, hint="Dark or light (Y)", css_class="wide")
+    def __init__(
+        self,
+        gui: viser.GuiApi,
+        html_events: HtmlEvents,
+        scene: Scene,
+        page_state: PageState,
+        switch_theme: Callable[[], None],
+        republish: Callable[[], None],
+    ) -> None:
+        self._names = available_layers(scene)
+
+        def toggle(name: str) -> None:
+            page_state.shown[name] = not page_state.shown[name]
+            republish()
+
+        def magnify(value: object) -> None:
+            page_state.magnification = whole_number(value, 1, MAX_MAGNIFICATION, "magnification")
+            republish()
+
+        self._events = html_events.named(
+            {"toggle": choice_of(toggle, lambda: self._names, "layer"), "theme": press(switch_theme)}
+        )
+        self._theme = button("Dark or light", self._events("theme"), hint="Dark or light (Y)", css_class="wide")
         self._panel = HtmlPanel(gui)
+        slider = gui.add_slider(
+            "Magnify paths",
+            min=1,
+            max=MAX_MAGNIFICATION,
+            step=1,
+            initial_value=page_state.magnification,
+            hint="Displacements are drawn this many times longer, about the present positions of the vertices.",
+        )
+        on_user_change(slider, html_events.guarded(magnify))
 
     def show(self, state: RunState, page_state: PageState) -> None:
-        switches = "".join(self._switch(name, page_state.shows(name)) for name in self._press)
+        switches = "".join(self._switch(k, name, page_state.shows(name)) for k, name in enumerate(self._names))
         self._panel.set(f"<div class='layers'>{switches}</div><h4>Theme</h4>{self._theme}")
 
-    def _switch(self, name: str, is_on: bool) -> str:
+    def _switch(self, k: int, name: str, is_on: bool) -> str:
         swatch = f'<span class="swatch" style="background:{solid(SWATCHES[name])}"></span>'
         hint = f"{'Hide' if is_on else 'Show'} {LAYERS[name].lower()}"
         switch = button(
-            LAYERS[name], self._press[name], hint=hint, icon=swatch, css_class="layer" if is_on else "layer off"
+            LAYERS[name], self._events("toggle", k), hint=hint, icon=swatch, css_class="layer" if is_on else "layer off"
         )
         return switch.replace("<button", f'<button aria-pressed="{text(str(is_on).lower())}"', 1)

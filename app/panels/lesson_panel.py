@@ -1,7 +1,6 @@
 """Lesson panel: the current lesson step with its text, pseudo-code line, question and navigation buttons."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import viser
 
@@ -13,7 +12,7 @@ from app.lessons.pseudo_code import LINES
 from app.lessons.typeset import line, paragraphs
 from app.page_state.page_state import PageState
 from app.palette import NOW, SELECTED, START, css
-from app.viser_bridge.html_events import Bridge, whole_number
+from app.viser_bridge.html_events import HtmlEvents, integer, press
 from app.viser_bridge.html_panel import HtmlPanel
 
 MOST_CHOICES = 6
@@ -43,38 +42,29 @@ LESSON_STYLE = f"""
 """
 
 
-@dataclass(frozen=True)
-class LessonPresses:
-    """JavaScript of the panel's buttons, made where it stays on the page."""
-
-    next: str
-    back: str
-    resume: str
-    close: str
-    following: str
-    pause: str
-    choose: Callable[[str], str]
-
-    @classmethod
-    def make(
-        cls, bridge: Bridge, player: Player, following: Callable[[], None], pause: Callable[[], None]
-    ) -> "LessonPresses":
-        return cls(
-            bridge.button(player.next),
-            bridge.button(player.back),
-            bridge.button(player.go_on),
-            bridge.button(player.close),
-            bridge.button(following),
-            bridge.button(pause),
-            bridge.number(lambda n: player.choose(whole_number(n, 0, MOST_CHOICES, "choice"))),
-        )
-
-
 class LessonPanel:
     """Docked above the cells panel while a lesson is open."""
 
-    def __init__(self, gui: viser.GuiApi, player: Player, press: LessonPresses) -> None:
-        self._player, self._press = player, press
+    def __init__(
+        self,
+        gui: viser.GuiApi,
+        html_events: HtmlEvents,
+        player: Player,
+        open_following: Callable[[], None],
+        pause: Callable[[], None],
+    ) -> None:
+        self._player = player
+        self._events = html_events.named(
+            {
+                "next": press(player.next),
+                "back": press(player.back),
+                "resume": press(player.go_on),
+                "close": press(player.close),
+                "following": press(open_following),
+                "pause": press(pause),
+                "choose": integer(player.choose, "choice", 0, MOST_CHOICES),
+            }
+        )
         self._panel = HtmlPanel(gui)
 
     def show(self, state: RunState, page_state: PageState) -> None:
@@ -94,14 +84,18 @@ class LessonPanel:
     def _head(self, lesson: Lesson, n: int) -> str:
         count, busy = len(lesson.steps), self._player.status is Status.AT_WORK
         dots = "".join(f"<i class='{'here' if k == n else 'done' if k < n else ''}'></i>" for k in range(count))
-        back = button("Back", self._press.back, hint="Back one step of the lesson (Page Up)", enabled=n > 0)
+        back = button("Back", self._events("back"), hint="Back one step of the lesson (Page Up)", enabled=n > 0)
         if n < count - 1:
             on = button(
-                "Next", self._press.next, hint="Next step of the lesson (Page Down)", css_class="main", enabled=not busy
+                "Next",
+                self._events("next"),
+                hint="Next step of the lesson (Page Down)",
+                css_class="main",
+                enabled=not busy,
             )
         else:
-            on = button("Next lesson", self._press.following, hint="Begin the next lesson", css_class="main")
-        close = button("", self._press.close, hint="Close the lesson", icon=icon("leave"), css_class="small")
+            on = button("Next lesson", self._events("following"), hint="Begin the next lesson", css_class="main")
+        close = button("", self._events("close"), hint="Close the lesson", icon=icon("leave"), css_class="small")
         return (
             f"<div class='row'><span class='one grow dim' title='{text(lesson.title)}'>{text(lesson.title)}</span>"
             f"<span class='dim' aria-label='step {n + 1} of {count}'>{n + 1}/{count}</span>{back}{on}{close}</div>"
@@ -112,19 +106,24 @@ class LessonPanel:
         """A notice with a button: the engine is running, was paused, failed, or the page has left the lesson step."""
         match self._player.status:
             case Status.AT_WORK:
-                pause = button("Pause", self._press.pause, hint="Pause (P)", css_class="small")
+                pause = button("Pause", self._events("pause"), hint="Pause (P)", css_class="small")
                 return f"<div class='aside row'><span class='grow'>The engine is running…</span>{pause}</div>"
             case Status.CUT_SHORT:
-                on = button("Continue", self._press.resume, hint="Continue this lesson step", css_class="small")
+                on = button("Continue", self._events("resume"), hint="Continue this lesson step", css_class="small")
                 return f"<div class='aside row'><span class='grow'>Paused before the end of this step.</span>{on}</div>"
             case Status.FAILED:
                 again = button(
-                    "Try again", self._press.resume, hint="Try again from the beginning of this step", css_class="small"
+                    "Try again",
+                    self._events("resume"),
+                    hint="Try again from the beginning of this step",
+                    css_class="small",
                 )
                 return f"<div class='aside row'><span class='grow rejected'>{text(self._player.problem)}</span>{again}</div>"
         if not has_strayed:
             return ""
-        back = button("Resume lesson", self._press.resume, hint="Resume lesson (restores this step)", css_class="small")
+        back = button(
+            "Resume lesson", self._events("resume"), hint="Resume lesson (restores this step)", css_class="small"
+        )
         return f"<div class='aside row'><span class='grow'>The page has left this step.</span>{back}</div>"
 
     def _question(self, step: LessonStep, found: Findings) -> str:
@@ -138,8 +137,8 @@ class LessonPanel:
                 continue  # after an answer, only the chosen and the right choice are shown
             mark = "" if chosen is None else "right" if n == question.right else "wrong" if n == chosen else ""
             label = f"<span>{line(choice, found.numbers)}</span>"
-            press = self._press.choose(str(n))
-            choices += button("", press, hint=f"Answer {n + 1}", icon=label, css_class=mark, enabled=chosen is None)
+            answer_js = self._events("choose", n)
+            choices += button("", answer_js, hint=f"Answer {n + 1}", icon=label, css_class=mark, enabled=chosen is None)
         answer = "" if chosen is None else paragraphs(question.answer, found.numbers)
         return f"<div class='ask'>{paragraphs(question.text, found.numbers)}{choices}{answer}</div>"
 

@@ -1,6 +1,5 @@
 """Options panel: the options of the run as widgets, generated from the fields of their dataclasses."""
 
-from collections.abc import Callable
 from typing import Any
 
 import viser
@@ -11,7 +10,9 @@ from app.debugger.option_fields import OptionField, changed_options, option_fiel
 from app.debugger.run_state import RunState
 from app.html import button, text
 from app.page_state.page_state import PageState
+from app.viser_bridge.html_events import HtmlEvents, press
 from app.viser_bridge.html_panel import HtmlPanel
+from app.viser_bridge.synced_widget import on_user_change
 from fairing.errors import InputError
 from fairing.option_check import check_options
 from fairing.options import PRESETS, FairingOptions
@@ -26,23 +27,16 @@ class OptionsPanel:
     def __init__(
         self,
         gui: viser.GuiApi,
+        html_events: HtmlEvents,
         controller: Controller,
-        guarded: Callable[[Callable[..., None]], Callable[..., None]],
-        press: "OptionButtons",
     ) -> None:
-        self._controller, self._press = controller, press
-        press.on_go_on, press.on_start_over = self._go_on, self._start_over
+        self._controller = controller
+        self._events = html_events.named({"go_on": press(self._go_on), "start_over": press(self._start_over)})
         options = controller.state.options
         self._shown = options
         self._head = HtmlPanel(gui)
         self._preset = gui.add_dropdown("Preset", (FROM_WIDGETS, *PRESETS), hint="Fills in all fields below.")
-        take_preset = guarded(self._take_preset)
-
-        @self._preset.on_update
-        def _(event: viser.GuiEvent) -> None:
-            if event.client is not None:
-                take_preset()
-
+        on_user_change(self._preset, html_events.guarded(self._take_preset))
         self._widgets: list[tuple[OptionField, Any]] = []
         groups: dict[str, list[OptionField]] = {}
         for field in option_fields():
@@ -51,7 +45,7 @@ class OptionsPanel:
             with gui.add_folder(name.capitalize(), expand_by_default=False):
                 for field in members:
                     widget = _widget(gui, field, options)
-                    widget.on_update(lambda event: controller.republish() if event.client is not None else None)
+                    on_user_change(widget, lambda _: controller.republish())
                     self._widgets.append((field, widget))
 
     def show(self, state: RunState, page_state: PageState) -> None:
@@ -66,11 +60,11 @@ class OptionsPanel:
         except InputError as error:
             note, details = text(error), ""
         go_on = button(
-            "Continue from here", self._press.go_on, css_class="grow",
+            "Continue from here", self._events("go_on"), css_class="grow",
             hint="Continue from here (keeps the steps so far and changes the options)",
         )  # fmt: skip
         over = button(
-            "Start over", self._press.start_over, hint="Start over (a new run with these options)", css_class="grow"
+            "Start over", self._events("start_over"), hint="Start over (a new run with these options)", css_class="grow"
         )
         self._head.set(f"<div class='row'>{go_on}{over}</div><div class='note dim'>{note}</div>{details}")
 
@@ -89,8 +83,8 @@ class OptionsPanel:
     def _start_over(self) -> None:
         self._controller.post(Restart(self._typed()))
 
-    def _take_preset(self) -> None:
-        name = str(self._preset.value)
+    def _take_preset(self, value: object) -> None:
+        name = str(value)
         if name in PRESETS:
             self._fill_in(PRESETS[name])
             self._controller.republish()
@@ -101,16 +95,6 @@ class OptionsPanel:
             # An option that has not changed in the run keeps its widget, where the user may be typing.
             if widget.value != value and (unless_as_in is None or field.shown(unless_as_in) != value):
                 widget.value = value
-
-
-class OptionButtons:
-    """JavaScript for the panel's buttons; made where they stay on the page when the panel is not."""
-
-    def __init__(self, button_for: Callable[[Callable[[], None]], str]) -> None:
-        self.on_go_on: Callable[[], None] = lambda: None
-        self.on_start_over: Callable[[], None] = lambda: None
-        self.go_on = button_for(lambda: self.on_go_on())
-        self.start_over = button_for(lambda: self.on_start_over())
 
 
 def _change(field: OptionField, value: object, options: FairingOptions) -> str:

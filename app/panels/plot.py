@@ -19,28 +19,9 @@ from app.palette import NOW, REFERENCE, SELECTED, css
 from app.panels.choice import chip
 from app.panels.plot_drawing import BOTTOM, HEIGHT, LEFT, RIGHT, TOP, WIDTH, Line, band, frame, intervals, line_at
 from app.ticks import log_ticks, ticks
-from app.viser_bridge.html_events import Bridge, whole_number
+from app.viser_bridge.html_events import Handler, HtmlEvents, choice_of, press
 from app.viser_bridge.html_panel import HtmlPanel
 from fairing.mesh import Mesh
-
-
-class PlotControls:
-    """JavaScript for the plot's chips."""
-
-    def __init__(
-        self, bridge: Bridge, view: PageState, jump: Callable[[object], None], republish: Callable[[], None]
-    ) -> None:
-        def change(**changes: object) -> None:
-            view.plot = replace(view.plot, **changes)
-            republish()
-
-        names = list(QUANTITIES)
-        self.jump = bridge.number(jump)
-        self.choose = bridge.number(
-            lambda n: change(name=names[whole_number(n, 0, len(names) - 1, "quantity")], is_log=None)
-        )
-        self.vertex = bridge.button(lambda: change(of_vertex=not view.plot.of_vertex))
-        self.log = bridge.button(lambda: change(is_log=not is_log(view.plot)))
 
 
 def is_log(plot: PlotView) -> bool:
@@ -58,9 +39,27 @@ class Plot:
         mesh: Mesh,
         energies: EnergyHistory,
         run_energies: RunEnergies,
-        controls: PlotControls,
+        html_events: HtmlEvents,
+        page_state: PageState,
+        jump: Handler,
+        republish: Callable[[], None],
     ) -> None:
-        self._mesh, self._energies, self._run_energies, self._controls = mesh, energies, run_energies, controls
+        self._mesh, self._energies, self._run_energies = mesh, energies, run_energies
+
+        def change(**changes: object) -> None:
+            page_state.plot = replace(page_state.plot, **changes)
+            republish()
+
+        self._events = html_events.named(
+            {
+                "jump": jump,
+                "quantity": choice_of(
+                    lambda name: change(name=name, is_log=None), lambda: list(QUANTITIES), "quantity"
+                ),
+                "vertex": press(lambda: change(of_vertex=not page_state.plot.of_vertex)),
+                "log": press(lambda: change(is_log=not is_log(page_state.plot))),
+            }
+        )
         self._panel = HtmlPanel(gui)
         self._series: dict[str, tuple[object, Series]] = {}
         self._shown: object = None
@@ -112,7 +111,7 @@ class Plot:
         quantities = "".join(
             chip(
                 quantity.title,
-                self._controls.choose(str(n)),
+                self._events("quantity", n),
                 f"Plot {quantity.meaning}",
                 name == plot.name,
                 "chip tight",
@@ -121,8 +120,8 @@ class Plot:
         )
         whose = "vertex" if selected is None else f"v {selected}"
         hint = "Plot the selected vertex (instead of the whole run)"
-        vertex = chip(whose, self._controls.vertex, hint, plot.of_vertex, "chip tight first")
-        log = chip("log", self._controls.log, "Logarithmic scale", is_log(plot), "chip tight")
+        vertex = chip(whose, self._events("vertex"), hint, plot.of_vertex, "chip tight first")
+        log = chip("log", self._events("log"), "Logarithmic scale", is_log(plot), "chip tight")
         return f"<div class='row chips quantities'>{quantities}{vertex}{log}</div>"
 
     def _picture(
@@ -170,7 +169,7 @@ class Plot:
         press = (
             "var r=this.getBoundingClientRect();"
             f"var m=Math.max(0,Math.min({state.length},Math.round(({fraction})/{inner}*{length})));"
-            + self._controls.jump("m")
+            + self._events("jump", "m")
         )
         meaning = QUANTITIES[plot.name].meaning
         # Not onclick: while a run redraws the plot, press and release may hit two different elements.
@@ -182,7 +181,7 @@ class Plot:
 
 
 def _empty(note: str) -> str:
-    return f'<div class="plot dim" style="height:{HEIGHT}px">{note}</div>'
+    return f'<div class="plot dim" style="aspect-ratio:{WIDTH}/{HEIGHT}">{note}</div>'
 
 
 def _mark_of_a(x: float) -> str:

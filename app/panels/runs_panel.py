@@ -13,11 +13,10 @@ from app.debugger.runs import RunInfo
 from app.html import button, icon, number, text
 from app.page_state.page_state import PageState
 from app.palette import REFERENCE, css
-from app.viser_bridge.html_events import Bridge, whole_number
+from app.viser_bridge.html_events import HtmlEvents, integer, press
 from app.viser_bridge.html_panel import HtmlPanel
 from fairing.judge.metrics import vertex_errors
 from fairing.options import PRESETS
-from fairing.scene import Scene
 
 MAX_RUN_ID = 10**6
 A = f"<b class='tag' style='background:{css(REFERENCE)}'>A</b>"
@@ -26,10 +25,49 @@ A = f"<b class='tag' style='background:{css(REFERENCE)}'>A</b>"
 class RunsPanel:
     """One row per run. A click on its name switches to it; a click on A makes it the reference for comparison."""
 
-    def __init__(self, gui: viser.GuiApi, scene: Scene, energies: RunEnergies, press: "RunButtons") -> None:
-        self._scene, self._energies, self._press = scene, energies, press
+    def __init__(
+        self,
+        gui: viser.GuiApi,
+        html_events: HtmlEvents,
+        controller: Controller,
+        page_state: PageState,
+        energies: RunEnergies,
+    ) -> None:
+        self._scene, self._controller, self._page_state = controller.scene, controller, page_state
+        self._energies = energies
+        self._events = html_events.named(
+            {
+                "switch": integer(lambda n: controller.post(SwitchTo(n)), "run", 1, MAX_RUN_ID),
+                "delete": integer(lambda n: controller.post(DeleteRun(n)), "run", 1, MAX_RUN_ID),
+                "compare": integer(lambda n: self._refer_to(Reference(n)), "run", 1, MAX_RUN_ID),
+                "mark": press(self.mark_now),
+                "clear": press(lambda: self._refer_to(None)),
+                "visit": press(self._visit),
+                "race": press(self._race),
+            }
+        )
         self._errors: dict[int, tuple[int, str]] = {}
         self._panel = HtmlPanel(gui)
+
+    def mark_now(self) -> None:
+        """Compare with the present moment from now on."""
+        state = self._controller.state
+        self._refer_to(Reference(state.run_id, state.moment))
+
+    def _visit(self) -> None:
+        compared = look_up(self._page_state.reference, self._controller.state)
+        if compared is not None:
+            self._controller.post(SwitchTo(compared.run.run_id, compared.moment))
+
+    def _race(self) -> None:
+        locked = self._controller.state.options.locked_vertices
+        first, second = (replace(PRESETS[name], locked_vertices=locked) for name in ("paper", "accurate"))
+        self._controller.post(Pause())
+        self._controller.post(Race(first, second))
+
+    def _refer_to(self, reference: Reference | None) -> None:
+        self._page_state.reference = reference
+        self._controller.republish()
 
     def show(self, state: RunState, page_state: PageState) -> None:
         knows_truth = self._scene.truth is not None and self._scene.truth.vertices is not None
@@ -48,19 +86,22 @@ class RunsPanel:
     def _comparison(self, state: RunState, page_state: PageState) -> str:
         race = button(
             "Compare presets",
-            self._press.race,
+            self._events("race"),
             hint="Compare presets (runs paper and accurate from the start, alternating)",
             css_class="small",
         )
         mark = button(
-            "Set A here", self._press.mark, hint="Set A here (C): compare with the current moment", css_class="small"
+            "Set A here",
+            self._events("mark"),
+            hint="Set A here (C): compare with the current moment",
+            css_class="small",
         )
         compared = look_up(page_state.reference, state)
         if compared is None:
             return f"<span class='grow dim'>Set {A} to compare with it.</span>{mark}{race}"
         apart = 100 * distances(compared, state.vertices) / self._scene.mesh.diagonal
-        clear = button("", self._press.clear, hint="Stop comparing", icon=icon("leave"), css_class="small")
-        back = button("", self._press.visit, hint="Go to A", icon=icon("go"), css_class="small")
+        clear = button("", self._events("clear"), hint="Stop comparing", icon=icon("leave"), css_class="small")
+        back = button("", self._events("visit"), hint="Go to A", icon=icon("go"), css_class="small")
         figures = f"mean {_percent(apart.mean())}, max {_percent(apart.max())}"
         hint = (
             f"Distance of the vertices from their positions in A, {compared.name}: {figures} of the diagonal; "
@@ -74,22 +115,21 @@ class RunsPanel:
     def _row(self, run: RunInfo, state: RunState, page_state: PageState, knows_truth: bool) -> str:
         is_current = run.run_id == state.run_id
         is_reference = page_state.reference is not None and page_state.reference.run_id == run.run_id
-        number_of = str(run.run_id)
         name = button(
             run.name,
-            self._press.switch(number_of),
+            self._events("switch", run.run_id),
             hint=f"{run.name} is the current run" if is_current else f"Switch to {run.name}",
             css_class="small on" if is_current else "small",
         )
         compare = button(
             "A",
-            self._press.compare(number_of),
+            self._events("compare", run.run_id),
             hint=f"Compare with {run.name}",
             css_class="small a" if is_reference else "small",
         )
         remove = button(
             "",
-            self._press.delete(number_of),
+            self._events("delete", run.run_id),
             hint=f"Delete {run.name}",
             icon=icon("leave"),
             css_class="small",
@@ -118,48 +158,5 @@ class RunsPanel:
         return known[1] if known else "…"
 
 
-class RunButtons:
-    """What the panel's buttons do; made where they stay on the page when the panel is not."""
-
-    def __init__(
-        self,
-        controller: Controller,
-        view: PageState,
-        bridge: Bridge,
-    ) -> None:
-        self._controller, self._view = controller, view
-        self.switch = bridge.number(lambda n: controller.post(SwitchTo(_run_id(n))))
-        self.delete = bridge.number(lambda n: controller.post(DeleteRun(_run_id(n))))
-        self.compare = bridge.number(lambda n: self._refer_to(Reference(_run_id(n))))
-        self.mark = bridge.button(self.mark_now)
-        self.clear = bridge.button(lambda: self._refer_to(None))
-        self.visit = bridge.button(self._visit)
-        self.race = bridge.button(self._race)
-
-    def mark_now(self) -> None:
-        """Compare with the present moment from now on."""
-        state = self._controller.state
-        self._refer_to(Reference(state.run_id, state.moment))
-
-    def _visit(self) -> None:
-        compared = look_up(self._view.reference, self._controller.state)
-        if compared is not None:
-            self._controller.post(SwitchTo(compared.run.run_id, compared.moment))
-
-    def _race(self) -> None:
-        locked = self._controller.state.options.locked_vertices
-        first, second = (replace(PRESETS[name], locked_vertices=locked) for name in ("paper", "accurate"))
-        self._controller.post(Pause())
-        self._controller.post(Race(first, second))
-
-    def _refer_to(self, reference: Reference | None) -> None:
-        self._view.reference = reference
-        self._controller.republish()
-
-
 def _percent(value: float) -> str:
     return f"{number(float(value), 3)} %"
-
-
-def _run_id(value: object) -> int:
-    return whole_number(value, 1, MAX_RUN_ID, "run")

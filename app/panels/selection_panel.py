@@ -8,9 +8,9 @@ from app.debugger.controller import RunState
 from app.html import button, icon, text
 from app.page_state.page_state import PageState
 from app.page_state.selection import Selection, list_vertices, parse_vertices
-from app.viser_bridge.html_events import Bridge
+from app.viser_bridge.html_events import HtmlEvents, press
 from app.viser_bridge.html_panel import HtmlPanel
-from app.viser_bridge.text_field import Line
+from app.viser_bridge.text_field import TextField
 
 
 class SelectionPanel:
@@ -19,15 +19,16 @@ class SelectionPanel:
     def __init__(
         self,
         gui: viser.GuiApi,
-        bridge: Bridge,
+        html_events: HtmlEvents,
         last_vertex: int,
         on_choose: Callable[[Selection], None],
-        press: dict[str, str],
+        toggle_lock: Callable[[], None],
+        reset: Callable[[], None],
     ) -> None:
-        self._press = press
+        self._events = html_events.named({"lock": press(toggle_lock), "reset": press(reset)})
         self._shown = Selection()
-        self._line = Line(
-            gui, bridge, "Vertices", "Numbers and ranges such as 3, 17-20; Enter selects them.",
+        self._line = TextField(
+            gui, html_events, "Vertices", "Numbers and ranges such as 3, 17-20; Enter selects them.",
             lambda line: on_choose(parse_vertices(line, last_vertex)), keeps=True,
         )  # fmt: skip
         self._panel = HtmlPanel(gui)
@@ -49,14 +50,14 @@ class SelectionPanel:
         word = "Unlock" if locked.all() else "Lock"
         lock = button(
             word,
-            self._press["lock"],
+            self._events("lock"),
             hint=f"{word} (F): neither the engine nor dragging moves a locked vertex",
             icon=icon("unlock" if locked.all() else "lock"),
             css_class="grow",
         )
         reset = button(
             "Reset",
-            self._press["reset"],
+            self._events("reset"),
             hint="Reset (Z): moves the selection back to its start position, recorded as a step",
             icon=icon("back"),
             css_class="grow",

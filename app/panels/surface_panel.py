@@ -9,8 +9,9 @@ from app.page_state.page_state import NOW_SHAPE, START_SHAPE, SURFACES, TRUE_SHA
 from app.panels.choice import choice
 from app.pictures.coloring import COLORINGS, available_colorings
 from app.pictures.texturer import MOST_FACES, MOST_FACES_VIEW_DEPENDENT
+from app.viser_bridge.html_events import Guarded, HtmlEvents, choice_of
 from app.viser_bridge.html_panel import HtmlPanel
-from app.viser_bridge.synced_widget import Followed
+from app.viser_bridge.synced_widget import SyncedSlider
 from fairing.errors import InputError
 from fairing.scene import Scene
 
@@ -19,39 +20,50 @@ TEXTURES = {False: "Static", True: "View-dependent"}
 STEP = 0.05
 
 
-class SurfaceButtons:
-    """What a click on the panel does."""
+class SurfaceControls:
+    """What a user can change about the surface; the choices as (label, JavaScript) by value."""
 
     def __init__(
-        self,
-        scene: Scene,
-        view: PageState,
-        button: Callable[[Callable[[], None]], str],
-        republish: Callable[[], None],
+        self, html_events: HtmlEvents, scene: Scene, page_state: PageState, republish: Callable[[], None]
     ) -> None:
-        self._view, self._republish = view, republish
+        self._page_state, self._republish = page_state, republish
         has_truth = scene.truth is not None and scene.truth.vertices is not None
         self.last_shape = TRUE_SHAPE if has_truth else NOW_SHAPE
-        self.press_surface = {
-            name: button(lambda name=name: self.choose_surface(name))
-            for name in (*SURFACES, *available_colorings(scene))
-        }
-        self.press_texture = {by_eye: button(lambda by_eye=by_eye: self.choose_texture(by_eye)) for by_eye in TEXTURES}
-        self.press_shape = {
-            shape: button(lambda shape=shape: self.choose_shape(shape)) for shape in SHAPES if shape <= self.last_shape
-        }
+        self._colorings = available_colorings(scene)
+        self._surfaces = (*SURFACES, *self._colorings)
+        self._shapes = [shape for shape in SHAPES if shape <= self.last_shape]
+        self._events = html_events.named(
+            {
+                "surface": choice_of(self.choose_surface, lambda: self._surfaces, "surface"),
+                "texture": choice_of(self.choose_texture, lambda: list(TEXTURES), "texture"),
+                "shape": choice_of(self.choose_shape, lambda: self._shapes, "shape"),
+            }
+        )
+
+    def surfaces(self) -> dict[str, tuple[str, str]]:
+        return {name: (label, self._events("surface", k)) for k, (name, label) in enumerate(SURFACES.items())}
+
+    def textures(self) -> dict[bool, tuple[str, str]]:
+        return {by_eye: (label, self._events("texture", k)) for k, (by_eye, label) in enumerate(TEXTURES.items())}
+
+    def colorings(self) -> dict[str, tuple[str, str]]:
+        numbers = {name: k for k, name in enumerate(self._surfaces)}
+        return {name: (COLORINGS[name].label, self._events("surface", numbers[name])) for name in self._colorings}
+
+    def shapes(self) -> dict[float, tuple[str, str]]:
+        return {shape: (SHAPES[shape], self._events("shape", k)) for k, shape in enumerate(self._shapes)}
 
     def choose_surface(self, name: str) -> None:
-        self._view.surface = name
+        self._page_state.surface = name
         self._republish()
 
     def choose_texture(self, by_eye: bool) -> None:
         """One image, or one that blends the photos taken near the eye; either way the surface is textured."""
-        self._view.by_eye, self._view.surface = by_eye, "textured"
+        self._page_state.by_eye, self._page_state.surface = by_eye, "textured"
         self._republish()
 
     def static_or_by_eye(self) -> None:
-        self.choose_texture(not self._view.by_eye)
+        self.choose_texture(not self._page_state.by_eye)
 
     def choose_shape(self, shape: object) -> None:
         """0 to 2, see `PageState.shape`.
@@ -61,12 +73,12 @@ class SurfaceButtons:
         """
         if isinstance(shape, bool) or not isinstance(shape, int | float) or not 0 <= shape <= self.last_shape:
             raise InputError(f"shape: expected a number from 0 to {self.last_shape:g}")
-        self._view.shape = round(float(shape), 3)
+        self._page_state.shape = round(float(shape), 3)
         self._republish()
 
     def before_or_now(self) -> None:
         """From now to the start, from anything else to now."""
-        self.choose_shape(START_SHAPE if self._view.shape == NOW_SHAPE else NOW_SHAPE)
+        self.choose_shape(START_SHAPE if self._page_state.shape == NOW_SHAPE else NOW_SHAPE)
 
 
 class SurfacePanel:
@@ -76,32 +88,32 @@ class SurfacePanel:
         self,
         gui: viser.GuiApi,
         n_faces: int,
-        buttons: SurfaceButtons,
-        guarded: Callable[[Callable[..., None]], Callable[..., None]],
+        controls: SurfaceControls,
+        guarded: Guarded,
     ) -> None:
-        self._buttons, self._note = buttons, limit_note(n_faces)
+        self._controls, self._note = controls, limit_note(n_faces)
         self._panel = HtmlPanel(gui)
         slider = gui.add_slider(
-            f"Start – {SHAPES[buttons.last_shape].lower()}",
+            f"Start – {SHAPES[controls.last_shape].lower()}",
             min=START_SHAPE,
-            max=buttons.last_shape,
+            max=controls.last_shape,
             step=STEP,
             initial_value=NOW_SHAPE,
             hint="Moves the surface from its start through the current moment to the truth, if that is known.",
         )
-        self._followed = Followed(slider, guarded(buttons.choose_shape))
+        self._followed = SyncedSlider(slider, guarded(controls.choose_shape))
 
     def show(self, state: RunState, page_state: PageState) -> None:
-        press = self._buttons.press_surface
-        how = choice({name: (label, press[name]) for name, label in SURFACES.items()}, page_state.surface, "Surface")
-        textures = {by_eye: (TEXTURES[by_eye], js) for by_eye, js in self._buttons.press_texture.items()}
+        controls = self._controls
+        how = choice(controls.surfaces(), page_state.surface, "Surface")
         texture = page_state.by_eye if page_state.surface == "textured" else None
-        colors = {name: (COLORINGS[name].label, press[name]) for name in press if name in COLORINGS}
-        shapes = {shape: (SHAPES[shape], js) for shape, js in self._buttons.press_shape.items()}
+        textures = choice(controls.textures(), texture, "Texture")
+        colorings = choice(controls.colorings(), page_state.surface, "Coloured by")
+        shapes = choice(controls.shapes(), page_state.shape, "Vertices at")
         self._panel.set(
-            f"<h4>Surface</h4>{how}<div class='dim note'>texture</div>{choice(textures, texture, 'Texture')}{self._note}"
-            f"<div class='dim note'>coloured by</div>{choice(colors, page_state.surface, 'Coloured by')}"
-            f"<div class='dim note'>vertices at</div>{choice(shapes, page_state.shape, 'Vertices at')}"
+            f"<h4>Surface</h4>{how}<div class='dim note'>texture</div>{textures}{self._note}"
+            f"<div class='dim note'>coloured by</div>{colorings}"
+            f"<div class='dim note'>vertices at</div>{shapes}"
         )
         self._followed.follow(page_state.shape)
 

@@ -1,11 +1,9 @@
 """Timeline: a slider over the recorded moments, a strip with one colour per moment, and playback controls."""
 
 import time
-from collections.abc import Callable
 
 import numpy as np
 import viser
-from viser._messages import GuiSliderMark
 
 from app.debugger.commands import Pause, Play
 from app.debugger.controller import Controller
@@ -13,10 +11,13 @@ from app.debugger.history import EnergyHistory
 from app.debugger.run_state import Activity, RunState
 from app.html import button, icon, text
 from app.page_state.page_state import PageState
+from app.page_state.run_controls import RunControls
 from app.pictures.cell_images import data_uri
 from app.pictures.strip import KINDS, StepHistory
-from app.viser_bridge.html_events import Bridge, whole_number
+from app.viser_bridge.html_events import HtmlEvents, choice_of, press
 from app.viser_bridge.html_panel import HtmlPanel
+from app.viser_bridge.slider_marks import set_slider_marks
+from app.viser_bridge.synced_widget import on_user_change
 
 SETTLE = 0.5  # s after a move by the user, in which states already on their way do not move the slider back
 SPEEDS = (0.5, 1.0, 5.0, 20.0, 50.0)
@@ -31,24 +32,58 @@ class Timeline:
     def __init__(
         self,
         gui: viser.GuiApi,
+        html_events: HtmlEvents,
+        controller: Controller,
+        page_state: PageState,
         energies: EnergyHistory,
-        on_jump: Callable[[object], None],
-        jump: Callable[[str], str],
-        around: dict[str, str],
-        press: "TimelineButtons",
+        run_controls: RunControls,
     ) -> None:
-        self._energies, self._jump, self._around, self._press = energies, jump, around, press
+        self._controller, self._page_state, self._energies = controller, page_state, energies
+        self._events = html_events.named(
+            {
+                "play": press(self.play_or_stop),
+                "follow": press(self._follow),
+                "speed": choice_of(self._set_speed, lambda: SPEEDS, "speed"),
+                "strip": choice_of(self._set_strip, lambda: list(KINDS), "strip"),
+                "jump": run_controls.jump,
+                "previous_move": press(lambda: run_controls.to_move_of_selected(-1)),
+                "next_move": press(lambda: run_controls.to_move_of_selected(1)),
+            }
+        )
         self._slider = gui.add_slider("Moment", min=0, max=1, step=1, initial_value=0)
         self._panel = HtmlPanel(gui)
         self._moved = 0.0
-        self._marks: tuple[GuiSliderMark, ...] = ()
+        self._marks: list[tuple[float, str | None]] = []
         self._history = StepHistory()
+        jump = html_events.guarded(run_controls.jump)
 
-        @self._slider.on_update
-        def _(event: viser.GuiEvent) -> None:
-            if event.client is not None:
-                self._moved = time.monotonic()
-                on_jump(self._slider.value)
+        def moved(value: float) -> None:
+            self._moved = time.monotonic()
+            jump(value)
+
+        on_user_change(self._slider, moved)
+
+    def play_or_stop(self) -> None:
+        """Play from here, or stop playing."""
+        playing = self._controller.state.activity is Activity.PLAYING
+        self._controller.post(Pause() if playing else self._play())
+
+    def _play(self) -> Play:
+        return Play(self._page_state.speed * MOMENTS_PER_SECOND)
+
+    def _follow(self) -> None:
+        self._page_state.looks_at = None
+        self._controller.republish()
+
+    def _set_speed(self, speed: float) -> None:
+        self._page_state.speed = speed
+        if self._controller.state.activity is Activity.PLAYING:
+            self._controller.post(self._play())
+        self._controller.republish()
+
+    def _set_strip(self, kind: str) -> None:
+        self._page_state.strip = kind
+        self._controller.republish()
 
     def show(self, state: RunState, page_state: PageState) -> None:
         last = max(1, state.length)
@@ -60,7 +95,7 @@ class Timeline:
         marks = _level_marks(self._energies.levels[: state.length])
         if marks != self._marks:
             self._marks = marks
-            self._slider._marks = marks
+            set_slider_marks(self._slider, marks)
         self._history.update(state)
         self._panel.set(
             f"<div class='row tools'>{self._buttons(state, page_state)}</div>{self._picture(state, page_state)}"
@@ -70,18 +105,18 @@ class Timeline:
         if page_state.looks_at is not None:
             player = button(
                 "Follow live",
-                self._press.follow,
+                self._events("follow"),
                 hint="Follow live (return to the current moment of the run)",
                 icon=icon("end"),
                 css_class="small on",
             )
         elif state.activity is Activity.PLAYING:
-            player = button("", self._press.play, hint="Stop playing (T)", icon=icon("pause"), css_class="small on")
+            player = button("", self._events("play"), hint="Stop playing (T)", icon=icon("pause"), css_class="small on")
         else:
             enabled = state.length > 0 and state.activity is Activity.PAUSED
             player = button(
                 "",
-                self._press.play,
+                self._events("play"),
                 hint="Play the recorded steps (T)",
                 icon=icon("run"),
                 css_class="small",
@@ -90,7 +125,7 @@ class Timeline:
         speeds = "".join(
             button(
                 f"×{'½' if speed == 0.5 else f'{speed:g}'}",
-                self._press.speed(str(k)),
+                self._events("speed", k),
                 hint=f"Play {speed * MOMENTS_PER_SECOND:g} moments a second",
                 css_class="small on" if speed == page_state.speed else "small",
             )
@@ -98,7 +133,7 @@ class Timeline:
         )
         kinds = "".join(
             button(
-                kind, self._press.kind(str(k)), hint=hint, css_class="small on" if kind == page_state.strip else "small"
+                kind, self._events("strip", k), hint=hint, css_class="small on" if kind == page_state.strip else "small"
             )
             for k, (kind, hint) in enumerate(KINDS.items())
         )
@@ -114,15 +149,15 @@ class Timeline:
         before, after = (
             button(
                 "",
-                self._around[way],
+                self._events(event),
                 hint=hint,
                 icon=icon("one", mirrored=mirrored),
                 css_class="small",
                 enabled=enabled,
             )
-            for way, hint, mirrored in (
-                ("before", "Previous move of the selected vertex (;)", True),
-                ("after", "Next move of the selected vertex (')", False),
+            for event, hint, mirrored in (
+                ("previous_move", "Previous move of the selected vertex (;)", True),
+                ("next_move", "Next move of the selected vertex (')", False),
             )
         )
         return f"{moves}{before}{after}"
@@ -134,7 +169,7 @@ class Timeline:
         press = (
             "var r=this.getBoundingClientRect();"
             f"var m=Math.max(1,Math.min({state.length},Math.ceil((event.clientX-r.left)/r.width*{state.length})));"
-            + self._jump("m")
+            + self._events("jump", "m")
         )
         return (
             f"<div class='strip' role='img' aria-label='Recorded moments' onpointerdown=\"{text(press)}\" "
@@ -157,54 +192,17 @@ class Timeline:
         )
 
 
-class TimelineButtons:
-    """What the timeline's buttons do; made where they stay on the page when the timeline is not."""
-
-    def __init__(
-        self,
-        controller: Controller,
-        view: PageState,
-        bridge: Bridge,
-    ) -> None:
-        self._controller, self._view = controller, view
-        self.play = bridge.button(self.play_or_stop)
-        self.follow = bridge.button(self._follow)
-        self.speed = bridge.number(self._set_speed)
-        self.kind = bridge.number(self._set_kind)
-
-    def play_or_stop(self) -> None:
-        """Play from here, or stop playing."""
-        playing = self._controller.state.activity is Activity.PLAYING
-        self._controller.post(Pause() if playing else self._play())
-
-    def _play(self) -> Play:
-        return Play(self._view.speed * MOMENTS_PER_SECOND)
-
-    def _follow(self) -> None:
-        self._view.looks_at = None
-        self._controller.republish()
-
-    def _set_speed(self, value: object) -> None:
-        self._view.speed = SPEEDS[whole_number(value, 0, len(SPEEDS) - 1, "speed")]
-        if self._controller.state.activity is Activity.PLAYING:
-            self._controller.post(self._play())
-        self._controller.republish()
-
-    def _set_kind(self, value: object) -> None:
-        self._view.strip = list(KINDS)[whole_number(value, 0, len(KINDS) - 1, "strip")]
-        self._controller.republish()
-
-
 def _begins(values: np.ndarray) -> np.ndarray:
     """Indices at which runs of equal values begin."""
     return np.flatnonzero(np.diff(values, prepend=values[:1] - 1))
 
 
-def _level_marks(levels: np.ndarray) -> tuple[GuiSliderMark, ...]:
+def _level_marks(levels: np.ndarray) -> list[tuple[float, str | None]]:
     """A mark at the beginning of each level, with its name if there is room."""
-    marks, named = [], -1.0
+    marks: list[tuple[float, str | None]] = []
+    named = -1.0
     for moment in _begins(levels):
         has_room = moment >= named + MARKS_APART * len(levels)
         named = float(moment) if has_room or not marks else named
-        marks.append(GuiSliderMark(float(moment), f"L{levels[moment] + 1}" if named == moment else None))
-    return tuple(marks)
+        marks.append((float(moment), f"L{levels[moment] + 1}" if named == moment else None))
+    return marks

@@ -11,28 +11,13 @@ from app.debugger.watch import parse_watch, watch_series, with_watch
 from app.html import button, icon, number, text
 from app.page_state.page_state import PageState
 from app.palette import NOW, SELECTED, css
-from app.viser_bridge.html_events import Bridge, whole_number
+from app.viser_bridge.html_events import Handler, HtmlEvents, choice_of
 from app.viser_bridge.html_panel import HtmlPanel
-from app.viser_bridge.text_field import Line
+from app.viser_bridge.text_field import TextField
 from fairing.errors import InputError
 from fairing.scene import Scene
 
 SPARK = (96, 20)  # px
-
-
-class WatchControls:
-    """JavaScript for the panel's buttons; made where they stay on the page when the panel is not."""
-
-    def __init__(
-        self, bridge: Bridge, view: PageState, jump: Callable[[object], None], republish: Callable[[], None]
-    ) -> None:
-        def remove(n: object) -> None:
-            at = whole_number(n, 0, max(0, len(view.watches) - 1), "watch")
-            view.watches = view.watches[:at] + view.watches[at + 1 :]
-            republish()
-
-        self.remove = bridge.number(remove)
-        self.jump = bridge.number(jump)
 
 
 class WatchPanel:
@@ -41,13 +26,12 @@ class WatchPanel:
     def __init__(
         self,
         gui: viser.GuiApi,
+        html_events: HtmlEvents,
         scene: Scene,
         page_state: PageState,
-        controls: WatchControls,
-        bridge: Bridge,
+        jump: Handler,
         republish: Callable[[], None],
     ) -> None:
-        self._controls = controls
         self._series: dict[str, Series] = {}
 
         def add(expression: str) -> None:
@@ -58,10 +42,22 @@ class WatchPanel:
                 raise
             republish()
 
-        line = Line(
-            gui, bridge, "Watch", "An expression such as energy / 1000, moved(0) or 100 * weakest. Enter adds it.", add
+        line = TextField(
+            gui,
+            html_events,
+            "Watch",
+            "An expression such as energy / 1000, moved(0) or 100 * weakest. Enter adds it.",
+            add,
         )
         self._panel = HtmlPanel(gui)
+
+        def remove(watch: Condition) -> None:
+            page_state.watches = tuple(other for other in page_state.watches if other is not watch)
+            republish()
+
+        self._events = html_events.named(
+            {"remove": choice_of(remove, lambda: page_state.watches, "watch"), "jump": jump}
+        )
 
     def show(self, state: RunState, page_state: PageState) -> None:
         self._series = {watch.text: self._series.get(watch.text) or watch_series(watch) for watch in page_state.watches}
@@ -71,7 +67,7 @@ class WatchPanel:
         series = self._series[watch.text]
         series.update(state)
         value = series.at(state.moment)
-        remove = button("", self._controls.remove(str(n)), hint=f"Stop watching {watch.text}", icon=icon("leave"),
+        remove = button("", self._events("remove", n), hint=f"Stop watching {watch.text}", icon=icon("leave"),
                         css_class="small")  # fmt: skip
         return (
             f"<div class='row breakpoint'><code class='grow'>{text(watch.text)}</code>"
@@ -90,8 +86,8 @@ class WatchPanel:
         y = height - 2 - (height - 4) * (values - low) / ((high - low) or 1.0)
         points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True))
         at = width * state.moment / max(1, state.length)
-        press = "var r=this.getBoundingClientRect();" + self._controls.jump(
-            f"Math.max(0,Math.round((event.clientX-r.left)/r.width*{state.length}))"
+        press = "var r=this.getBoundingClientRect();" + self._events(
+            "jump", f"Math.max(0,Math.round((event.clientX-r.left)/r.width*{state.length}))"
         )
         return (
             f'<svg viewBox="0 0 {width} {height}" style="width:{width}px;height:{height}px;cursor:pointer" '

@@ -1,1 +1,41 @@
-"""Everything that works around or extends viser."""
+"""Everything that works around viser 1.1.1 or extends it. When viser is upgraded, this room is audited, nothing else.
+
+Private names of viser (`viser._messages`, `handle._impl`, `server._websock_server`, its thread pool), its DOM and JavaScript
+in the page are used here only. Each workaround is covered by a test that fails when viser changes. Numbers after # are
+issues and pull requests of github.com/viser-project/viser.
+
+Server
+- `access`: origin, host and token checks. viser has no authentication, no origin check, and listens on 0.0.0.0 by default.
+- `client_callbacks`: bounded callback queues, one a client. viser runs all callbacks from one unbounded queue.
+- `paced_connection`: limits the rate and size of incoming messages. viser accepts 50 MiB and any rate.
+- `server`: a port in use and an unknown host are errors. viser takes the next port, and hangs on an unknown host. Removes
+  the handlers that open a public tunnel (share.viser.studio), skips the default environment map, which takes seconds to
+  decode, and silences the printed banner. Server threads that outlive the interpreter: #518, #744; `close` avoids them.
+
+Panels
+- `javascript`: viser has a message that runs JavaScript, but no public function for it.
+- `html_events`, `text_field`: events of our own HTML. viser reports none, and of fast changes of a text only the last.
+- `in_place`: keeps unchanged elements of HTML panels. viser replaces all of them.
+- `html_panel`, `style_sheet`: content and style are sent only when they change.
+- `keyboard_focus`, `hotkeys`: hotkeys are ignored while a widget has the focus; function keys are missing in their type.
+  Commands are experimental in viser (#696).
+- `tabs`: viser cannot select a tab, scroll to a heading or reload the page.
+- `floating`, `timeline_placement`: panels can float at a corner, but not span the view; `camera.image_width` counts
+  rendered pixels, not those of the page.
+- `synced_widget`: an assignment from Python calls the widget's callbacks, too.
+- `slider_marks`: assignments to `slider.marks` have no effect.
+- `error_toasts`: exceptions in callbacks are only printed.
+- `theme`: the theme is remembered by the browser.
+
+Scene
+- `mesh_swap`: a GLB node blinks when its file changes, and textures or vertex colors need GLB (#249, #562).
+- `instance_marks`: a node with another number of instances is made anew, and loses clicks meanwhile.
+- `line_node`: a node without line segments is an error in the browser.
+- `node_events`: a click is reported for the node and for the scene; modifiers match exactly; synchronous callbacks may
+  overtake each other. Hover outlines of large meshes are slow (#565), so only marks and frusta are clickable.
+- `camera_pose`: camera setters skip values equal to the browser's last report, which may be out of date.
+- `picking_camera`: the browser's camera as a pinhole camera.
+- `photo_background`: background images are stretched to the window; cameras have a centred principal point.
+
+May import the loose modules of `app` and of `fairing`.
+"""

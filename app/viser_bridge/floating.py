@@ -1,3 +1,3 @@
-"""What floats over the 3D view keeps off its edges."""
+"""Insets of floating panels."""
 
-MARGIN = 16  # px
+MARGIN = 16  # px from the edges of the 3D view

@@ -1,4 +1,4 @@
-"""An HTML widget that sends its content only when it changes."""
+"""HTML panels: content in the page's style that is sent only when it changes."""
 
 import viser
 
@@ -6,13 +6,14 @@ from app.html import box
 
 
 class HtmlPanel:
-    """Content within the page's own type and colours."""
+    """An HTML widget in the container that is open."""
 
     def __init__(self, gui: viser.GuiApi, content: str = "") -> None:
         self._content = content
         self._handle = gui.add_html(box(content))
 
     def set(self, content: str) -> None:
+        """Show this content."""
         if content != self._content:
             self._content = content
             self._handle.content = box(content)

@@ -1,19 +1,19 @@
-"""Panels of our own HTML change in place: what stays the same stays the same element.
+"""In-place updates of HTML panels: elements that stay the same are kept.
 
-viser replaces a panel's whole content when anything in it changes. During a run that is several times a second, and a
-button that is replaced between a press and its release is not pressed, one that has the focus loses it, and so do
-lists their scroll and tooltips their owner. So a few lines run in the page that compare the old content with the new
-and carry over only what differs. If viser should set its content in another way one day, panels are replaced as before.
+viser 1.1.1 replaces the whole content of an HTML widget when anything in it changes, during a run several times a second.
+A button that is replaced between press and release gets no click, a focused one loses the focus, lists lose their scroll
+position. So a script in the page intercepts assignments of `innerHTML`, compares the old content of a panel with the new,
+and applies only the differences. If a later viser assigns its content in another way, panels are replaced as before.
 """
 
 import viser
 
 from app.viser_bridge.javascript import run_in_page
 
-# A button is the same one only as long as it does the same: Run must not become Pause under a finger.
+# A button is kept only while its action is the same: Run must not become Pause between press and release.
 _SCRIPT = """
 if (!window.eigenfairingInPlace) {
-  window.eigenfairingInPlace = new Map();  // lines that are being typed, by name: a tab that is left forgets its own
+  window.eigenfairingInPlace = new Map();  // text being typed, by field: a tab that is left loses its own
   const isSame = (a, b) => a.nodeName === b.nodeName &&
     (a.nodeType !== Node.ELEMENT_NODE || a.getAttribute('onclick') === b.getAttribute('onclick'));
   const change = (from, to) => {
@@ -21,7 +21,7 @@ if (!window.eigenfairingInPlace) {
       if (from.data !== to.data) from.data = to.data;
       return;
     }
-    // What somebody is typing is newer than what the server writes.
+    // Text that is being typed is newer than what the server writes.
     if (from.dataset.written !== to.dataset.written &&
         (document.activeElement !== from || from.value === (from.sent ?? ''))) from.value = to.getAttribute('value');
     for (const {name} of [...from.attributes]) if (!to.hasAttribute(name)) from.removeAttribute(name);
@@ -68,6 +68,6 @@ if (!window.eigenfairingInPlace) {
 """
 
 
-def change_in_place(client: viser.ClientHandle) -> None:
-    """Make it so in this browser."""
+def update_in_place(client: viser.ClientHandle) -> None:
+    """Install the script in this browser's page."""
     run_in_page(client.gui, _SCRIPT)

@@ -1,9 +1,9 @@
-"""Runs JavaScript in a browser's page. viser 1.1.1 can, but offers it only to itself; tests hold it."""
+"""JavaScript in a browser's page: viser 1.1.1 has a message for it, but no public function."""
 
 import viser
 from viser._messages import RunJavascriptMessage
 
 
 def run_in_page(gui: viser.GuiApi, source: str) -> None:
-    """Run a script, once, when all that was sent before has arrived."""
+    """Run a script, once, after everything that was sent before has arrived."""
     gui._websock_interface.queue_message(RunJavascriptMessage(source=source))

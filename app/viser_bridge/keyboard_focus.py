@@ -1,7 +1,7 @@
-"""Keeps the keys alive: the focus stays in a field only while somebody types there.
+"""Keyboard focus: widgets keep it only while somebody types, so that hotkeys keep working.
 
-The browser gives no hotkeys while a text line, a checkbox or a dropdown has the focus, and a click leaves it there. So
-a few lines run in the page that take the focus away once a widget has been used.
+viser 1.1.1 handles no hotkeys while an input, a checkbox or a dropdown has the focus, and a click leaves it there. So a
+script in the page removes the focus once a widget has been used.
 """
 
 import viser
@@ -11,16 +11,16 @@ from app.viser_bridge.javascript import run_in_page
 _SCRIPT = """
 if (!window.eigenfairingFocus) {
   window.eigenfairingFocus = true;
-  // The window hears of an event last, when the widget has done its part.
+  // Listeners of the window are called last, after those of the widget.
   const isField = e => e?.matches?.('input, textarea, select');
   const isTyped = e => e?.matches?.('textarea, input:not([type=checkbox]):not([type=radio]):not([type=range])');
   const release = () => { if (isField(document.activeElement)) document.activeElement.blur(); };
-  // A click that ends anywhere but in a line to type into, or on its label, is done with the widget.
+  // A click on anything but a text input or its label ends the use of the widget.
   window.addEventListener('click', event => {
     const label = event.target.closest?.('label');
     if (!isTyped(event.target) && !isTyped(label?.control)) release();
   });
-  // Enter sends a form between key down and key up, and opens a dropdown that is closed.
+  // Enter submits a form between key down and key up, and opens a closed dropdown.
   let isDone = false;
   window.addEventListener('keydown', event => {
     const field = event.target;
@@ -28,7 +28,7 @@ if (!window.eigenfairingFocus) {
     isDone = isField(field) && (event.key === 'Escape' || (event.key === 'Enter' && !opens));
   }, true);
   window.addEventListener('keyup', () => { if (isDone) release(); isDone = false; });
-  // The camera listens at the document, even to letters that are typed: an "energy" would send it flying.
+  // The camera controls listen on the document, even to letters that are typed.
   document.body.addEventListener('keydown', event => {
     const drives = /^(Key[WASDQE]|Arrow\\w+)$/.test(event.code) && !event.ctrlKey && !event.metaKey;
     if (drives && isTyped(event.target)) event.stopPropagation();
@@ -38,5 +38,5 @@ if (!window.eigenfairingFocus) {
 
 
 def release_focus_after_use(client: viser.ClientHandle) -> None:
-    """Make it so in this browser."""
+    """Install the script in this browser's page."""
     run_in_page(client.gui, _SCRIPT)

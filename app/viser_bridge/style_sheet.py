@@ -1,6 +1,6 @@
-"""The page's style sheet: in its head, once.
+"""The page's style sheet, set once in the head of the document.
 
-Within the panels' content it would be sent and laid anew with every change of theirs, 8 KB each time.
+Within the content of a panel it would be sent and applied again with every change of the panel, 8 KB each time.
 """
 
 import json
@@ -16,6 +16,6 @@ sheet.textContent = %s;
 """
 
 
-def lay_style_sheet(client: viser.ClientHandle, css: str) -> None:
-    """Give a browser's page this style sheet, in place of any other from here."""
+def set_style_sheet(client: viser.ClientHandle, css: str) -> None:
+    """Give a browser's page this style sheet, in place of an earlier one."""
     run_in_page(client.gui, f"{{{_SCRIPT % json.dumps(css)}}}")

@@ -1,6 +1,4 @@
-"""Brings a tab to the front, a heading into sight, or loads the page anew. viser 1.1.1 has no calls for it, but runs a
-line in the page; tests hold it.
-"""
+"""Navigation within the page: select a tab, scroll to a heading, reload. viser 1.1.1 has no functions for these."""
 
 import json
 
@@ -8,16 +6,16 @@ import viser
 
 from app.viser_bridge.javascript import run_in_page
 
-SCROLL_TRIES = 50  # 0.1 s each: what a heading stands over may still be drawn
-SCROLLS = 12  # once it is there: pictures above it may still come
+SCROLL_TRIES = 50  # 0.1 s each: the heading may not have been drawn yet
+SCROLLS = 12  # repetitions once it is there: images above it may still be loading
 
 
 def show_tab(client: viser.ClientHandle, title: str) -> None:
-    """Choose the tab of this title."""
+    """Select the tab with this title."""
     source = f"""
         const tab = Array.from(document.querySelectorAll('[role=tab]'))
             .find(tab => tab.textContent.trim() === {json.dumps(title)});
-        // Tabs of panels listen to the keys and the pointer, those within a panel to clicks.
+        // Tabs of docked panels handle keys and pointer events, those within a panel clicks.
         if (tab?.hasAttribute('data-dock-tab'))
             tab.dispatchEvent(new KeyboardEvent('keydown', {{key: 'Enter', bubbles: true}}));
         else tab?.click();
@@ -26,7 +24,7 @@ def show_tab(client: viser.ClientHandle, title: str) -> None:
 
 
 def show_heading(client: viser.ClientHandle, title: str) -> None:
-    """Scroll its panel to a heading, as soon as it is there."""
+    """Scroll to a heading of a panel, as soon as it is there; any input by the user ends it."""
     source = f"""
         let left = {SCROLL_TRIES};
         const stop = () => {{ left = 0; }};
@@ -43,5 +41,5 @@ def show_heading(client: viser.ClientHandle, title: str) -> None:
 
 
 def reload_page(client: viser.ClientHandle, after: float) -> None:
-    """Load the page anew in so many seconds."""
+    """Reload the page in `after` seconds."""
     run_in_page(client.gui, f"setTimeout(() => location.reload(), {1000 * after:.0f})")

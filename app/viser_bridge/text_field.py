@@ -1,7 +1,7 @@
-"""A line to type into, whose text arrives as it was when Enter was pressed.
+"""Text fields whose text is sent when Enter is pressed.
 
-viser's own lines tell every letter, but of messages that follow each other within 50 ms only the last: a quick Enter
-loses the last letter. And what the server writes into them takes the place of what is being typed.
+The text inputs of viser 1.1.1 send every letter, but of changes within 50 ms only the last: a quick Enter loses the last
+letter. And what the server writes into them replaces what is being typed.
 """
 
 from collections.abc import Callable
@@ -9,21 +9,21 @@ from collections.abc import Callable
 import viser
 
 from app.html import text
-from app.viser_bridge.html_events import Bridge
+from app.viser_bridge.html_events import HtmlEvents
 from app.viser_bridge.html_panel import HtmlPanel
 
 
-class Line:
+class TextField:
     """Enter calls `on_enter` with the text.
 
     Args:
-        keeps: the text stays after Enter; else the line is empty at once, for the next.
+        keeps: the text stays after Enter; else the field is emptied at once.
     """
 
     def __init__(
         self,
         gui: viser.GuiApi,
-        bridge: Bridge,
+        events: HtmlEvents,
         name: str,
         hint: str,
         on_enter: Callable[[str], None],
@@ -31,26 +31,26 @@ class Line:
         keeps: bool = False,
     ) -> None:
         self._name, self._hint, self._keeps, self._on_enter = name, hint, keeps, on_enter
-        self._send = bridge.text(self._take)
+        self._send = events.text(self._receive)
         self._written, self._times = "", 0
         self._draft = ""
         self._panel = HtmlPanel(gui, self._content())
 
     def write(self, line: str) -> None:
-        """Show this, unless somebody is typing there."""
+        """Show this text, unless the user is typing there."""
         if line != self._written or self._draft:
             self._written, self._draft, self._times = line, "", self._times + 1
             self._panel.set(self._content())
 
     def take_draft(self) -> str:
-        """What was typed without Enter and left, if anything; the line is empty then."""
+        """The text that was typed without Enter before the field lost the focus, if any; the field is emptied."""
         draft = self._draft
         if draft:
             self.write("")
         return draft
 
-    def _take(self, line: str, is_sent: bool) -> None:
-        if not is_sent:
+    def _receive(self, line: str, is_entered: bool) -> None:
+        if not is_entered:
             self._draft = line if line != self._written else ""
             return
         self._draft, self._written = "", line if self._keeps else ""

@@ -1,4 +1,4 @@
-"""Dark or light, as this browser was left."""
+"""Dark or light theme, remembered by the browser."""
 
 import logging
 import threading
@@ -8,13 +8,13 @@ import viser
 from app.palette import BRAND
 
 _KEY = "eigenfairing-theme"
-_PATIENCE = 5.0  # s: a browser that does not say in time gets the dark one
+_TIMEOUT = 5.0  # s: a browser that has not answered by then keeps the dark theme
 
 
 class Theme:
-    """One browser's theme, remembered by the browser itself.
+    """One browser's theme: dark until the browser has answered that it was left with the light one.
 
-    Dark until the browser has said something else: nobody waits for its answer.
+    The answer is awaited on a thread, so that the page does not wait for it.
 
     Attributes:
         is_dark: the theme at present.
@@ -27,16 +27,16 @@ class Theme:
         threading.Thread(target=self._recall, name="theme", daemon=True).start()
 
     def switch(self) -> None:
-        """The other one, from now on."""
+        """Switch to the other theme and remember it."""
         self.is_dark = not self.is_dark
         self._client.local_storage.set_item(_KEY, "dark" if self.is_dark else "light")
         self._apply()
 
     def _recall(self) -> None:
         try:
-            remembered = self._client.local_storage.get_item(_KEY, timeout=_PATIENCE)
-        except (RuntimeError, TimeoutError):  # a browser may keep nothing, or have gone
-            logging.getLogger(__name__).debug("the browser does not say which theme it was left with")
+            remembered = self._client.local_storage.get_item(_KEY, timeout=_TIMEOUT)
+        except (RuntimeError, TimeoutError):  # the browser may store nothing, or have disconnected
+            logging.getLogger(__name__).debug("the browser did not answer which theme it was left with")
             return
         if remembered == "light":
             self.is_dark = False

@@ -1,16 +1,16 @@
-"""The timeline floats at the bottom of the 3D view, as wide as it."""
+"""Placement of the timeline: a floating panel along the bottom of the 3D view, as wide as the view."""
 
 import viser
 
 from app.viser_bridge.floating import MARGIN
-from app.viser_bridge.html_events import Bridge, whole_number
+from app.viser_bridge.html_events import HtmlEvents, whole_number
 from app.viser_bridge.javascript import run_in_page
 
-LEAST = 320  # px
-WIDEST = 20_000  # px
+MIN_WIDTH = 320  # px
+MAX_WIDTH = 20_000  # px
 
-# viser's own `camera.image_width` counts the pixels that are drawn: twice as many on a fine screen, three quarters while
-# drawing is slow. The page places panels in CSS pixels, so it tells them itself.
+# In viser 1.1.1 `camera.image_width` counts rendered pixels: twice as many on a high-density screen, fewer while rendering
+# is slow. Panels are placed in CSS pixels, so the page measures the view itself.
 _SCRIPT = """
 {
   const watch = () => {
@@ -25,15 +25,15 @@ _SCRIPT = """
 """
 
 
-class TimelinePlace:
-    """Puts a floating panel there, and again when the view changes its size."""
+class TimelinePlacement:
+    """Places a floating panel there, and again when the view changes its size."""
 
-    def __init__(self, gui: viser.GuiApi, panel: viser.PanelHandle, bridge: Bridge) -> None:
+    def __init__(self, gui: viser.GuiApi, panel: viser.PanelHandle, events: HtmlEvents) -> None:
         self._panel = panel
-        self._fit(LEAST)
-        told = bridge.number(self._fit)("Math.round(canvas.clientWidth)")
-        run_in_page(gui, _SCRIPT % told)
+        self._fit(MIN_WIDTH)
+        send_width = events.number(self._fit)("Math.round(canvas.clientWidth)")
+        run_in_page(gui, _SCRIPT % send_width)
 
     def _fit(self, view_width: object) -> None:
-        width = whole_number(view_width, 1, WIDEST, "width of the view") - 2 * MARGIN
-        self._panel.float(x=MARGIN, y=-MARGIN, width=max(LEAST, width))
+        width = whole_number(view_width, 1, MAX_WIDTH, "width of the view") - 2 * MARGIN
+        self._panel.float(x=MARGIN, y=-MARGIN, width=max(MIN_WIDTH, width))

@@ -33,16 +33,16 @@ def app():
 @pytest.fixture(autouse=True)
 def selected(visitor: Visitor):
     """A vertex whose cells there are to look at."""
-    if _page(visitor).view.selected != 0:
-        _page(visitor)._hands.select(0)
+    if _page(visitor).page_state.selected != 0:
+        _page(visitor).interaction.select(0)
 
 
 def _page(visitor: Visitor):
-    return next(iter(visitor.app._pages.values()))
+    return next(iter(visitor.app.pages.values()))
 
 
 def test_a_cell_is_enlarged_and_says_its_values_under_the_pointer(visitor: Visitor):
-    page, view = visitor.page, _page(visitor).view
+    page, view = visitor.page, _page(visitor).page_state
     name = visitor.app.controller.scene.views[2].name
     strip = page.get_by_role("button", name=f"Enlarge a cell in {name}", exact=True)
     strip.wait_for()
@@ -62,7 +62,7 @@ def test_a_cell_is_enlarged_and_says_its_values_under_the_pointer(visitor: Visit
 
 
 def test_a_cell_is_enlarged_as_long_as_the_mouse_rests_on_it(visitor: Visitor):
-    page, view = visitor.page, _page(visitor).view
+    page, view = visitor.page, _page(visitor).page_state
     name = visitor.app.controller.scene.views[1].name
     box = visitor.box_of(page.get_by_role("button", name=f"Enlarge a cell in {name}", exact=True))
     page.mouse.move(box["x"] + 3, box["y"] + 5)
@@ -76,7 +76,7 @@ def test_a_cell_is_enlarged_as_long_as_the_mouse_rests_on_it(visitor: Visitor):
 
 
 def test_a_picture_of_a_pair_is_enlarged_and_changed_for_another(visitor: Visitor):
-    page, view = visitor.page, _page(visitor).view
+    page, view = visitor.page, _page(visitor).page_state
     visitor.button("Page: Pair").click()
     visitor.button("Enlarge average, at the start").click()
     lens = page.locator(".ef", has=page.get_by_role("button", name="Close the lens"))
@@ -92,7 +92,7 @@ def test_a_picture_of_a_pair_is_enlarged_and_changed_for_another(visitor: Visito
 
 
 def test_columns_are_switched_and_another_k_is_looked_at_without_a_change_of_the_run(visitor: Visitor):
-    page, view = visitor.page, _page(visitor).view
+    page, view = visitor.page, _page(visitor).page_state
     before = visitor.app.controller.state
     page.get_by_role("button", name="Show Robust norm").click()
     wait_for(lambda: "norm" in view.cells.columns)
@@ -112,7 +112,7 @@ def test_photos_and_pairs_are_shown(visitor: Visitor):
     visitor.button("Page: Pair").click()
     page.get_by_text("i warped into j").first.wait_for()
     page.get_by_role("button", name=f"Photo i: {name}", exact=True).click()
-    wait_for(lambda: _page(visitor).view.cells.pair[0] == 1)
+    wait_for(lambda: _page(visitor).page_state.cells.pair[0] == 1)
     visitor.button("Page: Cells").click()
 
 
@@ -141,7 +141,7 @@ def test_a_recorded_value_leads_to_its_last_change(visitor: Visitor):
 
 
 def test_a_watch_is_added_shows_its_value_and_is_removed(visitor: Visitor):
-    page, view = visitor.page, _page(visitor).view
+    page, view = visitor.page, _page(visitor).page_state
     entry = visitor.input_of("Watch")
     entry.fill("energy *")
     entry.press("Enter")

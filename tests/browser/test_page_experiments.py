@@ -63,5 +63,5 @@ def test_one_experiment_at_a_time(visitor: Visitor):
     page.get_by_text("Capture range is running; only one experiment runs at a time.").wait_for()
     page.get_by_text("Capture range", exact=True).click()
     visitor.button("Cancel").click()
-    wait_for(lambda: visitor.app._shared.experiments.working is None)
+    wait_for(lambda: visitor.app.resources.experiments.working is None)
     visitor.button("Start the experiment").wait_for()

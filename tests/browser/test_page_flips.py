@@ -1,14 +1,14 @@
-"""A record of flips in a real browser."""
+"""A flip record in a real browser."""
 
 import numpy as np
 import pytest
 
-from app.flips.page import FlipApp
-from app.viser_bridge.viewer import start_viewer
+from app.flips.server import FlipApp
+from app.viser_bridge.server import start_viewer
 from demo_scenes import load_demo
 from fairing.scene import Scene
 from tests.browser.driver import IN_BROWSER, WINDOW
-from tests.test_flip_film import flipped_at_random, grid_mesh
+from tests.flip_records import flipped_at_random, grid_mesh
 from tests.waiting import PATIENCE, wait_for
 
 pytestmark = IN_BROWSER

@@ -1,4 +1,4 @@
-"""While panels change many times a second: presses arrive, the focus stays, and what somebody types stays theirs."""
+"""Panels that change many times a second, in a real browser: clicks arrive, the focus stays, typed text is kept."""
 
 import threading
 import time
@@ -25,7 +25,7 @@ OPTIONS = FairingOptions(
 
 
 def page_of(visitor: Visitor):
-    return next(iter(visitor.app._pages.values()))
+    return next(iter(visitor.app.pages.values()))
 
 
 @dataclass(frozen=True)
@@ -83,8 +83,8 @@ def running(visitor: Visitor, monkeypatch: pytest.MonkeyPatch) -> Iterator[Runni
     visitor.page.get_by_role("tab", name="Vertex").click()
 
 
-def test_slow_presses_arrive_while_their_panels_change(running: Running):
-    controller, view = running.visitor.app.controller, page_of(running.visitor).view
+def test_slow_clicks_arrive_while_their_panels_change(running: Running):
+    controller, view = running.visitor.app.controller, page_of(running.visitor).page_state
     running.press_slowly("Stop the run or only log")
     wait_for(lambda: not controller.state.breakpoints[0].logs)
     running.visitor.button("Stop the run or only log").click()
@@ -107,7 +107,7 @@ def test_the_focus_stays_on_a_button_whose_panel_changes(running: Running):
     wait_for(lambda: controller.state.breakpoints[0].logs)
 
 
-def test_a_button_that_has_become_another_is_not_pressed(running: Running):
+def test_a_button_that_changes_its_action_during_a_click_is_not_triggered(running: Running):
     """Run takes the place of Pause when a run ends: whoever was about to pause does not start it anew."""
     controller, visitor = running.visitor.app.controller, running.visitor
     box, mouse = visitor.box_of(visitor.button("Pause")), visitor.page.mouse
@@ -121,9 +121,9 @@ def test_a_button_that_has_become_another_is_not_pressed(running: Running):
     assert controller.state.activity is Activity.PAUSED
 
 
-def test_a_quick_enter_takes_the_whole_line_and_the_next_is_typed_at_once(visitor: Visitor):
+def test_a_quick_enter_sends_the_whole_line_and_the_next_can_be_typed_at_once(visitor: Visitor):
     """Of messages within 50 ms the viewer's own lines tell only the last, and write over what is being typed."""
-    page, view = visitor.page, page_of(visitor).view
+    page, view = visitor.page, page_of(visitor).page_state
     entry = visitor.input_of("Vertices")
     for line, chosen in (("2, 4-6", (2, 4, 5, 6)), ("1", (1,)), ("0-3", (0, 1, 2, 3))):
         entry.click()
@@ -140,24 +140,24 @@ def test_a_quick_enter_takes_the_whole_line_and_the_next_is_typed_at_once(visito
     assert watch.input_value() == ""
 
 
-def test_what_is_being_typed_is_not_written_over(visitor: Visitor):
-    page, hands, entry = visitor.page, page_of(visitor)._hands, visitor.input_of("Vertices")
-    hands.choose(Selection((5,)))
+def test_text_being_typed_is_not_overwritten(visitor: Visitor):
+    page, hands, entry = visitor.page, page_of(visitor).interaction, visitor.input_of("Vertices")
+    hands.set_selection(Selection((5,)))
     wait_for(lambda: entry.input_value() == "5")
     entry.click()
     page.keyboard.press("Control+a")
     page.keyboard.type("2")
-    hands.choose(Selection((3,)))
+    hands.set_selection(Selection((3,)))
     page.get_by_text("Vertex 3", exact=True).wait_for()
     page.keyboard.type(", 4")
     assert entry.input_value() == "2, 4"
     page.keyboard.press("Enter")
-    wait_for(lambda: set(page_of(visitor).view.selection.vertices) == {2, 4})
-    hands.choose(Selection((6,)))
+    wait_for(lambda: set(page_of(visitor).page_state.selection.vertices) == {2, 4})
+    hands.set_selection(Selection((6,)))
     wait_for(lambda: entry.input_value() == "6")
 
 
-def test_a_draft_outlives_a_look_at_another_tab_and_the_camera_rests_while_it_is_typed(visitor: Visitor):
+def test_a_draft_survives_a_change_of_tabs_and_typing_does_not_move_the_camera(visitor: Visitor):
     page = visitor.page
     where = "() => window.__viserMutable.camera.position.toArray()"
     before = page.evaluate(where)

@@ -26,11 +26,11 @@ def app():
 
 
 def page_of(app: App):
-    return next(iter(app._pages.values()))
+    return next(iter(app.pages.values()))
 
 
 def player_of(app: App) -> Player:
-    return page_of(app)._lessons.player
+    return page_of(app).lessons.player
 
 
 def arrive(visitor: Visitor, step: int) -> None:
@@ -64,7 +64,7 @@ def finish(visitor: Visitor) -> None:
 def wait_for_scene(visitor: Visitor, name: str) -> None:
     """Wait until the page has come anew with another scene and its lesson."""
     wait_for(lambda: visitor.app.controller.scene.name == name, PHOTOS)
-    wait_for(lambda: bool(visitor.app._pages) and player_of(visitor.app).lesson is not None, SLOW)
+    wait_for(lambda: bool(visitor.app.pages) and player_of(visitor.app).lesson is not None, SLOW)
     arrive(visitor, 0)
 
 
@@ -83,8 +83,8 @@ def test_the_first_lesson_is_read_with_the_mouse(visitor: Visitor):
             assert formula is not None
             assert formula["height"] > 15
     state = app.controller.wait_until_idle()
-    visitor.sees_vertices(app._shared.stage.page_from_world(state.vertices))
-    assert page_of(app).view.cells.page == "pair"
+    visitor.sees_vertices(app.resources.stage.page_from_world(state.vertices))
+    assert page_of(app).page_state.cells.page == "pair"
     visitor.button("Begin the next lesson").wait_for()
 
 
@@ -92,7 +92,7 @@ def test_a_walk_of_ones_own_is_noticed_and_the_lesson_resumed(visitor: Visitor):
     app, page = visitor.app, visitor.page
     choose_lesson(visitor, "model")
     arrive(visitor, 0)
-    page_of(app)._guard(player_of(app).go)(5)
+    page_of(app).frame.toasts(player_of(app).go)(5)
     arrive(visitor, 5)
     app.controller.post(JumpTo(0))
     visitor.button("Resume lesson").wait_for()

@@ -1,4 +1,4 @@
-"""What stands in the 3D view, in a real browser: colours, shapes, photos behind the mesh, dark and light."""
+"""The 3D view in a real browser: colourings, shapes, photos behind the mesh, dark and light theme."""
 
 import numpy as np
 import pytest
@@ -82,8 +82,8 @@ def test_the_surface_is_coloured_by_a_quantity_with_a_legend(visitor: Visitor):
     visitor.page.get_by_text("Last step of each vertex", exact=True).wait_for(state="hidden")
 
 
-def test_the_surface_stands_before_now_and_at_the_truth_with_textures_of_its_own(visitor: Visitor, scene):
-    stage, state = visitor.app._shared.stage, visitor.app.controller.state
+def test_the_surface_is_shown_at_the_start_now_and_at_the_truth_each_with_its_texture(visitor: Visitor, scene):
+    stage, state = visitor.app.resources.stage, visitor.app.controller.state
     places = {"Start": state.trace.start, "Truth": scene.truth.vertices, "Now": state.vertices}
     for name, vertices in places.items():
         visitor.button(f"Vertices at: {name}").click()
@@ -95,16 +95,16 @@ def test_the_surface_stands_before_now_and_at_the_truth_with_textures_of_its_own
     visitor.sees_vertices(stage.page_from_world(state.vertices))
 
 
-def test_the_model_is_laid_over_the_photo_looked_through(visitor: Visitor, scene):
-    page = next(iter(visitor.app._pages.values()))
+def test_the_model_is_blended_with_the_photo_of_the_entered_camera(visitor: Visitor, scene):
+    page = next(iter(visitor.app.pages.values()))
     visitor.page.keyboard.press("3")
-    wait_for(lambda: page.view.entered == 2)
+    wait_for(lambda: page.page_state.entered == 2)
     visitor.page.get_by_text("Photo – model", exact=True).wait_for()
-    page.view.model_share = 1.0
+    page.page_state.model_share = 1.0
     visitor.app.controller.republish()
     # The renderer is compiled on its first use.
-    wait_for(lambda: page._look_through._laid is not None and page._look_through._laid[1] == 1.0)
-    laid = page._look_through._laid[0]
+    wait_for(lambda: page.camera.camera_view._sent is not None and page.camera.camera_view._sent[1] == 1.0)
+    laid = page.camera.camera_view._sent[0]
     assert laid.view_id == 2
     photo = scene.views[2].photo.load()
     assert np.array_equal(laid.over(photo, 0.0), photo)
@@ -113,18 +113,18 @@ def test_the_model_is_laid_over_the_photo_looked_through(visitor: Visitor, scene
     assert np.abs(half - (photo.astype(int) + whole) / 2).max() <= 1
     assert np.abs(whole - photo)[laid.is_known].mean() < 30, "the prediction shows the same thing as the photo"
     visitor.button("Overlay: Swipe").click()
-    wait_for(lambda: page._look_through._laid == (laid, 1.0, True))
-    page.view.model_share = 0.0
+    wait_for(lambda: page.camera.camera_view._sent == (laid, 1.0, True))
+    page.page_state.model_share = 0.0
     visitor.page.keyboard.press("0")
-    wait_for(lambda: page.view.entered is None)
+    wait_for(lambda: page.page_state.entered is None)
 
 
-def test_what_the_photos_determine_is_drawn_at_the_selected_vertices_and_told(visitor: Visitor):
-    page = next(iter(visitor.app._pages.values()))
-    page._hands.choose(Selection((1, 0)))
+def test_the_certainty_of_the_selected_vertices_is_drawn_and_listed(visitor: Visitor):
+    page = next(iter(visitor.app.pages.values()))
+    page.interaction.set_selection(Selection((1, 0)))
     visitor.button("Show certainty ellipsoids").click()
     visitor.page.wait_for_function("() => window.__viserMutable.nodeRefFromName['/certainty']?.visible")
-    lines = next(layer for layer in page._layers if isinstance(layer, CertaintyLayer))._lines._node
+    lines = next(layer for layer in page.layers._layers if isinstance(layer, CertaintyLayer))._lines._node
     wait_for(lambda: len(lines.points) == 2 * (3 * PIECES + 1))
     visitor.page.get_by_role("tab", name="Vertex").click()
     visitor.page.get_by_text("3 σ, world units", exact=True).wait_for()

@@ -1,4 +1,4 @@
-"""Runs, bookmarks, comparing and playing in a real browser."""
+"""Runs, bookmarks, comparison and playback in a real browser."""
 
 import time
 
@@ -53,7 +53,7 @@ def lines_of(visitor: Visitor, name: str) -> np.ndarray | None:
     return None if found is None else np.array(found, dtype=np.float32).reshape(-1, 2, 3)
 
 
-def test_a_bookmark_leads_back_and_can_be_compared_with(visitor: Visitor):
+def test_a_bookmark_is_returned_to_and_compared_with(visitor: Visitor):
     controller = visitor.app.controller
     jump(visitor, 4)
     visitor.page.get_by_role("tab", name="Bookmarks").click()
@@ -68,7 +68,7 @@ def test_a_bookmark_leads_back_and_can_be_compared_with(visitor: Visitor):
     wait_for(lambda: controller.state.moment == 4)
     jump(visitor, -1)
     visitor.button("Compare with this moment").click()
-    stage, scene = visitor.app._shared.stage, visitor.app.controller.scene
+    stage, scene = visitor.app.resources.stage, visitor.app.controller.scene
     then, now = (controller.state.trace.vertices_at(moment) for moment in (4, controller.state.length))
     edges = scene.mesh.edges[(then != now).any(axis=1)[scene.mesh.edges].any(axis=1)]
     expected = stage.page_from_world(then)[edges]
@@ -82,7 +82,7 @@ def test_a_bookmark_leads_back_and_can_be_compared_with(visitor: Visitor):
     wait_for(lambda: not controller.state.bookmarks)
 
 
-def test_restart_keeps_the_run_and_its_name_brings_it_back(visitor: Visitor):
+def test_restart_keeps_the_run_and_a_click_on_its_name_switches_to_it(visitor: Visitor):
     controller = visitor.app.controller
     jump(visitor, -1)
     before = controller.state
@@ -97,7 +97,7 @@ def test_restart_keeps_the_run_and_its_name_brings_it_back(visitor: Visitor):
     )
     visitor.button("Switch to Run 1").click()
     wait_for(lambda: controller.state.run_id == 1)
-    visitor.sees_vertices(visitor.app._shared.stage.page_from_world(before.vertices))
+    visitor.sees_vertices(visitor.app.resources.stage.page_from_world(before.vertices))
     visitor.button("Delete Run 2").click()
     wait_for(lambda: len(controller.state.runs) == 1)
 
@@ -123,23 +123,23 @@ def test_the_record_plays_and_stops(visitor: Visitor):
     visitor.page.keyboard.press("t")
     wait_for(lambda: controller.state.activity is Activity.PAUSED)
     state = controller.wait_until_idle()
-    visitor.sees_vertices(visitor.app._shared.stage.page_from_world(state.vertices))
+    visitor.sees_vertices(visitor.app.resources.stage.page_from_world(state.vertices))
 
 
-def test_the_past_can_be_looked_at_while_the_run_goes_on(visitor: Visitor, monkeypatch: pytest.MonkeyPatch):
-    controller, stage = visitor.app.controller, visitor.app._shared.stage
+def test_a_past_moment_can_be_shown_while_the_run_goes_on(visitor: Visitor, monkeypatch: pytest.MonkeyPatch):
+    controller, stage = visitor.app.controller, visitor.app.resources.stage
     jump(visitor, -1)
     step = Session.step
     with monkeypatch.context() as patch:
         patch.setattr(Session, "step", lambda self: time.sleep(0.3) or step(self))
         controller.post(Run())
         wait_for(lambda: controller.state.activity is Activity.RUNNING)
-        page = next(iter(visitor.app._pages.values()))
-        page._guard(page._run.jump)(2)
+        page = next(iter(visitor.app.pages.values()))
+        page.frame.toasts(page.run_controls.jump)(2)
         visitor.sees_vertices(stage.page_from_world(controller.state.trace.vertices_at(2)))
         assert controller.state.activity is Activity.RUNNING
         visitor.button("Follow live").click()
-        wait_for(lambda: page.view.looks_at is None)
+        wait_for(lambda: page.page_state.looks_at is None)
         visitor.page.keyboard.press("p")
         state = controller.wait_until_idle()
     visitor.sees_vertices(stage.page_from_world(state.vertices))

@@ -57,8 +57,8 @@ def sees(visitor: Visitor, name: str) -> np.ndarray:
 
 
 def look_from(visitor: Visitor, view_id: int) -> None:
-    page = next(iter(visitor.app._pages.values()))
-    page._client.camera.position = visitor.app._shared.stage.camera_centers[view_id]
+    page = next(iter(visitor.app.pages.values()))
+    page._client.camera.position = visitor.app.resources.stage.camera_centers[view_id]
 
 
 def test_the_texture_follows_the_eye_until_it_is_switched_off(visitor: Visitor):
@@ -83,7 +83,7 @@ def test_a_step_shows_the_static_texture_until_the_new_shape_is_painted(visitor:
     before = visitor.app.controller.state.vertices
     assert visitor.press("Step one iteration").vertices is not before
     sees(visitor, "view_dependent")
-    view_dependent = next(iter(visitor.app._pages.values()))._surface._view_dependent
+    view_dependent = next(iter(visitor.app.pages.values())).layers.surface._view_dependent
     now = visitor.app.controller.state.vertices
     wait_for(lambda: getattr(view_dependent.turns.shown, "vertices", None) is now)
     visitor.button("Texture: Static").click()

@@ -1,4 +1,4 @@
-"""What a user of one browser does to the run: go to moments, stop at them."""
+"""Run controls: navigation to recorded moments, and breakpoints on the selected vertex."""
 
 from collections.abc import Callable
 
@@ -14,50 +14,50 @@ from fairing.errors import InputError
 
 
 class RunControls:
-    """Each of these may be called with anything a browser sends.
+    """The run as one browser controls it. Values come from the browser and are checked.
 
-    All raise InputError with one line on a value that makes no sense.
+    All methods raise InputError with one line on a value that makes no sense.
     """
 
-    def __init__(self, controller: Controller, view: PageState) -> None:
-        self._controller, self._view = controller, view
+    def __init__(self, controller: Controller, page_state: PageState) -> None:
+        self._controller, self._page_state = controller, page_state
 
     def poster(self, command: Command) -> Callable[[], None]:
-        """What posts a command."""
+        """A callback that posts a command."""
         return lambda: self._controller.post(command)
 
     def jump(self, moment: object) -> None:
-        """To a moment of the record; during a run only this browser looks at it."""
+        """Go to a recorded moment; during a run only this browser shows it, and the run goes on."""
         state = self._controller.state
         wanted = whole_number(moment, 0, max(1, state.length), "moment")
         if state.activity is Activity.RUNNING:
-            self._view.looks_at = wanted
+            self._page_state.looks_at = wanted
             self._controller.republish()
         else:
             self._controller.post(JumpTo(wanted))
 
     def to_change(self, n: object) -> None:
-        """To where a recorded value of the selected vertex last changed."""
+        """Go to where a recorded value of the selected vertex last changed."""
         item, state = ITEMS[whole_number(n, 0, len(ITEMS) - 1, "value")], self._controller.state
-        if self._view.selected is None:
+        if self._page_state.selected is None:
             return
-        moment = last_change(item, state.trace.steps, state.moment, self._view.selected)
+        moment = last_change(item, state.trace.steps, state.moment, self._page_state.selected)
         if moment is None:
             raise InputError(f"{item.name}: did not change before moment {state.moment}")
         self._controller.post(JumpTo(moment))
 
     def to_beginning(self, extent: object) -> None:
-        """To the beginning of the present level, sweep or unit."""
+        """Go to the beginning of the present level, sweep or block."""
         self._controller.post(ToBeginning(Extent(whole_number(extent, Extent.LEVEL, Extent.UNIT, "extent"))))
 
     def to_move_of_selected(self, direction: int) -> None:
-        """To the next step, forward or back, that moved the selected vertex."""
+        """Go to the next step that moved the selected vertex, forward (1) or back (-1)."""
         moment = next_move(self._controller.state, self._selected(), direction)
         if moment is not None:
             self._controller.post(JumpTo(moment))
 
     def toggle_breakpoint(self) -> None:
-        """A breakpoint on the selected vertex, or none any more."""
+        """Add a breakpoint on the selected vertex, or remove it."""
         condition = f"about({self._selected()})"
 
         def toggled(breakpoints: Breakpoints) -> Breakpoints:
@@ -69,6 +69,6 @@ class RunControls:
         self._controller.edit_breakpoints(toggled)
 
     def _selected(self) -> int:
-        if self._view.selected is None:
+        if self._page_state.selected is None:
             raise InputError("no vertex is selected; click one first")
-        return self._view.selected
+        return self._page_state.selected

@@ -1,9 +1,9 @@
-"""A photo behind the mesh: every camera's photo lies where a centred window camera draws the points it shows."""
+"""Photo background: every photo lies where a centred window camera draws the points that the photo shows."""
 
 import numpy as np
 import pytest
 
-from app.page.camera_view import fit_photo, photo_behind
+from app.viser_bridge.photo_background import fit_photo, photo_background
 from fairing.camera import Camera
 
 
@@ -35,9 +35,9 @@ def test_points_are_drawn_on_their_pixels_and_the_whole_photo_is_in_the_window(n
     assert (in_window <= np.array(window) - 0.5 + 1e-6).all()
 
 
-def test_around_the_photo_lies_the_ground_of_the_theme():
+def test_the_photo_is_surrounded_by_the_color_of_the_theme():
     view = CAMERAS["centred"]
     photo = np.full((480, 640, 3), 200, dtype=np.uint8)
-    picture = photo_behind(photo, fit_photo(view, 400, 900), 400, 900, (10, 20, 30))
+    picture = photo_background(photo, fit_photo(view, 400, 900), 400, 900, (10, 20, 30))
     assert (picture[5] == (10, 20, 30)).all()
     assert (picture[450, 20:-20] == 200).all()

@@ -1,4 +1,4 @@
-"""What a user does with hands, in a real browser: choose vertices, move them, and go on with the keys."""
+"""Selection, dragging and locking of vertices, and the keyboard focus, in a real browser."""
 
 import numpy as np
 import pytest
@@ -23,32 +23,32 @@ def visitor(module_visitor: Visitor):
     """A page at the start of the recorded run, nothing selected; fails a test that left trouble behind."""
     module_visitor.app.controller.post(JumpTo(0))
     module_visitor.app.controller.wait_until_idle()
-    hands, view = page_of(module_visitor)._hands, page_of(module_visitor).view
+    interaction, page_state = page_of(module_visitor).interaction, page_of(module_visitor).page_state
 
-    def nothing_is_chosen() -> bool:
-        if view.selection.vertices:  # a click of the test before may still be on its way
-            hands.choose(Selection())
+    def nothing_is_selected() -> bool:
+        if page_state.selection.vertices:  # a click of the test before may still be on its way
+            interaction.set_selection(Selection())
         return module_visitor.input_of("Vertices").input_value() == ""
 
-    wait_for(nothing_is_chosen)
+    wait_for(nothing_is_selected)
     yield module_visitor
     assert module_visitor.troubles == []
 
 
 def page_of(visitor: Visitor):
-    return next(iter(visitor.app._pages.values()))
+    return next(iter(visitor.app.pages.values()))
 
 
 def page_vertices(visitor: Visitor, moment: int) -> np.ndarray:
-    return visitor.app._shared.stage.page_from_world(visitor.app.controller.state.trace.vertices_at(moment))
+    return visitor.app.resources.stage.page_from_world(visitor.app.controller.state.trace.vertices_at(moment))
 
 
 def selected(visitor: Visitor) -> list[int]:
-    return sorted(page_of(visitor).view.selection.vertices)
+    return sorted(page_of(visitor).page_state.selection.vertices)
 
 
-def test_clicks_choose_one_and_with_shift_more(visitor: Visitor):
-    view = page_of(visitor).view
+def test_a_click_selects_one_vertex_and_with_shift_several(visitor: Visitor):
+    view = page_of(visitor).page_state
     visitor.click_vertex(0)
     wait_for(lambda: view.selection.vertices == (0,))
     visitor.page.keyboard.down("Shift")
@@ -63,7 +63,7 @@ def test_clicks_choose_one_and_with_shift_more(visitor: Visitor):
     wait_for(lambda: view.selection.vertices == (2,))
 
 
-def test_a_rectangle_chooses_what_is_in_it_and_a_click_beside_nothing(visitor: Visitor):
+def test_a_rectangle_selects_the_vertices_in_it_and_a_click_on_the_background_deselects(visitor: Visitor):
     canvas = visitor.canvas_box()
     mouse = visitor.page.mouse
     x, y = visitor.drawn_at(0)
@@ -79,12 +79,12 @@ def test_a_rectangle_chooses_what_is_in_it_and_a_click_beside_nothing(visitor: V
     wait_for(lambda: selected(visitor) == [])
 
 
-def test_numbers_choose_and_show_what_the_mouse_chose(visitor: Visitor):
+def test_vertices_are_selected_by_number_and_the_field_shows_the_selection(visitor: Visitor):
     entry = visitor.input_of("Vertices")
     entry.fill("2, 4-6")
     entry.press("Enter")
     wait_for(lambda: selected(visitor) == [2, 4, 5, 6])
-    assert page_of(visitor).view.selected == 2
+    assert page_of(visitor).page_state.selected == 2
 
     entry.fill("2, 400")
     entry.press("Enter")
@@ -96,16 +96,16 @@ def test_numbers_choose_and_show_what_the_mouse_chose(visitor: Visitor):
 def test_a_click_on_a_camera_keeps_the_selection(visitor: Visitor):
     """One click is reported for the node and for the scene; only the first may count."""
     page = page_of(visitor)
-    page._hands.choose(Selection((3,)))
+    page.interaction.set_selection(Selection((3,)))
     visitor.page.keyboard.press("v")
     canvas = visitor.canvas_box()
     wait_for(lambda: 0 < visitor.photo_drawn_at(2)[1] < canvas["height"])
     x, y = visitor.photo_drawn_at(2)
     visitor.page.mouse.click(canvas["x"] + x, canvas["y"] + y)
-    wait_for(lambda: page.view.entered is not None)
-    assert page.view.selected == 3
+    wait_for(lambda: page.page_state.entered is not None)
+    assert page.page_state.selected == 3
     visitor.page.keyboard.press("0")
-    wait_for(lambda: page.view.entered is None)
+    wait_for(lambda: page.page_state.entered is None)
     visitor.page.keyboard.press("m")
 
 
@@ -140,8 +140,8 @@ def test_a_vertex_is_dragged_and_the_move_is_part_of_the_record(visitor: Visitor
     visitor.sees_vertices(page_vertices(visitor, state.moment))
 
 
-def test_locked_vertices_are_drawn_as_blocks_and_cannot_be_taken(visitor: Visitor):
-    page_of(visitor)._hands.choose(Selection((2, 4)))
+def test_locked_vertices_are_drawn_as_blocks_and_cannot_be_dragged(visitor: Visitor):
+    page_of(visitor).interaction.set_selection(Selection((2, 4)))
     visitor.page.get_by_text("and 1 more selected").wait_for()
     state = visitor.press("Lock")
     assert np.flatnonzero(state.locked).tolist() == [2, 4]
@@ -153,7 +153,7 @@ def test_locked_vertices_are_drawn_as_blocks_and_cannot_be_taken(visitor: Visito
     assert np.flatnonzero(visitor.key("f").locked).tolist() == [4]
 
 
-def test_keys_live_on_after_every_kind_of_widget(visitor: Visitor):
+def test_hotkeys_work_after_every_kind_of_widget_was_used(visitor: Visitor):
     """The browser gives no hotkeys while a text line, a checkbox or a dropdown has the focus."""
     page, slider = visitor.page, visitor.page.get_by_role("slider")
 

@@ -1,0 +1,183 @@
+"""The panels of one page: built once, then brought up to date with every state, but not more often than is legible."""
+
+import threading
+import time
+from collections.abc import Callable
+
+import viser
+
+from app.debugger.run_state import Activity, RunState
+from app.page.lesson_dock import LessonDock
+from app.page.page_frame import PageFrame
+from app.page.resources import SessionResources
+from app.page.vertex_interaction import VertexInteraction
+from app.page_state.cells_controls import CellsControls
+from app.page_state.certainty_source import CertaintySource
+from app.page_state.page_state import PageState
+from app.page_state.run_controls import RunControls
+from app.panels import Panel
+from app.panels.bookmarks_panel import BookmarksPanel
+from app.panels.breakpoints_panel import BreakpointsPanel
+from app.panels.camera_box import CameraBox
+from app.panels.cell_lens import CellLens
+from app.panels.cell_source import CellSource
+from app.panels.cells_panel import CellsPanel
+from app.panels.certainty_panel import CertaintyPanel
+from app.panels.debug_bar import DebugBar
+from app.panels.experiments_panel import ExperimentsPanel
+from app.panels.layers_panel import LayersPanel
+from app.panels.legend import LegendBox
+from app.panels.lesson_panel import LESSON_STYLE
+from app.panels.options_panel import OptionsPanel
+from app.panels.photo_pages import PhotoPages
+from app.panels.plot import Plot
+from app.panels.runs_panel import RunsPanel
+from app.panels.selection_panel import SelectionPanel
+from app.panels.status import Status
+from app.panels.surface_panel import SurfaceControls, SurfacePanel
+from app.panels.timeline import Timeline
+from app.panels.variables import Variables
+from app.panels.watch_panel import WatchPanel
+from app.pictures.coloring import Legend
+from app.viser_bridge.html_events import whole_number
+
+UPDATE_SECONDS = 0.25  # while the mesh moves, panels are updated this often (ledger: updates of panels)
+CELLS_WIDTH = 362  # px
+
+
+class PagePanels:
+    """Attributes:
+    surface_controls, timeline, runs, bookmarks: what hotkeys call, too.
+    """
+
+    def __init__(
+        self,
+        client: viser.ClientHandle,
+        frame: PageFrame,
+        resources: SessionResources,
+        page_state: PageState,
+        run_controls: RunControls,
+        interaction: VertexInteraction,
+        certainty: CertaintySource,
+        lessons: LessonDock,
+    ) -> None:
+        self._client, self._frame, self._resources, self._page_state = client, frame, resources, page_state
+        self._run_controls, self._interaction, self._certainty = run_controls, interaction, certainty
+        self._republish: Callable[[], None] = resources.controller.republish
+        self._updated, self._activity = 0.0, Activity.PAUSED
+        self._timer: threading.Timer | None = None
+        self._panels: list[Panel] = []
+        self.surface_controls = SurfaceControls(frame.html_events, resources.scene, page_state, self._republish)
+        self._add_bar()
+        self._add_tabs()
+        self._add_cells(lessons)
+        timeline = self._add_timeline()
+        self._legend = LegendBox(client.gui)
+        self._panels.append(
+            CameraBox(
+                client.gui, frame.html_events, resources.scene, page_state, self.surface_controls, frame.camera.leave,
+                self._republish,
+            )
+        )  # fmt: skip
+        frame.finish(timeline, LESSON_STYLE)
+
+    def show(self, state: RunState, legend: Legend | None) -> None:
+        """Bring the panels up to date, now or when it is time again: while the mesh moves, they may lag behind it."""
+        self._legend.show(legend)
+        due = self._updated + UPDATE_SECONDS - time.monotonic()
+        if state.is_moving and due > 0 and state.activity is self._activity:
+            if self._timer is None:
+                self._timer = threading.Timer(due, self._update_is_due)
+                self._timer.daemon = True
+                self._timer.start()
+            return
+        self._updated, self._activity = time.monotonic(), state.activity
+        for panel in self._panels:
+            panel.show(state, self._page_state)
+
+    def close(self) -> None:
+        """The browser has disconnected."""
+        if self._timer is not None:
+            self._timer.cancel()
+
+    def _update_is_due(self) -> None:
+        self._timer = None
+        self._republish()
+
+    def _add_bar(self) -> None:
+        """What stays above the tabs."""
+        gui, events, resources = self._client.gui, self._frame.html_events, self._resources
+        run = self._run_controls
+        self._panels += [
+            DebugBar(gui, events, run),
+            Status(gui, resources.energies, events.number(run.to_beginning)),
+            Plot(
+                gui, resources.scene.mesh, resources.energies, resources.run_energies, events, self._page_state, run.jump,
+                self._republish,
+            ),
+        ]  # fmt: skip
+
+    def _add_tabs(self) -> None:
+        gui, events, resources = self._client.gui, self._frame.html_events, self._resources
+        scene, page_state, run, republish = resources.scene, self._page_state, self._run_controls, self._republish
+        interaction = self._interaction
+        tabs = gui.add_tab_group()
+        with tabs.add_tab("Vertex"):
+            self._panels += [
+                SelectionPanel(
+                    gui, events, len(scene.mesh.vertices) - 1, interaction.set_selection, interaction.toggle_lock,
+                    interaction.reset,
+                ),
+                CertaintyPanel(gui, self._certainty),
+                Variables(gui, scene.mesh, events.number(run.to_change)),
+                WatchPanel(gui, events, scene, page_state, run.jump, republish),
+            ]  # fmt: skip
+        with tabs.add_tab("Breakpoints"):
+            self._panels.append(BreakpointsPanel(gui, events, resources.controller, page_state))
+        with tabs.add_tab("Layers"):
+            self._panels += [
+                SurfacePanel(gui, len(scene.mesh.faces), self.surface_controls, events.guarded),
+                LayersPanel(gui, events, scene, page_state, self._frame.camera.switch_theme, republish),
+            ]
+        with tabs.add_tab("Options"):
+            self._panels.append(OptionsPanel(gui, events, resources.controller))
+
+    def _add_cells(self, lessons: LessonDock) -> None:
+        """The docked panel of the cells with the lessons, and the lens that enlarges their images."""
+        gui, events, resources = self._client.gui, self._frame.html_events, self._resources
+        scene, controller, background = resources.scene, resources.controller, resources.background
+        source = CellSource(controller, scene.mesh)
+        controls = CellsControls(events, self._page_state, scene, self._republish)
+        choose_face, enter = events.number(self._choose_face), events.number(self._frame.camera.enter)
+        pages = PhotoPages(controller, scene, resources.photos, controls, enter)
+        cells = gui.add_panel()
+        with cells.add_tab("Cells", viser.Icon.TRIANGLE):
+            self._panels.append(
+                CellsPanel(gui, scene, source, pages, background, controls, choose_face, enter, events.guarded)
+            )
+        with cells.add_tab("Experiments", viser.Icon.CHART_DOTS):
+            self._panels.append(
+                ExperimentsPanel(self._client, events, resources.experiments, controller, self._page_state)
+            )
+        cells.dock_left()
+        cells.set_width(CELLS_WIDTH)
+        self._panels += lessons.build(cells)
+        self._panels.append(CellLens(gui, scene, source, pages, background, controls, enter))
+
+    def _add_timeline(self) -> viser.PanelHandle:
+        gui, events, resources = self._client.gui, self._frame.html_events, self._resources
+        controller, page_state = resources.controller, self._page_state
+        panel = gui.add_panel()
+        with panel.add_tab("Timeline", viser.Icon.CLOCK):
+            self.timeline = Timeline(gui, events, controller, page_state, resources.energies, self._run_controls)
+        with panel.add_tab("Runs", viser.Icon.GIT_FORK):
+            self.runs = RunsPanel(gui, events, controller, page_state, resources.run_energies)
+        with panel.add_tab("Bookmarks", viser.Icon.BOOKMARK):
+            self.bookmarks = BookmarksPanel(gui, events, controller, page_state)
+        self._panels += [self.timeline, self.runs, self.bookmarks]
+        return panel
+
+    def _choose_face(self, face: object) -> None:
+        faces = self._resources.scene.mesh.faces
+        self._page_state.face = whole_number(face, 0, len(faces) - 1, "face")
+        self._republish()

@@ -1,0 +1,88 @@
+"""Resources shared by all pages of a session: the controller, histories, caches and background workers."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import viser
+
+from app.background_worker import BackgroundWorker
+from app.debugger.compare import RunEnergies
+from app.debugger.controller import Controller
+from app.debugger.history import EnergyHistory, PathHistory
+from app.debugger.run_state import RunState
+from app.experiments.experiment_runner import ExperimentRunner
+from app.layers.cameras import Thumbnails
+from app.pictures.photo_store import PhotoStore
+from app.pictures.texturer import Texturer
+from app.stage import Stage
+from fairing.run.session import Session
+from fairing.scene import Scene
+
+ChangeScene = Callable[[viser.ClientHandle, str, str], None]
+
+
+@dataclass(frozen=True, eq=False)
+class SessionResources:
+    """Attributes:
+    change_scene: shows another scene of the lessons, and opens a lesson in the browser that asked for it; called with
+        the browser, the scene's name and the lesson's name.
+    """
+
+    scene: Scene
+    stage: Stage
+    controller: Controller
+    energies: EnergyHistory
+    run_energies: RunEnergies
+    paths: PathHistory
+    thumbnails: Thumbnails
+    texturer: Texturer
+    background: BackgroundWorker
+    photos: PhotoStore
+    experiments: ExperimentRunner
+    change_scene: ChangeScene
+
+    @classmethod
+    def open(
+        cls, session: Session, save_to: Path | None, recorded_in: Path | None, change_scene: ChangeScene
+    ) -> "SessionResources":
+        """Start the controller and the workers.
+
+        Args:
+            session: the run.
+            save_to: file that the trace is written to.
+            recorded_in: file that the trace was read from; its bookmarks lie beside it.
+
+        Raises:
+            InputError: `save_to` cannot be written, or the bookmarks cannot be read.
+        """
+        scene = session.scene
+        stage = Stage.of(scene)
+        controller = Controller(session, save_to, recorded_in)
+        return cls(
+            scene,
+            stage,
+            controller,
+            EnergyHistory(len(scene.mesh.faces)),
+            RunEnergies(len(scene.mesh.faces)),
+            PathHistory(len(scene.mesh.vertices)),
+            Thumbnails(scene),
+            Texturer(scene, stage, controller.republish),
+            BackgroundWorker(controller.republish),
+            PhotoStore(scene),
+            ExperimentRunner(scene, scene.name, controller.republish),
+            change_scene,
+        )
+
+    def update(self, state: RunState) -> None:
+        """Bring the histories up to date."""
+        self.energies.update(state)
+        self.paths.update(state)
+
+    def close(self) -> None:
+        """End the controller, which closes the trace's file, and the workers."""
+        self.controller.close()
+        self.texturer.close()
+        self.background.close()
+        self.thumbnails.close()
+        self.experiments.close()

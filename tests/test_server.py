@@ -1,0 +1,257 @@
+"""The server without a browser: who may connect, and what a client that misbehaves can do to others."""
+
+import socket
+import threading
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+import viser
+from websockets.exceptions import ConnectionClosed
+from websockets.frames import CloseCode
+
+from app.debugger.commands import JumpTo, Pause
+from app.page.server import App, start
+from app.viser_bridge.access import token_for
+from app.viser_bridge.client_callbacks import MAX_QUEUED, ClientCallbacks
+from app.viser_bridge.paced_connection import BURST, MAX_MESSAGE_BYTES
+from app.viser_bridge.server import ViewerServer, check_address, start_viewer
+from fairing.errors import InputError
+from fairing.run.session import Session
+from tests.raw_client import RawClient, http_status, upgrade_status
+from tests.small_scene import corner_scene
+from tests.waiting import wait_for
+
+# A page is still being built when its client has gone.
+pytestmark = pytest.mark.filterwarnings("ignore:Queued a .* on a closed connection")
+
+SLIDER, TEXT = "GuiSliderMessage", "GuiTextMessage"
+
+
+@pytest.fixture(scope="module")
+def app() -> Iterator[App]:
+    app = start(Session(corner_scene()), port=0)
+    yield app
+    app.stop()
+
+
+@pytest.fixture
+def guarded() -> Iterator[ViewerServer]:
+    server = start_viewer("127.0.0.1", 0, token="a-long-secret")
+    yield server
+    server.close()
+
+
+def widgets(client: RawClient) -> dict[str, str]:
+    """Ids of a new page's sliders by label, and of the input that carries HTML events as "events"."""
+    found: dict[str, str] = {}
+    while not {"Photo – model", "events"} <= found.keys():
+        for message in client.receive(60):
+            if message["type"] == SLIDER:
+                found[message["props"]["label"]] = message["uuid"]
+            if message["type"] == TEXT and message["props"]["label"] == "hidden":
+                found["events"] = message["uuid"]
+    return found
+
+
+def update(uuid: str, value: Any) -> dict[str, Any]:
+    return {"type": "GuiUpdateMessage", "uuid": uuid, "updates": {"value": value}}
+
+
+def test_only_pages_of_this_server_may_connect(app: App):
+    own = {"Host": f"127.0.0.1:{app.port}", "Origin": f"http://127.0.0.1:{app.port}"}
+    assert upgrade_status(app.port, own) == 101
+    for origin in ("http://evil.example", "http://127.0.0.1:9999", f"http://127.0.0.1.evil.example:{app.port}", "null"):
+        assert upgrade_status(app.port, own | {"Origin": origin}) == 403, origin
+
+
+def test_a_page_may_connect_through_a_forwarded_port(app: App):
+    """As with `ssh -L 9000:localhost:8080`: the browser knows the page by another port."""
+    assert upgrade_status(app.port, {"Host": "localhost:9000", "Origin": "http://localhost:9000"}) == 101
+
+
+def test_a_foreign_name_for_this_machine_is_refused(app: App):
+    """DNS rebinding: an attacker's name resolves to 127.0.0.1, so origin and host are equal."""
+    name = f"evil.example:{app.port}"
+    assert upgrade_status(app.port, {"Host": name, "Origin": f"http://{name}"}) == 403
+    assert http_status(app.port, headers={"Host": name})[0] == 403
+
+
+def test_programs_on_this_machine_need_no_origin(app: App):
+    with RawClient(app.port) as client:
+        client.announce()
+        assert "Moment" in widgets(client)
+
+
+def test_without_the_token_neither_page_nor_websocket_is_served(guarded: ViewerServer):
+    port = guarded.get_port()
+    own = {"Origin": f"http://127.0.0.1:{port}"}
+    assert http_status(port)[0] == 403
+    assert http_status(port, "/?token=wrong")[0] == 403
+    assert http_status(port, headers={"Cookie": f"eigenfairing-{port}=wrong"})[0] == 403
+    assert http_status(port, headers={"Cookie": f"eigenfairing-{port + 1}=a-long-secret"})[0] == 403
+    assert upgrade_status(port, own) == 403
+    assert upgrade_status(port, own | {"Authorization": "Bearer wrong"}) == 403
+
+
+def test_the_token_is_kept_in_a_cookie_and_leaves_the_address(guarded: ViewerServer):
+    port = guarded.get_port()
+    status, headers = http_status(port, guarded.url.partition(str(port))[2])
+    assert (status, headers["Location"]) == (303, "/")
+    cookie, *flags = headers["Set-Cookie"].split("; ")
+    assert set(flags) == {"HttpOnly", "SameSite=Lax", "Path=/"}
+    assert http_status(port, headers={"Cookie": cookie})[0] == 200
+    assert upgrade_status(port, {"Origin": f"http://127.0.0.1:{port}", "Cookie": cookie}) == 101
+    assert upgrade_status(port, {"Origin": "http://127.0.0.1:9999", "Cookie": cookie}) == 403
+    assert upgrade_status(port, {"Authorization": "Bearer a-long-secret"}) == 101
+
+
+def test_a_token_is_made_where_other_machines_can_connect():
+    assert token_for("127.0.0.1", None) is None
+    assert token_for("::1", None) is None
+    assert token_for("localhost", None) is None
+    assert token_for("127.0.0.1", "chosen-by-me") == "chosen-by-me"
+    for token in ("", "short", "with a blank", "semi;colon"):
+        with pytest.raises(InputError, match="token: use at least 8"):
+            token_for("127.0.0.1", token)
+    first, second = token_for("0.0.0.0", None), token_for("192.168.1.7", None)
+    assert first is not None
+    assert len(first) >= 32
+    assert first != second
+    server = start_viewer("0.0.0.0", 0)
+    try:
+        assert f"?token={server.access.token}" in server.url
+        assert server.url_for_others is not None
+        assert server.url_for_others.startswith(f"http://{socket.gethostname()}:")
+        assert http_status(server.get_port())[0] == 403
+    finally:
+        server.close()
+
+
+def test_a_busy_port_and_an_unknown_host_are_errors(app: App):
+    with pytest.raises(InputError, match=f"port {app.port} .*already in use"):
+        start_viewer("127.0.0.1", app.port)
+    with pytest.raises(InputError, match=r"host 203\.0\.113\.7"):
+        start_viewer("203.0.113.7", 0)
+    with pytest.raises(InputError, match=r"host no\.such\.host\.invalid"):
+        check_address("no.such.host.invalid", 0)
+    with pytest.raises(InputError, match="port 70000"):
+        check_address("127.0.0.1", 70000)
+
+
+def test_a_flood_of_messages_from_one_client_delays_nobody_else(app: App):
+    with RawClient(app.port) as flooding, RawClient(app.port) as other:
+        flooding.announce()
+        events = widgets(flooding)["events"]
+        quiet = time_of_a_new_page(app)
+        for k in range(2500):  # every HTML event of the page in turn: cameras, jumps, branches, nonsense
+            flooding.send(update(events, f"[[{k + 1},{k % 90},{k % 7}]]"))
+        began = time.monotonic()
+        other.announce()
+        widgets(other)
+        waited = time.monotonic() - began
+        assert waited < 5 * quiet + 5, f"a new page took {waited:.1f} s, {quiet:.1f} s without the flood"
+    app.controller.post(Pause())
+
+
+def time_of_a_new_page(app: App) -> float:
+    began = time.monotonic()
+    with RawClient(app.port) as client:
+        client.announce()
+        widgets(client)
+    return time.monotonic() - began
+
+
+def test_the_last_of_many_messages_takes_effect(app: App):
+    """A flood is slowed down, and what is dropped is older than what is kept."""
+    with RawClient(app.port) as client:
+        client.announce()
+        slider = widgets(client)["Magnify paths"]
+        known = set(app.pages)
+        wait_for(lambda: len(app.pages) > 0)
+        for k in range(BURST + 50):
+            client.send(update(slider, 2 + k % 40))
+        client.send(update(slider, 50))
+        wait_for(lambda: any(page.page_state.magnification == 50 for page in app.pages.values()), 60)
+        assert known <= set(app.pages) or not known
+
+
+def test_a_client_that_sends_a_huge_message_is_disconnected(app: App):
+    with RawClient(app.port) as client:
+        client.announce()
+        slider = widgets(client)["Moment"]
+        client.send(update(slider, "x" * (MAX_MESSAGE_BYTES + 1)))
+        with pytest.raises(ConnectionClosed) as closed:
+            client.wait_for(lambda _: False)
+        assert closed.value.rcvd is not None
+        assert closed.value.rcvd.code == CloseCode.MESSAGE_TOO_BIG
+
+
+def test_a_client_that_reads_nothing_delays_nobody(app: App):
+    """It is sent many states, and another page still follows them at once."""
+    with RawClient(app.port) as stalled, RawClient(app.port) as other:
+        stalled.announce()
+        widgets(stalled)
+        other.announce()
+        widgets(other)
+        for _ in range(200):
+            app.controller.republish()
+        app.controller.post(JumpTo(0))
+        began = time.monotonic()
+        app.controller.wait_until_idle(60)
+        assert time.monotonic() - began < 30
+
+
+def test_connections_that_come_and_go_leave_no_pages(app: App):
+    for _ in range(5):
+        with RawClient(app.port) as client:
+            client.announce()
+    wait_for(lambda: not app.pages, 60)
+
+
+class _Event:
+    def __init__(self, client_id: int) -> None:
+        self.client_id = client_id
+
+
+def test_the_queue_of_one_client_is_bounded_and_drops_the_oldest():
+    callbacks, release, done = ClientCallbacks(), threading.Event(), []
+    try:
+        for _ in range(2):
+            callbacks.submit(lambda event: release.wait(60), _Event(1))
+        for k in range(10 * MAX_QUEUED):
+            callbacks.submit(lambda event, k=k: done.append(k), _Event(1))
+        callbacks.submit(lambda event: done.append("other"), _Event(2))
+        wait_for(lambda: done == ["other"], 60)
+        release.set()
+        wait_for(lambda: len(done) == MAX_QUEUED + 1, 60)
+        assert sorted(done[1:]) == list(range(9 * MAX_QUEUED, 10 * MAX_QUEUED))
+        wait_for(lambda: not callbacks._queues, 60)
+    finally:
+        release.set()
+        callbacks.shutdown(wait=False)
+
+
+def test_connection_callbacks_are_never_dropped_and_keep_their_order(app: App):
+    callbacks, done = ClientCallbacks(), []
+    client = object.__new__(viser.ClientHandle)
+    client.client_id = 7
+    try:
+        for k in range(10 * MAX_QUEUED):
+            callbacks.submit(lambda client, k=k: done.append(k), client)
+        wait_for(lambda: len(done) == 10 * MAX_QUEUED, 60)
+        assert done == sorted(done)
+    finally:
+        callbacks.shutdown(wait=False)
+
+
+def test_a_callback_that_raises_keeps_the_queue_running():
+    callbacks, done = ClientCallbacks(), []
+    try:
+        failing = [callbacks.submit(lambda event: 1 / 0, _Event(1)) for _ in range(4)]
+        callbacks.submit(lambda event: done.append(1), _Event(1))
+        wait_for(lambda: done == [1], 60)
+        assert all(isinstance(future.exception(60), ZeroDivisionError) for future in failing)
+    finally:
+        callbacks.shutdown(wait=False)

@@ -1,0 +1,92 @@
+"""The room of viser's workarounds: nothing else uses viser's private names, and values from browsers are checked."""
+
+import re
+from pathlib import Path
+
+import pytest
+import viser
+
+from app.viser_bridge import __doc__ as ROOM  # noqa: N812
+from app.viser_bridge.error_toasts import ErrorToasts
+from app.viser_bridge.html_events import Events, choice_of, integer, line_of_text, press, whole_number
+from fairing.errors import InputError
+
+APP = Path(__file__).parents[1] / "app"
+PRIVATE = re.compile(r"viser\._|\b_impl\b|_websock|_gui_api|_websocket_interface|run_in_page|_thread_executor")
+NONSENSE = [None, "17", float("nan"), float("inf"), 1e308, True, {"a": 1}, [1], 2.5, -1, 4]
+
+
+def test_only_this_room_uses_private_names_of_viser():
+    for path in sorted(APP.rglob("*.py")):
+        if path.parent.name != "viser_bridge":
+            found = PRIVATE.search(path.read_text(encoding="utf-8"))
+            assert found is None, f"{path}: {found}"
+
+
+def test_the_workarounds_were_audited_for_the_installed_version_of_viser():
+    assert f"viser {viser.__version__} " in ROOM.splitlines()[0]
+
+
+def test_every_module_of_the_room_is_in_its_list():
+    for path in (APP / "viser_bridge").glob("*.py"):
+        assert path.stem == "__init__" or f"`{path.stem}`" in ROOM, path.stem
+
+
+@pytest.mark.parametrize("value", NONSENSE)
+def test_values_that_make_no_sense_are_refused(value):
+    called: list[object] = []
+    for handler in (integer(called.append, "number", 0, 3), choice_of(called.append, lambda: "abcd", "letter")):
+        with pytest.raises(InputError, match=r"number|letter"):
+            handler(value)
+    assert called == []
+
+
+def test_handlers_are_called_with_the_checked_value():
+    called: list[object] = []
+    integer(called.append, "number", 0, 3)(2.0)
+    choice_of(called.append, lambda: ["x", "y"], "letter")(1)
+    press(lambda: called.append("pressed"))({"anything": 1})
+    line_of_text(lambda text, flag: called.append((text, flag)))(["a line", True])
+    assert called == [2, "y", "pressed", ("a line", True)]
+    assert isinstance(called[0], int)
+
+
+@pytest.mark.parametrize(
+    "value", [None, "text", ["text"], ["text", 1], [1, True], ["text", True, 3], ["x" * 1001, True]]
+)
+def test_text_that_is_none_or_too_long_is_refused(value):
+    with pytest.raises(InputError, match="text: expected"):
+        line_of_text(lambda text, flag: None)(value)
+
+
+def test_the_error_names_the_value_and_its_limits():
+    with pytest.raises(InputError, match="moment: expected a whole number from 0 to 7, found 9"):
+        whole_number(9, 0, 7, "moment")
+
+
+def test_named_events_are_javascript_calls_and_unknown_names_are_errors():
+    events = Events({"play": 4, "go": 5})
+    assert (events("play"), events("go", 3), events("go", "m")) == ("ef(4)", "ef(5,3)", "ef(5,m)")
+    with pytest.raises(KeyError):
+        events("missing")
+
+
+class _Client:
+    def __init__(self) -> None:
+        self.shown: list[str] = []
+
+    def add_notification(self, title: str, body: str, **_: object) -> None:
+        self.shown.append(body)
+
+
+def test_exceptions_become_toasts_and_repetitions_are_left_out():
+    client = _Client()
+    toasts = ErrorToasts(client)  # pyright: ignore[reportArgumentType]
+
+    def fail(problem: str) -> None:
+        raise InputError(problem)
+
+    for problem in ("one", "one", "two", "one"):
+        toasts(fail)(problem)
+    toasts.without_event(lambda: 1 / 0)("an event")
+    assert client.shown == ["one", "two", "one", "ZeroDivisionError: division by zero"]
