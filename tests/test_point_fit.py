@@ -4,14 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import trimesh
 
 from fairing.errors import InputError
 from fairing.geometry.normals import face_normals
 from fairing.judge.report import run_report
 from fairing.mesh import Mesh
 from fairing.options import FairingOptions
+from fairing.run.preparation import points_accept_smoothing
 from fairing.run.session import Session
-from fairing.scene import Scene
+from fairing.scene import Scene, SparsePoints
 from fairing.solve.point_fit import fitted_to_points
 from fairing.solve.point_split import fitting_points, kept_points
 from fairing.solve.problem import Problem
@@ -214,3 +216,44 @@ def test_energies_of_sweeps_leave_out_what_was_done_to_the_start():
     steps = [record for record in session.trace.steps[1:] if record.position[:2] == (first["level"], first["sweep"])]
     assert first["steps"] == len(steps)
     assert first["before"] == pytest.approx(steps[0].face_energy_before.sum())
+
+
+def observed(scene: Scene, positions: np.ndarray) -> Scene:
+    """The scene with points (n, 3) that each photo observes without error, each both for the fit and held out."""
+    positions = np.repeat(positions, 2, axis=0)
+    seen = [(p, v) for p in range(len(positions)) for v in range(len(scene.views))]
+    pixels = np.array([scene.views[v].camera.project(positions[p])[0] for p, v in seen])
+    points = SparsePoints(positions, np.zeros((len(positions), 3), np.uint8), np.array(seen), pixels)
+    return replace(scene, sparse_points=points)
+
+
+def test_observed_points_beside_the_mesh_do_not_pull_it():
+    start = corner_scene(FAR)
+    rng = np.random.default_rng(5)
+    beside = np.column_stack([rng.uniform(-0.4, 1.4, (400, 2)), rng.uniform(-0.25, -0.02, 400)])
+    runs = []
+    for points in (on_the_faces(300), np.concatenate([on_the_faces(300), beside])):
+        session = Session(observed(start, points), small_options(step=USED))
+        session.make_plan()
+        session.step()
+        runs.append(session)
+    assert all(session.plan is not None and session.plan.is_fitted_to_points for session in runs)
+    clean, cluttered = (session.vertices for session in runs)
+    assert error_of(clean) < 0.5 * error_of(start.mesh.vertices)
+    assert np.linalg.norm(clean - cluttered, axis=1).max() < 0.02
+
+
+def test_points_accept_smoothing_of_noise_and_refuse_it_at_the_truth():
+    exact, fine = observed(corner_scene((0, 0, 0)), on_the_faces(300)), subdivided(corner_scene((0, 0, 0)))
+    assert not points_accept_smoothing(problem_of(exact))
+    noise = np.random.default_rng(8).normal(0, 0.03, fine.mesh.vertices.shape)
+    noisy = replace(fine, mesh=fine.mesh.moved(fine.mesh.vertices + noise))
+    assert points_accept_smoothing(problem_of(observed(noisy, on_the_faces(900))))
+
+
+def subdivided(scene: Scene) -> Scene:
+    """The scene with each face cut into sixteen."""
+    vertices, faces = scene.mesh.vertices, scene.mesh.faces
+    for _ in range(2):
+        vertices, faces = trimesh.remesh.subdivide(vertices, faces)
+    return Scene.build(scene.name, vertices, faces, scene.views)

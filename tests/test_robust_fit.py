@@ -5,8 +5,9 @@ import pytest
 import trimesh
 
 from fairing.features import FeaturePoints
-from fairing.features.robust_fit import robust_fit
+from fairing.features.robust_fit import held_back_loss, points_on_surface, robust_fit
 from fairing.mesh import Mesh
+from fairing.scene import SparsePoints
 from tests.small_scene import FACES, VERTICES
 from tests.speckled_corner import cameras
 
@@ -116,3 +117,50 @@ def test_the_same_points_give_the_same_vertices():
     mesh, points = start(), points_at(on_sides(1500))
     first, second = (robust_fit(mesh, cameras(), points).vertices for _ in range(2))
     assert first.tobytes() == second.tobytes()
+
+
+def test_locked_vertices_stay():
+    mesh = start()
+    locked = np.arange(len(mesh.vertices)) % 3 == 0
+    fit = robust_fit(mesh, cameras(), points_at(on_sides(3000)), locked)
+    np.testing.assert_array_equal(fit.vertices[locked], mesh.vertices[locked])
+    assert (fit.vertices[~locked] != mesh.vertices[~locked]).any()
+
+
+def test_points_of_ground_and_background_are_not_on_the_surface():
+    mesh, rng = truth(), np.random.default_rng(6)
+    ground = np.column_stack([rng.uniform(1.2, 2.5, (300, 2)), np.full(300, -0.02)])
+    found = points_on_surface(mesh, cameras(), points_at(np.concatenate([on_sides(600), ground])))
+    assert found[:600].mean() > 0.9
+    assert not found[600:].any()
+
+
+def test_points_held_back_prefer_the_truth_to_a_displaced_mesh():
+    points = points_at(on_sides(2000))
+    assert held_back_loss(truth(), cameras(), points) < 0.5 * held_back_loss(start(), cameras(), points)
+
+
+def test_points_of_a_capture_get_the_covariances_of_their_residuals():
+    views = range(len(cameras()))
+    positions = on_sides(60)
+    rng = np.random.default_rng(7)
+    observations = np.array([(p, v) for p in range(60) for v in views])[rng.permutation(60 * len(views))]
+    pixels = np.array([cameras()[v].project(positions[p])[0] for p, v in observations]) + rng.normal(
+        0, 0.3, (len(observations), 2)
+    )
+    once = np.concatenate([observations, [[60, 0]]])  # a point that one photo observes has no position of its own
+    sparse = SparsePoints(
+        np.concatenate([positions, [[0.5, 0.5, 1.0]]]),
+        np.zeros((61, 3), np.uint8),
+        once,
+        np.append(pixels, [[5, 5]], axis=0),
+    )
+    found = FeaturePoints.of_sparse_points(sparse, cameras())
+    np.testing.assert_array_equal(found.positions, positions)
+    assert (found.n_views == len(views)).all()
+    p = 7
+    J = np.concatenate([camera.J_image_wrt_point(positions[p]).reshape(2, 3) for camera in cameras()])
+    # The scale of the covariance is estimated from residuals, its shape is exact.
+    expected = np.linalg.inv(J.T @ J)
+    assert np.allclose(found.covariance[p] / np.trace(found.covariance[p]), expected / np.trace(expected), atol=1e-9)
+    assert np.trace(found.covariance[p]) == pytest.approx(0.3**2 * np.trace(expected), rel=0.5)

@@ -1,7 +1,7 @@
 """Feature points: positions with covariances and the observations they were triangulated from."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -68,15 +68,6 @@ class FeaturePoints:
         return _with_covariances(
             cameras, sparse.positions[is_used], n_views[is_used], photos[kept], sparse.pixels[order][kept],
             np.ones(int(kept.sum())), sparse.colors[is_used],
-        )  # fmt: skip
-
-    def subset(self, chosen: np.ndarray) -> "FeaturePoints":
-        """The points of a mask (p,) bool, with their observations."""
-        observed = np.repeat(chosen, self.n_views)
-        offsets = np.concatenate([[0], np.cumsum(self.n_views[chosen])])
-        return replace(
-            self, positions=self.positions[chosen], covariance=self.covariance[chosen], colors=self.colors[chosen],
-            offsets=offsets, photos=self.photos[observed], pixels=self.pixels[observed], residual=self.residual[chosen],
         )  # fmt: skip
 
     def __len__(self) -> int:

@@ -38,8 +38,8 @@ def find_preparations(problem: Problem) -> list[Preparation]:
     """The preparations of the start, in their order, that are enabled and lower the mean loss of the photos by `GAIN`.
 
     Smoothing does so where the vertices are noisy. Such a run also uses the smoothness prior at its levels, which
-    determines the vertices no photo sees. If the capture has observed points, those decide about smoothing before the photos
-    do: they also measure a start whose vertices are displaced along its surface, where smoothing does harm. The fit needs as
+    determines the vertices no photo sees. Where the capture has observed points, they must accept the smoothing as well: a
+    start whose corners are displaced can look noisy to blurred photos (ledger: smoothing judged by points). The fit needs as
     many points as unlocked coordinates: fewer points would be met with all their noise.
 
     Raises:
@@ -47,7 +47,8 @@ def find_preparations(problem: Problem) -> list[Preparation]:
     """
     step, vertices = problem.options.step, problem.start
     fits = any(step.points) and _points_suffice(problem)
-    smooths = any(step.smoothing) and not (fits and len(problem.observed_points) and not _smoothing_helps_fit(problem))
+    has_judges = fits and len(problem.observed_points) > 0
+    smooths = any(step.smoothing) and (not has_judges or points_accept_smoothing(problem))
     done: list[Preparation] = []
     loss = None  # at `vertices`, computed when it is first needed
     for reason, is_enabled in ((StepReason.SMOOTHED, smooths), (StepReason.FITTED_TO_POINTS, fits)):
@@ -113,14 +114,14 @@ def _fitted(problem: Problem, vertices: np.ndarray) -> np.ndarray:
     return after
 
 
-def _smoothing_helps_fit(problem: Problem) -> bool:
-    """Whether the points held back prefer the fit of the smoothed start to the fit of the start by `GAIN`."""
-    cameras = [view.camera for view in problem.scene.views]
+def points_accept_smoothing(problem: Problem) -> bool:
+    """Whether the points held back lie nearer to the smoothed start than to the start."""
+    mesh, cameras = problem.scene.mesh, [view.camera for view in problem.scene.views]
     plain, smooth = (
-        held_back_loss(problem.scene.mesh.moved(_fitted(problem, vertices)), cameras, problem.observed_points)
+        held_back_loss(mesh.moved(vertices), cameras, problem.observed_points)
         for vertices in (problem.start, _smoothed(problem, problem.start))
     )
-    return smooth < (1 - GAIN) * plain
+    return smooth < plain
 
 
 _PREPARED: dict[StepReason, Callable[[Problem, np.ndarray], np.ndarray]] = {
