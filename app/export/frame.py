@@ -26,8 +26,9 @@ def framing_camera(
     R = np.stack([right, np.cross(forward, right), forward])
     used = np.unique(scene.mesh.faces)
     points = np.concatenate([state[used] for state in states])
-    uv, depth = Camera.from_krt(np.eye(3), R, -R @ eye, width, width).project(points)
-    uv = uv[depth > 0]
+    in_front = (points - eye) @ R.T
+    in_front = in_front[in_front[:, 2] > 0]
+    uv = in_front[:, :2] / in_front[:, 2:]  # at a focal length of 1
     low, high = uv.min(0), uv.max(0)
     extent = np.maximum(high - low, 1e-9)
     if height is None:
