@@ -223,7 +223,7 @@ def observed(scene: Scene, positions: np.ndarray) -> Scene:
     positions = np.repeat(positions, 2, axis=0)
     seen = [(p, v) for p in range(len(positions)) for v in range(len(scene.views))]
     pixels = np.array([scene.views[v].camera.project(positions[p])[0] for p, v in seen])
-    points = SparsePoints(positions, np.zeros((len(positions), 3), np.uint8), np.array(seen), pixels)
+    points = SparsePoints(positions, np.zeros((len(positions), 3), np.uint8), np.array(seen), pixels, origin="own")
     return replace(scene, sparse_points=points)
 
 

@@ -38,7 +38,7 @@ def find_preparations(problem: Problem) -> list[Preparation]:
     """The preparations of the start, in their order, that are enabled and lower the mean loss of the photos by `GAIN`.
 
     Smoothing does so where the vertices are noisy. Such a run also uses the smoothness prior at its levels, which
-    determines the vertices no photo sees. Where the capture has observed points, they must accept the smoothing as well: a
+    determines the vertices no photo sees. Where points were found in the photos, they must accept the smoothing as well: a
     start whose corners are displaced can look noisy to blurred photos (ledger: smoothing judged by points). The fit needs as
     many points as unlocked coordinates: fewer points would be met with all their noise.
 

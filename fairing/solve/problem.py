@@ -42,7 +42,7 @@ class Problem:
     Attributes:
         locked: (n,) bool: vertices that never move, by option or because they belong to a degenerate face.
         orientation: see `fairing.cells.visibility.mesh_orientation`.
-        observed_points: the sparse points used for fits, with their observations; empty if the capture has none.
+        observed_points: see `fairing.solve.point_split.observed_fitting_points`.
         evaluator: computes energies and normal equations.
         warnings: of the scene and of the run so far, a line each.
         seconds: time spent on "photos" and on "visibility", s.
