@@ -30,9 +30,9 @@ def test_an_experiment_fills_its_chart_beside_the_run_and_can_be_taken_away(visi
     page.get_by_role("tab", name="Experiments").click()
     page.get_by_text("Warps and solvers", exact=True).click()
     visitor.button("Start the experiment").click()
-    chart = page.get_by_role("img", name="Where each start ends")
+    chart = page.get_by_role("img", name="End error of each start")
     page.wait_for_function(
-        "() => document.querySelectorAll(\"svg[aria-label='Where each start ends'] circle\").length >= 3",
+        "() => document.querySelectorAll(\"svg[aria-label='End error of each start'] circle\").length >= 3",
     )
     before = controller.state.length
     assert visitor.press("Step one iteration").length == before + 1  # the engine is free

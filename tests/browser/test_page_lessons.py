@@ -153,6 +153,6 @@ def test_runs_of_ones_own_are_not_left_unasked(visitor: Visitor):
     visitor.button("Close the lesson").click()
     wait_for(lambda: player_of(app).lesson is None)
     choose_lesson(visitor, "model")
-    visitor.page.get_by_text("What was recorded on this one is left").wait_for()
+    visitor.page.get_by_text("The runs on this scene are closed").wait_for()
     visitor.button("Stay here").click()
     assert app.controller.scene.name == "occluded-cube"
