@@ -1,4 +1,4 @@
-"""The exception that a user's mistake raises, and the one that ends a step nobody wants any more."""
+"""Exceptions: `InputError` for input that cannot be used, `Cancelled` for a cancelled computation."""
 
 
 class InputError(ValueError):
@@ -20,4 +20,4 @@ class InputError(ValueError):
 
 
 class Cancelled(Exception):  # noqa: N818 - nothing is wrong
-    """A step was dropped as if it had never begun, because `Session.cancel_requested` said so."""
+    """Raised within a computation when cancellation was requested; the state is as before it began."""

@@ -72,7 +72,7 @@ class Mesh:
 
     @cached_property
     def one_rings(self) -> list[np.ndarray]:
-        """For every vertex the ids of the faces that use it, ascending."""
+        """One-ring of each of the n vertices: (r,) int, ids of the faces that use it, ascending."""
         order = np.argsort(self.faces.ravel(), kind="stable")
         starts = np.searchsorted(self.faces.ravel()[order], np.arange(len(self.vertices) + 1))
         return [np.unique(order[a:b] // 3) for a, b in pairwise(starts)]

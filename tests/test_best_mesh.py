@@ -1,10 +1,13 @@
 """The best mesh of a connectivity, against all inflated ones on a cap of the sphere."""
 
 import numpy as np
+import pytest
 
 from demo_scenes.dome import sphere_cap
 from fairing.judge.metrics import surface_distance
 from tests.best_mesh import best_mesh
+
+pytestmark = pytest.mark.slow
 
 
 def test_the_best_mesh_is_at_least_as_near_as_the_best_inflated_one():

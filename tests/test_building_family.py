@@ -23,6 +23,8 @@ from fairing.judge.metrics import vertex_errors
 from fairing.mesh import Mesh
 from fairing.scene import Scene
 
+pytestmark = pytest.mark.slow
+
 SEEDS = range(0, 20, 2)
 
 

@@ -14,6 +14,8 @@ from app.pictures.cell_images import MASKED, CellPictures, arrow_path
 from fairing.run.session import Session
 from tests.small_scene import corner_scene, small_options
 
+pytestmark = pytest.mark.slow
+
 QUESTION = CellQuery(run_id=0, moment=2, face=1, vertex=0, dimensions=None, with_flows=True)
 
 

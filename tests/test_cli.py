@@ -291,6 +291,7 @@ def test_demos_are_listed(capsys):
     assert names == ["cube", "facade", "archway", "dome", "building:SEED"]
 
 
+@pytest.mark.slow
 def test_the_module_runs_as_a_command():
     done = subprocess.run(
         [sys.executable, "-m", "app", "--help"],
@@ -304,6 +305,7 @@ def test_the_module_runs_as_a_command():
     assert "Without a command" in done.stdout
 
 
+@pytest.mark.slow
 def test_ctrl_c_ends_the_debugger_cleanly_with_the_run_saved(scene, tmp_path):
     command = [sys.executable, "-m", "app", "view", str(scene), "--no-browser", "--at", "end", "--points", "none"]
     process = subprocess.Popen(
@@ -322,6 +324,7 @@ def test_ctrl_c_ends_the_debugger_cleanly_with_the_run_saved(scene, tmp_path):
     assert session.finished
 
 
+@pytest.mark.slow
 def test_the_debugger_says_its_address_before_it_imports_the_engine():
     """A browser unpacks the viewer meanwhile; what a command line needs until then is quick to import."""
     script = "import sys, app.cli.main, app.cli.serve; print(*sorted({'numba', 'trimesh', 'scipy'} & set(sys.modules)))"

@@ -15,6 +15,8 @@ from fairing.io import read_capture
 from fairing.io.scan_file import read_matches, read_scan
 from fairing.registration.alignment import refine_by_closest_points, register_matches
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:

@@ -22,6 +22,8 @@ from fairing.errors import InputError
 from fairing.geometry.rasterize import rasterize
 from fairing.scene import Scene
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(autouse=True)
 def cache_folder(tmp_path, monkeypatch):

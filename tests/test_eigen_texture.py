@@ -9,6 +9,8 @@ from fairing.texture import EigenTexture, TexturedModel, eigen_texture, textured
 from tests.small_scene import FACES, HEIGHT, VERTICES, WIDTH, cameras, corner_scene, photos
 from tests.texture_view import inner, shown_in
 
+pytestmark = pytest.mark.slow
+
 
 def glossy_photos() -> dict[int, np.ndarray]:
     """The corner's photos with a highlight of up to 50 grey levels that moves over the faces with the camera."""

@@ -25,6 +25,8 @@ from fairing.experiments import EXPERIMENTS, CaptureRange, Row, Setting, WarpCom
 from tests.small_scene import corner_scene, small_options
 from tests.waiting import wait_for
 
+pytestmark = pytest.mark.slow
+
 ONE_LEVEL = small_options(schedule={"blur": [1.2], "max_sweeps": [3]}, cells={"size": [32]})
 FLAGS = ["--starts", "4", "8", "--directions", "2", "--schedule.blur", "1.2", "--schedule.max-sweeps", "2"]
 FLAGS += ["--schedule.search", "0", "--cells.size", "32", "--step.smoothing", "0"]

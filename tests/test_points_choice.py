@@ -199,6 +199,7 @@ def test_a_cache_that_cannot_be_written_is_no_error(tmp_path, monkeypatch):
     assert SceneSource.typed(folder, None, points="own").load().sparse_points is not None
 
 
+@pytest.mark.slow
 def test_ctrl_c_while_points_are_found_is_one_line(tmp_path, monkeypatch, capsys):
     lines = []
 
@@ -231,6 +232,7 @@ def test_progress_names_the_photo(tmp_path):
     assert fractions == sorted(fractions)
 
 
+@pytest.mark.slow
 def test_check_judges_cameras_by_the_points_of_the_photos(tmp_path, capsys):
     for pixels, is_wrong in ((0.0, False), (2.0, True), (8.0, True)):
         folder = tmp_path / f"off{pixels:.0f}"

@@ -17,6 +17,8 @@ from fairing.trace import SchedulePosition, StepReason, StepRecord, Trace
 from tests.search_scene import SHARP_AT_LAST, rough_scene, searching
 from tests.small_scene import VERTICES, corner_scene
 
+pytestmark = pytest.mark.slow
+
 LEVEL = 1
 WRONG = {0: (-0.1, 0.11, 0.1), 1: (0.09, 0.1, -0.08)}  # 8 to 12 px
 

@@ -140,6 +140,7 @@ def test_a_busy_port_and_an_unknown_host_are_errors(app: App):
         check_address("127.0.0.1", 70000)
 
 
+@pytest.mark.slow
 def test_a_flood_of_messages_from_one_client_delays_nobody_else(app: App):
     with RawClient(app.port) as flooding, RawClient(app.port) as other:
         flooding.announce()

@@ -25,7 +25,7 @@ ChangeScene = Callable[[viser.ClientHandle, str, str], None]
 @dataclass(frozen=True, eq=False)
 class SessionResources:
     """Attributes:
-    change_scene: shows another scene of the lessons, and opens a lesson in the browser that asked for it; called with
+    change_scene: shows another scene of the lessons, and opens a lesson in the browser that requested it; called with
         the browser, the scene's name and the lesson's name.
     """
 

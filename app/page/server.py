@@ -80,7 +80,7 @@ class App:
             page.close()
 
     def _change_scene(self, client: viser.ClientHandle, scene: str, lesson: str) -> None:
-        """Load another scene of the lessons, show it from now on, and open a lesson in the browser that asked for it.
+        """Load another scene of the lessons, show it from now on, and open a lesson in the browser that requested it.
 
         All runs on the present scene are closed. All browsers reload the page; those that did not ask do so a little
         later, so that the lesson opens in the one that did.
