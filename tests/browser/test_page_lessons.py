@@ -79,9 +79,8 @@ def test_the_first_lesson_is_read_with_the_mouse(visitor: Visitor):
         visitor.button("Next step of the lesson").click()
         arrive(visitor, n)
         if "$$" in lesson.steps[n].text:
-            formula = page.locator(".lesson math[display=block]").bounding_box()
-            assert formula is not None
-            assert formula["height"] > 15
+            formula = page.locator(".lesson math[display=block]")
+            wait_for(lambda formula=formula: (formula.bounding_box() or {"height": 0})["height"] > 15)
     state = app.controller.wait_until_idle()
     visitor.sees_vertices(app.resources.stage.page_from_world(state.vertices))
     assert page_of(app).page_state.cells.page == "pair"
