@@ -34,7 +34,7 @@ ALLOWED: dict[str, set[str]] = {
         "fairing.registration",
         "fairing.texture",
     },
-    "fairing.features": DATA | {"fairing.util"},
+    "fairing.features": DATA | {"fairing.util", "fairing.geometry"},
     "fairing.experiments": DATA | {"fairing.geometry", "fairing.solve", "fairing.run", "fairing.judge"},
     "fairing.api": {"fairing", "fairing.run"},
     "demo_scenes": DATA | {"fairing.util", "fairing.geometry"},

@@ -285,9 +285,6 @@ def test_locking_every_vertex_within_a_sweep_ends_nothing(controller: Controller
     assert_consistent(state)
 
 
-@pytest.mark.xfail(
-    reason="fairing.run.schedule.fraction_done divides by the number of blocks, which is 0 here", strict=False
-)
 def test_progress_is_defined_when_every_vertex_is_locked_within_a_sweep(controller: Controller):
     state = do(controller, Forward(Extent.SWEEP), Forward(Extent.ITERATION))
     state = do(controller, Lock(tuple(range(len(state.vertices))), locked=True))

@@ -16,6 +16,7 @@ from scipy.sparse.linalg import splu
 
 from fairing.camera import Camera
 from fairing.features.points import FeaturePoints
+from fairing.geometry.normals import face_normals
 from fairing.mesh import Mesh
 
 GATES = (2.0, 1.5, 1.0, 0.8, 0.6, 0.4, 0.3, 0.2, 0.15, 0.1)
@@ -125,9 +126,7 @@ def held_back_loss(mesh: Mesh, cameras: Sequence[Camera], points: FeaturePoints)
     """
     unit, judges = mesh.diagonal / 100, held_back_points(points)
     found = _Rays(cameras, points).assign(mesh, GATES[0] * unit, judges)
-    losses = np.ones(len(points))
-    losses[found.points] = found.distances**2 / ((JUDGING_SIGMA * unit) ** 2 + found.distances**2)
-    return float(losses[judges].mean()) if judges.any() else 1.0
+    return float(_losses(found, judges, JUDGING_SIGMA * unit)[judges].mean()) if judges.any() else 1.0
 
 
 def points_on_surface(mesh: Mesh, cameras: Sequence[Camera], points: FeaturePoints) -> np.ndarray:
@@ -210,10 +209,10 @@ def _step(
 
 def _unfolded(mesh: Mesh, vertices: np.ndarray) -> np.ndarray:
     """(n, 3): the vertices, those of faces whose normal has turned by more than a right angle drawn back to the start."""
-    before, part = _normals(mesh.vertices, mesh.faces), np.ones((len(vertices), 1))
+    before, part = face_normals(mesh.vertices, mesh.faces), np.ones((len(vertices), 1))
     while True:
         result = mesh.vertices + part * (vertices - mesh.vertices)
-        folded = (before * _normals(result, mesh.faces)).sum(axis=1) < 0
+        folded = (before * face_normals(result, mesh.faces)).sum(axis=1) < 0
         if not folded.any():
             return result
         back = np.unique(mesh.faces[folded])
@@ -226,7 +225,7 @@ def _judged(mesh: Mesh, vertices: np.ndarray, rays: _Rays, held_back: np.ndarray
     n = len(vertices)
     for _ in range(n):
         after = rays.assign(mesh.moved(result), GATES[0] * unit, held_back)
-        gain = _losses(before, held_back, unit) - _losses(after, held_back, unit)
+        gain = _losses(before, held_back, PRIOR_SIGMA * unit) - _losses(after, held_back, PRIOR_SIGMA * unit)
         corners, point = (np.concatenate(both) for both in zip(*(
             (mesh.faces[found.faces].ravel(), np.repeat(found.points, 3)) for found in (before, after)
         ), strict=True))  # fmt: skip
@@ -243,7 +242,7 @@ def _judging_losses(before: Assignment, after: Assignment, held_back: np.ndarray
     """(2, k) float: losses before and after of the same points: those held back that belong to a face before or after."""
     judges = np.union1d(before.points, after.points)
     judges = judges[held_back[judges]]
-    return np.stack([_losses(found, held_back, unit)[judges] for found in (before, after)])
+    return np.stack([_losses(found, held_back, PRIOR_SIGMA * unit)[judges] for found in (before, after)])
 
 
 def _is_clearly_less(losses: np.ndarray) -> bool:
@@ -254,18 +253,8 @@ def _is_clearly_less(losses: np.ndarray) -> bool:
     return bool(gain.mean() > max(GAIN * losses[0].mean(), CERTAINTY * gain.std() / np.sqrt(len(gain))))
 
 
-def _losses(found: Assignment, points: np.ndarray, unit: float) -> np.ndarray:
-    """(p,) float: the loss of each of `points` (p,); 1, the largest, for one that belongs to no face."""
+def _losses(found: Assignment, points: np.ndarray, sigma: float) -> np.ndarray:
+    """(p,) float: Geman-McClure loss at sigma, world units, of each of `points` (p,); 1, the largest, without a face."""
     result = np.ones(len(points))
-    result[found.points] = _loss(found.distances, unit)
+    result[found.points] = found.distances**2 / (sigma**2 + found.distances**2)
     return result
-
-
-def _loss(distances: np.ndarray, unit: float) -> np.ndarray:
-    """Geman-McClure at the prior's standard deviation, 0 to 1."""
-    return distances**2 / ((PRIOR_SIGMA * unit) ** 2 + distances**2)
-
-
-def _normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    a, b, c = vertices[faces].transpose(1, 0, 2)
-    return np.cross(b - a, c - a)
