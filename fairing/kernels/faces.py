@@ -7,7 +7,7 @@ depend on how the list is divided among threads.
 import numpy as np
 
 from fairing.kernels.compiled import SOURCE, cached, plain
-from fairing.kernels.data import SOLVER_NONE, SOLVER_VARIABLE_PROJECTION
+from fairing.kernels.data import ALTERNATING, STATISTICS, VARIABLE_PROJECTION
 from fairing.kernels.eigenspace import fit_face, remove_means
 from fairing.kernels.normal_equations import normal_equations
 from fairing.kernels.robust import residual_statistics, weigh
@@ -16,7 +16,7 @@ from fairing.kernels.sampling import apply_masks, sample_face
 
 
 @plain
-def _evaluate_faces(data, vertices, todo, corners, squared_scale, solver, energy, pair_energy, H, g, statistics):
+def _evaluate_faces(data, vertices, todo, corners, squared_scale, task, energy, pair_energy, H, g, statistics):
     """Energy and normal equations of the faces `todo`.
 
     Args:
@@ -25,11 +25,11 @@ def _evaluate_faces(data, vertices, todo, corners, squared_scale, solver, energy
         todo: (F,) int64: face ids.
         corners: (F,) int64: which corner moves, -1 for all.
         squared_scale: (m,) float64: the robust norm's squared scale by face, see `fairing.kernels.robust.weigh`.
-        solver: SOLVER_*; with SOLVER_NONE only energies are filled.
+        task: ENERGY, STATISTICS, ALTERNATING or VARIABLE_PROJECTION: what to compute beside the energies.
         energy: (F,) float64, out: sum of weight * rho(e); infinite if a corner lies behind a camera.
         pair_energy: (P,) float64, out: the same by pair, for the pairs of `todo`.
         H, g: (F, 9, 9), (F, 9) float64, out: by the nine coordinates of the corners, energy / world unit^2 and energy / world unit.
-        statistics: (F, 3) float64, out, only with SOLVER_NONE: largest and median absolute residual, grey levels; the k-th
+        statistics: (F, 3) float64, out, only with STATISTICS: largest and median absolute residual, grey levels; the k-th
             singular value squared over the mean square of the later ones.
     """
     n_most, p_most = 1, 1
@@ -38,7 +38,7 @@ def _evaluate_faces(data, vertices, todo, corners, squared_scale, solver, energy
         p_most = max(p_most, data.grid_start[data.face_grid[f] + 1] - data.grid_start[data.face_grid[f]])
     p_most *= data.channels
     k_most = max(1, data.face_dimensions.max()) + 1
-    with_system = solver != SOLVER_NONE
+    with_system = task >= ALTERNATING
     all_components = 9 if data.affine and corners.min() < 0 else 3
     cells_buffer = np.empty(n_most * p_most, dtype=np.float32)
     residual_buffer = np.empty(n_most * p_most, dtype=np.float32)
@@ -91,10 +91,10 @@ def _evaluate_faces(data, vertices, todo, corners, squared_scale, solver, energy
                 basis[k, :] = 0
                 used = k + 1
             normal_equations(
-                G, hats, corner, data.remove_bias, solver == SOLVER_VARIABLE_PROJECTION, basis[:used], V[:, :used], residual,
+                G, hats, corner, data.remove_bias, task == VARIABLE_PROJECTION, basis[:used], V[:, :used], residual,
                 weights, data.pair_weight[first : first + n], H[at], g[at],
             )  # fmt: skip
-        else:
+        elif task == STATISTICS:
             residual_statistics(residual, mask_weight, masked, index, statistics[at])
             later = (singular_values[k:n] ** 2).mean()
             statistics[at, 2] = singular_values[k - 1] ** 2 / max(later, 1e-300)

@@ -11,7 +11,7 @@ from fairing.options import by_level
 from fairing.run.phases import GaussNewton, Level, LocalSearch, Phase, Restart
 from fairing.scene import Scene
 from fairing.solve.blocks import Block, plan_blocks, restart_block
-from fairing.solve.energy import FaceSystem, robust_scale, robust_sigma
+from fairing.solve.energy import FaceSystem, fixed_sigma, robust_scale, robust_sigma
 from fairing.solve.face_loss import loss_of_faces
 from fairing.solve.normal_equations import Prior, QuadraticPrior, undetermined_directions, vertex_systems
 from fairing.solve.point_fit import fitted_to_points
@@ -40,6 +40,7 @@ class SweepState:
         blocks: in their order.
         pixels_per_unit: (n,) float: largest motion of a vertex in a photo, px per world unit; 0 where unseen.
         mean_loss: of the mesh, per photo px.
+        system: normal equations of all faces at the beginning, by all corners, for a first step of all vertices at once; else None.
     """
 
     moment: int
@@ -53,6 +54,7 @@ class SweepState:
     blocks: list[Block]
     pixels_per_unit: np.ndarray
     mean_loss: float
+    system: FaceSystem | None
 
     def longest_move(self, scene: Scene, vertices: np.ndarray) -> float:
         """Longest move of a free vertex in a photo since the beginning of the sweep, px; vertices (n, 3): positions now."""
@@ -117,7 +119,18 @@ def begin_sweep(
         case Restart(level_number):
             blocks = [restart_block(mesh, np.flatnonzero(free), level_number)] if free.any() else []
     return SweepState(
-        moment, phase, context, sigma, scale, Prior(tuple(terms)), origin, free, blocks, pixels, mean_loss
+        moment,
+        phase,
+        context,
+        sigma,
+        scale,
+        Prior(tuple(terms)),
+        origin,
+        free,
+        blocks,
+        pixels,
+        mean_loss,
+        system if isinstance(phase, GaussNewton) and options.schedule.order == "joint" else None,
     )
 
 
@@ -146,17 +159,21 @@ def _context_and_sigma(
     """Cells with their final eigenspace dimensions, and the scale parameter (m,) by face, grey levels."""
     options = problem.options
     context = problem.context(level, vertices, among)
-    unscaled = np.ones(len(problem.scene.mesh.faces))
-    measured = problem.measure(context, vertices, unscaled)
-    shorter = context.with_reduced_dimensions(
-        measured.singular_value_ratio, by_level(options.eigenspace.significance, level)
-    )
-    if shorter is not context:
-        context = shorter
-        measured = problem.measure(context, vertices, unscaled)
     # A search compares positions with different residuals, so all of them need the same sigma (ledger: sigma of searches).
     robust = options.robust if isinstance(phase, GaussNewton) else replace(options.robust, sigma_rule=("fixed",))
-    return context, robust_sigma(robust, level, measured)
+    fixed = fixed_sigma(robust, level)
+    significance = by_level(options.eigenspace.significance, level)
+    if fixed is not None and significance == 0:
+        return context, np.full(len(problem.scene.mesh.faces), fixed)
+    unscaled = np.ones(len(problem.scene.mesh.faces))
+    measured = problem.measure(context, vertices, unscaled)
+    shorter = context.with_reduced_dimensions(measured.singular_value_ratio, significance)
+    sigma = robust_sigma(robust, level, measured)
+    if fixed is None:
+        changed = np.flatnonzero(shorter.kernel.face_dimensions != context.kernel.face_dimensions)
+        again = problem.evaluator.measure(shorter, vertices, changed, unscaled)
+        sigma[changed] = robust_sigma(robust, level, again)
+    return shorter, sigma
 
 
 def _search_blocks(

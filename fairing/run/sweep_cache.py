@@ -1,5 +1,7 @@
 """Sweep cache: the sweep states of a recorded run at its moments."""
 
+from dataclasses import replace
+
 from fairing.run.phases import Schedule, schedule_of
 from fairing.run.sweep import SweepState, begin_sweep
 from fairing.solve.problem import Problem
@@ -62,7 +64,8 @@ class SweepCache:
                 self._sweeps.pop(0)
             sweep = self._begin(position, begun)
         others = [other for other in self._sweeps if other is not sweep]
-        self._sweeps = [*others[1 - MAX_SWEEPS :], sweep]
+        # The normal equations of older sweeps are not needed again, and are large.
+        self._sweeps = [*(_without_system(other) for other in others[1 - MAX_SWEEPS :]), sweep]
         return sweep
 
     @property
@@ -86,3 +89,7 @@ class SweepCache:
     def _photo_bytes(self) -> int:
         planes = {id(pixels): pixels.nbytes for pixels in (sweep.context.kernel.pixels for sweep in self._sweeps)}
         return sum(planes.values())
+
+
+def _without_system(sweep: SweepState) -> SweepState:
+    return sweep if sweep.system is None else replace(sweep, system=None)
