@@ -35,14 +35,16 @@ def _cached_for(source):
                 singular value squared over the mean square of the later ones.
         """
         assert source >= 0
-        n_most, p_most = 1, 1
-        for f in todo:
+        n_most, p_most, k_most, all_components = 1, 1, 1, 3
+        for at in range(todo.shape[0]):
+            f = todo[at]
             n_most = max(n_most, data.pair_start[f + 1] - data.pair_start[f])
             p_most = max(p_most, data.grid_start[data.face_grid[f] + 1] - data.grid_start[data.face_grid[f]])
+            k_most = max(k_most, data.face_dimensions[f] + 1)
+            if data.affine and corners[at] < 0:
+                all_components = 9
         p_most *= data.channels
-        k_most = max(1, data.face_dimensions.max()) + 1
         with_system = task >= ALTERNATING
-        all_components = 9 if data.affine and corners.min() < 0 else 3
         cells_buffer = np.empty(n_most * p_most, dtype=np.float32)
         residual_buffer = np.empty(n_most * p_most, dtype=np.float32)
         weights_buffer = np.empty(n_most * p_most, dtype=np.float32)
@@ -77,7 +79,9 @@ def _cached_for(source):
             if not sample_face(data, vertices, face, corner, with_system, cells, G, hats, strip, taps, index):
                 energy[at] = np.inf
                 continue
-            masked = apply_masks(data, face, p, mask_weight, G, components if with_system else 0)
+            masked = apply_masks(
+                data.pair_mask[first : first + n], data.masks, data.channels, mask_weight, G, components if with_system else 0
+            )  # fmt: skip
             if data.remove_bias:
                 remove_means(cells, mask_weight, masked)
             V = np.zeros((n, k + 1))
@@ -99,7 +103,9 @@ def _cached_for(source):
                 )  # fmt: skip
             elif task == STATISTICS:
                 residual_statistics(residual, mask_weight, masked, index, statistics[at])
-                later = (singular_values[k:n] ** 2).mean()
+                later = 0.0
+                for m in range(k, n):
+                    later += singular_values[m] ** 2 / (n - k)
                 statistics[at, 2] = singular_values[k - 1] ** 2 / max(later, 1e-300)
 
     @cached
@@ -146,7 +152,8 @@ def _cached_for(source):
             return None
         cells = raw.copy()
         mask_weight[:] = 1
-        masked = apply_masks(data, face, pc // data.channels, mask_weight, G, 0)
+        starts = data.pair_mask[data.pair_start[face] : data.pair_start[face + 1]]
+        masked = apply_masks(starts, data.masks, data.channels, mask_weight, G, 0)
         if data.remove_bias:
             remove_means(cells, mask_weight, masked)
             bias[:] = raw[:, 0] - cells[:, 0]
