@@ -8,7 +8,6 @@ from pathlib import Path
 import viser
 
 from app.debugger.controller import Controller
-from app.debugger.run_state import RunState
 from app.lessons.scenes import LESSON_SCENES, load_lesson_scene
 from app.page.page import Page
 from app.page.resources import SessionResources
@@ -123,7 +122,7 @@ class App:
         server.initial_camera.look_at = tuple(stage.target)
         server.initial_camera.up = tuple(stage.up)
         server.initial_camera.fov = FIELD_OF_VIEW
-        resources.controller.subscribe(lambda state: self._show(resources, state))
+        resources.controller.subscribe(resources.forget_deleted_runs)
 
     def _connected(self, client: viser.ClientHandle) -> None:
         with self._lock:
@@ -132,7 +131,7 @@ class App:
         try:
             # In one piece, or the browser lays out the page again for every few widgets that arrive.
             with client.atomic():
-                page = Page(client, resources, page_state)
+                page = Page(client, resources.for_page(), page_state)
                 if lesson is not None:
                     page.open_lesson(lesson)
                 page.fill(resources.controller.state)
@@ -144,9 +143,8 @@ class App:
             is_current = resources is self.resources
             if is_current:
                 self.pages[client.client_id] = page
-        if is_current:
-            resources.controller.republish()
-        else:  # the scene was changed meanwhile
+                page.follow()
+        if not is_current:  # the scene was changed meanwhile
             page.close()
             reload_page(client, 0)
 
@@ -157,18 +155,6 @@ class App:
                 self._latest = page.page_state
         if page is not None:
             page.close()
-
-    def _show(self, resources: SessionResources, state: RunState) -> None:
-        with self._lock:
-            if resources is not self.resources:  # the last states of a session that was closed
-                return
-            pages = list(self.pages.values())
-        resources.update(state)
-        for page in pages:
-            try:
-                page.show(state)
-            except Exception:
-                logging.getLogger(__name__).exception("a page could not be brought up to date")
 
 
 def start(

@@ -17,7 +17,7 @@ from fairing.options import RobustOptions, by_level
 
 SOLVERS = {"alternating": SOLVER_ALTERNATING, "variable_projection": SOLVER_VARIABLE_PROJECTION}
 PARTS_PER_THREAD = 4
-MAX_PART_SAMPLES = 100_000_000  # per part of a list, about one second of work: the latency of a cancellation
+MAX_PART_SAMPLES = 25_000_000  # per part of a list, about 0.2 s of work: the latency of a cancellation
 CONCURRENT_ITEMS = 2  # of `Evaluator.map_concurrently`
 
 Item = TypeVar("Item")
