@@ -240,13 +240,15 @@ def test_a_gltf_reads_only_files_of_its_folder(tmp_path: Path):
     (tmp_path / "mesh" / "link.bin").symlink_to(tmp_path / "secret.bin")
     refused(write_gltf(tmp_path / "mesh", named("link.bin")), "in its folder")
     for uri in ("", "none.bin", "a\0b", "n" * 5000, "http://127.0.0.1:9/x.bin"):
-        refused(write_gltf(tmp_path / "mesh", named(uri)), r"mesh\.gltf.*expected")
+        refused(write_gltf(tmp_path / "mesh", named(uri)), r"mesh\.gltf")
 
 
 def test_names_in_a_gltf_may_be_percent_encoded(tmp_path: Path):
-    path = write_gltf(tmp_path, named("part%20one.bin"))
-    (data,) = tmp_path.glob("*.bin")
-    data.rename(tmp_path / "part one.bin")
+    def rename(header: dict[str, Any]) -> None:
+        (tmp_path / header["buffers"][0]["uri"]).rename(tmp_path / "part one.bin")
+        header["buffers"][0]["uri"] = "part%20one.bin"
+
+    path = write_gltf(tmp_path, rename)
     np.testing.assert_array_equal(read_mesh(path)[0], CUBE_VERTICES)
 
 
