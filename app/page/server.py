@@ -1,12 +1,15 @@
 """The debugger's server: one session, and one page for every browser that connects."""
 
+import gc
 import logging
 import sys
 import threading
+import time
 from pathlib import Path
 
 import viser
 
+from app.background_worker import BackgroundWorker
 from app.debugger.controller import Controller
 from app.lessons.scenes import LESSON_SCENES, load_lesson_scene
 from app.page.page import Page
@@ -20,6 +23,7 @@ from fairing.run.session import Session
 
 SWITCH_SECONDS = 0.001
 OTHERS_RELOAD = 4.0  # s
+GARBAGE_SECONDS = 2.0  # after a page has gone: several that go together are freed together
 
 
 class App:
@@ -44,6 +48,7 @@ class App:
         self.pages: dict[int, Page] = {}
         self._lock = threading.Lock()  # of the attributes; held for moments only, never while a page or scene is made
         self._loading = threading.Lock()  # while another scene is loaded
+        self._garbage = BackgroundWorker(name="garbage")
         self._lesson_due = lesson
         self._latest = PageState()
         self.resources = SessionResources.open(session, save_to, recorded_in, self._change_scene)
@@ -64,6 +69,7 @@ class App:
     def stop(self) -> None:
         """End the engine, close the trace's file and disconnect all browsers."""
         self._close(self.resources, self._take_pages())
+        self._garbage.close(timeout=0)
         self._server.close()
 
     def _take_pages(self) -> list[Page]:
@@ -155,6 +161,13 @@ class App:
                 self._latest = page.page_state
         if page is not None:
             page.close()
+            self._garbage.post("pages", _free_pages, lambda _: None)
+
+
+def _free_pages() -> None:
+    """Free the memory of closed pages. Their handles refer to each other in cycles, which Python would leave for minutes."""
+    time.sleep(GARBAGE_SECONDS)
+    gc.collect()
 
 
 def start(
