@@ -95,22 +95,26 @@ class ClientCallbacks:
                         del self._queues[key]
                     return
                 before = queue.latest
-                begins = before is None or before.done() or before is waited_for
-                if begins:
-                    call, args, future = queue.waiting.popleft()
-                    queue.latest = future
-            if not begins:
-                assert before is not None
+                if before is None or before.done() or before is waited_for:
+                    begun = queue.waiting.popleft()
+                    queue.latest = begun[2]
+                else:
+                    begun = None
+            if begun is not None:
+                _run(*begun)
+            elif before is not None:
                 wait([before], LONG_SECONDS)
                 waited_for = before
-                continue
-            try:
-                result = call(*args)
-            except BaseException as error:
-                logging.getLogger(__name__).debug("a callback failed", exc_info=error)
-                future.set_exception(error)
-            else:
-                future.set_result(result)
+
+
+def _run(call: Callable[..., Any], args: tuple[Any, ...], future: "Future[Any]") -> None:
+    try:
+        result = call(*args)
+    except BaseException as error:
+        logging.getLogger(__name__).debug("a callback failed", exc_info=error)
+        future.set_exception(error)
+    else:
+        future.set_result(result)
 
 
 def _client_id(argument: Any) -> int | None:
