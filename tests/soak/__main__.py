@@ -3,6 +3,7 @@
 import argparse
 import subprocess
 import sys
+import threading
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -59,6 +60,14 @@ def rise(values: list[int]) -> float:
     return float(np.median(values[-quarter:]) - np.median(values[:quarter])) if values else 0.0
 
 
+def watch(pid: int, began: float, ended: threading.Event, samples: list[Sample]) -> None:
+    """Append samples until the end, and print one a minute."""
+    while not ended.wait(SAMPLE_SECONDS):
+        samples.append(sample(pid, began))
+        if len(samples) % PRINTED_EVERY == 1:
+            show(samples[-1])
+
+
 def soak(minutes: float, seed: int, pace: float) -> int:
     """Returns the exit code."""
     command = [sys.executable, "-m", "tests.soak.served"]
@@ -66,20 +75,20 @@ def soak(minutes: float, seed: int, pace: float) -> int:
     assert server.stdin is not None
     assert server.stdout is not None
     url = server.stdout.readline().strip()
-    began, samples = time.monotonic(), []
+    began, ended, samples = time.monotonic(), threading.Event(), []
+    watching = threading.Thread(target=watch, args=(server.pid, began, ended, samples), daemon=True)
+    watching.start()
     with chromium() as browser:
         users = Users(browser, url, seed, pace)
         try:
             while time.monotonic() < began + 60 * minutes:
                 users.act()
-                if not samples or time.monotonic() > began + 60 * samples[-1].minutes + SAMPLE_SECONDS:
-                    samples.append(sample(server.pid, began))
-                    if (len(samples) - 1) % PRINTED_EVERY == 0:
-                        show(samples[-1])
         except KeyboardInterrupt:
             pass
+    ended.set()
+    watching.join()
     server.stdin.close()
-    server.wait(timeout=60)
+    server.wait(timeout=300)
     return report(samples, min(WARM_UP * minutes, WARM_UP_MINUTES), users)
 
 
