@@ -42,7 +42,6 @@ STYLE = f"""
 .ef .crumbs b {{ color: var(--strong); font-weight: 600; }}
 .ef .crumbs i {{ font-style: normal; color: var(--faint); padding: 0 3px; }}
 .ef .wide {{ width: 100%; }}
-[data-floating-window]:has(.ef > .preview) {{ pointer-events: none; }}
 div:has(> .ef > .pinned) {{ position: sticky; top: 0; z-index: 5; background: var(--mantine-color-body);
   padding-top: 10px; margin-top: -10px; }}
 div:has(> div > div > div > .ef > .pinned) {{ overflow: clip !important; }}

@@ -17,7 +17,7 @@ from app.panels.choice import chip, photo_link
 from app.panels.photo_pages import PhotoPages
 from app.pictures.cell_images import FLOW_COLORS, CellPictures, data_uri
 from app.query_cache import QueryCache
-from app.viser_bridge.floating import MARGIN
+from app.viser_bridge.floating import CLICK_THROUGH, MARGIN
 from app.viser_bridge.html_panel import HtmlPanel
 from fairing.scene import Scene
 
@@ -109,7 +109,7 @@ class CellLens:
     def _set(self, content: str, page_state: PageState) -> None:
         """Show this content. While the pointer rests on the small picture, clicks pass through the lens."""
         is_preview = page_state.cells.hovered is not None
-        self._panel.set(f"<div class='preview'>{content}</div>" if is_preview else content)
+        self._panel.set(f"<div class='{CLICK_THROUGH}'>{content}</div>" if is_preview else content)
 
     def _pair_content(self, kind: str, picture: str) -> str:
         close = self._close_button()
