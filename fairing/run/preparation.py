@@ -107,7 +107,7 @@ def _fitted(problem: Problem, vertices: np.ndarray) -> np.ndarray:
         return fitted_to_points(problem, vertices, FIT_ROUNDS).targets
     cameras = [view.camera for view in problem.scene.views]
     mesh, ids = problem.scene.mesh.moved(vertices), np.flatnonzero(~problem.locked)
-    fitted = robust_fit(mesh, cameras, problem.observed_points, problem.locked).vertices
+    fitted = robust_fit(mesh, cameras, problem.observed_points, problem.locked, problem.raise_if_cancelled).vertices
     moves, _ = problem.unfolded(vertices, ids, (fitted - vertices)[ids])
     after = vertices.copy()
     after[ids] += moves

@@ -17,7 +17,7 @@ from fairing.options import RobustOptions, by_level
 
 SOLVERS = {"alternating": ALTERNATING, "variable_projection": VARIABLE_PROJECTION}
 PARTS_PER_THREAD = 4
-MAX_PART_SAMPLES = 100_000_000  # per part of a list, about one second of work: the latency of a cancellation
+MAX_PART_SAMPLES = 25_000_000  # per part of a list, about 0.2 s of work: the latency of a cancellation
 CONCURRENT_ITEMS = 2  # of `Evaluator.map_concurrently`
 
 Item = TypeVar("Item")
@@ -75,10 +75,15 @@ class Evaluator:
 
     def __init__(self, threads: int = 0, raise_if_cancelled: Callable[[], None] = lambda: None) -> None:
         self._threads, self._raise_if_cancelled = threads or os.cpu_count() or 1, raise_if_cancelled
-        self.pool = ThreadPoolExecutor(self._threads, thread_name_prefix="fairing")
+        self.pool = self._new_pool()
         self.samples = 0
         """Cell samples evaluated so far, for the speed shown to users."""
         self._counting = threading.Lock()
+
+    def clear(self) -> None:
+        """End the threads; the next computation starts new ones."""
+        self.pool.shutdown(wait=False)
+        self.pool = self._new_pool()
 
     def map_concurrently(self, work: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
         """Results of independent tasks, in the order of `items`; each task uses the evaluator and its pool itself.
@@ -159,6 +164,9 @@ class Evaluator:
         else:
             list(self.pool.map(work, parts))
         return FaceSystem(faces, energy, pair_energy, H, g, *statistics.T)
+
+    def _new_pool(self) -> ThreadPoolExecutor:
+        return ThreadPoolExecutor(self._threads, thread_name_prefix="fairing")
 
     def _parts(self, samples: np.ndarray) -> list[slice]:
         """Consecutive slices of faces of about equal work."""

@@ -208,7 +208,8 @@ class Problem:
     # ------------------------------------------------------------------ photos in memory
 
     def clear(self) -> None:
-        """Free the photos; they are read again when needed."""
+        """Free the photos, which are read again when needed, and end the threads."""
+        self.evaluator.clear()
         self._photos = self._fresh_photos()
 
     def _fresh_photos(self) -> ScaleSpace:
