@@ -71,7 +71,16 @@ ALLOWED: dict[str, set[str]] = {
     },
     "app.cli": {
         *("app", "app.debugger", "app.viser_bridge", "app.page_state", "app.files", "app.pictures", "app.experiments"),
-        *("app.lessons", "app.export", "app.lesson_pages", "app.page", "app.flips", "engine", "demo_scenes", "demo_scenes.range_data"),
+        *(
+            "app.lessons",
+            "app.export",
+            "app.lesson_pages",
+            "app.page",
+            "app.flips",
+            "engine",
+            "demo_scenes",
+            "demo_scenes.range_data",
+        ),
     },
 }
 """The rooms that a room's modules may import besides their own. "engine": any room of `fairing`. A loose module's full

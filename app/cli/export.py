@@ -43,7 +43,8 @@ def export(
     Args:
         out: .html: a page that replays the run, offline. .png: the textured mesh before and after. .mp4, .webm, .gif: a video.
             With --lessons: a folder.
-        lesson: Write this lesson as a page. The lesson `capture` takes the scene of --scene; by default the demo archway.
+        lesson: Write this lesson (a name, or a Markdown file) as a page. The lesson `capture` uses the scene of --scene, by
+            default the demo archway.
         lessons: Write all lessons as pages, and an index of them.
         at: The moment at which a page opens or that a picture shows: level:sweep:vertex:iteration from 1, `start` or `end`.
         report: With .html: a report with figures and pictures, to read and print, instead of the replay.
@@ -59,7 +60,9 @@ def export(
         source = None if scene is None else SceneSource.typed(scene, mesh, photos)
         return export_lesson(lesson, source, out, console)
     if (scene, mesh, photos) != (None, None, ALL_PHOTOS):
-        raise InputError("--lessons: uses the demo scenes; for a scene of your own write --lesson capture --scene SCENE")
+        raise InputError(
+            "--lessons: uses the demo scenes; for a scene of your own write --lesson capture --scene SCENE"
+        )
     return export_lessons(out, console)
 
 

@@ -7,7 +7,6 @@ from typing import TypeVar
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-from app.cli.interrupt import Interrupt
 from app.cli.lines import print_line
 from app.files.scene_source import SceneSource
 from fairing.errors import InputError

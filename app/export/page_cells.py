@@ -94,9 +94,7 @@ def cells_of_runs(
     kept, wanted, count = [], [set[int]() for _ in facts.scene.views], 0
     channels = 3 if facts.options.cells.color else 1
     for group in groups:
-        joined = [
-            old.union(*(tiles[face][v] for *_, tiles in found for face in group)) for v, old in enumerate(wanted)
-        ]
+        joined = [old.union(*(tiles[face][v] for *_, tiles in found for face in group)) for v, old in enumerate(wanted)]
         count = channels * TILE * TILE * sum(map(len, joined))
         if kept and count > PIXELS:
             break

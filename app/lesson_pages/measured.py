@@ -34,9 +34,7 @@ def experiment_of(lesson: Lesson) -> tuple[str, int] | None:
     return str(name), last.vertices[-1]
 
 
-def measured_experiment(
-    name: str, vertex: int, scene: Scene, on_progress: Callable[[float], None]
-) -> dict[str, Any]:
+def measured_experiment(name: str, vertex: int, scene: Scene, on_progress: Callable[[float], None]) -> dict[str, Any]:
     """Name, title, question, and markup of the charts and the finding of an experiment.
 
     Raises:

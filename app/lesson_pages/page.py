@@ -120,8 +120,12 @@ def _page(lesson: Lesson, data: dict, index: str) -> str:
         about=text(lesson.about),
         index=back,
         listing=listing(),
-        pages="".join(f"<button type='button' class='chip' data-page='{p}'>{text(t)}</button>" for p, t in PAGES.items()),
-        spans="".join(f"<button type='button' class='chip' data-span='{s}'>{text(t)}</button>" for s, t in SPANS.items()),
+        pages="".join(
+            f"<button type='button' class='chip' data-page='{p}'>{text(t)}</button>" for p, t in PAGES.items()
+        ),
+        spans="".join(
+            f"<button type='button' class='chip' data-span='{s}'>{text(t)}</button>" for s, t in SPANS.items()
+        ),
         style=asset("lesson.css", "app.lesson_pages"),
         data=json_element(data),
         scripts=script_elements(_SHARED) + script_elements(_OWN, "app.lesson_pages"),

@@ -79,7 +79,9 @@ def lesson_data(played: PlayedLesson, on_progress: Callable[[float], None]) -> d
 
 
 def _shortest_edge(scene: Scene) -> float:
-    ends = scene.mesh.vertices[scene.mesh.edges]
+    """Of the true mesh if it is known, world units."""
+    known = None if scene.truth is None else scene.truth.vertices
+    ends = (scene.mesh.vertices if known is None else known)[scene.mesh.edges]
     return float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).min())
 
 
@@ -119,6 +121,7 @@ def _step(played: PlayedLesson, n: int) -> dict[str, Any]:
         "vertices": list(page_state.selection.vertices),
         "face": page_state.face,
         "eye": step.settings.eye,
+        "heading": step.settings.heading,
         "surface": page_state.surface,
         "shape": page_state.shape,
         "magnification": page_state.magnification,
@@ -206,7 +209,9 @@ def _arrows(flows: StepFlows) -> dict[str, Any]:
         "moment": flows.moment,
         "size": size,
         "views": flows.cells.views.tolist(),
-        "optical": _vectors(optical.places, np.where(optical.confidence[..., None] > MIN_CONFIDENCE, optical.vectors, 0)),
+        "optical": _vectors(
+            optical.places, np.where(optical.confidence[..., None] > MIN_CONFIDENCE, optical.vectors, 0)
+        ),
         "model": None if model is None else _vectors(model.places, model.vectors),
     }
 
@@ -246,4 +251,3 @@ def _profile(facts: RunFacts, step: PlayedStep, page_state: PageState) -> dict[s
         "offsets": (100 * offsets).tolist(),
         "lines": [[energy(axis, offset) for offset in offsets.tolist()] for axis in range(3)],
     }
-

@@ -74,6 +74,7 @@ def play_lesson(lesson: Lesson, scene: Scene, on_progress: Callable[[float], Non
     controller = Controller(Session(scene, PRESETS["accurate"]))
     player = Player(controller, changed.set)
     steps: list[tuple[int, int, Findings, PageSettings, tuple[int, int] | None]] = []
+    traces, names = dict[int, Trace](), dict[int, str]()
     try:
         player.open(lesson)
         for n in range(len(lesson.steps)):
@@ -83,9 +84,11 @@ def play_lesson(lesson: Lesson, scene: Scene, on_progress: Callable[[float], Non
                 changed.wait(_POLL)
                 changed.clear()
             steps.append(_ended_step(player, controller, lesson, n))
+            traces |= {
+                run.run_id: run.trace for run in controller.state.runs
+            }  # a run without steps is replaced by the next
+            names |= {run_id: name for name, run_id in player.run_names.items()}
             on_progress((n + 1) / len(lesson.steps))
-        names = {run_id: name for name, run_id in player.run_names.items()}
-        traces = {run.run_id: run.trace for run in controller.state.runs}
     finally:
         controller.close()
     ids = list(dict.fromkeys([run_id for run_id, *_ in steps] + [step[4][0] for step in steps if step[4] is not None]))

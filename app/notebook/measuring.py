@@ -85,9 +85,7 @@ def read_measured(path: Path) -> Measured:
 def _page(measured: Measured) -> str:
     names = measured.experiment.columns
     head = "".join(f"<th title='{text(meaning)}'>{text(name)}</th>" for name, meaning in names.items())
-    body = "".join(
-        f"<tr>{''.join(f'<td>{_shown(row[name])}</td>' for name in names)}</tr>" for row in measured.rows
-    )
+    body = "".join(f"<tr>{''.join(f'<td>{_shown(row[name])}</td>' for name in names)}</tr>" for row in measured.rows)
     colors = theme_colors()
     return (
         "<!doctype html><html lang='en'><head><meta charset='utf-8'><meta http-equiv='Content-Security-Policy' "

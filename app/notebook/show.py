@@ -49,15 +49,18 @@ def show(result: Shown, *, live: bool = False, height: int = HEIGHT) -> "Frame |
         return _run_frame(result, result.moment, None, height)
     if isinstance(result, Path | str):
         return _frame_of_path(Path(result), height)
-    raise InputError(f"show: expected a session, the results of an experiment, or a path; found {type(result).__name__}")
+    raise InputError(
+        f"show: expected a session, the results of an experiment, or a path; found {type(result).__name__}"
+    )
 
 
 def _frame_of_path(path: Path, height: int) -> Frame:
     from app.files.recorded_run import find_run
     from fairing.io import PhotoChoice
 
-    records = [path] if path.suffix == ".json" else [] if (path / TRACE).exists() else sorted(path.glob("*.json"))
-    if path.is_dir() and records or path.suffix == ".json":
+    is_run = path.suffix != ".json" and ((path / TRACE).exists() or not path.is_dir())
+    records = [] if is_run else [path] if path.suffix == ".json" else sorted(path.glob("*.json"))
+    if records:
         return read_measured(records[0]).frame(height)
     trace, source, where = find_run(path, None, None, PhotoChoice())
     with progress(f"Opening {source.scene}") as bar:

@@ -43,8 +43,8 @@ function showCellsPage(vertex, face) {
   for (const id of ["k-row", "basis", "charts"]) $(id).hidden = !found;
   $("rows").replaceChildren();
   if (!found) { $("facts").textContent = "Fewer than three photos see this face well enough at this moment."; return; }
-  const largest = found.observed.length - 2, threshold = Number.isFinite(found.threshold) ? ` · e_T ${brief(found.threshold)}` : "";
-  $("facts").replaceChildren("Energy ", element("b", {}, brief(found.energy, 4)), ` with k = ${found.k}${found.k === found.own ? "" : ` instead of ${found.own}`} · ${found.views.length} photos · ${found.size} × ${found.size} samples · σ ${brief(found.sigma)}${threshold} grey levels`);
+  const largest = found.observed.length - 2, threshold = Number.isFinite(found.threshold) ? [" · e", element("sub", {}, "T"), ` ${brief(found.threshold)}`] : [];
+  $("facts").replaceChildren("Energy ", element("b", {}, brief(found.energy, 4)), ` with k = ${found.k}${found.k === found.own ? "" : ` instead of ${found.own}`} · ${found.views.length} photos · ${found.size} × ${found.size} · σ ${brief(found.sigma)}`, ...threshold, " grey levels");
   Object.assign($("k"), { max: largest, value: found.k });
   $("k-shown").textContent = found.k === found.own ? `${found.k} (the run's)` : found.k;
   drawBasis(found);
@@ -80,7 +80,7 @@ function showBars(host, heights, names, css, onChoose = null) {
 }
 
 function drawBasis(found) {
-  const side = Math.min(80, Math.floor(320 / found.basis.length)), { size } = found, canvas = $("basis");
+  const side = Math.min(64, Math.floor(320 / found.basis.length)), { size } = found, canvas = $("basis");
   Object.assign(canvas, { width: found.basis.length * (side + TILE_GAP) - TILE_GAP, height: side });
   const context = canvas.getContext("2d");
   if (!context) return;
@@ -146,8 +146,7 @@ function drawRow(canvas, found, before, flows, view, columns, side, gap) {
 }
 
 function flowsOf(face) {
-  const { flows, run: ofRun, moment } = step();
-  return state.run === ofRun && state.moment === moment && !state.offset ? flows?.[face] ?? null : null;
+  return isAtStep() ? step().flows?.[face] ?? null : null;
 }
 
 function drawArrows(host, flows, kind, view, left, tile) {

@@ -15,6 +15,7 @@ let arrays = null, runs = [], viewer = null, pictures = null, plots = [];
 const state = { step: -1, run: 0, moment: 0, vertices: [], face: null, offset: null, surface: "textured", shape: 1, magnification: 1, shown: {}, cells: {}, eye: "mesh", playing: false, moveBy: 1, chosen: new Map() };
 
 const step = () => data.steps[state.step];
+const isAtStep = () => state.run === step().run && state.moment === step().moment && !state.offset;
 const run = () => runs[state.run];
 
 function chip(label, isOn, act, title = "") {
@@ -58,7 +59,7 @@ function textureWeights() {
 let cellsDue = 0; // time of the next update of the cells while playing or dragging, so that they do not slow it down
 
 function update() {
-  const { run: ofRun, moment } = step(), isHere = state.run === ofRun && state.moment === moment && !state.offset;
+  const isHere = isAtStep();
   if (viewer) {
     viewer.surface = step().coloring && state.surface === "colored" && !isHere ? "flat" : state.surface;
     viewer.marked = state.vertices;
@@ -102,8 +103,8 @@ function showMoment() {
 }
 
 // Distance of a vertex from its true position, in the unit of the lessons.
-function off(vertex) {
-  const [a, b] = [point(positions(), vertex), point(arrays.truth, vertex)];
+function off(vertex, vertices = positions()) {
+  const [a, b] = [point(vertices, vertex), point(arrays.truth, vertex)];
   return 100 * Math.hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2]) / data.stage.pageFromWorld;
 }
 
@@ -139,35 +140,39 @@ function showTry() {
   const vertex = state.vertices.at(-1), note = $("try");
   note.replaceChildren();
   if (vertex !== undefined && facesOf(vertex).length) {
-    const isTextual = arrays.truth && data.isCube ? [element("b", {}, `${brief(off(vertex))} %`), " of an edge length off its true position · "] : [];
+    const isTextual = arrays.truth && data.isCube ? [element("b", {}, `${brief(off(vertex))} %`), " of an edge length off its true position. "] : [];
     if (state.offset) {
       const [before, after] = [ringEnergy(vertex, run().record.verticesAt(state.moment)), ringEnergy(vertex, positions())];
       note.append("Moved by hand: ", ...isTextual, "E of its faces ", element("b", {}, brief(after, 4)), ` instead of ${brief(before, 4)}`);
-    } else note.append(...isTextual, "drag the yellow vertex, or use the buttons, to see how E changes");
+    } else {
+      const axes = isAtStep() ? step().axes[vertex] : null;
+      if (axes) note.append("Certainty ellipsoid: axes ", element("b", {}, axes.map((length) => (length < 1e6 ? brief(length, 2) : "∞")).join(" : ")), ". ");
+      note.append(...isTextual, "Drag it, or use the buttons, and see how E changes.");
+    }
   }
   showProfile();
 }
 
 function showProfile() {
-  const { profile, run: ofRun, moment } = step(), vertex = state.vertices.at(-1);
-  const isShown = profile !== null && profile.vertex === vertex && state.run === ofRun && state.moment === moment;
+  const { profile } = step(), vertex = state.vertices.at(-1);
+  const isShown = profile !== null && profile.vertex === vertex && state.run === step().run && state.moment === step().moment;
   $("profile").hidden = !isShown;
   if (!isShown) return;
-  const width = $("profile").clientWidth || 500, height = 96, left = 56, right = 92, top = 16, bottom = 16, values = profile.lines.flat();
-  const low = Math.min(...values), high = Math.max(...values, low + 1e-9), reach = profile.offsets.at(-1);
+  const width = $("profile").clientWidth || 230, height = 99, left = 8, right = 8, top = 20, bottom = 17, values = profile.lines.flat();
+  const low = Math.min(...values), high = Math.max(...values, low + 1e-9), reach = profile.offsets.at(-1), unit = data.isCube ? " %" : "";
   const x = (offset) => left + (width - left - right) * (offset + reach) / (2 * reach), y = (value) => top + (height - top - bottom) * (high - value) / (high - low);
-  const host = svg("svg", { viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": `Energy of the faces around vertex ${vertex} while it is moved along x, y or z by up to ${brief(reach)} hundredths of a unit` });
-  svg("text", { x: left, y: 11 }, host).textContent = `E of the faces around vertex ${vertex}, moved along one axis`;
-  for (const value of [low, high]) svg("text", { x: left - 6, y: y(value) + 4, "text-anchor": "end" }, host).textContent = brief(value);
+  const host = svg("svg", { viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": `Energy of the faces around vertex ${vertex} while it is moved along x, y or z by up to ${brief(reach)} hundredths of a unit, from ${brief(low)} to ${brief(high)}` });
+  const title = svg("text", { x: left, y: 12, class: "name" }, host);
+  title.textContent = `E if vertex ${vertex} moves along `;
+  ["x", "y", "z"].forEach((name, axis) => { svg("tspan", { style: `fill:${data.curves[axis]};font-weight:700` }, title).textContent = `${name} `; });
   for (const offset of [-reach, 0, reach]) {
     svg("line", { x1: x(offset), x2: x(offset), y1: top, y2: height - bottom, style: "stroke:var(--line)" }, host);
-    svg("text", { x: x(offset), y: height - 3, "text-anchor": "middle" }, host).textContent = `${offset > 0 ? "+" : ""}${brief(offset)}${data.isCube ? " %" : ""}`;
+    svg("text", { x: x(offset), y: height - 3, "text-anchor": offset < 0 ? "start" : offset > 0 ? "end" : "middle" }, host).textContent = `${offset > 0 ? "+" : ""}${brief(offset)}${unit}`;
   }
   profile.lines.forEach((line, axis) => {
-    svg("polyline", { points: line.map((value, i) => `${x(profile.offsets[i])},${y(value)}`).join(" "), fill: "none", "stroke-width": 1.8, style: `stroke:${data.curves[axis]}` }, host);
     const at = state.offset ? 100 * state.offset.by[axis] / data.stage.pageFromWorld : 0;
+    svg("polyline", { points: line.map((value, i) => `${x(profile.offsets[i])},${y(value)}`).join(" "), fill: "none", "stroke-width": 1.8, style: `stroke:${data.curves[axis]}` }, host);
     svg("circle", { cx: x(at), cy: y(between(profile.offsets, line, at)), r: 3.5, style: `fill:${data.curves[axis]}` }, host);
-    svg("text", { x: width - right + 8, y: top + 14 + 18 * axis, style: `fill:${data.curves[axis]}` }, host).textContent = `along ${"xyz"[axis]}`;
   });
   $("profile").replaceChildren(host);
 }
@@ -221,8 +226,16 @@ function tick(now) {
 
 // ---------------------------------------------------------------- plots
 
+let plotted = null; // the vertex whose error is plotted
+
+// The vertex that a run moved farthest.
+function movedMost(record) {
+  const end = record.verticesAt(record.length), apart = (v) => Math.hypot(...[0, 1, 2].map((c) => end[3 * v + c] - record.start[3 * v + c]));
+  return [...Array(end.length / 3).keys()].reduce((best, v) => (apart(v) > apart(best) ? v : best), 0);
+}
+
 function showPlots() {
-  const { record } = run(), { levels, length, energy, errors } = record.run, other = step().compared ? runs[step().compared[0]].record.run : null;
+  const { record } = run(), { levels, length, energy, errors } = record.run, other = step().compared ? runs[step().compared[0]].record : null;
   const bands = levels.filter((level) => level.end > level.first);
   plots = [];
   for (const host of [$("energy"), $("error")]) host.replaceChildren();
@@ -232,15 +245,20 @@ function showPlots() {
     host.append(place);
     plots.push(new Plot(place, { bands, length, onJump: jump, otherColor: "var(--reference)", ...settings }));
   };
-  make($("energy"), { title: "E, one line per sweep", unit: "", lines: energy, others: other?.energy ?? [], isLog: false, color: data.css.now });
+  make($("energy"), { title: "E by sweep", unit: "", lines: energy, others: other?.run.energy ?? [], isLog: false, color: data.css.now });
   const line = (values) => ({ moments: values.map((_, m) => m), values });
-  if (errors) make($("error"), { title: "Error, % of the diagonal", unit: "", lines: [line(errors)], others: other?.errors ? [line(other.errors)] : [], isLog: true, color: data.css.truth });
+  const vertex = state.vertices.at(-1) ?? movedMost(record), isOfVertex = arrays.truth && data.isCube;
+  const error = (of) => [line(isOfVertex ? Array.from({ length: of.length + 1 }, (_, m) => off(vertex, of.verticesAt(m))) : of.run.errors)];
+  const title = isOfVertex ? "Error, % of an edge" : "Error, % of the diagonal";
+  if (errors) make($("error"), { title, unit: "", lines: error(record), others: other ? error(other) : [], isLog: true, color: data.css.truth });
+  plotted = vertex;
 }
 
 // ---------------------------------------------------------------- controls
 
 function select(vertices) {
   Object.assign(state, { vertices, face: null, offset: null });
+  if (vertices.at(-1) !== plotted) showPlots();
   update();
 }
 
@@ -252,7 +270,7 @@ function lookAt(eye) {
 
 function showControls() {
   if (viewer) {
-    const through = typeof state.eye === "number" ? [chip(`Photo ${state.eye + 1}`, true, () => lookAt("front"), "Leave the photo (0)")] : [];
+    const through = typeof state.eye === "number" ? [chip(data.photos.views[state.eye].name, true, () => lookAt("front"), "Leave the photo (0)")] : [];
     fillGroup("eyes", [...Object.entries(EYES).map(([eye, name]) => chip(name, state.eye === eye, () => lookAt(eye))), ...through]);
     const surfaces = step().coloring ? { colored: "Coloured", ...SURFACES } : SURFACES;
     fillGroup("surfaces", [label("Surface"), ...Object.entries(surfaces).map(([name, title]) => chip(title, state.surface === name, () => { state.surface = name; update(); }))]);
@@ -296,6 +314,8 @@ function goToStep(number, isFirst = false) {
   else if (isFirst) lookAt("mesh");
   showText(isFirst);
   update();
+  const heading = { "Cells by photo": "cells-heading", "Basis images": "basis-heading" }[found.heading], panel = $("cells-panel");
+  panel.scrollTop = heading && getComputedStyle(panel).overflowY === "auto" ? $(heading).offsetTop - panel.offsetTop - 4 : 0;
   if (location.hash !== `#${target + 1}`) history.replaceState(null, "", `#${target + 1}`);
 }
 
@@ -310,6 +330,8 @@ function showText(isFirst) {
     row.classList.toggle("at", row.dataset.line === found.code);
     row.toggleAttribute("aria-current", row.dataset.line === found.code);
   }
+  const rows = [...document.querySelectorAll("[data-line]")], at = rows.findIndex((row) => row.dataset.line === found.code);
+  rows.forEach((row, k) => row.classList.toggle("near", Math.abs(k - Math.min(Math.max(at, 1), rows.length - 2)) <= 1));
   $("claims").hidden = found.claims.length === 0;
   $("claims").querySelector("summary").textContent = `✓ ${found.claims.length} of ${found.claims.length} claims verified when this page was made`;
   $("claims").querySelector("ul").replaceChildren(...found.claims.map((claim) => element("li", {}, element("code", {}, claim))));
@@ -324,7 +346,7 @@ function showText(isFirst) {
   $("previous").disabled = n === 0;
   $("next").disabled = n === count - 1;
   if (!isFirst) $("announcement").textContent = `Step ${n + 1} of ${count}: ${found.title}`;
-  $("reading").scrollTop = 0;
+  document.querySelector("article").scrollTop = 0;
   document.querySelector("main").scrollTop = 0;
 }
 
@@ -398,6 +420,7 @@ function listen() {
   $("last").onclick = () => jump(run().record.length);
   $("back").onclick = () => jump(state.moment - 1);
   $("forward").onclick = () => jump(state.moment + 1);
+  $("all-lines").onclick = () => press($("all-lines"), $("listing").classList.toggle("whole"));
   $("k").oninput = () => setDimensions(Number($("k").value));
   for (const button of document.querySelectorAll("[data-page]")) button.onclick = () => { state.cells = { ...state.cells, page: button.dataset.page }; update(); };
   for (const button of document.querySelectorAll("[data-span]")) button.onclick = () => { state.cells = { ...state.cells, span: button.dataset.span }; update(); };

@@ -169,6 +169,9 @@ class LessonViewer extends Viewer {
     this.redraw();
   }
 
+  // In a low view, the buttons over it cover a larger part.
+  fittingDistance(back) { return super.fittingDistance(back) * (this.canvas.clientHeight < 380 ? 1.2 : 1); }
+
   home() {
     this.up = this.data.stage.up;
     if (this.pictures) this.look("mesh");
