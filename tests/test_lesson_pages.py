@@ -13,7 +13,7 @@ from app.lesson_pages.measured import OF_PAGES, experiment_of, measured_experime
 from app.lesson_pages.page import write_lesson, write_lessons
 from app.lesson_pages.page_data import lesson_data
 from app.lesson_pages.playing import PlayedLesson, play_lesson
-from app.lessons.reader import lesson_names, load_lesson, read_lesson
+from app.lessons.reader import lesson_names, load_lesson
 from app.lessons.scenes import load_lesson_scene
 from demo_scenes import load_demo
 from fairing.errors import InputError
@@ -128,5 +128,8 @@ def test_a_wrong_use_is_reported_in_one_line(arguments, complaint, tmp_path, mon
 def test_a_lesson_file_is_named_after_the_file(tmp_path):
     copy = tmp_path / "mine.md"
     copy.write_text(TEMPLATE.read_text())
-    assert load_lesson(str(copy)).name == "mine"
-    assert load_lesson(str(copy)).steps == read_lesson("mine", TEMPLATE.read_text()).steps
+    lesson = load_lesson(str(copy))
+    assert (lesson.name, lesson.title) == ("mine", "A template")
+    assert [step.title for step in lesson.steps] == [
+        line[2:] for line in copy.read_text().splitlines() if line.startswith("# ")
+    ]
