@@ -66,13 +66,11 @@ class Cells {
     };
   }
 
-  // The energies of a face with k = 1, 2 ... photos - 2, from its cells `found`.
-  energiesByDimension(found) {
-    return Array.from({ length: found.observed.length - 2 }, (_, i) => {
-      if (i + 1 === found.k) return found.energy;
-      const { residual } = fitEigenspace(found.observed, found.counts, i + 1, this.cells);
-      return residual.reduce((sum, e, row) => sum + found.pairWeight[row] * weigh(e, this.cells.norm, found.sigma ** 2).total, 0);
-    });
+  // The energy of a face with k dimensions, from its cells `found` with any other k.
+  energyWith(found, k) {
+    if (k === found.k) return found.energy;
+    const { residual } = fitEigenspace(found.observed, found.counts, k, this.cells);
+    return residual.reduce((sum, e, row) => sum + found.pairWeight[row] * weigh(e, this.cells.norm, found.sigma ** 2).total, 0);
   }
 
   // Mask of a pair: a byte per sample and channel, 1 if it counts; null if all samples count.

@@ -59,10 +59,12 @@ function toggleColumn(kind) {
   update();
 }
 
-function showEnergies(face, found) {
-  const energies = run().cells.energiesByDimension(found), most = Math.max(...energies, 1e-12);
-  const heights = energies.map((energy) => 1 + Math.log10(Math.max(energy / most, 1e-4)) / 4);
-  showBars($("by-k"), heights, energies.map((energy, i) => `k = ${i + 1}: energy ${brief(energy, 4)}; click to show the cells with this k`),
+// The energies of all k, computed one after another so that the page stays responsive.
+function showEnergies(face, found, energies = []) {
+  const count = found.observed.length - 2, shown = [...energies, run().cells.energyWith(found, energies.length + 1)];
+  if (shown.length < count) { energiesTimer = setTimeout(() => showEnergies(face, found, shown)); return; }
+  const most = Math.max(...shown, 1e-12), heights = shown.map((energy) => 1 + Math.log10(Math.max(energy / most, 1e-4)) / 4);
+  showBars($("by-k"), heights, shown.map((energy, i) => `k = ${i + 1}: energy ${brief(energy, 4)}; click to show the cells with this k`),
     (i) => (i + 1 === found.k ? "chosen" : i + 1 === found.own ? "own" : ""), (i) => setDimensions(i + 1));
 }
 

@@ -140,14 +140,14 @@ function showTry() {
   const vertex = state.vertices.at(-1), note = $("try");
   note.replaceChildren();
   if (vertex !== undefined && facesOf(vertex).length) {
-    const isTextual = arrays.truth && data.isCube ? [element("b", {}, `${brief(off(vertex))} %`), " of an edge length off its true position. "] : [];
+    const error = arrays.truth && data.isCube ? [element("b", {}, `${brief(off(vertex))} %`), " of an edge off its true position. "] : [];
     if (state.offset) {
       const [before, after] = [ringEnergy(vertex, run().record.verticesAt(state.moment)), ringEnergy(vertex, positions())];
-      note.append("Moved by hand: ", ...isTextual, "E of its faces ", element("b", {}, brief(after, 4)), ` instead of ${brief(before, 4)}`);
+      note.append("Moved by hand: ", ...error, "E of its faces ", element("b", {}, brief(after, 4)), ` instead of ${brief(before, 4)}`);
     } else {
       const axes = isAtStep() ? step().axes[vertex] : null;
-      if (axes) note.append("Certainty ellipsoid: axes ", element("b", {}, axes.map((length) => (length < 1e6 ? brief(length, 2) : "∞")).join(" : ")), ". ");
-      note.append(...isTextual, "Drag it, or use the buttons, and see how E changes.");
+      if (axes) note.append("Certainty ellipsoid ", element("b", {}, axes.map((length) => (length < 1e6 ? brief(length, 2) : "∞")).join(" : ")), ". ");
+      note.append(...error, "Drag it: E changes.");
     }
   }
   showProfile();
