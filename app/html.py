@@ -123,6 +123,8 @@ div:has(> .ef > .pinned) + div:has(> .ef > .pinned) {{ top: {DEBUG_BAR_HEIGHT}px
 .ef .plot.chart {{ cursor: default; }}
 .ef .bar {{ height: 3px; background: var(--line); border-radius: 2px; margin-top: 6px; }}
 .ef .bar div {{ height: 3px; background: {css(BRAND)}; border-radius: 2px; }}
+.ef .bar.work div {{ background: {css(NOW)}; }}
+.ef .working {{ color: var(--strong); }}
 """
 
 
@@ -180,6 +182,16 @@ def number(value: float, digits: int = 4) -> str:
         decimals = max(0, digits - 1 - int(f"{abs(value):e}".split("e")[1]))
         return f"{value:,.{decimals}f}".replace(",", "\u2009").replace("-", "\u2212")
     return f"{value:.{digits - 1}e}".replace("-", "\u2212", 1) if value < 0 else f"{value:.{digits - 1}e}"
+
+
+def duration(seconds: float) -> str:
+    """A duration for reading: 12 s, 3 min 20 s, 1 h 5 min."""
+    whole = max(0, round(seconds))
+    if whole < 60:
+        return f"{whole} s"
+    if whole < 3600:
+        return f"{whole // 60} min {whole % 60} s"
+    return f"{whole // 3600} h {whole % 3600 // 60} min"
 
 
 _SHAPES = {

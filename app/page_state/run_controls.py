@@ -52,9 +52,11 @@ class RunControls:
 
     def to_move_of_selected(self, direction: int) -> None:
         """Go to the next step that moved the selected vertex, forward (1) or back (-1)."""
-        moment = next_move(self._controller.state, self._selected(), direction)
-        if moment is not None:
-            self._controller.post(JumpTo(moment))
+        selected = self._selected()
+        moment = next_move(self._controller.state, selected, direction)
+        if moment is None:
+            raise InputError(f"vertex {selected}: no {'later' if direction > 0 else 'earlier'} move is recorded")
+        self._controller.post(JumpTo(moment))
 
     def toggle_breakpoint(self) -> None:
         """Add a breakpoint on the selected vertex, or remove it."""
