@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from app.cli import serve
+from app.cli.loading import OpeningProgress
 from app.cli.main import run
 from app.debugger.bookmarks import Bookmarks, read_bookmarks
 from app.debugger.commands import Branch, DeleteRun, Extent, Forward, JumpTo, Run, SwitchTo
@@ -152,7 +153,7 @@ def test_options_are_told_by_their_preset_and_what_differs():
 
 def opened(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> Session:
     found = []
-    monkeypatch.setattr(serve, "serve", lambda open_session, **_: found.append(open_session(lambda line: None)))
+    monkeypatch.setattr(serve, "serve", lambda open_session, **_: found.append(open_session(OpeningProgress())))
     assert run(arguments) == 0
     return found[0]
 

@@ -9,6 +9,7 @@ from fairing.errors import Cancelled
 from fairing.options import PRESETS
 from fairing.run.session import Session
 from fairing.work import Work, WorkLog, fraction_done
+from tests.search_scene import rough_scene, searching
 from tests.small_scene import corner_scene
 
 
@@ -50,7 +51,7 @@ def test_durations_are_rounded_to_two_units():
 
 
 def test_a_session_reports_its_searches_photo_by_photo_and_place_by_place():
-    session = Session(corner_scene(), PRESETS["accurate"])
+    session = Session(rough_scene(), searching(4.0))
     seen: dict[str, list[tuple[int, int]]] = {}
 
     def look() -> bool:
@@ -59,7 +60,7 @@ def test_a_session_reports_its_searches_photo_by_photo_and_place_by_place():
         return False
 
     session.cancel_requested = look
-    session.step()
+    session.step_sweep()
     assert session.work.current == ()
     searches = [text for text in seen if text.startswith("searching")]
     assert searches

@@ -22,7 +22,7 @@ from fairing.errors import Cancelled
 from fairing.photo import ArrayPhoto
 from fairing.scene import Scene, View
 
-FUNCTIONS = 60
+FUNCTIONS = 190
 """Functions that the process compiles, as counted by its own lines; only for the bar."""
 POLL = 0.1  # s
 SIDE = 200  # px of a photo of the small scene
@@ -63,7 +63,7 @@ class EngineCompilation:
             return None
         seconds = round(time.monotonic() - self._began)
         count = min(self.compiled.functions, FUNCTIONS)
-        text = f"compiling the engine, first start only: {count} of {FUNCTIONS} functions, {seconds} s"
+        text = f"compiling the engine, first start only: {count} of about {FUNCTIONS} functions, {seconds} s"
         return WorkReport(text, count / FUNCTIONS)
 
     def wait(self, cancelled: Callable[[], bool]) -> None:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 import viser
 
 from app.html import duration, text
-from app.palette import BACKGROUND, BRAND, css
+from app.palette import BRAND, css
 from app.viser_bridge.hotkeys import add_shared_hotkey
 
 TICK = 0.5  # s: the seconds are counted even while nothing else is reported
@@ -15,8 +15,8 @@ SECONDS_SHOWN_AFTER = 3.0  # s in the same state
 
 # It comes before the page's style sheet. The card is in the middle of the window, also out of the panel that holds it.
 _STYLE = f"""
-.ef-opening {{ position: fixed; left: calc(50% - 170px); top: 46%; transform: translate(-50%, -50%); width: 420px;
-  max-width: 60vw; z-index: 50; font-size: 13px; line-height: 1.5; color: #d5d9df; background: {css(BACKGROUND)};
+.ef-opening {{ position: fixed; left: calc(50% - 170px); top: 46%; transform: translate(-50%, -50%); width: 490px;
+  max-width: 60vw; z-index: 50; font-size: 13px; line-height: 1.5; color: #d5d9df;
   font-variant-numeric: tabular-nums; pointer-events: none; }}
 .ef-opening b {{ font-size: 18px; font-weight: 600; color: #f1f3f5; }}
 .ef-opening .well {{ height: 6px; border-radius: 3px; background: #3d444d; margin: 10px 0 8px; overflow: hidden; }}
@@ -25,7 +25,7 @@ _STYLE = f"""
 @keyframes ef-opening {{ from {{ margin-left: -25%; }} to {{ margin-left: 100%; }} }}
 .ef-opening .dim {{ color: #98a1ac; min-height: 1.5em; }}
 """
-HIDDEN = "div:has(> .ef-opening), div:has(> div > .ef-opening) { display: none !important }"
+HIDDEN = "div:has(> .ef-opening) { display: none !important }"
 """CSS of a finished page: hides what is shown while the next scene is opened, or the page is loaded again."""
 
 

@@ -33,7 +33,9 @@ TEXTURED = """() => {
     const {nodeRefFromName} = window.__viserMutable;
     const meshOf = name => {
         let found = null;
-        nodeRefFromName[name]?.traverse(node => { if (!found && node.isMesh && node.geometry?.attributes?.position) found = node; });
+        nodeRefFromName[name]?.traverse(node => {
+            if (!found && node.isMesh && node.geometry?.attributes?.position) found = node;
+        });
         return found;
     };
     const plain = meshOf('/mesh/now');
@@ -153,10 +155,10 @@ def test_the_plot_shows_the_error_first_and_says_what_energies_compare(visitor: 
     visitor.app.controller.post(JumpTo(-1))
     visitor.page.get_by_role("img", name="Error plot").wait_for()
     visitor.page.get_by_text("RMS distance to the truth, % of the diagonal.").wait_for()
-    visitor.button("Plot energy").click()
+    visitor.page.locator(".quantities").get_by_text("energy", exact=True).click()
     visitor.page.get_by_role("img", name="Energy plot").wait_for()
     visitor.page.get_by_text("only points of one line compare").wait_for()
-    visitor.button("Plot distance to the truth along directions the photos determine, % of the diagonal").click()
+    visitor.page.locator(".quantities").get_by_text("error", exact=True).click()
 
 
 def test_cells_of_another_moment_carry_its_number(visitor: Visitor, slow_steps: threading.Semaphore):
