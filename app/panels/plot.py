@@ -28,8 +28,8 @@ from fairing.trace import StepRecord
 
 ERROR = "error"
 CAPTIONS = {
-    "energy": "Each sweep measures anew: only points of one line compare.",
-    ERROR: "RMS distance to the truth, % of the diagonal.",
+    "energy": "Only points of one line compare: every sweep measures anew, with its own cells",
+    ERROR: "RMS distance to the truth, % of the diagonal",
 }
 _ERROR = Quantity(
     ERROR, "distance to the truth along directions the photos determine, % of the diagonal", False,
@@ -91,7 +91,7 @@ class Plot:
         if key == self._shown:
             return
         self._shown = key
-        chips, name = self._chips(plot, page_state.selected), self._name(plot)
+        chips, name = self._chips(plot, page_state.selected, vertex), self._name(plot)
         if state.length == 0:
             self._panel.set(chips + _empty("No steps yet."))
             return
@@ -106,9 +106,7 @@ class Plot:
         if compared is not None and compared.run.run_id != state.run_id and compared.run.length:
             energies = self._run_energies.of(compared.run)
             others = self._lines(compared.run, energies, name, vertex, "reference")
-        caption = CAPTIONS.get(name) if vertex is None else None
-        note = f"<div class='dim one'>{text(caption or _sentence(self._quantities[name].meaning))}</div>"
-        self._panel.set(chips + self._picture(state, plot, lines, compared, others) + note)
+        self._panel.set(chips + self._picture(state, plot, lines, compared, others))
 
     def _lines(self, run: Recorded, energies: EnergyHistory, name: str, vertex: int | None, role: str) -> list[Line]:
         if name == "energy" and vertex is None:
@@ -142,7 +140,8 @@ class Plot:
             return Series(error)
         return series_of(name, vertex, np.zeros(0, dtype=int) if vertex is None else self._mesh.one_rings[vertex])
 
-    def _chips(self, plot: PlotView, selected: int | None) -> str:
+    def _chips(self, plot: PlotView, selected: int | None, vertex: int | None) -> str:
+        """Buttons for the quantities; below, what the chosen one is, whose it is, and its scale."""
         quantities = "".join(
             chip(
                 quantity.title,
@@ -155,9 +154,16 @@ class Plot:
         )
         whose = "vertex" if selected is None else f"v {selected}"
         hint = "Plot the selected vertex (instead of the whole run)"
-        vertex = chip(whose, self._events("vertex"), hint, plot.of_vertex, "chip tight first")
+        of_vertex = chip(whose, self._events("vertex"), hint, plot.of_vertex, "chip tight")
         log = chip("log", self._events("log"), "Logarithmic scale", self._is_log(plot), "chip tight")
-        return f"<div class='row chips quantities'>{quantities}{vertex}{log}</div>"
+        name = self._name(plot)
+        caption = CAPTIONS.get(name) if vertex is None else None
+        caption = caption or self._quantities[name].meaning
+        note = f"<span class='dim one grow' title='{text(caption)}'>{text(caption[:1].upper() + caption[1:])}</span>"
+        return (
+            f"<div class='row chips quantities'>{quantities}</div>"
+            f"<div class='row chips quantities kind'>{note}{of_vertex}{log}</div>"
+        )
 
     def _picture(
         self, state: RunState, plot: PlotView, lines: list[Line], compared: Compared | None, others: list[Line]
@@ -217,10 +223,6 @@ class Plot:
 
 def _empty(note: str) -> str:
     return f'<div class="plot dim" style="aspect-ratio:{WIDTH}/{HEIGHT}">{note}</div>'
-
-
-def _sentence(words: str) -> str:
-    return f"{words[:1].upper()}{words[1:]}."
 
 
 def _mark_of_a(x: float) -> str:

@@ -152,13 +152,24 @@ def test_frusta_in_front_of_the_mesh_are_faint_and_let_clicks_pass(visitor: Visi
 
 
 def test_the_plot_shows_the_error_first_and_says_what_energies_compare(visitor: Visitor):
-    visitor.app.controller.post(JumpTo(-1))
+    visitor.press("Step one sweep")
     visitor.page.get_by_role("img", name="Error plot").wait_for()
-    visitor.page.get_by_text("RMS distance to the truth, % of the diagonal.").wait_for()
+    visitor.page.get_by_text("RMS distance to the truth, % of the diagonal", exact=True).wait_for()
     visitor.page.locator(".quantities").get_by_text("energy", exact=True).click()
     visitor.page.get_by_role("img", name="Energy plot").wait_for()
-    visitor.page.get_by_text("only points of one line compare").wait_for()
+    visitor.page.get_by_text("Only points of one line compare").wait_for()
     visitor.page.locator(".quantities").get_by_text("error", exact=True).click()
+
+
+def test_slider_and_strip_have_one_extent(visitor: Visitor):
+    visitor.press("Step one sweep")
+    track = visitor.box_of(visitor.page.locator("[class*='Slider-trackContainer']").last)
+    marks = visitor.page.locator("[class*='Slider-markWrapper']")
+    strip = visitor.box_of(visitor.page.get_by_role("img", name="Recorded moments"))
+    first = visitor.box_of(marks.first)
+    assert abs(first["x"] - strip["x"]) < 8, "moment 0"
+    assert abs(track["x"] - strip["x"]) < 8
+    assert abs(track["x"] + track["width"] - strip["x"] - strip["width"]) < 8
 
 
 def test_cells_of_another_moment_carry_its_number(visitor: Visitor, slow_steps: threading.Semaphore):
