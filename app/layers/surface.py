@@ -4,7 +4,7 @@ While a run moves the mesh, the texture painted last stays on the moving vertice
 """
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import viser
@@ -173,7 +173,9 @@ class SurfaceLayer:
                 self._query(wanted)
         if self._answer is not None and self._answer[0] == wanted and not isinstance(self._answer[1], Exception):
             self._draw(wanted, self._answer[1], vertices)
-        self.legend = self._drawn[2] if self._drawn is not None else None
+        if self._drawn is not None:
+            drawn, _, legend = self._drawn
+            self.legend = legend if drawn.moment == wanted.moment else replace(legend, moment=drawn.moment)
         return self._colored if self._colored.shown is not None else None
 
     def _query(self, wanted: Wanted) -> None:
