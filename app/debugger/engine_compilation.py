@@ -22,8 +22,6 @@ from fairing.errors import Cancelled
 from fairing.photo import ArrayPhoto
 from fairing.scene import Scene, View
 
-FUNCTIONS = 190
-"""Functions that the process compiles, as counted by its own lines; only for the bar."""
 POLL = 0.1  # s
 SIDE = 200  # px of a photo of the small scene
 
@@ -32,12 +30,12 @@ class Compiled(NamedTuple):
     """What the process has reported so far.
 
     Attributes:
-        functions: number of compiled functions.
-        name: of the function that is being compiled.
+        done: number of functions that have been begun.
+        count: of the functions of a step; 0 before it is known.
     """
 
-    functions: int = 0
-    name: str = ""
+    done: int = 0
+    count: int = 0
 
 
 class EngineCompilation:
@@ -61,10 +59,9 @@ class EngineCompilation:
         """What is done; None once it is finished."""
         if self._finished.is_set():
             return None
-        seconds = round(time.monotonic() - self._began)
-        count = min(self.compiled.functions, FUNCTIONS)
-        text = f"compiling the engine, first start only: {count} of about {FUNCTIONS} functions, {seconds} s"
-        return WorkReport(text, count / FUNCTIONS)
+        seconds, (done, count) = round(time.monotonic() - self._began), self.compiled
+        which = f"{done} of {count} functions, " if count else ""
+        return WorkReport(f"compiling the engine, first start only: {which}{seconds} s", done / max(1, count))
 
     def wait(self, cancelled: Callable[[], bool]) -> None:
         """Wait for the end.
@@ -85,11 +82,11 @@ class EngineCompilation:
         assert self._process.stdout is not None
         with self._process:
             for line in self._process.stdout:
-                count, _, name = line.strip().partition(" ")
-                if count.isdigit():
-                    self.compiled = Compiled(int(count), name)
-                elif count == DONE:
+                if line.strip() == DONE:
                     break  # what the process compiles further is not needed for a step
+                done, _, count = line.strip().partition(" ")
+                if done.isdigit() and count.isdigit():
+                    self.compiled = Compiled(int(done), int(count))
             self._finished.set()
 
 
@@ -134,26 +131,48 @@ def small_scene() -> Scene:
     return Scene.build("small", np.vstack([[0.05, 0.05, 0.05], rim]), faces, tuple(views))
 
 
+def functions_of_a_step() -> set[Callable[..., object]]:
+    """The Python functions that are compiled for a step: those of visibility and cells, and all that they call."""
+    from numba.core.dispatcher import Dispatcher
+
+    import fairing.run.session  # noqa: F401 - imports the modules
+    from fairing.kernels.faces import evaluate_faces
+
+    found: set[Callable[..., object]] = set()
+    pending = [evaluate_faces]
+    for name, module in list(sys.modules.items()):
+        if name.startswith("fairing.cells."):
+            pending += [value for value in vars(module).values() if isinstance(value, Dispatcher)]
+    while pending:
+        dispatcher = pending.pop()
+        function = dispatcher.py_func
+        if function in found or dispatcher.targetoptions.get("inline") == "always":
+            continue
+        found.add(function)
+        used = [function.__globals__.get(name) for name in function.__code__.co_names]
+        used += [cell.cell_contents for cell in function.__closure__ or ()]
+        pending += [value for value in used if isinstance(value, Dispatcher)]
+    return found
+
+
 def _compile() -> None:
     """The process: compile, report each function, and end when the input ends."""
     from numba.core import event
 
-    count = 0
+    from fairing.judge.inspect import face_cells
+    from fairing.run.session import Session
+
+    expected, begun = functions_of_a_step(), set()
 
     class Reporter(event.Listener):
         def on_start(self, event: event.Event) -> None:
-            nonlocal count
-            count += 1
-            print(count, event.data["dispatcher"].py_func.__name__, flush=True)  # noqa: T201
+            begun.add(event.data["dispatcher"].py_func)
+            print(len(begun & expected), len(expected), flush=True)  # noqa: T201
 
         def on_end(self, event: event.Event) -> None:
             pass
 
     event.register("numba:compile", Reporter())
-
-    from fairing.judge.inspect import face_cells
-    from fairing.run.session import Session
-
     session = Session(small_scene())
     session.step()
     print(DONE, flush=True)  # noqa: T201

@@ -209,6 +209,7 @@ class Compilation:
 def test_the_opening_page_has_a_bar_and_keys_wait_for_the_scene_and_the_compilation(browser: Browser):
     server, compilation = start_viewer("127.0.0.1", 0), Compilation()
     page = browser.new_page(viewport=WINDOW)
+    page.set_default_timeout(1000 * PATIENCE)
     app = None
     try:
         page.goto(server.url)
