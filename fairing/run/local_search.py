@@ -23,6 +23,7 @@ from fairing.solve.energy import FaceSystem
 from fairing.solve.face_loss import mean_loss
 from fairing.solve.normal_equations import solve_vertices, vertex_systems
 from fairing.solve.problem import Problem
+from fairing.work import number_of
 
 REFINEMENT_DAMPING = 1e-3
 
@@ -163,7 +164,10 @@ def search_block(
 
     threshold = score_before * (1 - options.schedule.search_gain)
     best_score, best = threshold, vertices[ids].copy()
-    for found, found_score in evaluator.map_concurrently(tried, np.vstack([np.zeros(3), search_directions()])):
+    directions = np.vstack([np.zeros(3), search_directions()])
+    with problem.work.doing(f"searching {number_of(len(ids), 'vertex', 'vertices')}", len(directions)) as work:
+        results = evaluator.map_concurrently(work.counted(tried), directions)
+    for found, found_score in results:
         improved = found_score < best_score
         best[improved] = found[improved]
         best_score = np.where(improved, found_score, best_score)

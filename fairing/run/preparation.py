@@ -54,9 +54,13 @@ def find_preparations(problem: Problem) -> list[Preparation]:
     for reason, is_enabled in ((StepReason.SMOOTHED, smooths), (StepReason.FITTED_TO_POINTS, fits)):
         if not is_enabled:
             continue
-        after = _PREPARED[reason](problem, vertices)
-        loss = _mean_loss(_evaluate(problem, vertices)) if loss is None else loss
-        loss_after = _mean_loss(_evaluate(problem, after))
+        with problem.work.doing(_TRIED[reason], 3 if loss is None else 2) as work:
+            after = _PREPARED[reason](problem, vertices)
+            work.advance()
+            if loss is None:
+                loss = _mean_loss(_evaluate(problem, vertices))
+                work.advance()
+            loss_after = _mean_loss(_evaluate(problem, after))
         if loss_after < (1 - GAIN) * loss:
             done.append(Preparation(reason, after))
             vertices, loss = after, loss_after
@@ -82,9 +86,11 @@ def preparation_step(
     Raises:
         Cancelled: cancellation was requested.
     """
-    prepared = _PREPARED[reason](problem, vertices)
-    ids = np.flatnonzero((prepared != vertices).any(axis=1))
-    before, after = (_evaluate(problem, places) for places in (vertices, prepared))
+    with problem.work.doing("preparing the start", 3) as work:
+        prepared = _PREPARED[reason](problem, vertices)
+        work.advance()
+        ids = np.flatnonzero((prepared != vertices).any(axis=1))
+        before, after = (_evaluate(problem, places) for places in work.each((vertices, prepared)))
     return moved_record(
         problem, position, 0, ids, before, after, reason, objectives=(_mean_loss(before), _mean_loss(after))
     )
@@ -127,6 +133,12 @@ def points_accept_smoothing(problem: Problem) -> bool:
 _PREPARED: dict[StepReason, Callable[[Problem, np.ndarray], np.ndarray]] = {
     StepReason.SMOOTHED: _smoothed,
     StepReason.FITTED_TO_POINTS: _fitted,
+}
+
+
+_TRIED: dict[StepReason, str] = {
+    StepReason.SMOOTHED: "trying a smoothed start",
+    StepReason.FITTED_TO_POINTS: "trying a start fitted to the sparse points",
 }
 
 
