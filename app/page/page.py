@@ -90,7 +90,7 @@ class Page:
             Hotkey("Compare with this moment", panels.runs.mark_now, "C"),
             Hotkey("Bookmark this moment", panels.bookmarks.keep_now, "K"),
             Hotkey("Before or now", panels.surface_controls.before_or_now, "X"),
-            Hotkey("Texture static or view-dependent", panels.surface_controls.static_or_by_eye, "-"),
+            Hotkey("Texture static or view-dependent", panels.surface_controls.toggle_view_dependent, "-"),
             Hotkey("Keys", self._show_keys, "?", "shift"),
             Hotkey("Lock or unlock the selected vertices", interaction.toggle_lock, "F"),
             Hotkey("Put the selected vertices back to their start", interaction.reset, "Z"),

@@ -50,15 +50,16 @@ class PageState:
         cells: settings of the cells panel.
         plot: settings of the plot.
         watches: watch expressions.
-        looks_at: the past moment shown during a run; None: the present moment.
+        viewed_moment: the past moment shown during a run; None: the present moment.
         speed: playback speed; 1 is four moments per second.
         strip: quantity in the timeline's strip, of `app.pictures.strip.KINDS`.
         surface: appearance of the faces, a key of `SURFACES` or of `app.pictures.coloring.COLORINGS`.
-        by_eye: whether the texture is view-dependent while the run is paused.
+        residual_view: the photo whose residuals or flow colour the surface; None: all photos.
+        is_view_dependent: whether the texture is view-dependent while the run is paused.
         shape: vertex positions of the surface: 0 at the start, 1 now, 2 the truth; values between are interpolated.
         model_share: opacity of the model over the photo in a camera's view, 0 to 1.
         experiment: the experiment shown, of `fairing.experiments.EXPERIMENTS`.
-        swipes: whether `model_share` is a fraction of the photo's width, from the right, instead of an opacity.
+        is_swipe: whether `model_share` is a fraction of the photo's width, from the right, instead of an opacity.
         shown: for each layer whether it is visible.
     """
 
@@ -70,22 +71,23 @@ class PageState:
     cells: CellsView = field(default_factory=CellsView)
     plot: PlotView = field(default_factory=PlotView)
     watches: tuple[Condition, ...] = ()
-    looks_at: int | None = None
+    viewed_moment: int | None = None
     speed: float = 1.0
     strip: str = "energy"
     surface: str = "textured"
-    by_eye: bool = False
+    residual_view: int | None = None
+    is_view_dependent: bool = False
     shape: float = NOW_SHAPE
     model_share: float = 0.0
     experiment: str = "capture-range"
-    swipes: bool = False
+    is_swipe: bool = False
     shown: dict[str, bool] = field(
         default_factory=lambda: {name: name not in ("certainty", "truth", "points") for name in LAYERS}
     )
 
     def copy(self) -> "PageState":
         """The same state for another browser, in the free view and at the present moment."""
-        return replace(self, entered=None, looks_at=None, shown=dict(self.shown))
+        return replace(self, entered=None, viewed_moment=None, shown=dict(self.shown))
 
     def shows(self, layer: str) -> bool:
         return self.shown[layer]

@@ -32,6 +32,8 @@ def legend_html(legend: Legend) -> str:
     coloring = legend.coloring
     whose = "faces" if coloring.by_face else "vertices"
     parts = [f"<div class='legend'><b>{text(coloring.title)}</b>"]
+    if legend.note:
+        parts.append(f"<div class='dim one'>{text(legend.note)}</div>")
     if coloring.scale is Scale.REASON:
         parts += [_entry(color, name, str(count)) for name, color, count in legend.categories]
     elif legend.high > legend.low:

@@ -81,8 +81,8 @@ class Status:
 
 
 def _headline(state: RunState, page_state: PageState) -> str:
-    if page_state.looks_at is not None:
-        return f"Running · showing moment {page_state.looks_at}"
+    if page_state.viewed_moment is not None:
+        return f"Running · showing moment {page_state.viewed_moment}"
     if state.activity is Activity.PAUSED and state.finished:
         return "Finished"
     return state.activity.value.capitalize()
