@@ -36,7 +36,7 @@ class Page:
         self.camera = self.frame.camera
         events, toasts = self.frame.html_events, self.frame.toasts
         self.run_controls = RunControls(controller, page_state)
-        self.interaction = VertexInteraction(client, stage, scene.mesh, controller, page_state, toasts)
+        self.interaction = VertexInteraction(client, stage, scene, controller, page_state, toasts)
         self.lessons = LessonDock(client, controller, events, self._look_for_lesson, resources.change_scene)
         certainty = CertaintySource(controller)
         self.panels = PagePanels(

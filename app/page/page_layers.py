@@ -51,7 +51,7 @@ class PageLayers:
             FlowArrowsLayer(client, stage, scene, residuals),
             StepArrowLayer(client, stage, scene),
             CertaintyLayer(client, stage, scene.mesh, certainty),
-            PointsLayer(client, stage, scene.sparse_points),
+            PointsLayer(client, stage, scene),
             CamerasLayer(client, stage, scene, resources.thumbnails, frame.toasts(frame.camera.enter), background),
         ]
 

@@ -31,6 +31,7 @@ from app.panels.lesson_panel import LESSON_STYLE
 from app.panels.options_panel import OptionsPanel
 from app.panels.photo_pages import PhotoPages
 from app.panels.plot import Plot
+from app.panels.point_photos import PointPhotos
 from app.panels.runs_panel import RunsPanel
 from app.panels.selection_panel import SelectionPanel
 from app.panels.status import Status
@@ -153,7 +154,18 @@ class PagePanels:
         cells = gui.add_panel()
         with cells.add_tab("Cells", viser.Icon.TRIANGLE):
             self._panels.append(
-                CellsPanel(gui, scene, source, pages, background, controls, choose_face, enter, events.guarded)
+                CellsPanel(
+                    gui,
+                    scene,
+                    source,
+                    pages,
+                    PointPhotos(scene, resources.photos, enter),
+                    background,
+                    controls,
+                    choose_face,
+                    enter,
+                    events.guarded,
+                )
             )
         with cells.add_tab("Experiments", viser.Icon.CHART_DOTS):
             self._panels.append(

@@ -43,6 +43,7 @@ class PageState:
 
     Attributes:
         selection: the selected vertices.
+        point: the selected sparse point, whose photos are shown while no vertex is selected; None: none.
         face: the face whose cells are shown; None: the first face of the current vertex.
         entered: the camera whose view is shown; None: the free view.
         magnification: of displacements, 1 to `MAX_MAGNIFICATION`.
@@ -64,6 +65,7 @@ class PageState:
     """
 
     selection: Selection = field(default_factory=Selection)
+    point: int | None = None
     face: int | None = None
     entered: int | None = None
     magnification: float = 1.0

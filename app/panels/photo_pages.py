@@ -131,7 +131,7 @@ class PhotoPages:
         shown = window.cut(self._photos[view_id])
         step = "".join(arrow_path(window.place(a[:1]), window.place(a[1:])) for a in arrow)
         here = window.place(path[-1])
-        return _picture(
+        return framed_picture(
             shown, side,
             _lines(window.place(start), START) + _lines(window.place(now), NOW)
             + _lines(window.place(path)[None], NOW, 2.4, closed=False)
@@ -232,10 +232,11 @@ def _chips(names, chosen: int, press: Callable[[str], str], hint: str) -> str:
 
 def _pair_picture(pair: FacePair, when: str, picture: str, side: int) -> str:
     image = {"average": pair.average, "warped": pair.warped, "own": pair.own}[picture]
-    return _picture(image, side, _lines(pair.outline[None], START if when == "start" else NOW))
+    return framed_picture(image, side, _lines(pair.outline[None], START if when == "start" else NOW))
 
 
-def _picture(pixels: np.ndarray, side: int, drawn: str) -> str:
+def framed_picture(pixels: np.ndarray, side: int, drawn: str) -> str:
+    """Markup of a picture `side` px wide with SVG drawn over it."""
     return (
         f"<div class='tiles' style='width:{side}px;height:{side}px;cursor:inherit'>"
         f"<img src='{data_uri(pixels, jpeg=True)}' alt=''>"
