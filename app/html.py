@@ -55,6 +55,10 @@ div:has(> .ef > .pinned) + div:has(> .ef > .pinned) {{ top: {DEBUG_BAR_HEIGHT}px
 .ef .segments {{ display: grid; grid-template-columns: repeat(auto-fit, minmax(84px, 1fr)); gap: 4px;
   margin: 3px 0; }} .ef .segments button {{ white-space: nowrap; }}
 .ef .legend {{ display: grid; gap: 4px; }}
+.ef .lines {{ display: flex; flex-wrap: wrap; gap: 2px 12px; }}
+.ef .lines + .legend {{ margin-top: 8px; }}
+.ef .lines span {{ display: inline-flex; align-items: center; gap: 5px; }}
+.ef .lines i {{ width: 16px; height: 3px; border-radius: 1px; }}
 .ef .scale {{ height: 12px; border-radius: 2px; }}
 .ef .ends {{ display: flex; justify-content: space-between; }}
 .ef .swatch {{ width: 10px; height: 10px; border-radius: 3px; flex: none; }}
@@ -83,7 +87,7 @@ div:has(> .ef > .pinned) + div:has(> .ef > .pinned) {{ top: {DEBUG_BAR_HEIGHT}px
 .ef .runs td:last-child {{ padding-right: 2px; }} .ef .runs th.n {{ text-align: right; }}
 .ef .runs button, .ef .runs td:first-child {{ white-space: nowrap; }}
 .ef .tools {{ gap: 4px; }}
-.ef .runs .what {{ width: 99%; overflow-wrap: anywhere; line-height: 1.3; }}
+.ef .runs .what {{ width: 99%; max-width: 0; overflow: hidden; text-overflow: ellipsis; white-space: nowrap; }}
 .ef button.small.on {{ border-color: {css(SELECTED)}; color: {css(SELECTED)}; }}
 .ef button.small.a {{ background: {css(REFERENCE)}; border-color: {css(REFERENCE)}; color: var(--ink); }}
 .ef .tag {{ border-radius: 3px; padding: 0 5px; color: var(--ink); }}
@@ -121,6 +125,10 @@ div:has(> .ef > .pinned) + div:has(> .ef > .pinned) {{ top: {DEBUG_BAR_HEIGHT}px
 .ef div.plot {{ display: flex; align-items: center; justify-content: center; cursor: default; }}
 .ef .plot text {{ font-size: 10.5px; fill: var(--dim); }}
 .ef .plot.chart {{ cursor: default; }}
+.ef .keys {{ display: grid; grid-template-columns: 1fr 1fr; gap: 0 28px; align-items: start; }}
+.ef button.cross {{ position: absolute; top: 12px; right: 14px; width: 28px; padding: 0; }}
+.mantine-Modal-content:has(.ef .keys) {{ flex: 0 1 820px; }}
+.mantine-Modal-header:has(+ .mantine-Modal-body .ef .dialog) {{ padding-right: 56px; }}
 .ef .bar {{ height: 3px; background: var(--line); border-radius: 2px; margin-top: 6px; }}
 .ef .bar div {{ height: 3px; background: {css(BRAND)}; border-radius: 2px; }}
 """

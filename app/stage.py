@@ -63,6 +63,13 @@ class Stage:
         towards = (self.camera_centers / np.linalg.norm(self.camera_centers, axis=1, keepdims=True)).mean(0)
         return self.target + np.linalg.norm(self.eye - self.target) * _unit(towards, self.eye - self.target)
 
+    def above(self) -> np.ndarray:
+        """(3,) float, page: an eye position over the mesh; the cameras' side is below in the picture."""
+        distance = float(np.linalg.norm(self.eye - self.target))
+        level = self.frontal() - self.target
+        level = level - (level @ self.up) * self.up
+        return self.target + distance * _unit(self.up + 0.02 * _unit(level, np.roll(self.up, 1)), self.up)
+
     def overview(self) -> np.ndarray:
         """(3,) float, page: an eye position in the initial direction from which mesh and cameras are visible."""
         direction = (self.eye - self.target) / np.linalg.norm(self.eye - self.target)

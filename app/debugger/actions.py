@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from app.debugger.commands import Back, Command, Extent, Forward, JumpTo, Pause, Restart, Run, RunBack, SaveReport
+from app.keys import Key, key_text
 
 
 @dataclass(frozen=True)
@@ -21,7 +22,7 @@ class Action:
     name: str
     label: str
     command: Command
-    keys: tuple[tuple[str, str | None], ...] = ()
+    keys: tuple[Key, ...] = ()
     icon: str = ""
     mirrored: bool = False
 
@@ -67,8 +68,10 @@ VERTEX_KEYS = (
     ("X", "Surface at the start or now"),
     ("-", "Texture: static or view-dependent"),
     ("Y", "Dark or light theme"),
-    ("M", "Show the mesh"),
-    ("V", "Show mesh and cameras"),
+    ("M", "View: mesh"),
+    ("V", "View: mesh and all cameras"),
+    ("Shift+F", "View: front"),
+    ("Shift+T", "View: top"),
     ("Page Down", "Next step of the lesson"),
     ("Page Up", "Previous step of the lesson"),
     ("Ctrl+K", "All commands"),
@@ -80,9 +83,3 @@ def key_list() -> list[tuple[str, str]]:
     """The rows of the help: keys and what they do."""
     actions = [(", ".join(key_text(*key) for key in action.keys), action.label) for action in ACTIONS if action.keys]
     return [*actions, *CAMERA_KEYS, *VERTEX_KEYS]
-
-
-def key_text(key: str, modifier: str | None) -> str:
-    """A key as it is displayed, such as Shift+F11."""
-    key = "Space" if key == "space" else key
-    return f"{modifier.capitalize()}+{key}" if modifier else key

@@ -6,14 +6,16 @@ from dataclasses import dataclass
 import viser
 
 from app.html import STYLE
+from app.keys import Key
 from app.page.page_camera import PageCamera
 from app.stage import Stage
 from app.viser_bridge.error_toasts import ErrorToasts
-from app.viser_bridge.hotkeys import add_hotkey
+from app.viser_bridge.hotkeys import add_hotkey, handle_keys
 from app.viser_bridge.html_events import HtmlEvents
 from app.viser_bridge.in_place import update_in_place
 from app.viser_bridge.keyboard_focus import release_focus_after_use
 from app.viser_bridge.style_sheet import set_style_sheet
+from app.viser_bridge.tabs import set_tab_title
 from app.viser_bridge.timeline_placement import TimelinePlacement
 from fairing.scene import Scene
 
@@ -23,14 +25,15 @@ class Hotkey:
     """An entry of the command palette.
 
     Attributes:
-        key: None for an entry without a key.
-        modifier: "shift" and the like.
+        key, modifier: the first key, None for an entry without a key; the modifier is "shift" and the like.
+        other_keys: further keys for the same entry.
     """
 
     label: str
     call: Callable[[], None]
     key: str | None = None
     modifier: str | None = None
+    other_keys: tuple[Key, ...] = ()
 
 
 class PageFrame:
@@ -52,6 +55,7 @@ class PageFrame:
         self._client, self._scene = client, scene
         self.toasts = ErrorToasts(client)
         client.gui.set_panel_label(f"EigenFairing · {title}")
+        set_tab_title(client, f"EigenFairing - {title}")
         self.html_events = HtmlEvents(client.gui, self.toasts)
         self.camera = PageCamera(client, stage, scene, self.toasts, on_camera, on_prediction)
 
@@ -63,9 +67,12 @@ class PageFrame:
         update_in_place(self._client)
 
     def add_hotkeys(self, hotkeys: Iterable[Hotkey]) -> None:
+        """Add them, once."""
+        further = []
         for hotkey in hotkeys:
-            call = self.toasts.without_event(hotkey.call)
-            add_hotkey(self._client, hotkey.label, call, hotkey.key, hotkey.modifier)
+            keys = () if hotkey.key is None else ((hotkey.key, hotkey.modifier), *hotkey.other_keys)
+            further += add_hotkey(self._client, hotkey.label, self.toasts.without_event(hotkey.call), keys)
+        handle_keys(self._client, further)
 
     def camera_hotkeys(self) -> list[Hotkey]:
         """The hotkeys of the camera and the theme."""
@@ -77,8 +84,10 @@ class PageFrame:
         return [
             *entering,
             Hotkey("Leave the camera", camera.leave, "0"),
-            Hotkey("Show the mesh", camera.show_mesh, "M"),
-            Hotkey("Show mesh and cameras", camera.show_mesh_and_cameras, "V"),
+            Hotkey("View: mesh", camera.show_mesh, "M"),
+            Hotkey("View: mesh and all cameras", camera.show_mesh_and_cameras, "V"),
+            Hotkey("View: front", camera.show_front, "F", "shift"),
+            Hotkey("View: top", camera.show_top, "T", "shift"),
             Hotkey("Dark or light", camera.switch_theme, "Y"),
         ]
 

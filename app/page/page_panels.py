@@ -4,6 +4,7 @@ import threading
 import time
 from collections.abc import Callable
 
+import numpy as np
 import viser
 
 from app.debugger.run_state import Activity, RunState
@@ -13,8 +14,9 @@ from app.page.resources import SessionResources
 from app.page.vertex_interaction import VertexInteraction
 from app.page_state.cells_controls import CellsControls
 from app.page_state.certainty_source import CertaintySource
-from app.page_state.page_state import PageState
+from app.page_state.page_state import LARGE_MESH, PageState
 from app.page_state.run_controls import RunControls
+from app.page_state.selection import Selection
 from app.panels import Panel
 from app.panels.bookmarks_panel import BookmarksPanel
 from app.panels.breakpoints_panel import BreakpointsPanel
@@ -84,7 +86,7 @@ class PagePanels:
 
     def show(self, state: RunState, legend: Legend | None) -> None:
         """Bring the panels up to date, now or when it is time again: while the mesh moves, they may lag behind it."""
-        self._legend.show(legend)
+        self._legend.show(state, self._page_state, legend)
         due = self._updated + UPDATE_SECONDS - time.monotonic()
         if state.is_moving and due > 0 and state.activity is self._activity:
             if self._timer is None:
@@ -126,7 +128,7 @@ class PagePanels:
         with tabs.add_tab("Vertex"):
             self._panels += [
                 SelectionPanel(
-                    gui, events, len(scene.mesh.vertices) - 1, interaction.set_selection, interaction.toggle_lock,
+                    gui, events, len(scene.mesh.vertices) - 1, self._choose_vertices, interaction.toggle_lock,
                     interaction.reset,
                 ),
                 CertaintyPanel(gui, self._certainty),
@@ -188,6 +190,13 @@ class PagePanels:
             self.bookmarks = BookmarksPanel(gui, events, controller, page_state)
         self._panels += [self.timeline, self.runs, self.bookmarks]
         return panel
+
+    def _choose_vertices(self, selection: Selection) -> None:
+        """Select vertices by number. On a large mesh the camera flies to the first of them."""
+        self._interaction.set_selection(selection)
+        if selection.current is not None and len(self._resources.scene.mesh.vertices) > LARGE_MESH:
+            vertices = self._resources.stage.page_from_world(self._resources.controller.state.vertices)
+            self._frame.camera.fly_to(selection.current, vertices.astype(np.float64))
 
     def _choose_face(self, face: object) -> None:
         faces = self._resources.scene.mesh.faces

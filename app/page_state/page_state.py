@@ -17,6 +17,9 @@ LAYERS: dict[str, str] = {
     "cameras": "Cameras",
     "points": "Sparse points",
 }
+HIDDEN_AT_FIRST = {"certainty", "truth", "points"}
+HIDDEN_ON_LARGE_MESHES = {"now", "start"}
+LARGE_MESH = 200  # vertices; wireframes of larger meshes hide the surface
 MAX_MAGNIFICATION = 50
 SURFACES: dict[str, str] = {"none": "None", "flat": "Flat", "textured": "Textured"}
 START_SHAPE, NOW_SHAPE, TRUE_SHAPE = 0.0, 1.0, 2.0
@@ -83,9 +86,13 @@ class PageState:
     model_share: float = 0.0
     experiment: str = "capture-range"
     is_swipe: bool = False
-    shown: dict[str, bool] = field(
-        default_factory=lambda: {name: name not in ("certainty", "truth", "points") for name in LAYERS}
-    )
+    shown: dict[str, bool] = field(default_factory=lambda: {name: name not in HIDDEN_AT_FIRST for name in LAYERS})
+
+    @classmethod
+    def of_mesh(cls, n_vertices: int) -> "PageState":
+        """The first state on a mesh: without wireframes if it is large."""
+        hidden = HIDDEN_AT_FIRST | (HIDDEN_ON_LARGE_MESHES if n_vertices > LARGE_MESH else set())
+        return cls(shown={name: name not in hidden for name in LAYERS})
 
     def copy(self) -> "PageState":
         """The same state for another browser, in the free view and at the present moment."""

@@ -1,9 +1,11 @@
-"""Legend of the surface colours, in a corner of the 3D view."""
+"""Legend of the lines and of the surface colours, in a corner of the 3D view."""
 
 import viser
 
+from app.debugger.run_state import RunState
 from app.html import number, text
-from app.palette import RGB, solid
+from app.page_state.page_state import PageState
+from app.palette import NOW, REFERENCE, RGB, START, TRUTH, solid
 from app.pictures.coloring import UNKNOWN, Legend, Scale, color_map
 from app.viser_bridge.floating import MARGIN
 from app.viser_bridge.html_panel import HtmlPanel
@@ -13,18 +15,41 @@ STOPS = 16
 
 
 class LegendBox:
-    """Shown while the surface is coloured by a quantity."""
+    """Shown while there are coloured lines, or while the surface is coloured by a quantity."""
 
     def __init__(self, gui: viser.GuiApi) -> None:
         self._box = gui.add_panel(visible=False)
-        with self._box.add_tab("Colours", viser.Icon.PALETTE):
+        with self._box.add_tab("Legend", viser.Icon.PALETTE):
             self._panel = HtmlPanel(gui)
         self._box.float(x=MARGIN, y=MARGIN, width=WIDTH)
 
-    def show(self, legend: Legend | None) -> None:
-        if legend is not None:
-            self._panel.set(legend_html(legend))
-        self._box.visible = legend is not None
+    def show(self, state: RunState, page_state: PageState, legend: Legend | None) -> None:
+        """Args:
+        legend: of the surface colours; None if the surface is not coloured.
+        """
+        lines = legend_lines(state, page_state)
+        content = lines_html(lines) + ("" if legend is None else legend_html(legend))
+        if content:
+            self._panel.set(content)
+        self._box.visible = bool(content)
+
+
+def legend_lines(state: RunState, page_state: PageState) -> list[tuple[str, RGB]]:
+    """Names and colours of the lines in the 3D view."""
+    has_moved = bool((state.vertices != state.trace.start).any())
+    lines = {
+        "Start": (START, page_state.shows("start") and has_moved),
+        "Now": (NOW, page_state.shows("now")),
+        "Truth": (TRUTH, page_state.shows("truth")),
+        "A": (REFERENCE, page_state.reference is not None),
+    }
+    return [(name, color) for name, (color, is_shown) in lines.items() if is_shown]
+
+
+def lines_html(lines: list[tuple[str, RGB]]) -> str:
+    """Markup: every line with a dash in its colour."""
+    dashes = "".join(f"<span><i style='background:{solid(color)}'></i>{text(name)}</span>" for name, color in lines)
+    return f"<div class='lines'>{dashes}</div>" if lines else ""
 
 
 def legend_html(legend: Legend) -> str:

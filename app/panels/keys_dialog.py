@@ -1,0 +1,38 @@
+"""Keys dialog: all keys and what they do, in two columns."""
+
+import viser
+
+from app.debugger.actions import key_list
+from app.html import button, icon, text
+from app.viser_bridge.html_events import HtmlEvents
+from app.viser_bridge.html_panel import HtmlPanel
+
+
+class KeysDialog:
+    """Closed by its cross, Escape, a click beside it or its own key; other keys do nothing meanwhile (`handle_keys`)."""
+
+    def __init__(self, gui: viser.GuiApi, html_events: HtmlEvents) -> None:
+        self._gui = gui
+        self._modal: viser.GuiModalHandle | None = None
+        press = html_events.button(self.close)
+        cross = button("", press, hint="Close (Escape)", icon=icon("leave"), css_class="cross")
+        rows = key_list()
+        half = -(-len(rows) // 2)
+        columns = "".join(_table(part) for part in (rows[:half], rows[half:]))
+        self._content = f"<div class='dialog'>{cross}<div class='keys'>{columns}</div></div>"
+
+    def open(self) -> None:
+        self.close()
+        self._modal = self._gui.add_modal("Keys")
+        with self._modal:
+            HtmlPanel(self._gui, self._content)
+
+    def close(self) -> None:
+        if self._modal is not None:
+            self._modal.close()
+            self._modal = None
+
+
+def _table(rows: list[tuple[str, str]]) -> str:
+    cells = "".join(f"<tr><th>{text(keys)}</th><td>{text(meaning)}</td></tr>" for keys, meaning in rows)
+    return f"<table class='words'>{cells}</table>"
