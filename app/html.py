@@ -129,6 +129,13 @@ div:has(> .ef > .pinned) + div:has(> .ef > .pinned) {{ top: {DEBUG_BAR_HEIGHT}px
 .ef button.cross {{ position: absolute; top: 12px; right: 14px; width: 28px; padding: 0; }}
 .mantine-Modal-content:has(.ef .keys) {{ flex: 0 1 820px; }}
 .mantine-Modal-header:has(+ .mantine-Modal-body .ef .dialog) {{ padding-right: 56px; }}
+.ef pre {{ margin: 4px 0 0; font: 12px ui-monospace, "DejaVu Sans Mono", monospace; color: var(--strong);
+  white-space: pre-wrap; overflow-wrap: anywhere; }}
+.ef.suggestions {{ position: fixed; z-index: 200; padding: 4px; max-width: 320px; background: var(--button);
+  border: 1px solid var(--edge); border-radius: 4px; box-shadow: 0 4px 16px rgb(0 0 0 / .35); }}
+.ef.suggestions div {{ display: grid; padding: 3px 6px; border-radius: 3px; cursor: pointer; line-height: 1.25; }}
+.ef.suggestions div:hover, .ef.suggestions [aria-selected=true] {{ background: var(--hover); }}
+.ef.suggestions .dim {{ font-size: 11.5px; }}
 .ef .bar {{ height: 3px; background: var(--line); border-radius: 2px; margin-top: 6px; }}
 .ef .bar div {{ height: 3px; background: {css(BRAND)}; border-radius: 2px; }}
 """

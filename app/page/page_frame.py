@@ -9,6 +9,7 @@ from app.html import STYLE
 from app.keys import Key
 from app.page.page_camera import PageCamera
 from app.stage import Stage
+from app.viser_bridge.completion import complete_names
 from app.viser_bridge.error_toasts import ErrorToasts
 from app.viser_bridge.hotkeys import add_hotkey, handle_keys
 from app.viser_bridge.html_events import HtmlEvents
@@ -65,6 +66,7 @@ class PageFrame:
         set_style_sheet(self._client, STYLE + css + self.html_events.style)
         release_focus_after_use(self._client)
         update_in_place(self._client)
+        complete_names(self._client)
 
     def add_hotkeys(self, hotkeys: Iterable[Hotkey]) -> None:
         """Add them, once."""

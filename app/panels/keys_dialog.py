@@ -1,5 +1,7 @@
 """Keys dialog: all keys and what they do, in two columns."""
 
+from collections.abc import Callable
+
 import viser
 
 from app.debugger.actions import key_list
@@ -13,7 +15,7 @@ class KeysDialog:
 
     def __init__(self, gui: viser.GuiApi, html_events: HtmlEvents) -> None:
         self._gui = gui
-        self._modal: viser.GuiModalHandle | None = None
+        self._close_modal: Callable[[], None] | None = None
         press = html_events.button(self.close)
         cross = button("", press, hint="Close (Escape)", icon=icon("leave"), css_class="cross")
         rows = key_list()
@@ -23,14 +25,15 @@ class KeysDialog:
 
     def open(self) -> None:
         self.close()
-        self._modal = self._gui.add_modal("Keys")
-        with self._modal:
+        modal = self._gui.add_modal("Keys")
+        with modal:
             HtmlPanel(self._gui, self._content)
+        self._close_modal = modal.close
 
     def close(self) -> None:
-        if self._modal is not None:
-            self._modal.close()
-            self._modal = None
+        if self._close_modal is not None:
+            self._close_modal()
+            self._close_modal = None
 
 
 def _table(rows: list[tuple[str, str]]) -> str:
