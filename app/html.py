@@ -126,7 +126,8 @@ div:has(> .ef > .pinned) + div:has(> .ef > .pinned) {{ top: {DEBUG_BAR_HEIGHT}px
 .ef .plot text {{ font-size: 10.5px; fill: var(--dim); }}
 .ef .plot.chart {{ cursor: default; }}
 .ef .keys {{ display: grid; grid-template-columns: 1fr 1fr; gap: 0 28px; align-items: start; }}
-.ef button.cross {{ position: absolute; top: 12px; right: 14px; width: 28px; padding: 0; }}
+.ef .dialog {{ position: relative; }}
+.ef button.cross {{ position: absolute; top: -52px; right: -6px; z-index: 1001; width: 28px; padding: 0; }}
 .mantine-Modal-content:has(.ef .keys) {{ flex: 0 1 820px; }}
 .mantine-Modal-header:has(+ .mantine-Modal-body .ef .dialog) {{ padding-right: 56px; }}
 .ef pre {{ margin: 4px 0 0; font: 12px ui-monospace, "DejaVu Sans Mono", monospace; color: var(--strong);

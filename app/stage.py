@@ -68,7 +68,14 @@ class Stage:
         distance = float(np.linalg.norm(self.eye - self.target))
         level = self.frontal() - self.target
         level = level - (level @ self.up) * self.up
-        return self.target + distance * _unit(self.up + 0.02 * _unit(level, np.roll(self.up, 1)), self.up)
+        return self.target_from_above() + distance * _unit(self.up + 0.02 * _unit(level, np.roll(self.up, 1)), self.up)
+
+    def target_from_above(self) -> np.ndarray:
+        """(3,) float, page: the point to look at from `above`, nearer to the cameras than the mesh's middle, since the
+        timeline covers the lower part of the window."""
+        level = self.frontal() - self.target
+        level = level - (level @ self.up) * self.up
+        return float(np.linalg.norm(self.target)) * _unit(level, np.roll(self.up, 1))
 
     def overview(self) -> np.ndarray:
         """(3,) float, page: an eye position in the initial direction from which mesh and cameras are visible."""

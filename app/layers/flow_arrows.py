@@ -45,7 +45,7 @@ class FlowArrowsLayer:
         if found is None:
             self._lines.hide()
             return
-        arrows, pairs = flow_arrows(found, page_state.residual_view, page_state.cells.arrow_scale)
+        arrows, pairs = flow_arrows(found, page_state.residual_view, page_state.flow_scale)
         points = self._stage.page_from_world(arrows).astype(np.float64)
         centers = self._stage.camera_centers[found.views[pairs]]
         sight = centers - points[:, 0, 0]

@@ -71,7 +71,7 @@ class PageCamera:
         self._look_from(self._stage.frontal())
 
     def show_top(self) -> None:
-        self._look_from(self._stage.above())
+        self._look_from(self._stage.above(), self._stage.target_from_above())
 
     def fly_to(self, vertex: int, vertices: np.ndarray) -> None:
         """Approach a vertex along the present line of sight, or from the outer side of the surface if that is hidden.
@@ -111,14 +111,15 @@ class PageCamera:
         """Compute nothing more."""
         self.camera_view.close()
 
-    def _look_from(self, eye: np.ndarray) -> None:
+    def _look_from(self, eye: np.ndarray, target: np.ndarray | None = None) -> None:
         self.leave()
-        self._stand_at(eye)
+        self._stand_at(eye, target)
 
-    def _stand_at(self, eye: np.ndarray) -> None:
-        stage = self._stage
+    def _stand_at(self, eye: np.ndarray, target: np.ndarray | None = None) -> None:
+        """Look at a target (3,), page units, by default that of the stage."""
+        target = self._stage.target if target is None else target
         set_camera_pose(
-            self._client, CameraPose(np.array(eye), np.array(stage.target), np.array(stage.up), FIELD_OF_VIEW)
+            self._client, CameraPose(np.array(eye), np.array(target), np.array(self._stage.up), FIELD_OF_VIEW)
         )
 
     def _camera_moved(self) -> None:

@@ -18,6 +18,7 @@ from app.viser_bridge.keyboard_focus import release_focus_after_use
 from app.viser_bridge.style_sheet import set_style_sheet
 from app.viser_bridge.tabs import set_tab_title
 from app.viser_bridge.timeline_placement import TimelinePlacement
+from app.viser_bridge.view_overlay import OVERLAY_STYLE
 from fairing.scene import Scene
 
 
@@ -63,7 +64,7 @@ class PageFrame:
     def finish(self, timeline: viser.PanelHandle, css: str = "") -> None:
         """After all panels have been added: place the timeline, and install the page's style sheet and scripts."""
         TimelinePlacement(self._client.gui, timeline, self.html_events)
-        set_style_sheet(self._client, STYLE + css + self.html_events.style)
+        set_style_sheet(self._client, STYLE + css + OVERLAY_STYLE + self.html_events.style)
         release_focus_after_use(self._client)
         update_in_place(self._client)
         complete_names(self._client)

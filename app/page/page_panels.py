@@ -75,7 +75,7 @@ class PagePanels:
         self._add_tabs()
         self._add_cells(lessons)
         timeline = self._add_timeline()
-        self._legend = LegendBox(client.gui)
+        self._legend = LegendBox(client)
         self._panels.append(
             CameraBox(
                 client.gui, frame.html_events, resources.scene, page_state, self.surface_controls, frame.camera.leave,

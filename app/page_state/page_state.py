@@ -21,6 +21,7 @@ HIDDEN_AT_FIRST = {"certainty", "truth", "points"}
 HIDDEN_ON_LARGE_MESHES = {"now", "start"}
 LARGE_MESH = 200  # vertices; wireframes of larger meshes hide the surface
 MAX_MAGNIFICATION = 50
+FLOW_SCALES = (10, 30, 100, 300)
 SURFACES: dict[str, str] = {"none": "None", "flat": "Flat", "textured": "Textured"}
 START_SHAPE, NOW_SHAPE, TRUE_SHAPE = 0.0, 1.0, 2.0
 
@@ -58,6 +59,7 @@ class PageState:
         speed: playback speed; 1 is four moments per second.
         strip: quantity in the timeline's strip, of `app.pictures.strip.KINDS`.
         surface: appearance of the faces, a key of `SURFACES` or of `app.pictures.coloring.COLORINGS`.
+        flow_scale: factor by which the image flow is drawn longer on the surface, of `FLOW_SCALES`.
         residual_view: the photo whose residuals or flow colour the surface; None: all photos.
         is_view_dependent: whether the texture is view-dependent while the run is paused.
         shape: vertex positions of the surface: 0 at the start, 1 now, 2 the truth; values between are interpolated.
@@ -80,6 +82,7 @@ class PageState:
     speed: float = 1.0
     strip: str = "energy"
     surface: str = "textured"
+    flow_scale: int = 100
     residual_view: int | None = None
     is_view_dependent: bool = False
     shape: float = NOW_SHAPE

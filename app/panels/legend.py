@@ -6,18 +6,21 @@ from app.debugger.run_state import RunState
 from app.html import number, text
 from app.page_state.page_state import PageState
 from app.palette import NOW, REFERENCE, RGB, START, TRUTH, solid
-from app.pictures.coloring import UNKNOWN, Legend, Scale, color_map
+from app.pictures.coloring import COLORINGS, UNKNOWN, Legend, Scale, color_map
 from app.viser_bridge.floating import MARGIN
 from app.viser_bridge.html_panel import HtmlPanel
+from app.viser_bridge.view_overlay import ViewOverlay
 
 WIDTH = 236
 STOPS = 16
 
 
 class LegendBox:
-    """Shown while there are coloured lines, or while the surface is coloured by a quantity."""
+    """Lines are listed in the corner of the 3D view; in a box, above the colours, while the surface is coloured."""
 
-    def __init__(self, gui: viser.GuiApi) -> None:
+    def __init__(self, client: viser.ClientHandle) -> None:
+        gui = client.gui
+        self._lines = ViewOverlay(client)
         self._box = gui.add_panel(visible=False)
         with self._box.add_tab("Legend", viser.Icon.PALETTE):
             self._panel = HtmlPanel(gui)
@@ -27,11 +30,15 @@ class LegendBox:
         """Args:
         legend: of the surface colours; None if the surface is not coloured.
         """
-        lines = legend_lines(state, page_state)
-        content = lines_html(lines) + ("" if legend is None else legend_html(legend))
+        lines = lines_html(legend_lines(state, page_state))
+        content = "" if legend is None else legend_html(legend)
+        if legend is None and page_state.surface in COLORINGS and page_state.entered is None and not state.is_moving:
+            title = COLORINGS[page_state.surface].title
+            content = f"<div class='legend'><b>{text(title)}</b><div class='dim'>Computing…</div></div>"
         if content:
-            self._panel.set(content)
+            self._panel.set(lines + content)
         self._box.visible = bool(content)
+        self._lines.set("" if content else lines)
 
 
 def legend_lines(state: RunState, page_state: PageState) -> list[tuple[str, RGB]]:

@@ -1,14 +1,12 @@
 """Surface panel: plain, textured or coloured surface, with its vertices at the start, now or at the truth."""
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import viser
 
 from app.debugger.run_state import RunState
 from app.html import button, icon, text
-from app.page_state.cells_state import ARROW_SCALES
-from app.page_state.page_state import NOW_SHAPE, START_SHAPE, SURFACES, TRUE_SHAPE, PageState
+from app.page_state.page_state import FLOW_SCALES, NOW_SHAPE, START_SHAPE, SURFACES, TRUE_SHAPE, PageState
 from app.panels.choice import choice
 from app.pictures.coloring import COLORINGS, available_colorings
 from app.pictures.texturer import MOST_FACES, MOST_FACES_VIEW_DEPENDENT
@@ -41,7 +39,7 @@ class SurfaceControls:
                 "texture": choice_of(self.choose_texture, lambda: list(TEXTURES), "texture"),
                 "shape": choice_of(self.choose_shape, lambda: self._shapes, "shape"),
                 "photo": integer(self._choose_photo, "photo", -1, len(scene.views) - 1),
-                "scale": choice_of(self._choose_scale, lambda: ARROW_SCALES, "arrow length"),
+                "scale": choice_of(self._choose_scale, lambda: FLOW_SCALES, "arrow length"),
             }
         )
 
@@ -74,8 +72,8 @@ class SurfaceControls:
             for at, hint in ((view - 1 if view >= 0 else last, "Previous photo"),
                              (view + 1 if view < last else -1, "Next photo"))
         )  # fmt: skip
-        scales = {scale: (f"×{scale}", self._events("scale", k)) for k, scale in enumerate(ARROW_SCALES)}
-        arrows = f"<div class='dim note'>arrows longer by</div>{choice(scales, state.cells.arrow_scale, 'Arrows')}"
+        scales = {scale: (f"×{scale}", self._events("scale", k)) for k, scale in enumerate(FLOW_SCALES)}
+        arrows = f"<div class='dim note'>arrows longer by</div>{choice(scales, state.flow_scale, 'Arrows')}"
         return (
             f"<div class='dim note'>of the photo</div><div class='row'>{previous}<span class='grow one' "
             f"style='text-align:center'>{text(name)}</span>{following}</div>{arrows if state.surface == 'flow' else ''}"
@@ -86,7 +84,7 @@ class SurfaceControls:
         self._republish()
 
     def _choose_scale(self, scale: int) -> None:
-        self._page_state.cells = replace(self._page_state.cells, arrow_scale=scale)
+        self._page_state.flow_scale = scale
         self._republish()
 
     def choose_surface(self, name: str) -> None:

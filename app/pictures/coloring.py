@@ -82,7 +82,7 @@ def _no_reference(session: Session, moment: int) -> np.ndarray:
 
 
 def _mean_residual(session: Session, moment: int) -> np.ndarray:
-    return face_residuals(session, moment).mean_residual()
+    return face_residuals(session, moment, with_flow=False).mean_residual()
 
 
 def _mean_flow(session: Session, moment: int) -> np.ndarray:

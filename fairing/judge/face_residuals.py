@@ -9,7 +9,7 @@ from fairing.judge.flow import face_flow
 from fairing.judge.inspect import FaceCells, cells_in_context
 from fairing.run.session import Session
 
-FLOW_SIZE = 48  # cell pixels: larger cells are reduced to about this size for the flow
+FLOW_SIZE = 32  # cell pixels: larger cells are reduced to about this size for the flow
 LEAST_CONFIDENCE = 0.5  # of a flow; below this the texture of the face does not determine it
 
 
@@ -60,54 +60,64 @@ class FaceResiduals:
         return np.divide(total, count, out=np.full(self.n_faces, np.nan), where=count > 0)
 
 
-def face_residuals(session: Session, moment: int | None = None) -> FaceResiduals:
+def face_residuals(session: Session, moment: int | None = None, *, with_flow: bool = True) -> FaceResiduals:
     """Residuals and flows of all faces that take part, with the cells of `fairing.judge.inspect.face_cells`.
 
     Args:
         moment: default: the session's present moment.
+        with_flow: whether the flow is computed, which takes longer than the residuals; else it is NaN.
 
     Raises:
         Cancelled: the session's cancellation was requested.
     """
     moment = session.moment if moment is None else moment
     vertices, sweep = session.trace.vertices_at(moment), session.sweep_state(moment)
-    mesh, found = session.scene.mesh, []
-    for face in np.flatnonzero(sweep.context.takes_part):
+    faces, views, sums, samples, flows = [], [], [], [], []
+    for face in np.flatnonzero(sweep.context.takes_part).tolist():
         if session.cancel_requested():
             raise Cancelled
         sigma, scale = float(sweep.sigma[face]), float(sweep.scale[face])
         try:
-            cells = cells_in_context(session, sweep.context, vertices, int(face), moment, sigma, scale)
+            cells = cells_in_context(session, sweep.context, vertices, face, moment, sigma, scale)
         except InputError:  # a corner lies behind a camera
             continue
-        found.append(_of_face(session, cells, vertices[mesh.faces[face]]))
-    n_faces = len(mesh.faces)
-    if not found:
-        ids, values, vectors = np.zeros(0, dtype=int), np.zeros(0), np.zeros((0, 3))
-        return FaceResiduals(n_faces, ids, ids, values, ids, vectors, vectors, vectors, values)
-    return FaceResiduals(n_faces, *(np.concatenate(part) for part in zip(*found, strict=True)))
-
-
-def _of_face(session: Session, cells: FaceCells, corners: np.ndarray) -> tuple[np.ndarray, ...]:
-    """The fields of `FaceResiduals` for the cells of one face with corners (3, 3), world units."""
-    flow, confidence = face_flow(cells, reduction=max(1, cells.size // FLOW_SIZE))
-    flow = np.where((confidence >= LEAST_CONFIDENCE)[:, None], flow, np.nan)
+        faces.append(np.full(len(cells.views), face))
+        views.append(cells.views)
+        sums.append(np.abs(cells.residual).sum(axis=1, where=cells.counts, dtype=float))
+        samples.append(cells.counts.sum(axis=1))
+        flows.append(_flow_in_cell(cells) if with_flow else np.full((len(cells.views), 2), np.nan))
+    face_of, view_of = (np.concatenate([np.zeros(0, dtype=int), *ids]) for ids in (faces, views))
+    corners = vertices[session.scene.mesh.faces[face_of]]
     # Columns of the cell run from corner 2 to corner 0, rows from corner 2 to corner 1.
-    on_surface = flow / cells.size @ (corners[:2] - corners[2])
-    middle = corners.mean(axis=0)
-    cameras = [session.scene.views[view].camera for view in cells.views]
-    in_photo = np.array(
-        [camera.J_image_wrt_point(middle) @ motion for camera, motion in zip(cameras, on_surface, strict=True)]
-    )
-    normal = np.cross(*(corners[:2] - corners[2]))
-    n = len(cells.views)
-    return (
-        np.full(n, cells.face),
-        cells.views,
-        np.abs(cells.residual).sum(axis=1, where=cells.counts, dtype=float),
-        cells.counts.sum(axis=1),
-        np.tile(middle, (n, 1)),
-        np.tile(normal / max(float(np.linalg.norm(normal)), 1e-300), (n, 1)),
+    edges = corners[:, :2] - corners[:, 2:]
+    in_cell = np.concatenate([np.zeros((0, 2)), *flows])
+    on_surface = np.einsum("qk,qkc->qc", in_cell, edges)
+    normals = np.cross(edges[:, 0], edges[:, 1])
+    places = corners.mean(axis=1)
+    return FaceResiduals(
+        len(session.scene.mesh.faces),
+        face_of,
+        view_of,
+        np.concatenate([np.zeros(0), *sums]),
+        np.concatenate([np.zeros(0, dtype=int), *samples]),
+        places,
+        normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300),
         on_surface,
-        np.linalg.norm(in_photo.reshape(n, 2), axis=1),
+        _length_in_photo(session, view_of, places, on_surface),
     )
+
+
+def _flow_in_cell(cells: FaceCells) -> np.ndarray:
+    """(n, 2) float: flow of each cell in lengths of the cell's edge (column, row); NaN where undetermined."""
+    flow, confidence = face_flow(cells, reduction=max(1, cells.size // FLOW_SIZE))
+    return np.where((confidence >= LEAST_CONFIDENCE)[:, None], flow, np.nan) / cells.size
+
+
+def _length_in_photo(session: Session, views: np.ndarray, places: np.ndarray, motions: np.ndarray) -> np.ndarray:
+    """(q,) float, px: lengths in the photos of small motions (q, 3) at places (q, 3), world units."""
+    length = np.full(len(views), np.nan)
+    for view in np.unique(views):
+        own = views == view
+        J = session.scene.views[view].camera.J_image_wrt_point(places[own])
+        length[own] = np.linalg.norm(np.einsum("qrc,qc->qr", J, motions[own]), axis=1)
+    return length

@@ -259,8 +259,8 @@ def _least_squares_flow(
 
 def _slope(image: np.ndarray, valid: np.ndarray, axis: int) -> tuple[np.ndarray, np.ndarray]:
     """Central difference along an axis, and where both neighbours count."""
-    ahead, behind = np.roll(image, -1, axis), np.roll(image, 1, axis)
-    usable = np.roll(valid, -1, axis) & np.roll(valid, 1, axis)
-    rows = np.moveaxis(usable, axis, 0)
-    rows[0] = rows[-1] = False
-    return np.where(usable, 0.5 * (ahead - behind), 0), usable
+    slope, usable = np.zeros(image.shape), np.zeros(image.shape, dtype=bool)
+    values, known, inner, inner_known = (np.moveaxis(array, axis, 0) for array in (image, valid, slope, usable))
+    inner_known[1:-1] = known[2:] & known[:-2]
+    inner[1:-1] = np.where(inner_known[1:-1], 0.5 * (values[2:] - values[:-2]), 0)
+    return slope, usable
