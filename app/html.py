@@ -3,7 +3,7 @@
 import html
 import json
 
-from app.palette import BRAND, NOW, REFERENCE, REJECTED, SELECTED, START, css, variables
+from app.palette import BRAND, BRAND_TEXT, NOW, REFERENCE, REJECTED, SELECTED, START, css, variables
 
 DEBUG_BAR_HEIGHT = 134  # px; the status panel is pinned below the debug bar
 
@@ -21,9 +21,9 @@ STYLE = f"""
 .ef button:disabled {{ color: var(--faint); background: var(--off); border-color: var(--line); cursor: default; }}
 .ef button:focus-visible {{ outline: 2px solid {css(BRAND)}; outline-offset: 1px; }}
 .ef button.main {{ background: {css(BRAND)}; border-color: {css(BRAND)}; color: #fff; font-weight: 600; }}
-.ef button.main:hover:not(:disabled) {{ background: #5495e6; }}
+.ef button.main:hover:not(:disabled) {{ background: #2460ac; }}
 .ef svg {{ width: 16px; height: 16px; flex: none; }}
-.ef kbd {{ font: 500 11.5px/1 inherit; font-family: inherit; opacity: .7; order: 1; }}
+.ef kbd {{ font: 500 11.5px/1 inherit; font-family: inherit; order: 1; }}
 .ef table {{ width: 100%; border-collapse: collapse; }}
 .ef td, .ef th {{ padding: 2px 0; text-align: left; font-weight: 400; vertical-align: top; }}
 .ef td.n {{ text-align: right; white-space: nowrap; }}
@@ -40,7 +40,8 @@ STYLE = f"""
 .ef .row {{ display: flex; gap: 6px; align-items: center; }}
 .ef .grow {{ flex: 1; }}
 .ef .crumbs b {{ color: var(--strong); font-weight: 600; }}
-.ef .crumbs i {{ font-style: normal; color: var(--faint); padding: 0 3px; }}
+.ef .crumbs i {{ font-style: normal; color: var(--dim); padding: 0 3px; }}
+[role=tab][aria-selected=true][role=tab] {{ color: {css(BRAND_TEXT)} !important; }}
 .ef .wide {{ width: 100%; }}
 div:has(> .ef > .pinned) {{ position: sticky; top: 0; z-index: 5; background: var(--mantine-color-body);
   padding-top: 10px; margin-top: -10px; }}
@@ -115,7 +116,7 @@ div:has(> .ef > .pinned) + div:has(> .ef > .pinned) {{ top: {DEBUG_BAR_HEIGHT}px
 .ef b.value {{ min-width: 58px; text-align: right; font-weight: 600; }}
 .ef .crops {{ display: grid; grid-template-columns: 158px 158px; gap: 6px 10px; margin-top: 6px; }}
 .ef .charts {{ display: grid; grid-template-columns: 1fr 1fr; gap: 10px; margin-top: 4px; }}
-.ef .bars .value {{ fill: var(--faint); }} .ef .bars .on {{ fill: var(--text); }}
+.ef .bars .value {{ fill: var(--dim); }} .ef .bars .on {{ fill: var(--text); }}
 .ef .bars .own {{ fill: var(--text); }} .ef .bars .chosen {{ fill: {css(SELECTED)}; }}
 .ef img {{ display: block; }}
 .ef .note {{ margin-top: 4px; }}
@@ -152,19 +153,29 @@ def box(content: str) -> str:
     return f'<div class="ef">{content}</div>'
 
 
-def button(label: str, press: str, *, hint: str, icon: str = "", css_class: str = "", enabled: bool = True) -> str:
-    """A button.
+def button(
+    label: str,
+    press: str,
+    *,
+    hint: str,
+    icon: str = "",
+    css_class: str = "",
+    enabled: bool = True,
+    pressed: bool | None = None,
+) -> str:
+    """A button. Its accessible name is its label; without a label, the part of the hint before the first " (".
 
     Args:
         label: visible text; may be empty for a button with an icon.
         press: JavaScript from `HtmlEvents`.
-        hint: tooltip; the part before the first " (" is the accessible name.
+        hint: tooltip.
         icon: SVG from `icon`.
+        pressed: of a button that switches something on or off; None: it is no switch.
     """
-    name = f'title="{text(hint)}" aria-label="{text(hint.split(" (")[0])}"'
-    state = "" if enabled else "disabled"
+    name = f'title="{text(hint)}"' + ("" if label else f' aria-label="{text(hint.split(" (")[0])}"')
+    state = ("" if enabled else " disabled") + ("" if pressed is None else f' aria-pressed="{str(pressed).lower()}"')
     return (
-        f'<button type="button" class="{css_class}" {name} {state} onclick="{text(press)}">{icon}{text(label)}</button>'
+        f'<button type="button" class="{css_class}" {name}{state} onclick="{text(press)}">{icon}{text(label)}</button>'
     )
 
 

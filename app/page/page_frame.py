@@ -9,6 +9,7 @@ from app.html import STYLE
 from app.keys import Key
 from app.page.page_camera import PageCamera
 from app.stage import Stage
+from app.viser_bridge.accessible_names import name_widgets
 from app.viser_bridge.completion import complete_names
 from app.viser_bridge.error_toasts import ErrorToasts
 from app.viser_bridge.hotkeys import add_hotkey, handle_keys
@@ -68,6 +69,7 @@ class PageFrame:
         release_focus_after_use(self._client)
         update_in_place(self._client)
         complete_names(self._client)
+        name_widgets(self._client)
 
     def add_hotkeys(self, hotkeys: Iterable[Hotkey]) -> None:
         """Add them, once."""

@@ -97,7 +97,12 @@ class BreakpointsPanel:
         number = str(item.number)
         state = "on" if item.enabled else "off"
         switch = button(
-            "●", self._events("switch", item.number), hint=f"Breakpoint {number} is {state}", css_class=f"dot {state}"
+            "",
+            self._events("switch", item.number),
+            hint=f"Breakpoint {number} is {state}",
+            icon="<span aria-hidden='true'>●</span>",
+            css_class=f"dot {state}",
+            pressed=item.enabled,
         )
         report = button(
             "log" if item.logs else "stop",

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import viser
 
 from app.debugger.run_state import RunState
-from app.html import button, text
+from app.html import button
 from app.page_state.page_state import LAYERS, MAX_MAGNIFICATION, PageState
 from app.palette import CAMERA, NOW, POINTS, SELECTED, START, TRUTH, solid
 from app.viser_bridge.html_events import HtmlEvents, choice_of, press, whole_number
@@ -76,7 +76,11 @@ class LayersPanel:
     def _switch(self, k: int, name: str, is_on: bool) -> str:
         swatch = f'<span class="swatch" style="background:{SWATCHES[name]}"></span>'
         hint = f"{'Hide' if is_on else 'Show'} {LAYERS[name].lower()}"
-        switch = button(
-            LAYERS[name], self._events("toggle", k), hint=hint, icon=swatch, css_class="layer" if is_on else "layer off"
+        return button(
+            LAYERS[name],
+            self._events("toggle", k),
+            hint=hint,
+            icon=swatch,
+            css_class="layer" if is_on else "layer off",
+            pressed=is_on,
         )
-        return switch.replace("<button", f'<button aria-pressed="{text(str(is_on).lower())}"', 1)

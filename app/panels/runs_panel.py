@@ -120,12 +120,14 @@ class RunsPanel:
             self._events("switch", run.run_id),
             hint=f"{run.name} is the current run" if is_current else f"Switch to {run.name}",
             css_class="small on" if is_current else "small",
+            pressed=is_current,
         )
         compare = button(
             "A",
             self._events("compare", run.run_id),
             hint=f"Compare with {run.name}",
             css_class="small a" if is_reference else "small",
+            pressed=is_reference,
         )
         remove = button(
             "",

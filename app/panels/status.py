@@ -63,10 +63,7 @@ class Status:
     def _crumb(self, extent: Extent, name: str, count: str, more: str = "") -> str:
         press = text(self._to_beginning(str(int(extent))))
         hint = f"To the beginning of this {name}"
-        return (
-            f'<button type="button" title="{hint}" aria-label="{hint}" onclick="{press}">'
-            f"{name} <b>{count}</b>{more}</button>"
-        )
+        return f'<button type="button" title="{hint}" onclick="{press}">{name} <b>{count}</b>{more}</button>'
 
     def _energy(self, state: RunState) -> str:
         if state.moment == 0:

@@ -128,12 +128,17 @@ class Timeline:
                 self._events("speed", k),
                 hint=f"Play {speed * MOMENTS_PER_SECOND:g} moments a second",
                 css_class="small on" if speed == page_state.speed else "small",
+                pressed=speed == page_state.speed,
             )
             for k, speed in enumerate(SPEEDS)
         )
         kinds = "".join(
             button(
-                kind, self._events("strip", k), hint=hint, css_class="small on" if kind == page_state.strip else "small"
+                kind,
+                self._events("strip", k),
+                hint=hint,
+                css_class="small on" if kind == page_state.strip else "small",
+                pressed=kind == page_state.strip,
             )
             for k, (kind, hint) in enumerate(KINDS.items())
         )
