@@ -148,6 +148,11 @@ def text(value: object) -> str:
     return html.escape(str(value), quote=True)
 
 
+def photo_title(view_id: int, name: str) -> str:
+    """A photo's number, from 1 as on the keyboard, and its name."""
+    return f"{view_id + 1} · {name}"
+
+
 def box(content: str) -> str:
     """The element that gives a panel its fonts and colours."""
     return f'<div class="ef">{content}</div>'

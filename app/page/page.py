@@ -42,6 +42,7 @@ class Page:
             client, self.frame, resources, page_state, self.run_controls, self.interaction, certainty, self.lessons
         )
         self.layers = PageLayers(client, self.frame, resources, self.interaction, certainty)
+        self._order = ""
         self._keys_dialog = KeysDialog(client.gui, events)
         self.frame.add_hotkeys([*self._hotkeys(), *self.frame.camera_hotkeys(), *self.lessons.hotkeys()])
 
@@ -53,6 +54,7 @@ class Page:
     def fill(self, state: RunState) -> None:
         """Queue the messages that bring the browser up to date."""
         page_state, surface = self.page_state, self.layers.surface
+        self._name_blocks(state.options.schedule.order)
         state = at_viewed_moment(state, page_state)
         if state.rival is not None and page_state.reference is None:
             page_state.reference = Reference(state.rival)
@@ -90,11 +92,18 @@ class Page:
             Hotkey("Bookmark this moment", panels.bookmarks.keep_now, "K"),
             Hotkey("Before or now", panels.surface_controls.before_or_now, "X"),
             Hotkey("Texture static or view-dependent", panels.surface_controls.toggle_view_dependent, "-"),
-            Hotkey("Keys", self._keys_dialog.open, "?", "shift"),
+            Hotkey("Keys", lambda: self._keys_dialog.open(self._order), "?", "shift"),
             Hotkey("Lock or unlock the selected vertices", interaction.toggle_lock, "F"),
             Hotkey("Put the selected vertices back to their start", interaction.reset, "Z"),
             Hotkey("Breakpoint on the selected vertex", run.toggle_breakpoint, "B"),
         ]
+
+    def _name_blocks(self, order: str) -> None:
+        """Name steps in the palette by what they step in the order at hand."""
+        if order != self._order:
+            self._order = order
+            labels = {action.label: action.label_in(order) for action in ACTIONS}
+            self.frame.rename_hotkeys(lambda label: labels.get(label, label))
 
     def _look_for_lesson(self, eye: str | int) -> None:
         """Move the camera to a viewpoint by its name, or into the camera with this index."""

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import viser
 
-from app.html import STYLE
+from app.html import STYLE, photo_title
 from app.keys import Key
 from app.page.page_camera import PageCamera
 from app.stage import Stage
@@ -56,6 +56,7 @@ class PageFrame:
         on_prediction: Callable[[], None],
     ) -> None:
         self._client, self._scene = client, scene
+        self._entries: list[tuple[Hotkey, viser.CommandHandle]] = []
         self.toasts = ErrorToasts(client)
         client.gui.set_panel_label(f"EigenFairing · {title}")
         set_tab_title(client, f"EigenFairing - {title}")
@@ -73,17 +74,26 @@ class PageFrame:
 
     def add_hotkeys(self, hotkeys: Iterable[Hotkey]) -> None:
         """Add them, once."""
-        further = []
+        further: list[tuple[str, dict[str, object]]] = []
         for hotkey in hotkeys:
             keys = () if hotkey.key is None else ((hotkey.key, hotkey.modifier), *hotkey.other_keys)
-            further += add_hotkey(self._client, hotkey.label, self.toasts.without_event(hotkey.call), keys)
+            entry, others = add_hotkey(self._client, hotkey.label, self.toasts.without_event(hotkey.call), keys)
+            self._entries.append((hotkey, entry))
+            further += others
         handle_keys(self._client, further)
+
+    def rename_hotkeys(self, label_of: Callable[[str], str]) -> None:
+        """Give the entries of the palette other labels, from those they were added with."""
+        for hotkey, entry in self._entries:
+            label = label_of(hotkey.label)
+            if entry.label != label:
+                entry.label = label
 
     def camera_hotkeys(self) -> list[Hotkey]:
         """The hotkeys of the camera and the theme."""
         camera = self.camera
         entering = [
-            Hotkey(f"Look through camera {view.name}", lambda k=k: camera.enter(k), str(k + 1))
+            Hotkey(f"Look through photo {photo_title(k, view.name)}", lambda k=k: camera.enter(k), str(k + 1))
             for k, view in enumerate(self._scene.views[:9])
         ]
         return [

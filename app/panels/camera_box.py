@@ -5,7 +5,7 @@ from collections.abc import Callable
 import viser
 
 from app.debugger.run_state import RunState
-from app.html import button, icon, text
+from app.html import button, icon, photo_title, text
 from app.page_state.page_state import PageState
 from app.panels.choice import choice
 from app.panels.surface_panel import SurfaceControls
@@ -62,7 +62,7 @@ class CameraBox:
         self._box.visible = page_state.entered is not None
         if page_state.entered is None:
             return
-        name = self._scene.views[page_state.entered].name
+        name = photo_title(page_state.entered, self._scene.views[page_state.entered].name)
         back = button("Leave", self._events("leave"), hint="Leave the camera (0)", icon=icon("leave"))
         overlays = {is_swipe: (label, self._events("lay", k)) for k, (is_swipe, label) in enumerate(LAID.items())}
         lay = choice(overlays, page_state.is_swipe, "Overlay")

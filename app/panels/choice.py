@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from app.html import button, text
+from app.html import button, photo_title, text
 
 
 def chip(label: str, press: str, hint: str, is_on: bool, css_class: str = "chip") -> str:
@@ -10,9 +10,9 @@ def chip(label: str, press: str, hint: str, is_on: bool, css_class: str = "chip"
     return button(label, press, hint=hint, css_class=f"{css_class} on" if is_on else css_class, pressed=is_on)
 
 
-def photo_link(name: str, press: str) -> str:
-    """Markup of a photo's name that looks through its camera."""
-    return button(name, press, hint=f"Look through {name}", css_class="link")
+def photo_link(view_id: int, name: str, press: str) -> str:
+    """Markup of a photo's number and name that looks through its camera."""
+    return button(photo_title(view_id, name), press, hint=f"Look through {name}", css_class="link")
 
 
 def choice(options: dict[Any, tuple[str, str]], chosen: object, name: str) -> str:

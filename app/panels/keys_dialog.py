@@ -18,16 +18,17 @@ class KeysDialog:
         self._close_modal: Callable[[], None] | None = None
         press = html_events.button(self.close)
         cross = button("", press, hint="Close (Escape)", icon=icon("leave"), css_class="cross")
-        rows = key_list()
+        self._cross = cross
+
+    def open(self, order: str) -> None:
+        """Show the keys as they act in this order of the schedule."""
+        self.close()
+        rows = key_list(order)
         half = -(-len(rows) // 2)
         columns = "".join(_table(part) for part in (rows[:half], rows[half:]))
-        self._content = f"<div class='dialog'>{cross}<div class='keys'>{columns}</div></div>"
-
-    def open(self) -> None:
-        self.close()
         modal = self._gui.add_modal("Keys")
         with modal:
-            HtmlPanel(self._gui, self._content)
+            HtmlPanel(self._gui, f"<div class='dialog'>{self._cross}<div class='keys'>{columns}</div></div>")
         self._close_modal = modal.close
 
     def close(self) -> None:

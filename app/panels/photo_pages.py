@@ -154,7 +154,13 @@ class PhotoPages:
         picks = "".join(
             f"<div class='row chips'><span class='dim' style='width:14px'>{letter}</span>"
             + "".join(
-                chip(str(v), control(str(v)), f"Photo {letter}: {self._scene.views[v].name}", v == chosen, "chip tight")
+                chip(
+                    str(v + 1),
+                    control(str(v)),
+                    f"Photo {letter}: {self._scene.views[v].name}",
+                    v == chosen,
+                    "chip tight",
+                )
                 for v in views
             )
             + "</div>"
@@ -212,7 +218,7 @@ class PhotoPages:
 
     def _name(self, view_id: int) -> str:
         name = self._scene.views[view_id].name
-        return f"<div class='one'>{photo_link(name, self._enter(str(view_id)))}</div>"
+        return f"<div class='one'>{photo_link(view_id, name, self._enter(str(view_id)))}</div>"
 
 
 def chosen_pair(views: list[int], wanted: tuple[int | None, int | None]) -> tuple[int, int]:

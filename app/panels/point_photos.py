@@ -43,7 +43,7 @@ class PointPhotos:
         if not views:
             return f"{head}<div class='note'>The capture does not list the photos that observe this point.</div>"
         crops = "".join(
-            f"<div><div class='one'>{photo_link(self._scene.views[view].name, self._enter(str(view)))}</div>"
+            f"<div><div class='one'>{photo_link(view, self._scene.views[view].name, self._enter(str(view)))}</div>"
             f"{self._crop(view, pixel, place)}<div class='dim'>{number(float(residual), 3)} px</div></div>"
             for view, pixel, place, residual in zip(views, pixels, projected, residuals, strict=True)
         )

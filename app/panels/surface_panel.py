@@ -5,7 +5,7 @@ from collections.abc import Callable
 import viser
 
 from app.debugger.run_state import RunState
-from app.html import button, icon, text
+from app.html import button, icon, photo_title, text
 from app.page_state.page_state import FLOW_SCALES, NOW_SHAPE, START_SHAPE, SURFACES, TRUE_SHAPE, PageState
 from app.panels.choice import choice
 from app.pictures.coloring import COLORINGS, available_colorings
@@ -65,7 +65,7 @@ class SurfaceControls:
         if state.surface not in self._colorings or COLORINGS[state.surface].of_photo is None:
             return ""
         view = -1 if state.residual_view is None else state.residual_view
-        name = "All photos" if view < 0 else f"{view + 1}: {self._scene.views[view].name}"
+        name = "All photos" if view < 0 else photo_title(view, self._scene.views[view].name)
         previous, following = (
             button("", self._events("photo", at), hint=hint, icon=icon("one", mirrored=hint.startswith("Previous")),
                    css_class="small", enabled=view != at)

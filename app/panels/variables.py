@@ -68,4 +68,7 @@ class Variables:
 
     def _value(self, n: int, item: Item, state: RunState, vertex: int) -> str:
         shown = item.shown(value_at(item, state.trace.steps, state.moment, vertex))
-        return f'<button type="button" class="value" title="Last change of {text(item.name)} (goes there)" onclick="{text(self._to_change(str(n)))}">{shown}</button>'
+        return (
+            f'<button type="button" class="value" title="Last change of {text(item.name)} (goes there)" '
+            f'onclick="{text(self._to_change(str(n)))}">{shown}</button>'
+        )

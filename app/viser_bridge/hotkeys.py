@@ -44,14 +44,14 @@ for (const [name, key] of %s) window.eigenfairingKeys.set(name, key);
 
 def add_hotkey(
     client: viser.ClientHandle, label: str, on_trigger: Callable[..., None], keys: Sequence[Key]
-) -> list[tuple[str, dict[str, object]]]:
+) -> tuple[viser.CommandHandle, list[tuple[str, dict[str, object]]]]:
     """Add a palette entry with keys, or without if there are none.
 
     viser 1.1.1 accepts function keys, but its type for keys does not name them. In the palette it puts the key of the entry
     in brackets behind the description, so that is the last one.
 
     Returns:
-        What `handle_keys` needs for the other keys.
+        The entry, and what `handle_keys` needs for the other keys.
     """
     others = keys[:-1]
     key, modifier = keys[-1] if keys else (None, None)
@@ -61,7 +61,7 @@ def add_hotkey(
     command = client.gui.add_command(label, description=description, hotkey=hotkey, modifier=modifiers)
     command.on_trigger(on_trigger)
     event = {"key": " " if key == "space" else key, "shiftKey": modifier == "shift"}
-    return [(_name(*other), event) for other in others]
+    return command, [(_name(*other), event) for other in others]
 
 
 def handle_keys(client: viser.ClientHandle, keys: Sequence[tuple[str, dict[str, object]]]) -> None:
