@@ -17,6 +17,7 @@ def prepared(options: FairingOptions, masks: bool = False, **scene) -> tuple[Ses
     sweep = session.sweep_state()
     if not masks:
         sweep.context.kernel.pair_mask[:] = -1
+        object.__setattr__(sweep, "system", None)  # it was computed with the masks
     return session, sweep
 
 

@@ -126,17 +126,20 @@ def common_psf_patches(
 
     def fill(view: int, photo: np.ndarray) -> None:
         rows = pairs_of[view]
+        outer = frame[rows, :1:-1] + 2 * border[rows, None]
+        batches = list(_batches(outer, photos.channels))
         reach = int(border[rows].max())
-        across, down = (_mirrored(-reach, size + 2 * reach, size) for size in photo.shape[:0:-1])
+        # Patches are filled up with their surroundings: an edge to zeros would ring.
+        more = max(int((shape - outer[chosen]).max()) for shape, chosen in batches)
+        across, down = (_mirrored(-reach, size + 2 * reach + more, size) for size in photo.shape[:0:-1])
         wide = photo[:, down[:, None], across].astype(np.float32) * photos.grey_levels
-        for shape, chosen in _batches(frame[rows, :1:-1] + 2 * border[rows, None], photos.channels):
+        for shape, chosen in batches:
             pairs = rows[chosen]
             places = list(zip(frame[pairs].tolist(), border[pairs].tolist(), base[pairs].tolist(), strict=True))
-            stack = np.zeros((len(pairs), photos.channels, *shape), dtype=np.float32)
-            for part, ((x, y, width, height), edge, _) in zip(stack, places, strict=True):
+            stack = np.empty((len(pairs), photos.channels, *shape), dtype=np.float32)
+            for part, ((x, y, _, _), edge, _) in zip(stack, places, strict=True):
                 top, left = y - edge + reach, x - edge + reach
-                high, long = height + 2 * edge, width + 2 * edge
-                part[:, :high, :long] = wide[:, top : top + high, left : left + long]
+                part[:] = wide[:, top : top + shape[0], left : left + shape[1]]
             spectra = np.asarray(scipy.fft.rfft2(stack))
             spectra *= _transfers(shape, covariance[pairs], cubic)[:, None]
             for part, ((_, _, width, height), edge, start) in zip(

@@ -104,7 +104,7 @@ def mask_views(
     return list(pool.map(mask_view, range(len(cameras))))
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _mask_samples(
     pixels, corners, grids, grid_start, ramp, insets, inverse_depth, edge_distance, face_id, transparent, hidden_depth,
     focal, reduction, border, margin, size, masks, starts, seen,
@@ -126,6 +126,7 @@ def _mask_samples(
         starts: (c,) int64: where each begins.
         seen: (c,) int64, out: number of samples that the photo shows.
     """
+    nearer, to_map = 1 - hidden_depth / focal, 1 / reduction  # one division per sample (ledger: sample masks)
     for f in range(corners.shape[0]):
         first, last = grid_start[grids[f]], grid_start[grids[f] + 1]
         shrink = 1 - 3 * insets[f]
@@ -137,12 +138,13 @@ def _mask_samples(
             a, b = insets[f] + shrink * ramp[0, first + s], insets[f] + shrink * ramp[1, first + s]
             c = 1 - a - b
             w = a * a2 + b * b2 + c * c2
-            x, y = (a * a0 + b * b0 + c * c0) / w, (a * a1 + b * b1 + c * c1) / w
+            inverse = 1 / w
+            x, y = (a * a0 + b * b0 + c * c0) * inverse, (a * a1 + b * b1 + c * c1) * inverse
             is_seen = border <= x <= size[0] - 1 - border and border <= y <= size[1] - 1 - border
             if is_seen:
-                ix, iy = int((x + 0.5) / reduction), int((y + 0.5) / reduction)
+                ix, iy = int((x + 0.5) * to_map), int((y + 0.5) * to_map)
                 front = inverse_depth[iy, ix]
-                is_hidden = front > 0 and w - 1 / front > hidden_depth * w / focal
+                is_hidden = front * w * nearer > 1
                 if is_hidden:
                     is_hidden = face_id[iy, ix] != transparent[f, 0] and face_id[iy, ix] != transparent[f, 1]
                 is_seen = not is_hidden and edge_distance[iy, ix] >= margin

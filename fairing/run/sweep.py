@@ -74,7 +74,6 @@ def begin_sweep(
     vertices: np.ndarray,
     origin: np.ndarray,
     among: np.ndarray | None = None,
-    active: np.ndarray | None = None,
 ) -> SweepState:
     """Compute visibility, robust scale, priors and blocks.
 
@@ -84,8 +83,7 @@ def begin_sweep(
         moment: of the beginning.
         vertices: (n, 3) float: positions then, world units.
         origin: (n, 3) float, see `SweepState`.
-        among: (n,) bool: only these vertices may move, and only the faces around them have cells; default: all.
-        active: (n,) bool: the other vertices are at rest in this sweep, and faces between them are not evaluated; default: all.
+        among: (n,) bool: only these vertices may move, and only the faces around them are evaluated; default: all.
 
     Raises:
         InputError: no photo sees any face well enough at the last level.
@@ -94,12 +92,11 @@ def begin_sweep(
     options, mesh = problem.options, problem.scene.mesh
     context, sigma = _context_and_sigma(problem, level.number, phase, vertices, among)
     scale = robust_scale(options.robust, sigma)
-    active = np.ones(len(vertices), dtype=bool) if active is None else active
-    evaluated = np.flatnonzero(active[mesh.faces].any(axis=1))
-    system = problem.linearise(context, vertices, evaluated, np.full(len(evaluated), -1), scale)
+    everything = np.arange(len(mesh.faces))
+    system = problem.linearise(context, vertices, everything, np.full(len(everything), -1), scale)
     H, _ = vertex_systems(mesh, system)
     strength = np.linalg.eigvalsh(H)[:, 2]
-    informed = active & (strength > 0)
+    informed = strength > 0
     typical = float(np.median(strength[informed])) if informed.any() else 0.0
     tangential, weak = undetermined_directions(vertices, mesh, H, context.takes_part, options.step, level.prior)
     terms = [QuadraticPrior(tangential, origin), QuadraticPrior(weak, vertices)]
@@ -111,8 +108,8 @@ def begin_sweep(
     if level.smoothing > 0 and informed.any():
         targets = smoothed(mesh, vertices, VERTEX_PASSES)
         terms.append(QuadraticPrior(np.tile(level.smoothing * typical * np.eye(3), (len(vertices), 1, 1)), targets))
-        movable = free = active & ~problem.locked  # the smoothness prior determines vertices that no photo sees
-    area = float((context.footprint_area * context.n_views * context.takes_part)[evaluated].sum())
+        movable = free = ~problem.locked  # the smoothness prior determines vertices that no photo sees
+    area = float((context.footprint_area * context.n_views)[context.takes_part].sum())
     mean_loss = float(system.energy.sum()) / area if area > 0 else 0.0
     if level.attraction > 0:
         to_points = fitted_to_points(problem, vertices, FIT_ROUNDS)
@@ -121,7 +118,7 @@ def begin_sweep(
         terms.append(to_points._replace(hessians=attraction * typical * to_points.hessians))
     match phase:
         case GaussNewton():
-            blocks = plan_blocks(mesh, movable, options.schedule.order, evaluated, system.energy)
+            blocks = plan_blocks(mesh, movable, options.schedule.order, system.energy)
         case LocalSearch():
             blocks = _search_blocks(mesh, phase, context, system, movable)
         case Restart(level_number):
@@ -193,7 +190,7 @@ def _search_blocks(
     if phase.is_sharp:
         poor = movable & fits_poorly(mesh, context, system, movable)
         movable = movable & _above_median(mesh, context, system, movable, 1.0)
-    blocks = plan_blocks(mesh, movable, "independent", system.faces, system.energy)
+    blocks = plan_blocks(mesh, movable, "independent", system.energy)
     if phase.restart_level is not None and poor.any():
         blocks.append(restart_block(mesh, np.flatnonzero(poor), phase.restart_level))
     return blocks

@@ -2,12 +2,9 @@
 
 from dataclasses import replace
 
-import numpy as np
-
-from fairing.run.phases import GaussNewton, Level, Schedule, schedule_of
+from fairing.run.phases import Schedule, schedule_of
 from fairing.run.sweep import SweepState, begin_sweep
 from fairing.solve.problem import Problem
-from fairing.solve.step_limits import pixels_moved_between
 from fairing.trace import SchedulePosition, Trace
 
 MAX_SWEEPS = 4  # so that stepping back and forth does not compute visibility again
@@ -87,24 +84,7 @@ class SweepCache:
     def _begin(self, position: SchedulePosition, moment: int) -> SweepState:
         level = self.schedule.levels[position.level]
         vertices, origin = self._trace.vertices_at(moment), self._trace.origin_at(moment)
-        phase, active = level.phase_at(position.sweep), self._active(level, position.sweep, moment)
-        return begin_sweep(self._problem, level, phase, moment, vertices, origin, active=active)
-
-    def _active(self, level: Level, sweep: int, moment: int) -> np.ndarray | None:
-        """(n,) bool: vertices that moved in the previous sweep of the same phase, and their neighbours; None: all."""
-        phase = level.phase_at(sweep)
-        if moment == 0 or not isinstance(phase, GaussNewton):
-            return None
-        last = self._trace.steps[moment - 1]
-        is_next = last.position[:2] == (level.number, sweep - 1) and level.end_of_phase(sweep - 1) > sweep
-        if last.is_manual or not is_next:
-            return None
-        before, now = self._trace.vertices_at(last.sweep_moment), self._trace.vertices_at(moment)
-        moved = pixels_moved_between(self._problem.scene.views, before, now) >= phase.tolerance
-        if not moved.any():
-            return None
-        mesh = self._problem.scene.mesh
-        return np.isin(np.arange(len(now)), mesh.faces[moved[mesh.faces].any(axis=1)])
+        return begin_sweep(self._problem, level, level.phase_at(position.sweep), moment, vertices, origin)
 
     def _photo_bytes(self) -> int:
         planes = {id(pixels): pixels.nbytes for pixels in (sweep.context.kernel.pixels for sweep in self._sweeps)}
