@@ -64,7 +64,8 @@ div:has(> .ef > .pinned) + div:has(> .ef > .pinned) {{ top: {DEBUG_BAR_HEIGHT}px
 .ef .strip img {{ width: 100%; height: 100%; image-rendering: pixelated; border-radius: 3px; pointer-events: none; }}
 .ef .strip i {{ position: absolute; top: -2px; bottom: -2px; width: 2px; margin-left: -1px;
   background: {css(SELECTED)}; }}
-.ef .tools + .strip {{ margin-top: 6px; }}
+.ef .tools + .strip {{ margin-top: 6px; }} .ef .tools + .extent {{ margin: 6px 51px 0 0; gap: 0; }}
+.ef .extent > span {{ width: 110px; flex: none; color: var(--dim); font-size: 13px; }}
 .ef .strip s {{ position: absolute; bottom: 0; width: 1px; background: #f1f3f5; pointer-events: none; }}
 .ef .strip s.level {{ height: 100%; opacity: .75; }} .ef .strip s.sweep {{ height: 28%; opacity: .5; }}
 .ef .crumbs {{ gap: 1px; margin: 0 0 1px -3px; white-space: nowrap; flex-wrap: wrap; }}
@@ -97,7 +98,7 @@ div:has(> .ef > .pinned) + div:has(> .ef > .pinned) {{ top: {DEBUG_BAR_HEIGHT}px
 .ef button.chip {{ height: 22px; padding: 0 7px; font-size: 11.5px; color: var(--dim); }}
 .ef button.chip.tight {{ padding: 0 3.5px; }} .ef .chips:has(> .tight) {{ gap: 3px; }}
 .ef .quantities.quantities {{ gap: 2px; }} .ef .quantities button.chip.tight {{ padding: 0 2px; font-size: 11px; }}
-.ef .quantities .first {{ margin-left: auto; }}
+.ef .quantities.kind {{ flex-wrap: nowrap; font-size: 11.5px; margin-bottom: 4px; }}
 .ef button.chip.on {{ border-color: {css(SELECTED)}; color: {css(SELECTED)}; }}
 .ef button.link {{ background: none; border: none; height: 20px; padding: 0; color: var(--text); }}
 .ef button.link:hover {{ color: var(--strong); text-decoration: underline; background: none; }}
@@ -123,6 +124,8 @@ div:has(> .ef > .pinned) + div:has(> .ef > .pinned) {{ top: {DEBUG_BAR_HEIGHT}px
 .ef .plot.chart {{ cursor: default; }}
 .ef .bar {{ height: 3px; background: var(--line); border-radius: 2px; margin-top: 6px; }}
 .ef .bar div {{ height: 3px; background: {css(BRAND)}; border-radius: 2px; }}
+.ef .bar.work div {{ background: {css(NOW)}; }}
+.ef .working {{ color: var(--strong); }}
 """
 
 
@@ -180,6 +183,16 @@ def number(value: float, digits: int = 4) -> str:
         decimals = max(0, digits - 1 - int(f"{abs(value):e}".split("e")[1]))
         return f"{value:,.{decimals}f}".replace(",", "\u2009").replace("-", "\u2212")
     return f"{value:.{digits - 1}e}".replace("-", "\u2212", 1) if value < 0 else f"{value:.{digits - 1}e}"
+
+
+def duration(seconds: float) -> str:
+    """A duration for reading: 12 s, 3 min 20 s, 1 h 5 min."""
+    whole = max(0, round(seconds))
+    if whole < 60:
+        return f"{whole} s"
+    if whole < 3600:
+        return f"{whole // 60} min {whole % 60} s"
+    return f"{whole // 3600} h {whole % 3600 // 60} min"
 
 
 _SHAPES = {

@@ -38,6 +38,7 @@ from fairing.solve.problem import Problem
 from fairing.trace import StepReason, Trace
 from tests.commands import do
 from tests.small_scene import corner_scene, small_options
+from tests.waiting import wait_for
 
 OPTIONS = FairingOptions(
     schedule=ScheduleOptions(
@@ -220,6 +221,26 @@ def test_every_run_is_saved_in_a_file_of_its_own(scene: Scene, tmp_path):
     controller.close()
     assert len(Trace.load(tmp_path / "run.trace")) == first.length + 1
     assert len(Trace.load(tmp_path / "run-2.trace")) == second.length
+
+
+def test_only_the_current_run_has_threads_and_deleted_runs_none(controller: Controller):
+    """The threads of runs that were replaced, left or deleted would add up for as long as the debugger is open."""
+
+    others = set(threading.enumerate())
+
+    def threads() -> int:
+        return sum(thread.name.startswith("fairing") for thread in set(threading.enumerate()) - others)
+
+    options = replace(controller.state.options, threads=2)
+    do(controller, Restart(options), Forward(Extent.BLOCK))
+    for _ in range(3):
+        do(controller, JumpTo(1), Branch(options), Forward(Extent.BLOCK))
+    assert len(controller.state.runs) > 2
+    wait_for(lambda: threads() <= 2)
+    for run in controller.state.runs[1:]:
+        do(controller, DeleteRun(run.run_id))
+    do(controller, Forward(Extent.BLOCK))
+    wait_for(lambda: threads() <= 2)
 
 
 def test_a_race_ends_both_runs_as_each_would_alone(controller: Controller, scene: Scene):
@@ -477,10 +498,3 @@ def test_of_too_many_paths_the_longest_are_kept_whole(monkeypatch: pytest.Monkey
     for vertex in shown:
         assert (owner == vertex).sum() == (all_owner == vertex).sum()
     assert min(lengths[v] for v in shown) >= max(lengths[v] for v in lengths if v not in shown)
-
-
-def wait_for(condition, seconds: float = 300.0) -> None:
-    deadline = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < deadline, "waited in vain"
-        time.sleep(0.005)

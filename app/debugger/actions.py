@@ -76,6 +76,15 @@ VERTEX_KEYS = (
 )
 
 
+def label_of(command: Command) -> str:
+    """A command in words: the label of its action, or the name of its kind."""
+    for action in ACTIONS:
+        if action.command == command:
+            return action.label
+    words = "".join(f" {letter.lower()}" if letter.isupper() else letter for letter in type(command).__name__)
+    return words.strip().capitalize()
+
+
 def key_list() -> list[tuple[str, str]]:
     """The rows of the help: keys and what they do."""
     actions = [(", ".join(key_text(*key) for key in action.keys), action.label) for action in ACTIONS if action.keys]

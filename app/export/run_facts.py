@@ -71,7 +71,7 @@ class RunFacts:
         sweep = self.session.sweep_state(self.length)
         faces = np.arange(len(self.trace.faces))
         vertices = self.trace.vertices_at(moment)
-        found = Evaluator(self.options.threads).measure(sweep.context, vertices, faces, sweep.scale)
+        found = Evaluator(self.options.threads).energies(sweep.context, vertices, faces, sweep.scale)
         return float(found.energy.sum())
 
     @cached_property

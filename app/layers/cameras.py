@@ -13,6 +13,7 @@ from app.page_state.page_state import PageState
 from app.palette import CAMERA
 from app.pictures.shown_photo import shown_photo
 from app.stage import Stage
+from app.viser_bridge.frustum_fading import fade_frusta_before
 from app.viser_bridge.node_events import BackgroundClicks
 from fairing.camera import Camera
 from fairing.errors import InputError
@@ -58,7 +59,10 @@ class Thumbnails:
 
 
 class CamerasLayer:
-    """One frustum per camera; the photos arrive later. Hidden while a camera is looked through."""
+    """One frustum per camera; the photos arrive later. Hidden while a camera is looked through.
+
+    Frusta that stand in front of the mesh are faint.
+    """
 
     def __init__(
         self,
@@ -96,6 +100,7 @@ class CamerasLayer:
             if background is not None:
                 background.ignore_clicks_on(frustum)
             thumbnails.send(view_id, lambda image, frustum=frustum: setattr(frustum, "image", image))
+        fade_frusta_before(client, "/mesh/now", "/cameras", len(scene.views), stage.camera_scale)
 
     def show(self, state: RunState, page_state: PageState) -> None:
         self.set_visible(page_state.shows("cameras") and page_state.entered is None)

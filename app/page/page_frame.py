@@ -8,11 +8,13 @@ import viser
 from app.html import STYLE
 from app.page.page_camera import PageCamera
 from app.stage import Stage
+from app.viser_bridge import floating
 from app.viser_bridge.error_toasts import ErrorToasts
 from app.viser_bridge.hotkeys import add_hotkey
 from app.viser_bridge.html_events import HtmlEvents
 from app.viser_bridge.in_place import update_in_place
 from app.viser_bridge.keyboard_focus import release_focus_after_use
+from app.viser_bridge.opening_page import HIDDEN
 from app.viser_bridge.style_sheet import set_style_sheet
 from app.viser_bridge.timeline_placement import TimelinePlacement
 from fairing.scene import Scene
@@ -58,7 +60,7 @@ class PageFrame:
     def finish(self, timeline: viser.PanelHandle, css: str = "") -> None:
         """After all panels have been added: place the timeline, and install the page's style sheet and scripts."""
         TimelinePlacement(self._client.gui, timeline, self.html_events)
-        set_style_sheet(self._client, STYLE + css + self.html_events.style)
+        set_style_sheet(self._client, STYLE + floating.STYLE + css + self.html_events.style + HIDDEN)
         release_focus_after_use(self._client)
         update_in_place(self._client)
 

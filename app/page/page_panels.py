@@ -112,8 +112,8 @@ class PagePanels:
             DebugBar(gui, events, run),
             Status(gui, resources.energies, events.number(run.to_beginning)),
             Plot(
-                gui, resources.scene.mesh, resources.energies, resources.run_energies, events, self._page_state, run.jump,
-                self._republish,
+                gui, resources.scene.mesh, resources.energies, resources.run_energies, resources.run_errors, events,
+                self._page_state, run.jump, self._republish,
             ),
         ]  # fmt: skip
 
@@ -128,7 +128,7 @@ class PagePanels:
                     gui, events, len(scene.mesh.vertices) - 1, interaction.set_selection, interaction.toggle_lock,
                     interaction.reset,
                 ),
-                CertaintyPanel(gui, self._certainty),
+                CertaintyPanel(gui, scene.mesh, self._certainty),
                 Variables(gui, scene.mesh, events.number(run.to_change)),
                 WatchPanel(gui, events, scene, page_state, run.jump, republish),
             ]  # fmt: skip

@@ -1,14 +1,18 @@
 """The debugger's server: one session, and one page for every browser that connects."""
 
+import gc
 import logging
 import sys
 import threading
+import time
 from pathlib import Path
 
 import viser
 
+from app.background_worker import BackgroundWorker
+from app.debugger.actions import ACTIONS
 from app.debugger.controller import Controller
-from app.debugger.run_state import RunState
+from app.debugger.engine_compilation import EngineCompilation
 from app.lessons.scenes import LESSON_SCENES, load_lesson_scene
 from app.page.page import Page
 from app.page.resources import SessionResources
@@ -21,6 +25,7 @@ from fairing.run.session import Session
 
 SWITCH_SECONDS = 0.001
 OTHERS_RELOAD = 4.0  # s
+GARBAGE_SECONDS = 2.0  # after a page has gone: several that go together are freed together
 
 
 class App:
@@ -38,17 +43,24 @@ class App:
         save_to: Path | None = None,
         recorded_in: Path | None = None,
         lesson: str | None = None,
+        compilation: EngineCompilation | None = None,
     ) -> None:
+        self._compilation = compilation
         # The engine computes in Python, too: at the default of 5 ms every callback would wait that long for its turn.
         sys.setswitchinterval(SWITCH_SECONDS)
         self._server, self.port = server, server.get_port()
         self.pages: dict[int, Page] = {}
         self._lock = threading.Lock()  # of the attributes; held for moments only, never while a page or scene is made
         self._loading = threading.Lock()  # while another scene is loaded
+        self._garbage = BackgroundWorker(name="garbage")
         self._lesson_due = lesson
         self._latest = PageState()
-        self.resources = SessionResources.open(session, save_to, recorded_in, self._change_scene)
+        self.resources = SessionResources.open(session, save_to, recorded_in, self._change_scene, compilation)
         self._show_session(self.resources)
+        pressed = server.opening.close()
+        for action in ACTIONS:
+            if action.label in pressed:
+                self.resources.controller.post(action.command)
         self._server.on_client_connect(self._connected)
         self._server.on_client_disconnect(self._disconnected)
 
@@ -64,7 +76,10 @@ class App:
 
     def stop(self) -> None:
         """End the engine, close the trace's file and disconnect all browsers."""
+        if self._compilation is not None:
+            self._compilation.close()
         self._close(self.resources, self._take_pages())
+        self._garbage.close(timeout=0)
         self._server.close()
 
     def _take_pages(self) -> list[Page]:
@@ -107,14 +122,14 @@ class App:
     def _load(self, client: viser.ClientHandle, scene: str) -> SessionResources:
         toast = client.add_notification("Opening a scene", LESSON_SCENES[scene].title, loading=True)
 
-        def show_progress(_: float, line: str) -> None:
-            toast.body = line
+        def show_progress(fraction: float, line: str) -> None:
+            toast.body = f"{line} ({100 * fraction:.0f} %)"
 
         try:
             session = Session(load_lesson_scene(scene, show_progress))
         finally:
             toast.remove()
-        return SessionResources.open(session, None, None, self._change_scene)
+        return SessionResources.open(session, None, None, self._change_scene, self._compilation)
 
     def _show_session(self, resources: SessionResources) -> None:
         server, stage = self._server, resources.stage
@@ -123,7 +138,7 @@ class App:
         server.initial_camera.look_at = tuple(stage.target)
         server.initial_camera.up = tuple(stage.up)
         server.initial_camera.fov = FIELD_OF_VIEW
-        resources.controller.subscribe(lambda state: self._show(resources, state))
+        resources.controller.subscribe(resources.forget_deleted_runs)
 
     def _connected(self, client: viser.ClientHandle) -> None:
         with self._lock:
@@ -132,7 +147,7 @@ class App:
         try:
             # In one piece, or the browser lays out the page again for every few widgets that arrive.
             with client.atomic():
-                page = Page(client, resources, page_state)
+                page = Page(client, resources.for_page(), page_state)
                 if lesson is not None:
                     page.open_lesson(lesson)
                 page.fill(resources.controller.state)
@@ -144,9 +159,8 @@ class App:
             is_current = resources is self.resources
             if is_current:
                 self.pages[client.client_id] = page
-        if is_current:
-            resources.controller.republish()
-        else:  # the scene was changed meanwhile
+                page.follow()
+        if not is_current:  # the scene was changed meanwhile
             page.close()
             reload_page(client, 0)
 
@@ -157,18 +171,13 @@ class App:
                 self._latest = page.page_state
         if page is not None:
             page.close()
+            self._garbage.post("pages", _free_pages, lambda _: None)
 
-    def _show(self, resources: SessionResources, state: RunState) -> None:
-        with self._lock:
-            if resources is not self.resources:  # the last states of a session that was closed
-                return
-            pages = list(self.pages.values())
-        resources.update(state)
-        for page in pages:
-            try:
-                page.show(state)
-            except Exception:
-                logging.getLogger(__name__).exception("a page could not be brought up to date")
+
+def _free_pages() -> None:
+    """Free the memory of closed pages. Their handles refer to each other in cycles, which Python would leave for minutes."""
+    time.sleep(GARBAGE_SECONDS)
+    gc.collect()
 
 
 def start(

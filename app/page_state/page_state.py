@@ -27,12 +27,12 @@ class PlotView:
     """Settings of the plot.
 
     Attributes:
-        name: of a quantity in `app.debugger.series`.
+        name: of a quantity in `app.debugger.series`; None: the error where the truth is known, else the energy.
         of_vertex: whether it is that of the selected vertex instead of the run.
         is_log: logarithmic scale; None: the default of the quantity.
     """
 
-    name: str = "energy"
+    name: str | None = None
     of_vertex: bool = False
     is_log: bool | None = None
 

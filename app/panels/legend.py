@@ -40,6 +40,8 @@ def legend_html(legend: Legend) -> str:
         parts.append(_entry(_color(0), f"all {whose}", _value(legend.low, legend)))
     if legend.unknown:
         parts.append(_entry(UNKNOWN, "unknown", str(legend.unknown)))
+    if legend.moment is not None:
+        parts.append(f"<div class='selected'>of moment {legend.moment}; the present one is being computed</div>")
     return "".join(parts) + "</div>"
 
 

@@ -124,7 +124,7 @@ class RunsPanel:
         compare = button(
             "A",
             self._events("compare", run.run_id),
-            hint=f"Compare with {run.name}",
+            hint=f"Compare with {run.name} (with its last recorded step, as in this row)",
             css_class="small a" if is_reference else "small",
         )
         remove = button(

@@ -164,7 +164,7 @@ class Timeline:
 
     def _picture(self, state: RunState, page_state: PageState) -> str:
         if state.length == 0:
-            return "<div class='strip'></div>"
+            return "<div class='row extent'><span>Steps</span><div class='strip'></div></div>"
         cursor = 100 * state.moment / state.length
         press = (
             "var r=this.getBoundingClientRect();"
@@ -172,10 +172,11 @@ class Timeline:
             + self._events("jump", "m")
         )
         return (
+            "<div class='row extent'><span>Steps</span>"
             f"<div class='strip' role='img' aria-label='Recorded moments' onpointerdown=\"{text(press)}\" "
             f"title='{text(KINDS[page_state.strip])} Click to go to a moment.'>"
             f"<img src='{data_uri(self._history.picture(page_state.strip))}' alt=''>{self._ticks(state)}"
-            f"<i style='left:{cursor:.2f}%'></i></div>"
+            f"<i style='left:{cursor:.2f}%'></i></div></div>"
         )
 
     def _ticks(self, state: RunState) -> str:

@@ -105,6 +105,7 @@ class Legend:
         smallest, largest: extremes of all values; they may lie beyond the ends of the scale.
         unknown: number of faces or vertices without a value.
         categories: name, colour and count of each category, for `Scale.REASON`.
+        moment: the moment of the values, where it is not the present one.
     """
 
     coloring: Coloring
@@ -114,6 +115,7 @@ class Legend:
     largest: float = 0.0
     unknown: int = 0
     categories: tuple[tuple[str, RGB, int], ...] = ()
+    moment: int | None = None
 
 
 @dataclass(frozen=True, eq=False)

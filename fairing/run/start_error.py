@@ -33,13 +33,14 @@ def estimate_start_error(problem: Problem, level: int, start: np.ndarray) -> flo
     group = max(independent_sets(mesh, ids), key=len)
     block = independent_block(mesh, group[:: -(-len(group) // PROBES)])
     distance, best = np.zeros(len(block.vertices)), np.full(len(block.vertices), 1 - PROBE_GAIN)
-    for radius in PROBE_RADII:
-        search = LocalSearch(radius, 2 * radius, is_sharp(options, level))
-        found = search_around(problem, sweep, block, start, search)
-        gain = found.score_after / np.maximum(found.score_before, 1e-300)
-        moved = np.linalg.norm(found.after - start[block.vertices], axis=1)
-        improved = gain < best
-        distance[improved] = (moved * sweep.pixels_per_unit[block.vertices])[improved]
-        best = np.minimum(best, gain)
+    with problem.work.doing("estimating the start error", len(PROBE_RADII)) as work:
+        for radius in work.each(PROBE_RADII):
+            search = LocalSearch(radius, 2 * radius, is_sharp(options, level))
+            found = search_around(problem, sweep, block, start, search)
+            gain = found.score_after / np.maximum(found.score_before, 1e-300)
+            moved = np.linalg.norm(found.after - start[block.vertices], axis=1)
+            improved = gain < best
+            distance[improved] = (moved * sweep.pixels_per_unit[block.vertices])[improved]
+            best = np.minimum(best, gain)
     estimate = float(np.quantile(distance, PROBE_QUANTILE))
     return estimate if (distance > 1.0).mean() > PROBE_MAJORITY else 0.0
