@@ -13,10 +13,11 @@ from app.export.page_cells import ALL_FACES, cells_of_runs
 from app.export.page_data import packed_keyframe, run_data, scene_data
 from app.export.run_facts import RunFacts
 from app.export.texture_keyframes import texture_keyframes
-from app.layers.certainty import SHORTEST, ellipsoid_lines
+from app.layers.certainty import ellipsoid_lines
 from app.lesson_pages.playing import PlayedLesson, PlayedStep
 from app.lesson_pages.texts import step_texts
 from app.page_state.cells_state import ARROW_KINDS, HEADS, KINDS, CellsView
+from app.page_state.certainty_source import drawn_half_axis
 from app.page_state.page_state import LAYERS, PageState
 from app.palette import CURVES, REFERENCE, css
 from app.panels.legend import legend_html
@@ -155,11 +156,9 @@ def _ellipsoids(facts: RunFacts, step: PlayedStep, page_state: PageState) -> dic
     vertices, mesh = facts.trace.vertices_at(step.moment), facts.scene.mesh
     lines = []
     for found in certainties(facts.session, np.array(chosen), step.moment):
-        center = vertices[found.vertex]
-        neighbours = np.unique(mesh.faces[mesh.one_rings[found.vertex]])
-        edges = np.linalg.norm(vertices[neighbours[neighbours != found.vertex]] - center, axis=1)
         if found.is_seen:
-            lines.append(ellipsoid_lines(found, center, SHORTEST * float(edges.mean())))
+            shortest = drawn_half_axis(mesh, vertices, found.vertex)
+            lines.append(ellipsoid_lines(found, vertices[found.vertex], shortest))
     return packed(facts.stage.page_from_world(np.concatenate(lines))) if lines else None
 
 
