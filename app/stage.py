@@ -65,6 +65,20 @@ class Stage:
         towards = (self.camera_centers / np.linalg.norm(self.camera_centers, axis=1, keepdims=True)).mean(0)
         return self.target + np.linalg.norm(self.eye - self.target) * _unit(towards, self.eye - self.target)
 
+    def above(self) -> np.ndarray:
+        """(3,) float, page: an eye position over the mesh; the cameras' side is below in the picture."""
+        distance = float(np.linalg.norm(self.eye - self.target))
+        level = self.frontal() - self.target
+        level = level - (level @ self.up) * self.up
+        return self.target_from_above() + distance * _unit(self.up + 0.02 * _unit(level, np.roll(self.up, 1)), self.up)
+
+    def target_from_above(self) -> np.ndarray:
+        """(3,) float, page: the point to look at from `above`, nearer to the cameras than the mesh's middle, since the
+        timeline covers the lower part of the window."""
+        level = self.frontal() - self.target
+        level = level - (level @ self.up) * self.up
+        return float(np.linalg.norm(self.target)) * _unit(level, np.roll(self.up, 1))
+
     def overview(self) -> np.ndarray:
         """(3,) float, page: an eye position from which mesh and cameras are visible, beside the initial direction."""
         direction = _turned((self.eye - self.target) / np.linalg.norm(self.eye - self.target), self.up)

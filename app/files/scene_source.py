@@ -33,7 +33,7 @@ class SceneSource:
         scene: name of a demo, else an absolute path.
         mesh: absolute path of a mesh file, or None for the scene's own.
         choice: photos left out, masks (an absolute path), weights, scale and format.
-        points: sparse points. "automatic" is "given" for a demo.
+        points: sparse points. "automatic" is "given" for a demo, except for `building:SEED`.
         points_file: file of a run with the points it was recorded with; where it exists they are not found again.
     """
 
@@ -49,7 +49,8 @@ class SceneSource:
     ) -> "SceneSource":
         """From the command line. A demo's name takes precedence over a folder of that name (`./cube` is the folder)."""
         if is_demo(scene):
-            name = find_demo(scene).name
+            demo = find_demo(scene)
+            name = demo.name
             if mesh is not None:
                 raise InputError(f"--mesh {mesh}: the demo {scene} has its own mesh; leave --mesh out")
             if choice != _ALL_PHOTOS:
@@ -57,7 +58,7 @@ class SceneSource:
                     f"the demo {scene} takes all its photos; leave --leave-out, --masks, --photo-weights, "
                     "--photo-scale and --format out"
                 )
-            return cls(name, points="given" if points == "automatic" else points)
+            return cls(name, points="given" if points == "automatic" and demo.seed is None else points)
         if not Path(scene).exists():
             raise InputError(f"{scene}: expected a demo ({DEMO_NAMES}) or a path, found no such file or folder")
         if choice.masks is not None:

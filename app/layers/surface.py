@@ -15,6 +15,7 @@ from app.debugger.controller import Controller
 from app.debugger.run_state import Activity, RunState
 from app.layers.view_dependent_texture import ViewDependentTexture
 from app.page_state.page_state import NOW_SHAPE, START_SHAPE, TRUE_SHAPE, PageState
+from app.page_state.residual_source import ResidualSource
 from app.palette import SURFACE
 from app.pictures.coloring import COLORINGS, DIFFERENCE, Legend, color_mesh
 from app.pictures.texturer import MOST_FACES, MOST_FACES_VIEW_DEPENDENT, Texturer
@@ -33,12 +34,13 @@ REPAINT_SHARE = 0.25  # of the time is spent on painting at most: the engine nee
 
 @dataclass(frozen=True)
 class Wanted:
-    """Key of a surface colouring: run, moment, quantity, and the reference (run, moment) it is compared with."""
+    """Key of a surface colouring: run, moment, quantity, the reference (run, moment) it is compared with, and the photo."""
 
     run_id: int
     moment: int
     coloring: str
     reference: tuple[int, int] | None
+    view: int | None = None
 
 
 class SurfaceLayer:
@@ -48,9 +50,15 @@ class SurfaceLayer:
     """
 
     def __init__(
-        self, client: viser.ClientHandle, stage: Stage, scene: Scene, texturer: Texturer, controller: Controller
+        self,
+        client: viser.ClientHandle,
+        stage: Stage,
+        scene: Scene,
+        texturer: Texturer,
+        controller: Controller,
+        residuals: ResidualSource,
     ) -> None:
-        self._client, self._stage, self._scene = client, stage, scene
+        self._client, self._stage, self._scene, self._residuals = client, stage, scene, residuals
         self._texturer, self._controller = texturer, controller
         self._plain = client.scene.add_mesh_simple(
             "/mesh/now",
@@ -99,7 +107,11 @@ class SurfaceLayer:
                 front = self._color(state, page_state, vertices, resting)
             elif page_state.surface == "textured":
                 front = self._texture(page_state.shape, vertices, resting and len(self._scene.mesh.faces) <= MOST_FACES)
-                if page_state.by_eye and resting and len(self._scene.mesh.faces) <= MOST_FACES_VIEW_DEPENDENT:
+                if (
+                    page_state.is_view_dependent
+                    and resting
+                    and len(self._scene.mesh.faces) <= MOST_FACES_VIEW_DEPENDENT
+                ):
                     front = self._view_dependent.show(vertices) or front
                     is_view_dependent = True
         if not is_view_dependent:
@@ -164,8 +176,15 @@ class SurfaceLayer:
         name = page_state.surface
         compared = look_up(page_state.reference, state) if name == DIFFERENCE else None
         reference = None if compared is None else (compared.run.run_id, compared.moment)
-        wanted = Wanted(state.run_id, state.moment, name, reference)
-        if resting and wanted != self._wanted:
+        of_photo = COLORINGS[name].of_photo
+        view = page_state.residual_view if of_photo is not None else None
+        wanted = Wanted(state.run_id, state.moment, name, reference, view)
+        if of_photo is not None:
+            found = self._residuals.at(state, page_state)
+            if found is not None and wanted != self._wanted:
+                self._wanted = wanted
+                self._take(wanted, of_photo(found, view))
+        elif resting and wanted != self._wanted:
             self._wanted = wanted
             if compared is not None:
                 self._take(wanted, 100 * distances(compared, state.vertices) / self._scene.mesh.diagonal)
@@ -191,8 +210,14 @@ class SurfaceLayer:
         if self._drawn is None or self._drawn[0] != wanted or self._drawn[1] is not vertices:
             points = set_back(vertices, self._scene, self._stage)
             mesh = color_mesh(COLORINGS[wanted.coloring], values, points, self._scene.mesh.faces)
-            self._drawn = (wanted, vertices, mesh.legend)
+            self._drawn = (wanted, vertices, replace(mesh.legend, note=self._note(wanted)))
             self._colored.offer(GlbMesh(write_glb(mesh.vertices, mesh.faces, mesh.uv, mesh.picture, "image/png")))
+
+    def _note(self, wanted: Wanted) -> str:
+        """The photos that the values come from."""
+        if COLORINGS[wanted.coloring].of_photo is None:
+            return ""
+        return "All photos" if wanted.view is None else f"Photo {self._scene.views[wanted.view].name}"
 
     def _take(self, wanted: Wanted, found: np.ndarray | Exception) -> None:
         self._answer = (wanted, found)

@@ -156,9 +156,9 @@ def _ellipsoids(facts: RunFacts, step: PlayedStep, page_state: PageState) -> dic
     vertices, mesh = facts.trace.vertices_at(step.moment), facts.scene.mesh
     lines = []
     for found in certainties(facts.session, np.array(chosen), step.moment):
+        center = vertices[found.vertex]
         if found.is_seen:
-            shortest = drawn_half_axis(mesh, vertices, found.vertex)
-            lines.append(ellipsoid_lines(found, vertices[found.vertex], shortest))
+            lines.append(ellipsoid_lines(found, center, drawn_half_axis(mesh, vertices, found.vertex)))
     return packed(facts.stage.page_from_world(np.concatenate(lines))) if lines else None
 
 

@@ -54,7 +54,7 @@ class App:
         self._loading = threading.Lock()  # while another scene is loaded
         self._garbage = BackgroundWorker(name="garbage")
         self._lesson_due = lesson
-        self._latest = PageState()
+        self._latest = PageState.of_mesh(len(session.scene.mesh.vertices))
         self.resources = SessionResources.open(session, save_to, recorded_in, self._change_scene, compilation)
         self._show_session(self.resources)
         pressed = server.opening.close()
@@ -111,7 +111,8 @@ class App:
             resources = self._load(client, scene)
             with self._lock:
                 old, self.resources = self.resources, resources
-                self._latest, self._lesson_due = PageState(), lesson
+                self._latest = PageState.of_mesh(len(resources.scene.mesh.vertices))
+                self._lesson_due = lesson
             self._close(old, self._take_pages())
             self._show_session(resources)
         finally:

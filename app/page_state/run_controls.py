@@ -41,7 +41,7 @@ class RunControls:
         state = self._controller.state
         wanted = whole_number(moment, 0, max(1, state.length), "moment")
         if state.activity is Activity.RUNNING:
-            self._page_state.looks_at = wanted
+            self._page_state.viewed_moment = wanted
             self._controller.republish()
         else:
             self._controller.post(JumpTo(wanted))

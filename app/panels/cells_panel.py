@@ -14,6 +14,7 @@ from app.panels.cell_source import CellSource, chosen_face
 from app.panels.cell_table import cell_table
 from app.panels.choice import chip
 from app.panels.photo_pages import PhotoPages
+from app.panels.point_photos import PointPhotos
 from app.query_cache import QueryCache
 from app.viser_bridge.html_panel import HtmlPanel
 from app.viser_bridge.synced_widget import SyncedSlider
@@ -32,6 +33,7 @@ class CellsPanel:
         scene: Scene,
         source: CellSource,
         pages: PhotoPages,
+        point_photos: PointPhotos,
         background: BackgroundWorker,
         controls: CellsControls,
         choose_face: Callable[[str], str],
@@ -39,7 +41,7 @@ class CellsPanel:
         guarded: Callable[[Callable[..., None]], Callable[..., None]],
     ) -> None:
         self._scene, self._source, self._pages, self._controls = scene, source, pages, controls
-        self._choose_face, self._enter = choose_face, enter
+        self._choose_face, self._enter, self._point_photos = choose_face, enter, point_photos
         self._head = HtmlPanel(gui)
         self._k = gui.add_slider(
             "k",
@@ -60,9 +62,8 @@ class CellsPanel:
             note = "Select a vertex to see the cells of its faces."
             if page_state.selected is not None:
                 note = f"No face uses vertex {page_state.selected}."
-            self._head.set(f"<span class='dim'>{note}</span>")
-            self._body.set("")
             self._k.visible = False
+            self._show_point(page_state, note)
             return
         if page_state.cells.page == "cells":
             moment = self._show_cells(state, page_state)
@@ -121,6 +122,15 @@ class CellsPanel:
         affine = state.options.cells.warp == "affine"
         self._draw(("pair", key, face, cells_view.pair), lambda: pages.pair(known, face, slot, cells_view, affine))
         return key[1]
+
+    def _show_point(self, page_state: PageState, note: str) -> None:
+        """The selected sparse point in its photos; a note if there is none."""
+        point, points, pictures = page_state.point, self._scene.sparse_points, self._point_photos
+        self._head.set("" if point is not None else f"<span class='dim'>{note}</span>")
+        if point is None or points is None:
+            self._body.set("")
+            return
+        self._draw(("point", point), lambda: pictures.draw(points, point))
 
     def _draw(self, key: tuple, work: Callable[[], str]) -> None:
         """Show a page drawn in the background. Until it is ready, the previous drawing of the same page stays."""

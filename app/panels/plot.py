@@ -216,7 +216,7 @@ class Plot:
         # Not onclick: while a run redraws the plot, press and release may hit two different elements.
         return (
             f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" class="plot" role="img" '
-            f'aria-label="{text(name.capitalize())} plot" onpointerdown="{text(press)}">'
+            f'aria-label="{text(self._quantities[name].title.capitalize())} plot" onpointerdown="{text(press)}">'
             f"<title>By moment: {text(meaning)}. Click to go to a moment</title>{''.join(parts)}</svg>"
         )
 

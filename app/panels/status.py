@@ -71,10 +71,7 @@ class Status:
     def _crumb(self, extent: Extent, name: str, count: str, more: str = "") -> str:
         press = text(self._to_beginning(str(int(extent))))
         hint = f"To the beginning of this {name}"
-        return (
-            f'<button type="button" title="{hint}" aria-label="{hint}" onclick="{press}">'
-            f"{name} <b>{count}</b>{more}</button>"
-        )
+        return f'<button type="button" title="{hint}" onclick="{press}">{name} <b>{count}</b>{more}</button>'
 
     def _energy(self, state: RunState) -> str:
         if state.moment == 0:
@@ -89,8 +86,8 @@ class Status:
 
 
 def _headline(state: RunState, page_state: PageState) -> str:
-    if page_state.looks_at is not None:
-        return f"Running · showing moment {page_state.looks_at}"
+    if page_state.viewed_moment is not None:
+        return f"Running · showing moment {page_state.viewed_moment}"
     if state.activity is Activity.PAUSED and state.finished:
         return "Finished"
     return state.activity.value.capitalize()

@@ -72,7 +72,7 @@ class Timeline:
         return Play(self._page_state.speed * MOMENTS_PER_SECOND)
 
     def _follow(self) -> None:
-        self._page_state.looks_at = None
+        self._page_state.viewed_moment = None
         self._controller.republish()
 
     def _set_speed(self, speed: float) -> None:
@@ -102,7 +102,7 @@ class Timeline:
         )
 
     def _buttons(self, state: RunState, page_state: PageState) -> str:
-        if page_state.looks_at is not None:
+        if page_state.viewed_moment is not None:
             player = button(
                 "Follow live",
                 self._events("follow"),
@@ -128,12 +128,17 @@ class Timeline:
                 self._events("speed", k),
                 hint=f"Play {speed * MOMENTS_PER_SECOND:g} moments a second",
                 css_class="small on" if speed == page_state.speed else "small",
+                pressed=speed == page_state.speed,
             )
             for k, speed in enumerate(SPEEDS)
         )
         kinds = "".join(
             button(
-                kind, self._events("strip", k), hint=hint, css_class="small on" if kind == page_state.strip else "small"
+                kind,
+                self._events("strip", k),
+                hint=hint,
+                css_class="small on" if kind == page_state.strip else "small",
+                pressed=kind == page_state.strip,
             )
             for k, (kind, hint) in enumerate(KINDS.items())
         )

@@ -28,10 +28,12 @@ class Preparation(NamedTuple):
     Attributes:
         reason: SMOOTHED or FITTED_TO_POINTS.
         after: (n, 3) float: positions of the vertices afterwards, world units.
+        loss: mean loss per photo px afterwards.
     """
 
     reason: StepReason
     after: np.ndarray
+    loss: float
 
 
 def find_preparations(problem: Problem) -> list[Preparation]:
@@ -62,7 +64,7 @@ def find_preparations(problem: Problem) -> list[Preparation]:
                 work.advance()
             loss_after = _mean_loss(_evaluate(problem, after))
         if loss_after < (1 - GAIN) * loss:
-            done.append(Preparation(reason, after))
+            done.append(Preparation(reason, after, loss_after))
             vertices, loss = after, loss_after
     return done
 
@@ -107,10 +109,21 @@ def _smoothed(problem: Problem, vertices: np.ndarray) -> np.ndarray:
 
 
 def _fitted(problem: Problem, vertices: np.ndarray) -> np.ndarray:
-    """(n, 3) float: vertices (n, 3) after the fit to the sparse points."""
-    problem.raise_if_cancelled()
+    """(n, 3) float: vertices (n, 3) after that fit to the sparse points which has the lower photo loss.
+
+    The robust fit is the better one far from the surface and beside clutter, that to closest points near the surface
+    (ledger: choice of the fit).
+    """
+    closest = fitted_to_points(problem, vertices, FIT_ROUNDS).targets
     if len(problem.observed_points) == 0:
-        return fitted_to_points(problem, vertices, FIT_ROUNDS).targets
+        return closest
+    robust = _robustly_fitted(problem, vertices)
+    return min((robust, closest), key=lambda fitted: _mean_loss(_evaluate(problem, fitted)))
+
+
+def _robustly_fitted(problem: Problem, vertices: np.ndarray) -> np.ndarray:
+    """(n, 3) float: vertices (n, 3) after `robust_fit`, except where that would fold a face."""
+    problem.raise_if_cancelled()
     cameras = [view.camera for view in problem.scene.views]
     mesh, ids = problem.scene.mesh.moved(vertices), np.flatnonzero(~problem.locked)
     fitted = robust_fit(mesh, cameras, problem.observed_points, problem.locked, problem.raise_if_cancelled).vertices

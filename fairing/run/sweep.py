@@ -20,6 +20,9 @@ from fairing.solve.step_limits import pixels_moved, pixels_per_unit
 
 POOR_FIT = 2.0  # in units of the median loss: vertices above it are restarted
 WELL_SEEN = 0.6  # fraction of the faces around a vertex (ledger: well-seen vertices)
+POINTS_VARIANCE = (
+    8.0  # of the residual, grey levels^2: the prior to the points fades below it (ledger: prior to points)
+)
 FIT_ROUNDS = 3  # of the fit to the sparse points, from the vertices at the beginning of the sweep
 VERTEX_PASSES = 3  # of the filter that gives the targets of the smoothness prior
 
@@ -100,9 +103,6 @@ def begin_sweep(
     typical = float(np.median(strength[informed])) if informed.any() else 0.0
     tangential, weak = undetermined_directions(vertices, mesh, H, context.takes_part, options.step, level.prior)
     terms = [QuadraticPrior(tangential, origin), QuadraticPrior(weak, vertices)]
-    if level.attraction > 0:
-        to_points = fitted_to_points(problem, vertices, FIT_ROUNDS)
-        terms.append(to_points._replace(hessians=level.attraction * typical * to_points.hessians))
     pixels = pixels_per_unit(problem.scene.views, context.vertex_views, vertices)
     free = informed & ~problem.locked
     if among is not None:
@@ -114,6 +114,11 @@ def begin_sweep(
         movable = free = active & ~problem.locked  # the smoothness prior determines vertices that no photo sees
     area = float((context.footprint_area * context.n_views * context.takes_part)[evaluated].sum())
     mean_loss = float(system.energy.sum()) / area if area > 0 else 0.0
+    if level.attraction > 0:
+        to_points = fitted_to_points(problem, vertices, FIT_ROUNDS)
+        variance = float((system.energy * sigma[evaluated] ** 2).sum()) / area if area > 0 else np.inf
+        attraction = level.attraction * min(1.0, variance / POINTS_VARIANCE)
+        terms.append(to_points._replace(hessians=attraction * typical * to_points.hessians))
     match phase:
         case GaussNewton():
             blocks = plan_blocks(mesh, movable, options.schedule.order, evaluated, system.energy)

@@ -14,7 +14,6 @@ from app.debugger.run_state import Activity
 from app.debugger.work_report import WorkReport
 from app.page.server import App
 from app.page_state.selection import Selection
-from app.viser_bridge.frustum_fading import OPACITY
 from app.viser_bridge.server import start_viewer
 from demo_scenes import load_demo
 from fairing.errors import Cancelled
@@ -52,13 +51,6 @@ TEXTURED = """() => {
     }
     return null;
 }"""
-FADED = """() => Object.entries(window.__viserMutable.nodeRefFromName)
-    .filter(([name]) => /^\\/cameras\\/\\d+$/.test(name))
-    .map(([name, node]) => {
-        let opacity = null;
-        node.traverse(part => { if (part.material) opacity = part.material.opacity; });
-        return opacity;
-    })"""
 
 
 def page_of(visitor: Visitor):
@@ -135,20 +127,6 @@ def test_the_texture_stays_on_the_moving_mesh_and_is_painted_again(visitor: Visi
         assert len(painted) >= 1
     finally:
         texturer._paint = paint
-
-
-def test_frusta_in_front_of_the_mesh_are_faint_and_let_clicks_pass(visitor: Visitor):
-    page, camera = visitor.page, page_of(visitor).camera
-    scene, stage = visitor.app.resources.scene, visitor.app.resources.stage
-    camera.show_mesh_and_cameras()
-    wait_for(lambda: len(page.evaluate(FADED)) == len(scene.views))
-    # From behind the first camera, in line with the mesh.
-    behind = stage.target + 1.4 * (stage.camera_centers[0] - stage.target)
-    camera._stand_at(behind)
-    wait_for(lambda: abs((page.evaluate(FADED)[0] or 1) - OPACITY) < 1e-6)
-    camera._stand_at(stage.target + 0.5 * (stage.camera_centers[0] - stage.target))
-    wait_for(lambda: (page.evaluate(FADED)[0] or 0) == 1)
-    camera.show_mesh()
 
 
 def test_the_plot_shows_the_error_first_and_says_what_energies_compare(visitor: Visitor):
