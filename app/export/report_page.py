@@ -63,7 +63,7 @@ def _sections(facts: RunFacts, on_progress: Callable[[float], None]) -> list[str
         levels_table(report),
         f"<h2>Figures</h2><div class='plain'>{table(figure_rows(report))}</div>"
         "<p class='dim'>% of the mesh's diagonal, before → after.</p>",
-        left_out_table(report, facts.folder / LEFT_OUT),
+        left_out_table(report, None if facts.folder is None else facts.folder / LEFT_OUT),
         vertices_table(report),
         bullets("Notes", report["warnings"], css(BRAND)),
         bullets("Not used", _skipped(report), NEUTRAL),

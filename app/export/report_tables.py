@@ -47,7 +47,7 @@ def levels_table(report: dict[str, Any]) -> str:
     return _table("Levels", names, rows)
 
 
-def left_out_table(report: dict[str, Any], picture: Path) -> str:
+def left_out_table(report: dict[str, Any], picture: Path | None) -> str:
     """Markup of a table of held-out photos, and the picture of their errors if it exists; empty without held-out photos.
 
     Raises:
@@ -62,7 +62,7 @@ def left_out_table(report: dict[str, Any], picture: Path) -> str:
     ]
     names = ("photo", "PSNR before, dB", "after", "SSIM before", "after")
     return _table("Held-out photos, predicted from the others", names, rows) + (
-        _sheet(picture) if picture.exists() else ""
+        _sheet(picture) if picture is not None and picture.exists() else ""
     )
 
 

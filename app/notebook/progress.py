@@ -45,6 +45,7 @@ def _display(title: str) -> Callable[[float, float], None]:
         from IPython.display import HTML, display  # pyright: ignore[reportMissingImports] - imported only where it runs
 
         handle = display(HTML(_bar(title, 0.0, 0.0)), display_id=True)
+        assert handle is not None, "with a display id there is a handle"
         return lambda fraction, seconds: handle.update(HTML(_bar(title, fraction, seconds)))
     if sys.stderr.isatty():
         return lambda fraction, seconds: _print_bar(title, fraction, seconds)

@@ -71,12 +71,14 @@ class Plot {
       for (let power = Math.ceil(this.low); power <= this.high; power += step) result.push(10 ** power);
       if (result.length > 1) return result;
       const between = [Math.floor(this.low), Math.ceil(this.low)].flatMap((power) => [1, 2, 5].map((factor) => factor * 10 ** power));
-      return between.filter((value) => Math.log10(value) >= this.low && Math.log10(value) <= this.high);
+      const within = between.filter((value) => Math.log10(value) >= this.low && Math.log10(value) <= this.high);
+      if (within.length) return within;
     }
-    const rough = (this.high - this.low) / count, power = 10 ** Math.floor(Math.log10(rough));
+    const [low, high] = this.isLog ? [10 ** this.low, 10 ** this.high] : [this.low, this.high];
+    const rough = (high - low) / count, power = 10 ** Math.floor(Math.log10(rough));
     const step = [1, 2, 5, 10].map((factor) => factor * power).find((candidate) => candidate >= rough);
     const result = [];
-    for (let value = Math.ceil(this.low / step) * step; value <= this.high; value += step) result.push(value);
+    for (let value = Math.ceil(low / step) * step; value <= high; value += step) result.push(value);
     return result;
   }
 
