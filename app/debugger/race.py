@@ -24,7 +24,7 @@ def race(
         InputError: both options are the same.
     """
     if options[0] == options[1]:
-        raise InputError("race: expected different options for the two runs")
+        raise InputError("comparison of two runs: expected different options")
     racing: list[int] = []
     for own in options:
         run_id = runs.from_start_with(own)
@@ -36,7 +36,7 @@ def race(
     try:
         while behind := [session for session in sessions if not session.finished]:
             if before_step(racing[0]):
-                return "paused; start the race again to continue"
+                return "paused; compare the presets again to continue"
             min(behind, key=lambda session: session.seconds["steps"]).step()
     finally:
         sessions[0].forget_computed()

@@ -259,9 +259,9 @@ def _least_squares_flow(
 
 def _slope(image: np.ndarray, valid: np.ndarray, axis: int) -> tuple[np.ndarray, np.ndarray]:
     """Central difference along an axis, and where both neighbours count."""
-    slope = np.zeros(image.shape)
-    usable: np.ndarray = np.zeros(image.shape, dtype=bool)
-    values, known, inner, inner_known = (np.moveaxis(array, axis, 0) for array in (image, valid, slope, usable))
+    slope, usable = np.zeros(image.shape), np.zeros(image.shape, dtype=bool)
+    values, inner = np.moveaxis(image, axis, 0), np.moveaxis(slope, axis, 0)
+    known, inner_known = np.moveaxis(valid, axis, 0), np.moveaxis(usable, axis, 0)
     inner_known[1:-1] = known[2:] & known[:-2]
     inner[1:-1] = np.where(inner_known[1:-1], 0.5 * (values[2:] - values[:-2]), 0)
     return slope, usable
