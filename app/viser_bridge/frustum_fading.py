@@ -1,4 +1,4 @@
-"""Frustum fading: camera frusta that stand between the viewer and a mesh are faint, and clicks pass through them."""
+"""Frustum fading: camera frusta between the viewer and a mesh are faint, and clicks pass through large ones."""
 
 import json
 
@@ -7,20 +7,28 @@ import viser
 from app.viser_bridge.before_frame import FIND_MESH, call_before_frames
 
 OPACITY = 0.1
+IN_THE_WAY = 0.5  # of the mesh's extent in the window: clicks pass through a faint frustum of this size
 SAMPLES = 400  # vertices whose positions in the window give the extent of the mesh
 
 # In normalized device coordinates the mesh is its bounding box. A frustum is a disk around the middle of its photo.
 _MAKE = """view => {
-  const {mesh: meshName, root, count, radius, opacity, samples} = %s, meshOf = %s;
+  const {mesh: meshName, root, count, radius, opacity, samples, inTheWay} = %s, meshOf = %s;
   const ignore = () => {};
-  const fade = (frustum, faded) => frustum.traverse(part => {
+  const fade = (frustum, faded, isLarge) => frustum.traverse(part => {
     const material = part.material;
-    if (!material || (material.userData.eigenfairingFaded ?? false) === faded) return;
+    if (!material) return;
+    if (faded && isLarge && part.raycast !== ignore) {
+      part.userData.eigenfairingRaycast = Object.hasOwn(part, 'raycast') ? part.raycast : null;
+      part.raycast = ignore;
+    } else if (!(faded && isLarge) && part.raycast === ignore) {
+      delete part.raycast;
+      if (part.userData.eigenfairingRaycast) part.raycast = part.userData.eigenfairingRaycast;
+    }
+    if ((material.userData.eigenfairingFaded ?? false) === faded) return;
     material.userData.eigenfairingFaded = faded;
     material.userData.eigenfairingTransparent ??= material.transparent;
     material.transparent = faded || material.userData.eigenfairingTransparent;
     material.opacity = faded ? opacity : 1;
-    if (faded) part.raycast = ignore; else delete part.raycast;
     view.requestRender?.();
   });
   return () => {
@@ -44,7 +52,8 @@ _MAKE = """view => {
       point.setFromMatrixPosition(photo.matrixWorld).applyMatrix4(camera.matrixWorldInverse);
       const x = focal * point.x / -point.z, y = focal * point.y / -point.z, reach = focal * radius / -point.z;
       fade(frustum, point.z < 0 && -point.z < depth / seen
-        && x > left - reach && x < right + reach && y > bottom - reach && y < top + reach);
+        && x > left - reach && x < right + reach && y > bottom - reach && y < top + reach,
+        2 * reach > inTheWay * Math.max(right - left, top - bottom));
     }
   };
 }"""
@@ -59,5 +68,6 @@ def fade_frusta_before(client: viser.ClientHandle, mesh: str, root: str, count: 
         count: of frusta.
         radius: of a frustum, scene units.
     """
-    parameters = {"mesh": mesh, "root": root, "count": count, "radius": radius, "opacity": OPACITY, "samples": SAMPLES}
+    parameters = {"mesh": mesh, "root": root, "count": count, "radius": radius}
+    parameters |= {"opacity": OPACITY, "samples": SAMPLES, "inTheWay": IN_THE_WAY}
     call_before_frames(client, "frustum fading", _MAKE % (json.dumps(parameters), FIND_MESH))

@@ -137,7 +137,7 @@ def test_the_texture_stays_on_the_moving_mesh_and_is_painted_again(visitor: Visi
         texturer._paint = paint
 
 
-def test_frusta_in_front_of_the_mesh_are_faint_and_let_clicks_pass(visitor: Visitor):
+def test_frusta_in_front_of_the_mesh_are_faint(visitor: Visitor):
     page, camera = visitor.page, page_of(visitor).camera
     scene, stage = visitor.app.resources.scene, visitor.app.resources.stage
     camera.show_mesh_and_cameras()
