@@ -115,7 +115,7 @@ class Lens:
         return self._rays(pixels) * self.pinhole_K[[0, 1], [0, 1]] + self.pinhole_K[:2, 2]
 
     def undistort_photo(self, photo: np.ndarray) -> np.ndarray:
-        """The undistorted photo, same shape and type, by Lanczos interpolation (ledger: interpolation of undistortion)."""
+        """The undistorted photo of a photo (h, w, 3), by Lanczos interpolation (ledger: interpolation of undistortion)."""
         return self._remap(photo, cv2.INTER_LANCZOS4)
 
     def undistort_mask(self, mask: np.ndarray) -> np.ndarray:

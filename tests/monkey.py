@@ -212,7 +212,7 @@ def check(state: RunState) -> None:
 
 
 def _extent(rng: random.Random) -> c.Extent:
-    return rng.choice([*c.Extent, c.Extent.ITERATION, c.Extent.UNIT])
+    return rng.choice([*c.Extent, c.Extent.ITERATION, c.Extent.BLOCK])
 
 
 def _vertices(rng: random.Random, state: RunState) -> tuple[int, ...]:

@@ -38,6 +38,7 @@ from fairing.solve.problem import Problem
 from fairing.trace import StepReason, Trace
 from tests.commands import do
 from tests.small_scene import corner_scene, small_options
+from tests.waiting import wait_for
 
 OPTIONS = FairingOptions(
     schedule=ScheduleOptions(
@@ -67,7 +68,7 @@ def test_starts_paused_at_the_start(controller: Controller):
 def test_steps_of_every_extent_end_where_their_extent_ends(controller: Controller):
     state = do(controller, Forward(Extent.ITERATION))
     assert state.moment == 1
-    for extent in (Extent.UNIT, Extent.SWEEP, Extent.LEVEL):
+    for extent in (Extent.BLOCK, Extent.SWEEP, Extent.LEVEL):
         began = controller.state.position
         state = do(controller, Forward(extent))
         last = state.trace.steps[state.moment - 1].position
@@ -78,13 +79,13 @@ def test_steps_of_every_extent_end_where_their_extent_ends(controller: Controlle
 def test_back_goes_to_the_beginning_of_the_last_extent(controller: Controller):
     state = do(controller, Forward(Extent.LEVEL))
     assert state.moment > 6
-    for extent in (Extent.ITERATION, Extent.UNIT, Extent.SWEEP, Extent.LEVEL):
+    for extent in (Extent.ITERATION, Extent.BLOCK, Extent.SWEEP, Extent.LEVEL):
         expected = boundary_before(state.trace.steps, controller.state.moment, extent)
         state = do(controller, Back(extent))
         assert state.moment == expected
         np.testing.assert_array_equal(state.vertices, state.trace.vertices_at(expected))
     assert state.moment == 0
-    assert do(controller, Back(Extent.UNIT)).reason == "at the start"
+    assert do(controller, Back(Extent.BLOCK)).reason == "at the start"
 
 
 def test_what_is_done_to_the_start_is_stepped_by_itself():
@@ -171,7 +172,7 @@ def test_restarting_an_empty_run_leaves_one_run(controller: Controller):
 
 def test_a_branch_shares_the_past_and_takes_the_new_options(controller: Controller):
     do(controller, Forward(Extent.SWEEP))
-    before = do(controller, Back(Extent.UNIT))
+    before = do(controller, Back(Extent.BLOCK))
     options = replace(OPTIONS, eigenspace=replace(OPTIONS.eigenspace, dimensions=(1,)))
     after = do(controller, Branch(options))
     assert after.options.eigenspace.dimensions == (1,)
@@ -181,9 +182,9 @@ def test_a_branch_shares_the_past_and_takes_the_new_options(controller: Controll
 
 def test_a_branch_leaves_the_other_record_and_says_where_it_forked_and_how_it_differs(controller: Controller):
     before = do(controller, Forward(Extent.SWEEP))
-    forked = do(controller, Back(Extent.UNIT)).moment
+    forked = do(controller, Back(Extent.BLOCK)).moment
     options = replace(OPTIONS, eigenspace=replace(OPTIONS.eigenspace, dimensions=(1,)))
-    after = do(controller, Branch(options), Forward(Extent.UNIT))
+    after = do(controller, Branch(options), Forward(Extent.BLOCK))
     old, new = after.runs
     assert (old.length, old.moment) == (before.length, forked)
     assert (new.parent, new.forked_at, new.length) == (before.run_id, forked, after.length)
@@ -193,7 +194,7 @@ def test_a_branch_leaves_the_other_record_and_says_where_it_forked_and_how_it_di
 
 
 def test_a_run_that_was_put_aside_goes_on_as_if_it_had_not_been(controller: Controller, scene: Scene):
-    began = do(controller, Forward(Extent.UNIT)).run_id
+    began = do(controller, Forward(Extent.BLOCK)).run_id
     do(controller, Restart(), Forward(Extent.ITERATION), SwitchTo(began))
     state = do(controller, Run())
     alone = Session(scene, OPTIONS)
@@ -222,9 +223,29 @@ def test_every_run_is_saved_in_a_file_of_its_own(scene: Scene, tmp_path):
     assert len(Trace.load(tmp_path / "run-2.trace")) == second.length
 
 
+def test_only_the_current_run_has_threads_and_deleted_runs_none(controller: Controller):
+    """The threads of runs that were replaced, left or deleted would add up for as long as the debugger is open."""
+
+    others = set(threading.enumerate())
+
+    def threads() -> int:
+        return sum(thread.name.startswith("fairing") for thread in set(threading.enumerate()) - others)
+
+    options = replace(controller.state.options, threads=2)
+    do(controller, Restart(options), Forward(Extent.BLOCK))
+    for _ in range(3):
+        do(controller, JumpTo(1), Branch(options), Forward(Extent.BLOCK))
+    assert len(controller.state.runs) > 2
+    wait_for(lambda: threads() <= 2)
+    for run in controller.state.runs[1:]:
+        do(controller, DeleteRun(run.run_id))
+    do(controller, Forward(Extent.BLOCK))
+    wait_for(lambda: threads() <= 2)
+
+
 def test_a_race_ends_both_runs_as_each_would_alone(controller: Controller, scene: Scene):
     other = replace(OPTIONS, step=replace(OPTIONS.step, solver="alternating"))
-    do(controller, Forward(Extent.UNIT))
+    do(controller, Forward(Extent.BLOCK))
     state = do(controller, Race(OPTIONS, other))
     assert len(state.runs) == 2, "the run that was there takes part"
     for info in state.runs:
@@ -320,9 +341,9 @@ def test_playing_shows_the_record_in_order_and_can_be_paused(controller: Control
 
 
 def test_a_click_on_a_part_of_the_position_goes_to_its_beginning(controller: Controller):
-    do(controller, Forward(Extent.LEVEL), Forward(Extent.SWEEP), Forward(Extent.UNIT), Forward(Extent.ITERATION))
+    do(controller, Forward(Extent.LEVEL), Forward(Extent.SWEEP), Forward(Extent.BLOCK), Forward(Extent.ITERATION))
     began = controller.state.position
-    for extent in (Extent.UNIT, Extent.SWEEP, Extent.LEVEL):
+    for extent in (Extent.BLOCK, Extent.SWEEP, Extent.LEVEL):
         state = do(controller, ToBeginning(extent))
         assert state.position[:extent] == began[:extent]
         assert state.moment == 0 or state.trace.steps[state.moment - 1].position[:extent] != began[:extent]
@@ -367,7 +388,7 @@ def test_a_failing_listener_does_not_silence_the_others(controller: Controller):
 
 
 def test_a_question_is_answered_on_the_engine_thread_and_changes_nothing(controller: Controller):
-    before = do(controller, Forward(Extent.UNIT))
+    before = do(controller, Forward(Extent.BLOCK))
     answers = []
     controller.post(Query("me", lambda session: (threading.current_thread().name, session.moment), answers.append))
     controller.post(Query("you", lambda session: 1 / 0, answers.append))
@@ -435,7 +456,7 @@ def test_a_recorded_run_opens_at_any_moment(scene: Scene):
 
 def test_the_energy_of_the_whole_mesh_never_rises_within_a_sweep(controller: Controller, scene: Scene):
     history = EnergyHistory(len(scene.mesh.faces))
-    history.update(do(controller, Forward(Extent.UNIT)))
+    history.update(do(controller, Forward(Extent.BLOCK)))
     state = do(controller, Forward(Extent.SWEEP))
     history.update(state)
     after = history.after
@@ -477,10 +498,3 @@ def test_of_too_many_paths_the_longest_are_kept_whole(monkeypatch: pytest.Monkey
     for vertex in shown:
         assert (owner == vertex).sum() == (all_owner == vertex).sum()
     assert min(lengths[v] for v in shown) >= max(lengths[v] for v in lengths if v not in shown)
-
-
-def wait_for(condition, seconds: float = 300.0) -> None:
-    deadline = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < deadline, "waited in vain"
-        time.sleep(0.005)

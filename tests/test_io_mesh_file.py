@@ -2,9 +2,11 @@
 
 import errno
 import json
+import os
 import resource
+from collections.abc import Callable
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 import numpy as np
 import pytest
@@ -12,6 +14,7 @@ import trimesh
 
 from fairing.errors import InputError
 from fairing.io import read_mesh, write_atomically, write_mesh
+from fairing.io.scan_file import read_scan
 from tests.synthetic_capture import CUBE_FACES, CUBE_VERTICES
 
 RNG = np.random.default_rng(0)
@@ -200,3 +203,143 @@ def test_interrupted_write_leaves_nothing(tmp_path: Path):
 def test_write_into_a_missing_folder_says_so(tmp_path: Path):
     with pytest.raises(InputError, match="create the folder"):
         write_mesh(tmp_path / "none" / "mesh.ply", CUBE_VERTICES, CUBE_FACES)
+
+
+# ---------------------------------------------------------------------- what a mesh file refers to and declares
+
+
+def write_gltf(folder: Path, change: Callable[[dict[str, Any]], object] = lambda header: None) -> Path:
+    """A valid mesh.gltf with its data in a file of its own, whose header is then changed."""
+    folder.mkdir(exist_ok=True)
+    mesh = trimesh.Trimesh(CUBE_VERTICES, CUBE_FACES, process=False)
+    parts = trimesh.Scene(mesh).export(file_type="gltf")
+    header = json.loads(parts.pop("model.gltf"))
+    for name, data in parts.items():
+        (folder / name).write_bytes(data)
+    change(header)
+    (folder / "mesh.gltf").write_text(json.dumps(header))
+    return folder / "mesh.gltf"
+
+
+def named(uri: str) -> Callable[[dict[str, Any]], object]:
+    return lambda header: header["buffers"][0].update(uri=uri)
+
+
+def refused(path: Path, said: str) -> None:
+    with pytest.raises(InputError, match=said) as error:
+        read_mesh(path)
+    assert "\n" not in str(error.value)
+    assert str(path.parent) in str(error.value)
+
+
+def test_a_gltf_reads_only_files_of_its_folder(tmp_path: Path):
+    (tmp_path / "secret.bin").write_bytes(b"\0" * 10_000)
+    for uri in ("../secret.bin", str(tmp_path / "secret.bin"), "%2e%2e/secret.bin", "x/../../secret.bin"):
+        path = write_gltf(tmp_path / "mesh", named(uri))
+        refused(path, r"mesh\.gltf: expected the files it refers to in its folder, found no")
+    (tmp_path / "mesh" / "link.bin").symlink_to(tmp_path / "secret.bin")
+    refused(write_gltf(tmp_path / "mesh", named("link.bin")), "in its folder")
+    for uri in ("", "none.bin", "a\0b", "n" * 5000, "http://127.0.0.1:9/x.bin"):
+        refused(write_gltf(tmp_path / "mesh", named(uri)), r"mesh\.gltf")
+
+
+def test_names_in_a_gltf_may_be_percent_encoded(tmp_path: Path):
+    def rename(header: dict[str, Any]) -> None:
+        (tmp_path / header["buffers"][0]["uri"]).rename(tmp_path / "part one.bin")
+        header["buffers"][0]["uri"] = "part%20one.bin"
+
+    path = write_gltf(tmp_path, rename)
+    np.testing.assert_array_equal(read_mesh(path)[0], CUBE_VERTICES)
+
+
+def test_a_pipe_that_a_gltf_refers_to_is_refused_at_once(tmp_path: Path):
+    """Opening a pipe that nobody writes to would block for ever."""
+    path = write_gltf(tmp_path, named("pipe.bin"))
+    os.mkfifo(tmp_path / "pipe.bin")
+    refused(path, "pipe.bin: expected .*found a pipe")
+
+
+def test_materials_are_not_read(tmp_path: Path):
+    """A pipe as material file or texture would block for ever."""
+    os.mkfifo(tmp_path / "pipe.png")
+    os.mkfifo(tmp_path / "pipe.mtl")
+    lines = [f"v {x} {y} {z}" for x, y, z in CUBE_VERTICES] + [f"f {a} {b} {c}" for a, b, c in CUBE_FACES + 1]
+    (tmp_path / "scan.obj").write_text("mtllib pipe.mtl\nusemtl a\n" + "\n".join(lines))
+    assert len(getattr(read_scan(tmp_path / "scan.obj"), "faces", ())) == len(CUBE_FACES)
+    header = PLY_HEADER.format(extra="comment TextureFile pipe.png\n") + "end_header\n" + PLY_POINTS
+    (tmp_path / "scan.ply").write_text(header)
+    assert len(read_scan(tmp_path / "scan.ply")) == 4  # type: ignore[arg-type]
+
+    def add_texture(header: dict[str, Any]) -> None:
+        header["images"] = [{"uri": "pipe.png"}]
+        header["textures"] = [{"source": 0}]
+        header["materials"] = [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}]
+        header["meshes"][0]["primitives"][0]["material"] = 0
+
+    assert len(read_mesh(write_gltf(tmp_path / "mesh", add_texture))[1]) == len(CUBE_FACES)
+
+
+def test_references_to_too_much_data_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    path = write_gltf(tmp_path)
+    size = sum(data.stat().st_size for data in tmp_path.glob("*.bin"))
+    monkeypatch.setattr("fairing.io.trimesh_file.MAX_BYTES", 3 * size)
+    assert len(read_mesh(path)[0]) == len(CUBE_VERTICES)
+
+    def repeat(header: dict[str, Any]) -> None:
+        header["buffers"] *= 4
+
+    refused(write_gltf(tmp_path, repeat), "expected references to at most")
+
+
+def test_a_sparse_file_of_terabytes_is_refused_at_once(tmp_path: Path):
+    path = write_gltf(tmp_path, named("huge.bin"))
+    with (tmp_path / "huge.bin").open("wb") as file:
+        file.truncate(1 << 42)
+    refused(path, "expected references to at most 1024 MiB")
+
+
+def declared(key: str, **values: object) -> Callable[[dict[str, Any]], object]:
+    return lambda header: header[key][0].update(values)
+
+
+def endless_nodes(header: dict[str, Any]) -> None:
+    """A node that holds 100,000 instances of each node."""
+    nodes = header["nodes"]
+    nodes.append({"children": list(range(len(nodes))) * 10**5})
+
+
+def zeros(header: dict[str, Any]) -> None:
+    header["accessors"][0]["count"] = 1 << 40
+    del header["accessors"][0]["bufferView"]
+
+
+def repeated_primitives(header: dict[str, Any]) -> None:
+    header["meshes"][0]["primitives"] *= 10**5
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        zeros,
+        declared("bufferViews", byteLength=1 << 50),
+        declared("accessors", count=1 << 60),
+        endless_nodes,
+        repeated_primitives,
+    ],
+    ids=["zeros", "view", "accessor", "nodes", "primitives"],
+)
+def test_a_gltf_that_declares_too_much_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, change: Callable[[dict[str, Any]], object]
+):
+    monkeypatch.setattr("fairing.io.trimesh_file.MAX_BYTES", 1 << 22)
+    refused(write_gltf(tmp_path, change), "expected at most 4 MiB of declared data, found")
+
+
+@pytest.mark.parametrize(
+    "change", [declared("accessors", count=-1), declared("accessors", count="7"), declared("accessors", type=[]),
+               lambda header: header.update(nodes=5), lambda header: header.update(meshes={"a": 1})]
+)  # fmt: skip
+def test_a_gltf_with_declarations_of_another_kind_is_refused(
+    tmp_path: Path, change: Callable[[dict[str, Any]], object]
+):
+    refused(write_gltf(tmp_path, change), "cannot be read")

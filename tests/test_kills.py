@@ -37,6 +37,25 @@ def test_every_step_reaches_the_file_before_the_next_one(tmp_path: Path):
     session.trace.detach()
 
 
+@pytest.mark.slow
+def test_thousands_of_steps_within_a_sweep_reach_the_file_one_by_one(tmp_path: Path):
+    """The file only grows: writing a step neither waits for the end of a sweep nor takes longer after many others."""
+    session = Session(corner_scene(), small_options(schedule={"order": "sequential"}))
+    record = session.step()
+    assert record is not None
+    assert record.next_position[:2] == record.position[:2], "within a sweep"
+    session.trace.attach(tmp_path / "run.trace")
+    written = (tmp_path / "run.trace").read_bytes()
+    for done in range(2, 2001):
+        session.trace.append(record)
+        if done in (999, 2000):
+            data = (tmp_path / "run.trace").read_bytes()
+            assert data.startswith(written)
+            written = data
+            assert len(Trace.load(tmp_path / "run.trace")) == done
+    session.trace.detach()
+
+
 def test_the_disk_is_asked_to_keep_steps_about_once_a_second(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """A power failure loses the work of a second at most; syncing after each of many short steps would cost too much."""
     now, synced = [100.0], []

@@ -217,10 +217,16 @@ class _Event:
 
 
 def test_the_queue_of_one_client_is_bounded_and_drops_the_oldest():
-    callbacks, release, done = ClientCallbacks(), threading.Event(), []
+    callbacks, release, done, begun = ClientCallbacks(), threading.Event(), [], []
+
+    def block(event: _Event) -> None:
+        begun.append(event)
+        release.wait(60)
+
     try:
         for _ in range(2):
-            callbacks.submit(lambda event: release.wait(60), _Event(1))
+            callbacks.submit(block, _Event(1))
+        wait_for(lambda: len(begun) == 2, 60)
         for k in range(10 * MAX_QUEUED):
             callbacks.submit(lambda event, k=k: done.append(k), _Event(1))
         callbacks.submit(lambda event: done.append("other"), _Event(2))
@@ -229,6 +235,36 @@ def test_the_queue_of_one_client_is_bounded_and_drops_the_oldest():
         wait_for(lambda: len(done) == MAX_QUEUED + 1, 60)
         assert sorted(done[1:]) == list(range(9 * MAX_QUEUED, 10 * MAX_QUEUED))
         wait_for(lambda: not callbacks._queues, 60)
+    finally:
+        release.set()
+        callbacks.shutdown(wait=False)
+
+
+def test_the_callbacks_of_one_client_run_in_their_order():
+    """Else the first of two widths of the view could be the one that lasts."""
+    callbacks, done = ClientCallbacks(), []
+
+    def slower_first(event: _Event, k: int) -> None:
+        time.sleep(0.02 if k % 2 == 0 else 0)
+        done.append(k)
+
+    try:
+        for k in range(40):
+            callbacks.submit(lambda event, k=k: slower_first(event, k), _Event(1))
+        wait_for(lambda: len(done) == 40, 60)
+        assert done == sorted(done)
+    finally:
+        callbacks.shutdown(wait=False)
+
+
+def test_a_long_callback_does_not_block_the_next_ones_of_its_client():
+    callbacks, release, done = ClientCallbacks(), threading.Event(), []
+    try:
+        callbacks.submit(lambda event: release.wait(60), _Event(1))
+        for k in range(20):
+            callbacks.submit(lambda event, k=k: done.append(k), _Event(1))
+        wait_for(lambda: len(done) == 20, 30)
+        assert done == sorted(done)
     finally:
         release.set()
         callbacks.shutdown(wait=False)

@@ -88,11 +88,11 @@ def test_a_dead_engine_thread_is_restarted_on_the_same_session(controller: Contr
     def end(_: Session) -> None:
         raise SystemExit("out of luck")
 
-    before = do(controller, Forward(Extent.UNIT))
+    before = do(controller, Forward(Extent.BLOCK))
     first = controller._engine._thread
     with monkeypatch.context() as patch:
         patch.setattr(Session, "step", end)
-        controller.post(Forward(Extent.UNIT))
+        controller.post(Forward(Extent.BLOCK))
         state = controller.wait_until_idle(60)
     assert first is not controller._engine._thread
     assert (state.moment, state.length, state.trace) == (before.moment, before.length, before.trace)
@@ -101,7 +101,7 @@ def test_a_dead_engine_thread_is_restarted_on_the_same_session(controller: Contr
     assert "record is kept" in state.problem
     assert state.incident is not None
     assert (state.incident.what, state.incident.where) == ("dead", "engine")
-    again = do(controller, Forward(Extent.UNIT))
+    again = do(controller, Forward(Extent.BLOCK))
     assert again.moment > before.moment
     assert again.problem == ""
 

@@ -67,7 +67,7 @@ def view(
         preset: Options to start from.
         save_to: File for the record of all steps, for `eigenfairing replay`.
         at: Run to this moment first and open there: level:sweep:vertex:iteration from 1, `start` or `end`.
-        lesson: Open this lesson, on the scene that it uses. The page lists all lessons.
+        lesson: Open this lesson, on the scene that it uses: a name, or a Markdown file (.md). The page lists all lessons.
     """
     console = Console(stderr=True)
     source = SceneSource.typed(scene, mesh, photos, points)

@@ -40,11 +40,11 @@ ACTIONS: tuple[Action, ...] = (
     Action(
         "iteration", "Step one iteration", Forward(Extent.ITERATION), (("F11", None), ("I", None), (".", None)), "one"
     ),
-    Action("unit", "Step one vertex", Forward(Extent.UNIT), (("F10", None), ("N", None)), "two"),
+    Action("unit", "Step one vertex", Forward(Extent.BLOCK), (("F10", None), ("N", None)), "two"),
     Action("sweep", "Step one sweep", Forward(Extent.SWEEP), (("F11", "shift"), ("O", None), ("]", None)), "bar"),
     Action("level", "Step one level", Forward(Extent.LEVEL), (("L", None),), "bars"),
     Action("back_iteration", "Step back one iteration", Back(Extent.ITERATION), ((",", None),), "one", True),
-    Action("back_unit", "Step back one vertex", Back(Extent.UNIT), (("U", None),), "two", True),
+    Action("back_unit", "Step back one vertex", Back(Extent.BLOCK), (("U", None),), "two", True),
     Action("back_sweep", "Step back one sweep", Back(Extent.SWEEP), (("[", None),), "bar", True),
     Action("back_level", "Step back one level", Back(Extent.LEVEL), (("[", "shift"),), "bars", True),
     Action("start", "Go to the start", JumpTo(0), (("H", None),), "start"),

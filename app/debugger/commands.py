@@ -15,20 +15,20 @@ class Extent(IntEnum):
 
     LEVEL = 1
     SWEEP = 2
-    UNIT = 3
+    BLOCK = 3
     ITERATION = 4
 
 
 @dataclass(frozen=True)
 class Forward:
-    """Step to the end of the present iteration, unit, sweep or level."""
+    """Step to the end of the present iteration, block, sweep or level."""
 
     extent: Extent
 
 
 @dataclass(frozen=True)
 class Back:
-    """Step back to the beginning of the iteration, unit, sweep or level that the last step belongs to."""
+    """Step back to the beginning of the iteration, block, sweep or level that the last step belongs to."""
 
     extent: Extent
 

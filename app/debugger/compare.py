@@ -1,10 +1,12 @@
 """Comparison: a reference moment of any run against the present moment."""
 
+import threading
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
 
-from app.debugger.history import EnergyHistory
+from app.debugger.history import EnergyCurves, EnergyHistory, Recorded
 from app.debugger.moment_id import moment_id
 from app.debugger.run_state import RunState
 from app.debugger.runs import RunInfo
@@ -67,14 +69,38 @@ def distances(compared: Compared, vertices: np.ndarray) -> np.ndarray:
 
 
 class RunEnergies:
-    """The energy histories of all runs, shared by all pages."""
+    """The energy histories of all runs, shared by all pages. Safe to use from several threads."""
 
     def __init__(self, n_faces: int) -> None:
         self._n_faces = n_faces
         self._histories: dict[int, EnergyHistory] = {}
+        self._lock = threading.Lock()
 
-    def of(self, run: RunInfo) -> EnergyHistory:
+    def of(self, run: Recorded) -> EnergyHistory:
         """The up-to-date history of a run."""
-        history = self._histories.setdefault(run.run_id, EnergyHistory(self._n_faces))
-        history.update(run)
-        return history
+        found = FollowedEnergies(self, self._n_faces)
+        found.update(run)
+        return found
+
+    def curves_of(self, run: Recorded) -> EnergyCurves:
+        """The energies of a run's first `run.length` steps."""
+        with self._lock:
+            history = self._histories.setdefault(run.run_id, EnergyHistory(self._n_faces))
+            history.update(run)
+            return EnergyCurves(*(curve[: run.length] for curve in history.curves))
+
+    def keep(self, run_ids: Collection[int]) -> None:
+        """Forget all other runs."""
+        with self._lock:
+            self._histories = {run_id: history for run_id, history in self._histories.items() if run_id in run_ids}
+
+
+class FollowedEnergies(EnergyHistory):
+    """The history of the run of the latest `update`; `RunEnergies` reads every step once for all pages."""
+
+    def __init__(self, shared: RunEnergies, n_faces: int) -> None:
+        super().__init__(n_faces)
+        self._shared = shared
+
+    def update(self, state: Recorded) -> None:
+        self.curves = self._shared.curves_of(state)

@@ -41,7 +41,6 @@ WORK_EVERY = 0.4  # s between two reports of what a command does
 # A thread that does not respond for so long counts as stuck, s. Compiling the engine cannot be cancelled and takes a minute
 # and more on a slow machine; a listener sends messages and is done within milliseconds.
 ENGINE_LIMIT, PUBLISHER_LIMIT = 180.0, 60.0
-HINT = "The command 'Save a problem report' writes the details to a file."
 
 
 class Controller:
@@ -72,7 +71,7 @@ class Controller:
         self.scene: Scene = session.scene
         self._changed = threading.Condition()
         self._runs = Runs(session, save_to, recorded_in)
-        self._record = save_to or recorded_in
+        self._report_path = report_path(save_to or recorded_in, session.scene.name)
         read = Bookmarks() if recorded_in is None else read_bookmarks(file_beside(recorded_in), len(session.trace))
         self._markers = Markers(self._changed, read)
         self._queue = CommandQueue()
@@ -158,7 +157,7 @@ class Controller:
         workers = (self._engine, self._publisher.worker)
         with self._changed:
             incidents, commands = self._incidents.items, tuple(self._queue.history)
-        path = path or report_path(self._record)
+        path = path or self._report_path
         stacks = {worker.name: worker.stack() for worker in workers}
         write_report(path, problem_report(self.scene, self.state, incidents, commands, stacks))
         return path.resolve()
@@ -342,13 +341,17 @@ class Controller:
         self._problem = problem
         self._problems += 1
 
+    @property
+    def _hint(self) -> str:
+        return f"The command 'Save a problem report' writes the details to {self._report_path}."
+
     def _on_property_failure(self, name: str, error: Exception) -> None:
         summary = f"the state of the session could not be read ({type(error).__name__}: {error})"
         details = "".join(traceback.format_exception(error))
         with self._changed:
             if self._incidents.add("error", f"session.{name}", summary, details):
                 logging.getLogger(__name__).error(summary, exc_info=error)
-                self._notify(f"{summary}. {HINT}")
+                self._notify(f"{summary}. {self._hint}")
 
     def _on_listener_failure(self, error: Exception) -> None:
         self._add_incident(
@@ -364,7 +367,7 @@ class Controller:
         with self._changed:
             summary = _summary("engine", what, details)
             self._incidents.add(what, "engine", summary, details)
-            self._notify(f"{summary} The record is kept. {HINT}")
+            self._notify(f"{summary} The record is kept. {self._hint}")
             self._reason = "stopped by a problem: the engine thread was restarted"
             self._cancellation.abandon()
             self._cancellation = Cancellation()
@@ -376,7 +379,7 @@ class Controller:
         with self._changed:
             summary = _summary("publisher", what, details)
             self._incidents.add(what, "publisher", summary, details)
-            self._notify(f"{summary} {HINT}")
+            self._notify(f"{summary} {self._hint}")
             self._publisher.worker.restart()
             self._publisher.update(problem=self._problem, problems=self._problems, incident=self._incidents.latest)
 

@@ -1,5 +1,7 @@
 """Error history: the distance of the mesh to the known truth at every moment of a record."""
 
+import threading
+
 import numpy as np
 
 from app.debugger.history import Recorded
@@ -61,14 +63,16 @@ class ErrorHistory:
 
 
 class RunErrors:
-    """The error histories of all runs, shared by all pages."""
+    """The error histories of all runs, shared by all pages. Safe to use from several threads."""
 
     def __init__(self, scene: Scene) -> None:
         self.measure = ErrorMeasure(scene)
         self._histories: dict[int, ErrorHistory] = {}
+        self._lock = threading.Lock()
 
-    def of(self, run: Recorded) -> ErrorHistory:
-        """The up-to-date history of a run."""
-        history = self._histories.setdefault(run.run_id, ErrorHistory(self.measure))
-        history.update(run)
-        return history
+    def values_of(self, run: Recorded) -> np.ndarray:
+        """(moments,) float, percent of the diagonal: the errors of a run at its start and after its steps."""
+        with self._lock:
+            history = self._histories.setdefault(run.run_id, ErrorHistory(self.measure))
+            history.update(run)
+            return history.values[: run.length + 1]

@@ -1,7 +1,7 @@
 """History: energies and vertex paths over the record, collected once for all pages. Each reads new steps only."""
 
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -26,6 +26,19 @@ REJECTIONS = [StepReason.REJECTED_ENERGY, StepReason.REJECTED_FOLD]
 PATH_SEGMENTS = 6000
 
 
+class EnergyCurves(NamedTuple):
+    """Energies, levels and sweeps of all steps read so far, see `EnergyHistory`."""
+
+    before: np.ndarray
+    after: np.ndarray
+    levels: np.ndarray
+    sweeps: np.ndarray
+
+
+def _no_curves() -> EnergyCurves:
+    return EnergyCurves(np.zeros(0), np.zeros(0), np.zeros(0, dtype=int), np.zeros(0, dtype=int))
+
+
 class EnergyHistory:
     """The energy of the whole mesh after every step.
 
@@ -36,33 +49,34 @@ class EnergyHistory:
 
     def __init__(self, n_faces: int) -> None:
         self._n_faces = n_faces
+        self.curves = _no_curves()
+        """What has been read, replaced as a whole."""
         self._clear()
 
     def _clear(self) -> None:
         self._run_id = -1
         self._faces = np.full(self._n_faces, np.nan)
-        self._before = np.zeros(0)
-        self._after = np.zeros(0)
-        self._levels = np.zeros(0, dtype=int)
-        self._sweeps = np.zeros(0, dtype=int)
-        self._known = 0
+        self.curves = _no_curves()
 
     def update(self, state: Recorded) -> None:
         """Read the new steps."""
         if state.run_id != self._run_id:
             self._clear()
             self._run_id = state.run_id
-        new = state.length - self._known
+        known = len(self.curves.after)
+        new = state.length - known
         if new <= 0:
             return
+        old = self.curves
+        old_before, old_after = old.before.copy(), old.after.copy()
         before, after = np.zeros(new), np.zeros(new)
         levels, sweeps = np.zeros(new, dtype=int), np.zeros(new, dtype=int)
-        for k, record in enumerate(state.trace.steps[self._known : state.length]):
+        for k, record in enumerate(state.trace.steps[known : state.length]):
             unknown = np.isnan(self._faces[record.faces])
             if unknown.any():
                 late = float(record.face_energy_before[unknown].sum())
-                self._before += late
-                self._after += late
+                old_before += late
+                old_after += late
                 before[:k] += late
                 after[:k] += late
             self._faces[record.faces] = record.face_energy_before
@@ -70,31 +84,32 @@ class EnergyHistory:
             self._faces[record.faces] = record.face_energy_after
             after[k] = np.nansum(self._faces)
             levels[k], sweeps[k] = record.position.level, record.sweep_moment
-        self._before = np.concatenate([self._before, before])
-        self._after = np.concatenate([self._after, after])
-        self._levels = np.concatenate([self._levels, levels])
-        self._sweeps = np.concatenate([self._sweeps, sweeps])
-        self._known = state.length
+        self.curves = EnergyCurves(
+            np.concatenate([old_before, before]),
+            np.concatenate([old_after, after]),
+            np.concatenate([old.levels, levels]),
+            np.concatenate([old.sweeps, sweeps]),
+        )
 
     @property
     def after(self) -> np.ndarray:
         """(steps,) float: energy after each step."""
-        return self._after
+        return self.curves.after
 
     @property
     def before(self) -> np.ndarray:
         """(steps,) float: energy before each step, under the cells of its sweep."""
-        return self._before
+        return self.curves.before
 
     @property
     def levels(self) -> np.ndarray:
         """(steps,) int: level of each step."""
-        return self._levels
+        return self.curves.levels
 
     @property
     def sweeps(self) -> np.ndarray:
         """(steps,) int: the moment at which the sweep of each step began."""
-        return self._sweeps
+        return self.curves.sweeps
 
 
 @dataclass

@@ -136,6 +136,7 @@ class Runs:
         added = _Kept(session, self.run_id if forked_at else None, forked_at, differs, file)
         if is_replaced:
             before.session.trace.detach()
+            before.session.forget_computed()
             del self._kept[self.run_id]
         else:
             self._free_current()
@@ -151,6 +152,7 @@ class Runs:
         if self._save_to is not None and kept.file is not None:
             session.trace.attach(kept.file)
         session.cancel_requested = kept.session.cancel_requested
+        kept.session.forget_computed()
         if kept.parent is None:
             kept.differs = run_title(session.options)
         kept.session, kept.info = session, None
@@ -179,7 +181,9 @@ class Runs:
             parent = self._kept[run_id].parent
             others = [other for other in self._kept if other != run_id]
             self.switch(parent if parent in others else others[-1])
-        self._kept.pop(run_id).session.trace.detach()
+        deleted = self._kept.pop(run_id).session
+        deleted.trace.detach()
+        deleted.forget_computed()
 
     def renew(self) -> None:
         """Replace every session by a new one with a copy of its record, at the same moment.

@@ -184,6 +184,15 @@ class Player:
         run_id = self._runs.get(settings.compared or "")
         return None if run_id is None else Reference(run_id)
 
+    @property
+    def run_names(self) -> dict[str, int]:
+        """The ids of the lesson's runs, by their names in it."""
+        return dict(self._runs)
+
+    def end_of(self, step: int) -> Ended | None:
+        """The moment at which a step ended; None if it has not been reached."""
+        return self._ends.get(step)
+
     def has_strayed(self, state: RunState, page_state: PageState) -> bool:
         """Whether the run or the page no longer match this step."""
         if self.lesson is None or self.status is not Status.THERE or self._settings_due is not None:

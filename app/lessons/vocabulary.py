@@ -39,7 +39,7 @@ from fairing.option_check import check_options
 from fairing.options import PRESETS, FairingOptions
 
 MAX_STEPS_AT_ONCE = 100
-EXTENTS = {"iteration": Extent.ITERATION, "vertex": Extent.UNIT, "sweep": Extent.SWEEP, "level": Extent.LEVEL}
+EXTENTS = {"iteration": Extent.ITERATION, "vertex": Extent.BLOCK, "sweep": Extent.SWEEP, "level": Extent.LEVEL}
 SHAPES = {"start": START_SHAPE, "now": NOW_SHAPE, "truth": TRUE_SHAPE}
 TABS = ("Vertex", "Breakpoints", "Layers", "Options", "Cells", "Experiments", "Timeline", "Runs", "Bookmarks")
 HEADINGS = {"cells": "Cells by photo", "basis": "Basis images"}

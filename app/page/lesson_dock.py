@@ -106,10 +106,11 @@ class LessonDock:
             button.on_click(lambda _, call=call, do=do: call(do))
 
     def _open_following(self) -> None:
-        """Open the lesson after the present one; after the last, the first."""
+        """Open the lesson after the present one; after the last, and after one that is not listed, the first."""
         names = lesson_names()
         if self.player.lesson is not None:
-            self.open(names[(names.index(self.player.lesson.name) + 1) % len(names)])
+            following = names.index(self.player.lesson.name) + 1 if self.player.lesson.name in names else 0
+            self.open(names[following % len(names)])
 
     def hotkeys(self) -> list[Hotkey]:
         """The hotkeys within a lesson, and a palette entry for each lesson."""

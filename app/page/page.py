@@ -1,5 +1,7 @@
 """One browser's page: its panels, layers, camera and selection. All pages of a session show the same runs."""
 
+from collections.abc import Callable
+
 import viser
 
 from app.debugger.actions import ACTIONS, key_list
@@ -11,6 +13,7 @@ from app.page.lesson_dock import LessonDock
 from app.page.page_frame import Hotkey, PageFrame
 from app.page.page_layers import PageLayers
 from app.page.page_panels import PagePanels
+from app.page.page_updates import PageUpdates
 from app.page.resources import SessionResources
 from app.page.vertex_interaction import VertexInteraction
 from app.page_state.certainty_source import CertaintySource
@@ -32,6 +35,8 @@ class Page:
         self._client, self._resources = client, resources
         controller, stage, scene = resources.controller, resources.stage, resources.scene
         self._problems = controller.state.problems
+        self._updates: PageUpdates | None = None
+        self._unsubscribe: Callable[[], None] = lambda: None
         self.frame = PageFrame(client, scene.name, stage, scene, self._camera_changed, controller.republish)
         self.camera = self.frame.camera
         events, toasts = self.frame.html_events, self.frame.toasts
@@ -45,6 +50,11 @@ class Page:
         self.layers = PageLayers(client, self.frame, resources, self.interaction, certainty)
         self.frame.add_hotkeys([*self._hotkeys(), *self.frame.camera_hotkeys(), *self.lessons.hotkeys()])
 
+    def follow(self) -> None:
+        """From now on show every state, on a thread of the page's own."""
+        self._updates = PageUpdates(self.show)
+        self._unsubscribe = self._resources.controller.subscribe(self._updates.put)
+
     def show(self, state: RunState) -> None:
         """Bring the browser up to date, at once."""
         self.fill(state)
@@ -53,6 +63,7 @@ class Page:
     def fill(self, state: RunState) -> None:
         """Queue the messages that bring the browser up to date."""
         page_state, surface = self.page_state, self.layers.surface
+        self._resources.follow(state)
         state = at_viewed_moment(state, page_state)
         if state.rival is not None and page_state.reference is None:
             page_state.reference = Reference(state.rival)
@@ -71,6 +82,9 @@ class Page:
 
     def close(self) -> None:
         """The browser has disconnected."""
+        self._unsubscribe()
+        if self._updates is not None:
+            self._updates.close()
         self.layers.close()
         self.panels.close()
         self.frame.close()

@@ -8,6 +8,7 @@ import viser
 from app.html import STYLE
 from app.page.page_camera import PageCamera
 from app.stage import Stage
+from app.viser_bridge import floating
 from app.viser_bridge.error_toasts import ErrorToasts
 from app.viser_bridge.hotkeys import add_hotkey
 from app.viser_bridge.html_events import HtmlEvents
@@ -59,7 +60,7 @@ class PageFrame:
     def finish(self, timeline: viser.PanelHandle, css: str = "") -> None:
         """After all panels have been added: place the timeline, and install the page's style sheet and scripts."""
         TimelinePlacement(self._client.gui, timeline, self.html_events)
-        set_style_sheet(self._client, STYLE + css + self.html_events.style + HIDDEN)
+        set_style_sheet(self._client, STYLE + floating.STYLE + css + self.html_events.style + HIDDEN)
         release_focus_after_use(self._client)
         update_in_place(self._client)
 

@@ -1,13 +1,13 @@
 """Resources shared by all pages of a session: the controller, histories, caches and background workers."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import viser
 
 from app.background_worker import BackgroundWorker
-from app.debugger.compare import RunEnergies
+from app.debugger.compare import FollowedEnergies, RunEnergies
 from app.debugger.controller import Controller
 from app.debugger.engine_compilation import EngineCompilation
 from app.debugger.error_history import RunErrors, knows_truth
@@ -27,6 +27,7 @@ ChangeScene = Callable[[viser.ClientHandle, str, str], None]
 @dataclass(frozen=True, eq=False)
 class SessionResources:
     """Attributes:
+    energies, paths: of the run that a page shows; every page has its own, see `for_page`.
     run_errors: distances to the truth; None where it is not known.
     change_scene: shows another scene of the lessons, and opens a lesson in the browser that requested it; called with
         the browser, the scene's name and the lesson's name.
@@ -69,12 +70,13 @@ class SessionResources:
         scene = session.scene
         stage = Stage.of(scene)
         controller = Controller(session, save_to, recorded_in, compilation=compilation)
+        run_energies = RunEnergies(len(scene.mesh.faces))
         return cls(
             scene,
             stage,
             controller,
-            EnergyHistory(len(scene.mesh.faces)),
-            RunEnergies(len(scene.mesh.faces)),
+            FollowedEnergies(run_energies, len(scene.mesh.faces)),
+            run_energies,
             RunErrors(scene) if knows_truth(scene) else None,
             PathHistory(len(scene.mesh.vertices)),
             Thumbnails(scene),
@@ -85,10 +87,19 @@ class SessionResources:
             change_scene,
         )
 
-    def update(self, state: RunState) -> None:
-        """Bring the histories up to date."""
+    def for_page(self) -> "SessionResources":
+        """The same resources with histories for one page: pages show states at different times."""
+        mesh = self.scene.mesh
+        energies, paths = FollowedEnergies(self.run_energies, len(mesh.faces)), PathHistory(len(mesh.vertices))
+        return replace(self, energies=energies, paths=paths)
+
+    def follow(self, state: RunState) -> None:
+        """Bring this page's histories up to a state."""
         self.energies.update(state)
         self.paths.update(state)
+
+    def forget_deleted_runs(self, state: RunState) -> None:
+        self.run_energies.keep([run.run_id for run in state.runs])
 
     def close(self) -> None:
         """End the controller, which closes the trace's file, and the workers."""

@@ -1,16 +1,18 @@
 """The debugger's server: one session, and one page for every browser that connects."""
 
+import gc
 import logging
 import sys
 import threading
+import time
 from pathlib import Path
 
 import viser
 
+from app.background_worker import BackgroundWorker
 from app.debugger.actions import ACTIONS
 from app.debugger.controller import Controller
 from app.debugger.engine_compilation import EngineCompilation
-from app.debugger.run_state import RunState
 from app.lessons.scenes import LESSON_SCENES, load_lesson_scene
 from app.page.page import Page
 from app.page.resources import SessionResources
@@ -23,6 +25,7 @@ from fairing.run.session import Session
 
 SWITCH_SECONDS = 0.001
 OTHERS_RELOAD = 4.0  # s
+GARBAGE_SECONDS = 2.0  # after a page has gone: several that go together are freed together
 
 
 class App:
@@ -49,6 +52,7 @@ class App:
         self.pages: dict[int, Page] = {}
         self._lock = threading.Lock()  # of the attributes; held for moments only, never while a page or scene is made
         self._loading = threading.Lock()  # while another scene is loaded
+        self._garbage = BackgroundWorker(name="garbage")
         self._lesson_due = lesson
         self._latest = PageState()
         self.resources = SessionResources.open(session, save_to, recorded_in, self._change_scene, compilation)
@@ -75,6 +79,7 @@ class App:
         if self._compilation is not None:
             self._compilation.close()
         self._close(self.resources, self._take_pages())
+        self._garbage.close(timeout=0)
         self._server.close()
 
     def _take_pages(self) -> list[Page]:
@@ -133,7 +138,7 @@ class App:
         server.initial_camera.look_at = tuple(stage.target)
         server.initial_camera.up = tuple(stage.up)
         server.initial_camera.fov = FIELD_OF_VIEW
-        resources.controller.subscribe(lambda state: self._show(resources, state))
+        resources.controller.subscribe(resources.forget_deleted_runs)
 
     def _connected(self, client: viser.ClientHandle) -> None:
         with self._lock:
@@ -142,7 +147,7 @@ class App:
         try:
             # In one piece, or the browser lays out the page again for every few widgets that arrive.
             with client.atomic():
-                page = Page(client, resources, page_state)
+                page = Page(client, resources.for_page(), page_state)
                 if lesson is not None:
                     page.open_lesson(lesson)
                 page.fill(resources.controller.state)
@@ -154,9 +159,8 @@ class App:
             is_current = resources is self.resources
             if is_current:
                 self.pages[client.client_id] = page
-        if is_current:
-            resources.controller.republish()
-        else:  # the scene was changed meanwhile
+                page.follow()
+        if not is_current:  # the scene was changed meanwhile
             page.close()
             reload_page(client, 0)
 
@@ -167,18 +171,13 @@ class App:
                 self._latest = page.page_state
         if page is not None:
             page.close()
+            self._garbage.post("pages", _free_pages, lambda _: None)
 
-    def _show(self, resources: SessionResources, state: RunState) -> None:
-        with self._lock:
-            if resources is not self.resources:  # the last states of a session that was closed
-                return
-            pages = list(self.pages.values())
-        resources.update(state)
-        for page in pages:
-            try:
-                page.show(state)
-            except Exception:
-                logging.getLogger(__name__).exception("a page could not be brought up to date")
+
+def _free_pages() -> None:
+    """Free the memory of closed pages. Their handles refer to each other in cycles, which Python would leave for minutes."""
+    time.sleep(GARBAGE_SECONDS)
+    gc.collect()
 
 
 def start(

@@ -58,7 +58,7 @@ class RunControls:
 
     def to_beginning(self, extent: object) -> None:
         """Go to the beginning of the present level, sweep or block."""
-        self._controller.post(ToBeginning(Extent(whole_number(extent, Extent.LEVEL, Extent.UNIT, "extent"))))
+        self._controller.post(ToBeginning(Extent(whole_number(extent, Extent.LEVEL, Extent.BLOCK, "extent"))))
 
     def to_move_of_selected(self, direction: int) -> None:
         """Go to the next step that moved the selected vertex, forward (1) or back (-1)."""

@@ -17,7 +17,7 @@ from app.panels.choice import chip, photo_link
 from app.panels.photo_pages import PhotoPages
 from app.pictures.cell_images import FLOW_COLORS, CellPictures, data_uri
 from app.query_cache import QueryCache
-from app.viser_bridge.floating import MARGIN
+from app.viser_bridge.floating import CLICK_THROUGH, MARGIN
 from app.viser_bridge.html_panel import HtmlPanel
 from fairing.scene import Scene
 
@@ -63,7 +63,7 @@ class CellLens:
         key = (found[0], page_state.cells)
         if key != self._drawn:
             self._drawn = key
-            self._panel.set(self._content(found[1], *enlarged, page_state))
+            self._set(self._content(found[1], *enlarged, page_state), page_state)
 
     def _show_photo(self, state: RunState, page_state: PageState, vertex: int, view_id: int, kind: str) -> None:
         """Show a crop of a photo around the vertex, or a picture of the pair."""
@@ -89,20 +89,27 @@ class CellLens:
                 lambda: self._pages.enlarged_pair(known, face, slot, cells_view, affine, kind, SIDE),
             )
         drawn = self._drawing.latest
-        if drawn is None or drawn == self._drawn:
+        if drawn is None or (drawn, cells_view.hovered is None) == self._drawn:
             return
-        self._drawn = drawn
+        self._drawn = (drawn, cells_view.hovered is None)
         if kind != CROP:
-            self._panel.set(self._pair_content(kind, text(drawn[1]) if isinstance(drawn[1], Exception) else drawn[1]))
+            picture = text(drawn[1]) if isinstance(drawn[1], Exception) else drawn[1]
+            self._set(self._pair_content(kind, picture), page_state)
             return
         name = self._scene.views[view_id].name
         close = self._close_button()
         go = photo_link(name, self._enter(str(view_id)))
         picture = text(drawn[1]) if isinstance(drawn[1], Exception) else drawn[1]
-        self._panel.set(
+        content = (
             f"<div class='row'><span class='grow one'>{go} <span class='dim'>vertex {vertex}</span></span>"
             f"{self._around(known.views, view_id, CROP)}{close}</div><div class='note'>{picture}</div>"
         )
+        self._set(content, page_state)
+
+    def _set(self, content: str, page_state: PageState) -> None:
+        """Show this content. While the pointer rests on the small picture, clicks pass through the lens."""
+        is_preview = page_state.cells.hovered is not None
+        self._panel.set(f"<div class='{CLICK_THROUGH}'>{content}</div>" if is_preview else content)
 
     def _pair_content(self, kind: str, picture: str) -> str:
         close = self._close_button()

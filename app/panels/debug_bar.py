@@ -10,7 +10,7 @@ from app.page_state.run_controls import RunControls
 from app.viser_bridge.html_events import HtmlEvents, press
 from app.viser_bridge.html_panel import HtmlPanel
 
-UNIT_NAMES = {"sequential": "vertex", "worst_first": "vertex", "independent": "set", "joint": "vertices"}
+BLOCK_NAMES = {"sequential": "vertex", "worst_first": "vertex", "independent": "set", "joint": "vertices"}
 CANCEL = "Cancel (P, Space): drop the step in progress; steps that are done stay recorded"
 
 
@@ -23,7 +23,7 @@ class DebugBar:
         self._actions = {action.name: action for action in ACTIONS}
 
     def show(self, state: RunState, page_state: PageState) -> None:
-        unit = UNIT_NAMES.get(state.options.schedule.order, "vertex")
+        unit = BLOCK_NAMES.get(state.options.schedule.order, "vertex")
         forward, back = not state.finished, state.moment > 0
         if state.is_moving:
             main = self._button("pause", "Pause", css_class="main grow", key=True)

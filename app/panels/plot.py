@@ -117,7 +117,7 @@ class Plot:
             ]
         if name == ERROR and vertex is None:
             assert self._run_errors is not None
-            values = self._run_errors.of(run).values[: run.length + 1]
+            values = self._run_errors.values_of(run)
             return [Line(np.arange(len(values)), values)]
         key = (name, vertex)
         if role not in self._series or self._series[role][0] != key:

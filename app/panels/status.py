@@ -62,7 +62,7 @@ class Status:
             self._crumb(Extent.SWEEP, "sweep", str(at.sweep + 1)),
         ]
         if state.options.schedule.order != "joint":
-            parts.append(self._crumb(Extent.UNIT, "unit", str(at.block + 1)))
+            parts.append(self._crumb(Extent.BLOCK, "unit", str(at.block + 1)))
         parts.append(f"<span class='part'>iteration <b>{at.iteration + 1}</b></span>")
         here = moment_id(state.position, state.moment, levels)
         copy = copy_button(here, f"Copy the name of this moment, {here} (for --at)")

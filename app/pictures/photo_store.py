@@ -1,5 +1,6 @@
 """Photo cache: decoded photos, limited by memory."""
 
+import threading
 from collections import OrderedDict
 
 import numpy as np
@@ -11,11 +12,12 @@ MAX_BYTES = 400 << 20
 
 
 class PhotoStore:
-    """The most recently used photos, at most `MAX_BYTES`. Not thread-safe."""
+    """The most recently used photos, at most `MAX_BYTES`. Safe to use from several threads."""
 
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
         self._kept: OrderedDict[int, np.ndarray] = OrderedDict()
+        self._lock = threading.Lock()
 
     def __getitem__(self, view_id: int) -> np.ndarray:
         """A photo, (h, w, 3) uint8 RGB.
@@ -23,9 +25,13 @@ class PhotoStore:
         Raises:
             InputError: the photo or its mask cannot be read.
         """
-        if view_id not in self._kept:
-            self._kept[view_id] = shown_photo(self._scene.views[view_id])
+        with self._lock:
+            found = self._kept.get(view_id)
+        if found is None:
+            found = shown_photo(self._scene.views[view_id])
+        with self._lock:
+            self._kept[view_id] = found
+            self._kept.move_to_end(view_id)
             while len(self._kept) > 1 and sum(photo.nbytes for photo in self._kept.values()) > MAX_BYTES:
                 self._kept.popitem(last=False)
-        self._kept.move_to_end(view_id)
-        return self._kept[view_id]
+        return found

@@ -9,30 +9,37 @@ import logging
 import threading
 from collections import deque
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from typing import Any
 
 import viser
 
 MAX_QUEUED = 64  # callbacks of one client; of more the oldest are dropped
 MAX_RUNNING = 2  # callbacks of one client at a time: a long one does not block the next
+LONG_SECONDS = 0.5  # a callback that runs for longer is not waited for by the next one of its client
 EVENT_THREADS, CONNECTION_THREADS = 32, 8
 
 Call = tuple[Callable[..., Any], tuple[Any, ...], "Future[Any]"]
 
 
 class _Queue:
-    """The waiting callbacks of one client."""
+    """The waiting callbacks of one client.
+
+    Attributes:
+        latest: of the callback that began last.
+    """
 
     def __init__(self, max_running: int, max_queued: int | None) -> None:
         self.waiting: deque[Call] = deque(maxlen=max_queued)
         self.max_running, self.running = max_running, 0
+        self.latest: Future[Any] | None = None
 
 
 class ClientCallbacks:
     """Stands in for viser's thread pool; `submit` has the signature of `concurrent.futures.Executor`.
 
-    Callbacks of connection and disconnection run in order and are never dropped, on threads of their own.
+    The callbacks of a client run in the order of its messages: each begins when the one before it has ended, or has run for
+    `LONG_SECONDS`. Callbacks of connection and disconnection are never dropped, and run on threads of their own.
     """
 
     def __init__(self, max_workers: int = EVENT_THREADS) -> None:
@@ -79,6 +86,7 @@ class ClientCallbacks:
 
     def _drain(self, key: tuple[str, int | None], queue: _Queue) -> None:
         """Run waiting callbacks, one after another, until there are none."""
+        waited_for: Future[Any] | None = None
         while True:
             with self._lock:
                 if not queue.waiting:
@@ -86,14 +94,27 @@ class ClientCallbacks:
                     if not queue.running and self._queues.get(key) is queue:
                         del self._queues[key]
                     return
-                call, args, future = queue.waiting.popleft()
-            try:
-                result = call(*args)
-            except BaseException as error:
-                logging.getLogger(__name__).debug("a callback failed", exc_info=error)
-                future.set_exception(error)
-            else:
-                future.set_result(result)
+                before = queue.latest
+                if before is None or before.done() or before is waited_for:
+                    begun = queue.waiting.popleft()
+                    queue.latest = begun[2]
+                else:
+                    begun = None
+            if begun is not None:
+                _run(*begun)
+            elif before is not None:
+                wait([before], LONG_SECONDS)
+                waited_for = before
+
+
+def _run(call: Callable[..., Any], args: tuple[Any, ...], future: "Future[Any]") -> None:
+    try:
+        result = call(*args)
+    except BaseException as error:
+        logging.getLogger(__name__).debug("a callback failed", exc_info=error)
+        future.set_exception(error)
+    else:
+        future.set_result(result)
 
 
 def _client_id(argument: Any) -> int | None:

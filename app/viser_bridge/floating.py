@@ -1,3 +1,6 @@
-"""Insets of floating panels."""
+"""Floating panels: insets, and panels that clicks pass through."""
 
 MARGIN = 16  # px from the edges of the 3D view
+CLICK_THROUGH = "click-through"
+"""CSS class of a panel's content: clicks on the panel reach what lies under it."""
+STYLE = f"[data-floating-window]:has(.ef > .{CLICK_THROUGH}) {{ pointer-events: none; }}\n"

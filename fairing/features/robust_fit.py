@@ -6,7 +6,7 @@ point see in its direction, found by rays from their cameras, and not to the nea
 belong to none.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -82,7 +82,11 @@ class RobustFit:
 
 
 def robust_fit(
-    mesh: Mesh, cameras: Sequence[Camera], points: FeaturePoints, locked: np.ndarray | None = None
+    mesh: Mesh,
+    cameras: Sequence[Camera],
+    points: FeaturePoints,
+    locked: np.ndarray | None = None,
+    check: Callable[[], None] = lambda: None,
 ) -> RobustFit:
     """Move the vertices of a mesh towards feature points.
 
@@ -91,10 +95,11 @@ def robust_fit(
     Args:
         cameras: of the photos that `points.photos` counts.
         locked: (n,) bool: vertices that never move; default: none.
+        check: called before the points are assigned anew, some 30 times; may raise `Cancelled`.
     """
     start, unit = mesh.vertices, mesh.diagonal / 100
     free = np.ones(len(start), dtype=bool) if locked is None else ~locked
-    rays = _Rays(cameras, points)
+    rays = _Rays(cameras, points, check)
     held_back = held_back_points(points)
     vertices = start
     for gate in GATES:
@@ -140,7 +145,10 @@ def points_on_surface(mesh: Mesh, cameras: Sequence[Camera], points: FeaturePoin
 class _Rays:
     """The rays from the cameras of the photos that show the points."""
 
-    def __init__(self, cameras: Sequence[Camera], points: FeaturePoints) -> None:
+    def __init__(
+        self, cameras: Sequence[Camera], points: FeaturePoints, check: Callable[[], None] = lambda: None
+    ) -> None:
+        self._check = check
         centers = np.array([camera.center for camera in cameras])
         self._positions, self._n_views = points.positions, points.n_views
         self._point = np.repeat(np.arange(len(points)), points.n_views)
@@ -153,6 +161,7 @@ class _Rays:
         Args:
             reach: largest distance of a point from the plane of its face, world units.
         """
+        self._check()
         shape = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
         cast = np.flatnonzero(taking_part[self._point])
         hit = shape.ray.intersects_first(self._origins[cast], self._directions[cast])

@@ -38,6 +38,9 @@ def write_capture(
 ) -> tuple[str, ...]:
     """Write photos, masks, cameras, sparse points and a mesh to a folder made by `prepare_output_folder`.
 
+    Args:
+        mesh: vertices (n, 3) float, world units, and faces (m, 3) int.
+
     Returns:
         Warnings about what the format cannot hold, one line each.
 

@@ -6,14 +6,14 @@ unused ones, but the written mesh must have the vertices of the mesh read.
 
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import BinaryIO
 
 import numpy as np
-import trimesh
 
 from fairing.errors import InputError
 from fairing.io.atomic import write_atomically
 from fairing.io.capture import read_text, reading
+from fairing.io.trimesh_file import load_with_trimesh, parsing
 
 _LARGEST_INDEX = 1 << 40
 MESH_SUFFIXES = frozenset({".ply", ".obj", ".off", ".stl", ".glb", ".gltf"})
@@ -56,16 +56,11 @@ def write_mesh(path: str | Path, vertices: np.ndarray, faces: np.ndarray) -> Non
 
 
 def _read_with_trimesh(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    options: dict[str, Any] = {"process": False}
-    if path.suffix.lower() == ".ply":
-        # Without these options trimesh also splits the vertices of a textured PLY.
-        options |= {"skip_materials": True, "fix_texture": False}
-    try:
-        mesh = trimesh.load_scene(path, **options).to_mesh()
+    # Otherwise trimesh splits the vertices of a textured PLY.
+    options = {"fix_texture": False} if path.suffix.lower() == ".ply" else {}
+    with parsing(path, "a mesh"):
+        mesh = load_with_trimesh(path, **options).to_mesh()
         return np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int64)
-    except Exception as error:  # trimesh's parsers raise whatever the damaged bytes make numpy, json or struct raise
-        reason = str(error) or type(error).__name__
-        raise InputError(f"{path}: expected a mesh, cannot be read ({reason}); export it again") from None
 
 
 def _read_obj(path: Path) -> tuple[np.ndarray, np.ndarray]:

@@ -10,6 +10,7 @@ import trimesh
 from fairing.errors import InputError
 from fairing.io.atomic import write_atomically
 from fairing.io.capture import read_text, reading
+from fairing.io.trimesh_file import load_with_trimesh, parsing
 from fairing.mesh import Mesh
 from fairing.registration.alignment import Match
 from fairing.scene import View
@@ -30,8 +31,8 @@ def read_scan(path: Path) -> Mesh | np.ndarray:
         )
     with reading(path, "a scan"), path.open("rb"):
         pass
-    try:
-        parts: list[Any] = list(trimesh.load_scene(path, process=False).dump())
+    with parsing(path, "a scan"):
+        parts: list[Any] = list(load_with_trimesh(path).dump())
         points = np.concatenate([np.asarray(part.vertices, dtype=np.float64) for part in parts])
         offsets = np.cumsum([0, *(len(part.vertices) for part in parts)])
         faces = [
@@ -39,9 +40,6 @@ def read_scan(path: Path) -> Mesh | np.ndarray:
             for part, offset in zip(parts, offsets, strict=False)
             if isinstance(part, trimesh.Trimesh)
         ]
-    except Exception as error:  # trimesh's parsers raise whatever the damaged bytes make numpy, json or struct raise
-        reason = str(error) or type(error).__name__
-        raise InputError(f"{path}: expected a scan, cannot be read ({reason}); export it again") from None
     check_coordinates(points, str(path))
     if faces and sum(map(len, faces)):
         return Mesh(points, np.concatenate(faces))

@@ -117,31 +117,35 @@ def search_block(
     def score(context: CellContext, energy: np.ndarray, places: np.ndarray) -> np.ndarray:
         return mean_loss(context, energy, block, places, mesh, unseen_loss)
 
-    def linearise(context: CellContext, places: np.ndarray) -> FaceSystem:
-        return evaluator.linearise(context, places, block.faces, block.corners, scale, options.step.solver)
-
     def refine(context: CellContext, places: np.ndarray, steps: int) -> np.ndarray:
         """Move the vertices of the block in `places`; returns the energies (F,) of its faces there."""
-        system = linearise(context, places)
-        face_energy = system.energy
+        solver = options.step.solver
+        system = evaluator.linearise(context, places, block.faces, block.corners, scale, solver)
+        energy, improving = system.energy, np.ones(len(ids), dtype=bool)
         for step in range(steps):
             H, g = vertex_systems(mesh, system)
             damping = np.full(len(ids), REFINEMENT_DAMPING)
             move = problem.shortened(context, places, ids, solve_vertices(H[ids], g[ids], damping))
             refined = places.copy()
-            refined[ids] += move
+            refined[ids] += np.where(improving[:, None], move, 0.0)
             _undo_folds(problem, places, refined, origin, ids)
-            trial = linearise(context, refined)
-            better = _by_owner(block, trial.energy) < _by_owner(block, face_energy)
-            places[ids[better]] = refined[ids[better]]
-            face_energy = np.where(better[block.owner], trial.energy, face_energy)
+            tried = np.flatnonzero(improving[block.owner])
+            faces, corners = block.faces[tried], block.corners[tried]
             if step + 1 < steps:
-                system = trial if better.all() else linearise(context, places)
-        return face_energy
+                system = evaluator.linearise(context, refined, faces, corners, scale, solver)
+            else:
+                system = evaluator.energies(context, refined, faces, scale)
+            trial = energy.copy()
+            trial[tried] = system.energy
+            # A vertex that does not improve would take the same step again: it stays, and its faces are not evaluated again.
+            improving = _by_owner(block, trial) < _by_owner(block, energy)
+            places[ids[improving]] = refined[ids[improving]]
+            energy = np.where(improving[block.owner], trial, energy)
+        return energy
 
     last_stage = stages[-1]
     before = last_stage.context_at(vertices, around)
-    system_before = evaluator.measure(before, vertices, block.faces, scale)
+    system_before = evaluator.energies(before, vertices, block.faces, scale)
     score_before = score(before, system_before.energy, vertices)
 
     def tried(direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -174,7 +178,7 @@ def search_block(
     folds = _undo_folds(problem, vertices, places, origin, ids)
     # The refined position is evaluated once more by the photos that see it there.
     after_context = last_stage.context_at(places, around)
-    system_after = evaluator.measure(after_context, places, block.faces, scale)
+    system_after = evaluator.energies(after_context, places, block.faces, scale)
     score_after = score(after_context, system_after.energy, places)
     worse = ~(score_after < threshold)
     places[ids[worse]] = vertices[ids[worse]]

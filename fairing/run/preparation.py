@@ -10,7 +10,7 @@ from fairing.features.robust_fit import held_back_loss, robust_fit
 from fairing.geometry.normal_filter import smoothed
 from fairing.run.records import Evaluation, moved_record
 from fairing.run_plan import RunPlan
-from fairing.solve.energy import robust_scale, robust_sigma
+from fairing.solve.energy import fixed_sigma, robust_scale, robust_sigma
 from fairing.solve.face_loss import loss_of_faces
 from fairing.solve.point_fit import fitted_to_points
 from fairing.solve.point_split import fitting_points
@@ -113,7 +113,7 @@ def _fitted(problem: Problem, vertices: np.ndarray) -> np.ndarray:
         return fitted_to_points(problem, vertices, FIT_ROUNDS).targets
     cameras = [view.camera for view in problem.scene.views]
     mesh, ids = problem.scene.mesh.moved(vertices), np.flatnonzero(~problem.locked)
-    fitted = robust_fit(mesh, cameras, problem.observed_points, problem.locked).vertices
+    fitted = robust_fit(mesh, cameras, problem.observed_points, problem.locked, problem.raise_if_cancelled).vertices
     moves, _ = problem.unfolded(vertices, ids, (fitted - vertices)[ids])
     after = vertices.copy()
     after[ids] += moves
@@ -151,9 +151,10 @@ def _evaluate(problem: Problem, vertices: np.ndarray) -> Evaluation:
     """Energies at the first fine level, by the photos that see the faces there; coarser levels discriminate less."""
     level, robust = first_fine_level(problem.options), problem.options.robust
     context = problem.context(level, vertices)
-    measured = problem.measure(context, vertices, np.ones(len(problem.scene.mesh.faces)))
-    scale = robust_scale(robust, robust_sigma(robust, level, measured))
-    return Evaluation(vertices, context, problem.measure(context, vertices, scale))
+    sigma = np.full(len(problem.scene.mesh.faces), fixed_sigma(robust, level) or 0.0)
+    if fixed_sigma(robust, level) is None:
+        sigma = robust_sigma(robust, level, problem.measure(context, vertices, np.ones(len(sigma))))
+    return Evaluation(vertices, context, problem.energies(context, vertices, robust_scale(robust, sigma)))
 
 
 def _mean_loss(evaluation: Evaluation) -> float:

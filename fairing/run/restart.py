@@ -49,7 +49,7 @@ def restart(
     mesh, number = problem.scene.mesh, position.level
     sharp = problem.under(_sharp_with_fixed_sigma(problem.options))
     context = sharp.context(number, vertices)
-    poor = fits_poorly(mesh, context, sharp.measure(context, vertices, sweep.scale), sweep.free)
+    poor = fits_poorly(mesh, context, sharp.energies(context, vertices, sweep.scale), sweep.free)
     ids = block.vertices[poor[block.vertices]]
     if len(ids) == 0:
         return empty_record(problem, position, sweep.moment, position)

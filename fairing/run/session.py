@@ -187,7 +187,7 @@ class Session:
         return branch
 
     def forget_computed(self) -> None:
-        """Free the memory of what can be computed again: blurred photos, visibility, normal equations."""
+        """Free what can be computed again (blurred photos, visibility, normal equations), and end the threads."""
         for holder in (self._sweeps, self._stepper, self._problem):
             holder.clear()
 

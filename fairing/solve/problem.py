@@ -147,6 +147,23 @@ class Problem:
         with self.work.doing(f"measuring {n_faces} faces"):
             return self.evaluator.measure(context, vertices, np.arange(n_faces), scale)
 
+    def energies(
+        self, context: CellContext, vertices: np.ndarray, scale: np.ndarray, faces: np.ndarray | None = None
+    ) -> FaceSystem:
+        """Energies of faces, see `Evaluator.energies`.
+
+        Args:
+            vertices: (n, 3) float: positions, world units.
+            scale: (m,) float: of the robust loss by face, see `robust_scale`.
+            faces: (F,) int, ids; default: all.
+
+        Raises:
+            Cancelled: cancellation was requested.
+        """
+        self.raise_if_cancelled()
+        faces = np.arange(len(self.scene.mesh.faces)) if faces is None else faces
+        return self.evaluator.energies(context, vertices, faces, scale)
+
     def linearise(
         self, context: CellContext, vertices: np.ndarray, faces: np.ndarray, corners: np.ndarray, scale: np.ndarray
     ) -> FaceSystem:
@@ -204,7 +221,8 @@ class Problem:
     # ------------------------------------------------------------------ photos in memory
 
     def clear(self) -> None:
-        """Free the photos; they are read again when needed."""
+        """Free the photos, which are read again when needed, and end the threads."""
+        self.evaluator.clear()
         self._photos = self._fresh_photos()
 
     def _fresh_photos(self) -> ScaleSpace:

@@ -41,6 +41,12 @@ def _page(visitor: Visitor):
     return next(iter(visitor.app.pages.values()))
 
 
+def lens_events(visitor: Visitor) -> str:
+    """The CSS property pointer-events of the lens."""
+    window = visitor.page.locator("[data-floating-window]", has=visitor.page.get_by_alt_text("enlarged cell"))
+    return window.evaluate("window => getComputedStyle(window).pointerEvents")
+
+
 def test_a_cell_is_enlarged_and_says_its_values_under_the_pointer(visitor: Visitor):
     page, view = visitor.page, _page(visitor).page_state
     name = visitor.app.controller.scene.views[2].name
@@ -51,6 +57,7 @@ def test_a_cell_is_enlarged_and_says_its_values_under_the_pointer(visitor: Visit
     picture = page.get_by_alt_text("enlarged cell")
     picture.wait_for()
     assert view.cells.enlarged == (2, view.cells.columns[0])
+    wait_for(lambda: lens_events(visitor) == "auto")
     box = visitor.box_of(picture)
     page.mouse.move(box["x"] + 0.3 * box["width"], box["y"] + 0.3 * box["height"])
     page.get_by_text("U c", exact=False).last.wait_for()
@@ -68,6 +75,7 @@ def test_a_cell_is_enlarged_as_long_as_the_mouse_rests_on_it(visitor: Visitor):
     page.mouse.move(box["x"] + 3, box["y"] + 5)
     wait_for(lambda: view.cells.in_lens == (1, view.cells.columns[0]))
     page.get_by_alt_text("enlarged cell").wait_for()
+    assert lens_events(visitor) == "none", "a picture that the user did not choose must not catch clicks"
     page.mouse.move(box["x"] + box["width"] - 3, box["y"] + 5)
     wait_for(lambda: view.cells.in_lens == (1, view.cells.columns[-1]))
     page.mouse.move(box["x"] + box["width"] + 300, box["y"] + 5)

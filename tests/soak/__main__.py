@@ -1,0 +1,120 @@
+"""`python -m tests.soak --minutes 120`: use the debugger at random, print what its process used, exit with 1 if it grew."""
+
+import argparse
+import subprocess
+import sys
+import threading
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from tests.browser.driver import chromium
+from tests.soak.users import Users
+
+WARM_UP = 0.25  # of the time, at most WARM_UP_MINUTES
+WARM_UP_MINUTES = 10.0
+SAMPLE_SECONDS = 10.0
+PRINTED_EVERY = 6  # samples
+MAX_GROWTH = 5.0  # % an hour
+MAX_EXTRA = 3  # threads or descriptors: timers and pages that are just being opened
+PAGE_BYTES = 4096
+
+
+@dataclass(frozen=True)
+class Sample:
+    """Attributes:
+    minutes: since the start.
+    memory: resident, MB.
+    """
+
+    minutes: float
+    memory: float
+    threads: int
+    descriptors: int
+
+
+def sample(pid: int, began: float) -> Sample:
+    """What the server's process uses now."""
+    process = Path(f"/proc/{pid}")
+    return Sample(
+        (time.monotonic() - began) / 60,
+        int((process / "statm").read_text().split()[1]) * PAGE_BYTES / 1e6,
+        len(list((process / "task").iterdir())),
+        len(list((process / "fd").iterdir())),
+    )
+
+
+def growth(samples: list[Sample]) -> float:
+    """Slope of the memory by least squares, % an hour; 0 without enough samples."""
+    if len(samples) < 3:
+        return 0.0
+    minutes, memory = np.array([(s.minutes, s.memory) for s in samples]).T
+    return float(100 * 60 * np.polyfit(minutes, memory, 1)[0] / np.median(memory))
+
+
+def rise(values: list[int]) -> float:
+    """Median of the last quarter less that of the first quarter."""
+    quarter = len(values) // 4 + 1
+    return float(np.median(values[-quarter:]) - np.median(values[:quarter])) if values else 0.0
+
+
+def watch(pid: int, began: float, ended: threading.Event, samples: list[Sample]) -> None:
+    """Append samples until the end, and print one a minute."""
+    while not ended.wait(SAMPLE_SECONDS):
+        samples.append(sample(pid, began))
+        if len(samples) % PRINTED_EVERY == 1:
+            show(samples[-1])
+
+
+def soak(minutes: float, seed: int, pace: float) -> int:
+    """Returns the exit code."""
+    command = [sys.executable, "-m", "tests.soak.served"]
+    server = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    assert server.stdin is not None
+    assert server.stdout is not None
+    url = server.stdout.readline().strip()
+    began, ended, samples = time.monotonic(), threading.Event(), []
+    watching = threading.Thread(target=watch, args=(server.pid, began, ended, samples), daemon=True)
+    watching.start()
+    with chromium() as browser:
+        users = Users(browser, url, seed, pace)
+        try:
+            while time.monotonic() < began + 60 * minutes:
+                users.act()
+        except KeyboardInterrupt:
+            pass
+    ended.set()
+    watching.join()
+    server.stdin.close()
+    server.wait(timeout=300)
+    return report(samples, min(WARM_UP * minutes, WARM_UP_MINUTES), users)
+
+
+def show(s: Sample) -> None:
+    print(
+        f"{s.minutes:7.1f} min  {s.memory:7.0f} MB  {s.threads:4d} threads  {s.descriptors:4d} descriptors", flush=True
+    )
+
+
+def report(samples: list[Sample], warm_up: float, users: Users) -> int:
+    """Print what was measured. Returns the exit code."""
+    warm = [s for s in samples if s.minutes >= warm_up]
+    troubles, per_hour = users.troubles, growth(warm)
+    threads, descriptors = rise([s.threads for s in warm]), rise([s.descriptors for s in warm])
+    print(f"actions: {', '.join(f'{name} {count}' for name, count in sorted(users.actions.items()))}")
+    print(f"memory after {warm_up:.1f} min: {per_hour:+.1f} % an hour")
+    print(f"threads {threads:+g}, descriptors {descriptors:+g}, page errors: {len(troubles)}")
+    for trouble in troubles[:10]:
+        print(f"  {trouble}")
+    return 0 if per_hour < MAX_GROWTH and max(threads, descriptors) <= MAX_EXTRA and not troubles else 1
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(prog="python -m tests.soak", description=__doc__)
+    parser.add_argument("--minutes", type=float, default=5.0, help="how long; 120 for a release (default 5)")
+    parser.add_argument("--seed", type=int, default=0, help="of the random actions (default 0)")
+    parser.add_argument("--pace", type=float, default=1.0, help="factor for the pauses between actions (default 1)")
+    given = parser.parse_args()
+    sys.exit(soak(given.minutes, given.seed, given.pace))
