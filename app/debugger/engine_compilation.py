@@ -60,7 +60,7 @@ class EngineCompilation:
         if self._finished.is_set():
             return None
         seconds, (done, total) = round(time.monotonic() - self._began), self.compiled
-        which = f"{done} of {total} functions, " if total else ""
+        which = f"{done} of {total}, " if total else ""
         return WorkReport(f"compiling the engine, first start only: {which}{seconds} s", done / max(1, total))
 
     def wait(self, cancelled: Callable[[], bool]) -> None:

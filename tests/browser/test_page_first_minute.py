@@ -160,7 +160,7 @@ def test_frusta_in_front_of_the_mesh_are_faint(visitor: Visitor):
 def test_the_plot_shows_the_error_first_and_says_what_energies_compare(visitor: Visitor):
     visitor.press("Step one sweep")
     visitor.page.get_by_role("img", name="Error plot").wait_for()
-    visitor.page.get_by_text("RMS distance to the truth, % of the diagonal", exact=True).wait_for()
+    visitor.page.get_by_text("RMS distance to truth, % of diagonal", exact=True).wait_for()
     visitor.page.locator(".quantities").get_by_text("energy", exact=True).click()
     visitor.page.get_by_role("img", name="Energy plot").wait_for()
     visitor.page.get_by_text("Only points of one line compare").wait_for()
