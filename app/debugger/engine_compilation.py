@@ -11,7 +11,7 @@ import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -31,11 +31,11 @@ class Compiled(NamedTuple):
 
     Attributes:
         done: number of functions that have been begun.
-        count: of the functions of a step; 0 before it is known.
+        total: number of functions of a step; 0 before it is known.
     """
 
     done: int = 0
-    count: int = 0
+    total: int = 0
 
 
 class EngineCompilation:
@@ -59,9 +59,9 @@ class EngineCompilation:
         """What is done; None once it is finished."""
         if self._finished.is_set():
             return None
-        seconds, (done, count) = round(time.monotonic() - self._began), self.compiled
-        which = f"{done} of {count} functions, " if count else ""
-        return WorkReport(f"compiling the engine, first start only: {which}{seconds} s", done / max(1, count))
+        seconds, (done, total) = round(time.monotonic() - self._began), self.compiled
+        which = f"{done} of {total}, " if total else ""
+        return WorkReport(f"compiling the engine, first start only: {which}{seconds} s", done / max(1, total))
 
     def wait(self, cancelled: Callable[[], bool]) -> None:
         """Wait for the end.
@@ -165,11 +165,11 @@ def _compile() -> None:
     expected, begun = functions_of_a_step(), set()
 
     class Reporter(event.Listener):
-        def on_start(self, event: event.Event) -> None:
+        def on_start(self, event: Any) -> None:
             begun.add(event.data["dispatcher"].py_func)
             print(len(begun & expected), len(expected), flush=True)  # noqa: T201
 
-        def on_end(self, event: event.Event) -> None:
+        def on_end(self, event: Any) -> None:
             pass
 
     event.register("numba:compile", Reporter())

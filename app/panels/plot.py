@@ -29,7 +29,7 @@ from fairing.trace import StepRecord
 ERROR = "error"
 CAPTIONS = {
     "energy": "Only points of one line compare: every sweep measures anew, with its own cells",
-    ERROR: "RMS distance to the truth, % of the diagonal",
+    ERROR: "RMS distance to truth, % of diagonal",
 }
 _ERROR = Quantity(
     ERROR, "distance to the truth along directions the photos determine, % of the diagonal", False,

@@ -29,10 +29,14 @@ Panels
 - `synced_widget`: an assignment from Python calls the widget's callbacks, too.
 - `slider_marks`: assignments to `slider.marks` have no effect.
 - `error_toasts`: exceptions in callbacks are only printed.
+- `opening_page`: before there is a scene, viser shows its own buttons on an empty page.
 - `theme`: the theme is remembered by the browser.
 
 Scene
 - `mesh_swap`: a GLB node blinks when its file changes, and textures or vertex colors need GLB (#249, #562).
+- `before_frame`: viser has no function that is called before a frame is drawn.
+- `moving_texture`: the vertices of a GLB mesh cannot be moved.
+- `frustum_fading`: frusta have no opacity.
 - `instance_marks`: a node with another number of instances is made anew, and loses clicks meanwhile.
 - `line_node`: a node without line segments is an error in the browser.
 - `node_events`: a click is reported for the node and for the scene; modifiers match exactly; synchronous callbacks may

@@ -51,6 +51,12 @@ TEXTURED = """() => {
     }
     return null;
 }"""
+TOO_WIDE = """() => {
+    const found = [];
+    for (let node = document.querySelector('.ef .pinned'); node; node = node.parentElement)
+        if (node.scrollWidth > node.clientWidth + 1 && node.clientWidth) found.push(node.className);
+    return found;
+}"""
 
 
 def page_of(visitor: Visitor):
@@ -132,7 +138,7 @@ def test_the_texture_stays_on_the_moving_mesh_and_is_painted_again(visitor: Visi
 def test_the_plot_shows_the_error_first_and_says_what_energies_compare(visitor: Visitor):
     visitor.press("Step one sweep")
     visitor.page.get_by_role("img", name="Error plot").wait_for()
-    visitor.page.get_by_text("RMS distance to the truth, % of the diagonal", exact=True).wait_for()
+    visitor.page.get_by_text("RMS distance to truth, % of diagonal", exact=True).wait_for()
     visitor.page.locator(".quantities").get_by_text("energy", exact=True).click()
     visitor.page.get_by_role("img", name="Energy plot").wait_for()
     visitor.page.get_by_text("Only points of one line compare").wait_for()
@@ -172,7 +178,7 @@ class Compilation:
 
     @property
     def report(self) -> WorkReport | None:
-        line = f"compiling the engine, first start only: {self.functions} of 24 functions"
+        line = f"compiling the engine, first start only: {self.functions} of 24 functions, 1234567890 s, a long line"
         return None if self.finished.is_set() else WorkReport(line, self.functions / 24)
 
     def wait(self, cancelled) -> None:
@@ -207,6 +213,7 @@ def test_the_opening_page_has_a_bar_and_keys_wait_for_the_scene_and_the_compilat
         page.get_by_text("Next: Step one iteration").wait_for()
         page.get_by_text("Compiling the engine, first start only: 9 of 24").wait_for()
         assert not page.get_by_text("Opening cube").is_visible()
+        assert page.evaluate(TOO_WIDE) == [], "a long line makes the panel scroll sideways"
         assert not page.locator(".ef-opening").is_visible()
         assert app.controller.state.moment == 0
         compilation.finished.set()
