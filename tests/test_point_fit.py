@@ -1,6 +1,7 @@
 """Fit of a mesh to sparse points, and runs with sparse points."""
 
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -10,8 +11,9 @@ from fairing.errors import InputError
 from fairing.geometry.normals import face_normals
 from fairing.judge.report import run_report
 from fairing.mesh import Mesh
-from fairing.options import FairingOptions
+from fairing.options import PRESETS, FairingOptions
 from fairing.run.preparation import points_accept_smoothing
+from fairing.run.records import _points_prefer
 from fairing.run.session import Session
 from fairing.scene import Scene, SparsePoints
 from fairing.solve.point_fit import fitted_to_points
@@ -218,22 +220,23 @@ def test_energies_of_sweeps_leave_out_what_was_done_to_the_start():
     assert first["before"] == pytest.approx(steps[0].face_energy_before.sum())
 
 
-def observed(scene: Scene, positions: np.ndarray) -> Scene:
+def observed(scene: Scene, positions: np.ndarray, origin: Literal["given", "own"] = "own") -> Scene:
     """The scene with points (n, 3) that each photo observes without error, each both for the fit and held out."""
     positions = np.repeat(positions, 2, axis=0)
     seen = [(p, v) for p in range(len(positions)) for v in range(len(scene.views))]
     pixels = np.array([scene.views[v].camera.project(positions[p])[0] for p, v in seen])
-    points = SparsePoints(positions, np.zeros((len(positions), 3), np.uint8), np.array(seen), pixels, origin="own")
+    points = SparsePoints(positions, np.zeros((len(positions), 3), np.uint8), np.array(seen), pixels, origin)
     return replace(scene, sparse_points=points)
 
 
-def test_observed_points_beside_the_mesh_do_not_pull_it():
+@pytest.mark.parametrize("origin", ["given", "own"])
+def test_observed_points_beside_the_mesh_do_not_pull_it(origin):
     start = corner_scene(FAR)
     rng = np.random.default_rng(5)
     beside = np.column_stack([rng.uniform(-0.4, 1.4, (400, 2)), rng.uniform(-0.25, -0.02, 400)])
     runs = []
     for points in (on_the_faces(300), np.concatenate([on_the_faces(300), beside])):
-        session = Session(observed(start, points), small_options(step=USED))
+        session = Session(observed(start, points, origin), small_options(step=USED))
         session.make_plan()
         session.step()
         runs.append(session)
@@ -241,6 +244,34 @@ def test_observed_points_beside_the_mesh_do_not_pull_it():
     clean, cluttered = (session.vertices for session in runs)
     assert error_of(clean) < 0.5 * error_of(start.mesh.vertices)
     assert np.linalg.norm(clean - cluttered, axis=1).max() < 0.02
+
+
+def test_the_start_error_measured_by_points_gives_the_search_and_the_first_level():
+    default = PRESETS["accurate"]
+    options = replace(default, step=replace(default.step, smoothing=(0.0,)))
+    off = tuple(0.6 * x for x in START)
+    far, near = (Session(observed(corner_scene(at), on_the_faces(600)), options) for at in (off, (0.0, 0.0, 0.0)))
+    for session in (far, near):
+        session.make_plan()
+    assert far.plan is not None
+    assert near.plan is not None
+    moved = max(
+        np.linalg.norm(np.subtract(*camera.project(np.array([far.scene.mesh.vertices[0], VERTICES[0]]))[0]))
+        for camera in (view.camera for view in far.scene.views)
+    )
+    assert 0.3 * moved < far.plan.start_error < 1.5 * moved
+    assert near.plan.start_error == 0
+    assert near.options.schedule.blur[near.plan.first_level] <= 1.2
+    assert far.plan.first_level <= near.plan.first_level
+
+
+def test_points_that_no_fit_used_prefer_the_state_they_lie_on():
+    scene = observed(corner_scene(FAR), on_the_faces(600))
+    problem, truth = problem_of(scene, small_options(step=USED)), corner_scene((0, 0, 0)).mesh.vertices
+    assert _points_prefer(problem, scene.mesh.vertices, truth)
+    assert not _points_prefer(problem, truth, scene.mesh.vertices)
+    without = problem_of(scene, small_options(step={"points": [0.0]}))
+    assert not _points_prefer(without, scene.mesh.vertices, truth)
 
 
 def test_points_accept_smoothing_of_noise_and_refuse_it_at_the_truth():

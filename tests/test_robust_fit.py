@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 from fairing.features import FeaturePoints
-from fairing.features.robust_fit import held_back_loss, points_on_surface, robust_fit
+from fairing.features.robust_fit import distances_px, held_back_loss, points_on_surface, points_prefer, robust_fit
 from fairing.mesh import Mesh
 from fairing.scene import SparsePoints
 from tests.small_scene import FACES, VERTICES
@@ -138,6 +138,31 @@ def test_points_of_ground_and_background_are_not_on_the_surface():
 def test_points_held_back_prefer_the_truth_to_a_displaced_mesh():
     points = points_at(on_sides(2000))
     assert held_back_loss(truth(), cameras(), points) < 0.5 * held_back_loss(start(), cameras(), points)
+
+
+def test_distances_in_photos_are_those_of_a_slow_loop():
+    n = 90
+    positions = on_sides(n)
+    side = np.argmax(positions, axis=1)
+    positions[np.arange(n), side] += np.random.default_rng(3).uniform(-0.01, 0.01, n)
+    exact = points_at(positions)
+    found = distances_px(truth(), cameras(), exact)
+    expected = []
+    for p, s in zip(exact.positions, side, strict=True):
+        nearest = min(np.linalg.norm(p - camera.center) / camera.K[0, 0] for camera in cameras())
+        expected.append(abs(p[s] - 1) / nearest)
+    # Points near a side's rim may belong to no face.
+    assert len(found) > 0.9 * n
+    assert all(np.isclose(expected, value, rtol=1e-6).any() for value in found)
+
+
+def test_points_prefer_the_better_mesh_and_only_clearly():
+    points = points_at(on_sides(2000))
+    assert points_prefer(start(), truth(), cameras(), points)
+    assert not points_prefer(truth(), start(), cameras(), points)
+    assert not points_prefer(truth(), truth(), cameras(), points)
+    few = points_at(on_sides(3))
+    assert not points_prefer(start(0.05), truth(), cameras(), few)
 
 
 def test_points_of_a_capture_get_the_covariances_of_their_residuals():

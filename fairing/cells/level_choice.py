@@ -37,6 +37,15 @@ def level_for_footprint(typical: float, options: FairingOptions) -> int:
     return next(fitting, options.n_levels - 1)
 
 
+def level_for_error(error: float, options: FairingOptions) -> int:
+    """The first level whose blur is no larger than the error of the start needs, px; coarser levels do harm.
+
+    (ledger: begin level by points)
+    """
+    fitting = (k for k, blur in enumerate(options.schedule.blur) if blur <= max(error, NEAR_TRUTH_BLUR))
+    return next(fitting, options.n_levels - 1)
+
+
 def first_fine_level(options: FairingOptions) -> int:
     """The first level whose blur is at most `NEAR_TRUTH_BLUR`; the last level if there is none."""
     fine = (k for k, blur in enumerate(options.schedule.blur) if blur <= NEAR_TRUTH_BLUR)

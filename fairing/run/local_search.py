@@ -11,7 +11,6 @@ vertex at a time: see `fairing.run.restart`.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from itertools import product
 from typing import NamedTuple
 
@@ -27,7 +26,6 @@ from fairing.solve.problem import Problem
 from fairing.work import number_of
 
 REFINEMENT_DAMPING = 1e-3
-KEPT_POSITIONS = 3  # of each vertex, that go on to the next stage (ledger: positions for the sharp search)
 
 ContextAt = Callable[[np.ndarray, np.ndarray], CellContext]
 """Cells and visibility with the vertices at given positions (n, 3), of the faces of a mask (m,)."""
@@ -150,32 +148,28 @@ def search_block(
     system_before = evaluator.energies(before, vertices, block.faces, scale)
     score_before = score(before, system_before.energy, vertices)
 
-    def displaced(direction: np.ndarray) -> np.ndarray:
-        """(n, 3): the vertices, those of the block displaced in a direction."""
+    def tried(direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Refined positions (u, 3) in a direction from the present ones, and their scores (u,)."""
         places = vertices.copy()
         offset = vertices[ids] + region.radius[:, None] * direction - origin[ids]
         length = np.linalg.norm(offset, axis=1)
         places[ids] = origin[ids] + offset * np.minimum(1, region.bound / np.maximum(length, 1e-300))[:, None]
         _undo_folds(problem, vertices, places, origin, ids)
-        return places
-
-    def refined(stage: Stage, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Positions (u, 3) of the block after the steps of a stage from those in `places` (n, 3), and their scores (u,)."""
-        is_begin = stage is last_stage and np.array_equal(places, vertices)
-        context = before if is_begin else stage.context_at(places, around)
-        face_energy = refine(context, places, stage.steps)
+        context, face_energy = before, system_before.energy
+        for stage in stages:
+            stays = stage is last_stage and len(stages) == 1 and not direction.any()
+            context = before if stays else stage.context_at(places, around)
+            face_energy = refine(context, places, stage.steps)
         return places[ids], score(context, face_energy, places)
 
-    tried = [vertices.copy(), *map(displaced, search_directions())]
-    with problem.work.doing(f"searching {number_of(len(ids), 'vertex', 'vertices')}", len(tried)) as work:
-        found = evaluator.map_concurrently(work.counted(partial(refined, stages[0])), tried)
-    for stage in stages[1:]:
-        found = evaluator.map_concurrently(partial(refined, stage), _best_found(found, vertices, ids))
     threshold = score_before * (1 - options.schedule.search_gain)
     best_score, best = threshold, vertices[ids].copy()
-    for places_found, found_score in found:
+    directions = np.vstack([np.zeros(3), search_directions()])
+    with problem.work.doing(f"searching {number_of(len(ids), 'vertex', 'vertices')}", len(directions)) as work:
+        results = evaluator.map_concurrently(work.counted(tried), directions)
+    for found, found_score in results:
         improved = found_score < best_score
-        best[improved] = places_found[improved]
+        best[improved] = found[improved]
         best_score = np.where(improved, found_score, best_score)
 
     proposed = best - vertices[ids]
@@ -194,22 +188,6 @@ def search_block(
         places[ids], proposed, score_before, np.where(worse, score_before, score_after), folds, system_before,
         system_after, before, after_context,
     )  # fmt: skip
-
-
-def _best_found(found: list[tuple[np.ndarray, np.ndarray]], vertices: np.ndarray, ids: np.ndarray) -> list[np.ndarray]:
-    """Vertices (n, 3) for the next stage: with `ids` (u,) where they were refined in place, then each at its best positions.
-
-    Args:
-        found: positions (u, 3) and scores (u,) by direction; the first was refined in place.
-    """
-    positions = np.stack([places for places, _ in found])
-    order = np.argsort(np.stack([score for _, score in found[1:]]), axis=0, kind="stable") + 1
-    result = []
-    for choice in (np.zeros(len(ids), dtype=int), *order[:KEPT_POSITIONS]):
-        places = vertices.copy()
-        places[ids] = positions[choice, np.arange(len(ids))]
-        result.append(places)
-    return result
 
 
 def _by_owner(block: Block, values: np.ndarray) -> np.ndarray:

@@ -48,8 +48,7 @@ def find_preparations(problem: Problem) -> list[Preparation]:
         Cancelled: cancellation was requested.
     """
     step, vertices = problem.options.step, problem.start
-    fits = any(step.points) and _points_suffice(problem)
-    has_judges = fits and len(problem.observed_points) > 0
+    fits, has_judges = any(step.points) and _points_suffice(problem), points_can_judge(problem)
     smooths = any(step.smoothing) and (not has_judges or points_accept_smoothing(problem))
     done: list[Preparation] = []
     loss = None  # at `vertices`, computed when it is first needed
@@ -153,6 +152,11 @@ _TRIED: dict[StepReason, str] = {
     StepReason.SMOOTHED: "trying a smoothed start",
     StepReason.FITTED_TO_POINTS: "trying a start fitted to the sparse points",
 }
+
+
+def points_can_judge(problem: Problem) -> bool:
+    """Whether there are enough points whose photos are known: they show which faces the points belong to."""
+    return any(problem.options.step.points) and _points_suffice(problem) and len(problem.observed_points) > 0
 
 
 def _points_suffice(problem: Problem) -> bool:

@@ -6,8 +6,10 @@ from typing import NamedTuple
 import numpy as np
 
 from fairing.cells.context import CellContext
+from fairing.features.robust_fit import points_prefer
 from fairing.run.sweep import SweepState
 from fairing.solve.energy import FaceSystem
+from fairing.solve.point_split import observed_kept_points
 from fairing.solve.problem import Problem
 from fairing.trace import SchedulePosition, StepReason, StepRecord
 
@@ -154,7 +156,9 @@ def empty_record(
 def returned_if_worse(
     problem: Problem, sweep: SweepState, last: StepRecord, before: np.ndarray, after: np.ndarray, begun: np.ndarray
 ) -> StepRecord:
-    """The last step of a run; or a step that returns every vertex to `begun` if the energy is lower there.
+    """The last step of a run; or a step that returns every vertex to `begun` if the mesh was better there.
+
+    It was if the energy is lower, or if the sparse points that no fit uses clearly lie nearer (ledger: end judged by points).
 
     Args:
         sweep: the last sweep.
@@ -165,12 +169,21 @@ def returned_if_worse(
         Evaluation(vertices, sweep.context, problem.energies(sweep.context, vertices, sweep.scale))
         for vertices in (after, begun)
     )
-    if here.system.energy.sum() <= there.system.energy.sum():
+    if here.system.energy.sum() <= there.system.energy.sum() and not _points_prefer(problem, after, begun):
         return last
     everything = np.arange(len(after))
     here = here._replace(vertices=before)
     returned = moved_record(problem, last.position, last.sweep_moment, everything, here, there, StepReason.RETURNED)
     return replace(returned, next_position=last.next_position)
+
+
+def _points_prefer(problem: Problem, before: np.ndarray, after: np.ndarray) -> bool:
+    """Whether the observed points kept for evaluation clearly prefer the second of two states (n, 3), world units."""
+    kept = observed_kept_points(problem.scene)
+    if not any(problem.options.step.points) or len(kept) == 0:
+        return False
+    mesh, cameras = problem.scene.mesh, [view.camera for view in problem.scene.views]
+    return points_prefer(mesh.moved(before), mesh.moved(after), cameras, kept)
 
 
 def _energies(evaluation: Evaluation) -> Energies:

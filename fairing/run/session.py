@@ -116,7 +116,9 @@ class Session:
         last = steps[-1]
         if len(last.reasons) and (last.reasons == StepReason.RETURNED).all():
             when = "after the last manual edit" if self.trace.manual_moments else "at the start"
-            return f"finished: the energy at the finest level was lower {when}, so every vertex was returned"
+            return (
+                f"finished: the mesh was better {when}, by its energy or by held-out points; every vertex was returned"
+            )
         moved = (self.vertices != self.trace.start).any(axis=1)
         return f"finished: all {self.options.n_levels} levels done, {int(moved.sum())} of {n_vertices} vertices moved"
 

@@ -19,10 +19,20 @@ def observed_fitting_points(scene: Scene) -> FeaturePoints:
     They cover all that the photos show, the ground and the background too, so they take part only where their own photos see
     the mesh.
     """
+    return _observed(scene, 0)
+
+
+def observed_kept_points(scene: Scene) -> FeaturePoints:
+    """The points kept for evaluation that at least two photos observe, with their observations and covariances."""
+    return _observed(scene, 1)
+
+
+def _observed(scene: Scene, remainder: int) -> FeaturePoints:
+    """The points of one half that at least two photos observe."""
     sparse = scene.sparse_points
     if sparse is None:
         return FeaturePoints.none("no sparse points")
-    used = sparse.observations[:, 0] % 2 == 0
+    used = sparse.observations[:, 0] % 2 == remainder
     sparse = replace(sparse, observations=sparse.observations[used], pixels=sparse.pixels[used])
     return FeaturePoints.of_sparse_points(sparse, [view.camera for view in scene.views])
 
