@@ -36,7 +36,6 @@ Scene
 - `mesh_swap`: a GLB node blinks when its file changes, and textures or vertex colors need GLB (#249, #562).
 - `before_frame`: viser has no function that is called before a frame is drawn.
 - `moving_texture`: the vertices of a GLB mesh cannot be moved.
-- `frustum_fading`: frusta have no opacity.
 - `instance_marks`: a node with another number of instances is made anew, and loses clicks meanwhile.
 - `line_node`: a node without line segments is an error in the browser.
 - `node_events`: a click is reported for the node and for the scene; modifiers match exactly; synchronous callbacks may
