@@ -3,7 +3,7 @@
 import html
 import json
 
-from app.palette import BRAND, NOW, REFERENCE, REJECTED, SELECTED, START, css, variables
+from app.palette import BRAND, BRAND_TEXT, NOW, REFERENCE, REJECTED, SELECTED, START, css, variables
 
 DEBUG_BAR_HEIGHT = 134  # px; the status panel is pinned below the debug bar
 
@@ -21,9 +21,9 @@ STYLE = f"""
 .ef button:disabled {{ color: var(--faint); background: var(--off); border-color: var(--line); cursor: default; }}
 .ef button:focus-visible {{ outline: 2px solid {css(BRAND)}; outline-offset: 1px; }}
 .ef button.main {{ background: {css(BRAND)}; border-color: {css(BRAND)}; color: #fff; font-weight: 600; }}
-.ef button.main:hover:not(:disabled) {{ background: #5495e6; }}
+.ef button.main:hover:not(:disabled) {{ background: #2460ac; }}
 .ef svg {{ width: 16px; height: 16px; flex: none; }}
-.ef kbd {{ font: 500 11.5px/1 inherit; font-family: inherit; opacity: .7; order: 1; }}
+.ef kbd {{ font: 500 11.5px/1 inherit; font-family: inherit; order: 1; }}
 .ef table {{ width: 100%; border-collapse: collapse; }}
 .ef td, .ef th {{ padding: 2px 0; text-align: left; font-weight: 400; vertical-align: top; }}
 .ef td.n {{ text-align: right; white-space: nowrap; }}
@@ -40,7 +40,8 @@ STYLE = f"""
 .ef .row {{ display: flex; gap: 6px; align-items: center; }}
 .ef .grow {{ flex: 1; }}
 .ef .crumbs b {{ color: var(--strong); font-weight: 600; }}
-.ef .crumbs i {{ font-style: normal; color: var(--faint); padding: 0 3px; }}
+.ef .crumbs i {{ font-style: normal; color: var(--dim); padding: 0 3px; }}
+[role=tab][aria-selected=true][role=tab] {{ color: {css(BRAND_TEXT)} !important; }}
 .ef .wide {{ width: 100%; }}
 div:has(> .ef > .pinned) {{ position: sticky; top: 0; z-index: 5; background: var(--mantine-color-body);
   padding-top: 10px; margin-top: -10px; }}
@@ -55,6 +56,10 @@ div:has(> .ef > .pinned) + div:has(> .ef > .pinned) {{ top: {DEBUG_BAR_HEIGHT}px
 .ef .segments {{ display: grid; grid-template-columns: repeat(auto-fit, minmax(84px, 1fr)); gap: 4px;
   margin: 3px 0; }} .ef .segments button {{ white-space: nowrap; }}
 .ef .legend {{ display: grid; gap: 4px; }}
+.ef .lines {{ display: flex; flex-wrap: wrap; gap: 2px 12px; }}
+.ef .lines + .legend {{ margin-top: 8px; }}
+.ef .lines span {{ display: inline-flex; align-items: center; gap: 5px; }}
+.ef .lines i {{ width: 16px; height: 3px; border-radius: 1px; }}
 .ef .scale {{ height: 12px; border-radius: 2px; }}
 .ef .ends {{ display: flex; justify-content: space-between; }}
 .ef .swatch {{ width: 10px; height: 10px; border-radius: 3px; flex: none; }}
@@ -64,7 +69,8 @@ div:has(> .ef > .pinned) + div:has(> .ef > .pinned) {{ top: {DEBUG_BAR_HEIGHT}px
 .ef .strip img {{ width: 100%; height: 100%; image-rendering: pixelated; border-radius: 3px; pointer-events: none; }}
 .ef .strip i {{ position: absolute; top: -2px; bottom: -2px; width: 2px; margin-left: -1px;
   background: {css(SELECTED)}; }}
-.ef .tools + .strip {{ margin-top: 6px; }}
+.ef .tools + .strip {{ margin-top: 6px; }} .ef .tools + .extent {{ margin: 6px 51px 0 0; gap: 0; }}
+.ef .extent > span {{ width: 110px; flex: none; color: var(--dim); font-size: 13px; }}
 .ef .strip s {{ position: absolute; bottom: 0; width: 1px; background: #f1f3f5; pointer-events: none; }}
 .ef .strip s.level {{ height: 100%; opacity: .75; }} .ef .strip s.sweep {{ height: 28%; opacity: .5; }}
 .ef .crumbs {{ gap: 1px; margin: 0 0 1px -3px; white-space: nowrap; flex-wrap: wrap; }}
@@ -83,7 +89,7 @@ div:has(> .ef > .pinned) + div:has(> .ef > .pinned) {{ top: {DEBUG_BAR_HEIGHT}px
 .ef .runs td:last-child {{ padding-right: 2px; }} .ef .runs th.n {{ text-align: right; }}
 .ef .runs button, .ef .runs td:first-child {{ white-space: nowrap; }}
 .ef .tools {{ gap: 4px; }}
-.ef .runs .what {{ width: 99%; overflow-wrap: anywhere; line-height: 1.3; }}
+.ef .runs .what {{ width: 99%; max-width: 0; overflow: hidden; text-overflow: ellipsis; white-space: nowrap; }}
 .ef button.small.on {{ border-color: {css(SELECTED)}; color: {css(SELECTED)}; }}
 .ef button.small.a {{ background: {css(REFERENCE)}; border-color: {css(REFERENCE)}; color: var(--ink); }}
 .ef .tag {{ border-radius: 3px; padding: 0 5px; color: var(--ink); }}
@@ -97,7 +103,7 @@ div:has(> .ef > .pinned) + div:has(> .ef > .pinned) {{ top: {DEBUG_BAR_HEIGHT}px
 .ef button.chip {{ height: 22px; padding: 0 7px; font-size: 11.5px; color: var(--dim); }}
 .ef button.chip.tight {{ padding: 0 3.5px; }} .ef .chips:has(> .tight) {{ gap: 3px; }}
 .ef .quantities.quantities {{ gap: 2px; }} .ef .quantities button.chip.tight {{ padding: 0 2px; font-size: 11px; }}
-.ef .quantities .first {{ margin-left: auto; }}
+.ef .quantities.kind {{ flex-wrap: nowrap; font-size: 11.5px; margin-bottom: 4px; }}
 .ef button.chip.on {{ border-color: {css(SELECTED)}; color: {css(SELECTED)}; }}
 .ef button.link {{ background: none; border: none; height: 20px; padding: 0; color: var(--text); }}
 .ef button.link:hover {{ color: var(--strong); text-decoration: underline; background: none; }}
@@ -111,7 +117,7 @@ div:has(> .ef > .pinned) + div:has(> .ef > .pinned) {{ top: {DEBUG_BAR_HEIGHT}px
 .ef b.value {{ min-width: 58px; text-align: right; font-weight: 600; }}
 .ef .crops {{ display: grid; grid-template-columns: 158px 158px; gap: 6px 10px; margin-top: 6px; }}
 .ef .charts {{ display: grid; grid-template-columns: 1fr 1fr; gap: 10px; margin-top: 4px; }}
-.ef .bars .value {{ fill: var(--faint); }} .ef .bars .on {{ fill: var(--text); }}
+.ef .bars .value {{ fill: var(--dim); }} .ef .bars .on {{ fill: var(--text); }}
 .ef .bars .own {{ fill: var(--text); }} .ef .bars .chosen {{ fill: {css(SELECTED)}; }}
 .ef img {{ display: block; }}
 .ef .note {{ margin-top: 4px; }}
@@ -121,8 +127,22 @@ div:has(> .ef > .pinned) + div:has(> .ef > .pinned) {{ top: {DEBUG_BAR_HEIGHT}px
 .ef div.plot {{ display: flex; align-items: center; justify-content: center; cursor: default; }}
 .ef .plot text {{ font-size: 10.5px; fill: var(--dim); }}
 .ef .plot.chart {{ cursor: default; }}
+.ef .keys {{ display: grid; grid-template-columns: 1fr 1fr; gap: 0 28px; align-items: start; }}
+.ef .dialog {{ position: relative; }}
+.ef button.cross {{ position: absolute; top: -52px; right: -6px; z-index: 1001; width: 28px; padding: 0; }}
+.mantine-Modal-content:has(.ef .keys) {{ flex: 0 1 820px; }}
+.mantine-Modal-header:has(+ .mantine-Modal-body .ef .dialog) {{ padding-right: 56px; }}
+.ef pre {{ margin: 4px 0 0; font: 12px ui-monospace, "DejaVu Sans Mono", monospace; color: var(--strong);
+  white-space: pre-wrap; overflow-wrap: anywhere; }}
+.ef.suggestions {{ position: fixed; z-index: 200; padding: 4px; max-width: 320px; background: var(--button);
+  border: 1px solid var(--edge); border-radius: 4px; box-shadow: 0 4px 16px rgb(0 0 0 / .35); }}
+.ef.suggestions div {{ display: grid; padding: 3px 6px; border-radius: 3px; cursor: pointer; line-height: 1.25; }}
+.ef.suggestions div:hover, .ef.suggestions [aria-selected=true] {{ background: var(--hover); }}
+.ef.suggestions .dim {{ font-size: 11.5px; }}
 .ef .bar {{ height: 3px; background: var(--line); border-radius: 2px; margin-top: 6px; }}
 .ef .bar div {{ height: 3px; background: {css(BRAND)}; border-radius: 2px; }}
+.ef .bar.work div {{ background: {css(NOW)}; }}
+.ef .working {{ color: var(--strong); }}
 """
 
 
@@ -131,24 +151,39 @@ def text(value: object) -> str:
     return html.escape(str(value), quote=True)
 
 
+def photo_title(view_id: int, name: str) -> str:
+    """A photo's number, from 1 as on the keyboard, and its name."""
+    return f"{view_id + 1} · {name}"
+
+
 def box(content: str) -> str:
     """The element that gives a panel its fonts and colours."""
     return f'<div class="ef">{content}</div>'
 
 
-def button(label: str, press: str, *, hint: str, icon: str = "", css_class: str = "", enabled: bool = True) -> str:
-    """A button.
+def button(
+    label: str,
+    press: str,
+    *,
+    hint: str,
+    icon: str = "",
+    css_class: str = "",
+    enabled: bool = True,
+    pressed: bool | None = None,
+) -> str:
+    """A button. Its accessible name is its label; without a label, the part of the hint before the first " (".
 
     Args:
         label: visible text; may be empty for a button with an icon.
         press: JavaScript from `HtmlEvents`.
-        hint: tooltip; the part before the first " (" is the accessible name.
+        hint: tooltip.
         icon: SVG from `icon`.
+        pressed: of a button that switches something on or off; None: it is no switch.
     """
-    name = f'title="{text(hint)}" aria-label="{text(hint.split(" (")[0])}"'
-    state = "" if enabled else "disabled"
+    name = f'title="{text(hint)}"' + ("" if label else f' aria-label="{text(hint.split(" (")[0])}"')
+    state = ("" if enabled else " disabled") + ("" if pressed is None else f' aria-pressed="{str(pressed).lower()}"')
     return (
-        f'<button type="button" class="{css_class}" {name} {state} onclick="{text(press)}">{icon}{text(label)}</button>'
+        f'<button type="button" class="{css_class}" {name}{state} onclick="{text(press)}">{icon}{text(label)}</button>'
     )
 
 
@@ -180,6 +215,16 @@ def number(value: float, digits: int = 4) -> str:
         decimals = max(0, digits - 1 - int(f"{abs(value):e}".split("e")[1]))
         return f"{value:,.{decimals}f}".replace(",", "\u2009").replace("-", "\u2212")
     return f"{value:.{digits - 1}e}".replace("-", "\u2212", 1) if value < 0 else f"{value:.{digits - 1}e}"
+
+
+def duration(seconds: float) -> str:
+    """A duration for reading: 12 s, 3 min 20 s, 1 h 5 min."""
+    whole = max(0, round(seconds))
+    if whole < 60:
+        return f"{whole} s"
+    if whole < 3600:
+        return f"{whole // 60} min {whole % 60} s"
+    return f"{whole // 3600} h {whole % 3600 // 60} min"
 
 
 _SHAPES = {

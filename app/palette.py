@@ -13,6 +13,7 @@ SELECTED: RGB = (245, 222, 66)
 TRUTH: RGB = (96, 184, 240)
 LOCKED: RGB = (134, 142, 150)
 HAND: RGB = (236, 238, 242)
+STEPPED: RGB = (80, 150, 255)
 REJECTED: RGB = (204, 121, 167)
 REFERENCE: RGB = (178, 160, 255)
 CAMERA: RGB = (120, 138, 158)
@@ -27,15 +28,17 @@ CURVES: tuple[RGB, ...] = (
 )  # fmt: skip
 
 BACKGROUND: RGB = (24, 26, 30)
-BRAND: RGB = (64, 132, 214)
+BRAND: RGB = (42, 108, 190)
+BRAND_TEXT: RGB = (112, 170, 240)  # of the active tab; darker on the light theme
 
 # Background of the 3D view in the dark and in the light theme.
 GROUND: tuple[RGB, RGB] = (BACKGROUND, (232, 235, 239))
 
 _ON_LIGHT: dict[RGB, tuple[str, RGB]] = {
-    START: ("start", (0, 128, 92)),
-    NOW: ("now", (200, 58, 22)),
-    SELECTED: ("selected", (168, 122, 0)),
+    START: ("start", (0, 114, 82)),
+    NOW: ("now", (188, 52, 18)),
+    BRAND_TEXT: ("brand-text", (30, 94, 174)),
+    SELECTED: ("selected", (128, 90, 0)),
     TRUTH: ("truth", (16, 110, 180)),
     LOCKED: ("locked", (98, 106, 114)),
     REJECTED: ("rejected", (164, 72, 122)),
@@ -50,9 +53,12 @@ _ON_LIGHT: dict[RGB, tuple[str, RGB]] = {
     CURVES[6]: ("curve-7", (8, 36, 104)),
 }
 
+# As text and lines on panels; in the 3D view these colours are darker.
+_ON_DARK: dict[RGB, RGB] = {NOW: (255, 118, 82), REJECTED: (226, 150, 192), START: (20, 192, 140)}
+
 _GREYS: dict[str, tuple[str, str]] = {
     "text": ("#d5d9df", "#2b3138"),
-    "dim": ("#8d96a1", "#5c6670"),
+    "dim": ("#a3acb7", "#565f69"),
     "strong": ("#f1f3f5", "#0f1317"),
     "faint": ("#59626c", "#a3abb4"),
     "button": ("#2e333a", "#f3f5f7"),
@@ -61,7 +67,7 @@ _GREYS: dict[str, tuple[str, str]] = {
     "hover-edge": ("#59636f", "#98a2ad"),
     "pressed": ("#242930", "#d9dfe5"),
     "off": ("#25282c", "#ffffff"),
-    "off-text": ("#7a838d", "#77808a"),
+    "off-text": ("#99a2ac", "#5f6872"),
     "line": ("#31363c", "#dde2e7"),
     "well": ("#1f2226", "#f3f5f7"),
     "row": ("#2b3036", "#edf0f3"),
@@ -85,7 +91,9 @@ def css(color: RGB, opacity: float = 1.0) -> str:
 
 def variables() -> str:
     """CSS rules that define every variable in both themes."""
-    dark = {name: value for name, (value, _) in _GREYS.items()} | {name: solid(c) for c, (name, _) in _ON_LIGHT.items()}
+    dark = {name: value for name, (value, _) in _GREYS.items()} | {
+        name: solid(_ON_DARK.get(c, c)) for c, (name, _) in _ON_LIGHT.items()
+    }
     light = {name: value for name, (_, value) in _GREYS.items()} | {name: solid(c) for name, c in _ON_LIGHT.values()}
     rules = [".ef", "[data-mantine-color-scheme=light] .ef"]
     blocks = [

@@ -43,6 +43,20 @@ def vertices_within(
     return ids[seen]
 
 
+def point_under_pointer(points: np.ndarray, origin: np.ndarray, direction: np.ndarray, angle: float) -> int | None:
+    """Index of the point nearest to the eye among those within an angle of a ray; None if there is none.
+
+    Args:
+        points: (n, 3) float, any unit.
+        origin, direction: (3,) float, the ray in the same unit; `direction` is a unit vector.
+        angle: radians.
+    """
+    offset = points - origin
+    distance = np.linalg.norm(offset, axis=1)
+    near = np.flatnonzero(offset @ direction > np.cos(angle) * distance)
+    return int(near[np.argmin(distance[near])]) if len(near) else None
+
+
 def nearest_to_ray(points: np.ndarray, origin: np.ndarray, direction: np.ndarray) -> int:
     """Index of the point nearest to a ray, measured by angle.
 

@@ -11,9 +11,12 @@ from fairing.scene import Scene
 
 SIZE = 4.0  # diagonal of the mesh in page units
 FIELD_OF_VIEW = np.radians(45.0)  # vertical
-# The initial view is turned away from the cameras' mean direction, so that frusta do not hide the mesh.
+# The view of mesh and cameras is turned away from the cameras' mean direction, so that frusta do not hide the mesh.
 TURN_SIDEWAYS = np.radians(28.0)
 TURN_UP = np.radians(20.0)
+MIN_MEAN = 0.3  # length of the mean of the cameras' directions; below it, they surround the mesh
+ALONG_UP = 0.05  # sine of the angle
+GOOD_ENOUGH = 0.8  # of the best direction's score: then the mean direction is taken
 FILL = 0.68  # fraction of the window's height that the mesh occupies
 MIN_SPREAD_RATIO = 3.0  # of the x axes within and across the ground plane, for the plane to define the up direction
 NEAR_AXIS = np.cos(np.radians(40.0))
@@ -48,9 +51,8 @@ class Stage:
         rotations = np.array([view.camera.camera_from_world[:, :3] for view in scene.views])
         centers = (np.array([view.camera.center for view in scene.views]) - origin) * scale
         up = _upright(rotations)
-        towards = _unit((centers / np.linalg.norm(centers, axis=1, keepdims=True)).mean(0), fallback=-rotations[0, 2])
         distance = SIZE / 2 / FILL / np.tan(FIELD_OF_VIEW / 2)
-        eye = distance * _first_direction(towards, up)
+        eye = distance * _first_direction(scene, centers / np.linalg.norm(centers, axis=1, keepdims=True), up)
         apart = np.linalg.norm(centers[:, None] - centers, axis=-1)
         spacing = float(np.median((apart + np.diag(np.full(len(apart), np.inf))).min(axis=1)))
         # The timeline covers the window's lower part.
@@ -63,9 +65,23 @@ class Stage:
         towards = (self.camera_centers / np.linalg.norm(self.camera_centers, axis=1, keepdims=True)).mean(0)
         return self.target + np.linalg.norm(self.eye - self.target) * _unit(towards, self.eye - self.target)
 
+    def above(self) -> np.ndarray:
+        """(3,) float, page: an eye position over the mesh; the cameras' side is below in the picture."""
+        distance = float(np.linalg.norm(self.eye - self.target))
+        level = self.frontal() - self.target
+        level = level - (level @ self.up) * self.up
+        return self.target_from_above() + distance * _unit(self.up + 0.02 * _unit(level, np.roll(self.up, 1)), self.up)
+
+    def target_from_above(self) -> np.ndarray:
+        """(3,) float, page: the point to look at from `above`, nearer to the cameras than the mesh's middle, since the
+        timeline covers the lower part of the window."""
+        level = self.frontal() - self.target
+        level = level - (level @ self.up) * self.up
+        return float(np.linalg.norm(self.target)) * _unit(level, np.roll(self.up, 1))
+
     def overview(self) -> np.ndarray:
-        """(3,) float, page: an eye position in the initial direction from which mesh and cameras are visible."""
-        direction = (self.eye - self.target) / np.linalg.norm(self.eye - self.target)
+        """(3,) float, page: an eye position from which mesh and cameras are visible, beside the initial direction."""
+        direction = _turned((self.eye - self.target) / np.linalg.norm(self.eye - self.target), self.up)
         reach = np.concatenate([self.camera_centers, np.zeros((1, 3))]) - self.target
         along = reach @ direction
         across = np.linalg.norm(reach - along[:, None] * direction, axis=1)
@@ -97,10 +113,43 @@ def _upright(rotations: np.ndarray) -> np.ndarray:
     return nearest if guess @ nearest > NEAR_AXIS else guess
 
 
-def _first_direction(towards: np.ndarray, up: np.ndarray) -> np.ndarray:
-    """The cameras' mean direction, turned sideways and up, but not beyond the zenith."""
+def _first_direction(scene: Scene, towards: np.ndarray, up: np.ndarray) -> np.ndarray:
+    """(3,) float: the unit direction from the middle of the mesh to the initial camera.
+
+    It is the mean of the directions to the cameras. If the cameras surround the mesh, or another camera's direction shows
+    clearly more of the surface, it is that camera's. Where the truth is known, surface that is away from it counts more.
+
+    Args:
+        towards: (V, 3) float: unit directions from the middle of the mesh to the cameras.
+        up: (3,) float: unit vector; the direction is never along it, since the camera's roll would be undefined.
+    """
+    vertices, faces = scene.mesh.vertices, scene.mesh.faces
+    corners = vertices[faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])  # as long as twice the area
+    facing = normals @ towards.T
+    outward = np.sign(np.median(facing.sum(axis=1))) or 1.0
+    weight = np.ones(len(faces))
+    if scene.truth is not None and scene.truth.vertices is not None:
+        fault = np.linalg.norm(vertices - scene.truth.vertices, axis=1)
+        weight += fault[faces].mean(axis=1) / (float(fault[faces].mean()) or 1.0)
+
+    def score(direction: np.ndarray) -> float:
+        return float(weight @ np.maximum(outward * (normals @ direction), 0))
+
+    mean = towards.mean(axis=0)
+    direction = max(towards, key=score)
+    if np.linalg.norm(mean) >= MIN_MEAN:
+        mean /= np.linalg.norm(mean)
+        direction = mean if score(mean) >= GOOD_ENOUGH * score(direction) else direction
+    if np.linalg.norm(np.cross(direction, up)) < ALONG_UP:
+        direction = _unit(direction + 2 * ALONG_UP * np.roll(up, 1), direction)
+    return direction
+
+
+def _turned(towards: np.ndarray, up: np.ndarray) -> np.ndarray:
+    """A direction turned sideways and up, but not beyond the zenith."""
     level = towards - (towards @ up) * up
-    if np.linalg.norm(level) < 0.2:  # they look straight down or up
+    if np.linalg.norm(level) < 0.2:  # straight down or up
         return towards
     height = np.arcsin(np.clip(towards @ up, -1, 1))
     height = np.clip(height + TURN_UP, -1.2, max(1.2, height))

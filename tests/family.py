@@ -20,7 +20,7 @@ import trimesh
 
 import demo_scenes
 import fairing
-from demo_scenes import load_demo
+from app.files.scene_source import SceneSource
 from demo_scenes.building.plan import draw_plan
 from demo_scenes.cache import cache_folder, source_digest
 from fairing.errors import InputError
@@ -88,12 +88,12 @@ def scene_facts(seed: int) -> Row:
 
 
 def run_from(seed: int, beginning: str) -> Row:
-    """A whole run with default options: errors before and after in % of the diagonal, samples, processor seconds.
+    """A whole run as `eigenfairing fair building:SEED` makes it: errors in % of the diagonal, samples, processor seconds.
 
     Args:
         beginning: "start" or "truth".
     """
-    return run_scene(load_demo(f"building:{seed}"), beginning)
+    return run_scene(SceneSource.typed(f"building:{seed}", None, points="automatic").load(), beginning)
 
 
 def run_scene(scene: Scene, beginning: str) -> Row:

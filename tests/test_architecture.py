@@ -40,7 +40,7 @@ ALLOWED: dict[str, set[str]] = {
     "demo_scenes": DATA | {"fairing.util", "fairing.geometry"},
     "demo_scenes.building": DATA | {"demo_scenes", "fairing.geometry", "fairing.triangulation"},
     "demo_scenes.range_data": DATA | {"demo_scenes", "fairing.geometry", "fairing.registration"},
-    "app": DATA | {"fairing.geometry", "fairing.judge", "app.cli.main"},
+    "app": DATA | {"fairing.util", "fairing.geometry", "fairing.judge", "app.cli.main"},
     "app.debugger": {"app", "engine"},
     "app.viser_bridge": {"app", "fairing"},
     "app.files": {"app", "app.pictures", "engine", "demo_scenes"},
@@ -58,13 +58,29 @@ ALLOWED: dict[str, set[str]] = {
         *("app.lessons", "app.experiments", "engine"),
     },
     "app.export": {"app", "app.debugger", "app.files", "app.pictures", "engine"},
+    "app.lesson_pages": {
+        *("app", "app.debugger", "app.page_state", "app.pictures", "app.layers", "app.panels", "app.lessons"),
+        *("app.experiments", "app.export", "engine", "demo_scenes"),
+    },
+    "app.notebook": {
+        *("app", "app.files", "app.experiments", "app.panels", "app.export", "app.page", "app.viser_bridge", "engine"),
+    },
     "app.flips": {
         *("app", "app.files", "app.viser_bridge", "app.pictures", "app.page_state", "app.layers", "app.panels"),
         *("app.page", "engine", "demo_scenes"),
     },
     "app.cli": {
         *("app", "app.debugger", "app.viser_bridge", "app.page_state", "app.files", "app.pictures", "app.experiments"),
-        *("app.lessons", "app.export", "app.page", "app.flips", "engine", "demo_scenes", "demo_scenes.range_data"),
+        *(
+            "app.lessons",
+            "app.export",
+            "app.lesson_pages",
+            "app.page",
+            "app.flips",
+            "engine",
+            "demo_scenes",
+            "demo_scenes.range_data",
+        ),
     },
 }
 """The rooms that a room's modules may import besides their own. "engine": any room of `fairing`. A loose module's full

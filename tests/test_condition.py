@@ -3,11 +3,14 @@
 import pytest
 
 from app.debugger.breakpoints import Breakpoints
-from app.debugger.condition import Quantities, parse_condition
-from app.debugger.quantities import FUNCTIONS, VALUES, parse_step_condition
+from app.debugger.condition import ANY, Quantities, parse_condition
+from app.debugger.quantities import FUNCTIONS, PREDICATES, VALUES, limits_of, parse_step_condition
+from app.debugger.watch import COMPUTED, parse_watch
 from app.page_state.page_state import PageState
 from app.page_state.selection import Selection
+from app.panels.condition_field import mistake_html, words_for
 from fairing.errors import InputError
+from tests.small_scene import corner_scene
 
 QUANTITIES = Quantities(
     {"a": lambda: 2.0, "b": lambda: -3.0, "missing": lambda: float("nan")},
@@ -72,6 +75,73 @@ def test_mistakes_are_pointed_at(text: str, column: int):
         value(text)
 
 
+def test_the_word_vertex_or_view_means_any_of_them():
+    seen = []
+
+    def largest(number: float) -> float:
+        seen.append(number)
+        return {ANY: 9.0}.get(number, 1.0)
+
+    quantities = Quantities({"a": lambda: 2.0}, {"moved": largest, "view": largest})
+    items = {"moved": "vertex", "view": "view"}
+
+    def parse(text: str):
+        return parse_condition(text, {"a"}, {"moved", "view"}, {"moved": 5, "view": 3}, items=items)
+
+    assert parse("moved(vertex) > 8").holds(quantities)
+    assert parse("view(view) == 9 and moved(3) == 1").holds(quantities)
+    assert seen == [ANY, ANY, 3.0]
+    for wrong in ("moved(view) > 1", "view(vertex) > 1", "moved(vertex + 1) > 1", "vertex > 1"):
+        with pytest.raises(InputError, match=r"expected|not known"):
+            parse(wrong)
+    parse("view(3) > 0")
+    for wrong in ("view(0) > 0", "view(4) > 0"):
+        with pytest.raises(InputError, match=r"view\(\) expects a whole number from 1 to 3"):
+            parse(wrong)
+
+
+@pytest.mark.parametrize(
+    "text", ["rejected", "energy / 2", "rejected and level == 2", "not moved(3)", "moved(3) or sweep"]
+)
+def test_a_breakpoint_on_a_number_without_a_comparison_is_refused(text: str):
+    with pytest.raises(InputError, match="expected a comparison"):
+        parse_step_condition(text)
+
+
+@pytest.mark.parametrize("text", ["1", "1 > 0", "2 == 1 + 1", "not 3 < 4"])
+def test_a_constant_is_neither_a_breakpoint_nor_a_watch(text: str):
+    with pytest.raises(InputError, match="constant"):
+        parse_step_condition(text)
+    with pytest.raises(InputError, match="constant"):
+        parse_watch(text, corner_scene())
+
+
+def test_watches_and_breakpoints_have_one_grammar():
+    scene = corner_scene()
+    for text in ("about(0)", "abs(percent) < 0.01", "moved(vertex) > 2", "view(1) > 0 and not about(2)"):
+        parse_step_condition(text, limits_of(scene))
+        parse_watch(text, scene)
+    assert parse_watch("100 * weakest", scene).text == "100 * weakest"
+    for name in sorted(COMPUTED):
+        with pytest.raises(InputError, match="cannot be watched"):
+            parse_watch(name, scene)
+
+
+def test_a_mistake_is_shown_with_a_caret_below_its_place():
+    with pytest.raises(InputError) as caught:
+        parse_step_condition("rejected >> 0")
+    shown = mistake_html(str(caught.value))
+    typed, caret = shown.partition("<pre>")[2].partition("</pre>")[0].split("\n")
+    assert typed == "rejected &gt;&gt; 0"
+    assert caret == " " * len("rejected >") + "<b class='rejected'>^</b>"
+
+
+def test_names_are_offered_with_the_selected_vertex_and_the_photo_looked_through():
+    words = {word for word, _ in words_for(PageState(Selection((17,)), entered=2))}
+    assert {"rejected", "travelled(17)", "outliers(3)"} <= words
+    assert {"travelled(vertex)", "outliers(view)"} <= {word for word, _ in words_for(PageState())}
+
+
 def test_endless_conditions_are_refused():
     with pytest.raises(InputError, match="deeply nested"):
         value("(" * 60 + "a" + ")" * 60)
@@ -93,6 +163,6 @@ def test_every_word_that_is_offered_is_understood():
     for name in VALUES:
         parse_step_condition(f"{name} > 0")
     for name in FUNCTIONS:
-        parse_step_condition(f"{name}(1) > 0")
+        parse_step_condition(f"{name}(change) > 0" if name not in PREDICATES else f"{name}(1)")
     for condition in ready_made(PageState(Selection((3,)), entered=2)).values():
         parse_step_condition(condition)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from app.cli import serve
+from app.cli.loading import OpeningProgress
 from app.cli.main import run
 from app.debugger.bookmarks import Bookmarks, read_bookmarks
 from app.debugger.commands import Branch, DeleteRun, Extent, Forward, JumpTo, Run, SwitchTo
@@ -121,7 +122,7 @@ def test_a_reference_is_the_mesh_of_its_run_and_moment(scene: Scene):
         assert found.name == "Run 1 at 1:1:1:2"
         standing = look_up(Reference(first.run_id), now)
         assert standing is not None
-        assert standing.moment == 2
+        assert standing.moment == first.length  # the table of runs describes its last recorded step
         assert look_up(Reference(99), now) is None
         gone = do(controller, SwitchTo(now.run_id), DeleteRun(first.run_id))
         assert look_up(Reference(first.run_id, 1), gone) is None
@@ -152,7 +153,7 @@ def test_options_are_told_by_their_preset_and_what_differs():
 
 def opened(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> Session:
     found = []
-    monkeypatch.setattr(serve, "serve", lambda open_session, **_: found.append(open_session(lambda line: None)))
+    monkeypatch.setattr(serve, "serve", lambda open_session, **_: found.append(open_session(OpeningProgress())))
     assert run(arguments) == 0
     return found[0]
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from app.debugger.commands import JumpTo, Run
+from app.debugger.condition import ANY
 from app.debugger.controller import Controller
 from app.debugger.quantities import StepContext, limits_of, parse_step_condition, quantities_of
 from demo_scenes import Photography, load_demo
@@ -73,8 +74,14 @@ def test_quantities_around_a_step_are_those_of_the_engine(scene: Scene, session:
     cells = [face_cells(session, int(face)) for face in record.faces]
     kept = [(c.residual[k], c.counts[k], c.outlier_threshold) for c in cells for k in np.flatnonzero(c.views == 3)]
     large = sum(int((np.abs(residual[counts]) > threshold).sum()) for residual, counts, threshold in kept)
-    assert ask.functions["outliers"](3) == large / sum(int(counts.sum()) for _, counts, _ in kept)
-    assert 0 < ask.functions["outliers"](3) < 0.5
+    outliers = ask.functions["outliers"]
+    assert outliers(4) == large / sum(int(counts.sum()) for _, counts, _ in kept), "views are counted from 1"
+    assert 0 < outliers(4) < 0.5
+    by_view = [outliers(view) for view in range(1, 13)]
+    assert outliers(ANY) == np.nanmax(by_view)
+    assert ask.functions["displaced"](ANY) == max(ask.functions["displaced"](vertex) for vertex in range(7))
+    assert ask.functions["moved"](ANY) == max(ask.functions["moved"](vertex) for vertex in range(7))
+    assert ask.functions["view"](ANY) == max(ask.functions["view"](view) for view in range(1, 13))
     for wrong in (-1, 99, float("nan"), 1e300):
         assert np.isnan(ask.functions["outliers"](wrong))
         assert np.isnan(ask.functions["displaced"](wrong))
@@ -108,8 +115,9 @@ def test_quantities_that_need_the_engine_are_nan_without_it(session: Session):
 
 def test_errors_name_unknown_vertices_and_views(scene: Scene):
     limits = limits_of(scene)
-    parse_step_condition("about(6) and view(11) > 0", limits)
+    parse_step_condition("about(6) and view(12) > 0", limits)
+    parse_step_condition("outliers(view) > 0.2 and travelled(vertex) > 3", limits)
     with pytest.raises(InputError, match=r"column 13: about\(\) expects a whole number from 0 to 6.*⟨here⟩7"):
         parse_step_condition("1 and about(7)", limits)
-    with pytest.raises(InputError, match=r"column 6: view\(\) expects a whole number from 0 to 11"):
-        parse_step_condition("view(12) > 0", limits)
+    with pytest.raises(InputError, match=r"column 6: view\(\) expects a whole number from 1 to 12"):
+        parse_step_condition("view(0) > 0", limits)

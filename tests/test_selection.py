@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from app.page_state.selection import Selection, list_vertices, parse_vertices
-from app.picking import nearest_to_ray, vertices_within
+from app.picking import nearest_to_ray, point_under_pointer, vertices_within
 from fairing.camera import Camera
 from fairing.errors import InputError
 from fairing.mesh import Mesh
@@ -92,3 +92,11 @@ def test_the_vertex_on_a_line_of_sight_is_the_one_at_the_smallest_angle_in_front
     points = np.array([[0, 0, -1.0], [0.1, 0, 1.0], [0.3, 0, 9.0], [5, 0, 5.0]])
     assert nearest_to_ray(points, np.zeros(3), np.array([0.0, 0.0, 1.0])) == 2
     assert nearest_to_ray(points, np.array([0.0, 0.0, 0.9]), np.array([1.0, 0.0, 1.0]) / np.sqrt(2)) == 1
+
+
+def test_the_point_under_the_pointer_is_the_nearest_to_the_eye():
+    points = np.array([[0.0, 0.0, 2.0], [0.0, 0.01, 1.0], [0.5, 0.0, 1.0], [0.0, 0.0, -1.0]])
+    eye, ahead = np.zeros(3), np.array([0.0, 0.0, 1.0])
+    assert point_under_pointer(points, eye, ahead, 0.02) == 1
+    assert point_under_pointer(points, eye, ahead, 0.005) == 0
+    assert point_under_pointer(points[2:], eye, ahead, 0.02) is None

@@ -64,11 +64,11 @@ def test_the_scale_of_a_strip_is_logarithmic(value: float, part: float):
 
 
 def test_a_look_back_shows_the_past_only_while_the_run_goes_on(state: RunState):
-    view = PageState(looks_at=3)
+    view = PageState(viewed_moment=3)
     running = replace(state, activity=Activity.RUNNING)
     past = at_viewed_moment(running, view)
     assert (past.moment, past.length) == (3, state.length)
     np.testing.assert_array_equal(past.vertices, state.trace.vertices_at(3))
     assert past.position == state.trace.steps[3].position
     assert at_viewed_moment(state, view) is state
-    assert view.looks_at is None
+    assert view.viewed_moment is None

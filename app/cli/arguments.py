@@ -58,7 +58,7 @@ PointsArgument = Annotated[
     ),
 ]
 RunArgument = Annotated[
-    Path,
+    Path | None,
     tyro.conf.Positional,
     tyro.conf.arg(metavar="RUN", help="The folder that `fair` wrote, or its run.trace."),
 ]

@@ -15,7 +15,7 @@ from app.cli.interrupt import Interrupt
 from app.cli.lines import print_line
 from app.cli.loading import load_with_progress
 from app.experiments.record import Record
-from app.experiments.workers import measure_all
+from app.experiments.workers import MOST_WORKERS, measure_all
 from app.files.scene_source import SceneSource
 from demo_scenes import DEMO_NAMES, is_demo
 from fairing.errors import InputError
@@ -26,7 +26,6 @@ from fairing.option_check import check_options
 from fairing.options import FairingOptions
 
 ABOUT = "Displace one vertex of a scene from its true position, many times, and measure where the engine brings it."
-MOST_WORKERS = 8
 SAVE_EVERY = 2.0  # s
 
 

@@ -1,4 +1,4 @@
-"""`export`: a recorded run as a page, a report, a picture or a video."""
+"""`export`: a recorded run as a page, a report, a picture or a video; and lessons as pages."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -7,6 +7,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from app.cli.arguments import ALL_PHOTOS, PhotosArgument, RecordedMeshArgument, RecordedSceneArgument, RunArgument
+from app.cli.export_lesson import export_lesson, export_lessons
 from app.cli.lines import print_line
 from app.cli.loading import load_with_progress
 from app.debugger.moment_id import find_moment, parse_moment_id
@@ -26,8 +27,10 @@ PAGE, PICTURE, VIDEOS = ".html", ".png", (".mp4", ".webm", ".gif")
 
 
 def export(
-    run: RunArgument,
     out: Path,
+    run: RunArgument = None,
+    lesson: str | None = None,
+    lessons: bool = False,
     at: str | None = None,
     report: bool = False,
     scene: RecordedSceneArgument = None,
@@ -35,13 +38,32 @@ def export(
     photos: PhotosArgument = ALL_PHOTOS,
 ) -> int:
     """Write a recorded run as one file to share: a page (.html), a picture (.png) or a video (.mp4, .webm, .gif).
+    With --lesson or --lessons: a lesson, or all lessons, as pages that need no server.
 
     Args:
         out: .html: a page that replays the run, offline. .png: the textured mesh before and after. .mp4, .webm, .gif: a video.
+            With --lessons: a folder.
+        lesson: Write this lesson (a name, or a Markdown file) as a page. The lesson `capture` uses the scene of --scene, by
+            default the demo archway.
+        lessons: Write all lessons as pages, and an index of them.
         at: The moment at which a page opens or that a picture shows: level:sweep:vertex:iteration from 1, `start` or `end`.
         report: With .html: a report with figures and pictures, to read and print, instead of the replay.
     """
-    return export_to_file(lambda: find_run(run, scene, mesh, photos), out, at, report, Console(stderr=True))
+    console = Console(stderr=True)
+    if [run is not None, lesson is not None, lessons].count(True) != 1:
+        raise InputError("export: expected one of RUN, --lesson NAME and --lessons")
+    if run is not None:
+        return export_to_file(lambda: find_run(run, scene, mesh, photos), out, at, report, console)
+    if at is not None or report:
+        raise InputError("--at, --report: apply to a RUN; leave them out with --lesson and --lessons")
+    if lesson is not None:
+        source = None if scene is None else SceneSource.typed(scene, mesh, photos)
+        return export_lesson(lesson, source, out, console)
+    if (scene, mesh, photos) != (None, None, ALL_PHOTOS):
+        raise InputError(
+            "--lessons: uses the demo scenes; for a scene of your own write --lesson capture --scene SCENE"
+        )
+    return export_lessons(out, console)
 
 
 def export_to_file(

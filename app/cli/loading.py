@@ -2,16 +2,33 @@
 
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import TypeVar
 
 from rich.console import Console
 from rich.progress import Progress
 
 from app.files.scene_source import SceneSource
+from app.html import duration
 from fairing.scene import Scene
 
-ShowLine = Callable[[str], None]
+ShowProgress = Callable[[str, float | None], None]
+"""Called with a line and the finished fraction, 0 to 1, or None."""
 SHOW_EVERY = 0.25  # seconds between lines
+
+
+@dataclass(frozen=True)
+class OpeningProgress:
+    """What is shown of the opening of a scene, and what the user requests meanwhile.
+
+    Attributes:
+        show: shows progress.
+        skip_points: whether not to look for points in the photos.
+    """
+
+    show: ShowProgress = lambda line, fraction: None
+    skip_points: Callable[[], bool] = lambda: False
+
 
 _Loaded = TypeVar("_Loaded")
 
@@ -25,7 +42,7 @@ def load_with_bar(
     name: str,
     load: Callable[[Callable[[float, str], None]], _Loaded],
     console: Console,
-    show: ShowLine = lambda line: None,
+    show: ShowProgress = lambda line, fraction: None,
 ) -> _Loaded:
     """The result of `load`, which receives a callback (fraction done, line) that moves the bar.
 
@@ -44,6 +61,6 @@ def load_with_bar(
                 return
             due = time.monotonic() + SHOW_EVERY
             left = bar.tasks[0].time_remaining
-            show(line if left is None else f"{line}, {round(left)} s left")
+            show(line if left is None or fraction == 0 else f"{line}; {duration(left)} left", fraction)
 
         return load(on_progress)

@@ -10,6 +10,7 @@ import os
 import sys
 import threading
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -30,7 +31,7 @@ from app.cli.arguments import (
     SceneArgument,
     with_current_flags,
 )
-from app.cli.loading import ShowLine, load_with_bar
+from app.cli.loading import OpeningProgress, load_with_bar
 from app.debugger.moment_id import START, find_moment, parse_moment_id
 from app.files.recorded_run import find_run
 from app.files.run_files import FLIPS
@@ -66,21 +67,22 @@ def view(
         preset: Options to start from.
         save_to: File for the record of all steps, for `eigenfairing replay`.
         at: Run to this moment first and open there: level:sweep:vertex:iteration from 1, `start` or `end`.
-        lesson: Open this lesson, on the scene that it uses. The page lists all lessons.
+        lesson: Open this lesson, on the scene that it uses: a name, or a Markdown file (.md). The page lists all lessons.
     """
     console = Console(stderr=True)
     source = SceneSource.typed(scene, mesh, photos, points)
     wanted = parse_moment_id(at, PRESETS[preset].n_levels)
-    load = source.load
+    load = None
     if lesson is not None:
         from app.lessons.opening import scene_of_lesson
 
         load = scene_of_lesson(lesson, source)
 
-    def open_session(show: ShowLine) -> "Session":
+    def open_session(opening: OpeningProgress) -> "Session":
         from fairing.run.session import Session
 
-        session = Session(load_with_bar(source.scene, load, console, show), PRESETS[preset])
+        chosen = load or partial(source.load, skip_points=opening.skip_points)
+        session = Session(load_with_bar(source.scene, chosen, console, opening.show), PRESETS[preset])
         if lesson is None or session.scene.name == source.scene:  # a lesson's own scene has no name to find it by
             source.resolved(session.scene.sparse_points).note_in(session.trace.header)
         if save_to is not None:
@@ -88,12 +90,12 @@ def view(
         return session
 
     if at.strip() == START:
-        return _serve(open_session, page, save_to=save_to, lesson=lesson)
+        return _serve(open_session, page, title=source.title, save_to=save_to, lesson=lesson)
     from app.cli.run_progress import run_to
 
-    session = open_session(lambda line: None)
+    session = open_session(OpeningProgress())
     run_to(session, wanted, console)
-    return _serve(lambda show: session, page, save_to=save_to, page_first=False, lesson=lesson)
+    return _serve(lambda _: session, page, title=source.title, save_to=save_to, page_first=False, lesson=lesson)
 
 
 def replay(
@@ -121,14 +123,15 @@ def replay(
     trace, source, path = find_run(run, scene, mesh, photos)
     wanted = parse_moment_id(at, options_from_dict(trace.header["options"]).n_levels)
 
-    def open_session(show: ShowLine) -> "Session":
+    def open_session(opening: OpeningProgress) -> "Session":
         from fairing.run.session import Session
 
-        session = Session(load_with_bar(source.scene, source.load, Console(stderr=True), show), trace=trace)
+        load = partial(source.load, skip_points=opening.skip_points)
+        session = Session(load_with_bar(source.scene, load, Console(stderr=True), opening.show), trace=trace)
         session.go_to(find_moment(trace, wanted))
         return session
 
-    return _serve(open_session, page, recorded_in=path)
+    return _serve(open_session, page, title=source.title, recorded_in=path)
 
 
 def _replay_flips(run: Path, scene: str | None, page: PageAddress, photos: PhotoChoice) -> int:
@@ -143,7 +146,7 @@ def _replay_flips(run: Path, scene: str | None, page: PageAddress, photos: Photo
     return 0
 
 
-def _serve(open_session: Callable[[ShowLine], "Session"], page: PageAddress, **how: Any) -> int:
+def _serve(open_session: Callable[[OpeningProgress], "Session"], page: PageAddress, **how: Any) -> int:
     from app.cli.serve import serve
 
     serve(open_session, address=page, **how)

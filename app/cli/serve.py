@@ -7,26 +7,29 @@ scene to load, so the address is printed, and the browser opened, before either 
 import contextlib
 import signal
 import threading
-import webbrowser
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from app.cli.arguments import PageAddress
-from app.cli.loading import ShowLine
-from app.viser_bridge.server import ViewerServer, show_opening, start_viewer
+from app.cli.browser import open_page
+from app.cli.loading import OpeningProgress
+from app.files.scene_source import FINDING_POINTS
+from app.viser_bridge.server import ViewerServer, start_viewer
 from fairing.errors import InputError
 
 if TYPE_CHECKING:
+    from app.debugger.engine_compilation import EngineCompilation
     from fairing.run.session import Session
 
 WAIT_SECONDS = 0.5  # a Ctrl-C that arrives just before a wait begins does not end it, so no wait is long
 
 
 def serve(
-    open_session: Callable[[ShowLine], "Session"],
+    open_session: Callable[[OpeningProgress], "Session"],
     address: PageAddress,
     *,
+    title: str,
     save_to: Path | None = None,
     recorded_in: Path | None = None,
     page_first: bool = True,
@@ -35,8 +38,9 @@ def serve(
     """Open the debugger, paused, and return after Ctrl-C.
 
     Args:
-        open_session: returns the run; receives a callback for lines of progress, which the page shows.
+        open_session: returns the run; receives the callbacks of the page that is shown meanwhile.
         address: where the page is.
+        title: of the scene.
         save_to: file that the trace is written to.
         recorded_in: file that the trace was read from; its bookmarks lie beside it.
         page_first: start the server before `open_session` is called. Not for a run that exists already: a Ctrl-C
@@ -49,12 +53,37 @@ def serve(
     """
 
     def open_app(server: ViewerServer) -> Callable[[], None]:
+        page = server.opening
+        page.begin(f"Opening {title}", lambda: "")
+        page.show("Loading the engine")
+        from app.debugger.actions import ACTIONS
+        from app.debugger.engine_compilation import EngineCompilation, is_compiled
         from app.page.server import App
 
-        session = open_session(lambda line: show_opening(server, line))
-        return App(server, session, save_to, recorded_in, lesson).stop
+        def show(line: str, fraction: float | None) -> None:
+            page.show(f"{line[:1].upper()}{line[1:]}", fraction, can_skip=line.startswith(FINDING_POINTS))
+
+        page.accept_keys((a.label, *key) for a in ACTIONS for key in a.keys)
+        compilation = None if is_compiled() else EngineCompilation()
+        page.begin(f"Opening {title}", lambda: _line_of(compilation))
+        try:
+            session = open_session(OpeningProgress(show, page.skip_requested))
+            page.show("Building the page")
+            return App(server, session, save_to, recorded_in, lesson, compilation).stop
+        except BaseException:
+            if compilation is not None:
+                compilation.close()
+            raise
 
     serve_app(open_app, address, page_first=page_first)
+
+
+def _line_of(compilation: "EngineCompilation | None") -> str:
+    """A line about what is compiled at present; empty if nothing is."""
+    from app.debugger.compile_watch import compiling
+
+    report = (None if compilation is None else compilation.report) or compiling()
+    return "" if report is None else report.line
 
 
 def serve_app(
@@ -110,4 +139,5 @@ def _announce(server: ViewerServer, address: PageAddress) -> None:
     if server.url_for_others:
         print(f"From other machines: {server.url_for_others}", flush=True)  # noqa: T201
     if address.browser:
-        webbrowser.open(server.url)
+        for line in open_page(server.url, server.get_port()):
+            print(line, flush=True)  # noqa: T201

@@ -3,6 +3,11 @@
 from dataclasses import dataclass
 
 from app.debugger.commands import Back, Command, Extent, Forward, JumpTo, Pause, Restart, Run, RunBack, SaveReport
+from app.keys import Key, key_text
+
+BLOCK_NAMES = {"sequential": "vertex", "worst_first": "vertex", "independent": "set", "joint": "all"}
+"""What is stepped at once, by the order of the schedule."""
+BLOCK_STEPS = {"independent": "one set of vertices", "joint": "all vertices once"}
 
 
 @dataclass(frozen=True)
@@ -21,16 +26,23 @@ class Action:
     name: str
     label: str
     command: Command
-    keys: tuple[tuple[str, str | None], ...] = ()
+    keys: tuple[Key, ...] = ()
     icon: str = ""
     mirrored: bool = False
 
     @property
     def hint(self) -> str:
         """Tooltip: the label and its keys."""
-        if not self.keys:
-            return self.label
-        return f"{self.label} ({', '.join(key_text(*key) for key in self.keys)})"
+        return self.hint_in("sequential")
+
+    def label_in(self, order: str) -> str:
+        """The label where vertices are stepped in this order of the schedule: one by one, in sets, or all at once."""
+        return self.label.replace("one vertex", BLOCK_STEPS.get(order, "one vertex"))
+
+    def hint_in(self, order: str) -> str:
+        """Tooltip in this order of the schedule."""
+        label = self.label_in(order)
+        return f"{label} ({', '.join(key_text(*key) for key in self.keys)})" if self.keys else label
 
 
 ACTIONS: tuple[Action, ...] = (
@@ -67,8 +79,10 @@ VERTEX_KEYS = (
     ("X", "Surface at the start or now"),
     ("-", "Texture: static or view-dependent"),
     ("Y", "Dark or light theme"),
-    ("M", "Show the mesh"),
-    ("V", "Show mesh and cameras"),
+    ("M", "View: mesh"),
+    ("V", "View: mesh and all cameras"),
+    ("Shift+F", "View: front"),
+    ("Shift+T", "View: top"),
     ("Page Down", "Next step of the lesson"),
     ("Page Up", "Previous step of the lesson"),
     ("Ctrl+K", "All commands"),
@@ -76,13 +90,18 @@ VERTEX_KEYS = (
 )
 
 
-def key_list() -> list[tuple[str, str]]:
-    """The rows of the help: keys and what they do."""
-    actions = [(", ".join(key_text(*key) for key in action.keys), action.label) for action in ACTIONS if action.keys]
+def label_of(command: Command) -> str:
+    """A command in words: the label of its action, or the name of its kind."""
+    for action in ACTIONS:
+        if action.command == command:
+            return action.label
+    words = "".join(f" {letter.lower()}" if letter.isupper() else letter for letter in type(command).__name__)
+    return words.strip().capitalize()
+
+
+def key_list(order: str) -> list[tuple[str, str]]:
+    """The rows of the help: keys and what they do in this order of the schedule."""
+    actions = [
+        (", ".join(key_text(*key) for key in action.keys), action.label_in(order)) for action in ACTIONS if action.keys
+    ]
     return [*actions, *CAMERA_KEYS, *VERTEX_KEYS]
-
-
-def key_text(key: str, modifier: str | None) -> str:
-    """A key as it is displayed, such as Shift+F11."""
-    key = "Space" if key == "space" else key
-    return f"{modifier.capitalize()}+{key}" if modifier else key

@@ -3,6 +3,7 @@
 from collections import deque
 from collections.abc import Callable
 
+from app.debugger.actions import label_of
 from app.debugger.commands import Command, JumpTo, Pause, Query
 
 HISTORY = 50  # commands kept for a problem report
@@ -42,6 +43,11 @@ class CommandQueue:
         """Add a query that was cancelled, unless a newer one with its key waits."""
         if not any(isinstance(waiting, Query) and waiting.key == query.key for waiting in self._waiting):
             self._waiting.append(query)
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Labels of the commands that wait, without queries."""
+        return tuple(label_of(command) for command in self._waiting if not isinstance(command, Query))
 
     def take(self) -> Command | None:
         """Remove and return the first command; None if there is none."""

@@ -21,9 +21,14 @@ class Extent(IntEnum):
 
 @dataclass(frozen=True)
 class Forward:
-    """Step to the end of the present iteration, block, sweep or level."""
+    """Step to the end of the present iteration, block, sweep or level.
+
+    Attributes:
+        passes_breakpoints: breakpoints are not checked.
+    """
 
     extent: Extent
+    passes_breakpoints: bool = False
 
 
 @dataclass(frozen=True)
@@ -38,6 +43,7 @@ class Run:
     """Run to the end of the schedule, or until a breakpoint or `until` holds after a step, or another command arrives."""
 
     until: Condition | None = None
+    passes_breakpoints: bool = False
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ class Reference:
 
     Attributes:
         run_id: the run.
-        moment: of that run; None: its present moment.
+        moment: of that run; None: its last recorded moment, which the table of runs describes.
     """
 
     run_id: int
@@ -50,9 +50,9 @@ def look_up(reference: Reference | None, state: RunState) -> Compared | None:
     if reference is None or not found:
         return None
     run = found[0]
-    if reference.moment is None or reference.moment == run.moment:
+    moment = run.length if reference.moment is None else min(reference.moment, run.length)
+    if moment == run.moment:
         return Compared(run, run.moment, run.vertices)
-    moment = min(reference.moment, run.length)
     return Compared(run, moment, run.trace.vertices_at(moment))
 
 

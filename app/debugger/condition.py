@@ -1,10 +1,12 @@
 """Conditions over the quantities of a step, such as `rejected > 0 and level == 2`.
 
-Grammar: or, and, not; comparisons; + - * /; numbers, names and functions of one number. Nothing is evaluated as Python.
+Grammar: or, and, not; comparisons; + - * /; numbers, names and functions of one number. A function of a vertex or view also
+takes the word `vertex` or `view`: `outliers(view) > 0.2` holds if it holds for any view. Nothing is evaluated as Python.
 """
 
+import math
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Set
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import NamedTuple
@@ -13,6 +15,8 @@ from fairing.errors import InputError
 
 MAX_LENGTH = 200
 MAX_DEPTH = 40
+ANY = math.inf  # argument of a function whose largest value over all vertices or views is meant
+FIRST = {"view": 1}  # number of the first item; 0 for others. Photos are counted from 1, as on the keyboard
 _TOKEN = re.compile(
     r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)|(?P<name>[A-Za-z_]\w*)|(?P<sign><=|>=|==|!=|[-+*/()<>]))"
 )
@@ -35,10 +39,14 @@ class Condition:
     Attributes:
         text: as it was typed.
         evaluate: computes its value from the quantities of a step; any value but 0 and NaN is true.
+        is_truth: whether it is true or false rather than a number.
+        is_constant: whether no quantity occurs in it.
     """
 
     text: str
     evaluate: Evaluate
+    is_truth: bool = True
+    is_constant: bool = False
 
     def holds(self, quantities: Quantities) -> bool:
         value = self.evaluate(quantities)
@@ -51,20 +59,35 @@ def parse_condition(
     functions: set[str],
     limits: Mapping[str, int] = MappingProxyType({}),
     called: str = "condition",
+    items: Mapping[str, str] = MappingProxyType({}),
+    predicates: Set[str] = frozenset(),
+    elsewhere: Set[str] = frozenset(),
 ) -> Condition:
     """Parse a condition.
 
     Args:
         values, functions: the names it may use.
-        limits: number of valid arguments, from 0, of functions that select a vertex or view.
+        limits: number of valid arguments, from `FIRST`, of functions that select a vertex or view.
         called: its name in error messages.
+        items: what the argument of a function selects, "vertex" or "view".
+        predicates: functions that are true or false.
+        elsewhere: names known in breakpoints only.
 
     Raises:
         InputError: it cannot be parsed; the message shows the position.
     """
     if len(text) > MAX_LENGTH:
         raise InputError(f"{called}: expected at most {MAX_LENGTH} characters, found {len(text)}")
-    return Condition(text.strip(), _Parser(text, values, functions, limits, called).parse())
+    parser = _Parser(text, values, functions, limits, called, items, predicates, elsewhere)
+    part = parser.parse()
+    return Condition(text.strip(), part.evaluate, part.is_truth, not parser.uses_quantities)
+
+
+class _Part(NamedTuple):
+    """A parsed part, and whether it is true or false rather than a number."""
+
+    evaluate: Evaluate
+    is_truth: bool = False
 
 
 class _Token(NamedTuple):
@@ -74,18 +97,20 @@ class _Token(NamedTuple):
 
 
 class _Parser:
-    """Recursive-descent parser; every method returns a function that computes the part it has parsed."""
+    """Recursive-descent parser; every method returns the part it has parsed."""
 
     def __init__(
-        self, text: str, values: set[str], functions: set[str], limits: Mapping[str, int], called: str
-    ) -> None:
+        self, text: str, values: set[str], functions: set[str], limits: Mapping[str, int], called: str,
+        items: Mapping[str, str], predicates: Set[str], elsewhere: Set[str],
+    ) -> None:  # fmt: skip
         self._text, self._values, self._functions, self._limits = text, values, functions, limits
-        self._called = called
+        self._called, self._items, self._predicates, self._elsewhere = called, items, predicates, elsewhere
+        self.uses_quantities = False
         self._tokens = self._split()
         self._at = 0
         self._depth = 0
 
-    def parse(self) -> Evaluate:
+    def parse(self) -> _Part:
         result = self._either()
         if self._now.kind != "end":
             raise self._error("expected the end or an operator")
@@ -116,88 +141,105 @@ class _Parser:
             return self._tokens[self._at - 1].text
         return None
 
-    def _either(self) -> Evaluate:
+    def _either(self) -> _Part:
         self._depth += 1
         if self._depth > MAX_DEPTH:
             raise self._error("too deeply nested")
         left = self._both()
         while self._take("or"):
-            left = _either(left, self._both())
+            right = self._both()
+            left = _Part(_either(left.evaluate, right.evaluate), left.is_truth and right.is_truth)
         self._depth -= 1
         return left
 
-    def _both(self) -> Evaluate:
+    def _both(self) -> _Part:
         left = self._negation()
         while self._take("and"):
-            left = _both(left, self._negation())
+            right = self._negation()
+            left = _Part(_both(left.evaluate, right.evaluate), left.is_truth and right.is_truth)
         return left
 
-    def _negation(self) -> Evaluate:
+    def _negation(self) -> _Part:
         negated = False
         while self._take("not"):
             negated = not negated
         inner = self._comparison()
-        return (lambda q: float(inner(q) == 0)) if negated else inner
+        return _Part(lambda q: float(inner.evaluate(q) == 0), inner.is_truth) if negated else inner
 
-    def _comparison(self) -> Evaluate:
+    def _comparison(self) -> _Part:
         left = self._sum()
         sign = self._take(*_COMPARE)
         if sign is None:
             return left
         compare, right = _COMPARE[sign], self._sum()
-        return lambda q: float(compare(left(q), right(q)))
+        return _Part(lambda q: float(compare(left.evaluate(q), right.evaluate(q))), is_truth=True)
 
-    def _sum(self) -> Evaluate:
+    def _sum(self) -> _Part:
         left = self._product()
         while sign := self._take("+", "-"):
-            left = _arithmetic(sign, left, self._product())
+            left = _Part(_arithmetic(sign, left.evaluate, self._product().evaluate))
         return left
 
-    def _product(self) -> Evaluate:
+    def _product(self) -> _Part:
         left = self._sign()
         while sign := self._take("*", "/"):
-            left = _arithmetic(sign, left, self._sign())
+            left = _Part(_arithmetic(sign, left.evaluate, self._sign().evaluate))
         return left
 
-    def _sign(self) -> Evaluate:
+    def _sign(self) -> _Part:
         negative = False
         while self._take("-"):
             negative = not negative
         inner = self._atom()
-        return (lambda q: -inner(q)) if negative else inner
+        return _Part(lambda q: -inner.evaluate(q)) if negative else inner
 
-    def _atom(self) -> Evaluate:
+    def _atom(self) -> _Part:
         token = self._now
         if token.kind == "number":
             self._at += 1
             number = float(token.text)
-            return lambda q: number
+            return _Part(lambda q: number)
         if self._take("("):
             inner = self._either()
             self._close()
             return inner
         if token.kind == "name" and token.text in self._functions:
             self._at += 1
+            self.uses_quantities = True
             if not self._take("("):
                 raise self._error(f"expected ( after {token.text}")
             self._check_limit(token.text)
-            argument = self._either()
+            argument = self._argument(token.text)
             self._close()
-            return lambda q: q.functions[token.text](argument(q))
+            return _Part(lambda q: q.functions[token.text](argument(q)), token.text in self._predicates)
         if token.kind == "name" and token.text in self._values:
             self._at += 1
-            return lambda q: q.values[token.text]()
+            self.uses_quantities = True
+            return _Part(lambda q: q.values[token.text]())
+        if token.kind == "name" and token.text in self._elsewhere:
+            raise self._error(f"{token.text} is computed only where a breakpoint is checked; it cannot be watched")
         if token.kind == "name" and token.text not in ("and", "or", "not"):
             known = ", ".join(sorted(self._values) + sorted(f"{name}()" for name in self._functions))
             raise self._error(f"{token.text!r} is not known; known names are {known}")
         raise self._error("expected a number or a name")
 
+    def _argument(self, function: str) -> Evaluate:
+        """A computed argument, or the word for any vertex or view."""
+        item, following = self._items.get(function), self._tokens[self._at + 1 : self._at + 2]
+        if item is not None and self._now.text == item and following and following[0].text == ")":
+            self._at += 1
+            return lambda q: ANY
+        return self._either().evaluate
+
     def _check_limit(self, function: str) -> None:
         """Check an argument that is a plain number; a computed argument may have any value."""
         count, following = self._limits.get(function), self._tokens[self._at + 1 : self._at + 2]
         is_plain = self._now.kind == "number" and following and following[0].text == ")"
-        if count is not None and is_plain and float(self._now.text) not in range(count):
-            raise self._error(f"{function}() expects a whole number from 0 to {count - 1}")
+        if count is None or not is_plain:
+            return
+        first = FIRST.get(self._items.get(function, ""), 0)
+        if float(self._now.text) not in range(first, first + count):
+            raise self._error(f"{function}() expects a whole number from {first} to {first + count - 1}")
 
     def _close(self) -> None:
         if not self._take(")"):

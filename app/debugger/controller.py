@@ -13,11 +13,14 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
+from app.debugger.actions import label_of
 from app.debugger.bookmarks import Bookmarks, file_beside, read_bookmarks, write_bookmarks
 from app.debugger.breakpoints import Breakpoints
 from app.debugger.cancellation import Cancellation
 from app.debugger.command_queue import CommandQueue
 from app.debugger.commands import Command, JumpTo, Pause, Play, Query, Race, Run
+from app.debugger.compile_watch import compiling
+from app.debugger.engine_compilation import EngineCompilation
 from app.debugger.incidents import Incidents, Kind
 from app.debugger.interpreter import Interpreter
 from app.debugger.markers import Markers
@@ -27,12 +30,14 @@ from app.debugger.run_state import Activity, RunState
 from app.debugger.runs import Runs
 from app.debugger.session_snapshot import snapshot_of
 from app.debugger.supervisor import Supervisor, Watched
+from app.debugger.work_report import report_of
 from app.worker_thread import WorkerThread
 from fairing.errors import Cancelled, InputError
 from fairing.run.session import Session
 from fairing.scene import Scene
 
 SLOW_STEP = 0.15  # s: a command in progress for longer is announced before it publishes
+WORK_EVERY = 0.4  # s between two reports of what a command does
 # A thread that does not respond for so long counts as stuck, s. Compiling the engine cannot be cancelled and takes a minute
 # and more on a slow machine; a listener sends messages and is done within milliseconds.
 ENGINE_LIMIT, PUBLISHER_LIMIT = 180.0, 60.0
@@ -48,6 +53,7 @@ class Controller:
         save_to: write the record to this file.
         recorded_in: the file the record was read from; its bookmarks are read and kept in the file beside it.
         limits: seconds after which the engine and the publisher count as stuck.
+        compilation: the first compilation of the engine, which commands wait for; None if the engine is compiled.
 
     Raises:
         InputError: `save_to` cannot be written, or the bookmarks cannot be read.
@@ -59,7 +65,9 @@ class Controller:
         save_to: Path | None = None,
         recorded_in: Path | None = None,
         limits: tuple[float, float] = (ENGINE_LIMIT, PUBLISHER_LIMIT),
+        compilation: EngineCompilation | None = None,
     ) -> None:
+        self._compilation, self._command = compilation, ""
         self.scene: Scene = session.scene
         self._changed = threading.Condition()
         self._runs = Runs(session, save_to, recorded_in)
@@ -68,7 +76,7 @@ class Controller:
         self._markers = Markers(self._changed, read)
         self._queue = CommandQueue()
         self._incidents = Incidents()
-        self._activity, self._active_since = Activity.PAUSED, 0.0
+        self._activity, self._active_since, self._work_due = Activity.PAUSED, 0.0, 0.0
         self._is_querying = self._is_closed = False
         self._recovery = ""  # "dead" or "stuck" until the new engine thread has resumed
         self._reason = session.stop_reason if session.finished else "ready"
@@ -78,7 +86,7 @@ class Controller:
         self._engine: WorkerThread[Callable[[], None]] = WorkerThread(
             "engine", self._changed, self._take, lambda job: job()
         )
-        self._publisher = Publisher(self._changed, self._first_state(), self._slow_activity, self._on_listener_failure)
+        self._publisher = Publisher(self._changed, self._first_state(), self._polled, self._on_listener_failure)
         self._engine.start()
         self._publisher.worker.start()
         self._supervisor = Supervisor(
@@ -194,6 +202,7 @@ class Controller:
             return partial(self._compute, command)
         self._cancellation.clear()
         self._activity, self._active_since = _activity_of(command), time.monotonic()
+        self._command = label_of(command)
         self._problem = ""
         return partial(self._execute, command, self._interpreter, self._cancellation)
 
@@ -204,6 +213,8 @@ class Controller:
             if self._activity is not Activity.STEPPING:
                 self._publish()
             if not isinstance(command, Pause):
+                if self._compilation is not None:
+                    self._compilation.wait(cancellation.requested)
                 reason = interpreter.execute(command)
         except Cancelled:
             reason = "paused"
@@ -224,6 +235,8 @@ class Controller:
 
     def _compute(self, query: Query) -> None:
         try:
+            if self._compilation is not None:
+                self._compilation.wait(self._cancellation.requested)
             result = query.compute(self._runs.session)
         except Cancelled:  # commands go first
             with self._changed:
@@ -290,12 +303,22 @@ class Controller:
             "breakpoints": self._markers.breakpoints.items,
             "bookmarks": self._markers.bookmarks.items,
             "log": self._markers.log,
-        }
+            "waiting": self._queue.labels,
+        } | ({"work": None} if self._activity is Activity.PAUSED else {})
 
-    def _slow_activity(self) -> Activity | None:
-        """The activity of a command that has been in progress for `SLOW_STEP`."""
-        is_slow = self._activity is not Activity.PAUSED and time.monotonic() - self._active_since > SLOW_STEP
-        return self._activity if is_slow else None
+    def _polled(self) -> dict[str, Any]:
+        """Activity and progress of a command that has been in progress for `SLOW_STEP`, and the commands that wait."""
+        compilation = None if self._compilation is None else self._compilation.report
+        if self._activity is Activity.PAUSED:
+            return {"work": compilation}
+        if time.monotonic() - self._active_since < SLOW_STEP:
+            return {}
+        waiting = self._queue.labels if compilation is None else (self._command, *self._queue.labels)
+        fields: dict[str, Any] = {"activity": self._activity, "waiting": waiting}
+        if time.monotonic() > self._work_due:
+            self._work_due = time.monotonic() + WORK_EVERY
+            fields["work"] = compilation or compiling() or report_of(self._runs.session.work.current)
+        return fields
 
     # ------------------------------------------------------------------ failures
 

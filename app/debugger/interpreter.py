@@ -87,10 +87,10 @@ class Interpreter:
         """
         session = self._session
         match command:
-            case Forward(extent):
-                return self._advance(extent)
-            case Run(until):
-                return self._advance(None, until)
+            case Forward(extent, passes_breakpoints):
+                return self._advance(extent, stops=extent is not Extent.ITERATION and not passes_breakpoints)
+            case Run(until, passes_breakpoints):
+                return self._advance(None, until, stops=not passes_breakpoints)
             case RunBack():
                 return self._run_back()
             case Back(extent):
@@ -141,7 +141,7 @@ class Interpreter:
     def _session(self) -> Session:
         return self._runs.session
 
-    def _advance(self, extent: Extent | None, until: Condition | None = None) -> str:
+    def _advance(self, extent: Extent | None, until: Condition | None = None, *, stops: bool) -> str:
         session = self._session
         if session.finished:
             return session.stop_reason
@@ -154,7 +154,7 @@ class Interpreter:
             if is_new:
                 self._step_seconds.append(time.perf_counter() - started)
             began = began or session.trace.steps[session.moment - 1].position
-            if extent is not Extent.ITERATION and (stop := self._markers.check(session, self._stopped)):
+            if stops and (stop := self._markers.check(session, self._stopped)):
                 return stop
             if until is not None and self._holds(until):
                 return f"stopped where {until.text}"

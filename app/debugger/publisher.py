@@ -3,11 +3,11 @@
 import logging
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
-from app.debugger.run_state import Activity, RunState
+from app.debugger.run_state import RunState
 from app.worker_thread import WorkerThread
 
 INTERVAL = 0.06  # s: at most 16 states a second while something runs; steps between reduce it to 10 to 15
@@ -23,8 +23,8 @@ class Publisher:
     Args:
         changed: the controller's lock.
         state: the first state.
-        slow_activity: returns the activity of a command that has been in progress for a while and has not published
-            yet, else None; called with the lock held.
+        poll: returns fields of the state that may have changed without an update, such as the progress of a command;
+            called with the lock held.
         on_failure: called with what a listener raised.
     """
 
@@ -32,10 +32,10 @@ class Publisher:
         self,
         changed: threading.Condition,
         state: RunState,
-        slow_activity: Callable[[], Activity | None],
+        poll: Callable[[], Mapping[str, Any]],
         on_failure: Callable[[Exception], None],
     ) -> None:
-        self._changed, self._slow_activity, self._on_failure = changed, slow_activity, on_failure
+        self._changed, self._poll, self._on_failure = changed, poll, on_failure
         self.state = state
         """The newest state."""
         self._listeners: list[Listener] = []
@@ -80,9 +80,9 @@ class Publisher:
         return unsubscribe
 
     def _take(self) -> _Delivery | None:
-        activity = self._slow_activity()
-        if activity is not None and activity is not self.state.activity:
-            self.update(activity=activity)
+        changes = {name: value for name, value in self._poll().items() if getattr(self.state, name) != value}
+        if changes:
+            self.update(**changes)
         if not self._is_unpublished:
             return None
         self._is_unpublished = False

@@ -6,10 +6,10 @@ from types import MappingProxyType
 
 import numpy as np
 
-from app.debugger.condition import Condition, Quantities, parse_condition
+from app.debugger.condition import ANY, Condition, Quantities, parse_condition
 from app.debugger.step_text import short_reason, slot_of
 from fairing.cells.visibility import Visibility
-from fairing.errors import Cancelled
+from fairing.errors import Cancelled, InputError
 from fairing.judge.inspect import face_cells
 from fairing.run.session import Session, SweepState
 from fairing.scene import Scene
@@ -38,10 +38,20 @@ FUNCTIONS: dict[str, str] = {
     "moved": "distance the step moved this vertex, pixels in a photo",
     "travelled": "distance of this vertex from its position when the run last stopped, pixels in a photo",
     "displaced": "distance of this vertex from its start, pixels in a photo",
-    "view": "change of the energy in this view; views count from 0",
+    "view": "change of the energy in this view; views are counted from 1, as on the keyboard",
     "outliers": "fraction of the step's samples in this view that are outliers, 0 to 1; slow",
     "abs": "absolute value",
 }
+ITEMS: dict[str, str] = {
+    "about": "vertex",
+    "moved": "vertex",
+    "travelled": "vertex",
+    "displaced": "vertex",
+    "view": "view",
+    "outliers": "view",
+}
+"""What the argument of a function selects. The word itself as argument selects the largest value: `outliers(view)`."""
+PREDICATES = {"about"}
 
 
 def parse_step_condition(text: str, limits: Mapping[str, int] = MappingProxyType({})) -> Condition:
@@ -51,9 +61,24 @@ def parse_step_condition(text: str, limits: Mapping[str, int] = MappingProxyType
         limits: number of valid arguments of functions that select by index, see `limits_of`.
 
     Raises:
-        InputError: it cannot be parsed, or names a vertex or view that does not exist.
+        InputError: it cannot be parsed, names a vertex or view that does not exist, is a number without a comparison, or a
+            constant.
     """
-    return parse_condition(text, set(VALUES), set(FUNCTIONS), limits)
+    condition = parse_condition(text, set(VALUES), set(FUNCTIONS), limits, items=ITEMS, predicates=PREDICATES)
+    if condition.is_constant:
+        raise InputError(
+            f"condition, column 1: it is constant; expected a quantity such as rejected > 0 (at: ⟨here⟩{text})"
+        )
+    if not condition.is_truth:
+        raise InputError(
+            f"condition, column 1: a number; expected a comparison such as {_compared(text)} (at: ⟨here⟩{text})"
+        )
+    return condition
+
+
+def _compared(text: str) -> str:
+    """An example that compares what was typed, if that is short."""
+    return f"{text.strip()} > 0" if len(text.strip()) <= 20 else "rejected > 0"
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,14 +104,17 @@ def quantities_of(record: StepRecord, moment: int, context: StepContext | None =
         return float((known[:, 0] / known[:, 2]).min()) if len(known) else float("nan")
 
     def moved(vertex: float) -> float:
+        if vertex == ANY:
+            return float(record.step_px[(record.before != record.after).any(axis=1)].max(initial=0))
         slot = slot_of(record, int(vertex)) if vertex == vertex and abs(vertex) < 1e9 else None
         made = slot is not None and (record.before[slot] != record.after[slot]).any()
         return float(record.step_px[slot]) if slot is not None and made else 0.0
 
-    def view(index: float) -> float:
-        if not 0 <= index < len(record.view_energy_after):
-            return float("nan")
-        return float(record.view_energy_after[int(index)] - record.view_energy_before[int(index)])
+    def view(number: float) -> float:
+        changes = record.view_energy_after - record.view_energy_before
+        if number == ANY:
+            return float(changes.max())
+        return float(changes[int(number) - 1]) if 1 <= number < len(changes) + 1 else float("nan")
 
     def seen_changes() -> float:
         if context is None or record.sweep_moment == 0 or record.position[2:] != (0, 0):
@@ -100,8 +128,14 @@ def quantities_of(record: StepRecord, moment: int, context: StepContext | None =
     def displaced(vertex: float) -> float:
         return float("nan") if context is None else _apart(context.session, context.session.trace.start, vertex)
 
-    def outliers(index: float) -> float:
-        return float("nan") if context is None else _outlier_share(context.session, record, moment, index)
+    def outliers(number: float) -> float:
+        n_views = len(record.view_energy_after)
+        if context is None or not (number == ANY or 1 <= number < n_views + 1):
+            return float("nan")
+        shares = _outlier_shares(context.session, record, moment)
+        if number == ANY:
+            return float(np.nanmax(shares)) if np.isfinite(shares).any() else float("nan")
+        return float(shares[int(number) - 1])
 
     values: dict[str, Callable[[], float]] = {
         "moment": lambda: float(moment),
@@ -120,7 +154,7 @@ def quantities_of(record: StepRecord, moment: int, context: StepContext | None =
         "seen_changes": seen_changes,
     }
     functions: dict[str, Callable[[float], float]] = {
-        "about": lambda vertex: float((record.vertices == vertex).any()),
+        "about": lambda vertex: float(vertex == ANY or (record.vertices == vertex).any()),
         "moved": moved,
         "travelled": travelled,
         "displaced": displaced,
@@ -137,36 +171,35 @@ def _seen(sweep: SweepState) -> np.ndarray:
 
 
 def _apart(session: Session, then: np.ndarray, vertex: float) -> float:
-    """Distance of a vertex from an earlier position, px, in the view where it is largest."""
-    if not 0 <= vertex < len(then):
+    """Distance of a vertex, or the largest of any vertex, from an earlier position, px, in the view where it is largest."""
+    if vertex != ANY and not 0 <= vertex < len(then):
         return float("nan")
-    pair = np.stack([then[int(vertex)], session.vertices[int(vertex)]])
+    ids = np.flatnonzero((then != session.vertices).any(axis=1)) if vertex == ANY else [int(vertex)]
+    pairs = np.stack([then[ids], session.vertices[ids]], axis=1)
     longest = 0.0
     for view in session.scene.views:
-        uv, depth = view.camera.project(pair)
-        inside = ((uv >= 0) & (uv < [view.camera.width, view.camera.height])).all()
-        if (depth > 0).all() and inside:
-            longest = max(longest, float(np.linalg.norm(uv[1] - uv[0])))
+        uv, depth = view.camera.project(pairs)
+        inside = ((uv >= 0) & (uv < [view.camera.width, view.camera.height])).all(axis=(1, 2)) & (depth > 0).all(axis=1)
+        longest = max(longest, float(np.linalg.norm(uv[inside, 1] - uv[inside, 0], axis=1).max(initial=0)))
     return longest
 
 
-def _outlier_share(session: Session, record: StepRecord, moment: int, index: float) -> float:
-    """Fraction of outliers among the samples of the step's faces in one view; at most `MAX_FACES` faces are sampled."""
-    outliers = samples = 0
+def _outlier_shares(session: Session, record: StepRecord, moment: int) -> np.ndarray:
+    """(V,) float: fraction of outliers among the samples of the step's faces by view, NaN where there are none.
+
+    At most `MAX_FACES` faces are sampled.
+    """
+    outliers, samples = np.zeros((2, len(record.view_energy_after)))
     for face in record.faces[:: max(1, -(-len(record.faces) // MAX_FACES))]:
         if session.cancel_requested():
             raise Cancelled
         cells = face_cells(session, int(face), moment)
-        for slot in np.flatnonzero(cells.views == index):
-            outliers += int(np.count_nonzero(np.abs(cells.residual[slot]) > cells.outlier_threshold))
-            samples += int(cells.counts[slot].sum())
-    return outliers / samples if samples else float("nan")
+        outliers[cells.views] += np.count_nonzero(np.abs(cells.residual) > cells.outlier_threshold, axis=1)
+        samples[cells.views] += cells.counts.sum(axis=1)
+    return np.divide(outliers, samples, out=np.full(len(samples), np.nan), where=samples > 0)
 
 
 def limits_of(scene: Scene) -> dict[str, int]:
     """Number of vertices or views that a function's argument may name, by function."""
-    vertices, views = len(scene.mesh.vertices), len(scene.views)
-    return {"about": vertices, "moved": vertices, "travelled": vertices, "displaced": vertices} | {
-        "view": views,
-        "outliers": views,
-    }
+    counts = {"vertex": len(scene.mesh.vertices), "view": len(scene.views)}
+    return {function: counts[item] for function, item in ITEMS.items()}

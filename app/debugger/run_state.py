@@ -9,6 +9,7 @@ from app.debugger.bookmarks import Bookmark
 from app.debugger.breakpoints import Breakpoint
 from app.debugger.incidents import Incident
 from app.debugger.runs import RunInfo
+from app.debugger.work_report import WorkReport
 from fairing.options import FairingOptions
 from fairing.trace import SchedulePosition, StepRecord, Trace
 
@@ -49,6 +50,8 @@ class RunState:
         breakpoints: conditions that stop a run.
         bookmarks: of all runs.
         log: hits of breakpoints that only report, the newest last.
+        work: what the engine does at present; None while it is paused, or before a computation has taken noticeable time.
+        waiting: labels of the commands that wait for the engine, the first first.
     """
 
     serial: int
@@ -73,6 +76,13 @@ class RunState:
     breakpoints: tuple[Breakpoint, ...]
     bookmarks: tuple[Bookmark, ...]
     log: tuple[str, ...]
+    work: WorkReport | None = None
+    waiting: tuple[str, ...] = ()
+
+    @property
+    def is_working(self) -> bool:
+        """Whether a command is in progress."""
+        return self.activity is not Activity.PAUSED
 
     @property
     def is_moving(self) -> bool:

@@ -1,7 +1,7 @@
 """Watch expressions: formulas over the recorded quantities of a step, shown for every step."""
 
 from app.debugger.condition import Condition, parse_condition
-from app.debugger.quantities import FUNCTIONS, VALUES, limits_of, quantities_of
+from app.debugger.quantities import FUNCTIONS, ITEMS, PREDICATES, VALUES, limits_of, quantities_of
 from app.debugger.series import Series
 from fairing.errors import InputError
 from fairing.scene import Scene
@@ -19,7 +19,15 @@ def parse_watch(expression: str, scene: Scene) -> Condition:
     """
     if not expression.strip():
         raise InputError("watch: expected an expression such as energy / 1000 or moved(0)")
-    return parse_condition(expression, set(VALUES) - COMPUTED, set(FUNCTIONS) - COMPUTED, limits_of(scene), "watch")
+    names, functions = set(VALUES) - COMPUTED, set(FUNCTIONS) - COMPUTED
+    watch = parse_condition(
+        expression, names, functions, limits_of(scene), "watch", ITEMS, PREDICATES, elsewhere=COMPUTED
+    )
+    if watch.is_constant:
+        raise InputError(
+            f"watch, column 1: it is constant; expected a quantity such as energy / 1000 (at: ⟨here⟩{expression})"
+        )
+    return watch
 
 
 def with_watch(watches: tuple[Condition, ...], new: Condition) -> tuple[Condition, ...]:

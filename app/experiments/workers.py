@@ -15,6 +15,7 @@ from fairing.experiments import Experiment, Row, Setting
 from fairing.experiments.experiment import measured
 
 NICENESS = 10
+MOST_WORKERS = 8
 POLL = 0.1  # s between two checks for cancellation
 
 
@@ -72,6 +73,28 @@ def measure_all(
         for connection, process in busy.items():
             process.terminate()
             _end(connection, process)
+
+
+def rows_in_order(
+    experiment: Experiment, setting: Setting, cases: Sequence[Row], on_progress: Callable[[float], None]
+) -> list[Row]:
+    """Measure all cases in one process per core; the rows in the order of the cases.
+
+    Args:
+        on_progress: called with the fraction that is done.
+
+    Raises:
+        InputError: as `measure_all`.
+    """
+    rows: list[Row] = []
+
+    def take(row: Row) -> None:
+        rows.append(row)
+        on_progress(len(rows) / len(cases))
+
+    measure_all(experiment, setting, cases, min(os.cpu_count() or 1, MOST_WORKERS), take, lambda: False)
+    order = {tuple(case.items()): n for n, case in enumerate(cases)}
+    return sorted(rows, key=lambda row: order[tuple((name, row[name]) for name in cases[0])])
 
 
 def _received(connection: Connection) -> Row:

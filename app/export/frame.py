@@ -1,4 +1,4 @@
-"""Camera of exported pictures: looks approximately along the photos' mean direction, with the mesh filling the frame."""
+"""Camera of exported pictures: looks in the direction in which the page opens, with the mesh filling the frame."""
 
 import numpy as np
 
@@ -6,7 +6,6 @@ from app.stage import Stage
 from fairing.camera import Camera
 from fairing.scene import Scene
 
-TURNED = 0.4  # from the cameras' mean direction (0) to the page's initial viewpoint (1), which avoids the frusta
 MARGIN = 0.06  # relative to the shorter side of the frame
 
 
@@ -42,15 +41,11 @@ def framing_camera(
 
 
 def first_eye(stage: Stage) -> np.ndarray:
-    """(3,) float, page units: initial viewpoint of exported pictures and pages; the view direction is to the origin."""
-    towards = stage.camera_centers / np.linalg.norm(stage.camera_centers, axis=1, keepdims=True)
-    first = _unit(stage.eye - stage.target)
-    direction = _unit((1 - TURNED) * _unit(towards.mean(0)) + TURNED * first)
-    if (
-        np.linalg.norm(np.cross(direction, stage.up)) < 0.05
-    ):  # looking along the up vector leaves the image rotation undefined
-        direction = first
-    return float(np.linalg.norm(stage.eye - stage.target)) * direction
+    """(3,) float, page units: viewpoint of exported pictures and pages, in the direction in which the page opens.
+
+    The view direction is to the origin.
+    """
+    return stage.eye - stage.target
 
 
 def _unit(vector: np.ndarray) -> np.ndarray:

@@ -5,7 +5,7 @@ all cells would be far larger than the lossless photo tiles around the faces (le
 share tiles.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
@@ -71,28 +71,49 @@ def cells_of_run(facts: RunFacts, on_progress: Callable[[float], None]) -> dict[
 
     These are all faces of a small mesh; of a large mesh the faces around the vertices that moved most, up to `PIXELS`.
     """
+    (cells,), photos = cells_of_runs([facts], on_progress)
+    return cells | {"photos": photos}
+
+
+def cells_of_runs(
+    runs: Sequence[RunFacts], on_progress: Callable[[float], None], reach: float = 0.0
+) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+    """The faces with the sweep parameters of each run, and the photo tiles of all runs.
+
+    Args:
+        runs: on the same scene, with the same channels. The faces of a large mesh are chosen by the first run.
+        reach: how far a reader may move a single vertex from the positions of a run, world units.
+    """
+    facts = runs[0]
     groups = _groups(facts)
     faces = [face for group in groups for face in group]
-    sweeps, sweep_at = _sweeps(facts, faces, lambda fraction: on_progress(0.7 * fraction))
-    tiles = _tiles_of_faces(facts, faces, sweeps, sweep_at)
+    found = []
+    for n, run in enumerate(runs):
+        sweeps, sweep_at = _sweeps(run, faces, lambda fraction, n=n: on_progress(0.9 * (n + fraction) / len(runs)))
+        found.append((run, sweeps, sweep_at, _tiles_of_faces(run, faces, sweeps, sweep_at, reach)))
     kept, wanted, count = [], [set[int]() for _ in facts.scene.views], 0
     channels = 3 if facts.options.cells.color else 1
     for group in groups:
-        joined = [old.union(*(tiles[face][v] for face in group)) for v, old in enumerate(wanted)]
+        joined = [old.union(*(tiles[face][v] for *_, tiles in found for face in group)) for v, old in enumerate(wanted)]
         count = channels * TILE * TILE * sum(map(len, joined))
         if kept and count > PIXELS:
             break
         wanted = joined
         kept += group
-    scales = {face: _scales(facts, face) for face in kept}
-    rows = [index for index, face in enumerate(faces) if face in scales]
+    rows = [index for index, face in enumerate(faces) if face in set(kept)]
+    cells = [_cells_of(run, kept, rows, sweeps, sweep_at) for run, sweeps, sweep_at, _ in found]
+    return cells, _photos(facts, wanted, lambda fraction: on_progress(0.9 + 0.1 * fraction))
+
+
+def _cells_of(
+    facts: RunFacts, kept: list[int], rows: list[int], sweeps: list[_Sweep], sweep_at: np.ndarray
+) -> dict[str, Any]:
     options = facts.options
     return {
         "faces": kept,
-        "scales": [scales[face] for face in kept],
+        "scales": [_scales(facts, face) for face in kept],
         "sweepAt": packed(sweep_at.astype(np.uint16)),
         "sweeps": _packed_sweeps(facts, sweeps, rows),
-        "photos": _photos(facts, wanted, lambda fraction: on_progress(0.7 + 0.3 * fraction)),
         "affine": options.cells.warp == "affine",
         "removeBias": options.cells.remove_bias,
         "centered": options.eigenspace.centered,
@@ -197,8 +218,8 @@ def _blur(
 
 
 def _tiles_of_faces(
-    facts: RunFacts, faces: list[int], sweeps: list[_Sweep], sweep_at: np.ndarray
-) -> list[list[set[int]]]:
+    facts: RunFacts, faces: list[int], sweeps: list[_Sweep], sweep_at: np.ndarray, reach: float
+) -> dict[int, list[set[int]]]:
     """For each face id and photo the numbers of the tiles that its cells read at any moment."""
     cameras = [view.camera for view in facts.scene.views]
     positions = np.stack(
@@ -208,20 +229,28 @@ def _tiles_of_faces(
     for number, sweep in enumerate(sweeps):
         moments = np.flatnonzero(sweep_at == number)
         for row, face in enumerate(faces):
-            points = positions[moments, row].reshape(-1, 3)
+            points = _within_reach(positions[moments, row], reach)
             for pair in range(sweep.starts[row], sweep.starts[row + 1]):
                 view = int(sweep.views[pair])
                 uv, depth = cameras[view].project(points)
                 if (depth <= 0).any():
                     continue
-                reach = MARGIN + np.ceil(4 * np.sqrt(sweep.blur[pair, [0, 2]].max())) + 4
+                border = MARGIN + np.ceil(4 * np.sqrt(sweep.blur[pair, [0, 2]].max())) + 4
                 size = np.array([cameras[view].width, cameras[view].height])
-                low = np.clip(np.floor(uv.min(0) - reach), 0, size - 1).astype(int) // TILE
-                high = np.clip(np.ceil(uv.max(0) + reach), 0, size - 1).astype(int) // TILE
+                low = np.clip(np.floor(uv.min(0) - border), 0, size - 1).astype(int) // TILE
+                high = np.clip(np.ceil(uv.max(0) + border), 0, size - 1).astype(int) // TILE
                 across = -(-size[0] // TILE)
                 rows, columns = np.mgrid[low[1] : high[1] + 1, low[0] : high[0] + 1]
                 tiles[face][view].update((rows * across + columns).ravel().tolist())
-    return tiles  # pyright: ignore[reportReturnType]
+    return tiles
+
+
+def _within_reach(corners: np.ndarray, reach: float) -> np.ndarray:
+    """(n, 3) float: the corners of a face at some moments (moments, 3, 3), and with one of them moved by up to `reach`."""
+    if not reach:
+        return corners.reshape(-1, 3)
+    signs = np.stack(np.meshgrid(*[(-1, 1)] * 3), axis=-1).reshape(-1, 1, 3)
+    return (corners.reshape(-1, 3) + reach * signs).reshape(-1, 3)
 
 
 def _scales(facts: RunFacts, face: int) -> dict[str, float]:

@@ -34,15 +34,28 @@ def page_data(facts: RunFacts, at: int, on_progress: Callable[[float], None]) ->
         at: the moment at which the page opens.
         on_progress: called with the fraction that is done.
     """
-    stage, trace, scene = facts.stage, facts.trace, facts.scene
     keyframes = texture_keyframes(
         facts, facts.key_moments(KEYFRAMES), TEXELS, lambda fraction: on_progress(0.5 * fraction)
     )
     cells = cells_of_run(facts, lambda fraction: on_progress(0.5 + 0.5 * fraction))
-    truth = None if scene.truth is None else scene.truth.vertices
     return {
         "at": at,
-        "length": facts.length,
+        **scene_data(facts),
+        **run_data(facts),
+        "keyframes": [packed_keyframe(keyframe) for keyframe in keyframes],
+        "kinds": [kind._asdict() for kind in KINDS],
+        "intro": INTRO,
+        "reasons": {int(reason): reason.text for reason in StepReason},
+        "cells": cells,
+        "chosen": _first_vertex(facts, cells),
+    }
+
+
+def scene_data(facts: RunFacts) -> dict[str, Any]:
+    """The scene: mesh, true mesh, cameras, viewpoints and colours."""
+    stage, scene = facts.stage, facts.scene
+    truth = None if scene.truth is None else scene.truth.vertices
+    return {
         "diagonal": stage.scale * scene.mesh.diagonal,
         "stage": {
             "eye": first_eye(stage).tolist(),
@@ -50,24 +63,10 @@ def page_data(facts: RunFacts, at: int, on_progress: Callable[[float], None]) ->
             "up": stage.up.tolist(),
         },
         "grid": GRID,
-        "start": packed(_on_grid(facts, trace.start)),
-        "faces": packed(trace.faces.astype(np.uint32)),
+        "faces": packed(scene.mesh.faces.astype(np.uint32)),
         "edges": packed(scene.mesh.edges.astype(np.uint32)),
         "truth": None if truth is None else packed(_on_grid(facts, truth)),
         "cameras": packed(_frusta(facts)),
-        "keyframes": [_keyframe(keyframe) for keyframe in keyframes],
-        "pace": facts.pace.tolist(),
-        **_changes(facts),
-        "steps": _steps(facts),
-        "sweeps": np.unique(facts.energies.sweeps).tolist(),
-        "energy": [{"moments": m.tolist(), "values": values.tolist()} for m, values in facts.energy_lines],
-        "errors": None if facts.errors is None else facts.errors.tolist(),
-        "levels": _levels(facts),
-        "kinds": [kind._asdict() for kind in KINDS],
-        "intro": INTRO,
-        "reasons": {int(reason): reason.text for reason in StepReason},
-        "cells": cells,
-        "chosen": _first_vertex(facts, cells),
         "colors": {
             "start": START, "now": NOW, "selected": SELECTED, "truth": TRUTH, "camera": CAMERA,
         },
@@ -77,12 +76,28 @@ def page_data(facts: RunFacts, at: int, on_progress: Callable[[float], None]) ->
     }  # fmt: skip
 
 
+def run_data(facts: RunFacts) -> dict[str, Any]:
+    """The record of a run: positions, steps, energies and levels."""
+    return {
+        "length": facts.length,
+        "start": packed(_on_grid(facts, facts.trace.start)),
+        "pace": facts.pace.tolist(),
+        **_changes(facts),
+        "steps": _steps(facts),
+        "sweeps": np.unique(facts.energies.sweeps).tolist(),
+        "energy": [{"moments": m.tolist(), "values": values.tolist()} for m, values in facts.energy_lines],
+        "errors": None if facts.errors is None else facts.errors.tolist(),
+        "levels": _levels(facts),
+    }
+
+
 def _on_grid(facts: RunFacts, points: np.ndarray) -> np.ndarray:
     """(..., 3) int32: positions (..., 3), world units, as multiples of `GRID` in page units."""
     return np.round(facts.stage.page_from_world(points).astype(np.float64) / GRID).astype(np.int32)
 
 
-def _keyframe(keyframe: TextureKeyframe) -> dict[str, Any]:
+def packed_keyframe(keyframe: TextureKeyframe) -> dict[str, Any]:
+    """A texture with its moment and coordinates."""
     _, encoded = cv2.imencode(".jpg", keyframe.image[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
     return {
         "moment": keyframe.moment,

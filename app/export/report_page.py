@@ -50,6 +50,7 @@ def write_report(facts: RunFacts, out: Path, on_progress: Callable[[float], None
 
 
 def _sections(facts: RunFacts, on_progress: Callable[[float], None]) -> list[str]:
+    assert facts.folder is not None, "a report is written of a run's folder"
     report, mesh = facts.report, facts.scene.mesh
     counts = f"{len(mesh.vertices)} vertices, {len(mesh.faces)} faces, {len(facts.scene.views)} photos"
     head, _, rest = str(report["stop_reason"]).partition(": ")

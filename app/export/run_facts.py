@@ -48,7 +48,7 @@ class RunFacts:
         folder: the folder that `fair` wrote; figures are taken from its report.json if that exists.
     """
 
-    def __init__(self, session: Session, folder: Path) -> None:
+    def __init__(self, session: Session, folder: Path | None = None) -> None:
         self.session, self.folder = session, folder
         self.scene, self.trace, self.options = session.scene, session.trace, session.options
         self.length = len(session.trace)
@@ -71,7 +71,7 @@ class RunFacts:
         sweep = self.session.sweep_state(self.length)
         faces = np.arange(len(self.trace.faces))
         vertices = self.trace.vertices_at(moment)
-        found = Evaluator(self.options.threads).measure(sweep.context, vertices, faces, sweep.scale)
+        found = Evaluator(self.options.threads).energies(sweep.context, vertices, faces, sweep.scale)
         return float(found.energy.sum())
 
     @cached_property
@@ -124,8 +124,8 @@ class RunFacts:
         Raises:
             InputError: report.json is damaged.
         """
-        path = self.folder / REPORT
-        if not path.exists():
+        path = None if self.folder is None else self.folder / REPORT
+        if path is None or not path.exists():
             quality = quality_report(self.scene, self.trace.start, self.trace.vertices_at(self.length))
             return run_report(self.session, self.title, {}, quality)
         try:

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from fairing.scene import Scene, SparsePoints
 
 Progress = Callable[[float, str], None]
+FINDING_POINTS = "finding points"  # lines of progress begin with it while points are found in the photos
 
 _KEY = "source"
 _ALL_PHOTOS = PhotoChoice()
@@ -32,7 +33,7 @@ class SceneSource:
         scene: name of a demo, else an absolute path.
         mesh: absolute path of a mesh file, or None for the scene's own.
         choice: photos left out, masks (an absolute path), weights, scale and format.
-        points: sparse points. "automatic" is "given" for a demo.
+        points: sparse points. "automatic" is "given" for a demo, except for `building:SEED`.
         points_file: file of a run with the points it was recorded with; where it exists they are not found again.
     """
 
@@ -48,7 +49,8 @@ class SceneSource:
     ) -> "SceneSource":
         """From the command line. A demo's name takes precedence over a folder of that name (`./cube` is the folder)."""
         if is_demo(scene):
-            name = find_demo(scene).name
+            demo = find_demo(scene)
+            name = demo.name
             if mesh is not None:
                 raise InputError(f"--mesh {mesh}: the demo {scene} has its own mesh; leave --mesh out")
             if choice != _ALL_PHOTOS:
@@ -56,12 +58,17 @@ class SceneSource:
                     f"the demo {scene} takes all its photos; leave --leave-out, --masks, --photo-weights, "
                     "--photo-scale and --format out"
                 )
-            return cls(name, points="given" if points == "automatic" else points)
+            return cls(name, points="given" if points == "automatic" and demo.seed is None else points)
         if not Path(scene).exists():
             raise InputError(f"{scene}: expected a demo ({DEMO_NAMES}) or a path, found no such file or folder")
         if choice.masks is not None:
             choice = replace(choice, masks=choice.masks.resolve())
         return cls(str(Path(scene).resolve()), None if mesh is None else str(mesh.resolve()), choice, points)
+
+    @property
+    def title(self) -> str:
+        """Short name: of the demo, or of the file or folder."""
+        return self.scene if is_demo(self.scene) else Path(self.scene).name
 
     @classmethod
     def of_run(cls, header: dict[str, Any], where: Path) -> "SceneSource":
@@ -145,11 +152,12 @@ class SceneSource:
             photos["format"] = self.choice.format
         header[_KEY] = {"scene": self.scene, "mesh": self.mesh, "photos": photos, "points": self.points}
 
-    def load(self, progress: Progress | None = None) -> "Scene":
+    def load(self, progress: Progress | None = None, skip_points: Callable[[], bool] = lambda: False) -> "Scene":
         """The scene; sparse points are triangulated where there is no mesh.
 
         Args:
             progress: called with the fraction done and a line while photos are rendered, points found or triangulated.
+            skip_points: polled while points are found in the photos; where it returns True, the scene has the given ones.
 
         Raises:
             InputError: the scene cannot be used.
@@ -157,7 +165,7 @@ class SceneSource:
         tell = progress or (lambda fraction, line: None)
         if is_demo(self.scene):
             scene = load_demo(self.scene, progress=progress)
-            capture = self._with_chosen_points(_capture_of(scene), len(scene.mesh.vertices), tell)
+            capture = self._with_chosen_points(_capture_of(scene), len(scene.mesh.vertices), tell, skip_points)
             return replace(scene, sparse_points=capture.sparse_points, warnings=capture.warnings)
 
         from fairing.io import load_scene  # imported on first use: the page is served before the engine is loaded
@@ -170,7 +178,7 @@ class SceneSource:
             return triangulate(name, capture.views, capture.sparse_points, on_progress=show).result()
 
         def choose(capture: "Capture", n_vertices: int | None) -> "Capture":
-            return self._with_chosen_points(capture, n_vertices, tell)
+            return self._with_chosen_points(capture, n_vertices, tell, skip_points)
 
         return load_scene(self.scene, self.mesh, self.choice, without_mesh, choose)
 
@@ -185,7 +193,13 @@ class SceneSource:
             capture = read_capture(self.scene, self.choice)
         return self._with_chosen_points(capture, None, tell)
 
-    def _with_chosen_points(self, capture: "Capture", n_vertices: int | None, progress: Progress) -> "Capture":
+    def _with_chosen_points(
+        self,
+        capture: "Capture",
+        n_vertices: int | None,
+        progress: Progress,
+        skip: Callable[[], bool] = lambda: False,
+    ) -> "Capture":
         if self.points in ("own", "both") and self.points_file is not None and self.points_file.exists():
             from fairing.io.points_file import read_points
 
@@ -195,7 +209,7 @@ class SceneSource:
             return capture
         from fairing.io.scene_points import choose_points
 
-        return choose_points(capture, n_vertices, self.points, self._points_cache(), progress)
+        return choose_points(capture, n_vertices, self.points, self._points_cache(), progress, skip)
 
     def _points_cache(self) -> Path:
         """File in the user's cache folder for the points found in these photos."""

@@ -107,6 +107,7 @@ def strip(film: FlipFilm, moment: int, events: Events, speed: int) -> str:
             events("speed", k),
             hint=f"Play {value} flips a second",
             css_class="small on" if value == speed else "small",
+            pressed=value == speed,
         )
         for k, value in enumerate(SPEEDS)
     )

@@ -33,6 +33,7 @@ class FlipApp:
         camera = server.initial_camera
         camera.position, camera.look_at = tuple(self.stage.eye), tuple(self.stage.target)
         camera.up, camera.fov = tuple(self.stage.up), FIELD_OF_VIEW
+        server.opening.close()
         server.on_client_connect(self._connected)
         server.on_client_disconnect(self._disconnected)
 

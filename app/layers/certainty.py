@@ -4,7 +4,7 @@ import numpy as np
 import viser
 
 from app.debugger.run_state import RunState
-from app.page_state.certainty_source import CertaintySource
+from app.page_state.certainty_source import CertaintySource, drawn_half_axis
 from app.page_state.page_state import PageState
 from app.palette import SELECTED
 from app.stage import Stage
@@ -12,7 +12,6 @@ from app.viser_bridge.line_node import LineNode
 from fairing.judge.certainty import Certainty
 from fairing.mesh import Mesh
 
-SHORTEST = 0.08  # length of the shortest half-axis, in mean edge lengths at the vertex: enlarged to be visible
 LONGEST = 6.0  # upper limit of the other half-axes, in lengths of the shortest
 PIECES = 48  # line segments per circle
 
@@ -42,14 +41,12 @@ class CertaintyLayer:
     def show(self, state: RunState, page_state: PageState) -> None:
         found: list[Certainty] = []
         if page_state.shows("certainty") and not state.is_moving:
-            found = [certainty for certainty in self._source.latest(state, page_state) if certainty.is_seen]
+            found = [certainty for certainty in self._source.latest(state, page_state)[1] if certainty.is_seen]
         lines = [self._ellipsoid(certainty, state.vertices) for certainty in found]
         self._lines.show(np.concatenate(lines) if lines else None)
 
     def _ellipsoid(self, certainty: Certainty, vertices: np.ndarray) -> np.ndarray:
         """Line segments of an ellipsoid, page units."""
-        center = vertices[certainty.vertex]
-        neighbours = np.unique(self._mesh.faces[self._mesh.one_rings[certainty.vertex]])
-        edges = np.linalg.norm(vertices[neighbours[neighbours != certainty.vertex]] - center, axis=1)
-        lines = ellipsoid_lines(certainty, center, SHORTEST * float(edges.mean()))
+        shortest = drawn_half_axis(self._mesh, vertices, certainty.vertex)
+        lines = ellipsoid_lines(certainty, vertices[certainty.vertex], shortest)
         return self._stage.page_from_world(lines)

@@ -6,7 +6,7 @@ import numpy as np
 import viser
 
 from app.debugger.run_state import RunState
-from app.layers.marks import ball, mark_radius
+from app.layers.marks import mark_radius, translucent_ball
 from app.page_state.page_state import PageState
 from app.palette import HAND, SELECTED
 from app.picking import nearest_to_ray
@@ -44,15 +44,7 @@ class DragHandleLayer:
         self._selected = np.zeros(0, dtype=int)  # the current vertex comes last
         self._points = stage.page_from_world(mesh.vertices)
         self._grabbed: np.ndarray | None = None
-        self._ball = client.scene.add_mesh_simple(
-            "/drag_handle/ball",
-            *ball(2),
-            color=SELECTED,
-            opacity=0.45,
-            cast_shadow=False,
-            receive_shadow=False,
-            visible=False,
-        )
+        self._ball = translucent_ball(client, "/drag_handle/ball", SELECTED, 0.45)
         self._edges = LineNode(client, "/drag_handle/edges", SELECTED, 2.0)
         self._displacement = LineNode(client, "/drag_handle/displacement", HAND, 2.0)
 

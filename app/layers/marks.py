@@ -6,7 +6,9 @@ trimesh offers these shapes, but importing it delays the page (ledger: vertex ma
 from itertools import combinations, product
 
 import numpy as np
+import viser
 
+from app.palette import RGB
 from app.stage import SIZE, Stage
 from fairing.mesh import Mesh
 
@@ -37,6 +39,13 @@ def block() -> Shape:
     sides = [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5]]
     faces = np.array([half for a, b, c, d in sides for half in ((a, b, c), (a, c, d))])
     return vertices.astype(np.float32), _outward(vertices, faces)
+
+
+def translucent_ball(client: viser.ClientHandle, name: str, color: RGB, opacity: float) -> viser.MeshHandle:
+    """A hidden unit sphere, to be placed and scaled around a vertex."""
+    return client.scene.add_mesh_simple(
+        name, *ball(2), color=color, opacity=opacity, cast_shadow=False, receive_shadow=False, visible=False
+    )
 
 
 def _apart(ends: np.ndarray) -> float:

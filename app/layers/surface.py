@@ -1,6 +1,10 @@
-"""Surface layer: the mesh textured from the photos or coloured by a quantity while paused, plain while a run moves it."""
+"""Surface layer: the mesh textured from the photos, coloured by a quantity, or plain.
 
-from dataclasses import dataclass
+While a run moves the mesh, the texture painted last stays on the moving vertices, and is painted again from time to time.
+"""
+
+import time
+from dataclasses import dataclass, replace
 
 import numpy as np
 import viser
@@ -11,26 +15,32 @@ from app.debugger.controller import Controller
 from app.debugger.run_state import Activity, RunState
 from app.layers.view_dependent_texture import ViewDependentTexture
 from app.page_state.page_state import NOW_SHAPE, START_SHAPE, TRUE_SHAPE, PageState
+from app.page_state.residual_source import ResidualSource
 from app.palette import SURFACE
 from app.pictures.coloring import COLORINGS, DIFFERENCE, Legend, color_mesh
 from app.pictures.texturer import MOST_FACES, MOST_FACES_VIEW_DEPENDENT, Texturer
 from app.stage import Stage
-from app.surface_offset import set_back
-from app.viser_bridge.mesh_swap import DoubleBufferedMesh, GlbMesh
+from app.surface_offset import offset_along_normals, set_back
+from app.viser_bridge.mesh_swap import SIDES, DoubleBufferedMesh, GlbMesh
+from app.viser_bridge.moving_texture import follow_plain_mesh
 from fairing.io.glb import write_glb
 from fairing.scene import Scene
 
 DECODE_COLORED = 0.25  # s: without a large texture
 
+REPAINT_SECONDS = 1.0  # at least, between two textures painted while the mesh moves
+REPAINT_SHARE = 0.25  # of the time is spent on painting at most: the engine needs the processor
+
 
 @dataclass(frozen=True)
 class Wanted:
-    """Key of a surface colouring: run, moment, quantity, and the reference (run, moment) it is compared with."""
+    """Key of a surface colouring: run, moment, quantity, the reference (run, moment) it is compared with, and the photo."""
 
     run_id: int
     moment: int
     coloring: str
     reference: tuple[int, int] | None
+    view: int | None = None
 
 
 class SurfaceLayer:
@@ -40,9 +50,15 @@ class SurfaceLayer:
     """
 
     def __init__(
-        self, client: viser.ClientHandle, stage: Stage, scene: Scene, texturer: Texturer, controller: Controller
+        self,
+        client: viser.ClientHandle,
+        stage: Stage,
+        scene: Scene,
+        texturer: Texturer,
+        controller: Controller,
+        residuals: ResidualSource,
     ) -> None:
-        self._client, self._stage, self._scene = client, stage, scene
+        self._client, self._stage, self._scene, self._residuals = client, stage, scene, residuals
         self._texturer, self._controller = texturer, controller
         self._plain = client.scene.add_mesh_simple(
             "/mesh/now",
@@ -59,6 +75,14 @@ class SurfaceLayer:
             shape: DoubleBufferedMesh(client, f"/mesh/textured_{name}", controller.republish)
             for shape, name in ((START_SHAPE, "start"), (NOW_SHAPE, "now"), (TRUE_SHAPE, "truth"), (None, "between"))
         }
+        follow_plain_mesh(
+            client,
+            "/mesh/now",
+            [f"/mesh/textured_now_{side}" for side in SIDES],
+            offset_along_normals(scene.mesh.vertices, scene, stage),
+        )
+        self._repainting: tuple[np.ndarray, float] | None = None
+        self._repaint_due = 0.0
         self._view_dependent = ViewDependentTexture(client, stage, texturer, controller.republish)
         self._colored = DoubleBufferedMesh(client, "/mesh/colored", controller.republish, DECODE_COLORED)
         self._between: tuple[float, np.ndarray, np.ndarray] | None = None
@@ -75,12 +99,19 @@ class SurfaceLayer:
         front: DoubleBufferedMesh | None = None
         is_view_dependent = False
         self.legend = None
-        if outside and not state.is_moving:
+        if outside and state.is_moving:
+            if page_state.surface == "textured" and page_state.shape == NOW_SHAPE:
+                front = self._moving_texture(vertices)
+        elif outside:
             if page_state.surface in COLORINGS:
                 front = self._color(state, page_state, vertices, resting)
             elif page_state.surface == "textured":
                 front = self._texture(page_state.shape, vertices, resting and len(self._scene.mesh.faces) <= MOST_FACES)
-                if page_state.by_eye and resting and len(self._scene.mesh.faces) <= MOST_FACES_VIEW_DEPENDENT:
+                if (
+                    page_state.is_view_dependent
+                    and resting
+                    and len(self._scene.mesh.faces) <= MOST_FACES_VIEW_DEPENDENT
+                ):
                     front = self._view_dependent.show(vertices) or front
                     is_view_dependent = True
         if not is_view_dependent:
@@ -88,8 +119,6 @@ class SurfaceLayer:
         if front is not self._colored and self.legend is None:
             self._colored.clear()
             self._wanted = self._drawn = None
-        if state.is_moving:  # the texture belongs to an earlier moment
-            self._textured[NOW_SHAPE].clear()
         with self._client.atomic():
             for turns in (*self._textured.values(), self._view_dependent.turns, self._colored):
                 turns.set_visible(turns is front)
@@ -120,9 +149,26 @@ class SurfaceLayer:
         painted = self._texturer.static.painted(self, vertices) if resting else None
         if painted is not None:
             turns.offer(painted)
-        # After a step the previous texture stays until the next one is painted.
+        # After a step the previous texture stays, on the new vertices, until the next one is painted.
         is_fit = turns.shown is not None and (shape == NOW_SHAPE or turns.shown is painted)
         return turns if is_fit else None
+
+    def _moving_texture(self, vertices: np.ndarray) -> DoubleBufferedMesh | None:
+        """The texture painted last; painted again at most once in `REPAINT_SECONDS` and for `REPAINT_SHARE` of the time."""
+        turns = self._textured[NOW_SHAPE]
+        if len(self._scene.mesh.faces) > MOST_FACES:
+            return None
+        if self._repainting is None and time.monotonic() >= self._repaint_due:
+            self._repainting = (vertices, time.monotonic())
+        if self._repainting is not None:
+            wanted, began = self._repainting
+            painted = self._texturer.static.painted(self, wanted)
+            if painted is not None:
+                turns.offer(painted)
+                now = time.monotonic()
+                self._repainting = None
+                self._repaint_due = max(began + REPAINT_SECONDS, now + (now - began) * (1 / REPAINT_SHARE - 1))
+        return turns if turns.shown is not None else None
 
     def _color(
         self, state: RunState, page_state: PageState, vertices: np.ndarray, resting: bool
@@ -130,8 +176,15 @@ class SurfaceLayer:
         name = page_state.surface
         compared = look_up(page_state.reference, state) if name == DIFFERENCE else None
         reference = None if compared is None else (compared.run.run_id, compared.moment)
-        wanted = Wanted(state.run_id, state.moment, name, reference)
-        if resting and wanted != self._wanted:
+        of_photo = COLORINGS[name].of_photo
+        view = page_state.residual_view if of_photo is not None else None
+        wanted = Wanted(state.run_id, state.moment, name, reference, view)
+        if of_photo is not None:
+            found = self._residuals.at(state, page_state)
+            if found is not None and wanted != self._wanted:
+                self._wanted = wanted
+                self._take(wanted, of_photo(found, view))
+        elif resting and wanted != self._wanted:
             self._wanted = wanted
             if compared is not None:
                 self._take(wanted, 100 * distances(compared, state.vertices) / self._scene.mesh.diagonal)
@@ -139,7 +192,9 @@ class SurfaceLayer:
                 self._query(wanted)
         if self._answer is not None and self._answer[0] == wanted and not isinstance(self._answer[1], Exception):
             self._draw(wanted, self._answer[1], vertices)
-        self.legend = self._drawn[2] if self._drawn is not None else None
+        if self._drawn is not None:
+            drawn, _, legend = self._drawn
+            self.legend = legend if drawn.moment == wanted.moment else replace(legend, moment=drawn.moment)
         return self._colored if self._colored.shown is not None else None
 
     def _query(self, wanted: Wanted) -> None:
@@ -155,8 +210,14 @@ class SurfaceLayer:
         if self._drawn is None or self._drawn[0] != wanted or self._drawn[1] is not vertices:
             points = set_back(vertices, self._scene, self._stage)
             mesh = color_mesh(COLORINGS[wanted.coloring], values, points, self._scene.mesh.faces)
-            self._drawn = (wanted, vertices, mesh.legend)
+            self._drawn = (wanted, vertices, replace(mesh.legend, note=self._note(wanted)))
             self._colored.offer(GlbMesh(write_glb(mesh.vertices, mesh.faces, mesh.uv, mesh.picture, "image/png")))
+
+    def _note(self, wanted: Wanted) -> str:
+        """The photos that the values come from."""
+        if COLORINGS[wanted.coloring].of_photo is None:
+            return ""
+        return "All photos" if wanted.view is None else f"Photo {self._scene.views[wanted.view].name}"
 
     def _take(self, wanted: Wanted, found: np.ndarray | Exception) -> None:
         self._answer = (wanted, found)

@@ -1,4 +1,4 @@
-"""Vertices layer: clickable marks for the vertices, spheres for free ones and blocks for locked ones."""
+"""Vertices layer: clickable marks for the vertices, and a halo around the vertex being stepped."""
 
 from collections.abc import Callable
 
@@ -7,21 +7,24 @@ import viser
 
 from app.debugger.history import REJECTIONS
 from app.debugger.run_state import RunState
-from app.layers.marks import ball, block, mark_radius
+from app.layers.marks import ball, block, mark_radius, translucent_ball
 from app.page_state.page_state import PageState
-from app.palette import LOCKED, NOW, REJECTED, SELECTED, START
+from app.palette import LOCKED, NOW, REJECTED, SELECTED, START, STEPPED
 from app.stage import Stage
 from app.viser_bridge.instance_marks import InstanceMarks
 from app.viser_bridge.node_events import BackgroundClicks
 from fairing.mesh import Mesh
 
+ONE_BY_ONE = ("sequential", "worst_first")  # orders that step one vertex at a time
+HALO = 2.6  # radius of the halo, in radii of a vertex mark
 MANY = 1500  # vertices; beyond this, marks have 20 triangles instead of 80 (ledger: vertex mark triangles)
 
 
 class VerticesLayer:
     """Green: unmoved. Red: moved. Pink: last step rejected. Grey blocks: locked. Yellow: selected.
 
-    The current vertex of the selection is larger than the others.
+    The current vertex of the selection is larger than the others. Selected vertices are marked even if the layer is hidden.
+    If vertices are stepped one by one, a white halo surrounds the vertex of the last step.
     """
 
     def __init__(
@@ -38,6 +41,7 @@ class VerticesLayer:
         self._locked = InstanceMarks(client, "/vertices/locked", block(), positions, on_click)
         for marks in (self._free, self._locked):
             background.ignore_clicks_on(marks.node)
+        self._halo = translucent_ball(client, "/vertices/stepped", STEPPED, 0.5)
 
     def show(self, state: RunState, page_state: PageState) -> None:
         colors = vertex_colors(state, page_state.selection.vertices)
@@ -47,10 +51,27 @@ class VerticesLayer:
         scales[list(page_state.selection.vertices)] *= 1.4
         if page_state.selected is not None:
             scales[page_state.selected] *= 1.25
-        is_visible = page_state.shows("vertices")
+        shown = np.full(len(state.vertices), page_state.shows("vertices"))
+        shown[list(page_state.selection.vertices)] = True
         positions = self._stage.page_from_world(state.vertices)
         for marks, chosen in ((self._free, ~state.locked), (self._locked, state.locked)):
-            marks.show(chosen, positions, colors, scales, is_visible)
+            marks.show(chosen & shown, positions, colors, scales, True)
+        self._show_halo(state, positions)
+
+    def _show_halo(self, state: RunState, positions: np.ndarray) -> None:
+        vertex = stepped_vertex(state)
+        if vertex is not None:
+            self._halo.position = positions[vertex]
+            self._halo.scale = HALO * self._radius
+        self._halo.visible = vertex is not None
+
+
+def stepped_vertex(state: RunState) -> int | None:
+    """The vertex of the last step if vertices are stepped one by one, else None."""
+    record = state.record
+    if record is None or state.options.schedule.order not in ONE_BY_ONE or len(record.vertices) != 1:
+        return None
+    return int(record.vertices[0])
 
 
 def vertex_colors(state: RunState, selected: tuple[int, ...]) -> np.ndarray:

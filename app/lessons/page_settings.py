@@ -38,7 +38,7 @@ class PageSettings:
     def set_in(self, page_state: PageState) -> None:
         """Set them in a page state, except for `eye`, `compared`, `tab` and `heading`, which are not part of it alone."""
         if self.vertices is not None:
-            page_state.selection = Selection(self.vertices)
+            page_state.selection, page_state.point = Selection(self.vertices), None
         if self.face is not None or self.vertices is not None:
             page_state.face = self.face
         for name, value in self.settings.items():

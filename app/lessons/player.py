@@ -7,7 +7,7 @@ paused. Every step ends at a moment of a run, so going back to a step, or resumi
 import logging
 import threading
 from collections.abc import Callable, Generator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 from app.debugger.commands import (
@@ -36,11 +36,11 @@ from app.page_state.page_state import PageState
 from fairing.errors import InputError
 from fairing.run.session import Session
 
-CUT_SHORT = ("paused", "breakpoint")  # reasons with which a command stops before its end
+CUT_SHORT = ("paused",)  # reasons with which a command stops before its end
 
 
 class Status(Enum):
-    """State of the current step: actions running, done, interrupted by a pause or breakpoint, or failed."""
+    """State of the current step: actions running, done, interrupted by a pause, or failed."""
 
     AT_WORK = "at work"
     THERE = "there"
@@ -184,6 +184,15 @@ class Player:
         run_id = self._runs.get(settings.compared or "")
         return None if run_id is None else Reference(run_id)
 
+    @property
+    def run_names(self) -> dict[str, int]:
+        """The ids of the lesson's runs, by their names in it."""
+        return dict(self._runs)
+
+    def end_of(self, step: int) -> Ended | None:
+        """The moment at which a step ended; None if it has not been reached."""
+        return self._ends.get(step)
+
     def has_strayed(self, state: RunState, page_state: PageState) -> bool:
         """Whether the run or the page no longer match this step."""
         if self.lesson is None or self.status is not Status.THERE or self._settings_due is not None:
@@ -281,6 +290,8 @@ class Player:
     def _post(self, requested: Command | _Examine) -> None:
         """Post a command, and a query after it that reports when the command is done; or post an examination."""
         self._requested, turn = requested, self._turn
+        if isinstance(requested, Run | Forward):  # a lesson's runs pass the user's breakpoints
+            requested = replace(requested, passes_breakpoints=True)
         if isinstance(requested, _Examine):
             question = self._examination(requested.step)
             self._controller.post(Query(self, question, lambda found: self._take_findings(turn, requested.step, found)))

@@ -14,6 +14,7 @@ directives:
 import re
 from functools import cache
 from importlib.resources import files
+from pathlib import Path
 
 from app.debugger.condition import Condition, parse_condition
 from app.lessons.engine_actions import EngineAction
@@ -36,20 +37,29 @@ _BLOCKS = {"do", "code", "keep", "claim", "ask"}
 
 @cache
 def lesson_names() -> tuple[str, ...]:
-    """Names of all lessons in the recommended order."""
+    """Names of all lessons: those of `ORDER`, then any others by name."""
     found = {file.name.removesuffix(".md") for file in (files("app.lessons") / "texts").iterdir()}
-    return tuple(name for name in ORDER if name in found)
+    return (*(name for name in ORDER if name in found), *sorted(found.difference(ORDER)))
 
 
 @cache
 def load_lesson(name: str) -> Lesson:
-    """A lesson of this package.
+    """A lesson of this package, or of a file.
+
+    Args:
+        name: of the lesson; or the path of a Markdown file (.md), whose lesson is named after it.
 
     Raises:
-        InputError: there is no lesson of that name.
+        InputError: there is no such lesson, or its file is invalid.
     """
+    if name.endswith(".md"):
+        path = Path(name)
+        try:
+            return read_lesson(path.stem, path.read_text(encoding="utf-8"))
+        except (OSError, UnicodeDecodeError) as error:
+            raise InputError(f"lesson {name}: cannot be read ({error})") from None
     if name not in lesson_names():
-        raise InputError(f"lesson {name:.40}: expected one of {', '.join(lesson_names())}")
+        raise InputError(f"lesson {name:.40}: expected one of {', '.join(lesson_names())}, or a file ending in .md")
     return read_lesson(name, (files("app.lessons") / "texts" / f"{name}.md").read_text(encoding="utf-8"))
 
 

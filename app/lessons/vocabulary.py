@@ -137,7 +137,7 @@ def _select(found: re.Match, _: set[str]) -> SettingsChange:
 
 
 def _look(found: re.Match, _: set[str]) -> SettingsChange:
-    eye = int(found[2]) if found[2] else {"mesh": AT_MESH, "front": AT_FRONT, "cameras": AT_CAMERAS}[found[1]]
+    eye = int(found[2]) - 1 if found[2] else {"mesh": AT_MESH, "front": AT_FRONT, "cameras": AT_CAMERAS}[found[1]]
     return lambda page: replace(page, eye=eye)
 
 
@@ -220,7 +220,7 @@ _ACTIONS: list[tuple[str, Callable[[re.Match, set[str]], Action]]] = [
     (r"take (\w+)(?: at (start|end))?", _take),
     (r"select (?:nothing|vertex \d+|vertices \d+(?:, *\d+)*)", _select),
     (r"face (\d+)", lambda found, _: lambda page: replace(page, face=int(found[1]))),
-    (r"look (?:at (mesh|front|cameras)|through photo (\d+))", _look),
+    (r"look (?:at (mesh|front|cameras)|through photo ([1-9]\d*))", _look),
     (r"(show|hide) (.+)", _layers),
     (r"surface (\w+)", _surface),
     (r"shape (start|now|truth)", lambda found, _: _setting("shape", SHAPES[found[1]])),
@@ -229,7 +229,7 @@ _ACTIONS: list[tuple[str, Callable[[re.Match, set[str]], Action]]] = [
     (r"columns (.+)", _columns),
     (r"k (own|\d+)", lambda found, _: _cells("dimensions", None if found[1] == "own" else int(found[1]))),
     (r"arrows (\d+)", _arrows),
-    (r"pair (\d+) (\d+)", lambda found, _: _cells("pair", (int(found[1]), int(found[2])))),
+    (r"pair ([1-9]\d*) ([1-9]\d*)", lambda found, _: _cells("pair", (int(found[1]) - 1, int(found[2]) - 1))),
     (r"crops (\w+)", lambda found, _: _cells("span", _one_of(found[1], SPANS, "crops"))),
     (r"scroll to (\w+)", _scroll),
     (r"plot (\w+)( of the vertex)?", _plot),

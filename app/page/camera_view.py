@@ -34,7 +34,7 @@ class CameraView:
     ) -> None:
         self._theme = theme
         self._predictor = Predictor(scene, on_ready)
-        self._share, self._swipes = 0.0, False
+        self._share, self._is_swipe = 0.0, False
         self._fitted: tuple[PhotoFit, int, int] | None = None
         self._sent: tuple[Prediction | None, float, bool] | None = None
         self._client, self._stage, self._scene = client, stage, scene
@@ -88,7 +88,7 @@ class CameraView:
         if page_state.model_share > 0 and state.activity is Activity.PAUSED:
             self._predictor.request(view_id, vertices)
         with self._placing:
-            self._share, self._swipes = page_state.model_share, page_state.swipes
+            self._share, self._is_swipe = page_state.model_share, page_state.is_swipe
             if self._view_id == view_id:
                 self._send_photo(view_id)
 
@@ -138,12 +138,12 @@ class CameraView:
         """Send the photo, blended with the model as the user has set it, if that differs from what was sent last."""
         found = self._predictor.newest
         found = found if found is not None and found.view_id == view_id and self._share > 0 else None
-        wanted = (found, self._share, self._swipes) if found is not None else (None, 0.0, False)
+        wanted = (found, self._share, self._is_swipe) if found is not None else (None, 0.0, False)
         if self._fitted is None or wanted == self._sent:
             return
         self._sent = wanted
         picture = shown_photo(self._scene.views[view_id])
         if found is not None:
-            picture = (found.beside if self._swipes else found.over)(picture, self._share)
+            picture = (found.beside if self._is_swipe else found.over)(picture, self._share)
         background = photo_background(picture, *self._fitted, GROUND[0 if self._theme.is_dark else 1])
         self._client.scene.set_background_image(background, format="jpeg", jpeg_quality=90)

@@ -20,6 +20,7 @@ from app.panels.lessons_panel import LessonsPanel
 from app.viser_bridge.html_events import HtmlEvents
 from app.viser_bridge.html_panel import HtmlPanel
 from app.viser_bridge.tabs import show_heading, show_tab
+from fairing.errors import InputError
 
 BACK_KEY, NEXT_KEY = "PageUp", "PageDown"
 STAND_IN = "archway"  # offered in place of a capture
@@ -105,19 +106,25 @@ class LessonDock:
             button.on_click(lambda _, call=call, do=do: call(do))
 
     def _open_following(self) -> None:
-        """Open the lesson after the present one; after the last, the first."""
+        """Open the lesson after the present one; after the last, and after one that is not listed, the first."""
         names = lesson_names()
         if self.player.lesson is not None:
-            self.open(names[(names.index(self.player.lesson.name) + 1) % len(names)])
+            following = names.index(self.player.lesson.name) + 1 if self.player.lesson.name in names else 0
+            self.open(names[following % len(names)])
 
     def hotkeys(self) -> list[Hotkey]:
         """The hotkeys within a lesson, and a palette entry for each lesson."""
         opening = [Hotkey(f"Lesson: {lesson.title}", lambda n=lesson.name: self.open(n)) for lesson in self._lessons]
         return [
             *opening,
-            Hotkey("Next step of the lesson", self.player.next, NEXT_KEY),
-            Hotkey("Back one step of the lesson", self.player.back, BACK_KEY),
+            Hotkey("Next step of the lesson", lambda: self._in_lesson(self.player.next), NEXT_KEY),
+            Hotkey("Back one step of the lesson", lambda: self._in_lesson(self.player.back), BACK_KEY),
         ]
+
+    def _in_lesson(self, call: Callable[[], None]) -> None:
+        if self.player.lesson is None:
+            raise InputError("no lesson is open; choose one under Lessons")
+        call()
 
     def show(self, state: RunState, view: PageState) -> None:
         """Apply the settings of the lesson's step; to be called before layers and panels are shown."""

@@ -4,10 +4,9 @@ from collections.abc import Callable
 
 import viser
 
-from app.debugger.actions import ACTIONS, key_list
+from app.debugger.actions import ACTIONS
 from app.debugger.compare import Reference
 from app.debugger.run_state import RunState
-from app.html import text
 from app.lessons.page_settings import AT_CAMERAS, AT_FRONT, AT_MESH
 from app.page.lesson_dock import LessonDock
 from app.page.page_frame import Hotkey, PageFrame
@@ -20,7 +19,7 @@ from app.page_state.certainty_source import CertaintySource
 from app.page_state.page_state import PageState
 from app.page_state.past_moment import at_viewed_moment
 from app.page_state.run_controls import RunControls
-from app.viser_bridge.html_panel import HtmlPanel
+from app.panels.keys_dialog import KeysDialog
 
 
 class Page:
@@ -41,13 +40,15 @@ class Page:
         self.camera = self.frame.camera
         events, toasts = self.frame.html_events, self.frame.toasts
         self.run_controls = RunControls(controller, page_state)
-        self.interaction = VertexInteraction(client, stage, scene.mesh, controller, page_state, toasts)
+        self.interaction = VertexInteraction(client, stage, scene, controller, page_state, toasts)
         self.lessons = LessonDock(client, controller, events, self._look_for_lesson, resources.change_scene)
         certainty = CertaintySource(controller)
         self.panels = PagePanels(
             client, self.frame, resources, page_state, self.run_controls, self.interaction, certainty, self.lessons
         )
         self.layers = PageLayers(client, self.frame, resources, self.interaction, certainty)
+        self._order = ""
+        self._keys_dialog = KeysDialog(client.gui, events)
         self.frame.add_hotkeys([*self._hotkeys(), *self.frame.camera_hotkeys(), *self.lessons.hotkeys()])
 
     def follow(self) -> None:
@@ -64,6 +65,7 @@ class Page:
         """Queue the messages that bring the browser up to date."""
         page_state, surface = self.page_state, self.layers.surface
         self._resources.follow(state)
+        self._name_blocks(state.options.schedule.order)
         state = at_viewed_moment(state, page_state)
         if state.rival is not None and page_state.reference is None:
             page_state.reference = Reference(state.rival)
@@ -92,9 +94,8 @@ class Page:
     def _hotkeys(self) -> list[Hotkey]:
         run, panels, interaction = self.run_controls, self.panels, self.interaction
         actions = [
-            Hotkey(action.label if n == 0 else f"{action.label} ({key})", run.poster(action.command), key, modifier)
+            Hotkey(action.label, run.poster(action.command), *(action.keys or [(None, None)])[0], action.keys[1:])
             for action in ACTIONS
-            for n, (key, modifier) in enumerate(action.keys or ((None, None),))
         ]
         return [
             *actions,
@@ -104,19 +105,19 @@ class Page:
             Hotkey("Compare with this moment", panels.runs.mark_now, "C"),
             Hotkey("Bookmark this moment", panels.bookmarks.keep_now, "K"),
             Hotkey("Before or now", panels.surface_controls.before_or_now, "X"),
-            Hotkey("Texture static or view-dependent", panels.surface_controls.static_or_by_eye, "-"),
-            Hotkey("Keys", self._show_keys, "?", "shift"),
+            Hotkey("Texture static or view-dependent", panels.surface_controls.toggle_view_dependent, "-"),
+            Hotkey("Keys", lambda: self._keys_dialog.open(self._order), "?", "shift"),
             Hotkey("Lock or unlock the selected vertices", interaction.toggle_lock, "F"),
             Hotkey("Put the selected vertices back to their start", interaction.reset, "Z"),
             Hotkey("Breakpoint on the selected vertex", run.toggle_breakpoint, "B"),
         ]
 
-    def _show_keys(self) -> None:
-        rows = "".join(f"<tr><th>{text(keys)}</th><td>{text(meaning)}</td></tr>" for keys, meaning in key_list())
-        with self._client.gui.add_modal("Keys") as modal:
-            HtmlPanel(self._client.gui, f"<table class='words'>{rows}</table>")
-            close = self._client.gui.add_button("Close")
-        close.on_click(lambda _: modal.close())
+    def _name_blocks(self, order: str) -> None:
+        """Name steps in the palette by what they step in the order at hand."""
+        if order != self._order:
+            self._order = order
+            labels = {action.label: action.label_in(order) for action in ACTIONS}
+            self.frame.rename_hotkeys(lambda label: labels.get(label, label))
 
     def _look_for_lesson(self, eye: str | int) -> None:
         """Move the camera to a viewpoint by its name, or into the camera with this index."""

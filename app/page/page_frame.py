@@ -5,17 +5,23 @@ from dataclasses import dataclass
 
 import viser
 
-from app.html import STYLE
+from app.html import STYLE, photo_title
+from app.keys import Key
 from app.page.page_camera import PageCamera
 from app.stage import Stage
 from app.viser_bridge import floating
+from app.viser_bridge.accessible_names import name_widgets
+from app.viser_bridge.completion import complete_names
 from app.viser_bridge.error_toasts import ErrorToasts
-from app.viser_bridge.hotkeys import add_hotkey
+from app.viser_bridge.hotkeys import add_hotkey, handle_keys
 from app.viser_bridge.html_events import HtmlEvents
 from app.viser_bridge.in_place import update_in_place
 from app.viser_bridge.keyboard_focus import release_focus_after_use
+from app.viser_bridge.opening_page import HIDDEN
 from app.viser_bridge.style_sheet import set_style_sheet
+from app.viser_bridge.tabs import set_tab_title
 from app.viser_bridge.timeline_placement import TimelinePlacement
+from app.viser_bridge.view_overlay import OVERLAY_STYLE
 from fairing.scene import Scene
 
 
@@ -24,14 +30,15 @@ class Hotkey:
     """An entry of the command palette.
 
     Attributes:
-        key: None for an entry without a key.
-        modifier: "shift" and the like.
+        key, modifier: the first key, None for an entry without a key; the modifier is "shift" and the like.
+        other_keys: further keys for the same entry.
     """
 
     label: str
     call: Callable[[], None]
     key: str | None = None
     modifier: str | None = None
+    other_keys: tuple[Key, ...] = ()
 
 
 class PageFrame:
@@ -51,35 +58,54 @@ class PageFrame:
         on_prediction: Callable[[], None],
     ) -> None:
         self._client, self._scene = client, scene
+        self._entries: list[tuple[Hotkey, viser.CommandHandle]] = []
         self.toasts = ErrorToasts(client)
         client.gui.set_panel_label(f"EigenFairing · {title}")
+        set_tab_title(client, f"EigenFairing - {title}")
         self.html_events = HtmlEvents(client.gui, self.toasts)
         self.camera = PageCamera(client, stage, scene, self.toasts, on_camera, on_prediction)
 
     def finish(self, timeline: viser.PanelHandle, css: str = "") -> None:
         """After all panels have been added: place the timeline, and install the page's style sheet and scripts."""
         TimelinePlacement(self._client.gui, timeline, self.html_events)
-        set_style_sheet(self._client, STYLE + floating.STYLE + css + self.html_events.style)
+        css = STYLE + floating.STYLE + css + OVERLAY_STYLE + self.html_events.style + HIDDEN
+        set_style_sheet(self._client, css)
         release_focus_after_use(self._client)
         update_in_place(self._client)
+        complete_names(self._client)
+        name_widgets(self._client)
 
     def add_hotkeys(self, hotkeys: Iterable[Hotkey]) -> None:
+        """Add them, once."""
+        further: list[tuple[str, dict[str, object]]] = []
         for hotkey in hotkeys:
-            call = self.toasts.without_event(hotkey.call)
-            add_hotkey(self._client, hotkey.label, call, hotkey.key, hotkey.modifier)
+            keys = () if hotkey.key is None else ((hotkey.key, hotkey.modifier), *hotkey.other_keys)
+            entry, others = add_hotkey(self._client, hotkey.label, self.toasts.without_event(hotkey.call), keys)
+            self._entries.append((hotkey, entry))
+            further += others
+        handle_keys(self._client, further)
+
+    def rename_hotkeys(self, label_of: Callable[[str], str]) -> None:
+        """Give the entries of the palette other labels, from those they were added with."""
+        for hotkey, entry in self._entries:
+            label = label_of(hotkey.label)
+            if entry.label != label:
+                entry.label = label
 
     def camera_hotkeys(self) -> list[Hotkey]:
         """The hotkeys of the camera and the theme."""
         camera = self.camera
         entering = [
-            Hotkey(f"Look through camera {view.name}", lambda k=k: camera.enter(k), str(k + 1))
+            Hotkey(f"Look through photo {photo_title(k, view.name)}", lambda k=k: camera.enter(k), str(k + 1))
             for k, view in enumerate(self._scene.views[:9])
         ]
         return [
             *entering,
             Hotkey("Leave the camera", camera.leave, "0"),
-            Hotkey("Show the mesh", camera.show_mesh, "M"),
-            Hotkey("Show mesh and cameras", camera.show_mesh_and_cameras, "V"),
+            Hotkey("View: mesh", camera.show_mesh, "M"),
+            Hotkey("View: mesh and all cameras", camera.show_mesh_and_cameras, "V"),
+            Hotkey("View: front", camera.show_front, "F", "shift"),
+            Hotkey("View: top", camera.show_top, "T", "shift"),
             Hotkey("Dark or light", camera.switch_theme, "Y"),
         ]
 

@@ -7,6 +7,7 @@ from app.layers import Layer
 from app.layers.cameras import CamerasLayer
 from app.layers.certainty import CertaintyLayer
 from app.layers.drag_handle import DragHandleLayer
+from app.layers.flow_arrows import FlowArrowsLayer
 from app.layers.paths import PathsLayer
 from app.layers.points import PointsLayer
 from app.layers.reference_mesh import ReferenceMeshLayer
@@ -19,6 +20,7 @@ from app.page.resources import SessionResources
 from app.page.vertex_interaction import VertexInteraction
 from app.page_state.certainty_source import CertaintySource
 from app.page_state.page_state import PageState
+from app.page_state.residual_source import ResidualSource
 
 
 class PageLayers:
@@ -37,7 +39,8 @@ class PageLayers:
         stage, scene = resources.stage, resources.scene
         click, background = frame.toasts(interaction.click_vertex), interaction.background
         begin, end = interaction.begin_drag, interaction.end_drag
-        self.surface = SurfaceLayer(client, stage, scene, resources.texturer, resources.controller)
+        residuals = ResidualSource(resources.controller)
+        self.surface = SurfaceLayer(client, stage, scene, resources.texturer, resources.controller, residuals)
         self._layers: list[Layer] = [
             self.surface,
             WireframeLayer(client, stage, scene),
@@ -45,9 +48,10 @@ class PageLayers:
             DragHandleLayer(client, stage, scene.mesh, click, background, begin, end),
             ReferenceMeshLayer(client, stage, scene.mesh),
             PathsLayer(client, stage, resources.paths),
+            FlowArrowsLayer(client, stage, scene, residuals),
             StepArrowLayer(client, stage, scene),
             CertaintyLayer(client, stage, scene.mesh, certainty),
-            PointsLayer(client, stage, scene.sparse_points),
+            PointsLayer(client, stage, scene),
             CamerasLayer(client, stage, scene, resources.thumbnails, frame.toasts(frame.camera.enter), background),
         ]
 

@@ -4,6 +4,7 @@ import threading
 import time
 from collections.abc import Callable
 
+import numpy as np
 import viser
 
 from app.debugger.run_state import Activity, RunState
@@ -13,8 +14,9 @@ from app.page.resources import SessionResources
 from app.page.vertex_interaction import VertexInteraction
 from app.page_state.cells_controls import CellsControls
 from app.page_state.certainty_source import CertaintySource
-from app.page_state.page_state import PageState
+from app.page_state.page_state import LARGE_MESH, PageState
 from app.page_state.run_controls import RunControls
+from app.page_state.selection import Selection
 from app.panels import Panel
 from app.panels.bookmarks_panel import BookmarksPanel
 from app.panels.breakpoints_panel import BreakpointsPanel
@@ -31,6 +33,7 @@ from app.panels.lesson_panel import LESSON_STYLE
 from app.panels.options_panel import OptionsPanel
 from app.panels.photo_pages import PhotoPages
 from app.panels.plot import Plot
+from app.panels.point_photos import PointPhotos
 from app.panels.runs_panel import RunsPanel
 from app.panels.selection_panel import SelectionPanel
 from app.panels.status import Status
@@ -72,7 +75,7 @@ class PagePanels:
         self._add_tabs()
         self._add_cells(lessons)
         timeline = self._add_timeline()
-        self._legend = LegendBox(client.gui)
+        self._legend = LegendBox(client)
         self._panels.append(
             CameraBox(
                 client.gui, frame.html_events, resources.scene, page_state, self.surface_controls, frame.camera.leave,
@@ -83,7 +86,7 @@ class PagePanels:
 
     def show(self, state: RunState, legend: Legend | None) -> None:
         """Bring the panels up to date, now or when it is time again: while the mesh moves, they may lag behind it."""
-        self._legend.show(legend)
+        self._legend.show(state, self._page_state, legend)
         due = self._updated + UPDATE_SECONDS - time.monotonic()
         if state.is_moving and due > 0 and state.activity is self._activity:
             if self._timer is None:
@@ -112,8 +115,8 @@ class PagePanels:
             DebugBar(gui, events, run),
             Status(gui, resources.energies, events.number(run.to_beginning)),
             Plot(
-                gui, resources.scene.mesh, resources.energies, resources.run_energies, events, self._page_state, run.jump,
-                self._republish,
+                gui, resources.scene.mesh, resources.energies, resources.run_energies, resources.run_errors, events,
+                self._page_state, run.jump, self._republish,
             ),
         ]  # fmt: skip
 
@@ -125,10 +128,10 @@ class PagePanels:
         with tabs.add_tab("Vertex"):
             self._panels += [
                 SelectionPanel(
-                    gui, events, len(scene.mesh.vertices) - 1, interaction.set_selection, interaction.toggle_lock,
+                    gui, events, len(scene.mesh.vertices) - 1, self._choose_vertices, interaction.toggle_lock,
                     interaction.reset,
                 ),
-                CertaintyPanel(gui, self._certainty),
+                CertaintyPanel(gui, scene.mesh, self._certainty),
                 Variables(gui, scene.mesh, events.number(run.to_change)),
                 WatchPanel(gui, events, scene, page_state, run.jump, republish),
             ]  # fmt: skip
@@ -153,7 +156,18 @@ class PagePanels:
         cells = gui.add_panel()
         with cells.add_tab("Cells", viser.Icon.TRIANGLE):
             self._panels.append(
-                CellsPanel(gui, scene, source, pages, background, controls, choose_face, enter, events.guarded)
+                CellsPanel(
+                    gui,
+                    scene,
+                    source,
+                    pages,
+                    PointPhotos(scene, resources.photos, enter),
+                    background,
+                    controls,
+                    choose_face,
+                    enter,
+                    events.guarded,
+                )
             )
         with cells.add_tab("Experiments", viser.Icon.CHART_DOTS):
             self._panels.append(
@@ -176,6 +190,13 @@ class PagePanels:
             self.bookmarks = BookmarksPanel(gui, events, controller, page_state)
         self._panels += [self.timeline, self.runs, self.bookmarks]
         return panel
+
+    def _choose_vertices(self, selection: Selection) -> None:
+        """Select vertices by number. On a large mesh the camera flies to the first of them."""
+        self._interaction.set_selection(selection)
+        if selection.current is not None and len(self._resources.scene.mesh.vertices) > LARGE_MESH:
+            vertices = self._resources.stage.page_from_world(self._resources.controller.state.vertices)
+            self._frame.camera.fly_to(selection.current, vertices.astype(np.float64))
 
     def _choose_face(self, face: object) -> None:
         faces = self._resources.scene.mesh.faces

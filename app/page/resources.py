@@ -9,6 +9,8 @@ import viser
 from app.background_worker import BackgroundWorker
 from app.debugger.compare import FollowedEnergies, RunEnergies
 from app.debugger.controller import Controller
+from app.debugger.engine_compilation import EngineCompilation
+from app.debugger.error_history import RunErrors, knows_truth
 from app.debugger.history import EnergyHistory, PathHistory
 from app.debugger.run_state import RunState
 from app.experiments.experiment_runner import ExperimentRunner
@@ -26,6 +28,7 @@ ChangeScene = Callable[[viser.ClientHandle, str, str], None]
 class SessionResources:
     """Attributes:
     energies, paths: of the run that a page shows; every page has its own, see `for_page`.
+    run_errors: distances to the truth; None where it is not known.
     change_scene: shows another scene of the lessons, and opens a lesson in the browser that requested it; called with
         the browser, the scene's name and the lesson's name.
     """
@@ -35,6 +38,7 @@ class SessionResources:
     controller: Controller
     energies: EnergyHistory
     run_energies: RunEnergies
+    run_errors: RunErrors | None
     paths: PathHistory
     thumbnails: Thumbnails
     texturer: Texturer
@@ -45,7 +49,12 @@ class SessionResources:
 
     @classmethod
     def open(
-        cls, session: Session, save_to: Path | None, recorded_in: Path | None, change_scene: ChangeScene
+        cls,
+        session: Session,
+        save_to: Path | None,
+        recorded_in: Path | None,
+        change_scene: ChangeScene,
+        compilation: EngineCompilation | None = None,
     ) -> "SessionResources":
         """Start the controller and the workers.
 
@@ -53,13 +62,14 @@ class SessionResources:
             session: the run.
             save_to: file that the trace is written to.
             recorded_in: file that the trace was read from; its bookmarks lie beside it.
+            compilation: see `Controller`.
 
         Raises:
             InputError: `save_to` cannot be written, or the bookmarks cannot be read.
         """
         scene = session.scene
         stage = Stage.of(scene)
-        controller = Controller(session, save_to, recorded_in)
+        controller = Controller(session, save_to, recorded_in, compilation=compilation)
         run_energies = RunEnergies(len(scene.mesh.faces))
         return cls(
             scene,
@@ -67,6 +77,7 @@ class SessionResources:
             controller,
             FollowedEnergies(run_energies, len(scene.mesh.faces)),
             run_energies,
+            RunErrors(scene) if knows_truth(scene) else None,
             PathHistory(len(scene.mesh.vertices)),
             Thumbnails(scene),
             Texturer(scene, stage, controller.republish),

@@ -10,7 +10,9 @@ from pathlib import Path
 import viser
 
 from app.background_worker import BackgroundWorker
+from app.debugger.actions import ACTIONS
 from app.debugger.controller import Controller
+from app.debugger.engine_compilation import EngineCompilation
 from app.lessons.scenes import LESSON_SCENES, load_lesson_scene
 from app.page.page import Page
 from app.page.resources import SessionResources
@@ -41,7 +43,9 @@ class App:
         save_to: Path | None = None,
         recorded_in: Path | None = None,
         lesson: str | None = None,
+        compilation: EngineCompilation | None = None,
     ) -> None:
+        self._compilation = compilation
         # The engine computes in Python, too: at the default of 5 ms every callback would wait that long for its turn.
         sys.setswitchinterval(SWITCH_SECONDS)
         self._server, self.port = server, server.get_port()
@@ -50,9 +54,13 @@ class App:
         self._loading = threading.Lock()  # while another scene is loaded
         self._garbage = BackgroundWorker(name="garbage")
         self._lesson_due = lesson
-        self._latest = PageState()
-        self.resources = SessionResources.open(session, save_to, recorded_in, self._change_scene)
+        self._latest = PageState.of_mesh(len(session.scene.mesh.vertices))
+        self.resources = SessionResources.open(session, save_to, recorded_in, self._change_scene, compilation)
         self._show_session(self.resources)
+        pressed = server.opening.close()
+        for action in ACTIONS:
+            if action.label in pressed:
+                self.resources.controller.post(action.command)
         self._server.on_client_connect(self._connected)
         self._server.on_client_disconnect(self._disconnected)
 
@@ -68,6 +76,8 @@ class App:
 
     def stop(self) -> None:
         """End the engine, close the trace's file and disconnect all browsers."""
+        if self._compilation is not None:
+            self._compilation.close()
         self._close(self.resources, self._take_pages())
         self._garbage.close(timeout=0)
         self._server.close()
@@ -101,7 +111,8 @@ class App:
             resources = self._load(client, scene)
             with self._lock:
                 old, self.resources = self.resources, resources
-                self._latest, self._lesson_due = PageState(), lesson
+                self._latest = PageState.of_mesh(len(resources.scene.mesh.vertices))
+                self._lesson_due = lesson
             self._close(old, self._take_pages())
             self._show_session(resources)
         finally:
@@ -112,14 +123,14 @@ class App:
     def _load(self, client: viser.ClientHandle, scene: str) -> SessionResources:
         toast = client.add_notification("Opening a scene", LESSON_SCENES[scene].title, loading=True)
 
-        def show_progress(_: float, line: str) -> None:
-            toast.body = line
+        def show_progress(fraction: float, line: str) -> None:
+            toast.body = f"{line} ({100 * fraction:.0f} %)"
 
         try:
             session = Session(load_lesson_scene(scene, show_progress))
         finally:
             toast.remove()
-        return SessionResources.open(session, None, None, self._change_scene)
+        return SessionResources.open(session, None, None, self._change_scene, self._compilation)
 
     def _show_session(self, resources: SessionResources) -> None:
         server, stage = self._server, resources.stage

@@ -1,4 +1,4 @@
-"""Vertex interaction: vertices are selected, one or many, locked, reset and dragged."""
+"""Vertex interaction: vertices are selected, one or many, locked, reset and dragged; sparse points are selected."""
 
 import numpy as np
 import viser
@@ -7,34 +7,38 @@ from app.debugger.commands import Lock, Pause, Place, Reset
 from app.debugger.controller import Controller
 from app.page_state.page_state import PageState
 from app.page_state.selection import Selection
-from app.picking import vertices_within
+from app.picking import point_under_pointer, vertices_within
 from app.stage import Stage
 from app.viser_bridge.html_events import Guarded, whole_number
 from app.viser_bridge.node_events import BackgroundClicks
 from app.viser_bridge.picking_camera import camera_of
 from fairing.errors import InputError
-from fairing.mesh import Mesh
+from fairing.scene import Scene
+
+POINTER = 0.012  # of the field of view: 9 px in a view of 720
 
 
 class VertexInteraction:
     """The selection of one browser, and what is done with it.
 
     Attributes:
-        background: deselects all vertices when a click hits no node; every clickable node is registered there.
+        background: a click that hits no node selects a sparse point or deselects everything; every clickable node is
+            registered there.
     """
 
     def __init__(
         self,
         client: viser.ClientHandle,
         stage: Stage,
-        mesh: Mesh,
+        scene: Scene,
         controller: Controller,
         page_state: PageState,
         guarded: Guarded,
     ) -> None:
-        self._client, self._stage, self._mesh = client, stage, mesh
+        self._client, self._stage, self._mesh = client, stage, scene.mesh
+        self._sparse_points = scene.sparse_points
         self._controller, self._page_state = controller, page_state
-        self.background = BackgroundClicks(client, self._deselect)
+        self.background = BackgroundClicks(client, guarded(self._click_background))
         select_rectangle = guarded(self._select_rectangle)
         client.scene.on_rect_select(modifier="shift")(
             lambda event: select_rectangle(event.screen_min, event.screen_max)
@@ -42,7 +46,7 @@ class VertexInteraction:
 
     def set_selection(self, selection: Selection) -> None:
         """Select these vertices and no others."""
-        self._page_state.selection = selection
+        self._page_state.selection, self._page_state.point = selection, None
         self._controller.republish()
 
     def select(self, vertex: object) -> None:
@@ -86,9 +90,15 @@ class VertexInteraction:
             raise InputError("no vertex is selected; click one first")
         return self._page_state.selection.vertices
 
-    def _deselect(self) -> None:
-        if self._page_state.selection.vertices:
-            self.set_selection(Selection())
+    def _click_background(self, event: viser.SceneClickEvent) -> None:
+        page_state, points, found = self._page_state, self._sparse_points, None
+        if points is not None and page_state.shows("points"):
+            places = self._stage.page_from_world(points.positions)
+            angle = POINTER * float(self._client.camera.fov)
+            found = point_under_pointer(places, np.array(event.ray_origin), np.array(event.ray_direction), angle)
+        if found is not None or page_state.selection.vertices or page_state.point is not None:
+            page_state.selection, page_state.point = Selection(), found
+            self._controller.republish()
 
     def _select_rectangle(self, low: tuple[float, float], high: tuple[float, float]) -> None:
         vertices = self._stage.page_from_world(self._controller.state.vertices).astype(np.float64)

@@ -17,7 +17,11 @@ LAYERS: dict[str, str] = {
     "cameras": "Cameras",
     "points": "Sparse points",
 }
+HIDDEN_AT_FIRST = {"certainty", "truth", "points"}
+HIDDEN_ON_LARGE_MESHES = {"now", "start"}
+LARGE_MESH = 200  # vertices; wireframes of larger meshes hide the surface
 MAX_MAGNIFICATION = 50
+FLOW_SCALES = (10, 30, 100, 300)
 SURFACES: dict[str, str] = {"none": "None", "flat": "Flat", "textured": "Textured"}
 START_SHAPE, NOW_SHAPE, TRUE_SHAPE = 0.0, 1.0, 2.0
 
@@ -27,12 +31,12 @@ class PlotView:
     """Settings of the plot.
 
     Attributes:
-        name: of a quantity in `app.debugger.series`.
+        name: of a quantity in `app.debugger.series`; None: the error where the truth is known, else the energy.
         of_vertex: whether it is that of the selected vertex instead of the run.
         is_log: logarithmic scale; None: the default of the quantity.
     """
 
-    name: str = "energy"
+    name: str | None = None
     of_vertex: bool = False
     is_log: bool | None = None
 
@@ -43,6 +47,7 @@ class PageState:
 
     Attributes:
         selection: the selected vertices.
+        point: the selected sparse point, whose photos are shown while no vertex is selected; None: none.
         face: the face whose cells are shown; None: the first face of the current vertex.
         entered: the camera whose view is shown; None: the free view.
         magnification: of displacements, 1 to `MAX_MAGNIFICATION`.
@@ -50,19 +55,22 @@ class PageState:
         cells: settings of the cells panel.
         plot: settings of the plot.
         watches: watch expressions.
-        looks_at: the past moment shown during a run; None: the present moment.
+        viewed_moment: the past moment shown during a run; None: the present moment.
         speed: playback speed; 1 is four moments per second.
         strip: quantity in the timeline's strip, of `app.pictures.strip.KINDS`.
         surface: appearance of the faces, a key of `SURFACES` or of `app.pictures.coloring.COLORINGS`.
-        by_eye: whether the texture is view-dependent while the run is paused.
+        flow_scale: factor by which the image flow is drawn longer on the surface, of `FLOW_SCALES`.
+        residual_view: the photo whose residuals or flow colour the surface; None: all photos.
+        is_view_dependent: whether the texture is view-dependent while the run is paused.
         shape: vertex positions of the surface: 0 at the start, 1 now, 2 the truth; values between are interpolated.
         model_share: opacity of the model over the photo in a camera's view, 0 to 1.
         experiment: the experiment shown, of `fairing.experiments.EXPERIMENTS`.
-        swipes: whether `model_share` is a fraction of the photo's width, from the right, instead of an opacity.
+        is_swipe: whether `model_share` is a fraction of the photo's width, from the right, instead of an opacity.
         shown: for each layer whether it is visible.
     """
 
     selection: Selection = field(default_factory=Selection)
+    point: int | None = None
     face: int | None = None
     entered: int | None = None
     magnification: float = 1.0
@@ -70,22 +78,28 @@ class PageState:
     cells: CellsView = field(default_factory=CellsView)
     plot: PlotView = field(default_factory=PlotView)
     watches: tuple[Condition, ...] = ()
-    looks_at: int | None = None
+    viewed_moment: int | None = None
     speed: float = 1.0
     strip: str = "energy"
     surface: str = "textured"
-    by_eye: bool = False
+    flow_scale: int = 100
+    residual_view: int | None = None
+    is_view_dependent: bool = False
     shape: float = NOW_SHAPE
     model_share: float = 0.0
     experiment: str = "capture-range"
-    swipes: bool = False
-    shown: dict[str, bool] = field(
-        default_factory=lambda: {name: name not in ("certainty", "truth", "points") for name in LAYERS}
-    )
+    is_swipe: bool = False
+    shown: dict[str, bool] = field(default_factory=lambda: {name: name not in HIDDEN_AT_FIRST for name in LAYERS})
+
+    @classmethod
+    def of_mesh(cls, n_vertices: int) -> "PageState":
+        """The first state on a mesh: without wireframes if it is large."""
+        hidden = HIDDEN_AT_FIRST | (HIDDEN_ON_LARGE_MESHES if n_vertices > LARGE_MESH else set())
+        return cls(shown={name: name not in hidden for name in LAYERS})
 
     def copy(self) -> "PageState":
         """The same state for another browser, in the free view and at the present moment."""
-        return replace(self, entered=None, looks_at=None, shown=dict(self.shown))
+        return replace(self, entered=None, viewed_moment=None, shown=dict(self.shown))
 
     def shows(self, layer: str) -> bool:
         return self.shown[layer]

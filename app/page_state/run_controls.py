@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 from app.debugger.breakpoints import Breakpoints
-from app.debugger.commands import Command, Extent, JumpTo, ToBeginning
+from app.debugger.commands import Back, Command, Extent, Forward, JumpTo, Run, RunBack, ToBeginning
 from app.debugger.controller import Controller
 from app.debugger.history import next_move
 from app.debugger.recorded_values import ITEMS, last_change
@@ -23,15 +23,25 @@ class RunControls:
         self._controller, self._page_state = controller, page_state
 
     def poster(self, command: Command) -> Callable[[], None]:
-        """A callback that posts a command."""
-        return lambda: self._controller.post(command)
+        """A callback that posts a command; it raises InputError for a step where there is none left."""
+
+        def post() -> None:
+            state = self._controller.state
+            is_forward, is_back = isinstance(command, Forward | Run), isinstance(command, Back | RunBack)
+            if state.activity is Activity.PAUSED and is_forward and state.finished:
+                raise InputError("the run has finished: no step is left; restart it, or go back")
+            if state.activity is Activity.PAUSED and is_back and state.moment == 0:
+                raise InputError("this is the start: there is no earlier step")
+            self._controller.post(command)
+
+        return post
 
     def jump(self, moment: object) -> None:
         """Go to a recorded moment; during a run only this browser shows it, and the run goes on."""
         state = self._controller.state
         wanted = whole_number(moment, 0, max(1, state.length), "moment")
         if state.activity is Activity.RUNNING:
-            self._page_state.looks_at = wanted
+            self._page_state.viewed_moment = wanted
             self._controller.republish()
         else:
             self._controller.post(JumpTo(wanted))
@@ -52,9 +62,11 @@ class RunControls:
 
     def to_move_of_selected(self, direction: int) -> None:
         """Go to the next step that moved the selected vertex, forward (1) or back (-1)."""
-        moment = next_move(self._controller.state, self._selected(), direction)
-        if moment is not None:
-            self._controller.post(JumpTo(moment))
+        selected = self._selected()
+        moment = next_move(self._controller.state, selected, direction)
+        if moment is None:
+            raise InputError(f"vertex {selected}: no {'later' if direction > 0 else 'earlier'} move is recorded")
+        self._controller.post(JumpTo(moment))
 
     def toggle_breakpoint(self) -> None:
         """Add a breakpoint on the selected vertex, or remove it."""

@@ -58,6 +58,7 @@ class BookmarksPanel:
             self._events("go", item.number),
             hint=f"Go to moment {item.moment} of run {item.run_id}",
             css_class="small on" if is_here else "small",
+            pressed=is_here,
         )
         copy = copy_button(item.at, "Copy the name of this moment (for --at)")
         compare = button("A", self._events("compare", item.number), hint="Compare with this moment", css_class="small")

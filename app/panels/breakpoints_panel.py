@@ -7,14 +7,14 @@ import viser
 
 from app.debugger.breakpoints import Breakpoint
 from app.debugger.controller import Controller
-from app.debugger.quantities import FUNCTIONS, VALUES, limits_of
+from app.debugger.quantities import limits_of
 from app.debugger.run_state import RunState
 from app.html import button, icon, text
 from app.page_state.page_state import PageState
+from app.panels.condition_field import ConditionField, words_for
+from app.viser_bridge.completion import insert_into
 from app.viser_bridge.html_events import HtmlEvents, choice_of, integer, press
 from app.viser_bridge.html_panel import HtmlPanel
-from app.viser_bridge.text_field import TextField
-from fairing.errors import InputError
 
 READY_MADE: dict[str, str] = {
     "A step is rejected": "rejected > 0",
@@ -25,6 +25,7 @@ READY_MADE: dict[str, str] = {
     "A level begins": "sweep == 1 and unit == 1 and iteration == 1",
 }
 
+FIELD = "Stop when"
 MAX_NUMBER = 10**6
 
 
@@ -38,8 +39,8 @@ def ready_made(page_state: PageState) -> dict[str, str]:
         }
     if page_state.entered is not None:
         about |= {
-            f"The energy rises in photo {page_state.entered}": f"view({page_state.entered}) > 0",
-            f"Photo {page_state.entered} has 30 % outliers": f"outliers({page_state.entered}) > 0.3",
+            f"The energy rises in photo {page_state.entered + 1}": f"view({page_state.entered + 1}) > 0",
+            f"Photo {page_state.entered + 1} has 30 % outliers": f"outliers({page_state.entered + 1}) > 0.3",
         }
     return about | READY_MADE
 
@@ -54,10 +55,10 @@ class BreakpointsPanel:
         controller: Controller,
         page_state: PageState,
     ) -> None:
-        self._controller = controller
+        self._controller, self._limits = controller, limits_of(controller.scene)
         self._events = html_events.named(
             {
-                "add": press(lambda: self._add(self._line.take_draft())),
+                "add": press(lambda: self._field.enter_draft()),
                 "switch": integer(self._switch, "breakpoint", 1, MAX_NUMBER),
                 "report": integer(self._report, "breakpoint", 1, MAX_NUMBER),
                 "remove": integer(self._remove, "breakpoint", 1, MAX_NUMBER),
@@ -66,9 +67,8 @@ class BreakpointsPanel:
                 ),
             }
         )
-        self._mistake = ""
         hint = "A condition on the recorded values of a step, such as rejected > 0. Enter adds it."
-        self._line = TextField(gui, html_events, "Stop when", hint, self._add)
+        self._field = ConditionField(gui, html_events, FIELD, hint, self._add)
         self._panel = HtmlPanel(gui)
 
     def show(self, state: RunState, page_state: PageState) -> None:
@@ -77,14 +77,16 @@ class BreakpointsPanel:
             button(name, self._events("ready_made", k), hint=f"Stop when {condition}", css_class="layer")
             for k, (name, condition) in enumerate(ready_made(page_state).items())
         )
+        self._field.show(page_state)
         words = "".join(
-            f"<tr><th>{text(name)}</th><td>{text(meaning)}</td></tr>"
-            for name, meaning in [*VALUES.items(), *((f"{name}( )", meaning) for name, meaning in FUNCTIONS.items())]
+            f"<tr><th>{button(word, insert_into(FIELD, word), hint=f'Insert {word}', css_class='link')}</th>"
+            f"<td>{text(meaning)}</td></tr>"
+            for word, meaning in words_for(page_state)
         )
         log = "".join(f"<div class='dim'>{text(line)}</div>" for line in state.log[-8:])
         add = button("Add", self._events("add"), hint="Add this breakpoint (Enter)", css_class="grow")
         self._panel.set(
-            f"<div class='row'>{add}</div>{_pointed_at(self._mistake)}"
+            f"<div class='row'>{add}</div>"
             f"<div class='note'>{rows or '<span class=dim>No breakpoints yet.</span>'}</div>"
             + (f"<h4>Log</h4>{log}" if log else "")
             + f"<h4>Common conditions</h4><div class='stack'>{ready}</div><h4>Names in conditions</h4>"
@@ -95,7 +97,12 @@ class BreakpointsPanel:
         number = str(item.number)
         state = "on" if item.enabled else "off"
         switch = button(
-            "●", self._events("switch", item.number), hint=f"Breakpoint {number} is {state}", css_class=f"dot {state}"
+            "",
+            self._events("switch", item.number),
+            hint=f"Breakpoint {number} is {state}",
+            icon="<span aria-hidden='true'>●</span>",
+            css_class=f"dot {state}",
+            pressed=item.enabled,
         )
         report = button(
             "log" if item.logs else "stop",
@@ -116,15 +123,7 @@ class BreakpointsPanel:
         )
 
     def _add(self, written: str) -> None:
-        limits = limits_of(self._controller.scene)
-        try:
-            self._controller.edit_breakpoints(lambda all_of_them: all_of_them.added(written, limits))
-        except InputError as error:
-            self._mistake = str(error)
-            self._line.write(written)
-            self._controller.republish()
-        else:
-            self._mistake = ""
+        self._controller.edit_breakpoints(lambda all_of_them: all_of_them.added(written, self._limits))
 
     def _add_ready_made(self, condition: str) -> None:
         self._controller.edit_breakpoints(lambda b: b.added(condition))
@@ -140,11 +139,3 @@ class BreakpointsPanel:
 
     def _remove(self, number: int) -> None:
         self._controller.edit_breakpoints(lambda b: b.removed(number))
-
-
-def _pointed_at(mistake: str) -> str:
-    """An error message, and below it the input with a mark at the position of the error."""
-    message, _, written = mistake.partition(" (at: ")
-    before, _, after = written.removesuffix(")").partition("⟨here⟩")
-    place = f"<code>{text(before)}<b class='rejected'>▸</b>{text(after)}</code>" if written else ""
-    return f"<div class='note rejected' role='alert'>{text(message)}</div>{place}" if mistake else ""

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import viser
 
 from app.debugger.run_state import RunState
-from app.html import button, icon, text
+from app.html import button, icon, photo_title, text
 from app.page_state.page_state import PageState
 from app.panels.choice import choice
 from app.panels.surface_panel import SurfaceControls
@@ -44,9 +44,9 @@ class CameraBox:
                 hint="Share of the model, in percent: the photo as predicted from the mesh and the other photos.",
             )  # fmt: skip
 
-        def lay(swipes: bool) -> None:
+        def lay(is_swipe: bool) -> None:
             # A swipe from the edge would show nothing new.
-            page_state.swipes, page_state.model_share = swipes, page_state.model_share or 0.5
+            page_state.is_swipe, page_state.model_share = is_swipe, page_state.model_share or 0.5
             republish()
 
         self._events = html_events.named({"leave": press(leave), "lay": choice_of(lay, lambda: list(LAID), "overlay")})
@@ -62,10 +62,10 @@ class CameraBox:
         self._box.visible = page_state.entered is not None
         if page_state.entered is None:
             return
-        name = self._scene.views[page_state.entered].name
+        name = photo_title(page_state.entered, self._scene.views[page_state.entered].name)
         back = button("Leave", self._events("leave"), hint="Leave the camera (0)", icon=icon("leave"))
-        overlays = {swipes: (label, self._events("lay", k)) for k, (swipes, label) in enumerate(LAID.items())}
-        lay = choice(overlays, page_state.swipes, "Overlay")
+        overlays = {is_swipe: (label, self._events("lay", k)) for k, (is_swipe, label) in enumerate(LAID.items())}
+        lay = choice(overlays, page_state.is_swipe, "Overlay")
         self._panel.set(
             f"<div class='row'>{icon('eye')}<span class='grow big one'>{text(name)}</span>{back}</div>"
             f"<div class='dim note'>overlay of the model</div>{lay}"

@@ -98,7 +98,7 @@ class CellLens:
             return
         name = self._scene.views[view_id].name
         close = self._close_button()
-        go = photo_link(name, self._enter(str(view_id)))
+        go = photo_link(view_id, name, self._enter(str(view_id)))
         picture = text(drawn[1]) if isinstance(drawn[1], Exception) else drawn[1]
         content = (
             f"<div class='row'><span class='grow one'>{go} <span class='dim'>vertex {vertex}</span></span>"
@@ -153,7 +153,7 @@ class CellLens:
             )
         row = views.index(view_id)
         pictures = CellPictures(cells, facts.flows)
-        go = photo_link(name, self._enter(str(view_id)))
+        go = photo_link(view_id, name, self._enter(str(view_id)))
         kinds = "".join(
             chip(HEADS[other], self._controls.lens_of(view_id, other), KINDS[other], other == kind) for other in KINDS
         )

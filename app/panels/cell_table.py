@@ -177,7 +177,7 @@ def _row(
     facts_line = f"c = {coefficients} · {seen:.0f} % of the cell seen"
     shown = f"<span class='dim one grow' title='{text(facts_line)}'>c {text(coefficients)}</span>"
     shown += f"<span class='dim'>E {energy}</span>"
-    go = photo_link(name, enter(str(view_id)))
+    go = photo_link(view_id, name, enter(str(view_id)))
     return (
         f"<div class='cell'><div class='row'>{go}{shown}</div>"
         f"<div class='tiles' role='button' tabindex='0' aria-label='Enlarge a cell in {text(name)}' "

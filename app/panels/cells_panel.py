@@ -14,6 +14,7 @@ from app.panels.cell_source import CellSource, chosen_face
 from app.panels.cell_table import cell_table
 from app.panels.choice import chip
 from app.panels.photo_pages import PhotoPages
+from app.panels.point_photos import PointPhotos
 from app.query_cache import QueryCache
 from app.viser_bridge.html_panel import HtmlPanel
 from app.viser_bridge.synced_widget import SyncedSlider
@@ -32,6 +33,7 @@ class CellsPanel:
         scene: Scene,
         source: CellSource,
         pages: PhotoPages,
+        point_photos: PointPhotos,
         background: BackgroundWorker,
         controls: CellsControls,
         choose_face: Callable[[str], str],
@@ -39,7 +41,7 @@ class CellsPanel:
         guarded: Callable[[Callable[..., None]], Callable[..., None]],
     ) -> None:
         self._scene, self._source, self._pages, self._controls = scene, source, pages, controls
-        self._choose_face, self._enter = choose_face, enter
+        self._choose_face, self._enter, self._point_photos = choose_face, enter, point_photos
         self._head = HtmlPanel(gui)
         self._k = gui.add_slider(
             "k",
@@ -60,15 +62,14 @@ class CellsPanel:
             note = "Select a vertex to see the cells of its faces."
             if page_state.selected is not None:
                 note = f"No face uses vertex {page_state.selected}."
-            self._head.set(f"<span class='dim'>{note}</span>")
-            self._body.set("")
             self._k.visible = False
+            self._show_point(page_state, note)
             return
-        self._head.set(self._choices(page_state, page_state.selected, face))
         if page_state.cells.page == "cells":
-            self._show_cells(state, page_state)
+            moment = self._show_cells(state, page_state)
         else:
-            self._show_photos(state, page_state, page_state.selected, face)
+            moment = self._show_photos(state, page_state, page_state.selected, face)
+        self._head.set(self._choices(page_state, page_state.selected, face) + stale_note(state, moment))
 
     def _choices(self, page_state: PageState, vertex: int, face: int) -> str:
         faces = "".join(
@@ -81,41 +82,55 @@ class CellsPanel:
         )
         return f"<div class='row chips'>{pages}</div><div class='row faces'><span class='dim'>Face</span>{faces}</div>"
 
-    def _show_cells(self, state: RunState, page_state: PageState) -> None:
+    def _show_cells(self, state: RunState, page_state: PageState) -> int | None:
+        """Show the cells; returns the moment that they belong to, None without any."""
         self._source.want(state, page_state)
         found = self._source.newest(state, page_state)
         if found is None:
-            self._body.set("<div class='note dim'>Computing the cells…</div>")
+            waits = "Computing the cells…" if not state.is_moving else "The cells are computed when the run pauses."
+            self._body.set(f"<div class='note dim'>{waits}</div>")
             self._k.visible = False
-            return
+            return None
         question, facts = found
         if isinstance(facts, Exception):
             self._body.set(f"<div class='note rejected'>{text(facts)}</div>")
-            return
+            return None
         self._show_k(page_state.cells.dimensions or facts.own_dimensions, len(facts.energies))
         cells_view = page_state.cells
         self._draw(
             ("cells", question, cells_view.columns, cells_view.arrow_scale),
             lambda: cell_table(facts, cells_view, self._scene, self._controls, self._enter),
         )
+        return question.moment
 
-    def _show_photos(self, state: RunState, page_state: PageState, vertex: int, face: int) -> None:
+    def _show_photos(self, state: RunState, page_state: PageState, vertex: int, face: int) -> int | None:
+        """Show a page of photos; returns the moment that it belongs to, None without one."""
         self._k.visible = False
         found = self._pages.newest(state, vertex)
         if found is None:
             self._body.set("<div class='note dim'>Cropping the photos…</div>")
-            return
+            return None
         key, known = found
         if isinstance(known, Exception):
             self._body.set(f"<div class='note rejected'>{text(known)}</div>")
-            return
+            return None
         cells_view, pages = page_state.cells, self._pages
         if cells_view.page == "photos":
             self._draw(("photos", key, cells_view.span, cells_view.arrow_scale), lambda: pages.crops(known, cells_view))
-            return
+            return key[1]
         slot = self._scene.mesh.one_rings[vertex].tolist().index(face)
         affine = state.options.cells.warp == "affine"
         self._draw(("pair", key, face, cells_view.pair), lambda: pages.pair(known, face, slot, cells_view, affine))
+        return key[1]
+
+    def _show_point(self, page_state: PageState, note: str) -> None:
+        """The selected sparse point in its photos; a note if there is none."""
+        point, points, pictures = page_state.point, self._scene.sparse_points, self._point_photos
+        self._head.set("" if point is not None else f"<span class='dim'>{note}</span>")
+        if point is None or points is None:
+            self._body.set("")
+            return
+        self._draw(("point", point), lambda: pictures.draw(points, point))
 
     def _draw(self, key: tuple, work: Callable[[], str]) -> None:
         """Show a page drawn in the background. Until it is ready, the previous drawing of the same page stays."""
@@ -130,3 +145,11 @@ class CellsPanel:
             if self._k.max != largest:
                 self._k.max = largest
             self._followed.follow(min(k, largest))
+
+
+def stale_note(state: RunState, moment: int | None) -> str:
+    """Markup that names the moment of what is shown where it is not the present one."""
+    if moment is None or moment == state.moment:
+        return ""
+    when = "it follows when the run pauses" if state.is_moving else "the present one is being computed"
+    return f"<div class='note selected stale'>Shows moment {moment}; {when}.</div>"

@@ -2,17 +2,17 @@
 
 from typing import Any
 
-from app.html import button, text
+from app.html import button, photo_title, text
 
 
 def chip(label: str, press: str, hint: str, is_on: bool, css_class: str = "chip") -> str:
     """Markup of a small button that is highlighted while `is_on`."""
-    return button(label, press, hint=hint, css_class=f"{css_class} on" if is_on else css_class)
+    return button(label, press, hint=hint, css_class=f"{css_class} on" if is_on else css_class, pressed=is_on)
 
 
-def photo_link(name: str, press: str) -> str:
-    """Markup of a photo's name that looks through its camera."""
-    return button(name, press, hint=f"Look through {name}", css_class="link")
+def photo_link(view_id: int, name: str, press: str) -> str:
+    """Markup of a photo's number and name that looks through its camera."""
+    return button(photo_title(view_id, name), press, hint=f"Look through {name}", css_class="link")
 
 
 def choice(options: dict[Any, tuple[str, str]], chosen: object, name: str) -> str:
@@ -26,6 +26,6 @@ def choice(options: dict[Any, tuple[str, str]], chosen: object, name: str) -> st
     found = []
     for key, (label, press) in options.items():
         is_on = key == chosen
-        one = button(label, press, hint=f"{name}: {label}", css_class="small on" if is_on else "small")
-        found.append(one.replace("<button", f'<button aria-pressed="{text(str(is_on).lower())}"', 1))
+        css_class = "small on" if is_on else "small"
+        found.append(button(label, press, hint=f"{name}: {label}", css_class=css_class, pressed=is_on))
     return f"<div class='segments' role='group' aria-label='{text(name)}'>{''.join(found)}</div>"

@@ -2,7 +2,7 @@
 
 import viser
 
-from app.debugger.actions import ACTIONS
+from app.debugger.actions import ACTIONS, BLOCK_NAMES
 from app.debugger.run_state import RunState
 from app.html import button, icon
 from app.page_state.page_state import PageState
@@ -10,7 +10,7 @@ from app.page_state.run_controls import RunControls
 from app.viser_bridge.html_events import HtmlEvents, press
 from app.viser_bridge.html_panel import HtmlPanel
 
-BLOCK_NAMES = {"sequential": "vertex", "worst_first": "vertex", "independent": "set", "joint": "vertices"}
+CANCEL = "Cancel (P, Space): drop the step in progress; steps that are done stay recorded"
 
 
 class DebugBar:
@@ -18,18 +18,20 @@ class DebugBar:
 
     def __init__(self, gui: viser.GuiApi, html_events: HtmlEvents, run_controls: RunControls) -> None:
         self._panel = HtmlPanel(gui)
+        self._order = "sequential"
         self._events = html_events.named({a.name: press(run_controls.poster(a.command)) for a in ACTIONS})
         self._actions = {action.name: action for action in ACTIONS}
 
     def show(self, state: RunState, page_state: PageState) -> None:
-        running = state.is_moving
-        unit = BLOCK_NAMES.get(state.options.schedule.order, "vertex")
+        self._order = state.options.schedule.order
+        unit = BLOCK_NAMES.get(self._order, "vertex")
         forward, back = not state.finished, state.moment > 0
-        main = (
-            self._button("pause", "Pause", css_class="main grow", key=True)
-            if running
-            else self._button("run", "Run", css_class="main grow", key=True, enabled=forward)
-        )
+        if state.is_moving:
+            main = self._button("pause", "Pause", css_class="main grow", key=True)
+        elif state.is_working:
+            main = self._button("pause", "Cancel", css_class="main grow", key=True, hint=CANCEL)
+        else:
+            main = self._button("run", "Run", css_class="main grow", key=True, enabled=forward)
         top = (
             f'<div class="row" style="margin-bottom:8px">{self._button("start", enabled=back)}'
             f"{self._button('run_back', enabled=back)}{main}"
@@ -47,10 +49,18 @@ class DebugBar:
         self._panel.set(f"<div class='pinned'>{top}{grid}</div>")
 
     def _button(
-        self, name: str, label: str = "", *, css_class: str = "", key: bool = False, enabled: bool = True
+        self,
+        name: str,
+        label: str = "",
+        *,
+        css_class: str = "",
+        key: bool = False,
+        enabled: bool = True,
+        hint: str = "",
     ) -> str:
         action = self._actions[name]
         shape = icon(action.icon, mirrored=action.mirrored)
         if key:
             shape += f"<kbd>{action.keys[0][0]}</kbd>"
-        return button(label, self._events(name), hint=action.hint, icon=shape, css_class=css_class, enabled=enabled)
+        press, hint = self._events(name), hint or action.hint_in(self._order)
+        return button(label, press, hint=hint, icon=shape, css_class=css_class, enabled=enabled)

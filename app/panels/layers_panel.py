@@ -5,24 +5,25 @@ from collections.abc import Callable
 import viser
 
 from app.debugger.run_state import RunState
-from app.html import button, text
+from app.html import button
 from app.page_state.page_state import LAYERS, MAX_MAGNIFICATION, PageState
-from app.palette import CAMERA, NOW, POINTS, RGB, SELECTED, START, TRUTH, solid
+from app.palette import CAMERA, NOW, POINTS, SELECTED, START, TRUTH, solid
 from app.viser_bridge.html_events import HtmlEvents, choice_of, press, whole_number
 from app.viser_bridge.html_panel import HtmlPanel
 from app.viser_bridge.synced_widget import on_user_change
 from fairing.scene import Scene
 
-SWATCHES: dict[str, RGB] = {
-    "now": NOW,
-    "start": START,
-    "truth": TRUTH,
-    "vertices": SELECTED,
-    "paths": NOW,
-    "certainty": SELECTED,
-    "cameras": CAMERA,
-    "points": POINTS,
+SWATCHES: dict[str, str] = {
+    "now": solid(NOW),
+    "start": solid(START),
+    "truth": solid(TRUTH),
+    "vertices": f"linear-gradient(90deg,{solid(START)} 50%,{solid(NOW)} 50%)",
+    "paths": f"linear-gradient(90deg,{solid(START)},{solid(NOW)})",
+    "certainty": solid(SELECTED),
+    "cameras": solid(CAMERA),
+    "points": solid(POINTS),
 }
+"""CSS backgrounds in the colours of the layers: vertices are green or red, paths run from green to red."""
 
 
 def available_layers(scene: Scene) -> list[str]:
@@ -73,9 +74,13 @@ class LayersPanel:
         self._panel.set(f"<div class='layers'>{switches}</div><h4>Theme</h4>{self._theme}")
 
     def _switch(self, k: int, name: str, is_on: bool) -> str:
-        swatch = f'<span class="swatch" style="background:{solid(SWATCHES[name])}"></span>'
+        swatch = f'<span class="swatch" style="background:{SWATCHES[name]}"></span>'
         hint = f"{'Hide' if is_on else 'Show'} {LAYERS[name].lower()}"
-        switch = button(
-            LAYERS[name], self._events("toggle", k), hint=hint, icon=swatch, css_class="layer" if is_on else "layer off"
+        return button(
+            LAYERS[name],
+            self._events("toggle", k),
+            hint=hint,
+            icon=swatch,
+            css_class="layer" if is_on else "layer off",
+            pressed=is_on,
         )
-        return switch.replace("<button", f'<button aria-pressed="{text(str(is_on).lower())}"', 1)

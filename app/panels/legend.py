@@ -1,30 +1,62 @@
-"""Legend of the surface colours, in a corner of the 3D view."""
+"""Legend of the lines and of the surface colours, in a corner of the 3D view."""
 
 import viser
 
+from app.debugger.run_state import RunState
 from app.html import number, text
-from app.palette import RGB, solid
-from app.pictures.coloring import UNKNOWN, Legend, Scale, color_map
+from app.page_state.page_state import PageState
+from app.palette import NOW, REFERENCE, RGB, START, TRUTH, solid
+from app.pictures.coloring import COLORINGS, UNKNOWN, Legend, Scale, color_map
 from app.viser_bridge.floating import MARGIN
 from app.viser_bridge.html_panel import HtmlPanel
+from app.viser_bridge.view_overlay import ViewOverlay
 
 WIDTH = 236
 STOPS = 16
 
 
 class LegendBox:
-    """Shown while the surface is coloured by a quantity."""
+    """Lines are listed in the corner of the 3D view; in a box, above the colours, while the surface is coloured."""
 
-    def __init__(self, gui: viser.GuiApi) -> None:
+    def __init__(self, client: viser.ClientHandle) -> None:
+        gui = client.gui
+        self._lines = ViewOverlay(client)
         self._box = gui.add_panel(visible=False)
-        with self._box.add_tab("Colours", viser.Icon.PALETTE):
+        with self._box.add_tab("Legend", viser.Icon.PALETTE):
             self._panel = HtmlPanel(gui)
         self._box.float(x=MARGIN, y=MARGIN, width=WIDTH)
 
-    def show(self, legend: Legend | None) -> None:
-        if legend is not None:
-            self._panel.set(legend_html(legend))
-        self._box.visible = legend is not None
+    def show(self, state: RunState, page_state: PageState, legend: Legend | None) -> None:
+        """Args:
+        legend: of the surface colours; None if the surface is not coloured.
+        """
+        lines = lines_html(legend_lines(state, page_state))
+        content = "" if legend is None else legend_html(legend)
+        if legend is None and page_state.surface in COLORINGS and page_state.entered is None and not state.is_moving:
+            title = COLORINGS[page_state.surface].title
+            content = f"<div class='legend'><b>{text(title)}</b><div class='dim'>Computing…</div></div>"
+        if content:
+            self._panel.set(lines + content)
+        self._box.visible = bool(content)
+        self._lines.set("" if content else lines)
+
+
+def legend_lines(state: RunState, page_state: PageState) -> list[tuple[str, RGB]]:
+    """Names and colours of the lines in the 3D view."""
+    has_moved = bool((state.vertices != state.trace.start).any())
+    lines = {
+        "Start": (START, page_state.shows("start") and has_moved),
+        "Now": (NOW, page_state.shows("now")),
+        "Truth": (TRUTH, page_state.shows("truth")),
+        "A": (REFERENCE, page_state.reference is not None),
+    }
+    return [(name, color) for name, (color, is_shown) in lines.items() if is_shown]
+
+
+def lines_html(lines: list[tuple[str, RGB]]) -> str:
+    """Markup: every line with a dash in its colour."""
+    dashes = "".join(f"<span><i style='background:{solid(color)}'></i>{text(name)}</span>" for name, color in lines)
+    return f"<div class='lines'>{dashes}</div>" if lines else ""
 
 
 def legend_html(legend: Legend) -> str:
@@ -32,6 +64,8 @@ def legend_html(legend: Legend) -> str:
     coloring = legend.coloring
     whose = "faces" if coloring.by_face else "vertices"
     parts = [f"<div class='legend'><b>{text(coloring.title)}</b>"]
+    if legend.note:
+        parts.append(f"<div class='dim one'>{text(legend.note)}</div>")
     if coloring.scale is Scale.REASON:
         parts += [_entry(color, name, str(count)) for name, color, count in legend.categories]
     elif legend.high > legend.low:
@@ -40,6 +74,8 @@ def legend_html(legend: Legend) -> str:
         parts.append(_entry(_color(0), f"all {whose}", _value(legend.low, legend)))
     if legend.unknown:
         parts.append(_entry(UNKNOWN, "unknown", str(legend.unknown)))
+    if legend.moment is not None:
+        parts.append(f"<div class='selected'>of moment {legend.moment}; the present one is being computed</div>")
     return "".join(parts) + "</div>"
 
 

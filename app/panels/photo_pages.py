@@ -131,7 +131,7 @@ class PhotoPages:
         shown = window.cut(self._photos[view_id])
         step = "".join(arrow_path(window.place(a[:1]), window.place(a[1:])) for a in arrow)
         here = window.place(path[-1])
-        return _picture(
+        return framed_picture(
             shown, side,
             _lines(window.place(start), START) + _lines(window.place(now), NOW)
             + _lines(window.place(path)[None], NOW, 2.4, closed=False)
@@ -154,7 +154,13 @@ class PhotoPages:
         picks = "".join(
             f"<div class='row chips'><span class='dim' style='width:14px'>{letter}</span>"
             + "".join(
-                chip(str(v), control(str(v)), f"Photo {letter}: {self._scene.views[v].name}", v == chosen, "chip tight")
+                chip(
+                    str(v + 1),
+                    control(str(v)),
+                    f"Photo {letter}: {self._scene.views[v].name}",
+                    v == chosen,
+                    "chip tight",
+                )
                 for v in views
             )
             + "</div>"
@@ -212,7 +218,7 @@ class PhotoPages:
 
     def _name(self, view_id: int) -> str:
         name = self._scene.views[view_id].name
-        return f"<div class='one'>{photo_link(name, self._enter(str(view_id)))}</div>"
+        return f"<div class='one'>{photo_link(view_id, name, self._enter(str(view_id)))}</div>"
 
 
 def chosen_pair(views: list[int], wanted: tuple[int | None, int | None]) -> tuple[int, int]:
@@ -232,10 +238,11 @@ def _chips(names, chosen: int, press: Callable[[str], str], hint: str) -> str:
 
 def _pair_picture(pair: FacePair, when: str, picture: str, side: int) -> str:
     image = {"average": pair.average, "warped": pair.warped, "own": pair.own}[picture]
-    return _picture(image, side, _lines(pair.outline[None], START if when == "start" else NOW))
+    return framed_picture(image, side, _lines(pair.outline[None], START if when == "start" else NOW))
 
 
-def _picture(pixels: np.ndarray, side: int, drawn: str) -> str:
+def framed_picture(pixels: np.ndarray, side: int, drawn: str) -> str:
+    """Markup of a picture `side` px wide with SVG drawn over it."""
     return (
         f"<div class='tiles' style='width:{side}px;height:{side}px;cursor:inherit'>"
         f"<img src='{data_uri(pixels, jpeg=True)}' alt=''>"

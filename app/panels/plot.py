@@ -10,9 +10,11 @@ import numpy as np
 import viser
 
 from app.debugger.compare import Compared, RunEnergies, look_up
+from app.debugger.error_history import RunErrors
 from app.debugger.history import EnergyHistory, Recorded
 from app.debugger.run_state import RunState
-from app.debugger.series import QUANTITIES, Series, series_of
+from app.debugger.series import QUANTITIES, Quantity, Series, series_of
+from app.debugger.step_text import slot_of
 from app.html import number, text
 from app.page_state.page_state import PageState, PlotView
 from app.palette import NOW, REFERENCE, SELECTED, css
@@ -22,11 +24,17 @@ from app.ticks import log_ticks, ticks
 from app.viser_bridge.html_events import Handler, HtmlEvents, choice_of, press
 from app.viser_bridge.html_panel import HtmlPanel
 from fairing.mesh import Mesh
+from fairing.trace import StepRecord
 
-
-def is_log(plot: PlotView) -> bool:
-    """Whether the scale is logarithmic: the user's choice, else the default of the quantity."""
-    return QUANTITIES[plot.name].is_log if plot.is_log is None else plot.is_log
+ERROR = "error"
+CAPTIONS = {
+    "energy": "Only points of one line compare: every sweep measures anew, with its own cells",
+    ERROR: "RMS distance to the truth, % of the diagonal",
+}
+_ERROR = Quantity(
+    ERROR, "distance to the truth along directions the photos determine, % of the diagonal", False,
+    lambda record: float("nan"), lambda record, slot, ring: float("nan"),
+)  # fmt: skip
 
 
 class Plot:
@@ -39,12 +47,14 @@ class Plot:
         mesh: Mesh,
         energies: EnergyHistory,
         run_energies: RunEnergies,
+        run_errors: RunErrors | None,
         html_events: HtmlEvents,
         page_state: PageState,
         jump: Handler,
         republish: Callable[[], None],
     ) -> None:
-        self._mesh, self._energies, self._run_energies = mesh, energies, run_energies
+        self._mesh, self._energies, self._run_energies, self._run_errors = mesh, energies, run_energies, run_errors
+        self._quantities = QUANTITIES if run_errors is None else {ERROR: _ERROR} | QUANTITIES
 
         def change(**changes: object) -> None:
             page_state.plot = replace(page_state.plot, **changes)
@@ -54,15 +64,23 @@ class Plot:
             {
                 "jump": jump,
                 "quantity": choice_of(
-                    lambda name: change(name=name, is_log=None), lambda: list(QUANTITIES), "quantity"
+                    lambda name: change(name=name, is_log=None), lambda: list(self._quantities), "quantity"
                 ),
                 "vertex": press(lambda: change(of_vertex=not page_state.plot.of_vertex)),
-                "log": press(lambda: change(is_log=not is_log(page_state.plot))),
+                "log": press(lambda: change(is_log=not self._is_log(page_state.plot))),
             }
         )
         self._panel = HtmlPanel(gui)
         self._series: dict[str, tuple[object, Series]] = {}
         self._shown: object = None
+
+    def _name(self, plot: PlotView) -> str:
+        """The quantity that is plotted: the user's choice, else the error where the truth is known, else the energy."""
+        return plot.name if plot.name in self._quantities else next(iter(self._quantities))
+
+    def _is_log(self, plot: PlotView) -> bool:
+        """Whether the scale is logarithmic: the user's choice, else the default of the quantity."""
+        return self._quantities[self._name(plot)].is_log if plot.is_log is None else plot.is_log
 
     def show(self, state: RunState, page_state: PageState) -> None:
         plot = page_state.plot
@@ -73,21 +91,21 @@ class Plot:
         if key == self._shown:
             return
         self._shown = key
-        chips = self._chips(plot, page_state.selected)
+        chips, name = self._chips(plot, page_state.selected, vertex), self._name(plot)
         if state.length == 0:
             self._panel.set(chips + _empty("No steps yet."))
             return
         if plot.of_vertex and vertex is None:
             self._panel.set(chips + _empty("Select a vertex to plot it."))
             return
-        lines = self._lines(state, self._energies, plot.name, vertex, "now")
+        lines = self._lines(state, self._energies, name, vertex, "now")
         if not lines:
             self._panel.set(chips + _empty("No step has recorded this yet."))
             return
         others: list[Line] = []
         if compared is not None and compared.run.run_id != state.run_id and compared.run.length:
             energies = self._run_energies.of(compared.run)
-            others = self._lines(compared.run, energies, plot.name, vertex, "reference")
+            others = self._lines(compared.run, energies, name, vertex, "reference")
         self._panel.set(chips + self._picture(state, plot, lines, compared, others))
 
     def _lines(self, run: Recorded, energies: EnergyHistory, name: str, vertex: int | None, role: str) -> list[Line]:
@@ -97,37 +115,60 @@ class Plot:
                 Line(np.arange(first, end + 1), np.concatenate([[before[first]], after[first:end]]))
                 for first, end in intervals(energies.sweeps[: run.length])
             ]
+        if name == ERROR and vertex is None:
+            assert self._run_errors is not None
+            values = self._run_errors.values_of(run)
+            return [Line(np.arange(len(values)), values)]
         key = (name, vertex)
         if role not in self._series or self._series[role][0] != key:
-            ring = np.zeros(0, dtype=int) if vertex is None else self._mesh.one_rings[vertex]
-            self._series[role] = (key, series_of(name, vertex, ring))
+            self._series[role] = (key, self._series_of(name, vertex))
         series = self._series[role][1]
         series.update(run)
         moments, values = series.moments, series.values
         known = moments <= run.length
         return [Line(moments[known], values[known])] if known.any() else []
 
-    def _chips(self, plot: PlotView, selected: int | None) -> str:
+    def _series_of(self, name: str, vertex: int | None) -> Series:
+        if name == ERROR and vertex is not None:
+            assert self._run_errors is not None
+            percent = self._run_errors.measure.percent
+
+            def error(record: StepRecord, moment: int) -> float | None:
+                slot = slot_of(record, vertex)
+                return None if slot is None else float(percent(np.array([vertex]), record.after[slot : slot + 1])[0])
+
+            return Series(error)
+        return series_of(name, vertex, np.zeros(0, dtype=int) if vertex is None else self._mesh.one_rings[vertex])
+
+    def _chips(self, plot: PlotView, selected: int | None, vertex: int | None) -> str:
+        """Buttons for the quantities; below, what the chosen one is, whose it is, and its scale."""
         quantities = "".join(
             chip(
                 quantity.title,
                 self._events("quantity", n),
                 f"Plot {quantity.meaning}",
-                name == plot.name,
+                name == self._name(plot),
                 "chip tight",
             )
-            for n, (name, quantity) in enumerate(QUANTITIES.items())
+            for n, (name, quantity) in enumerate(self._quantities.items())
         )
         whose = "vertex" if selected is None else f"v {selected}"
         hint = "Plot the selected vertex (instead of the whole run)"
-        vertex = chip(whose, self._events("vertex"), hint, plot.of_vertex, "chip tight first")
-        log = chip("log", self._events("log"), "Logarithmic scale", is_log(plot), "chip tight")
-        return f"<div class='row chips quantities'>{quantities}{vertex}{log}</div>"
+        of_vertex = chip(whose, self._events("vertex"), hint, plot.of_vertex, "chip tight")
+        log = chip("log", self._events("log"), "Logarithmic scale", self._is_log(plot), "chip tight")
+        name = self._name(plot)
+        caption = CAPTIONS.get(name) if vertex is None else None
+        caption = caption or self._quantities[name].meaning
+        note = f"<span class='dim one grow' title='{text(caption)}'>{text(caption[:1].upper() + caption[1:])}</span>"
+        return (
+            f"<div class='row chips quantities'>{quantities}</div>"
+            f"<div class='row chips quantities kind'>{note}{of_vertex}{log}</div>"
+        )
 
     def _picture(
         self, state: RunState, plot: PlotView, lines: list[Line], compared: Compared | None, others: list[Line]
     ) -> str:
-        log = is_log(plot)
+        log, name = self._is_log(plot), self._name(plot)
         everything = np.concatenate([line.values for line in (*lines, *others)])
         length = max(state.length, *(int(line.moments[-1]) for line in others), 1)
         positive = everything[everything > 0]
@@ -171,11 +212,11 @@ class Plot:
             f"var m=Math.max(0,Math.min({state.length},Math.round(({fraction})/{inner}*{length})));"
             + self._events("jump", "m")
         )
-        meaning = QUANTITIES[plot.name].meaning
+        meaning = self._quantities[name].meaning
         # Not onclick: while a run redraws the plot, press and release may hit two different elements.
         return (
             f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" class="plot" role="img" '
-            f'aria-label="{text(plot.name.capitalize())} plot" onpointerdown="{text(press)}">'
+            f'aria-label="{text(self._quantities[name].title.capitalize())} plot" onpointerdown="{text(press)}">'
             f"<title>By moment: {text(meaning)}. Click to go to a moment</title>{''.join(parts)}</svg>"
         )
 

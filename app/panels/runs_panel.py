@@ -120,12 +120,14 @@ class RunsPanel:
             self._events("switch", run.run_id),
             hint=f"{run.name} is the current run" if is_current else f"Switch to {run.name}",
             css_class="small on" if is_current else "small",
+            pressed=is_current,
         )
         compare = button(
             "A",
             self._events("compare", run.run_id),
-            hint=f"Compare with {run.name}",
+            hint=f"Compare with {run.name} (with its last recorded step, as in this row)",
             css_class="small a" if is_reference else "small",
+            pressed=is_reference,
         )
         remove = button(
             "",
@@ -135,14 +137,13 @@ class RunsPanel:
             css_class="small",
             enabled=len(state.runs) > 1,
         )
-        fork = (
-            "" if run.parent is None else f"<span class='dim'>from run {run.parent} at moment {run.forked_at}: </span>"
-        )
+        fork = "" if run.parent is None else f"from run {run.parent} at moment {run.forked_at}: "
         energies = self._energies.of(run)
         energy = number(float(energies.after[-1]), 5) if run.length else "–"
         error = f"<td class='n'>{self._error(run, state)}</td>" if knows_truth else ""
         return (
-            f"<tr><td>{name}</td><td class='what'>{fork}{text(run.differs)}</td>"
+            f"<tr><td>{name}</td><td class='what' title='{text(fork + run.differs)}'><span class='dim'>{text(fork)}</span>"
+            f"{text(run.differs)}</td>"
             f"<td class='n'>{run.length}{'' if run.finished else '<span class=dim> …</span>'}</td>"
             f"<td class='n'>{energy}</td>{error}<td><div class='row tools'>{compare}{remove}</div></td></tr>"
         )

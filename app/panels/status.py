@@ -28,15 +28,23 @@ class Status:
     def show(self, state: RunState, page_state: PageState) -> None:
         record = state.record
         outcome = "no step yet" if record is None else step_outcome(record)
-        reason = "\u00a0" if state.is_moving or state.reason == outcome else _sentence(state.reason)
-        color = "selected" if state.reason.startswith("breakpoint") else "rejected" if state.problem else "dim"
+        last, line, color = f"Last step: {outcome}", _reason(state, outcome), _reason_color(state)
+        bar = f"<div class='bar'><div style='width:{100 * state.progress:.1f}%'></div></div>"
+        if state.is_working:
+            line, color = state.work.line if state.work is not None else "\u00a0", "working"
+            if state.waiting:
+                last = f"Next: {', '.join(state.waiting)}"
+            if state.work is not None and state.work.fraction is not None:
+                done = f"{100 * state.work.fraction:.1f}"
+                bar = f"<div class='bar work' role='progressbar' aria-label='{text(line)}' aria-valuenow='{done}'>" \
+                      f"<div style='width:{done}%'></div></div>"  # fmt: skip
         self._panel.set(
             f"<div class='pinned'><div class='row'><span class='big'>{_headline(state, page_state)}</span>"
             f"<span class='grow'></span><span class='dim'>{_speed(state)}</span></div>"
             f"<div class='crumbs row'>{self._crumbs(state)}</div>"
             f"<div>{self._energy(state)}</div>"
-            f"<div class='dim one'>Last step: {text(outcome)}</div><div class='{color} one'>{text(reason)}</div>"
-            f"<div class='bar'><div style='width:{100 * state.progress:.1f}%'></div></div></div>"
+            f"<div class='dim one' title='{text(last)}'>{text(last)}</div>"
+            f"<div class='{color} one' title='{text(line)}'>{text(line)}</div>{bar}</div>"
         )
 
     def _crumbs(self, state: RunState) -> str:
@@ -63,10 +71,7 @@ class Status:
     def _crumb(self, extent: Extent, name: str, count: str, more: str = "") -> str:
         press = text(self._to_beginning(str(int(extent))))
         hint = f"To the beginning of this {name}"
-        return (
-            f'<button type="button" title="{hint}" aria-label="{hint}" onclick="{press}">'
-            f"{name} <b>{count}</b>{more}</button>"
-        )
+        return f'<button type="button" title="{hint}" onclick="{press}">{name} <b>{count}</b>{more}</button>'
 
     def _energy(self, state: RunState) -> str:
         if state.moment == 0:
@@ -81,11 +86,20 @@ class Status:
 
 
 def _headline(state: RunState, page_state: PageState) -> str:
-    if page_state.looks_at is not None:
-        return f"Running · showing moment {page_state.looks_at}"
+    if page_state.viewed_moment is not None:
+        return f"Running · showing moment {page_state.viewed_moment}"
     if state.activity is Activity.PAUSED and state.finished:
         return "Finished"
     return state.activity.value.capitalize()
+
+
+def _reason(state: RunState, outcome: str) -> str:
+    """Why the run stopped, unless the outcome of the last step says it already."""
+    return "\u00a0" if state.reason == outcome else _sentence(state.reason)
+
+
+def _reason_color(state: RunState) -> str:
+    return "selected" if state.reason.startswith("breakpoint") else "rejected" if state.problem else "dim"
 
 
 def _speed(state: RunState) -> str:

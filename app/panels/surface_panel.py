@@ -5,11 +5,12 @@ from collections.abc import Callable
 import viser
 
 from app.debugger.run_state import RunState
-from app.page_state.page_state import NOW_SHAPE, START_SHAPE, SURFACES, TRUE_SHAPE, PageState
+from app.html import button, icon, photo_title, text
+from app.page_state.page_state import FLOW_SCALES, NOW_SHAPE, START_SHAPE, SURFACES, TRUE_SHAPE, PageState
 from app.panels.choice import choice
 from app.pictures.coloring import COLORINGS, available_colorings
 from app.pictures.texturer import MOST_FACES, MOST_FACES_VIEW_DEPENDENT
-from app.viser_bridge.html_events import Guarded, HtmlEvents, choice_of
+from app.viser_bridge.html_events import Guarded, HtmlEvents, choice_of, integer
 from app.viser_bridge.html_panel import HtmlPanel
 from app.viser_bridge.synced_widget import SyncedSlider
 from fairing.errors import InputError
@@ -26,7 +27,7 @@ class SurfaceControls:
     def __init__(
         self, html_events: HtmlEvents, scene: Scene, page_state: PageState, republish: Callable[[], None]
     ) -> None:
-        self._page_state, self._republish = page_state, republish
+        self._page_state, self._scene, self._republish = page_state, scene, republish
         has_truth = scene.truth is not None and scene.truth.vertices is not None
         self.last_shape = TRUE_SHAPE if has_truth else NOW_SHAPE
         self._colorings = available_colorings(scene)
@@ -37,6 +38,8 @@ class SurfaceControls:
                 "surface": choice_of(self.choose_surface, lambda: self._surfaces, "surface"),
                 "texture": choice_of(self.choose_texture, lambda: list(TEXTURES), "texture"),
                 "shape": choice_of(self.choose_shape, lambda: self._shapes, "shape"),
+                "photo": integer(self._choose_photo, "photo", -1, len(scene.views) - 1),
+                "scale": choice_of(self._choose_scale, lambda: FLOW_SCALES, "arrow length"),
             }
         )
 
@@ -44,7 +47,10 @@ class SurfaceControls:
         return {name: (label, self._events("surface", k)) for k, (name, label) in enumerate(SURFACES.items())}
 
     def textures(self) -> dict[bool, tuple[str, str]]:
-        return {by_eye: (label, self._events("texture", k)) for k, (by_eye, label) in enumerate(TEXTURES.items())}
+        return {
+            is_view_dependent: (label, self._events("texture", k))
+            for k, (is_view_dependent, label) in enumerate(TEXTURES.items())
+        }
 
     def colorings(self) -> dict[str, tuple[str, str]]:
         numbers = {name: k for k, name in enumerate(self._surfaces)}
@@ -53,17 +59,45 @@ class SurfaceControls:
     def shapes(self) -> dict[float, tuple[str, str]]:
         return {shape: (SHAPES[shape], self._events("shape", k)) for k, shape in enumerate(self._shapes)}
 
+    def photos(self) -> str:
+        """Markup of a control that selects the photo whose residuals or flow are shown, or all photos; else empty."""
+        state, last = self._page_state, len(self._scene.views) - 1
+        if state.surface not in self._colorings or COLORINGS[state.surface].of_photo is None:
+            return ""
+        view = -1 if state.residual_view is None else state.residual_view
+        name = "All photos" if view < 0 else photo_title(view, self._scene.views[view].name)
+        previous, following = (
+            button("", self._events("photo", at), hint=hint, icon=icon("one", mirrored=hint.startswith("Previous")),
+                   css_class="small", enabled=view != at)
+            for at, hint in ((view - 1 if view >= 0 else last, "Previous photo"),
+                             (view + 1 if view < last else -1, "Next photo"))
+        )  # fmt: skip
+        scales = {scale: (f"×{scale}", self._events("scale", k)) for k, scale in enumerate(FLOW_SCALES)}
+        arrows = f"<div class='dim note'>arrows longer by</div>{choice(scales, state.flow_scale, 'Arrows')}"
+        return (
+            f"<div class='dim note'>of the photo</div><div class='row'>{previous}<span class='grow one' "
+            f"style='text-align:center'>{text(name)}</span>{following}</div>{arrows if state.surface == 'flow' else ''}"
+        )
+
+    def _choose_photo(self, view: int) -> None:
+        self._page_state.residual_view = None if view < 0 else view
+        self._republish()
+
+    def _choose_scale(self, scale: int) -> None:
+        self._page_state.flow_scale = scale
+        self._republish()
+
     def choose_surface(self, name: str) -> None:
         self._page_state.surface = name
         self._republish()
 
-    def choose_texture(self, by_eye: bool) -> None:
+    def choose_texture(self, is_view_dependent: bool) -> None:
         """One image, or one that blends the photos taken near the eye; either way the surface is textured."""
-        self._page_state.by_eye, self._page_state.surface = by_eye, "textured"
+        self._page_state.is_view_dependent, self._page_state.surface = is_view_dependent, "textured"
         self._republish()
 
-    def static_or_by_eye(self) -> None:
-        self.choose_texture(not self._page_state.by_eye)
+    def toggle_view_dependent(self) -> None:
+        self.choose_texture(not self._page_state.is_view_dependent)
 
     def choose_shape(self, shape: object) -> None:
         """0 to 2, see `PageState.shape`.
@@ -106,13 +140,13 @@ class SurfacePanel:
     def show(self, state: RunState, page_state: PageState) -> None:
         controls = self._controls
         how = choice(controls.surfaces(), page_state.surface, "Surface")
-        texture = page_state.by_eye if page_state.surface == "textured" else None
+        texture = page_state.is_view_dependent if page_state.surface == "textured" else None
         textures = choice(controls.textures(), texture, "Texture")
         colorings = choice(controls.colorings(), page_state.surface, "Coloured by")
         shapes = choice(controls.shapes(), page_state.shape, "Vertices at")
         self._panel.set(
             f"<h4>Surface</h4>{how}<div class='dim note'>texture</div>{textures}{self._note}"
-            f"<div class='dim note'>coloured by</div>{colorings}"
+            f"<div class='dim note'>coloured by</div>{colorings}{controls.photos()}"
             f"<div class='dim note'>vertices at</div>{shapes}"
         )
         self._followed.follow(page_state.shape)

@@ -72,7 +72,7 @@ class Timeline:
         return Play(self._page_state.speed * MOMENTS_PER_SECOND)
 
     def _follow(self) -> None:
-        self._page_state.looks_at = None
+        self._page_state.viewed_moment = None
         self._controller.republish()
 
     def _set_speed(self, speed: float) -> None:
@@ -102,7 +102,7 @@ class Timeline:
         )
 
     def _buttons(self, state: RunState, page_state: PageState) -> str:
-        if page_state.looks_at is not None:
+        if page_state.viewed_moment is not None:
             player = button(
                 "Follow live",
                 self._events("follow"),
@@ -128,12 +128,17 @@ class Timeline:
                 self._events("speed", k),
                 hint=f"Play {speed * MOMENTS_PER_SECOND:g} moments a second",
                 css_class="small on" if speed == page_state.speed else "small",
+                pressed=speed == page_state.speed,
             )
             for k, speed in enumerate(SPEEDS)
         )
         kinds = "".join(
             button(
-                kind, self._events("strip", k), hint=hint, css_class="small on" if kind == page_state.strip else "small"
+                kind,
+                self._events("strip", k),
+                hint=hint,
+                css_class="small on" if kind == page_state.strip else "small",
+                pressed=kind == page_state.strip,
             )
             for k, (kind, hint) in enumerate(KINDS.items())
         )
@@ -164,7 +169,7 @@ class Timeline:
 
     def _picture(self, state: RunState, page_state: PageState) -> str:
         if state.length == 0:
-            return "<div class='strip'></div>"
+            return "<div class='row extent'><span>Steps</span><div class='strip'></div></div>"
         cursor = 100 * state.moment / state.length
         press = (
             "var r=this.getBoundingClientRect();"
@@ -172,10 +177,11 @@ class Timeline:
             + self._events("jump", "m")
         )
         return (
+            "<div class='row extent'><span>Steps</span>"
             f"<div class='strip' role='img' aria-label='Recorded moments' onpointerdown=\"{text(press)}\" "
             f"title='{text(KINDS[page_state.strip])} Click to go to a moment.'>"
             f"<img src='{data_uri(self._history.picture(page_state.strip))}' alt=''>{self._ticks(state)}"
-            f"<i style='left:{cursor:.2f}%'></i></div>"
+            f"<i style='left:{cursor:.2f}%'></i></div></div>"
         )
 
     def _ticks(self, state: RunState) -> str:

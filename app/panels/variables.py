@@ -69,6 +69,6 @@ class Variables:
     def _value(self, n: int, item: Item, state: RunState, vertex: int) -> str:
         shown = item.shown(value_at(item, state.trace.steps, state.moment, vertex))
         return (
-            f'<button type="button" class="value" title="Go to where this last changed" '
-            f'aria-label="Last change of {text(item.name)}" onclick="{text(self._to_change(str(n)))}">{shown}</button>'
+            f'<button type="button" class="value" title="Last change of {text(item.name)} (goes there)" '
+            f'onclick="{text(self._to_change(str(n)))}">{shown}</button>'
         )

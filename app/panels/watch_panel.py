@@ -7,14 +7,13 @@ import viser
 from app.debugger.condition import Condition
 from app.debugger.run_state import RunState
 from app.debugger.series import Series, thinned
-from app.debugger.watch import parse_watch, watch_series, with_watch
+from app.debugger.watch import COMPUTED, parse_watch, watch_series, with_watch
 from app.html import button, icon, number, text
 from app.page_state.page_state import PageState
 from app.palette import NOW, SELECTED, css
+from app.panels.condition_field import ConditionField
 from app.viser_bridge.html_events import Handler, HtmlEvents, choice_of
 from app.viser_bridge.html_panel import HtmlPanel
-from app.viser_bridge.text_field import TextField
-from fairing.errors import InputError
 from fairing.scene import Scene
 
 SPARK = (96, 20)  # px
@@ -35,20 +34,11 @@ class WatchPanel:
         self._series: dict[str, Series] = {}
 
         def add(expression: str) -> None:
-            try:
-                page_state.watches = with_watch(page_state.watches, parse_watch(expression, scene))
-            except InputError:
-                line.write(expression)
-                raise
+            page_state.watches = with_watch(page_state.watches, parse_watch(expression, scene))
             republish()
 
-        line = TextField(
-            gui,
-            html_events,
-            "Watch",
-            "An expression such as energy / 1000, moved(0) or 100 * weakest. Enter adds it.",
-            add,
-        )
+        hint = "An expression such as energy / 1000, moved(0) or 100 * weakest. Enter adds it."
+        self._field = ConditionField(gui, html_events, "Watch", hint, add, without=COMPUTED)
         self._panel = HtmlPanel(gui)
 
         def remove(watch: Condition) -> None:
@@ -60,6 +50,7 @@ class WatchPanel:
         )
 
     def show(self, state: RunState, page_state: PageState) -> None:
+        self._field.show(page_state)
         self._series = {watch.text: self._series.get(watch.text) or watch_series(watch) for watch in page_state.watches}
         self._panel.set("".join(self._row(n, watch, state) for n, watch in enumerate(page_state.watches)))
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from app.palette import LOCKED, NOW, REFERENCE, REJECTED, RGB, SELECTED, START, TRUTH
 from fairing.judge import quantities
+from fairing.judge.face_residuals import FaceResiduals, face_residuals
 from fairing.run.session import Session
 from fairing.scene import Scene
 from fairing.trace import StepReason
@@ -60,6 +61,7 @@ class Coloring:
         unit: of the legend's numbers; may be empty.
         by_face: one value per face instead of per vertex.
         values: returns the values (m,) or (n,) from a session at a moment; NaN where unknown.
+        of_photo: returns the values (m,) in one photo (its index), or over all photos (None); None: not known by photo.
     """
 
     label: str
@@ -68,6 +70,7 @@ class Coloring:
     by_face: bool
     scale: Scale
     values: Callable[[Session, int], np.ndarray]
+    of_photo: Callable[[FaceResiduals, int | None], np.ndarray] | None = None
 
 
 DIFFERENCE = "difference"
@@ -78,8 +81,22 @@ def _no_reference(session: Session, moment: int) -> np.ndarray:
     return np.full(len(session.scene.mesh.vertices), np.nan)
 
 
+def _mean_residual(session: Session, moment: int) -> np.ndarray:
+    return face_residuals(session, moment, with_flow=False).mean_residual()
+
+
+def _mean_flow(session: Session, moment: int) -> np.ndarray:
+    return face_residuals(session, moment).mean_flow_px()
+
+
 COLORINGS: dict[str, Coloring] = {
     "energy": Coloring("Energy", "Energy of each face", "", True, Scale.LINEAR, quantities.face_energy),
+    "residual": Coloring(
+        "Residual", "Mean |I − U c| of each face", "", True, Scale.LINEAR, _mean_residual, FaceResiduals.mean_residual
+    ),
+    "flow": Coloring(
+        "Image flow", "Image flow of each face", "px", True, Scale.LINEAR, _mean_flow, FaceResiduals.mean_flow_px
+    ),
     "moved": Coloring("Displacement", "Distance from the start", "%", False, Scale.LINEAR, quantities.displacement),
     "distance": Coloring("Error", "Distance to the truth", "%", False, Scale.LINEAR, quantities.distance_to_truth),
     DIFFERENCE: Coloring("Distance to A", "Distance to A", "%", False, Scale.LINEAR, _no_reference),
@@ -105,6 +122,8 @@ class Legend:
         smallest, largest: extremes of all values; they may lie beyond the ends of the scale.
         unknown: number of faces or vertices without a value.
         categories: name, colour and count of each category, for `Scale.REASON`.
+        moment: the moment of the values, where it is not the present one.
+        note: the photos that the values come from; may be empty.
     """
 
     coloring: Coloring
@@ -114,6 +133,8 @@ class Legend:
     largest: float = 0.0
     unknown: int = 0
     categories: tuple[tuple[str, RGB, int], ...] = ()
+    moment: int | None = None
+    note: str = ""
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,9 +18,12 @@ Panels
 - `html_events`, `text_field`: events of our own HTML. viser reports none, and of fast changes of a text only the last.
 - `in_place`: keeps unchanged elements of HTML panels. viser replaces all of them.
 - `html_panel`, `style_sheet`: content and style are sent only when they change.
-- `keyboard_focus`, `hotkeys`: hotkeys are ignored while a widget has the focus; function keys are missing in their type.
-  Commands are experimental in viser (#696).
-- `tabs`: viser cannot select a tab, scroll to a heading or reload the page.
+- `keyboard_focus`, `hotkeys`: hotkeys are ignored while a widget has the focus; function keys are missing in their type; a
+  command has one key; dialogs neither close by Escape nor keep keys from the page. Commands are experimental (#696).
+- `completion`: text inputs complete nothing.
+- `accessible_names`: sliders, number inputs and icons have no accessible name.
+- `tabs`: viser cannot select a tab, scroll to a heading, reload the page or name the browser's tab.
+- `view_overlay`: HTML over the 3D view needs a panel.
 - `floating`, `timeline_placement`: panels can float at a corner, but not span the view; `camera.image_width` counts
   rendered pixels, not those of the page.
 - `synced_widget`: an assignment from Python calls the widget's callbacks, too.

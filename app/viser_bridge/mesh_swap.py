@@ -13,6 +13,8 @@ import viser
 
 DECODE_SECONDS = 0.7  # a browser needs this long to decode a new mesh with its texture (ledger: decoding of meshes)
 
+SIDES = "ab"  # the two nodes of a mesh are called by its name, an underscore and one of these
+
 
 class HasGlb(Protocol):
     """A mesh with its file."""
@@ -89,7 +91,7 @@ class DoubleBufferedMesh:
                 self._client.scene.add_glb(
                     f"{self._name}_{side}", content.glb, cast_shadow=False, receive_shadow=False, visible=False
                 )
-                for side in "ab"
+                for side in SIDES
             ]
         self._handles[1 - self._front].glb_data = content.glb
         timer = threading.Timer(self._seconds, self._swap, args=(content,))

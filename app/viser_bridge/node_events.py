@@ -42,12 +42,12 @@ class BackgroundClicks:
     clickable node has to be registered by `ignore_clicks_on`.
     """
 
-    def __init__(self, client: viser.ClientHandle, on_click: Callable[[], None]) -> None:
+    def __init__(self, client: viser.ClientHandle, on_click: Callable[[viser.SceneClickEvent], None]) -> None:
         self._on_click = on_click
         self._node_click_at: tuple[float, float] | None = None  # position in the window, 0 to 1
 
         async def scene_clicked(event: viser.SceneClickEvent) -> None:  # a coroutine, so that the order is kept
-            self._scene_clicked(event.screen_pos)
+            self._scene_clicked(event)
 
         listen: Any = client.scene.on_click()  # its type does not name coroutines
         listen(scene_clicked)
@@ -60,7 +60,7 @@ class BackgroundClicks:
 
         node.on_click(node_clicked)
 
-    def _scene_clicked(self, position: tuple[float, float]) -> None:
-        is_on_node, self._node_click_at = position == self._node_click_at, None
+    def _scene_clicked(self, event: viser.SceneClickEvent) -> None:
+        is_on_node, self._node_click_at = event.screen_pos == self._node_click_at, None
         if not is_on_node:
-            self._on_click()
+            self._on_click(event)

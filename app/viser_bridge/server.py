@@ -17,6 +17,7 @@ from websockets.http11 import Request, Response
 
 from app.viser_bridge.access import Access, token_for
 from app.viser_bridge.client_callbacks import ClientCallbacks
+from app.viser_bridge.opening_page import OpeningPage
 from app.viser_bridge.paced_connection import MAX_MESSAGE_BYTES, PacedConnection
 from fairing.errors import InputError
 
@@ -76,6 +77,8 @@ class ViewerServer(viser.ViserServer):
         if port != 0 and self.get_port() != port:
             self.stop()
             raise InputError(f"port {port} on {host}: already in use; choose another with --port")
+        self.opening = OpeningPage(self.gui)
+        """What browsers show until there is a page."""
 
     @property
     def url(self) -> str:
@@ -96,6 +99,7 @@ class ViewerServer(viser.ViserServer):
         for client in self.get_clients().values() if problem else ():
             client.add_notification("The scene could not be opened", problem, color="red")
             client.flush()
+        self.opening.close()
         with contextlib.redirect_stdout(io.StringIO()):  # viser prints "Server stopped"
             self.stop()
 
@@ -121,7 +125,7 @@ def start_viewer(host: str, port: int, token: str | None = None) -> ViewerServer
     """
     server = ViewerServer(host, port, token)
     server.gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False)
-    show_opening(server, "opening …")
+    server.gui.set_panel_label("EigenFairing")
     server.gui.main_panel.dock_right()
     server.gui.main_panel.set_width(PANEL_WIDTH)
     # The default environment map takes seconds to decode, and the textures need no light.
@@ -130,8 +134,3 @@ def start_viewer(host: str, port: int, token: str | None = None) -> ViewerServer
     server.scene.add_light_ambient("/light", intensity=0.25)
     server.scene.world_axes.visible = False
     return server
-
-
-def show_opening(server: ViewerServer, line: str) -> None:
-    """Show a line of progress as the panel's title until there is a scene."""
-    server.gui.set_panel_label(f"EigenFairing · {line}")

@@ -1,4 +1,7 @@
-"""Navigation within the page: select a tab, scroll to a heading, reload. viser 1.1.1 has no functions for these."""
+"""Navigation within the page: select a tab, scroll to a heading, reload; title of the browser's tab.
+
+viser 1.1.1 has no functions for these.
+"""
 
 import json
 
@@ -43,3 +46,8 @@ def show_heading(client: viser.ClientHandle, title: str) -> None:
 def reload_page(client: viser.ClientHandle, after: float) -> None:
     """Reload the page in `after` seconds."""
     run_in_page(client.gui, f"setTimeout(() => location.reload(), {1000 * after:.0f})")
+
+
+def set_tab_title(client: viser.ClientHandle, title: str) -> None:
+    """The title of the browser's tab."""
+    run_in_page(client.gui, f"document.title = {json.dumps(title)}")

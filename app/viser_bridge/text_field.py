@@ -4,11 +4,12 @@ The text inputs of viser 1.1.1 send every letter, but of changes within 50 ms on
 letter. And what the server writes into them replaces what is being typed.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import viser
 
 from app.html import text
+from app.viser_bridge.completion import Word, words_attribute
 from app.viser_bridge.html_events import HtmlEvents
 from app.viser_bridge.html_panel import HtmlPanel
 
@@ -18,6 +19,7 @@ class TextField:
 
     Args:
         keeps: the text stays after Enter; else the field is emptied at once.
+        words: names that are completed, see `app.viser_bridge.completion`.
     """
 
     def __init__(
@@ -29,7 +31,9 @@ class TextField:
         on_enter: Callable[[str], None],
         *,
         keeps: bool = False,
+        words: Sequence[Word] = (),
     ) -> None:
+        self._words = words
         self._name, self._hint, self._keeps, self._on_enter = name, hint, keeps, on_enter
         self._send = events.text(self._receive)
         self._written, self._times = "", 0
@@ -40,6 +44,12 @@ class TextField:
         """Show this text, unless the user is typing there."""
         if line != self._written or self._draft:
             self._written, self._draft, self._times = line, "", self._times + 1
+            self._panel.set(self._content())
+
+    def offer(self, words: Sequence[Word]) -> None:
+        """Complete these names from now on."""
+        if words != self._words:
+            self._words = words
             self._panel.set(self._content())
 
     def take_draft(self) -> str:
@@ -66,7 +76,16 @@ class TextField:
         return (
             f"<label class='line' title='{text(self._hint)}'><span>{text(self._name)}</span>"
             f"<input name='{text(self._name)}' value='{text(self._written)}' data-written='{self._times}' "
-            f"autocomplete='off' spellcheck='false' onkeydown=\"{text(enter)}\" "
+            f"{self._completion()} autocomplete='off' spellcheck='false' onkeydown=\"{text(enter)}\" "
             f'oninput="{drafts}?.set(this.name,this.value)" '
             f'onchange="if(this.value!==this.sent){{{text(self._send("this.value", "false"))}}}"></label>'
         )
+
+    def _completion(self) -> str:
+        """HTML attributes of a field with completion; empty without words."""
+        if not self._words:
+            return ""
+        combobox = (
+            "role='combobox' aria-autocomplete='list' aria-expanded='false' aria-controls='eigenfairing-suggestions'"
+        )
+        return f"data-words='{text(words_attribute(self._words))}' {combobox}"

@@ -8,7 +8,7 @@ PSF on the face for all its photos, as small as possible, and applies the missin
 (Affine-adapted smoothing: Lindeberg and Garding, Image and Vision Computing 1997.)
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 
 import numpy as np
@@ -26,6 +26,10 @@ PATCH_MARGIN = 6.0
 """px around a face that are blurred too: a vertex may move this far before the patches are computed again (next sweep)."""
 MAX_PATCH_PIXELS = 500_000_000
 """Limit of the patches around all faces together, 2 GB. Beyond it photos are used as seen (ledger: patch memory)."""
+SIZE_STEP = 4
+"""px: patches are transformed together with those of the same size, rounded up to a multiple of this."""
+BATCH_PIXELS = 1 << 18
+"""Patches are transformed in batches of so many pixels, which stay in the processor's cache."""
 _SHAPE_ROUNDS = 30
 _KERNEL_RADIUS = 3.5
 """Radius of a patch's border in standard deviations of the Gaussian."""
@@ -121,17 +125,25 @@ def common_psf_patches(
     border = np.ceil(_KERNEL_RADIUS * deviation).astype(np.int64) + 3
 
     def fill(view: int, photo: np.ndarray) -> None:
-        for pair in pairs_of[view]:
-            x, y, width, height = frame[pair]
-            edge = border[pair]
-            rows = _mirrored(y - edge, height + 2 * edge, photo.shape[1])
-            columns = _mirrored(x - edge, width + 2 * edge, photo.shape[2])
-            wide = photo[:, rows[:, None], columns].astype(np.float32) * photos.grey_levels
-            shape = tuple(scipy.fft.next_fast_len(size, real=True) or size for size in wide.shape[1:])
-            spectrum = np.asarray(scipy.fft.rfft2(wide, shape))
-            spectrum *= _transfer(shape, covariance[pair], cubic)
-            blurred = np.asarray(scipy.fft.irfft2(spectrum, shape))
-            pixels[base[pair] : base[pair + 1]] = blurred[:, edge : edge + height, edge : edge + width].ravel()
+        rows = pairs_of[view]
+        reach = int(border[rows].max())
+        across, down = (_mirrored(-reach, size + 2 * reach, size) for size in photo.shape[:0:-1])
+        wide = photo[:, down[:, None], across].astype(np.float32) * photos.grey_levels
+        for shape, chosen in _batches(frame[rows, :1:-1] + 2 * border[rows, None], photos.channels):
+            pairs = rows[chosen]
+            places = list(zip(frame[pairs].tolist(), border[pairs].tolist(), base[pairs].tolist(), strict=True))
+            stack = np.zeros((len(pairs), photos.channels, *shape), dtype=np.float32)
+            for part, ((x, y, width, height), edge, _) in zip(stack, places, strict=True):
+                top, left = y - edge + reach, x - edge + reach
+                high, long = height + 2 * edge, width + 2 * edge
+                part[:, :high, :long] = wide[:, top : top + high, left : left + long]
+            spectra = np.asarray(scipy.fft.rfft2(stack))
+            spectra *= _transfers(shape, covariance[pairs], cubic)[:, None]
+            for part, ((_, _, width, height), edge, start) in zip(
+                np.asarray(scipy.fft.irfft2(spectra, shape)), places, strict=True
+            ):
+                kept = part[:, edge : edge + height, edge : edge + width]
+                pixels[start : start + kept.size].reshape(kept.shape)[:] = kept
 
     photos.for_each(pairs_of, fill, pool)
     return pixels, base[:-1], frame
@@ -188,17 +200,43 @@ def _enclose(ellipses, starts, common):
         common[f, 0, 1] = common[f, 1, 0] = scale * b
 
 
-def _transfer(shape: tuple[int, ...], covariance: np.ndarray, cubic: bool) -> np.ndarray:
-    """Transfer function of the Gaussian, for `rfft2`; with `cubic` divided by that of the cubic B-spline's samples.
+def _batches(sizes: np.ndarray, channels: int) -> Iterator[tuple[tuple[int, int], np.ndarray]]:
+    """Patches that are transformed together.
+
+    Args:
+        sizes: (r, 2) int: height and width of each patch with its border, px.
+
+    Yields:
+        The (height, width) of their transforms, and their indices (b,) int.
+    """
+    shapes, shape_of = np.unique(-(-sizes // SIZE_STEP), axis=0, return_inverse=True)
+    for k, (rows, columns) in enumerate((SIZE_STEP * shapes).tolist()):
+        shape = (
+            scipy.fft.next_fast_len(rows, real=True) or rows,
+            scipy.fft.next_fast_len(columns, real=True) or columns,
+        )
+        chosen = np.flatnonzero(shape_of.ravel() == k)
+        most = max(1, BATCH_PIXELS // (channels * shape[0] * shape[1]))
+        for first in range(0, len(chosen), most):
+            yield shape, chosen[first : first + most]
+
+
+def _transfers(shape: tuple[int, int], covariances: np.ndarray, cubic: bool) -> np.ndarray:
+    """Transfer functions of Gaussians (b, 2, 2), for `rfft2`; with `cubic` divided by that of the cubic B-spline's samples.
 
     For a covariance with a mixed term it jumps at the Nyquist frequency of an axis, where wx or wy is both +pi and -pi: one
     of the two signs is taken.
     """
-    wy, wx = 2 * np.pi * scipy.fft.fftfreq(shape[0])[:, None], 2 * np.pi * scipy.fft.rfftfreq(shape[1])[None]
-    transfer = np.exp(-0.5 * (covariance[0, 0] * wx * wx + 2 * covariance[0, 1] * wx * wy + covariance[1, 1] * wy * wy))
+    wy = (2 * np.pi * scipy.fft.fftfreq(shape[0])[:, None]).astype(np.float32)
+    wx = (2 * np.pi * scipy.fft.rfftfreq(shape[1])[None]).astype(np.float32)
+    xx, xy, yy = (-covariances[:, a, b, None, None].astype(np.float32) for a, b in ((0, 0), (0, 1), (1, 1)))
+    exponent = xy * (wx * wy)
+    exponent += 0.5 * xx * (wx * wx)
+    exponent += 0.5 * yy * (wy * wy)
+    transfers = np.exp(exponent, out=exponent)
     if cubic:
-        transfer /= (2 + np.cos(wy)) / 3 * (2 + np.cos(wx)) / 3
-    return transfer.astype(np.float32)
+        transfers *= 9 / ((2 + np.cos(wy)) * (2 + np.cos(wx)))
+    return transfers
 
 
 def _mirrored(first: int, count: int, size: int) -> np.ndarray:

@@ -134,6 +134,23 @@ def held_back_loss(mesh: Mesh, cameras: Sequence[Camera], points: FeaturePoints)
     return float(_losses(found, judges, JUDGING_SIGMA * unit)[judges].mean()) if judges.any() else 1.0
 
 
+def distances_px(mesh: Mesh, cameras: Sequence[Camera], points: FeaturePoints) -> np.ndarray:
+    """(q,) float, px: how far the photos show the points from the planes of their faces; of points that belong to one.
+
+    The nearest of a point's photos counts, seen at a right angle: distance times focal length over depth.
+
+    Args:
+        cameras: of the photos that `points.photos` counts.
+    """
+    found = _Rays(cameras, points).assign(mesh, GATES[0] * mesh.diagonal / 100, np.ones(len(points), dtype=bool))
+    focal, centers = (np.array(of_all) for of_all in zip(*((c.K[0, 0], c.center) for c in cameras), strict=True))
+    point = np.repeat(np.arange(len(points)), points.n_views)
+    depth = np.linalg.norm(points.positions[point] - centers[points.photos], axis=1)
+    px_per_unit = np.zeros(len(points))
+    np.maximum.at(px_per_unit, point, focal[points.photos] / depth)
+    return np.abs(found.distances) * px_per_unit[found.points]
+
+
 def points_on_surface(mesh: Mesh, cameras: Sequence[Camera], points: FeaturePoints) -> np.ndarray:
     """(p,) bool: the points that belong to a face: their own photos see it there, and it lies within the first gate."""
     result = np.zeros(len(points), dtype=bool)

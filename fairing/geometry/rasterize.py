@@ -27,7 +27,7 @@ def rasterize(vertices: np.ndarray, faces: np.ndarray, camera: Camera) -> tuple[
     face_id = np.full((camera.height, camera.width), -1, dtype=np.int32)
     inverse_depth = np.zeros((camera.height, camera.width))
     uv, depth = camera.project(vertices)
-    _fill(uv, depth, faces, face_id, inverse_depth)
+    _fill(uv, depth, np.array(faces), face_id, inverse_depth)  # a copy: for read-only arrays numba would compile again
     with np.errstate(divide="ignore"):
         return face_id, 1.0 / inverse_depth
 

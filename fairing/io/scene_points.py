@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from fairing.errors import Cancelled
 from fairing.features.find import progress_line
 from fairing.features.points import FeaturePoints
 from fairing.io.capture import Capture
@@ -19,6 +20,7 @@ def choose_points(
     choice: PointsChoice,
     cache: Path,
     on_progress: Callable[[float, str], None] = lambda fraction, line: None,
+    skip_requested: Callable[[], bool] = lambda: False,
 ) -> Capture:
     """The capture with the chosen sparse points, and a warning where they are not the given ones.
 
@@ -28,6 +30,7 @@ def choose_points(
         n_vertices: of the mesh; None without a mesh.
         cache: file (.npz) of the points found by an earlier call with the same photos and cameras.
         on_progress: called with the finished part, 0 to 1, and a line while points are found.
+        skip_requested: polled several times a second while points are found; where it returns True, the given points are used.
 
     Raises:
         InputError: a photo or mask cannot be decoded.
@@ -43,7 +46,13 @@ def choose_points(
     def show(done: int, count: int) -> None:
         on_progress(done / count, progress_line(done, n_photos))
 
-    found = find_points_once(capture.views, cache, on_progress=show, is_cache=True)
+    try:
+        found = find_points_once(capture.views, cache, on_progress=show, cancel_requested=skip_requested, is_cache=True)
+    except Cancelled:
+        warning = (
+            f"no points were looked for in the photos, on request; the capture has {n_given or 'no'} sparse points"
+        )
+        return capture._replace(warnings=(*capture.warnings, warning))
     points, warning = _chosen(choice, given, n_given, found)
     return capture._replace(sparse_points=points, warnings=(*capture.warnings, warning))
 

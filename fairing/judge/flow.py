@@ -11,6 +11,7 @@ Eq. 4 requires I(u + upsilon) = [U c](u), so f = -upsilon for the correct eta: t
 effect is clearest with few eigenspace dimensions; further ones absorb part of the misalignment. The engine uses neither field.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -154,12 +155,7 @@ def optical_flow(cells: FaceCells, window: float = 4.0, spacing: int = 1, reduct
         spacing: distance of the vectors, cell pixels.
         reduction: edge of the blocks that are averaged first, cell pixels: faster by its square; finer detail is lost.
     """
-    one, other = cells.as_images(cells.observed), cells.as_images(cells.reconstruction)
-    valid = cells.as_images(cells.counts.astype(float))
-    if cells.channels > 1:
-        one, other, valid = one.mean(axis=-1), other.mean(axis=-1), valid[..., 0]
-    if reduction > 1:
-        one, other, valid = (_reduced(images, reduction) for images in (one, other, valid))
+    one, other, valid = _grey_images(cells, reduction)
     rows, columns = cells.rows_and_columns
     last = one.shape[1] * reduction  # the remainder at the ends of a reduced cell has no flow
     chosen = (rows % spacing == 0) & (columns % spacing == 0) & (rows < last) & (columns < last)
@@ -170,6 +166,37 @@ def optical_flow(cells: FaceCells, window: float = 4.0, spacing: int = 1, reduct
     vectors = reduction * np.array([flow[at] for flow, _ in flows]).reshape(*shape, 2)
     confidence = np.array([belief[at] for _, belief in flows]).reshape(shape)
     return OpticalFlow(np.stack([columns, rows], axis=1).astype(float), vectors, confidence)
+
+
+def face_flow(cells: FaceCells, reduction: int = 1) -> tuple[np.ndarray, np.ndarray]:
+    """Optical flow from each cell to its reconstruction, as one vector per cell: `lucas_kanade` with the cell as window.
+
+    Args:
+        reduction: as in `optical_flow`.
+
+    Returns:
+        (n, 2) float, cell pixels (column, row), and its confidence (n,) float, 0 to 1.
+    """
+    one, other, valid = _grey_images(cells, reduction)
+    gx, gy, difference, weight = _linearised(one, other, valid == 1)
+    total = np.maximum(weight.sum(axis=(1, 2)), 1e-9)
+
+    def average(values: np.ndarray) -> np.ndarray:
+        return (weight * values).sum(axis=(1, 2)) / total
+
+    flow, confidence = _least_squares_flow(gx, gy, difference, average)
+    return reduction * flow, confidence
+
+
+def _grey_images(cells: FaceCells, reduction: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Cells, reconstructions and the fraction of valid samples, (n, N // r, N // r) float each, grey levels; NaN outside."""
+    one, other = cells.as_images(cells.observed), cells.as_images(cells.reconstruction)
+    valid = cells.as_images(cells.counts.astype(float))
+    if cells.channels > 1:
+        one, other, valid = one.mean(axis=-1), other.mean(axis=-1), valid[..., 0]
+    if reduction > 1:
+        one, other, valid = (_reduced(images, reduction) for images in (one, other, valid))
+    return one, other, valid
 
 
 def _reduced(images: np.ndarray, reduction: int) -> np.ndarray:
@@ -196,16 +223,30 @@ def lucas_kanade(
     Returns:
         (h, w, 2) float, pixels (column, row), and (h, w) float, 0 to 1.
     """
+    gx, gy, difference, weight = _linearised(image, target, valid)
+    total = np.maximum(gaussian_filter(weight, window), 1e-9)
+    flow, smaller_share = _least_squares_flow(
+        gx, gy, difference, lambda values: gaussian_filter(weight * values, window) / total
+    )
+    known = valid & (total > 1e-3)
+    return np.where(known[..., None], flow, 0), np.where(known, smaller_share, 0)
+
+
+def _linearised(
+    image: np.ndarray, target: np.ndarray, valid: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Gradients of the mean image along columns and rows, target - image, and weight 1 where all are known: (..., h, w)."""
     mean = np.where(valid, 0.5 * (image + target), 0)
     difference = np.where(valid, target - image, 0)
-    gx, usable_x = _slope(mean, valid, axis=1)
-    gy, usable_y = _slope(mean, valid, axis=0)
-    weight = (valid & usable_x & usable_y).astype(float)
-    total = np.maximum(gaussian_filter(weight, window), 1e-9)
+    gx, usable_x = _slope(mean, valid, axis=-1)
+    gy, usable_y = _slope(mean, valid, axis=-2)
+    return gx, gy, difference, (valid & usable_x & usable_y).astype(float)
 
-    def average(values: np.ndarray) -> np.ndarray:
-        return gaussian_filter(weight * values, window) / total
 
+def _least_squares_flow(
+    gx: np.ndarray, gy: np.ndarray, difference: np.ndarray, average: Callable[[np.ndarray], np.ndarray]
+) -> tuple[np.ndarray, np.ndarray]:
+    """The flow (..., 2), pixels, that solves the normal equations averaged over a window, and its confidence (...)."""
     xx, xy, yy = average(gx * gx), average(gx * gy), average(gy * gy)
     bx, by = -average(gx * difference), -average(gy * difference)
     root = np.sqrt((0.5 * (xx - yy)) ** 2 + xy**2)
@@ -213,17 +254,14 @@ def lucas_kanade(
     ridge = 1e-3 * (xx + yy) + 1e-9
     determinant = (xx + ridge) * (yy + ridge) - xy**2
     flow = np.stack([(yy + ridge) * bx - xy * by, (xx + ridge) * by - xy * bx], axis=-1) / determinant[..., None]
-    known = valid & (total > 1e-3)
-    confidence = np.where(known, smaller / (smaller + HALF_CONFIDENCE), 0)
-    return np.where(known[..., None], flow, 0), confidence
+    return flow, smaller / (smaller + HALF_CONFIDENCE)
 
 
 def _slope(image: np.ndarray, valid: np.ndarray, axis: int) -> tuple[np.ndarray, np.ndarray]:
     """Central difference along an axis, and where both neighbours count."""
-    ahead, behind = np.roll(image, -1, axis), np.roll(image, 1, axis)
-    usable = np.roll(valid, -1, axis) & np.roll(valid, 1, axis)
-    edge = [slice(None), slice(None)]
-    for end in (0, -1):
-        edge[axis] = slice(end, None) if end else slice(0, 1)
-        usable[tuple(edge)] = False
-    return np.where(usable, 0.5 * (ahead - behind), 0), usable
+    slope = np.zeros(image.shape)
+    usable: np.ndarray = np.zeros(image.shape, dtype=bool)
+    values, known, inner, inner_known = (np.moveaxis(array, axis, 0) for array in (image, valid, slope, usable))
+    inner_known[1:-1] = known[2:] & known[:-2]
+    inner[1:-1] = np.where(inner_known[1:-1], 0.5 * (values[2:] - values[:-2]), 0)
+    return slope, usable

@@ -4,7 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-SOLVER_NONE, SOLVER_ALTERNATING, SOLVER_VARIABLE_PROJECTION = 0, 1, 2
+ENERGY, STATISTICS, ALTERNATING, VARIABLE_PROJECTION = 0, 1, 2, 3
+"""What to compute beside the energies: nothing, residual statistics, normal equations by either solver."""
 NORM_GEMAN_MCCLURE, NORM_HUBER, NORM_LEAST_SQUARES = 0, 1, 2
 
 

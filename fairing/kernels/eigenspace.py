@@ -3,7 +3,7 @@
 import numpy as np
 
 from fairing.kernels.compiled import fast, never_inline, plain
-from fairing.kernels.rows import BLOCK, add_rows, dot, dot_three
+from fairing.kernels.rows import BLOCK, add_rows, copy_row, dot, dot_three
 
 FILL_ITERATIONS = 3
 
@@ -44,7 +44,7 @@ def fit_face(cells, k, centered, mask_weight, masked, basis, V, singular_values,
                 basis[m, start:stop] = 0
                 add_rows(basis[m, start:stop], factors[m], cells, start)
             for i in range(n):
-                residual[i, start:stop] = cells[i, start:stop]
+                copy_row(cells[i, start:stop], residual[i, start:stop])
                 add_rows(residual[i, start:stop], back[i], basis, start)
         if masked:
             _fill_with_reconstruction(cells, mask_weight, residual)
@@ -75,7 +75,8 @@ def _decompose(cells, k, V, singular_values):
                 V[i, m] = sign * column[i]
                 factors[m, i] = V[i, m] / singular_values[m]
         else:
-            V[:, m] = 0
+            for i in range(n):
+                V[i, m] = 0
     return factors
 
 
@@ -106,7 +107,7 @@ def _subtract_mean(cells, mean):
     """Subtract the mean cell from all; mean: (p,) scratch."""
     n = cells.shape[0]
     mean[:] = 0
-    add_rows(mean, np.full(n, np.float32(1 / n)), cells, 0)
+    add_rows(mean, np.full(n, np.float32(1 / n)), cells, np.int64(0))
     for i in range(n):
         cell = cells[i]
         for t in range(cell.shape[0]):

@@ -6,8 +6,8 @@ depend on how the list is divided among threads.
 
 import numpy as np
 
-from fairing.kernels.compiled import SOURCE, cached, plain
-from fairing.kernels.data import SOLVER_NONE, SOLVER_VARIABLE_PROJECTION
+from fairing.kernels.compiled import SOURCE, cached
+from fairing.kernels.data import ALTERNATING, STATISTICS, VARIABLE_PROJECTION
 from fairing.kernels.eigenspace import fit_face, remove_means
 from fairing.kernels.normal_equations import normal_equations
 from fairing.kernels.robust import residual_statistics, weigh
@@ -15,159 +15,155 @@ from fairing.kernels.rows import STRIP
 from fairing.kernels.sampling import apply_masks, sample_face
 
 
-@plain
-def _evaluate_faces(data, vertices, todo, corners, squared_scale, solver, energy, pair_energy, H, g, statistics):
-    """Energy and normal equations of the faces `todo`.
-
-    Args:
-        data: KernelData.
-        vertices: (n, 3) float64, world units.
-        todo: (F,) int64: face ids.
-        corners: (F,) int64: which corner moves, -1 for all.
-        squared_scale: (m,) float64: the robust norm's squared scale by face, see `fairing.kernels.robust.weigh`.
-        solver: SOLVER_*; with SOLVER_NONE only energies are filled.
-        energy: (F,) float64, out: sum of weight * rho(e); infinite if a corner lies behind a camera.
-        pair_energy: (P,) float64, out: the same by pair, for the pairs of `todo`.
-        H, g: (F, 9, 9), (F, 9) float64, out: by the nine coordinates of the corners, energy / world unit^2 and energy / world unit.
-        statistics: (F, 3) float64, out, only with SOLVER_NONE: largest and median absolute residual, grey levels; the k-th
-            singular value squared over the mean square of the later ones.
-    """
-    n_most, p_most = 1, 1
-    for f in todo:
-        n_most = max(n_most, data.pair_start[f + 1] - data.pair_start[f])
-        p_most = max(p_most, data.grid_start[data.face_grid[f] + 1] - data.grid_start[data.face_grid[f]])
-    p_most *= data.channels
-    k_most = max(1, data.face_dimensions.max()) + 1
-    with_system = solver != SOLVER_NONE
-    all_components = 9 if data.affine and corners.min() < 0 else 3
-    cells_buffer = np.empty(n_most * p_most, dtype=np.float32)
-    residual_buffer = np.empty(n_most * p_most, dtype=np.float32)
-    weights_buffer = np.empty(n_most * p_most, dtype=np.float32)
-    mask_buffer = np.empty(n_most * p_most if data.masks.shape[0] > 0 else 1, dtype=np.float32)
-    G_buffer = np.empty(all_components * n_most * p_most if with_system else 1, dtype=np.float32)
-    hats_buffer = np.empty(3 * p_most, dtype=np.float32)
-    basis_buffer = np.empty(k_most * p_most, dtype=np.float32)
-    strip = np.empty((5, STRIP), dtype=np.float32)
-    taps = np.empty((4, 4 * STRIP), dtype=np.float32)
-    index = np.empty(STRIP, dtype=np.int32)
-    singular_values = np.empty(n_most)
-    for at in range(todo.shape[0]):
-        face = todo[at]
-        corner = corners[at]
-        energy[at] = 0
-        statistics[at] = 0
-        H[at] = 0
-        g[at] = 0
-        k = data.face_dimensions[face]
-        if k == 0:
-            continue
-        first, n = data.pair_start[face], data.pair_start[face + 1] - data.pair_start[face]
-        p = data.grid_start[data.face_grid[face] + 1] - data.grid_start[data.face_grid[face]]
-        pc = p * data.channels
-        components = 9 if data.affine and corner < 0 else 3
-        cells = cells_buffer[: n * pc].reshape(n, pc)
-        residual = residual_buffer[: n * pc].reshape(n, pc)
-        weights = weights_buffer[: n * pc].reshape(n, pc)
-        mask_weight = mask_buffer[: n * pc].reshape(n, pc) if data.masks.shape[0] > 0 else mask_buffer.reshape(1, 1)
-        G = G_buffer[: components * n * pc if with_system else 0].reshape(components if with_system else 0, n, pc)
-        hats = hats_buffer[: 3 * pc].reshape(3, pc)
-        if not sample_face(data, vertices, face, corner, with_system, cells, G, hats, strip, taps, index):
-            energy[at] = np.inf
-            continue
-        masked = apply_masks(data, face, p, mask_weight, G, components if with_system else 0)
-        if data.remove_bias:
-            remove_means(cells, mask_weight, masked)
-        V = np.zeros((n, k + 1))
-        basis = basis_buffer[: (k + 1) * pc].reshape(k + 1, pc)
-        fit_face(cells, k, data.centered, mask_weight, masked, basis, V, singular_values, residual)
-        for i in range(n):
-            rho = weigh(residual[i], data.norm, squared_scale[face], weights[i])
-            pair_energy[first + i] = data.pair_weight[first + i] * rho
-            energy[at] += pair_energy[first + i]
-        if with_system:
-            used = k
-            if data.centered:
-                V[:, k] = 1 / np.sqrt(n)
-                basis[k, :] = 0
-                used = k + 1
-            normal_equations(
-                G, hats, corner, data.remove_bias, solver == SOLVER_VARIABLE_PROJECTION, basis[:used], V[:, :used], residual,
-                weights, data.pair_weight[first : first + n], H[at], g[at],
-            )  # fmt: skip
-        else:
-            residual_statistics(residual, mask_weight, masked, index, statistics[at])
-            later = (singular_values[k:n] ** 2).mean()
-            statistics[at, 2] = singular_values[k - 1] ** 2 / max(later, 1e-300)
-
-
-@plain
-def _show_face(
-    data,
-    vertices,
-    face,
-    squared_scale,
-    raw,
-    bias,
-    residual,
-    weights,
-    mask_weight,
-    basis,
-    V,
-    singular_values,
-    pair_energy,
-):
-    """The computation of `_evaluate_faces` for one face, with all intermediate results for display.
-
-    Args:
-        squared_scale: the robust norm's squared scale of the face.
-        raw, residual, weights, mask_weight: (n, p * channels) float32, out: cells as sampled, I - U c, rho'(e) / e, and
-            1 where a sample counts.
-        bias: (n,) float32, out: mean subtracted from each cell.
-        basis: (k + 1, p * channels) float32, out; the last row is scratch.
-        V: (n, k + 1) float64, out: right singular vectors.
-        singular_values: (n,) float64, out.
-        pair_energy: (n,) float64, out.
-
-    Returns:
-        The cells (n, p * channels) as the eigenspace was fitted to them: masked samples filled in, means subtracted if
-        the options say so; None if a corner lies behind a camera.
-    """
-    n, pc = raw.shape
-    k = data.face_dimensions[face]
-    G = np.empty((0, n, pc), dtype=np.float32)
-    hats = np.empty((3, pc), dtype=np.float32)
-    strip = np.empty((5, STRIP), dtype=np.float32)
-    taps = np.empty((4, 4 * STRIP), dtype=np.float32)
-    index = np.empty(STRIP, dtype=np.int32)
-    if not sample_face(data, vertices, face, -1, False, raw, G, hats, strip, taps, index):
-        return None
-    cells = raw.copy()
-    mask_weight[:] = 1
-    masked = apply_masks(data, face, pc // data.channels, mask_weight, G, 0)
-    if data.remove_bias:
-        remove_means(cells, mask_weight, masked)
-        bias[:] = raw[:, 0] - cells[:, 0]
-    if k > 0:
-        fit_face(cells, k, data.centered, mask_weight, masked, basis, V, singular_values, residual)
-        first = data.pair_start[face]
-        for i in range(n):
-            rho = weigh(residual[i], data.norm, squared_scale, weights[i])
-            pair_energy[i] = data.pair_weight[first + i] * rho
-    return cells
-
-
 def _cached_for(source):
     @cached
-    def evaluate_faces(*arguments):
-        """See `_evaluate_faces`."""
+    def evaluate_faces(data, vertices, todo, corners, squared_scale, task, energy, pair_energy, H, g, statistics):
+        """Energy and normal equations of the faces `todo`.
+
+        Args:
+            data: KernelData.
+            vertices: (n, 3) float64, world units.
+            todo: (F,) int64: face ids.
+            corners: (F,) int64: which corner moves, -1 for all.
+            squared_scale: (m,) float64: the robust norm's squared scale by face, see `fairing.kernels.robust.weigh`.
+            task: ENERGY, STATISTICS, ALTERNATING or VARIABLE_PROJECTION: what to compute beside the energies.
+            energy: (F,) float64, out: sum of weight * rho(e); infinite if a corner lies behind a camera.
+            pair_energy: (P,) float64, out: the same by pair, for the pairs of `todo`.
+            H, g: (F, 9, 9), (F, 9) float64, out: by the nine coordinates of the corners, energy / world unit^2 and
+                energy / world unit.
+            statistics: (F, 3) float64, out, only with STATISTICS: largest and median absolute residual, grey levels; the k-th
+                singular value squared over the mean square of the later ones.
+        """
         assert source >= 0
-        _evaluate_faces(*arguments)
+        n_most, p_most, k_most, all_components = 1, 1, 1, 3
+        for at in range(todo.shape[0]):
+            f = todo[at]
+            n_most = max(n_most, data.pair_start[f + 1] - data.pair_start[f])
+            p_most = max(p_most, data.grid_start[data.face_grid[f] + 1] - data.grid_start[data.face_grid[f]])
+            k_most = max(k_most, data.face_dimensions[f] + 1)
+            if data.affine and corners[at] < 0:
+                all_components = 9
+        p_most *= data.channels
+        with_system = task >= ALTERNATING
+        cells_buffer = np.empty(n_most * p_most, dtype=np.float32)
+        residual_buffer = np.empty(n_most * p_most, dtype=np.float32)
+        weights_buffer = np.empty(n_most * p_most, dtype=np.float32)
+        mask_buffer = np.empty(n_most * p_most if data.masks.shape[0] > 0 else 1, dtype=np.float32)
+        G_buffer = np.empty(all_components * n_most * p_most if with_system else 1, dtype=np.float32)
+        hats_buffer = np.empty(3 * p_most, dtype=np.float32)
+        basis_buffer = np.empty(k_most * p_most, dtype=np.float32)
+        strip = np.empty((5, STRIP), dtype=np.float32)
+        taps = np.empty((4, 4 * STRIP), dtype=np.float32)
+        index = np.empty(STRIP, dtype=np.int32)
+        singular_values = np.empty(n_most)
+        for at in range(todo.shape[0]):
+            face = todo[at]
+            corner = corners[at]
+            energy[at] = 0
+            statistics[at] = 0
+            H[at] = 0
+            g[at] = 0
+            k = data.face_dimensions[face]
+            if k == 0:
+                continue
+            first, n = data.pair_start[face], data.pair_start[face + 1] - data.pair_start[face]
+            p = data.grid_start[data.face_grid[face] + 1] - data.grid_start[data.face_grid[face]]
+            pc = p * data.channels
+            components = 9 if data.affine and corner < 0 else 3
+            cells = cells_buffer[: n * pc].reshape(n, pc)
+            residual = residual_buffer[: n * pc].reshape(n, pc)
+            weights = weights_buffer[: n * pc].reshape(n, pc)
+            mask_weight = mask_buffer[: n * pc].reshape(n, pc) if data.masks.shape[0] > 0 else mask_buffer.reshape(1, 1)
+            G = G_buffer[: components * n * pc if with_system else 0].reshape(components if with_system else 0, n, pc)
+            hats = hats_buffer[: 3 * pc].reshape(3, pc)
+            if not sample_face(data, vertices, face, corner, with_system, cells, G, hats, strip, taps, index):
+                energy[at] = np.inf
+                continue
+            masked = apply_masks(
+                data.pair_mask[first : first + n], data.masks, data.channels, mask_weight, G, components if with_system else 0
+            )  # fmt: skip
+            if data.remove_bias:
+                remove_means(cells, mask_weight, masked)
+            V = np.zeros((n, k + 1))
+            basis = basis_buffer[: (k + 1) * pc].reshape(k + 1, pc)
+            fit_face(cells, k, data.centered, mask_weight, masked, basis, V, singular_values, residual)
+            for i in range(n):
+                rho = weigh(residual[i], data.norm, squared_scale[face], weights[i])
+                pair_energy[first + i] = data.pair_weight[first + i] * rho
+                energy[at] += pair_energy[first + i]
+            if with_system:
+                used = k
+                if data.centered:
+                    V[:, k] = 1 / np.sqrt(n)
+                    basis[k, :] = 0
+                    used = k + 1
+                normal_equations(
+                    G, hats, corner, data.remove_bias, task == VARIABLE_PROJECTION, basis[:used], V[:, :used], residual,
+                    weights, data.pair_weight[first : first + n], H[at], g[at],
+                )  # fmt: skip
+            elif task == STATISTICS:
+                residual_statistics(residual, mask_weight, masked, index, statistics[at])
+                later = 0.0
+                for m in range(k, n):
+                    later += singular_values[m] ** 2 / (n - k)
+                statistics[at, 2] = singular_values[k - 1] ** 2 / max(later, 1e-300)
 
     @cached
-    def show_face(*arguments):
-        """See `_show_face`."""
+    def show_face(
+        data,
+        vertices,
+        face,
+        squared_scale,
+        raw,
+        bias,
+        residual,
+        weights,
+        mask_weight,
+        basis,
+        V,
+        singular_values,
+        pair_energy,
+    ):
+        """The computation of `evaluate_faces` for one face, with all intermediate results for display.
+
+        Args:
+            squared_scale: the robust norm's squared scale of the face.
+            raw, residual, weights, mask_weight: (n, p * channels) float32, out: cells as sampled, I - U c, rho'(e) / e, and
+                1 where a sample counts.
+            bias: (n,) float32, out: mean subtracted from each cell.
+            basis: (k + 1, p * channels) float32, out; the last row is scratch.
+            V: (n, k + 1) float64, out: right singular vectors.
+            singular_values: (n,) float64, out.
+            pair_energy: (n,) float64, out.
+
+        Returns:
+            The cells (n, p * channels) as the eigenspace was fitted to them: masked samples filled in, means subtracted if
+            the options say so; None if a corner lies behind a camera.
+        """
         assert source >= 0
-        return _show_face(*arguments)
+        n, pc = raw.shape
+        k = data.face_dimensions[face]
+        G = np.empty((0, n, pc), dtype=np.float32)
+        hats = np.empty((3, pc), dtype=np.float32)
+        strip = np.empty((5, STRIP), dtype=np.float32)
+        taps = np.empty((4, 4 * STRIP), dtype=np.float32)
+        index = np.empty(STRIP, dtype=np.int32)
+        if not sample_face(data, vertices, face, -1, False, raw, G, hats, strip, taps, index):
+            return None
+        cells = raw.copy()
+        mask_weight[:] = 1
+        starts = data.pair_mask[data.pair_start[face] : data.pair_start[face + 1]]
+        masked = apply_masks(starts, data.masks, data.channels, mask_weight, G, 0)
+        if data.remove_bias:
+            remove_means(cells, mask_weight, masked)
+            bias[:] = raw[:, 0] - cells[:, 0]
+        if k > 0:
+            fit_face(cells, k, data.centered, mask_weight, masked, basis, V, singular_values, residual)
+            first = data.pair_start[face]
+            for i in range(n):
+                rho = weigh(residual[i], data.norm, squared_scale, weights[i])
+                pair_energy[i] = data.pair_weight[first + i] * rho
+        return cells
 
     return evaluate_faces, show_face
 

@@ -61,12 +61,16 @@ def normal_equations(G, hats, corner, remove_bias, project, basis, V, residual, 
                         # The hat multiplies the basis, once for all views.
                         times(hat, basis[m, start:stop], scaled[: stop - start])
                         _add_dots(scaled[: stop - start], axes, start, along[m, :, a : a + 3])
-        means /= p
         for i in range(n):
             for a in range(rows):
+                means[i, a] /= p
                 for m in range(k):
                     along[m, i, a] -= means[i, a] * basis_sums[m]
-    subtracted = (-along.transpose(1, 2, 0)).astype(np.float32).copy()
+    subtracted = np.empty((n, rows, k), dtype=np.float32)
+    for i in range(n):
+        for a in range(rows):
+            for m in range(k):
+                subtracted[i, a, m] = -along[m, i, a]
     sums, slope = np.zeros((n, rows, rows)), np.zeros((n, rows))
     for start in range(0, p, BLOCK):
         stop = min(start + BLOCK, p)
@@ -100,7 +104,7 @@ def _project_views(G, start, stop, forth, back, projected):
         row[:] = 0
         add_rows(row, forth[m], G, start)
     for i in range(G.shape[0]):
-        add_rows(G[i, start:stop], back[i], projected, 0)
+        add_rows(G[i, start:stop], back[i], projected, np.int64(0))
 
 
 @plain

@@ -54,16 +54,15 @@ def residual_statistics(residual, mask_weight, masked, index, found):
     histograms = np.zeros((4, HISTOGRAM_BINS + 1), dtype=np.int32)
     for i in range(n):
         for start in range(0, p, STRIP):
-            strip = slice(start, min(start + STRIP, p))
-            bins = index[: strip.stop - start]
-            found[0] = max(found[0], _bins(residual[i, strip], bins))
+            stop = min(start + STRIP, p)
+            bins = index[: stop - start]
+            found[0] = max(found[0], _bins(residual[i, start:stop], bins))
             if masked:
                 for t in range(bins.shape[0]):
                     if mask_weight[i, start + t] == 0:
                         bins[t] = HISTOGRAM_BINS  # masked residuals are zero, so they never are the largest
             _count(bins, histograms)
-    histogram = histograms.sum(axis=0)[:HISTOGRAM_BINS].astype(np.float64)
-    found[1] = _median_from_histogram(histogram, histogram.sum())
+    found[1] = _median_from_histograms(histograms)
 
 
 @fast
@@ -86,11 +85,15 @@ def _count(index, histograms):
 
 
 @plain
-def _median_from_histogram(histogram, total):
+def _median_from_histograms(histograms):
     """Median, grey levels, interpolated linearly within its bin."""
-    half, below = total / 2, 0.0
-    for b in range(histogram.shape[0]):
-        if below + histogram[b] >= half and histogram[b] > 0:
-            return HISTOGRAM_STEP * (b + (half - below) / histogram[b])
-        below += histogram[b]
-    return HISTOGRAM_STEP * histogram.shape[0]
+    total, below = 0.0, 0.0
+    for b in range(HISTOGRAM_BINS):
+        total += histograms[0, b] + histograms[1, b] + histograms[2, b] + histograms[3, b]
+    half = total / 2
+    for b in range(HISTOGRAM_BINS):
+        count = float(histograms[0, b] + histograms[1, b] + histograms[2, b] + histograms[3, b])
+        if below + count >= half and count > 0:
+            return HISTOGRAM_STEP * (b + (half - below) / count)
+        below += count
+    return HISTOGRAM_STEP * HISTOGRAM_BINS

@@ -12,6 +12,13 @@ BLOCK = 1024  # samples of the normal equations at a time (ledger: kernel block)
 
 
 @fast
+def copy_row(source, target):
+    """target = source; numba compiles an assignment to a slice with its checks of shapes, which takes seconds."""
+    for t in range(target.shape[0]):
+        target[t] = source[t]
+
+
+@fast
 def times(a, b, out):
     """out = a * b."""
     for t in range(out.shape[0]):

@@ -4,7 +4,7 @@ import numpy as np
 
 from fairing.kernels.compiled import by_sample, fast, never_inline, plain
 from fairing.kernels.interpolation import addresses, bilinear, cubic, load_bilinear, load_cubic
-from fairing.kernels.rows import STRIP
+from fairing.kernels.rows import STRIP, times
 
 
 @plain
@@ -44,7 +44,7 @@ def sample_face(data, vertices, face, corner, with_gradient, cells, G, hats, str
     for i in range(data.pair_start[face + 1] - data.pair_start[face]):
         pair = data.pair_start[face] + i
         camera = data.pair_camera[pair]
-        _corner_pixels(data, vertices, face, camera, q)
+        _corner_pixels(data.faces[face], vertices, data.image_from_world[camera], data.affine, q)
         if q[0, 2] <= 0 or q[1, 2] <= 0 or q[2, 2] <= 0:
             return False
         # The origin moves two pixels up and left of the corners: float32 then resolves 1e-5 pixels.
@@ -108,14 +108,13 @@ def sample_face(data, vertices, face, corner, with_gradient, cells, G, hats, str
 
 
 @plain
-def _corner_pixels(data, vertices, face, camera, q):
+def _corner_pixels(corners, vertices, P, affine, q):
     """Homogeneous pixels of a face's corners, into q (3, 3); normalised to weight 1 for the affine warp."""
-    P = data.image_from_world[camera]
     for j in range(3):
-        v = data.faces[face, j]
+        v = corners[j]
         for r in range(3):
             q[j, r] = P[r, 0] * vertices[v, 0] + P[r, 1] * vertices[v, 1] + P[r, 2] * vertices[v, 2] + P[r, 3]
-        if data.affine:
+        if affine:
             q[j, 0] /= q[j, 2]
             q[j, 1] /= q[j, 2]
             q[j, 2] = 1.0
@@ -158,23 +157,33 @@ def _to_homography(gx, gy, x, y, w, J, out0, out1, out2):
 
 
 @plain
-def apply_masks(data, face, p, mask_weight, G, components):
-    """Zero the derivative of masked samples and fill mask_weight (n, p * channels); returns whether any sample is masked."""
+def apply_masks(starts, masks, channels, mask_weight, G, components):
+    """Zero the derivative of masked samples and fill mask_weight (n, p * channels); returns whether any sample is masked.
+
+    Args:
+        starts: (n,) int64: where the mask of each pair starts in `masks`, -1 for none.
+        masks: flat uint8.
+        mask_weight: (n, p * channels) float32, out.
+        G: (components, n, p * channels) float32.
+    """
     any_masked = False
-    n = data.pair_start[face + 1] - data.pair_start[face]
-    for i in range(n):
-        if data.pair_mask[data.pair_start[face] + i] >= 0:
-            any_masked = True
+    for i in range(starts.shape[0]):
+        any_masked = any_masked or starts[i] >= 0
     if not any_masked:
         return False
-    for i in range(n):
-        start = data.pair_mask[data.pair_start[face] + i]
-        for channel in range(data.channels):
-            for s in range(p):
-                mask_weight[i, channel * p + s] = 1 if start < 0 or data.masks[start + s] else 0
-        if start >= 0:
-            for c in range(components):
-                derivative, weight = G[c, i], mask_weight[i]
-                for t in range(p * data.channels):
-                    derivative[t] *= weight[t]
+    p = mask_weight.shape[1] // channels
+    for i in range(starts.shape[0]):
+        if starts[i] < 0:
+            mask_weight[i, :] = 1
+            continue
+        for channel in range(channels):
+            _weigh_mask(masks[starts[i] : starts[i] + p], mask_weight[i, channel * p : (channel + 1) * p])
+        for c in range(components):
+            times(G[c, i], mask_weight[i], G[c, i])
     return True
+
+
+@by_sample
+def _weigh_mask(mask, weight):
+    for s in range(weight.shape[0]):
+        weight[s] = np.float32(mask[s])

@@ -65,7 +65,7 @@ def fused(problem: Problem, sweep: SweepState, first: np.ndarray, second: np.nda
 def evaluate_faces(problem: Problem, sweep: SweepState, vertices: np.ndarray, faces: np.ndarray) -> Evaluation:
     """Energies of the faces of a mask (m,) with the vertices at positions (n, 3), on the cells of the problem's options."""
     context = problem.context_of(faces, sweep.context.level, vertices, problem.options)
-    system = problem.evaluator.measure(context, vertices, np.flatnonzero(faces), sweep.scale)
+    system = problem.evaluator.energies(context, vertices, np.flatnonzero(faces), sweep.scale)
     return Evaluation(vertices, context, system)
 
 

@@ -23,7 +23,7 @@ class Iteration(NamedTuple):
     Attributes:
         record: its next position is its own; the schedule replaces it.
         is_done: whether every vertex of the block has converged or is at rest.
-        system: normal equations at the new positions if they are known: if all vertices were accepted, or none.
+        system: normal equations at the new positions; None after the last iteration of a block.
     """
 
     record: StepRecord
@@ -59,6 +59,8 @@ def gauss_newton_step(
         damping, rejections = previous.damping_next, previous.rejections
     is_resting = rejections > options.max_rejections
 
+    if system is None and block.coupled and position.iteration == 0:
+        system = sweep.system
     system = system or problem.linearise(sweep.context, vertices, block.faces, block.corners, sweep.scale)
     H, g = vertex_systems(mesh, system)
     g[ids] += sweep.prior.gradient(vertices, ids)
@@ -75,7 +77,12 @@ def gauss_newton_step(
     step_px = problem.pixels_moved(sweep.context, vertices, ids, tried)
     after = vertices.copy()
     after[ids] += tried
-    new_system = problem.linearise(sweep.context, after, block.faces, block.corners, sweep.scale)
+    is_last = position.iteration + 1 >= sweep.phase.max_iterations
+    new_system = (
+        problem.energies(sweep.context, after, sweep.scale, block.faces)
+        if is_last
+        else problem.linearise(sweep.context, after, block.faces, block.corners, sweep.scale)
+    )
 
     old_objective = _objective(sweep, block, system, vertices)
     new_objective = _objective(sweep, block, new_system, after)
@@ -92,8 +99,7 @@ def gauss_newton_step(
 
     accepted_faces = np.zeros(len(mesh.faces), dtype=bool)
     accepted_faces[block.faces] = accepted[block.owner]
-    pair_energy = np.where(sweep.context.broadcast_to_pairs(accepted_faces), new_system.pair_energy, system.pair_energy)
-    face_energy = np.where(accepted[block.owner], new_system.energy, system.energy)
+    taken = system.replaced_by(new_system, accepted[block.owner], sweep.context.broadcast_to_pairs(accepted_faces))
     # A vertex at rest proposes a zero step, which is always accepted: it stays at rest until the sweep ends.
     rejections = np.where(accepted & ~is_resting, 0, rejections + 1)
     record = build_record(
@@ -108,13 +114,12 @@ def gauss_newton_step(
         faces=block.faces,
         energies=(
             Energies(system.energy, sweep.context.sum_by_view(system.pair_energy)),
-            Energies(face_energy, sweep.context.sum_by_view(pair_energy)),
+            Energies(taken.energy, sweep.context.sum_by_view(taken.pair_energy)),
         ),
         solver=SolverState(damping, np.linalg.eigvalsh(H[ids]), _next_damping(options, damping, accepted), rejections),
     )
     is_done = has_converged | (rejections > options.max_rejections) | (reasons == StepReason.REJECTED_FOLD)
-    known = new_system if accepted.all() else (None if accepted.any() else system)
-    return Iteration(record, bool(is_done.all()), known)
+    return Iteration(record, bool(is_done.all()), None if is_last else taken)
 
 
 def _limited(sweep: SweepState, vertices: np.ndarray, ids: np.ndarray, steps: np.ndarray) -> np.ndarray:

@@ -11,6 +11,7 @@ vertex at a time: see `fairing.run.restart`.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from itertools import product
 from typing import NamedTuple
 
@@ -23,8 +24,10 @@ from fairing.solve.energy import FaceSystem
 from fairing.solve.face_loss import mean_loss
 from fairing.solve.normal_equations import solve_vertices, vertex_systems
 from fairing.solve.problem import Problem
+from fairing.work import number_of
 
 REFINEMENT_DAMPING = 1e-3
+KEPT_POSITIONS = 3  # of each vertex, that go on to the next stage (ledger: positions for the sharp search)
 
 ContextAt = Callable[[np.ndarray, np.ndarray], CellContext]
 """Cells and visibility with the vertices at given positions (n, 3), of the faces of a mask (m,)."""
@@ -116,52 +119,63 @@ def search_block(
     def score(context: CellContext, energy: np.ndarray, places: np.ndarray) -> np.ndarray:
         return mean_loss(context, energy, block, places, mesh, unseen_loss)
 
-    def linearise(context: CellContext, places: np.ndarray) -> FaceSystem:
-        return evaluator.linearise(context, places, block.faces, block.corners, scale, options.step.solver)
-
     def refine(context: CellContext, places: np.ndarray, steps: int) -> np.ndarray:
         """Move the vertices of the block in `places`; returns the energies (F,) of its faces there."""
-        system = linearise(context, places)
-        face_energy = system.energy
+        solver = options.step.solver
+        system = evaluator.linearise(context, places, block.faces, block.corners, scale, solver)
+        energy, improving = system.energy, np.ones(len(ids), dtype=bool)
         for step in range(steps):
             H, g = vertex_systems(mesh, system)
             damping = np.full(len(ids), REFINEMENT_DAMPING)
             move = problem.shortened(context, places, ids, solve_vertices(H[ids], g[ids], damping))
             refined = places.copy()
-            refined[ids] += move
+            refined[ids] += np.where(improving[:, None], move, 0.0)
             _undo_folds(problem, places, refined, origin, ids)
-            trial = linearise(context, refined)
-            better = _by_owner(block, trial.energy) < _by_owner(block, face_energy)
-            places[ids[better]] = refined[ids[better]]
-            face_energy = np.where(better[block.owner], trial.energy, face_energy)
+            tried = np.flatnonzero(improving[block.owner])
+            faces, corners = block.faces[tried], block.corners[tried]
             if step + 1 < steps:
-                system = trial if better.all() else linearise(context, places)
-        return face_energy
+                system = evaluator.linearise(context, refined, faces, corners, scale, solver)
+            else:
+                system = evaluator.energies(context, refined, faces, scale)
+            trial = energy.copy()
+            trial[tried] = system.energy
+            # A vertex that does not improve would take the same step again: it stays, and its faces are not evaluated again.
+            improving = _by_owner(block, trial) < _by_owner(block, energy)
+            places[ids[improving]] = refined[ids[improving]]
+            energy = np.where(improving[block.owner], trial, energy)
+        return energy
 
     last_stage = stages[-1]
     before = last_stage.context_at(vertices, around)
-    system_before = evaluator.measure(before, vertices, block.faces, scale)
+    system_before = evaluator.energies(before, vertices, block.faces, scale)
     score_before = score(before, system_before.energy, vertices)
 
-    def tried(direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Refined positions (u, 3) in a direction from the present ones, and their scores (u,)."""
+    def displaced(direction: np.ndarray) -> np.ndarray:
+        """(n, 3): the vertices, those of the block displaced in a direction."""
         places = vertices.copy()
         offset = vertices[ids] + region.radius[:, None] * direction - origin[ids]
         length = np.linalg.norm(offset, axis=1)
         places[ids] = origin[ids] + offset * np.minimum(1, region.bound / np.maximum(length, 1e-300))[:, None]
         _undo_folds(problem, vertices, places, origin, ids)
-        context, face_energy = before, system_before.energy
-        for stage in stages:
-            stays = stage is last_stage and len(stages) == 1 and not direction.any()
-            context = before if stays else stage.context_at(places, around)
-            face_energy = refine(context, places, stage.steps)
+        return places
+
+    def refined(stage: Stage, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Positions (u, 3) of the block after the steps of a stage from those in `places` (n, 3), and their scores (u,)."""
+        is_begin = stage is last_stage and np.array_equal(places, vertices)
+        context = before if is_begin else stage.context_at(places, around)
+        face_energy = refine(context, places, stage.steps)
         return places[ids], score(context, face_energy, places)
 
+    tried = [vertices.copy(), *map(displaced, search_directions())]
+    with problem.work.doing(f"searching {number_of(len(ids), 'vertex', 'vertices')}", len(tried)) as work:
+        found = evaluator.map_concurrently(work.counted(partial(refined, stages[0])), tried)
+    for stage in stages[1:]:
+        found = evaluator.map_concurrently(partial(refined, stage), _best_found(found, vertices, ids))
     threshold = score_before * (1 - options.schedule.search_gain)
     best_score, best = threshold, vertices[ids].copy()
-    for found, found_score in evaluator.map_concurrently(tried, np.vstack([np.zeros(3), search_directions()])):
+    for places_found, found_score in found:
         improved = found_score < best_score
-        best[improved] = found[improved]
+        best[improved] = places_found[improved]
         best_score = np.where(improved, found_score, best_score)
 
     proposed = best - vertices[ids]
@@ -170,7 +184,7 @@ def search_block(
     folds = _undo_folds(problem, vertices, places, origin, ids)
     # The refined position is evaluated once more by the photos that see it there.
     after_context = last_stage.context_at(places, around)
-    system_after = evaluator.measure(after_context, places, block.faces, scale)
+    system_after = evaluator.energies(after_context, places, block.faces, scale)
     score_after = score(after_context, system_after.energy, places)
     worse = ~(score_after < threshold)
     places[ids[worse]] = vertices[ids[worse]]
@@ -180,6 +194,22 @@ def search_block(
         places[ids], proposed, score_before, np.where(worse, score_before, score_after), folds, system_before,
         system_after, before, after_context,
     )  # fmt: skip
+
+
+def _best_found(found: list[tuple[np.ndarray, np.ndarray]], vertices: np.ndarray, ids: np.ndarray) -> list[np.ndarray]:
+    """Vertices (n, 3) for the next stage: with `ids` (u,) where they were refined in place, then each at its best positions.
+
+    Args:
+        found: positions (u, 3) and scores (u,) by direction; the first was refined in place.
+    """
+    positions = np.stack([places for places, _ in found])
+    order = np.argsort(np.stack([score for _, score in found[1:]]), axis=0, kind="stable") + 1
+    result = []
+    for choice in (np.zeros(len(ids), dtype=int), *order[:KEPT_POSITIONS]):
+        places = vertices.copy()
+        places[ids] = positions[choice, np.arange(len(ids))]
+        result.append(places)
+    return result
 
 
 def _by_owner(block: Block, values: np.ndarray) -> np.ndarray:

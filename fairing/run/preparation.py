@@ -10,7 +10,7 @@ from fairing.features.robust_fit import held_back_loss, robust_fit
 from fairing.geometry.normal_filter import smoothed
 from fairing.run.records import Evaluation, moved_record
 from fairing.run_plan import RunPlan
-from fairing.solve.energy import robust_scale, robust_sigma
+from fairing.solve.energy import fixed_sigma, robust_scale, robust_sigma
 from fairing.solve.face_loss import loss_of_faces
 from fairing.solve.point_fit import fitted_to_points
 from fairing.solve.point_split import fitting_points
@@ -28,10 +28,12 @@ class Preparation(NamedTuple):
     Attributes:
         reason: SMOOTHED or FITTED_TO_POINTS.
         after: (n, 3) float: positions of the vertices afterwards, world units.
+        loss: mean loss per photo px afterwards.
     """
 
     reason: StepReason
     after: np.ndarray
+    loss: float
 
 
 def find_preparations(problem: Problem) -> list[Preparation]:
@@ -54,11 +56,15 @@ def find_preparations(problem: Problem) -> list[Preparation]:
     for reason, is_enabled in ((StepReason.SMOOTHED, smooths), (StepReason.FITTED_TO_POINTS, fits)):
         if not is_enabled:
             continue
-        after = _PREPARED[reason](problem, vertices)
-        loss = _mean_loss(_evaluate(problem, vertices)) if loss is None else loss
-        loss_after = _mean_loss(_evaluate(problem, after))
+        with problem.work.doing(_TRIED[reason], 3 if loss is None else 2) as work:
+            after = _PREPARED[reason](problem, vertices)
+            work.advance()
+            if loss is None:
+                loss = _mean_loss(_evaluate(problem, vertices))
+                work.advance()
+            loss_after = _mean_loss(_evaluate(problem, after))
         if loss_after < (1 - GAIN) * loss:
-            done.append(Preparation(reason, after))
+            done.append(Preparation(reason, after, loss_after))
             vertices, loss = after, loss_after
     return done
 
@@ -82,9 +88,11 @@ def preparation_step(
     Raises:
         Cancelled: cancellation was requested.
     """
-    prepared = _PREPARED[reason](problem, vertices)
-    ids = np.flatnonzero((prepared != vertices).any(axis=1))
-    before, after = (_evaluate(problem, places) for places in (vertices, prepared))
+    with problem.work.doing("preparing the start", 3) as work:
+        prepared = _PREPARED[reason](problem, vertices)
+        work.advance()
+        ids = np.flatnonzero((prepared != vertices).any(axis=1))
+        before, after = (_evaluate(problem, places) for places in work.each((vertices, prepared)))
     return moved_record(
         problem, position, 0, ids, before, after, reason, objectives=(_mean_loss(before), _mean_loss(after))
     )
@@ -101,10 +109,21 @@ def _smoothed(problem: Problem, vertices: np.ndarray) -> np.ndarray:
 
 
 def _fitted(problem: Problem, vertices: np.ndarray) -> np.ndarray:
-    """(n, 3) float: vertices (n, 3) after the fit to the sparse points."""
-    problem.raise_if_cancelled()
+    """(n, 3) float: vertices (n, 3) after that fit to the sparse points which has the lower photo loss.
+
+    The robust fit is the better one far from the surface and beside clutter, that to closest points near the surface
+    (ledger: choice of the fit).
+    """
+    closest = fitted_to_points(problem, vertices, FIT_ROUNDS).targets
     if len(problem.observed_points) == 0:
-        return fitted_to_points(problem, vertices, FIT_ROUNDS).targets
+        return closest
+    robust = _robustly_fitted(problem, vertices)
+    return min((robust, closest), key=lambda fitted: _mean_loss(_evaluate(problem, fitted)))
+
+
+def _robustly_fitted(problem: Problem, vertices: np.ndarray) -> np.ndarray:
+    """(n, 3) float: vertices (n, 3) after `robust_fit`, except where that would fold a face."""
+    problem.raise_if_cancelled()
     cameras = [view.camera for view in problem.scene.views]
     mesh, ids = problem.scene.mesh.moved(vertices), np.flatnonzero(~problem.locked)
     fitted = robust_fit(mesh, cameras, problem.observed_points, problem.locked, problem.raise_if_cancelled).vertices
@@ -130,6 +149,12 @@ _PREPARED: dict[StepReason, Callable[[Problem, np.ndarray], np.ndarray]] = {
 }
 
 
+_TRIED: dict[StepReason, str] = {
+    StepReason.SMOOTHED: "trying a smoothed start",
+    StepReason.FITTED_TO_POINTS: "trying a start fitted to the sparse points",
+}
+
+
 def _points_suffice(problem: Problem) -> bool:
     """Whether there are at least as many points as coordinates of unlocked vertices."""
     return len(fitting_points(problem.scene)) >= 3 * (~problem.locked).sum()
@@ -139,9 +164,10 @@ def _evaluate(problem: Problem, vertices: np.ndarray) -> Evaluation:
     """Energies at the first fine level, by the photos that see the faces there; coarser levels discriminate less."""
     level, robust = first_fine_level(problem.options), problem.options.robust
     context = problem.context(level, vertices)
-    measured = problem.measure(context, vertices, np.ones(len(problem.scene.mesh.faces)))
-    scale = robust_scale(robust, robust_sigma(robust, level, measured))
-    return Evaluation(vertices, context, problem.measure(context, vertices, scale))
+    sigma = np.full(len(problem.scene.mesh.faces), fixed_sigma(robust, level) or 0.0)
+    if fixed_sigma(robust, level) is None:
+        sigma = robust_sigma(robust, level, problem.measure(context, vertices, np.ones(len(sigma))))
+    return Evaluation(vertices, context, problem.energies(context, vertices, robust_scale(robust, sigma)))
 
 
 def _mean_loss(evaluation: Evaluation) -> float:

@@ -162,7 +162,7 @@ def returned_if_worse(
         begun: (n, 3) float: positions at the start, or after the last manual edit.
     """
     here, there = (
-        Evaluation(vertices, sweep.context, problem.measure(sweep.context, vertices, sweep.scale))
+        Evaluation(vertices, sweep.context, problem.energies(sweep.context, vertices, sweep.scale))
         for vertices in (after, begun)
     )
     if here.system.energy.sum() <= there.system.energy.sum():

@@ -20,6 +20,7 @@ from fairing.run.sweep import SweepState, begin_sweep, fits_poorly
 from fairing.solve.blocks import Block, group_block
 from fairing.solve.problem import Problem
 from fairing.trace import SchedulePosition, StepReason, StepRecord
+from fairing.work import number_of
 
 SHARP_SWEEPS = 2  # of Gauss-Newton on sharp cells, at the end of the second optimization
 
@@ -48,19 +49,22 @@ def restart(
     mesh, number = problem.scene.mesh, position.level
     sharp = problem.under(_sharp_with_fixed_sigma(problem.options))
     context = sharp.context(number, vertices)
-    poor = fits_poorly(mesh, context, sharp.measure(context, vertices, sweep.scale), sweep.free)
+    poor = fits_poorly(mesh, context, sharp.energies(context, vertices, sweep.scale), sweep.free)
     ids = block.vertices[poor[block.vertices]]
     if len(ids) == 0:
         return empty_record(problem, position, sweep.moment, position)
     among = np.isin(np.arange(len(vertices)), ids)
     second = vertices.copy()
     second[ids] = sweep.origin[ids]
-    for level in schedule.levels[block.restart_level : number]:
-        second = _searched(problem, level, second, sweep, among)
-        second = _refined(problem, level, level.gauss_newton, second, sweep, among)
-    level = schedule.levels[number]
-    second = _refined(sharp, level, replace(level.gauss_newton, max_sweeps=SHARP_SWEEPS), second, sweep, among)
-    after = fused(sharp, sweep, vertices, second)
+    levels = schedule.levels[block.restart_level : number]
+    with problem.work.doing(f"restarting {number_of(len(ids), 'vertex', 'vertices')}", len(levels) + 2) as work:
+        for level in work.each(levels):
+            second = _searched(problem, level, second, sweep, among)
+            second = _refined(problem, level, level.gauss_newton, second, sweep, among)
+        level = schedule.levels[number]
+        second = _refined(sharp, level, replace(level.gauss_newton, max_sweeps=SHARP_SWEEPS), second, sweep, among)
+        work.advance()
+        after = fused(sharp, sweep, vertices, second)
     while (folded := folded_faces(vertices, after, problem.start, mesh.faces, problem.options.step)).any():
         after[mesh.faces[folded]] = vertices[mesh.faces[folded]]
     return _record(sharp, sweep, position, ids, vertices, after)

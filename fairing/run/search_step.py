@@ -86,7 +86,7 @@ def search_around(
     if search.is_sharp:  # sharp cells have a basin of attraction below a pixel, so blurred ones come first
         stages = [
             Stage(context_at(last_fine_level(options), rough), ROUGH_STEPS),
-            Stage(context_at(level, sharp_options(options)), SHARP_STEPS),
+            Stage(context_at(level, _as_seen(sharp_options(options))), SHARP_STEPS),
         ]
     region = SearchRegion(sweep.origin, search.radius / pixels, search.max_displacement / pixels)
     return search_block(problem, block, vertices, region, stages, sweep.scale, sweep.mean_loss)
@@ -105,6 +105,11 @@ def rough_options(options: FairingOptions) -> FairingOptions:
 def sharp_options(options: FairingOptions) -> FairingOptions:
     """Options of sharp cells with a quarter of the samples, which discriminate positions that rough cells confuse."""
     return replace(options, cells=_coarser(options.cells, SHARP_SPACING, SHARP_CELL))
+
+
+def _as_seen(options: FairingOptions) -> FairingOptions:
+    """The options without equal sharpness, which positions some pixels apart do not need (ledger: sharp search as seen)."""
+    return replace(options, cells=replace(options.cells, point_spread=("as_seen",)))
 
 
 def _coarser(cells: CellOptions, factor: float, largest: int) -> CellOptions:

@@ -26,6 +26,7 @@ from fairing.solve.energy import FaceSystem
 from fairing.solve.problem import Problem
 from fairing.trace import SchedulePosition, StepReason, StepRecord, Trace
 from fairing.trace_header import check_same_scene, header_of
+from fairing.work import WorkLog
 
 
 class Session:
@@ -42,6 +43,7 @@ class Session:
         cancel_requested: called within long computations, from any thread; where it returns True, the method that computes
             raises `Cancelled` and changes nothing.
         on_photo: called within long computations when photos are read or evaluated, with their number so far and in all.
+        work: what the computation in progress does; read from any thread.
 
     Raises:
         InputError: an option contradicts the scene, or the trace is not of this scene.
@@ -66,6 +68,7 @@ class Session:
         self.moment = len(self.trace)
         self.cancel_requested: Callable[[], bool] = lambda: False
         self.on_photo: Callable[[int, int], None] = lambda done, count: None
+        self.work = WorkLog()
         self._problem = Problem(
             scene,
             self.options,
@@ -73,6 +76,7 @@ class Session:
             lambda: self.cancel_requested(),
             lambda *read: self.on_photo(*read),
             None if like is None else like._problem,
+            self.work,
         )
         self._sweeps = SweepCache(self._problem, self.trace)
         self._stepper = Stepper(self._problem, self.trace, self._sweeps)

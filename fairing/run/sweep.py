@@ -11,7 +11,7 @@ from fairing.options import by_level
 from fairing.run.phases import GaussNewton, Level, LocalSearch, Phase, Restart
 from fairing.scene import Scene
 from fairing.solve.blocks import Block, plan_blocks, restart_block
-from fairing.solve.energy import FaceSystem, robust_scale, robust_sigma
+from fairing.solve.energy import FaceSystem, fixed_sigma, robust_scale, robust_sigma
 from fairing.solve.face_loss import loss_of_faces
 from fairing.solve.normal_equations import Prior, QuadraticPrior, undetermined_directions, vertex_systems
 from fairing.solve.point_fit import fitted_to_points
@@ -20,6 +20,9 @@ from fairing.solve.step_limits import pixels_moved, pixels_per_unit
 
 POOR_FIT = 2.0  # in units of the median loss: vertices above it are restarted
 WELL_SEEN = 0.6  # fraction of the faces around a vertex (ledger: well-seen vertices)
+POINTS_VARIANCE = (
+    8.0  # of the residual, grey levels^2: the prior to the points fades below it (ledger: prior to points)
+)
 FIT_ROUNDS = 3  # of the fit to the sparse points, from the vertices at the beginning of the sweep
 VERTEX_PASSES = 3  # of the filter that gives the targets of the smoothness prior
 
@@ -40,6 +43,7 @@ class SweepState:
         blocks: in their order.
         pixels_per_unit: (n,) float: largest motion of a vertex in a photo, px per world unit; 0 where unseen.
         mean_loss: of the mesh, per photo px.
+        system: normal equations of all faces at the beginning, by all corners, for a first step of all vertices at once; else None.
     """
 
     moment: int
@@ -53,6 +57,7 @@ class SweepState:
     blocks: list[Block]
     pixels_per_unit: np.ndarray
     mean_loss: float
+    system: FaceSystem | None
 
     def longest_move(self, scene: Scene, vertices: np.ndarray) -> float:
         """Longest move of a free vertex in a photo since the beginning of the sweep, px; vertices (n, 3): positions now."""
@@ -69,6 +74,7 @@ def begin_sweep(
     vertices: np.ndarray,
     origin: np.ndarray,
     among: np.ndarray | None = None,
+    active: np.ndarray | None = None,
 ) -> SweepState:
     """Compute visibility, robust scale, priors and blocks.
 
@@ -78,7 +84,8 @@ def begin_sweep(
         moment: of the beginning.
         vertices: (n, 3) float: positions then, world units.
         origin: (n, 3) float, see `SweepState`.
-        among: (n,) bool: only these vertices may move, and only the faces around them are evaluated; default: all.
+        among: (n,) bool: only these vertices may move, and only the faces around them have cells; default: all.
+        active: (n,) bool: the other vertices are at rest in this sweep, and faces between them are not evaluated; default: all.
 
     Raises:
         InputError: no photo sees any face well enough at the last level.
@@ -87,17 +94,15 @@ def begin_sweep(
     options, mesh = problem.options, problem.scene.mesh
     context, sigma = _context_and_sigma(problem, level.number, phase, vertices, among)
     scale = robust_scale(options.robust, sigma)
-    everything = np.arange(len(mesh.faces))
-    system = problem.linearise(context, vertices, everything, np.full(len(everything), -1), scale)
+    active = np.ones(len(vertices), dtype=bool) if active is None else active
+    evaluated = np.flatnonzero(active[mesh.faces].any(axis=1))
+    system = problem.linearise(context, vertices, evaluated, np.full(len(evaluated), -1), scale)
     H, _ = vertex_systems(mesh, system)
     strength = np.linalg.eigvalsh(H)[:, 2]
-    informed = strength > 0
+    informed = active & (strength > 0)
     typical = float(np.median(strength[informed])) if informed.any() else 0.0
     tangential, weak = undetermined_directions(vertices, mesh, H, context.takes_part, options.step, level.prior)
     terms = [QuadraticPrior(tangential, origin), QuadraticPrior(weak, vertices)]
-    if level.attraction > 0:
-        to_points = fitted_to_points(problem, vertices, FIT_ROUNDS)
-        terms.append(to_points._replace(hessians=level.attraction * typical * to_points.hessians))
     pixels = pixels_per_unit(problem.scene.views, context.vertex_views, vertices)
     free = informed & ~problem.locked
     if among is not None:
@@ -106,18 +111,34 @@ def begin_sweep(
     if level.smoothing > 0 and informed.any():
         targets = smoothed(mesh, vertices, VERTEX_PASSES)
         terms.append(QuadraticPrior(np.tile(level.smoothing * typical * np.eye(3), (len(vertices), 1, 1)), targets))
-        movable = free = ~problem.locked  # the smoothness prior determines vertices that no photo sees
-    area = float((context.footprint_area * context.n_views)[context.takes_part].sum())
+        movable = free = active & ~problem.locked  # the smoothness prior determines vertices that no photo sees
+    area = float((context.footprint_area * context.n_views * context.takes_part)[evaluated].sum())
     mean_loss = float(system.energy.sum()) / area if area > 0 else 0.0
+    if level.attraction > 0:
+        to_points = fitted_to_points(problem, vertices, FIT_ROUNDS)
+        variance = float((system.energy * sigma[evaluated] ** 2).sum()) / area if area > 0 else np.inf
+        attraction = level.attraction * min(1.0, variance / POINTS_VARIANCE)
+        terms.append(to_points._replace(hessians=attraction * typical * to_points.hessians))
     match phase:
         case GaussNewton():
-            blocks = plan_blocks(mesh, movable, options.schedule.order, system.energy)
+            blocks = plan_blocks(mesh, movable, options.schedule.order, evaluated, system.energy)
         case LocalSearch():
             blocks = _search_blocks(mesh, phase, context, system, movable)
         case Restart(level_number):
             blocks = [restart_block(mesh, np.flatnonzero(free), level_number)] if free.any() else []
     return SweepState(
-        moment, phase, context, sigma, scale, Prior(tuple(terms)), origin, free, blocks, pixels, mean_loss
+        moment,
+        phase,
+        context,
+        sigma,
+        scale,
+        Prior(tuple(terms)),
+        origin,
+        free,
+        blocks,
+        pixels,
+        mean_loss,
+        system if isinstance(phase, GaussNewton) and options.schedule.order == "joint" else None,
     )
 
 
@@ -146,17 +167,21 @@ def _context_and_sigma(
     """Cells with their final eigenspace dimensions, and the scale parameter (m,) by face, grey levels."""
     options = problem.options
     context = problem.context(level, vertices, among)
-    unscaled = np.ones(len(problem.scene.mesh.faces))
-    measured = problem.measure(context, vertices, unscaled)
-    shorter = context.with_reduced_dimensions(
-        measured.singular_value_ratio, by_level(options.eigenspace.significance, level)
-    )
-    if shorter is not context:
-        context = shorter
-        measured = problem.measure(context, vertices, unscaled)
     # A search compares positions with different residuals, so all of them need the same sigma (ledger: sigma of searches).
     robust = options.robust if isinstance(phase, GaussNewton) else replace(options.robust, sigma_rule=("fixed",))
-    return context, robust_sigma(robust, level, measured)
+    fixed = fixed_sigma(robust, level)
+    significance = by_level(options.eigenspace.significance, level)
+    if fixed is not None and significance == 0:
+        return context, np.full(len(problem.scene.mesh.faces), fixed)
+    unscaled = np.ones(len(problem.scene.mesh.faces))
+    measured = problem.measure(context, vertices, unscaled)
+    shorter = context.with_reduced_dimensions(measured.singular_value_ratio, significance)
+    sigma = robust_sigma(robust, level, measured)
+    if fixed is None:
+        changed = np.flatnonzero(shorter.kernel.face_dimensions != context.kernel.face_dimensions)
+        again = problem.evaluator.measure(shorter, vertices, changed, unscaled)
+        sigma[changed] = robust_sigma(robust, level, again)
+    return shorter, sigma
 
 
 def _search_blocks(
@@ -168,7 +193,7 @@ def _search_blocks(
     if phase.is_sharp:
         poor = movable & fits_poorly(mesh, context, system, movable)
         movable = movable & _above_median(mesh, context, system, movable, 1.0)
-    blocks = plan_blocks(mesh, movable, "independent", system.energy)
+    blocks = plan_blocks(mesh, movable, "independent", system.faces, system.energy)
     if phase.restart_level is not None and poor.any():
         blocks.append(restart_block(mesh, np.flatnonzero(poor), phase.restart_level))
     return blocks

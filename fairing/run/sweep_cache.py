@@ -1,8 +1,13 @@
 """Sweep cache: the sweep states of a recorded run at its moments."""
 
-from fairing.run.phases import Schedule, schedule_of
+from dataclasses import replace
+
+import numpy as np
+
+from fairing.run.phases import GaussNewton, Level, Schedule, schedule_of
 from fairing.run.sweep import SweepState, begin_sweep
 from fairing.solve.problem import Problem
+from fairing.solve.step_limits import pixels_moved_between
 from fairing.trace import SchedulePosition, Trace
 
 MAX_SWEEPS = 4  # so that stepping back and forth does not compute visibility again
@@ -62,7 +67,8 @@ class SweepCache:
                 self._sweeps.pop(0)
             sweep = self._begin(position, begun)
         others = [other for other in self._sweeps if other is not sweep]
-        self._sweeps = [*others[1 - MAX_SWEEPS :], sweep]
+        # The normal equations of older sweeps are not needed again, and are large.
+        self._sweeps = [*(_without_system(other) for other in others[1 - MAX_SWEEPS :]), sweep]
         return sweep
 
     @property
@@ -81,8 +87,29 @@ class SweepCache:
     def _begin(self, position: SchedulePosition, moment: int) -> SweepState:
         level = self.schedule.levels[position.level]
         vertices, origin = self._trace.vertices_at(moment), self._trace.origin_at(moment)
-        return begin_sweep(self._problem, level, level.phase_at(position.sweep), moment, vertices, origin)
+        phase, active = level.phase_at(position.sweep), self._active(level, position.sweep, moment)
+        return begin_sweep(self._problem, level, phase, moment, vertices, origin, active=active)
+
+    def _active(self, level: Level, sweep: int, moment: int) -> np.ndarray | None:
+        """(n,) bool: vertices that moved in the previous sweep of the same phase, and their neighbours; None: all."""
+        phase = level.phase_at(sweep)
+        if moment == 0 or not isinstance(phase, GaussNewton):
+            return None
+        last = self._trace.steps[moment - 1]
+        is_next = last.position[:2] == (level.number, sweep - 1) and level.end_of_phase(sweep - 1) > sweep
+        if last.is_manual or not is_next:
+            return None
+        before, now = self._trace.vertices_at(last.sweep_moment), self._trace.vertices_at(moment)
+        moved = pixels_moved_between(self._problem.scene.views, before, now) >= phase.tolerance
+        if not moved.any():
+            return None
+        mesh = self._problem.scene.mesh
+        return np.isin(np.arange(len(now)), mesh.faces[moved[mesh.faces].any(axis=1)])
 
     def _photo_bytes(self) -> int:
         planes = {id(pixels): pixels.nbytes for pixels in (sweep.context.kernel.pixels for sweep in self._sweeps)}
         return sum(planes.values())
+
+
+def _without_system(sweep: SweepState) -> SweepState:
+    return sweep if sweep.system is None else replace(sweep, system=None)

@@ -30,29 +30,31 @@ class Block:
     restart_level: int | None = None
 
 
-def plan_blocks(mesh: Mesh, free: np.ndarray, order: str, face_energy: np.ndarray) -> list[Block]:
+def plan_blocks(mesh: Mesh, free: np.ndarray, order: str, faces: np.ndarray, energy: np.ndarray) -> list[Block]:
     """The blocks of a sweep, in their order.
 
     Args:
         free: (n,) bool: vertices that may move.
         order: see `ScheduleOptions.order`.
-        face_energy: (m,) float: energies that order the blocks of `worst_first`.
+        faces: (F,) int, ascending: faces that are evaluated, all around free vertices among them.
+        energy: (F,) float: their energies, which order the blocks of `worst_first`.
     """
     ids = np.flatnonzero(free)
     if len(ids) == 0:
         return []
     if order == "joint":
-        faces = np.arange(len(mesh.faces))
         slot = np.full(len(mesh.vertices), -1)
         slot[ids] = np.arange(len(ids))
-        corners = slot[mesh.faces]
+        corners = slot[mesh.faces[faces]]
         # A face counts for its first free vertex; faces without one keep a constant energy and count for any.
         first = np.argmax(corners >= 0, axis=1)
-        owner = np.maximum(corners[faces, first], 0)
+        owner = np.maximum(corners[np.arange(len(faces)), first], 0)
         return [Block(ids, faces, np.full(len(faces), -1), owner, coupled=True)]
     if order == "sequential":
         return [independent_block(mesh, np.array([v])) for v in ids]
     if order == "worst_first":
+        face_energy = np.zeros(len(mesh.faces))
+        face_energy[faces] = energy
         energy = np.array([face_energy[mesh.one_rings[v]].sum() for v in ids])
         return [independent_block(mesh, np.array([v])) for v in ids[np.argsort(-energy, kind="stable")]]
     return [independent_block(mesh, group) for group in independent_sets(mesh, ids)]

@@ -11,11 +11,11 @@ from typing import TypeVar
 import numpy as np
 
 from fairing.cells.context import CellContext
-from fairing.kernels.data import SOLVER_ALTERNATING, SOLVER_NONE, SOLVER_VARIABLE_PROJECTION
+from fairing.kernels.data import ALTERNATING, ENERGY, STATISTICS, VARIABLE_PROJECTION
 from fairing.kernels.faces import evaluate_faces
 from fairing.options import RobustOptions, by_level
 
-SOLVERS = {"alternating": SOLVER_ALTERNATING, "variable_projection": SOLVER_VARIABLE_PROJECTION}
+SOLVERS = {"alternating": ALTERNATING, "variable_projection": VARIABLE_PROJECTION}
 PARTS_PER_THREAD = 4
 MAX_PART_SAMPLES = 25_000_000  # per part of a list, about 0.2 s of work: the latency of a cancellation
 CONCURRENT_ITEMS = 2  # of `Evaluator.map_concurrently`
@@ -47,6 +47,22 @@ class FaceSystem:
     largest: np.ndarray
     median: np.ndarray
     singular_value_ratio: np.ndarray
+
+    def replaced_by(self, other: "FaceSystem", faces: np.ndarray, pairs: np.ndarray) -> "FaceSystem":
+        """This system with the rows of another one where masks (F,) and (P,) bool say so; without residual statistics."""
+        if faces.all():
+            return other
+        zeros = np.zeros(len(faces))
+        return FaceSystem(
+            self.faces,
+            np.where(faces, other.energy, self.energy),
+            np.where(pairs, other.pair_energy, self.pair_energy),
+            np.where(faces[:, None, None], other.H, self.H),
+            np.where(faces[:, None], other.g, self.g),
+            zeros,
+            zeros,
+            zeros,
+        )
 
 
 class Evaluator:
@@ -114,9 +130,15 @@ class Evaluator:
             faces: (F,) int: face ids.
             squared_scale: (m,) float, grey levels^2: squared scale of the robust norm by face, from `robust_scale`.
         """
-        return self._run(context, vertices, faces, np.full(len(faces), -1), squared_scale, SOLVER_NONE)
+        return self._run(context, vertices, faces, np.full(len(faces), -1), squared_scale, STATISTICS)
 
-    def _run(self, context, vertices, faces, corners, squared_scale, solver) -> FaceSystem:
+    def energies(
+        self, context: CellContext, vertices: np.ndarray, faces: np.ndarray, squared_scale: np.ndarray
+    ) -> FaceSystem:
+        """Energies alone at given vertex positions: `measure` without the residual statistics (they are 0)."""
+        return self._run(context, vertices, faces, np.full(len(faces), -1), squared_scale, ENERGY)
+
+    def _run(self, context, vertices, faces, corners, squared_scale, task) -> FaceSystem:
         data = context.kernel
         faces = np.ascontiguousarray(faces, dtype=np.int64)
         corners = np.ascontiguousarray(corners, dtype=np.int64)
@@ -132,7 +154,7 @@ class Evaluator:
         def work(part: slice) -> None:
             self._raise_if_cancelled()
             evaluate_faces(
-                data, vertices, faces[part], corners[part], squared_scale, solver,
+                data, vertices, faces[part], corners[part], squared_scale, task,
                 energy[part], pair_energy, H[part], g[part], statistics[part],
             )  # fmt: skip
 
@@ -157,6 +179,12 @@ class Evaluator:
         targets = np.linspace(0, total[-1], count + 1)[1:-1]
         cuts = np.unique(np.concatenate([[0], np.searchsorted(total, targets), [len(samples)]]))
         return [slice(int(a), int(b)) for a, b in pairwise(cuts)]
+
+
+def fixed_sigma(options: RobustOptions, level: int) -> float | None:
+    """Scale parameter sigma of a level whose rule does not depend on the residuals, grey levels; else None."""
+    is_fixed = by_level(options.sigma_rule, level) == "fixed"
+    return max(options.sigma, options.sigma_floor) if is_fixed else None
 
 
 def robust_sigma(options: RobustOptions, level: int, system: FaceSystem) -> np.ndarray:

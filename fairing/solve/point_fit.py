@@ -77,7 +77,7 @@ def fitted_to_points(problem: Problem, vertices: np.ndarray, rounds: int) -> Qua
 
 
 def _surface_positions(problem: Problem, vertices: np.ndarray) -> np.ndarray:
-    """(p, 3) float: fitting points on the surface with vertices (n, 3); all of them if the points are given ones.
+    """(p, 3) float: fitting points on the surface with vertices (n, 3); all of them if no photo is known to observe them.
 
     Points of the ground and the background lie near the boundary of the mesh too, but their own photos do not see the mesh
     at their place.

@@ -14,15 +14,14 @@ def fitting_points(scene: Scene) -> np.ndarray:
 
 
 def observed_fitting_points(scene: Scene) -> FeaturePoints:
-    """The fitting points found in the scene's own photos, with their observations and covariances.
+    """The fitting points that at least two photos observe, with their observations and covariances.
 
     They cover all that the photos show, the ground and the background too, so they take part only where their own photos see
-    the mesh. Given points do not need that: on captures the fit to all of them is the better one (ledger: robust fit of
-    given points).
+    the mesh.
     """
     sparse = scene.sparse_points
-    if sparse is None or sparse.origin == "given":
-        return FeaturePoints.none("no points found in the photos")
+    if sparse is None:
+        return FeaturePoints.none("no sparse points")
     used = sparse.observations[:, 0] % 2 == 0
     sparse = replace(sparse, observations=sparse.observations[used], pixels=sparse.pixels[used])
     return FeaturePoints.of_sparse_points(sparse, [view.camera for view in scene.views])

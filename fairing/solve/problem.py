@@ -21,6 +21,7 @@ from fairing.solve.energy import Evaluator, FaceSystem
 from fairing.solve.locks import locked_by_options
 from fairing.solve.point_split import observed_fitting_points
 from fairing.solve.step_limits import pixels_moved, shortened, unfolded
+from fairing.work import WorkLog
 
 TOO_MANY_PARTS = (
     "the mesh has too many faces to make the photos equally sharp on each: the last level takes them as they are"
@@ -38,6 +39,7 @@ class Problem:
             `Cancelled`.
         on_photo: called when photos are read or evaluated, with their number so far and in all.
         like: a problem on the same scene and start, whose photos and orientation are used.
+        work: what the computations do at present is written there.
 
     Attributes:
         locked: (n,) bool: vertices that never move, by option or because they belong to a degenerate face.
@@ -59,12 +61,15 @@ class Problem:
         cancel_requested: Callable[[], bool] = lambda: False,
         on_photo: Callable[[int, int], None] = lambda done, count: None,
         like: "Problem | None" = None,
+        work: WorkLog | None = None,
     ) -> None:
         self.scene, self.options, self.start = scene, options, start
         self.evaluator = Evaluator(options.threads, self.raise_if_cancelled)
         self.warnings: list[str] = list(scene.warnings)
         self.seconds: dict[str, float] = {"photos": 0.0, "visibility": 0.0}
         self._cancel_requested, self._on_photo = cancel_requested, on_photo
+        self.work = work or WorkLog()
+        """What the computations do at present."""
         self._photos = self._fresh_photos()
         degenerate = inspect_mesh(scene.mesh).degenerate_faces
         self._usable = np.ones(len(scene.mesh.faces), dtype=bool)
@@ -121,10 +126,15 @@ class Problem:
         self.raise_if_cancelled()
         judged, count = itertools.count(), len(self.scene.views)
         pool = CancellablePool(self.evaluator.pool, self.raise_if_cancelled)
-        return build_context(
-            self.scene, self._photos, options, level, vertices, self.orientation, faces, pool,
-            on_view=lambda: self._on_photo(next(judged), count),
-        )  # fmt: skip
+        with self.work.doing("finding the photos that see each face", count) as work:
+
+            def on_view() -> None:
+                self._on_photo(next(judged), count)
+                work.advance()
+
+            return build_context(
+                self.scene, self._photos, options, level, vertices, self.orientation, faces, pool, on_view=on_view
+            )
 
     def measure(self, context: CellContext, vertices: np.ndarray, scale: np.ndarray) -> FaceSystem:
         """Energies and residuals of all faces, see `Evaluator.measure`.
@@ -133,7 +143,26 @@ class Problem:
             vertices: (n, 3) float: positions, world units.
             scale: (m,) float: of the robust loss by face, see `robust_scale`.
         """
-        return self.evaluator.measure(context, vertices, np.arange(len(self.scene.mesh.faces)), scale)
+        n_faces = len(self.scene.mesh.faces)
+        with self.work.doing(f"measuring {n_faces} faces"):
+            return self.evaluator.measure(context, vertices, np.arange(n_faces), scale)
+
+    def energies(
+        self, context: CellContext, vertices: np.ndarray, scale: np.ndarray, faces: np.ndarray | None = None
+    ) -> FaceSystem:
+        """Energies of faces, see `Evaluator.energies`.
+
+        Args:
+            vertices: (n, 3) float: positions, world units.
+            scale: (m,) float: of the robust loss by face, see `robust_scale`.
+            faces: (F,) int, ids; default: all.
+
+        Raises:
+            Cancelled: cancellation was requested.
+        """
+        self.raise_if_cancelled()
+        faces = np.arange(len(self.scene.mesh.faces)) if faces is None else faces
+        return self.evaluator.energies(context, vertices, faces, scale)
 
     def linearise(
         self, context: CellContext, vertices: np.ndarray, faces: np.ndarray, corners: np.ndarray, scale: np.ndarray
@@ -150,7 +179,8 @@ class Problem:
             Cancelled: cancellation was requested.
         """
         self.raise_if_cancelled()
-        return self.evaluator.linearise(context, vertices, faces, corners, scale, self.options.step.solver)
+        with self.work.doing(f"measuring {len(faces)} faces and their derivatives"):
+            return self.evaluator.linearise(context, vertices, faces, corners, scale, self.options.step.solver)
 
     def raise_if_cancelled(self) -> None:
         """Called within long computations.
@@ -196,7 +226,11 @@ class Problem:
         self._photos = self._fresh_photos()
 
     def _fresh_photos(self) -> ScaleSpace:
-        return ScaleSpace(self.scene, self.options.cells.color, self._on_photo)
+        def on_photo(done: int, count: int) -> None:
+            self._on_photo(done, count)
+            self.work.photo_read(done, count)
+
+        return ScaleSpace(self.scene, self.options.cells.color, on_photo)
 
 
 class CancellablePool(Executor):

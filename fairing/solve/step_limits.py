@@ -31,6 +31,21 @@ def pixels_moved(
     return longest
 
 
+def pixels_moved_between(views: Sequence[View], before: np.ndarray, after: np.ndarray) -> np.ndarray:
+    """(n,) float: longest distance between two positions of each vertex in a photo that shows it, px.
+
+    Args:
+        before, after: (n, 3) float, world units.
+    """
+    longest = np.zeros(len(before))
+    for view in views:
+        (start, _), (end, depth) = view.camera.project(before), view.camera.project(after)
+        size = np.array([view.camera.width, view.camera.height])
+        is_shown = (depth > 0) & (end >= 0).all(axis=1) & (end < size).all(axis=1)
+        longest = np.maximum(longest, np.where(is_shown, np.linalg.norm(end - start, axis=1), 0))
+    return longest
+
+
 def pixels_per_unit(views: Sequence[View], vertex_views: np.ndarray, vertices: np.ndarray) -> np.ndarray:
     """(n,) float: largest motion of each vertex in a photo, px per world unit; 0 where no photo is used.
 

@@ -148,7 +148,7 @@ class Judge:
         data = context.kernel
         everything = np.arange(len(faces))
         scale = np.full(len(faces), self._options.robust.sigma**2)
-        measured = self._evaluator.measure(context, self.vertices, everything, scale)
+        measured = self._evaluator.energies(context, self.vertices, everything, scale)
 
         n_pairs = np.diff(data.pair_start)
         face = np.repeat(everything, n_pairs)

@@ -37,6 +37,13 @@ def chromium() -> Iterator[Browser]:
         browser.close()
 
 
+def button_of(page: Page, name: str) -> Locator:
+    """The button of this name, or with this tooltip (without its keys)."""
+    tooltip = name.replace('"', '\\"')
+    named = page.get_by_role("button", name=name, exact=True)
+    return named.or_(page.locator(f'button[title="{tooltip}"], button[title^="{tooltip} ("]'))
+
+
 class Visitor:
     """A browser tab on the debugger that collects everything that goes wrong in it."""
 
@@ -70,7 +77,7 @@ class Visitor:
         )
 
     def button(self, name: str):
-        return self.page.get_by_role("button", name=name, exact=True)
+        return button_of(self.page, name)
 
     def press(self, name: str) -> RunState:
         """Press a button and wait for the engine."""

@@ -111,13 +111,13 @@ def test_scrubbing_shows_the_recorded_vertices(visitor: Visitor):
         visitor.sees_vertices(page_vertices(visitor.app, state.moment))
 
 
-def test_a_click_on_the_energy_plot_goes_to_that_moment_also_the_second_time(visitor: Visitor):
+def test_a_click_on_the_plot_goes_to_that_moment_also_the_second_time(visitor: Visitor):
     length = visitor.press("Step one level").length
     for _ in range(2):
         visitor.app.controller.post(JumpTo(0))
         before = visitor.app.controller.wait_until_idle().serial
         time.sleep(0.3)  # a second click at once is the same click
-        plot = visitor.page.get_by_role("img", name="Energy plot")
+        plot = visitor.page.get_by_role("img", name="Error plot")
         box = visitor.box_of(plot)
         plot.click(position={"x": 0.6 * box["width"], "y": box["height"] / 2})  # scrolls to it where need be
         wait_for(lambda before=before: visitor.app.controller.state.serial > before)
@@ -138,7 +138,7 @@ def test_the_cells_of_the_selected_vertex_are_shown_and_open_their_photo(visitor
     page = next(iter(visitor.app.pages.values()))
     page.interaction.select(0)
     visitor.press("Step one iteration")
-    visitor.page.get_by_role("button", name="Cells of face 3").click()
+    visitor.button("Cells of face 3").click()
     name = scene.views[1].name
     strip = visitor.page.get_by_role("button", name=f"Enlarge a cell in {name}", exact=True)
     strip.wait_for()
@@ -201,7 +201,7 @@ def test_through_a_camera_the_mesh_lies_on_its_photo(visitor: Visitor, scene, si
         time.sleep(0.3)
         visitor.page.keyboard.press("3")
         wait_for(lambda: page.page_state.entered == 2)
-        visitor.page.get_by_role("button", name="Leave the camera").wait_for()
+        visitor.button("Leave the camera").wait_for()
         camera = scene.views[2].camera
         vertices = visitor.app.controller.state.vertices
         offsets = np.inf

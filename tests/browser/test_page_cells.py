@@ -102,7 +102,7 @@ def test_a_picture_of_a_pair_is_enlarged_and_changed_for_another(visitor: Visito
 def test_columns_are_switched_and_another_k_is_looked_at_without_a_change_of_the_run(visitor: Visitor):
     page, view = visitor.page, _page(visitor).page_state
     before = visitor.app.controller.state
-    page.get_by_role("button", name="Show Robust norm").click()
+    visitor.button("Show Robust norm").click()
     wait_for(lambda: "norm" in view.cells.columns)
     page.locator("svg.bars g[onclick]").nth(4).click()
     page.get_by_text("k = 5 instead of").wait_for()
@@ -119,7 +119,7 @@ def test_photos_and_pairs_are_shown(visitor: Visitor):
     page.get_by_role("button", name=f"Enlarge {name}", exact=True).wait_for()
     visitor.button("Page: Pair").click()
     page.get_by_text("i warped into j").first.wait_for()
-    page.get_by_role("button", name=f"Photo i: {name}", exact=True).click()
+    visitor.button(f"Photo i: {name}").click()
     wait_for(lambda: _page(visitor).page_state.cells.pair[0] == 1)
     visitor.button("Page: Cells").click()
 
@@ -128,8 +128,8 @@ def test_a_plot_of_the_vertex_is_chosen_and_clicked(visitor: Visitor):
     page, controller = visitor.page, visitor.app.controller
     controller.post(JumpTo(STEPS))
     controller.wait_until_idle()
-    page.get_by_role("button", name="Plot longest step tried").click()
-    page.get_by_role("button", name="Plot the selected vertex").click()
+    visitor.button("Plot longest step tried").click()
+    visitor.button("Plot the selected vertex").click()
     plot = page.get_by_role("img", name="Step plot")
     plot.wait_for()
     box = visitor.box_of(plot)
@@ -141,7 +141,7 @@ def test_a_recorded_value_leads_to_its_last_change(visitor: Visitor):
     controller = visitor.app.controller
     controller.post(JumpTo(STEPS))
     controller.wait_until_idle()
-    entry = visitor.page.get_by_role("button", name="Last change of position", exact=True)
+    entry = visitor.button("Last change of position")
     entry.click()
     steps = controller.state.trace.steps
     moved = [n + 1 for n in range(STEPS) if 0 in steps[n].vertices and (steps[n].before != steps[n].after).any()]

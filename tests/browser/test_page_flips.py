@@ -7,7 +7,7 @@ from app.flips.server import FlipApp
 from app.viser_bridge.server import start_viewer
 from demo_scenes import load_demo
 from fairing.scene import Scene
-from tests.browser.driver import IN_BROWSER, WINDOW
+from tests.browser.driver import IN_BROWSER, WINDOW, button_of
 from tests.flip_records import flipped_at_random, grid_mesh
 from tests.waiting import PATIENCE, wait_for
 
@@ -43,7 +43,7 @@ def test_flips_are_stepped_scrubbed_and_played(browser, flip_app: FlipApp):
     page.set_default_timeout(1000 * PATIENCE)
     page.on("pageerror", lambda error: troubles.append(str(error)))
     page.goto(flip_app.url)
-    step = page.get_by_role("button", name="One flip", exact=True)
+    step = button_of(page, "One flip")
     step.wait_for()
     page.wait_for_function("() => window.__viserMutable?.nodeRefFromName?.['/mesh/now']")
     trace = flip_app.film.trace
@@ -67,10 +67,10 @@ def test_flips_are_stepped_scrubbed_and_played(browser, flip_app: FlipApp):
     plot.click(position={"x": box["width"] - 8, "y": 40})
     is_at(8)
     page.keyboard.press("t")  # from the start again, to the end
-    page.get_by_role("button", name="Play the flips, or stop", exact=True).get_by_text("Pause").wait_for()
+    button_of(page, "Play the flips, or stop").get_by_text("Pause").wait_for()
     is_at(8)
     page.keyboard.press("1")
-    leave = page.get_by_role("button", name="Leave the camera", exact=True)
+    leave = button_of(page, "Leave the camera")
     leave.wait_for()
     page.keyboard.press("0")
     leave.wait_for(state="detached")

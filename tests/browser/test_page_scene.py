@@ -82,6 +82,23 @@ def test_the_surface_is_coloured_by_a_quantity_with_a_legend(visitor: Visitor):
     visitor.page.get_by_text("Last step of each vertex", exact=True).wait_for(state="hidden")
 
 
+def test_residuals_and_flow_are_painted_for_all_photos_or_one(visitor: Visitor):
+    page = next(iter(visitor.app.pages.values()))
+    visitor.button("Coloured by: Residual").click()
+    visitor.page.get_by_text("Mean |I − U c| of each face", exact=True).wait_for()
+    wait_for(lambda: drawn_colors(visitor, "/mesh/colored"))
+    over_all = page.layers.surface.legend
+    visitor.button("Next photo").click()
+    visitor.page.get_by_text("Photo cube_00.png", exact=True).wait_for()
+    assert page.layers.surface.legend.unknown > over_all.unknown, "one photo does not see all faces"
+    visitor.button("Coloured by: Image flow").click()
+    visitor.page.wait_for_function("() => window.__viserMutable.nodeRefFromName['/flow_arrows']?.visible")
+    visitor.button("Previous photo").click()
+    visitor.page.get_by_text("All photos", exact=True).first.wait_for()
+    visitor.button("Surface: Textured").click()
+    visitor.page.wait_for_function("() => !window.__viserMutable.nodeRefFromName['/flow_arrows'].visible")
+
+
 def test_the_surface_is_shown_at_the_start_now_and_at_the_truth_each_with_its_texture(visitor: Visitor, scene):
     stage, state = visitor.app.resources.stage, visitor.app.controller.state
     places = {"Start": state.trace.start, "Truth": scene.truth.vertices, "Now": state.vertices}

@@ -92,7 +92,7 @@ def test_restart_keeps_the_run_and_a_click_on_its_name_switches_to_it(visitor: V
     visitor.press("Step one vertex")
     visitor.button("Compare with Run 1").click()
     # Both curves: that of A is drawn in A's colour.
-    visitor.page.locator(f"svg[aria-label='Energy plot'] polyline[stroke='{css(REFERENCE)}']").first.wait_for(
+    visitor.page.locator(f"svg[aria-label='Error plot'] polyline[stroke='{css(REFERENCE)}']").first.wait_for(
         state="attached"
     )
     visitor.button("Switch to Run 1").click()
@@ -139,7 +139,7 @@ def test_a_past_moment_can_be_shown_while_the_run_goes_on(visitor: Visitor, monk
         visitor.sees_vertices(stage.page_from_world(controller.state.trace.vertices_at(2)))
         assert controller.state.activity is Activity.RUNNING
         visitor.button("Follow live").click()
-        wait_for(lambda: page.page_state.looks_at is None)
+        wait_for(lambda: page.page_state.viewed_moment is None)
         visitor.page.keyboard.press("p")
         state = controller.wait_until_idle()
     visitor.sees_vertices(stage.page_from_world(state.vertices))

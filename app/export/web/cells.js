@@ -35,11 +35,13 @@ class Cells {
 
   number(face, sweep) { return sweep * this.cells.faces.length + this.rows.get(face); }
 
-  // The cells at a moment with the given vertices; null if the face is not used.
-  at(face, moment, vertices) {
+  // The cells at a moment with the given vertices and number of dimensions, by default that of the run; null if the face
+  // is not used.
+  at(face, moment, vertices, dimensions = null) {
     const { sweeps, sweepAt, scales, photos } = this.cells, sweep = sweepAt[moment], at = this.number(face, sweep);
-    const k = sweeps.k[at], size = sweeps.size[at], p = size * (size + 1) / 2;
-    if (!k) return null;
+    const own = sweeps.k[at], size = sweeps.size[at], p = size * (size + 1) / 2;
+    if (!own) return null;
+    const k = Math.min(dimensions ?? own, sweeps.starts[at + 1] - sweeps.starts[at] - 2);
     const points = new Float32Array(9);
     for (let c = 0; c < 3; c++) points.set(vertices.subarray(3 * this.faces[3 * face + c], 3 * this.faces[3 * face + c] + 3), 3 * c);
     const observed = [], counts = [], views = [], weight = [];
@@ -56,11 +58,19 @@ class Cells {
     const weighed = fitted.residual.map((residual) => weigh(residual, this.cells.norm, sweeps.scale[at]));
     const energies = weighed.map(({ total }, i) => weight[i] * total);
     return {
-      ...fitted, counts, views, energies, k, size, scale: scales[this.rows.get(face)],
+      ...fitted, counts, views, energies, k, own, size, pairWeight: weight, scale: scales[this.rows.get(face)],
       weight: weighed.map(({ weights }) => weights),
+      sigma: Math.sqrt(sweeps.scale[at]),
       energy: energies.reduce((sum, energy) => sum + energy, 0),
       threshold: this.cells.norm === GEMAN_MCCLURE ? Math.sqrt(sweeps.scale[at] / 3) : Infinity,
     };
+  }
+
+  // The energy of a face with k dimensions, from its cells `found` with any other k.
+  energyWith(found, k) {
+    if (k === found.k) return found.energy;
+    const { residual } = fitEigenspace(found.observed, found.counts, k, this.cells);
+    return residual.reduce((sum, e, row) => sum + found.pairWeight[row] * weigh(e, this.cells.norm, found.sigma ** 2).total, 0);
   }
 
   // Mask of a pair: a byte per sample and channel, 1 if it counts; null if all samples count.
@@ -76,8 +86,8 @@ class Cells {
   }
 
   // Draws the tiles of `views` onto a canvas: one row per photo, one column per kind. Photos without the face stay empty.
-  draw(canvas, found, views, side, gap) {
-    canvas.width = KINDS_SHOWN.length * (side + gap) - gap;
+  draw(canvas, found, views, side, gap, kinds = KINDS_SHOWN) {
+    canvas.width = kinds.length * (side + gap) - gap;
     canvas.height = Math.max(1, views.length * (side + gap) - gap);
     const context = canvas.getContext("2d");
     if (!context || !found) return;
@@ -87,7 +97,7 @@ class Cells {
     context.imageSmoothingQuality = "high";
     views.forEach((view, row) => {
       const i = found.views.indexOf(view);
-      KINDS_SHOWN.forEach((kind, column) => {
+      kinds.forEach((kind, column) => {
         const x = column * (side + gap), y = row * (side + gap);
         context.fillStyle = `rgb(${CELL_COLORS.empty})`;
         context.fillRect(x, y, side, side);
@@ -100,7 +110,8 @@ class Cells {
   }
 
   fill(image, found, i, kind, color) {
-    const { size } = found, values = found[kind][i], counts = kind === "residual" || kind === "weight" ? found.counts[i] : null;
+    const { size } = found, isResidual = kind === "residual" || kind === "weight" || kind === "norm";
+    const values = found[kind === "norm" ? "residual" : kind][i], counts = isResidual ? found.counts[i] : null;
     for (let r = 0, s = 0; r < size; r++)
       for (let c = 0; c < size; c++) {
         const isInside = r + c < size;
@@ -128,7 +139,17 @@ class Cells {
         const strength = Math.sqrt(Math.min(1, Math.abs(value) / found.scale.residual));
         return (value < 0 ? truth : now).map((part) => (1 - strength) * CELL_COLORS.zero + strength * part);
       },
+      norm: (value) => heat(this.rho(value, found) / this.rho(Math.min(found.threshold, 3 * found.sigma) * 2, found)),
       weight: (value, i, s) => (Math.abs(found.residual[i][s]) > found.threshold ? selected : grey(230 * value / most)),
     };
   }
+
+  rho(value, found) { return weigh([value], this.cells.norm, found.sigma ** 2).total; }
+}
+
+// Colour of a share from 0 (black) to 1 (pale yellow), close to the colour map inferno.
+const HEAT = [[0, 0, 4], [40, 11, 84], [101, 21, 110], [159, 42, 99], [212, 72, 66], [245, 125, 21], [250, 193, 39], [252, 255, 164]];
+function heat(share) {
+  const at = Math.min(1, Math.max(0, share)) * (HEAT.length - 1), i = Math.min(HEAT.length - 2, Math.floor(at));
+  return HEAT[i].map((low, c) => low + (at - i) * (HEAT[i + 1][c] - low));
 }

@@ -6,7 +6,8 @@ const FILL_ROUNDS = 3;
 const GEMAN_MCCLURE = 0, HUBER = 1;
 
 // `observed`: a Float32Array (p) per photo; `counts`: a Uint8Array (p) per photo, or null if all samples count; `options`:
-// removeBias, centered. Returns {observed, reconstruction, residual}, each with an array (p) per photo.
+// removeBias, centered. Returns {observed, reconstruction, residual}, each with an array (p) per photo, the basis images (k)
+// of p samples, and all singular values in descending order.
 function fitEigenspace(observed, counts, k, options) {
   const n = observed.length, p = observed[0].length, cells = observed.map((cell) => cell.slice());
   const masked = counts.some((count) => count !== null);
@@ -19,10 +20,10 @@ function fitEigenspace(observed, counts, k, options) {
       for (let i = 0; i < n; i++) if (!isCounted(i, t)) cells[i][t] = total / Math.max(count, 1);
     }
   }
-  let residual = [];
+  let residual = [], basis = [], singular = [];
   for (let round = 0; round < (masked ? FILL_ROUNDS + 1 : 1); round++) {
     if (options.centered) takeMeanOff(cells);
-    residual = residualOf(cells, k);
+    ({ residual, basis, singular } = residualOf(cells, k));
     if (!masked) break;
     for (let i = 0; i < n; i++)
       if (counts[i]) for (let t = 0; t < p; t++) if (!counts[i][t]) { cells[i][t] -= residual[i][t]; residual[i][t] = 0; }
@@ -31,7 +32,7 @@ function fitEigenspace(observed, counts, k, options) {
     const bias = options.removeBias || options.centered ? meanOf(cell, (t) => isCounted(i, t)) - meanOf(cells[i], (t) => isCounted(i, t)) : 0;
     return cell.map((value, t) => (isCounted(i, t) ? value - residual[i][t] : cells[i][t] + bias));
   });
-  return { observed, reconstruction, residual };
+  return { observed, reconstruction, residual, basis, singular };
 }
 
 function meanOf(values, isCounted) {
@@ -49,13 +50,14 @@ function takeMeanOff(cells) {
   }
 }
 
-// The residual I - U c: with the first k right singular vectors V of the cells, it is I (1 - V V').
+// The residual I - U c: with the first k right singular vectors V of the cells, it is I (1 - V V'). The basis is U = I V / s.
 function residualOf(cells, k) {
   const n = cells.length, p = cells[0].length, gram = cells.map((a, i) => cells.map((b, j) => (j <= i ? product(a, b) : 0)));
   for (let i = 0; i < n; i++) for (let j = i + 1; j < n; j++) gram[i][j] = gram[j][i];
   const { values, vectors } = symmetricEigen(gram);
-  const used = [...values.keys()].sort((a, b) => values[b] - values[a]).slice(0, k).filter((m) => values[m] > 0);
-  return cells.map((cell, i) => {
+  const order = [...values.keys()].sort((a, b) => values[b] - values[a]), singular = order.map((m) => Math.sqrt(Math.max(0, values[m])));
+  const used = order.slice(0, k).filter((m) => values[m] > 0);
+  const residual = cells.map((cell, i) => {
     const rest = cell.slice();
     cells.forEach((other, j) => {
       const share = used.reduce((sum, m) => sum + vectors[i][m] * vectors[j][m], 0);
@@ -63,6 +65,12 @@ function residualOf(cells, k) {
     });
     return rest;
   });
+  const basis = used.map((m) => {
+    const image = new Float32Array(p), length = Math.sqrt(values[m]);
+    cells.forEach((cell, i) => { for (let t = 0; t < p; t++) image[t] += vectors[i][m] / length * cell[t]; });
+    return image;
+  });
+  return { residual, basis, singular };
 }
 
 function product(a, b) {

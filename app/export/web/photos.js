@@ -10,7 +10,7 @@ class Photos {
   // `photos`: the data of page_cells.py, unpacked; `affine`: whether the warp is affine.
   constructor(photos, affine) {
     Object.assign(this, { photos, affine, parts: new Map() });
-    for (const view of photos.views) {
+    for (const view of photos.views.filter(({ at }) => !at)) { // the tiles of several runs are decoded once
       view.at = new Map(Array.from(view.tiles ?? [], (number, k) => [number, k]));
       for (let i = 1; i < (view.pixels?.length ?? 0); i++) view.pixels[i] += view.pixels[i - 1];
     }

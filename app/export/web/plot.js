@@ -11,10 +11,12 @@ function svg(name, attributes, parent) {
 }
 
 class Plot {
-  // lines: [{moments, values}]; bands: [{first, end, label}]; onJump: called with a moment.
-  constructor(host, { title, unit, lines, bands, length, isLog, color, onJump }) {
-    Object.assign(this, { host, title, unit, lines, bands, length, isLog, color });
-    const values = lines.flatMap((line) => line.values).filter((value) => Number.isFinite(value) && (!isLog || value > 0));
+  // lines: [{moments, values}]; others: lines for comparison, in `otherColor`; bands: [{first, end, label}]; onJump: called with
+  // a moment.
+  constructor(host, { title, unit, lines, others = [], otherColor, bands, length, isLog, color, onJump }) {
+    Object.assign(this, { host, title, unit, lines, others, otherColor, bands, length, isLog, color });
+    this.last = Math.max(1, length, ...others.flatMap((line) => line.moments)); // moment at the right border
+    const values = [...lines, ...others].flatMap((line) => line.values).filter((value) => Number.isFinite(value) && (!isLog || value > 0));
     this.floor = Math.min(...values);
     const scaled = values.map((value) => this.scaled(value));
     this.low = isLog ? Math.min(...scaled) : Math.min(0, ...scaled);
@@ -25,7 +27,7 @@ class Plot {
     this.build();
     const jump = (event) => {
       const box = this.svg.getBoundingClientRect();
-      onJump(Math.round((event.clientX - box.left - this.left) / (box.width - this.left - this.right) * this.length));
+      onJump(Math.round((event.clientX - box.left - this.left) / (box.width - this.left - this.right) * this.last));
     };
     host.addEventListener("pointerdown", (event) => { host.setPointerCapture(event.pointerId); jump(event); });
     host.addEventListener("pointermove", (event) => { if (event.buttons & 1) jump(event); });
@@ -33,7 +35,7 @@ class Plot {
   }
 
   scaled(value) { return this.isLog ? Math.log10(Math.max(value, this.floor)) : value; }
-  x(moment) { return this.left + (this.width - this.left - this.right) * moment / Math.max(1, this.length); }
+  x(moment) { return this.left + (this.width - this.left - this.right) * moment / this.last; }
   y(value) { return this.height - this.bottom - (this.height - this.top - this.bottom) * (this.scaled(value) - this.low) / (this.high - this.low); }
 
   build() {
@@ -50,12 +52,15 @@ class Plot {
     }
     svg("text", { x: this.left, y: 12, class: "name" }, this.svg).textContent = this.title;
     this.reading = svg("text", { x: this.width - this.right, y: 12, "text-anchor": "end", class: "reading" }, this.svg);
-    for (const { moments, values } of this.lines) {
-      const points = moments.map((m, i) => `${this.x(m).toFixed(1)},${this.y(values[i]).toFixed(1)}`).join(" ");
-      svg("polyline", { points, fill: "none", style: `stroke:${this.color}`, "stroke-width": 1.8, "stroke-linejoin": "round" }, this.svg);
-    }
+    this.others.forEach((line) => this.curve(line, this.otherColor));
+    this.lines.forEach((line) => this.curve(line, this.color));
     this.bar = svg("line", { y1: this.top - 4, y2: this.height - this.bottom, class: "cursor" }, this.svg);
     this.dot = svg("circle", { r: 4, class: "dot" }, this.svg);
+  }
+
+  curve({ moments, values }, color) {
+    const points = moments.map((m, i) => `${this.x(m).toFixed(1)},${this.y(values[i]).toFixed(1)}`).join(" ");
+    svg("polyline", { points, fill: "none", style: `stroke:${color}`, "stroke-width": 1.8, "stroke-linejoin": "round" }, this.svg);
   }
 
   ticks() {

@@ -2,67 +2,14 @@
 "use strict";
 
 const data = JSON.parse(document.getElementById("data").textContent);
-const $ = (id) => document.getElementById(id);
 const BASE_RATE = Math.max(5, data.length / 16); // moments per second: a run plays in about 16 s
 
 // Set by `open` when the data is unpacked.
-let arrays = null, cells = null, viewer = null, plots = [];
+let arrays = null, record = null, cells = null, viewer = null, plots = [];
 
-function unfold() {
-  const points = (numbers) => Float32Array.from(numbers, (number) => number * data.grid);
-  const { moved } = data, last = data.start.slice(), places = new Float32Array(moved.displacements.length);
-  moved.vertices.forEach((v, i) => {
-    for (let c = 0; c < 3; c++) places[3 * i + c] = data.grid * (last[3 * v + c] += moved.displacements[3 * i + c]);
-  });
-  moved.places = places;
-  return {
-    start: points(data.start), truth: data.truth && points(data.truth), faces: data.faces, edges: data.edges, cameras: data.cameras,
-    uv: data.keyframes.map((keyframe) => Float32Array.from(keyframe.uv, (number) => number / 65535)),
-  };
-}
-
-// Positions at a moment. Every 32nd moment is cached, so that going back is fast.
-const kept = new Map();
-function verticesAt(moment) {
-  const { starts, vertices: moved, places } = data.moved;
-  if (!kept.size) kept.set(0, arrays.start);
-  let at = moment - (moment % 32);
-  while (!kept.has(at)) at -= 32;
-  let vertices = kept.get(at).slice();
-  for (let step = at; step < moment; step++) {
-    if (step % 32 === 0 && !kept.has(step)) kept.set(step, vertices.slice());
-    for (let i = starts[step]; i < starts[step + 1]; i++) vertices.set(places.subarray(3 * i, 3 * i + 3), 3 * moved[i]);
-  }
-  return vertices;
-}
-
-// The paths of all vertices as line segments, in the order of their steps.
-function paths() {
-  const { starts, vertices: moved, places } = data.moved;
-  const count = moved.length, lines = new Float32Array(6 * count), when = new Float32Array(2 * count);
-  const last = arrays.start.slice(), since = new Float32Array(last.length / 3), countAt = new Uint32Array(data.length + 1);
-  for (let step = 0; step < data.length; step++) {
-    for (let i = starts[step]; i < starts[step + 1]; i++) {
-      const v = moved[i], place = places.subarray(3 * i, 3 * i + 3);
-      lines.set(last.subarray(3 * v, 3 * v + 3), 6 * i);
-      lines.set(place, 6 * i + 3);
-      when.set([data.pace[since[v]], data.pace[step + 1]], 2 * i);
-      last.set(place, 3 * v);
-      since[v] = step + 1;
-    }
-    countAt[step + 1] = starts[step + 1];
-  }
-  return { lines, when, count: (moment) => countAt[moment] };
-}
+const verticesAt = (moment) => record.verticesAt(moment);
 
 const state = { moment: -1, vertex: null, face: null, playing: false, speed: 1 };
-
-function element(name, attributes = {}, ...children) {
-  const node = document.createElement(name);
-  for (const [key, value] of Object.entries(attributes)) key in node ? (node[key] = value) : node.setAttribute(key, value);
-  node.append(...children);
-  return node;
-}
 
 // ---------------------------------------------------------------- time
 
@@ -73,20 +20,10 @@ function go(moment) {
   $("slider").value = moment;
   $("slider").setAttribute("aria-valuetext", `moment ${moment} of ${data.length}`);
   $("moment").textContent = `${moment} / ${data.length}`;
-  viewer?.show(moment, verticesAt(moment), blendAt(moment));
+  viewer?.show(moment, verticesAt(moment), record.blendAt(moment, data.keyframes));
   plots.forEach((plot) => plot.cursor(moment));
   showStep();
   if (!state.playing || performance.now() > cellsDue) showCells();
-}
-
-// Indices of the texture keyframes before and after a moment, and the weight of the second.
-function blendAt(moment) {
-  const moments = data.keyframes.map((keyframe) => keyframe.moment);
-  let k = moments.length - 1;
-  while (moments[k] > moment) k--;
-  if (k + 1 === moments.length) return [k, k, 0];
-  const [low, high] = [data.pace[moments[k]], data.pace[moments[k + 1]]];
-  return [k, k + 1, high > low ? (data.pace[moment] - low) / (high - low) : 0];
 }
 
 let playedSince = 0, playedFrom = 0;
@@ -162,7 +99,7 @@ function lastReason(vertex, moment) {
 
 let cellsDue = 0; // time of the next update while playing, so that the cells do not slow down the playback
 
-const ring = (vertex) => [...Array(arrays.faces.length / 3).keys()].filter((f) => arrays.faces.subarray(3 * f, 3 * f + 3).includes(vertex));
+const ring = (vertex) => facesAround(arrays.faces, vertex);
 
 function select(vertex) {
   state.vertex = vertex;
@@ -285,8 +222,11 @@ document.addEventListener("keydown", (event) => {
 
 async function open() {
   await unpack(data);
-  arrays = unfold();
-  arrays.paths = paths();
+  record = new RunRecord(data, data.grid);
+  arrays = {
+    start: record.start, truth: data.truth && onGrid(data.truth, data.grid), faces: data.faces, edges: data.edges, cameras: data.cameras,
+    uv: textureCoordinates(data.keyframes), paths: record.paths(),
+  };
   cells = new Cells(data.cells, arrays.faces, data.colors);
   try {
     viewer = new Viewer($("scene"), data, arrays);

@@ -299,28 +299,34 @@ class Viewer {
     return best;
   }
 
+  // One pointer rotates, pans (Shift or another button), selects a vertex, or drags what `onGrab` returns; two pinch and pan.
   listen() {
-    const { canvas } = this;
-    let last = null, travelled = 0;
+    const { canvas } = this, pointers = new Map();
+    let travelled = 0, dragged = null;
+    const place = (event) => [event.clientX, event.clientY];
+    const within = ([x, y]) => { const box = canvas.getBoundingClientRect(); return [x - box.left, y - box.top]; };
     canvas.addEventListener("pointerdown", (event) => {
       canvas.setPointerCapture(event.pointerId);
-      last = [event.clientX, event.clientY];
-      travelled = 0;
+      pointers.set(event.pointerId, place(event));
+      travelled = pointers.size > 1 ? Infinity : 0;
+      dragged = pointers.size > 1 || event.shiftKey || event.button ? null : this.onGrab?.(...within(place(event))) ?? null;
     });
     canvas.addEventListener("pointermove", (event) => {
-      if (!last) return;
-      const dx = event.clientX - last[0], dy = event.clientY - last[1];
+      if (!pointers.has(event.pointerId)) return;
+      const before = pointers.get(event.pointerId), here = place(event), dx = here[0] - before[0], dy = here[1] - before[1];
+      const other = [...pointers].find(([id]) => id !== event.pointerId)?.[1];
+      pointers.set(event.pointerId, here);
       travelled += Math.abs(dx) + Math.abs(dy);
-      last = [event.clientX, event.clientY];
-      if (event.shiftKey || event.buttons & 6) this.pan(dx, dy);
+      if (other) {
+        const apart = (p) => Math.hypot(p[0] - other[0], p[1] - other[1]) || 1;
+        this.zoom(apart(before) / apart(here));
+        this.pan(dx / 2, dy / 2);
+      } else if (dragged) dragged(dx, dy);
+      else if (event.shiftKey || event.buttons & 6) this.pan(dx, dy);
       else this.turn(-0.008 * dx, -0.008 * dy);
     });
     const end = (event) => {
-      if (last && travelled < 5 && event.type === "pointerup") {
-        const box = canvas.getBoundingClientRect();
-        this.onPick?.(this.nearest(event.clientX - box.left, event.clientY - box.top));
-      }
-      last = null;
+      if (pointers.delete(event.pointerId) && travelled < 5 && event.type === "pointerup") this.onPick?.(this.nearest(...within(place(event))));
     };
     canvas.addEventListener("pointerup", end);
     canvas.addEventListener("pointercancel", end);
@@ -328,10 +334,13 @@ class Viewer {
     canvas.addEventListener("dblclick", () => this.home());
     canvas.addEventListener("wheel", (event) => {
       event.preventDefault();
-      const distance = length(this.offset) * Math.exp(0.0012 * event.deltaY);
-      this.offset = scale(unit(this.offset), Math.min(1000, Math.max(0.15, distance)));
-      this.redraw();
+      this.zoom(Math.exp(0.0012 * event.deltaY));
     }, { passive: false });
+  }
+
+  zoom(factor) {
+    this.offset = scale(unit(this.offset), Math.min(1000, Math.max(0.15, length(this.offset) * factor)));
+    this.redraw();
   }
 
   turn(sideways, over) {

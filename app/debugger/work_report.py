@@ -1,0 +1,49 @@
+"""Work report: what the engine does at present, how much of it is done, and the time that remains."""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from app.html import duration
+from fairing.work import Work, fraction_done
+
+NOTICEABLE = 0.3  # s: shorter computations are not reported
+SHOWN_AFTER = 1.0  # s: the time that remains is estimated from then on
+LEAST_DONE = 0.02  # fraction, for the same
+
+
+@dataclass(frozen=True)
+class WorkReport:
+    """What the engine does at present.
+
+    Attributes:
+        text: one line, such as "searching 81 vertices, 6 of 15".
+        fraction: finished part, 0 to 1; None if unknown.
+        seconds_left: estimate, s; None if unknown.
+    """
+
+    text: str
+    fraction: float | None = None
+    seconds_left: float | None = None
+
+    @property
+    def line(self) -> str:
+        """The text and the time that remains, with a capital."""
+        left = "" if self.seconds_left is None else f"; {duration(self.seconds_left)} left"
+        return f"{self.text[:1].upper()}{self.text[1:]}{left}"
+
+
+def report_of(works: Sequence[Work]) -> WorkReport | None:
+    """The report of nested works, the outermost first; None without any that has taken noticeable time."""
+    if not works or time.monotonic() - works[0].began < NOTICEABLE:
+        return None
+    outermost = works[0]
+    texts = [work.text if work.count == 1 else f"{work.text}, {work.done} of {work.count}" for work in works[:2]]
+    text = ": ".join(texts)
+    fraction = fraction_done(works)
+    if all(work.count == 1 for work in works):
+        return WorkReport(text)
+    seconds = time.monotonic() - outermost.began
+    if seconds < SHOWN_AFTER or fraction < LEAST_DONE:
+        return WorkReport(text, fraction)
+    return WorkReport(text, fraction, float(round(seconds * (1 - fraction) / fraction)))

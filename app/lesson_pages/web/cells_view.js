@@ -1,0 +1,218 @@
+// The panel of cells and photos: functions of the page's state (see lesson.js).
+"use strict";
+
+const TILE_GAP = 2, WIDEST_TILE = 150; // px
+const KIND_NAMES = { photo: "observed", reconstruction: "reconstruction", residual: "residual", weight: "weight", norm: "norm" };
+const ENERGIES_DELAY = 150; // ms without a change before the energies of all k are computed
+
+let energiesTimer = 0;
+
+function showCellsPanel() {
+  clearTimeout(energiesTimer);
+  const vertex = state.vertices.at(-1), face = shownFace(), { page } = state.cells;
+  for (const button of document.querySelectorAll("[data-page]")) press(button, button.dataset.page === page);
+  for (const button of document.querySelectorAll("[data-span]")) press(button, button.dataset.span === state.cells.span);
+  for (const name of ["cells", "photos", "pair"]) $(`page-${name}`).hidden = name !== page || face === null;
+  $("nothing").hidden = face !== null;
+  $("nothing").textContent = vertex === undefined ? "Select a vertex to see the cells of its faces: click it in the 3D view, or choose it below."
+    : `This file contains no photos around vertex ${vertex}; it contains those around the vertices that moved most.`;
+  $("faces").replaceChildren(...facesOf(vertex).map((f) => chip(`face ${f}`, f === face, () => { state.face = f; update(); })));
+  if (face === null) {
+    const choices = vertex === undefined ? verticesWithCells().slice(0, 8) : [];
+    $("nothing").append(...choices.map((v) => chip(`vertex ${v}`, false, () => select([v]))));
+    return;
+  }
+  ({ cells: showCellsPage, photos: showPhotosPage, pair: showPairPage })[page](vertex, face);
+}
+
+const facesOf = (vertex) => (vertex === undefined ? [] : facesAround(arrays.faces, vertex).filter((f) => run().cells.has(f)));
+const verticesWithCells = () => [...Array(arrays.start.length / 3).keys()].filter((v) => facesOf(v).length > 0);
+
+function shownFace() {
+  const faces = facesOf(state.vertices.at(-1));
+  return faces.includes(state.face) ? state.face : faces[0] ?? null;
+}
+
+// ---------------------------------------------------------------- cells
+
+function showCellsPage(vertex, face) {
+  const found = cellsOf(face, state.cells.dimensions);
+  const columns = Object.keys(data.kinds).filter((kind) => state.cells.columns.includes(kind));
+  $("columns").replaceChildren(...Object.entries(data.kinds).filter(([kind]) => KIND_NAMES[kind] || step().flows).map(([kind, { head, meaning }]) =>
+    chip(head, columns.includes(kind), () => toggleColumn(kind), meaning)));
+  for (const id of ["k-row", "basis", "charts"]) $(id).hidden = !found;
+  $("rows").replaceChildren();
+  if (!found) { $("facts").textContent = "Fewer than three photos see this face well enough at this moment."; return; }
+  const largest = found.observed.length - 2, threshold = Number.isFinite(found.threshold) ? [" · e", element("sub", {}, "T"), ` ${brief(found.threshold)}`] : [];
+  $("facts").replaceChildren("Energy ", element("b", {}, brief(found.energy, 4)), ` with k = ${found.k}${found.k === found.own ? "" : ` instead of ${found.own}`} · ${found.views.length} photos · ${found.size} × ${found.size} · σ ${brief(found.sigma)}`, ...threshold, " grey levels");
+  Object.assign($("k"), { max: largest, value: found.k });
+  $("k-shown").textContent = found.k === found.own ? `${found.k} (the run's)` : found.k;
+  drawBasis(found);
+  showBars($("singular"), found.singular.map(Math.log1p), found.singular.map((value, i) => `singular value ${i + 1}: ${brief(value)}`), (i) => (i < found.k ? "on" : ""));
+  energiesTimer = setTimeout(() => showEnergies(face, found), ENERGIES_DELAY);
+  showRows(found, face, columns);
+}
+
+function toggleColumn(kind) {
+  const chosen = state.cells.columns.includes(kind) ? state.cells.columns.filter((other) => other !== kind) : [...state.cells.columns, kind];
+  if (chosen.length) state.cells = { ...state.cells, columns: chosen };
+  update();
+}
+
+// The energies of all k, computed one after another so that the page stays responsive.
+function showEnergies(face, found, energies = []) {
+  const count = found.observed.length - 2, shown = [...energies, run().cells.energyWith(found, energies.length + 1)];
+  if (shown.length < count) { energiesTimer = setTimeout(() => showEnergies(face, found, shown)); return; }
+  const most = Math.max(...shown, 1e-12), heights = shown.map((energy) => 1 + Math.log10(Math.max(energy / most, 1e-4)) / 4);
+  showBars($("by-k"), heights, shown.map((energy, i) => `k = ${i + 1}: energy ${brief(energy, 4)}; click to show the cells with this k`),
+    (i) => (i + 1 === found.k ? "chosen" : i + 1 === found.own ? "own" : ""), (i) => setDimensions(i + 1));
+}
+
+function setDimensions(k) { state.cells = { ...state.cells, dimensions: k }; update(); }
+
+function showBars(host, heights, names, css, onChoose = null) {
+  const most = onChoose ? 1 : Math.max(...heights, 1e-12);
+  host.className = "bars";
+  host.replaceChildren(...heights.map((height, i) => {
+    const bar = element("i", { style: `height:${Math.max(2, 100 * height / most)}%` });
+    return onChoose ? element("button", { type: "button", className: css(i), title: names[i], "aria-label": names[i], onclick: () => onChoose(i) }, bar)
+      : element("div", { className: css(i), title: names[i] }, bar);
+  }));
+  if (!onChoose) Object.assign(host, { role: "img", ariaLabel: names.join("; ") });
+}
+
+function drawBasis(found) {
+  const side = Math.min(64, Math.floor(320 / found.basis.length)), { size } = found, canvas = $("basis");
+  Object.assign(canvas, { width: found.basis.length * (side + TILE_GAP) - TILE_GAP, height: side });
+  const context = canvas.getContext("2d");
+  if (!context) return;
+  found.basis.forEach((values, n) => {
+    const largest = values.reduce((most, value) => Math.max(most, Math.abs(value)), 1e-12), image = new ImageData(size, size);
+    for (let r = 0, s = 0; r < size; r++)
+      for (let c = 0; c < size; c++) {
+        const rgb = r + c < size ? Array(3).fill(127.5 + 127.5 * values[s++] / largest) : CELL_COLORS.empty;
+        image.data.set([...rgb, 255], 4 * (r * size + c));
+      }
+    const cell = Object.assign(document.createElement("canvas"), { width: size, height: size });
+    cell.getContext("2d").putImageData(image, 0, 0);
+    context.drawImage(cell, n * (side + TILE_GAP), 0, side, side);
+  });
+  canvas.setAttribute("aria-label", `${found.basis.length} basis images of the face`);
+}
+
+// One row per photo: name, energy, and the columns. The columns υ and f show arrows of the step, over the residual before it.
+function showRows(found, face, columns) {
+  const flows = flowsOf(face), before = flows?.moment ? cellsOf(face, state.cells.dimensions, flows.moment - 1, null) : found;
+  const hasArrows = columns.some((kind) => !KIND_NAMES[kind]);
+  $("arrow-row").replaceChildren(...(hasArrows ? [element("span", { className: "dim" }, "Arrows"), ...[1, 3, 10, 30, 100].map((scale) => chip(`×${scale}`, scale === state.cells.arrows, () => { state.cells = { ...state.cells, arrows: scale }; update(); }))] : []));
+  $("flow-note").textContent = !hasArrows ? "" : !flows ? `The arrows belong to moment ${step().moment} of this step; Resume lesson returns there.`
+    : flows.moment === null ? "No step yet; f of the current cells." : `υ, f: of the step to moment ${flows.moment}${flows.model ? "" : "; it moved no corner of this face"}`;
+  const width = Math.max(200, $("cells-panel").clientWidth - 40), tile = Math.min(WIDEST_TILE, Math.floor((width - TILE_GAP * (columns.length - 1)) / columns.length));
+  const ratio = Math.min(2, window.devicePixelRatio || 1), whole = columns.length * (tile + TILE_GAP) - TILE_GAP, grid = `repeat(${columns.length}, ${tile}px)`;
+  const heads = element("div", { className: "heads", style: `grid-template-columns:${grid};gap:${TILE_GAP}px` }, ...columns.map((kind) => element("span", { title: data.kinds[kind].meaning }, data.kinds[kind].head)));
+  const rows = found.views.map((view, i) => {
+    const { name } = data.photos.views[view], canvas = element("canvas", { role: "img", "aria-label": `Cell of face ${face} in ${name}: ${columns.map((kind) => data.kinds[kind].head).join(", ")}; energy ${brief(found.energies[i])}` });
+    drawRow(canvas, found, before, flows, view, columns, Math.round(tile * ratio), Math.round(TILE_GAP * ratio));
+    const over = svg("svg", { viewBox: `0 0 ${whole} ${tile}`, "aria-hidden": "true" });
+    columns.forEach((kind, n) => { if (flows && !KIND_NAMES[kind]) drawArrows(over, flows, kind, view, n * (tile + TILE_GAP), tile); });
+    const through = element("button", { type: "button", className: "chip", title: `Look through the camera of ${name}`, onclick: () => lookAt(view) }, name);
+    return element("div", { className: "cell-row" }, element("div", { className: "about", style: `max-width:${whole}px` }, through, element("span", {}, `E ${brief(found.energies[i])}`)),
+      element("div", { className: "strip", style: `width:${whole}px;height:${tile}px` }, canvas, over));
+  });
+  $("rows").replaceChildren(heads, ...rows);
+}
+
+function drawRow(canvas, found, before, flows, view, columns, side, gap) {
+  const kinds = columns.map((kind) => KIND_NAMES[kind] ?? null), row = Object.assign(document.createElement("canvas"), {});
+  run().cells.draw(row, found, [view], side, gap, kinds.map((kind) => kind ?? "observed"));
+  Object.assign(canvas, { width: row.width, height: row.height });
+  const context = canvas.getContext("2d");
+  if (!context) return;
+  context.drawImage(row, 0, 0);
+  kinds.forEach((kind, n) => {
+    if (kind !== null) return;
+    const x = n * (side + gap), i = before && flows ? before.views.indexOf(view) : -1;
+    context.fillStyle = `rgb(${CELL_COLORS.empty})`;
+    context.fillRect(x, 0, side, side);
+    if (i < 0) return;
+    const { size } = before, image = new ImageData(size, size), full = Number.isFinite(before.threshold) ? before.threshold : before.scale.residual;
+    for (let r = 0, s = 0; r < size; r++)
+      for (let c = 0; c < size; c++) {
+        const shade = r + c < size ? CELL_COLORS.zero + 130 * Math.sqrt(Math.min(1, Math.abs(before.residual[i][s++]) / full)) : null;
+        image.data.set([...(shade === null ? CELL_COLORS.empty : [shade, shade, shade]), 255], 4 * (r * size + c));
+      }
+    const cell = Object.assign(document.createElement("canvas"), { width: size, height: size });
+    cell.getContext("2d").putImageData(image, 0, 0);
+    context.drawImage(cell, x, 0, side, side);
+  });
+}
+
+function flowsOf(face) {
+  return isAtStep() ? step().flows?.[face] ?? null : null;
+}
+
+function drawArrows(host, flows, kind, view, left, tile) {
+  const field = kind === "model" ? flows.model : flows.optical, i = flows.views.indexOf(view);
+  if (!field || i < 0) return;
+  const unit = field.unit * tile / flows.size, count = field.places.length / 2;
+  let path = "";
+  for (let q = 0; q < count; q++) {
+    const x = left + unit * field.places[2 * q], y = unit * field.places[2 * q + 1];
+    const dx = unit * state.cells.arrows * field.vectors[2 * (i * count + q)], dy = unit * state.cells.arrows * field.vectors[2 * (i * count + q) + 1];
+    const size = Math.hypot(dx, dy);
+    if (size < 1.2) continue;
+    const head = Math.min(4, 0.4 * size) / size, [hx, hy, sx, sy] = [head * dx, head * dy, 0.6 * head * dy, 0.6 * head * dx];
+    path += `M${x} ${y}l${dx} ${dy}m${-hx - sx} ${-hy + sy}L${x + dx} ${y + dy}l${-hx + sx} ${-hy - sy}`;
+  }
+  svg("path", { d: path, fill: "none", "stroke-width": 1.3, style: `stroke:${kind === "model" ? data.rgb.now : "#f2f4f7"}` }, host);
+}
+
+// ---------------------------------------------------------------- photos
+
+const point = (vertices, v) => vertices.slice(3 * v, 3 * v + 3);
+const cornersOf = (vertices, face) => [0, 1, 2].map((c) => point(vertices, arrays.faces[3 * face + c]));
+
+function showPhotosPage(vertex) {
+  const faces = facesOf(vertex), now = positions(), { record } = run(), path = [point(record.start, vertex)];
+  const { starts, vertices: moved } = record.run.moved;
+  let last = null;
+  for (let s = 0; s < state.moment; s++)
+    for (let i = starts[s]; i < starts[s + 1]; i++)
+      if (moved[i] === vertex) { const place = Array.from(record.places.subarray(3 * i, 3 * i + 3)); last = [Array.from(path.at(-1)), place]; path.push(place); }
+  if (state.offset) path.push(point(now, vertex));
+  const shown = { start: faces.map((f) => cornersOf(record.start, f)), now: faces.map((f) => cornersOf(now, f)), path, step: state.offset ? null : last };
+  $("arrow-scale").textContent = state.cells.arrows;
+  const views = [...new Set(faces.flatMap((f) => run().cells.viewsOf(f)))].sort((a, b) => a - b);
+  $("crops").replaceChildren(...views.map((view) => {
+    const { name } = data.photos.views[view], canvas = pictures.crop(view, shown, state.cells.span, state.cells.arrows);
+    canvas.setAttribute("role", "img");
+    canvas.setAttribute("aria-label", `Vertex ${vertex} in ${name}: start green, now red`);
+    return element("figure", {}, element("figcaption", {}, element("button", { type: "button", className: "chip", title: `Look through the camera of ${name}`, onclick: () => lookAt(view) }, name)), element("div", { className: "picture" }, canvas));
+  }));
+}
+
+function showPairPage(vertex, face) {
+  const views = run().cells.viewsOf(face), [i, j] = chosenPair(views, state.cells.pair), { affine } = run().cells.cells;
+  const pick = (host, letter, chosen, take) => $(host).replaceChildren(element("span", { className: "dim" }, letter), ...views.map((view) => chip(String(view), view === chosen, () => { state.cells = { ...state.cells, pair: take(view) }; update(); }, `Photo ${letter}: ${data.photos.views[view].name}`)));
+  pick("first-photo", "i", i, (view) => [view, j]);
+  pick("second-photo", "j", j, (view) => [i, view]);
+  const names = [i, j].map((view) => data.photos.views[view].name), moments = { "At the start": run().record.start, Now: positions() };
+  $("pair-note").textContent = `${names[0]} warped into ${names[1]} by ${affine ? "the affine map" : "the plane-induced homography"}. Doubled edges in the average show that a vertex is misplaced.`;
+  const all = Object.values(moments).flatMap((vertices) => cornersOf(vertices, face)).map((corner) => pictures.pixel(j, corner)), box = pictures.window(all, 0.06);
+  const found = Object.entries(moments).map(([when, vertices]) => [when, pictures.pair(i, j, cornersOf(vertices, face), box, affine, when === "Now" ? data.rgb.now : data.rgb.start)]);
+  const figures = [];
+  for (const [kind, caption] of Object.entries({ average: "average", warped: "i warped into j", own: "j" }))
+    for (const [when, pair] of found) {
+      if (!pair) continue;
+      pair[kind].setAttribute("role", "img");
+      pair[kind].setAttribute("aria-label", `${caption}, ${when.toLowerCase()}`);
+      const head = kind === "average" ? [element("b", {}, when), ` · |i − j| ${brief(pair.difference)}`] : [];
+      figures.push(element("figure", {}, ...(head.length ? [element("div", { className: "dim" }, ...head)] : []), element("div", { className: "picture" }, pair[kind]), element("figcaption", {}, caption)));
+    }
+  $("pair").replaceChildren(...figures);
+}
+
+function chosenPair(views, [first, second]) {
+  const j = views.includes(second) ? second : null, i = views.includes(first) && first !== j ? first : views.find((view) => view !== j);
+  return [i, j ?? [...views.slice(Math.floor(views.length / 2)), ...views].find((view) => view !== i)];
+}

@@ -1,0 +1,41 @@
+"""Accessible names of viser's own widgets.
+
+In viser 1.1.1 sliders, number inputs and the icons of the main panel have no accessible name. A script in the page gives them
+the name that stands beside them, whenever the page has changed.
+"""
+
+import viser
+
+from app.viser_bridge.javascript import run_in_page
+
+_SCRIPT = """
+if (!window.eigenfairingNames) {
+  const icons = {'tabler-icon-list-search': 'All commands', 'tabler-icon-adjustments': 'Viewer settings'};
+  const set = (element, name) => {
+    if (name && element.getAttribute('aria-label') !== name) element.setAttribute('aria-label', name);
+  };
+  const label = () => {
+    for (const row of document.querySelectorAll('.mantine-Flex-root')) {
+      const name = row.querySelector(':scope > * label, :scope > label')?.textContent.trim();
+      if (!name) continue;
+      for (const widget of row.querySelectorAll('[role=slider]:not([aria-labelledby]), input:not([type=hidden])'))
+        if (widget.closest('.mantine-Flex-root') === row) set(widget, name);
+    }
+    for (const button of document.querySelectorAll('button:not(.ef button)')) {
+      if (button.textContent.trim() || (button.getAttribute('aria-label') && !button.dataset.named)) continue;
+      const icon = [...(button.querySelector('svg')?.classList ?? [])].find(name => name.startsWith('tabler-icon-'));
+      button.dataset.named = 'yes';
+      set(button, icons[icon] ?? (icon ?? 'button').replace('tabler-icon-', '').replaceAll('-', ' '));
+    }
+  };
+  let due = 0;
+  window.eigenfairingNames = new MutationObserver(() => { due ||= setTimeout(() => { due = 0; label(); }, 200); });
+  window.eigenfairingNames.observe(document.body, {childList: true, subtree: true, attributeFilter: ['aria-label']});
+  label();
+}
+"""
+
+
+def name_widgets(client: viser.ClientHandle) -> None:
+    """Install the script in this browser's page."""
+    run_in_page(client.gui, _SCRIPT)

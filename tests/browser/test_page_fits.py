@@ -1,0 +1,168 @@
+"""The page fits its window, and is accessible: widths, names, contrast, the dialog of keys, the palette, the tab's title."""
+
+import numpy as np
+import pytest
+from axe_playwright_python.sync_playwright import Axe
+
+from app.debugger.commands import Restart
+from fairing.options import FairingOptions, ScheduleOptions
+from tests.browser.driver import IN_BROWSER, WINDOW, Visitor
+from tests.waiting import wait_for
+
+pytestmark = [*IN_BROWSER, pytest.mark.slow]
+
+OPTIONS = FairingOptions(
+    schedule=ScheduleOptions(
+        blur=(3.6, 2.0), order="sequential", max_sweeps=(1,), max_iterations=(2,), first_level="first"
+    )
+)
+SIZES = (WINDOW, {"width": 1440, "height": 900})
+PANELS = (
+    ("Experiments", "Lessons", "Cells"),
+    ("Breakpoints", "Layers", "Options", "Vertex"),
+    ("Runs", "Bookmarks", "Timeline"),
+)
+TOO_WIDE = """() => {
+    const found = [];
+    for (const element of document.querySelectorAll('body *')) {
+        const style = getComputedStyle(element);
+        const cuts = style.overflowX !== 'visible' && style.textOverflow !== 'ellipsis';
+        if (cuts && element.clientWidth > 40 && element.scrollWidth > element.clientWidth + 1 && !element.matches('input, svg *'))
+            found.push(`${element.className}: ${element.scrollWidth} > ${element.clientWidth}`);
+    }
+    for (const element of document.querySelectorAll('.ef *')) {
+        const box = element.getBoundingClientRect(), panel = element.closest('.ef').getBoundingClientRect();
+        const isCut = element.closest('.one, .what, .suggestions, svg');
+        if (!isCut && box.width > 0 && panel.width > 0 && box.right > panel.right + 1)
+            found.push(`${element.tagName} ${element.className} ${element.textContent.slice(0, 30)} beyond its panel`);
+    }
+    return found;
+}"""
+
+
+@pytest.fixture(scope="module", autouse=True)
+def two_steps_and_a_vertex(module_visitor: Visitor):
+    module_visitor.press("Step one iteration")
+    next(iter(module_visitor.app.pages.values())).interaction.select(0)
+    module_visitor.page.get_by_alt_text("cells in cube_00.png").or_(
+        module_visitor.page.get_by_text("cube_", exact=False)
+    ).first.wait_for()
+
+
+def show(visitor: Visitor, tab: str) -> None:
+    visitor.page.get_by_role("tab", name=tab, exact=True).click()
+    visitor.page.wait_for_timeout(300)
+
+
+@pytest.mark.parametrize("order", ["sequential", "independent", "joint"])
+def test_no_panel_overflows_or_scrolls_sideways(visitor: Visitor, order: str):
+    visitor.app.controller.post(Restart(FairingOptions(schedule=ScheduleOptions(order=order))))
+    visitor.app.controller.wait_until_idle()
+    for theme in ("dark", "light"):
+        for size in SIZES:
+            visitor.page.set_viewport_size(size)
+            for tab in (tab for group in PANELS for tab in group):
+                show(visitor, tab)
+                wide = visitor.page.evaluate(TOO_WIDE)
+                assert wide == [], f"{order}, {theme}, {size}, {tab}"
+        visitor.page.keyboard.press("y")
+        other = "light" if theme == "dark" else "dark"
+        visitor.page.wait_for_selector(f"html[data-mantine-color-scheme={other}]")
+    visitor.page.set_viewport_size(WINDOW)
+
+
+@pytest.mark.parametrize("tabs", [("Lessons", "Layers", "Runs"), ("Cells", "Options", "Timeline")])
+def test_axe_has_no_serious_findings_in_either_theme(visitor: Visitor, tabs: tuple[str, ...]):
+    for tab in tabs:
+        show(visitor, tab)
+    for theme in ("light", "dark"):
+        visitor.page.keyboard.press("y")
+        visitor.page.wait_for_selector(f"html[data-mantine-color-scheme={theme}]")
+        visitor.page.wait_for_timeout(500)
+        found = [
+            item for item in Axe().run(visitor.page).response["violations"] if item["impact"] in ("serious", "critical")
+        ]
+        listed = [(item["id"], [(node["html"][:120], node["any"][:1]) for node in item["nodes"][:5]]) for item in found]
+        assert listed == [], theme
+
+
+def test_every_control_has_its_visible_name_and_switches_have_a_state(visitor: Visitor):
+    for tab in (tab for group in PANELS for tab in group):
+        show(visitor, tab)
+        wrong = visitor.page.evaluate(
+            """() => [...document.querySelectorAll('.ef button')].filter(button => {
+                const visible = [...button.childNodes].filter(node => !node.matches?.('svg, kbd, [aria-hidden]'))
+                    .map(node => node.textContent).join('').trim();
+                const name = button.getAttribute('aria-label');
+                return visible ? name !== null && name !== visible : !name;
+            }).map(button => button.outerHTML.slice(0, 200))"""
+        )
+        assert wrong == [], tab
+    show(visitor, "Layers")
+    switch = visitor.button("Vertex paths")
+    assert switch.get_attribute("aria-pressed") == "true"
+    switch.click()
+    visitor.page.locator("button[aria-pressed=false]", has_text="Vertex paths").wait_for()
+    visitor.button("Vertex paths").click()
+    assert visitor.page.get_by_role("slider", name="Moment", exact=True).count() == 1
+
+
+def test_the_keys_are_listed_in_two_columns_closed_by_escape_or_the_cross_and_stop_keys_behind_them(visitor: Visitor):
+    dialog, before = visitor.page.locator(".ef .dialog"), visitor.app.controller.state
+    visitor.page.keyboard.press("Shift+?")
+    dialog.wait_for()
+    left, right = (visitor.box_of(column) for column in dialog.locator("table").all())
+    assert right["x"] > left["x"] + left["width"]
+    assert right["y"] == left["y"]
+    visitor.page.keyboard.press("F11")
+    visitor.page.keyboard.press("n")
+    visitor.page.keyboard.press("Escape")
+    dialog.wait_for(state="detached")
+    assert visitor.app.controller.wait_until_idle().moment == before.moment
+    visitor.page.keyboard.press("Shift+?")
+    visitor.button("Close").click()
+    dialog.wait_for(state="detached")
+
+
+def test_the_palette_lists_a_command_once_with_all_its_keys_and_all_of_them_work(visitor: Visitor):
+    visitor.app.controller.post(Restart(OPTIONS))
+    visitor.app.controller.wait_until_idle()
+    visitor.page.keyboard.press("Control+k")
+    visitor.page.keyboard.type("Step one iteration")
+    entries = visitor.page.locator(".mantine-Spotlight-action", has_text="Step one iteration")
+    entries.first.wait_for()
+    assert [entry.inner_text().split("\n")[-1] for entry in entries.all()][:1] == ["F11, I (.)"]
+    assert entries.filter(has_not_text="back").count() == 1
+    visitor.page.keyboard.press("Escape")
+    visitor.page.locator(".mantine-Spotlight-action").first.wait_for(state="detached")
+    moments = [visitor.key(key).moment for key in ("F11", "i", ".")]
+    assert np.diff(moments).tolist() == [1, 1]
+
+
+def test_the_tab_has_the_scenes_name(visitor: Visitor):
+    assert visitor.page.title() == "EigenFairing - cube"
+
+
+def test_names_are_completed_and_a_mistake_is_shown_below_the_field(visitor: Visitor):
+    show(visitor, "Breakpoints")
+    field = visitor.input_of("Stop when")
+    field.click()
+    visitor.page.keyboard.type("travel")
+    visitor.page.get_by_role("option").filter(has_text="travelled(0)").wait_for()
+    visitor.page.keyboard.press("Tab")
+    assert field.input_value() == "travelled(0)"
+    visitor.page.keyboard.press("Enter")
+    visitor.page.get_by_role("alert").filter(has_text="expected a comparison such as travelled(0) > 0").wait_for()
+    field.fill("outliers(view) > 0.2")
+    field.press("Enter")
+    controller = visitor.app.controller
+    wait_for(lambda: [item.condition.text for item in controller.state.breakpoints] == ["outliers(view) > 0.2"])
+    controller.edit_breakpoints(lambda items: items.removed(items.items[0].number))
+    show(visitor, "Vertex")
+    watch = visitor.input_of("Watch")
+    watch.fill("energy >> 1")
+    watch.press("Enter")
+    visitor.page.locator("pre", has_text="energy >> 1").filter(has_text="^").wait_for()
+    watch.fill("energy / 1000")
+    watch.press("Enter")
+    visitor.page.locator("code", has_text="energy / 1000").wait_for()

@@ -1,0 +1,125 @@
+"""A large mesh with sparse points in a real browser: what is hidden at first, flights, standard views, tracks of points."""
+
+import numpy as np
+import pytest
+
+from app.page.server import start
+from app.page_state.selection import Selection
+from demo_scenes import load_demo
+from fairing.options import FairingOptions, ScheduleOptions
+from fairing.run.session import Session
+from tests.browser.driver import IN_BROWSER, Visitor
+from tests.waiting import wait_for
+
+pytestmark = [*IN_BROWSER, pytest.mark.slow]
+
+OPTIONS = FairingOptions(
+    schedule=ScheduleOptions(
+        blur=(2.0,), order="sequential", max_sweeps=(1,), max_iterations=(1,), first_level="first", search=0
+    )
+)
+
+
+@pytest.fixture(scope="module")
+def app():
+    app = start(Session(load_demo("archway"), OPTIONS), port=0)
+    yield app
+    app.stop()
+
+
+def page_of(visitor: Visitor):
+    return next(iter(visitor.app.pages.values()))
+
+
+def test_wires_and_start_of_a_large_mesh_are_hidden_until_asked_for(visitor: Visitor):
+    page_state = page_of(visitor).page_state
+    assert len(visitor.app.controller.scene.mesh.vertices) > 200
+    assert not page_state.shows("now")
+    assert not page_state.shows("start")
+    visitor.page.get_by_role("tab", name="Layers", exact=True).click()
+    visitor.button("Show present mesh").click()
+    visitor.page.wait_for_function("() => window.__viserMutable.nodeRefFromName['/mesh/now_edges']?.visible")
+    visitor.page.locator("#eigenfairing-overlay", has_text="Now").wait_for()
+    visitor.button("Hide present mesh").click()
+    visitor.page.locator("#eigenfairing-overlay", has_text="Now").wait_for(state="hidden")
+
+
+def test_a_vertex_chosen_by_number_is_flown_to_and_marked(visitor: Visitor):
+    page, stage = page_of(visitor), visitor.app.resources.stage
+    visitor.page.get_by_role("tab", name="Vertex", exact=True).click()
+    field = visitor.input_of("Vertices")
+    field.fill("17")
+    field.press("Enter")
+    target = stage.page_from_world(visitor.app.controller.state.vertices[17])
+    wait_for(lambda: np.allclose(page._client.camera.look_at, target, atol=1e-3))
+    width, height = visitor.canvas_size()
+    assert visitor.drawn_at(17) == pytest.approx([width / 2, height / 2], abs=3)
+    assert page.page_state.selection.vertices == (17,)
+
+
+def test_standard_views_have_keys(visitor: Visitor):
+    camera, stage = page_of(visitor)._client.camera, visitor.app.resources.stage
+    for key, eye in (
+        ("m", stage.eye),
+        ("v", stage.overview()),
+        ("Shift+F", stage.frontal()),
+        ("Shift+T", stage.above()),
+    ):
+        visitor.page.keyboard.press(key)
+        wait_for(lambda eye=eye: np.allclose(camera.position, eye, atol=1e-2))
+
+
+def test_no_frustum_with_a_photo_covers_the_mesh(visitor: Visitor):
+    visitor.page.keyboard.press("Shift+F")
+    layer = next(layer for layer in page_of(visitor).layers._layers if type(layer).__name__ == "CamerasLayer")
+    stage = visitor.app.resources.stage
+    wait_for(lambda: np.allclose(page_of(visitor)._client.camera.position, stage.frontal(), atol=1e-2))
+    wait_for(lambda: any(outline.visible for outline in layer._outlines))
+    for frustum, outline in zip(layer._frusta, layer._outlines, strict=True):
+        assert frustum.visible != outline.visible
+    visitor.page.keyboard.press("m")
+
+
+def test_the_vertex_being_stepped_is_marked(visitor: Visitor):
+    state = visitor.key("F11")
+    assert state.record is not None
+    while len(state.record.vertices) != 1:
+        state = visitor.key("F11")
+    halo = "() => window.__viserMutable.nodeRefFromName['/vertices/stepped']"
+    visitor.page.wait_for_function(f"{halo}?.visible")
+    place = visitor.page.evaluate(f"() => ({halo})().position.toArray()")
+    expected = visitor.app.resources.stage.page_from_world(state.vertices[state.record.vertices[0]])
+    assert place == pytest.approx(expected.tolist(), abs=1e-4)
+
+
+def test_a_click_on_a_sparse_point_shows_its_track(visitor: Visitor):
+    page, points = page_of(visitor), visitor.app.controller.scene.sparse_points
+    assert points is not None
+    page.interaction.set_selection(Selection())
+    page.page_state.shown["points"], page.page_state.shown["vertices"] = True, False
+    visitor.app.controller.republish()
+    visitor.page.keyboard.press("m")
+    visitor.page.wait_for_function("() => window.__viserMutable.nodeRefFromName['/points/all']?.visible")
+    point = int(np.argmax(np.bincount(points.observations[:, 0])))
+    place = visitor.app.resources.stage.page_from_world(points.positions[point])
+    at = visitor.page.evaluate(
+        """place => {
+            const {camera, canvas, nodeRefFromName} = window.__viserMutable;
+            const node = nodeRefFromName['/points/all'], box = canvas.getBoundingClientRect();
+            camera.updateMatrixWorld();
+            node.updateWorldMatrix(true, false);
+            const p = node.position.clone().set(...place).applyMatrix4(node.matrixWorld).project(camera);
+            return [box.x + (p.x + 1) / 2 * box.width, box.y + (1 - p.y) / 2 * box.height];
+        }""",
+        place.tolist(),
+    )
+    visitor.page.mouse.click(*at)
+    wait_for(lambda: page.page_state.point is not None)
+    found = page.page_state.point
+    visitor.page.get_by_text(f"Sparse point {found}", exact=True).wait_for()
+    views = points.observations[points.observations[:, 0] == found, 1]
+    visitor.page.get_by_text(f"observed in {len(views)} photos", exact=False).wait_for()
+    wait_for(lambda: visitor.page.locator(".ef .crops > div").count() == len(views))
+    visitor.page.wait_for_function("() => window.__viserMutable.nodeRefFromName['/points/track']?.visible")
+    page.interaction.select(3)
+    assert page.page_state.point is None

@@ -1,0 +1,96 @@
+"""Painted residuals and flows are those of the engine's cells, face by face and photo by photo."""
+
+import numpy as np
+import pytest
+
+from app.layers.flow_arrows import HEAD, flow_arrows
+from app.pictures.coloring import COLORINGS
+from fairing.errors import Cancelled
+from fairing.judge.face_residuals import LEAST_CONFIDENCE, face_residuals
+from fairing.judge.flow import optical_flow
+from fairing.judge.inspect import face_cells
+from fairing.run.session import Session
+from tests.small_scene import FACES, corner_scene, small_options
+
+
+@pytest.fixture(scope="module")
+def session():
+    return Session(corner_scene(), small_options(eigenspace={"dimensions": [1]}))
+
+
+def test_the_mean_residual_is_that_of_the_cells_by_photo_and_over_all(session: Session):
+    session.step()
+    for moment in (0, 1):
+        found = face_residuals(session, moment)
+        over_all = found.mean_residual()
+        for face in range(len(FACES)):
+            cells = face_cells(session, face, moment)
+            if not cells.takes_part:
+                assert np.isnan(over_all[face])
+                continue
+            sizes = [np.abs(cells.residual[k][cells.counts[k]].astype(float)) for k in range(len(cells.views))]
+            assert over_all[face] == pytest.approx(np.concatenate(sizes).mean(), rel=1e-9)
+            for view, size in zip(cells.views.tolist(), sizes, strict=True):
+                assert found.mean_residual(view)[face] == pytest.approx(size.mean(), rel=1e-9)
+            for view in set(range(len(session.scene.views))) - set(cells.views.tolist()):
+                assert np.isnan(found.mean_residual(view)[face])
+        assert np.array_equal(COLORINGS["residual"].values(session, moment), over_all, equal_nan=True)
+
+
+def test_the_flow_is_the_mean_of_the_flow_field_mapped_onto_the_face_and_into_the_photo(session: Session):
+    """The arrow of a face against the dense flow of its cells, which the cells panel draws, and against projection."""
+    found, scene = face_residuals(session, 0), session.scene
+    known = np.flatnonzero(~np.isnan(found.flow_px))
+    assert len(known) > 10
+    agreement = []
+    for pair in known:
+        face, view = int(found.faces[pair]), int(found.views[pair])
+        cells = face_cells(session, face, 0)
+        slot = cells.views.tolist().index(view)
+        field = optical_flow(cells, window=cells.size / 6)
+        mean = np.average(field.vectors[slot], axis=0, weights=field.confidence[slot])
+        corners = session.trace.start[FACES[face]]
+        right, down = corners[0] - corners[2], corners[1] - corners[2]
+        mapped = (mean[0] * right + mean[1] * down) / cells.size
+        agreement.append((found.flow[pair], mapped))
+        assert found.flow[pair] @ found.normals[pair] == pytest.approx(0, abs=1e-12)
+        middle, step = corners.mean(axis=0), 0.01
+        moved = np.stack([middle - step * found.flow[pair], middle + step * found.flow[pair]])
+        before, after = scene.views[view].camera.project(moved)[0]
+        assert found.flow_px[pair] == pytest.approx(np.linalg.norm(after - before) / (2 * step), rel=1e-5)
+    arrows, means = (np.array(part) for part in zip(*agreement, strict=True))
+    cosine = (arrows * means).sum() / np.sqrt((arrows**2).sum() * (means**2).sum())
+    assert cosine > 0.9
+    assert 0.6 < np.linalg.norm(arrows) / np.linalg.norm(means) < 1.6
+
+
+def test_the_flow_of_all_photos_is_their_mean_and_falls_when_the_vertex_reaches_its_place():
+    session = Session(corner_scene(), small_options())
+    start = face_residuals(session, 0)
+    lengths = np.array([start.mean_flow_px(view) for view in range(len(session.scene.views))])
+    seen = ~np.isnan(lengths).all(axis=0)
+    assert start.mean_flow_px()[seen] == pytest.approx(np.nanmean(lengths[:, seen], axis=0))
+    session.run()
+    end = face_residuals(session)
+    assert np.nanmean(end.mean_residual()) < 0.7 * np.nanmean(start.mean_residual())
+    assert np.nanmean(end.mean_flow_px()) < np.nanmean(start.mean_flow_px())
+
+
+def test_arrows_start_at_the_faces_and_are_as_long_as_asked(session: Session):
+    found = face_residuals(session, 0)
+    arrows, pairs = flow_arrows(found, None, 10.0)
+    assert arrows.shape == (len(pairs), 3, 2, 3)
+    shaft = arrows[:, 0, 1] - arrows[:, 0, 0]
+    assert shaft == pytest.approx(10 * found.flow[pairs])
+    heads = np.linalg.norm(arrows[:, 1:, 1] - arrows[:, 1:, 0], axis=-1)
+    assert heads == pytest.approx(np.linalg.norm(shaft, axis=1)[:, None] * HEAD * np.hypot(1, 0.5) * np.ones((1, 2)))
+    view = int(found.views[0])
+    assert (found.views[flow_arrows(found, view, 1.0)[1]] == view).all()
+    assert 0 < LEAST_CONFIDENCE < 1
+
+
+def test_it_stops_when_it_is_cancelled(session: Session):
+    session.cancel_requested = lambda: True
+    with pytest.raises(Cancelled):
+        face_residuals(session, 0)
+    session.cancel_requested = lambda: False

@@ -1,0 +1,52 @@
+"""The page for teachers: its table covers all lessons, and its exercises have the solutions that it prints."""
+
+import contextlib
+import io
+import re
+from pathlib import Path
+
+import pytest
+
+import app.lessons
+from app.lessons.reader import lesson_names, load_lesson
+
+PAGE = (Path(app.lessons.__file__).parent / "for_teachers.md").read_text(encoding="utf-8")
+EXERCISES = re.findall(r"### (\d+\. [^\n]+)\n.*?```python\n(.*?)```\n\n```text\n(.*?)```", PAGE, re.DOTALL)
+WORDS_PER_MINUTE, MINUTES_PER_STEP = 220, 1 / 3
+NUMBER = re.compile(r"-?\d+(?:\.\d+)?")
+
+
+def minutes_of(name: str) -> float:
+    """Minutes for reading a lesson and looking at each of its steps."""
+    words = 0
+    for step in load_lesson(name).steps:
+        question = step.question
+        texts = [step.text, *((question.text, question.answer, *question.choices) if question else ())]
+        words += sum(len(text.split()) for text in texts)
+    return words / WORDS_PER_MINUTE + MINUTES_PER_STEP * len(load_lesson(name).steps)
+
+
+def test_the_table_lists_every_lesson_with_its_time():
+    rows = re.findall(r"^\| `(\w+)` \| [^|]+ \| (\d+) \| ([^|]+) \|$", PAGE, re.MULTILINE)
+    assert tuple(name for name, _, _ in rows) == lesson_names()
+    for name, minutes, questions in rows:
+        assert int(minutes) == round(minutes_of(name)), name
+        assert questions.strip().endswith("?")
+
+
+def test_every_lesson_has_an_exercise():
+    after = set(re.findall(r"\(after `(\w+)`\)", " ".join(title for title, _, _ in EXERCISES)))
+    assert after | {"model"} == set(lesson_names())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("title", "solution", "printed"), EXERCISES, ids=[title for title, _, _ in EXERCISES])
+def test_the_solution_of_an_exercise_prints_what_is_shown(title, solution, printed):
+    """Words are equal; numbers agree to 2 %, or to one unit of their last digit: machines differ in the last bits."""
+    out = io.StringIO()
+    with contextlib.redirect_stdout(out):
+        exec(compile(solution, title, "exec"), {"__name__": "exercise"})
+    assert NUMBER.sub("#", out.getvalue()).split() == NUMBER.sub("#", printed).split()
+    for found, wanted in zip(NUMBER.findall(out.getvalue()), NUMBER.findall(printed), strict=True):
+        unit = 10.0 ** -len(wanted.partition(".")[2])
+        assert float(found) == pytest.approx(float(wanted), rel=0.02, abs=1.01 * unit)

@@ -1,0 +1,80 @@
+"""Work in progress: what long computations report of themselves."""
+
+import numpy as np
+import pytest
+
+from app.debugger.work_report import report_of
+from app.html import duration
+from fairing.errors import Cancelled
+from fairing.options import PRESETS
+from fairing.run.session import Session
+from fairing.work import Work, WorkLog, fraction_done
+from tests.search_scene import rough_scene, searching
+from tests.small_scene import corner_scene
+
+
+def test_nested_works_divide_the_fraction_of_the_outer_one():
+    log = WorkLog()
+    assert log.current == ()
+    with log.doing("searching", 4) as outer:
+        outer.advance()
+        with log.doing("reading", 10) as inner:
+            for _ in range(5):
+                inner.advance()
+            assert [work.text for work in log.current] == ["searching", "reading"]
+            assert fraction_done(log.current) == pytest.approx(1 / 4 + 5 / 10 / 4)
+        assert fraction_done(log.current) == 1 / 4
+    assert log.current == ()
+
+
+def test_a_work_ends_with_an_exception():
+    log = WorkLog()
+    with pytest.raises(Cancelled), log.doing("searching"):
+        raise Cancelled
+    assert log.current == ()
+
+
+def test_a_report_names_the_parts_and_the_time_that_remains(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("app.debugger.work_report.time.monotonic", lambda: 112.0)
+    outer, inner = Work("searching 81 vertices", 15, 3, began=100.0), Work("reading the photos", 12, 0, began=111.0)
+    report = report_of([outer, inner])
+    assert report is not None
+    assert report.fraction == pytest.approx(0.2)
+    assert report.seconds_left == 48.0
+    assert report.line == "Searching 81 vertices, 3 of 15: reading the photos, 0 of 12; 48 s left"
+    assert report_of([]) is None
+    assert report_of([Work("measuring 3 faces", began=111.9)]) is None
+
+
+def test_durations_are_rounded_to_two_units():
+    assert [duration(s) for s in (0.4, 12.2, 200, 3900)] == ["0 s", "12 s", "3 min 20 s", "1 h 5 min"]
+
+
+def test_a_session_reports_its_searches_photo_by_photo_and_place_by_place():
+    session = Session(rough_scene(), searching(4.0))
+    seen: dict[str, list[tuple[int, int]]] = {}
+
+    def look() -> bool:
+        for work in session.work.current:
+            seen.setdefault(work.text, []).append((work.done, work.count))
+        return False
+
+    session.cancel_requested = look
+    session.step_sweep()
+    assert session.work.current == ()
+    searches = [text for text in seen if text.startswith("searching")]
+    assert searches
+    for text in searches:
+        done = np.array(seen[text])
+        assert (done[:, 1] == 15).all()
+        assert done[-1, 0] > done[0, 0]
+    assert "finding the photos that see each face" in seen
+
+
+def test_a_cancelled_step_leaves_no_work_behind():
+    session = Session(corner_scene(), PRESETS["accurate"])
+    calls = iter(range(1_000_000))
+    session.cancel_requested = lambda: next(calls) > 30
+    with pytest.raises(Cancelled):
+        session.step()
+    assert session.work.current == ()
