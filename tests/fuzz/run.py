@@ -20,8 +20,8 @@ from fairing.errors import InputError
 from tests.fuzz.mutations import mutate
 from tests.fuzz.seeds import Seed, copy_for_case
 
-SECONDS = 30.0
-"""Longest a case may take; on an idle machine they take milliseconds."""
+SECONDS = 120.0
+"""Longest a case may take; on an idle machine they take milliseconds to a second, on an overloaded one 20 times longer."""
 MEMORY = 6 << 30
 """Bytes of address space of a worker; numba, OpenBLAS and embree reserve most of it."""
 

@@ -5,6 +5,7 @@ import subprocess
 import sys
 import threading
 import time
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -80,11 +81,9 @@ def soak(minutes: float, seed: int, pace: float) -> int:
     watching.start()
     with chromium() as browser:
         users = Users(browser, url, seed, pace)
-        try:
+        with suppress(KeyboardInterrupt):
             while time.monotonic() < began + 60 * minutes:
                 users.act()
-        except KeyboardInterrupt:
-            pass
     ended.set()
     watching.join()
     server.stdin.close()

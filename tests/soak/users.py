@@ -6,7 +6,7 @@ from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
-from playwright.sync_api import Browser
+from playwright.sync_api import Browser, Error
 
 from tests.browser.driver import Visitor
 
@@ -41,18 +41,26 @@ class Users:
         action = self._random.choice(actions)
         name = action.__name__.strip("_")
         self.actions[name] = self.actions.get(name, 0) + 1
-        if action == self._reopen:
-            self._troubles += self.visitors[k].troubles
-            self.visitors[k].page.close()
-            self.visitors[k] = Visitor(self._browser, self._app)
-        else:
-            action(self.visitors[k])
+        try:
+            if action == self._reopen:
+                self._replace(k)
+            else:
+                action(self.visitors[k])
+        except Error as error:  # what a page did not do in minutes
+            self._troubles.append(f"{name}: {error.message.splitlines()[0]}")
+            self._replace(k)
         time.sleep(self._pace * self._random.uniform(0, 0.3))
 
     @property
     def troubles(self) -> list[str]:
         """Errors of all pages so far."""
         return self._troubles + [trouble for visitor in self.visitors for trouble in visitor.troubles]
+
+    def _replace(self, k: int) -> None:
+        """Close a page and open another."""
+        self._troubles += self.visitors[k].troubles
+        self.visitors[k].page.close()
+        self.visitors[k] = Visitor(self._browser, self._app)
 
     def _key(self, visitor: Visitor, key: str) -> None:
         visitor.page.keyboard.press(key)
