@@ -8,7 +8,7 @@ from fairing.run_plan import RunPlan
 from fairing.solve.problem import Problem
 from fairing.trace import StepReason
 
-MOST_LOSS = 0.03  # per photo px after a fit: where flat faces explain the photos worse, a search gains little (ledger: search after a fit)
+MOST_LOSS = 0.03  # per photo px after a fit: above it a search gains little (ledger: search after a fit)
 
 
 def make_plan(problem: Problem) -> RunPlan:
