@@ -165,10 +165,10 @@ def distances_px(mesh: Mesh, cameras: Sequence[Camera], points: FeaturePoints) -
 
 
 def points_on_surface(mesh: Mesh, cameras: Sequence[Camera], points: FeaturePoints) -> np.ndarray:
-    """(p,) bool: the points that belong to a face: their own photos see it there, and it lies within the first gate."""
+    """(p,) bool: the points that belong to a face: their own photos see it there, and it lies within a tenth of the diagonal."""
     result = np.zeros(len(points), dtype=bool)
     everything = np.ones(len(points), dtype=bool)
-    result[_Rays(cameras, points).assign(mesh, GATES[0] * mesh.diagonal / 100, everything).points] = True
+    result[_Rays(cameras, points).assign(mesh, FARTHEST * mesh.diagonal / 100, everything).points] = True
     return result
 
 

@@ -76,6 +76,7 @@ class Level:
         prior: strength of the prior in undetermined directions, see `StepOptions.prior`.
         smoothing: strength of the smoothness prior, see `StepOptions.smoothing`; 0: none.
         attraction: strength of the prior to the sparse points, see `StepOptions.points`; 0: none.
+        takes_all_points: see `RunPlan`.
         phases: in their order.
     """
 
@@ -83,6 +84,7 @@ class Level:
     prior: float
     smoothing: float = 0.0
     attraction: float = 0.0
+    takes_all_points: bool = False
     phases: tuple[Phase, ...] = ()
 
     @property
@@ -180,6 +182,7 @@ def _level(options: FairingOptions, plan: RunPlan, number: int, begin: int) -> L
         prior=step.prior * (PRIOR_AFTER_SEARCH if sharp and plan.start_error > 0 else 1.0),
         smoothing=by_level(step.smoothing, number) if plan.is_smoothed else 0.0,
         attraction=by_level(step.points, number) if plan.is_fitted_to_points else 0.0,
+        takes_all_points=plan.takes_all_points,
         phases=phases,
     )
 

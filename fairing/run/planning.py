@@ -48,4 +48,5 @@ def make_plan(problem: Problem) -> RunPlan:
         is_fitted_to_points=is_fitted,
         start_error=float(error),
         is_near_truth=is_near_truth,
+        takes_all_points=is_fitted and prepared[-1].takes_all_points,
     )

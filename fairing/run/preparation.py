@@ -29,11 +29,13 @@ class Preparation(NamedTuple):
         reason: SMOOTHED or FITTED_TO_POINTS.
         after: (n, 3) float: positions of the vertices afterwards, world units.
         loss: mean loss per photo px afterwards.
+        takes_all_points: whether a fit used all given points, not only those that their own photos see on the mesh.
     """
 
     reason: StepReason
     after: np.ndarray
     loss: float
+    takes_all_points: bool = False
 
 
 def find_preparations(problem: Problem) -> list[Preparation]:
@@ -56,14 +58,14 @@ def find_preparations(problem: Problem) -> list[Preparation]:
         if not is_enabled:
             continue
         with problem.work.doing(_TRIED[reason], 3 if loss is None else 2) as work:
-            after = _PREPARED[reason](problem, vertices)
+            after, takes_all_points = _PREPARED[reason](problem, vertices)
             work.advance()
             if loss is None:
                 loss = _mean_loss(_evaluate(problem, vertices))
                 work.advance()
             loss_after = _mean_loss(_evaluate(problem, after))
         if loss_after < (1 - GAIN) * loss:
-            done.append(Preparation(reason, after, loss_after))
+            done.append(Preparation(reason, after, loss_after, takes_all_points))
             vertices, loss = after, loss_after
     return done
 
@@ -88,13 +90,17 @@ def preparation_step(
         Cancelled: cancellation was requested.
     """
     with problem.work.doing("preparing the start", 3) as work:
-        prepared = _PREPARED[reason](problem, vertices)
+        prepared, _ = _PREPARED[reason](problem, vertices)
         work.advance()
         ids = np.flatnonzero((prepared != vertices).any(axis=1))
         before, after = (_evaluate(problem, places) for places in work.each((vertices, prepared)))
     return moved_record(
         problem, position, 0, ids, before, after, reason, objectives=(_mean_loss(before), _mean_loss(after))
     )
+
+
+def _smoothed_start(problem: Problem, vertices: np.ndarray) -> tuple[np.ndarray, bool]:
+    return _smoothed(problem, vertices), False
 
 
 def _smoothed(problem: Problem, vertices: np.ndarray) -> np.ndarray:
@@ -107,17 +113,23 @@ def _smoothed(problem: Problem, vertices: np.ndarray) -> np.ndarray:
     return after
 
 
-def _fitted(problem: Problem, vertices: np.ndarray) -> np.ndarray:
-    """(n, 3) float: vertices (n, 3) after that fit to the sparse points which has the lower photo loss.
+def _fitted(problem: Problem, vertices: np.ndarray) -> tuple[np.ndarray, bool]:
+    """Vertices (n, 3) after that fit to the sparse points which has the lower photo loss; whether it took all given points.
 
-    The robust fit is the better one far from the surface and beside clutter, that to closest points near the surface
-    (ledger: choice of the fit).
+    The robust fit is the better one far from the surface and beside clutter, that to closest points near the surface. Given
+    points that their own photos do not see on the mesh show where a mesh ends too early, but they may as well be points of
+    the ground (ledger: choice of the fit).
     """
-    closest = fitted_to_points(problem, vertices, FIT_ROUNDS).targets
+    every = fitted_to_points(problem, vertices, FIT_ROUNDS, takes_all=True).targets, True
     if len(problem.observed_points) == 0:
-        return closest
-    robust = _robustly_fitted(problem, vertices)
-    return min((robust, closest), key=lambda fitted: _mean_loss(_evaluate(problem, fitted)))
+        return every
+    fits = [
+        (_robustly_fitted(problem, vertices), False),
+        (fitted_to_points(problem, vertices, FIT_ROUNDS).targets, False),
+    ]
+    if problem.scene.sparse_points is not None and problem.scene.sparse_points.origin == "given":
+        fits.append(every)
+    return min(fits, key=lambda fit: _mean_loss(_evaluate(problem, fit[0])))
 
 
 def _robustly_fitted(problem: Problem, vertices: np.ndarray) -> np.ndarray:
@@ -142,8 +154,8 @@ def points_accept_smoothing(problem: Problem) -> bool:
     return smooth < plain
 
 
-_PREPARED: dict[StepReason, Callable[[Problem, np.ndarray], np.ndarray]] = {
-    StepReason.SMOOTHED: _smoothed,
+_PREPARED: dict[StepReason, Callable[[Problem, np.ndarray], tuple[np.ndarray, bool]]] = {
+    StepReason.SMOOTHED: _smoothed_start,
     StepReason.FITTED_TO_POINTS: _fitted,
 }
 

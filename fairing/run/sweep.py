@@ -112,7 +112,7 @@ def begin_sweep(
     area = float((context.footprint_area * context.n_views)[context.takes_part].sum())
     mean_loss = float(system.energy.sum()) / area if area > 0 else 0.0
     if level.attraction > 0:
-        to_points = fitted_to_points(problem, vertices, FIT_ROUNDS)
+        to_points = fitted_to_points(problem, vertices, FIT_ROUNDS, level.takes_all_points)
         variance = float((system.energy * sigma[system.faces] ** 2).sum()) / area if area > 0 else np.inf
         attraction = level.attraction * min(1.0, variance / POINTS_VARIANCE)
         terms.append(to_points._replace(hessians=attraction * typical * to_points.hessians))
