@@ -101,7 +101,7 @@ def meter(monkeypatch: pytest.MonkeyPatch) -> Iterator[Meter]:
     wrap(fairing.cells.visibility, "footprints", "faces", lambda vertices, faces, *_: len(faces))
     wrap(ScaleSpace, "_filtered", "photo px", lambda self, photo, *_: photo.size)
     wrap(ScaleSpace, "_decode", "photo px", lambda self, view: self._pixels_at(view, 0.0))
-    wrap(scipy.fft, "rfft2", "patch px", lambda pixels, shape: np.prod(shape))
+    wrap(scipy.fft, "rfft2", "patch px", lambda stack: stack.size)
     wrap(fairing.geometry.closest_point, "_search", "points", lambda points, *_: len(points))
     wrap(robust_fit._Rays, "assign", "rays", lambda self, mesh, reach, part: len(self._point))
     wrap(robust_fit, "splu", "coordinates", lambda matrix: matrix.shape[0])

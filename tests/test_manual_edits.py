@@ -111,14 +111,14 @@ def test_a_run_that_ends_with_a_higher_energy_returns_to_the_manual_positions(mo
     session.place(CORNER, VERTICES[CORNER])
     left = session.vertices
     evaluator = session._problem.evaluator
-    measure = evaluator.measure
+    energies = evaluator.energies
 
     def worse_here(context, vertices, faces, sigma):
-        system = measure(context, vertices, faces, sigma)
+        system = energies(context, vertices, faces, sigma)
         system.energy[:] += 0.0 if np.array_equal(vertices, left) else 1e9
         return system
 
-    monkeypatch.setattr(evaluator, "measure", worse_here)
+    monkeypatch.setattr(evaluator, "energies", worse_here)
     session.run()
     assert np.array_equal(session.vertices, left)
     assert "after the last manual edit" in session.stop_reason

@@ -15,7 +15,7 @@ pytestmark = [*IN_BROWSER, pytest.mark.slow]
 
 OPTIONS = FairingOptions(
     schedule=ScheduleOptions(
-        blur=(2.0,), order="sequential", max_sweeps=(1,), max_iterations=(1,), first_level="first", search=0
+        blur=(2.0,), order="sequential", max_sweeps=(1,), max_iterations=(1,), first_level="first", search=(0.0,)
     )
 )
 
