@@ -11,7 +11,7 @@ STYLE = f"""
 {variables()}
 .ef {{ font-size: 12.5px; line-height: 1.45; color: var(--text); padding: 0 14px 8px 10px;
   font-variant-numeric: tabular-nums; }}
-.ef .dim {{ color: var(--dim); }}
+.ef .dim, .mantine-Flex-root label {{ color: var(--dim); }}
 .ef .big {{ font-size: 14px; font-weight: 600; color: var(--strong); }}
 .ef button {{ font: inherit; color: var(--text); background: var(--button); border: 1px solid var(--edge); border-radius: 4px;
   cursor: pointer; height: 28px; padding: 0 8px; display: inline-flex; align-items: center; justify-content: center;
@@ -171,8 +171,9 @@ def button(
     css_class: str = "",
     enabled: bool = True,
     pressed: bool | None = None,
+    content: str = "",
 ) -> str:
-    """A button. Its accessible name is its label; without a label, the part of the hint before the first " (".
+    """A button. Its accessible name is its label or content; without both, the part of the hint before the first " (".
 
     Args:
         label: visible text; may be empty for a button with an icon.
@@ -180,11 +181,13 @@ def button(
         hint: tooltip.
         icon: SVG from `icon`.
         pressed: of a button that switches something on or off; None: it is no switch.
+        content: HTML with visible text, in place of the label.
     """
-    name = f'title="{text(hint)}"' + ("" if label else f' aria-label="{text(hint.split(" (")[0])}"')
+    name = f'title="{text(hint)}"' + ("" if label or content else f' aria-label="{text(hint.split(" (")[0])}"')
     state = ("" if enabled else " disabled") + ("" if pressed is None else f' aria-pressed="{str(pressed).lower()}"')
     return (
-        f'<button type="button" class="{css_class}" {name}{state} onclick="{text(press)}">{icon}{text(label)}</button>'
+        f'<button type="button" class="{css_class}" {name}{state} onclick="{text(press)}">'
+        f"{icon}{content or text(label)}</button>"
     )
 
 

@@ -258,7 +258,11 @@ def moved(view: View, pixels: float) -> View:
 
 
 def test_the_page_shows_the_line_and_the_time_left():
-    lines = []
+    lines, fractions = [], []
+
+    def show(line: str, fraction: float) -> None:
+        lines.append(line)
+        fractions.append(fraction)
 
     def load(progress) -> str:
         for done in range(1, 4):
@@ -266,6 +270,7 @@ def test_the_page_shows_the_line_and_the_time_left():
             time.sleep(1.1 * SHOW_EVERY)
         return "scene"
 
-    assert load_with_bar("corner", load, Console(file=io.StringIO()), lines.append) == "scene"
-    assert [line.partition(",")[0] for line in lines] == [f"finding points: photo {done} of 4" for done in (1, 2, 3)]
+    assert load_with_bar("corner", load, Console(file=io.StringIO()), show) == "scene"
+    assert [line.partition(";")[0] for line in lines] == [f"finding points: photo {done} of 4" for done in (1, 2, 3)]
     assert lines[-1].endswith(" s left")
+    assert fractions == [0.25, 0.5, 0.75]

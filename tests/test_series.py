@@ -138,7 +138,7 @@ def test_watches_point_at_mistakes_and_are_bounded():
     scene = corner_scene()
     with pytest.raises(InputError, match="column 10"):
         parse_watch("energy + +", scene)
-    with pytest.raises(InputError, match="not known"):
+    with pytest.raises(InputError, match="cannot be watched"):
         parse_watch("travelled(0)", scene)
     with pytest.raises(InputError, match="expected an expression"):
         parse_watch("  ", scene)

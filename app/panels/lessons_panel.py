@@ -34,4 +34,4 @@ class LessonsPanel:
             f"{len(lesson.steps)} steps{text(where)}</span>"
         )
         css_class = "on" if is_open else ""
-        return button("", self._press[lesson.name], hint=f"Lesson: {lesson.title}", icon=label, css_class=css_class)
+        return button("", self._press[lesson.name], hint=f"Lesson: {lesson.title}", content=label, css_class=css_class)

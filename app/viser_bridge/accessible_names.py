@@ -15,11 +15,11 @@ if (!window.eigenfairingNames) {
     if (name && element.getAttribute('aria-label') !== name) element.setAttribute('aria-label', name);
   };
   const label = () => {
-    for (const row of document.querySelectorAll('.mantine-Flex-root')) {
-      const name = row.querySelector(':scope > * label, :scope > label')?.textContent.trim();
-      if (!name) continue;
-      for (const widget of row.querySelectorAll('[role=slider]:not([aria-labelledby]), input:not([type=hidden])'))
-        if (widget.closest('.mantine-Flex-root') === row) set(widget, name);
+    for (const widget of document.querySelectorAll('[role=slider]:not([aria-labelledby]), .mantine-Flex-root input')) {
+      let row = widget.closest('.mantine-Flex-root');  // a slider stands with its number in a row within the named one
+      while (row && !row.querySelector(':scope > * label, :scope > label'))
+        row = row.parentElement.closest('.mantine-Flex-root');
+      set(widget, row?.querySelector(':scope > * label, :scope > label').textContent.trim());
     }
     for (const button of document.querySelectorAll('button:not(.ef button)')) {
       if (button.textContent.trim() || (button.getAttribute('aria-label') && !button.dataset.named)) continue;
