@@ -102,7 +102,7 @@ def test_a_picture_of_a_pair_is_enlarged_and_changed_for_another(visitor: Visito
 def test_columns_are_switched_and_another_k_is_looked_at_without_a_change_of_the_run(visitor: Visitor):
     page, view = visitor.page, _page(visitor).page_state
     before = visitor.app.controller.state
-    visitor.button("Show Robust norm").click()
+    visitor.button("ρ").click()
     wait_for(lambda: "norm" in view.cells.columns)
     page.locator("svg.bars g[onclick]").nth(4).click()
     page.get_by_text("k = 5 instead of").wait_for()
@@ -128,7 +128,7 @@ def test_a_plot_of_the_vertex_is_chosen_and_clicked(visitor: Visitor):
     page, controller = visitor.page, visitor.app.controller
     controller.post(JumpTo(STEPS))
     controller.wait_until_idle()
-    visitor.button("Plot longest step tried").click()
+    visitor.button("Plot longest step tried, px in a photo").click()
     visitor.button("Plot the selected vertex").click()
     plot = page.get_by_role("img", name="Step plot")
     plot.wait_for()
