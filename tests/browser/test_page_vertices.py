@@ -5,6 +5,7 @@ import pytest
 
 from app.debugger.commands import JumpTo
 from app.page_state.selection import Selection
+from app.viser_bridge.picking_camera import camera_of
 from fairing.options import FairingOptions, ScheduleOptions
 from tests.browser.driver import IN_BROWSER, Visitor
 from tests.waiting import wait_for
@@ -48,19 +49,19 @@ def selected(visitor: Visitor) -> list[int]:
 
 
 def test_a_click_selects_one_vertex_and_with_shift_several(visitor: Visitor):
-    view = page_of(visitor).page_state
+    view = page_of(visitor).page_state  # at first the viewer's note on software rendering lies over vertices 2 and 3
     visitor.click_vertex(0)
     wait_for(lambda: view.selection.vertices == (0,))
     visitor.page.keyboard.down("Shift")
-    visitor.click_vertex(2)
-    wait_for(lambda: view.selection.vertices == (0, 2))
+    visitor.click_vertex(4)
+    wait_for(lambda: view.selection.vertices == (0, 4))
     visitor.click_vertex(0)
-    wait_for(lambda: view.selection.vertices == (2,))
+    wait_for(lambda: view.selection.vertices == (4,))
     visitor.click_vertex(0)
     visitor.page.keyboard.up("Shift")
     visitor.page.get_by_text("and 1 more selected").wait_for()
-    visitor.click_vertex(2)
-    wait_for(lambda: view.selection.vertices == (2,))
+    visitor.click_vertex(4)
+    wait_for(lambda: view.selection.vertices == (4,))
 
 
 def test_a_rectangle_selects_the_vertices_in_it_and_a_click_on_the_background_deselects(visitor: Visitor):
@@ -97,10 +98,20 @@ def test_a_click_on_a_camera_keeps_the_selection(visitor: Visitor):
     """One click is reported for the node and for the scene; only the first may count."""
     page = page_of(visitor)
     page.interaction.set_selection(Selection((3,)))
+    canvas, place, before = visitor.canvas_box(), page_vertices(visitor, 0), visitor.drawn_at(0)
     visitor.page.keyboard.press("v")
-    canvas = visitor.canvas_box()
-    wait_for(lambda: 0 < visitor.photo_drawn_at(2)[1] < canvas["height"])
+
+    def stands_at_overview() -> bool:
+        """The photo may be in the canvas before the camera moves as well, so the browser's own drawing is compared."""
+        uv, _ = camera_of(page._client).project(place[:1].astype(np.float64))
+        expected = (uv[0] + 0.5) * canvas["height"] / camera_of(page._client).height
+        drawn = visitor.drawn_at(0)
+        return np.abs(drawn - before).max() > 10 and np.abs(drawn - expected).max() < 2
+
+    wait_for(stands_at_overview)
     x, y = visitor.photo_drawn_at(2)
+    assert 0 < x < canvas["width"]
+    assert 0 < y < canvas["height"]
     visitor.page.mouse.click(canvas["x"] + x, canvas["y"] + y)
     wait_for(lambda: page.page_state.entered is not None)
     assert page.page_state.selected == 3
