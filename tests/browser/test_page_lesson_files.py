@@ -20,9 +20,7 @@ pytestmark = [*IN_BROWSER, pytest.mark.usefixtures("remembered_steps")]
 
 PHONE: ViewportSize = {"width": 390, "height": 844}
 MAX_BYTES = 8_000_000
-WALKED = (
-    lesson_names() if os.environ.get("EIGENFAIRING_ALL_LESSONS") else ("model", "displacement", "aperture", "capture")
-)
+WALKED = lesson_names() if os.environ.get("EIGENFAIRING_ALL_LESSONS") else ("model", "displacement")
 # Cells of the page and the engine differ at the border of parts blurred by Fourier transform (see test_page_export).
 ENERGY_TOLERANCE = 0.02
 
@@ -117,8 +115,7 @@ def checked(reader: Reader, played: PlayedLesson, step: PlayedStep) -> None:
         assert reader.energy() == pytest.approx(engine.energy, rel=ENERGY_TOLERANCE), (face, step.moment)
 
 
-# One lesson for each kind of content: pairs of photos, arrows, ellipsoids, a coloured large mesh. EIGENFAIRING_ALL_LESSONS=1
-# walks all of them.
+# EIGENFAIRING_ALL_LESSONS=1 walks all of them.
 @pytest.mark.slow
 @pytest.mark.parametrize("name", WALKED)
 def test_a_lesson_is_walked_by_keyboard_alone_and_shows_what_the_engine_computed(name, lessons, desk):
