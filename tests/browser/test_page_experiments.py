@@ -36,7 +36,7 @@ def test_an_experiment_fills_its_chart_beside_the_run_and_can_be_taken_away(visi
     )
     before = controller.state.length
     assert visitor.press("Step one iteration").length == before + 1  # the engine is free
-    visitor.button("Cancel").click()
+    visitor.button("Cancel (finished runs are kept)").click()  # the debug bar has a Cancel of its own
     page.get_by_text(re.compile(r"cancelled after \d+ of 24 runs")).wait_for()
     drawn = chart.locator("circle").count()
     assert 3 <= drawn < 24
@@ -62,6 +62,6 @@ def test_one_experiment_at_a_time(visitor: Visitor):
     page.get_by_text("Accuracy against noise", exact=True).click()
     page.get_by_text("Capture range is running; only one experiment runs at a time.").wait_for()
     page.get_by_text("Capture range", exact=True).click()
-    visitor.button("Cancel").click()
+    visitor.button("Cancel (finished runs are kept)").click()
     wait_for(lambda: visitor.app.resources.experiments.working is None)
     visitor.button("Start the experiment").wait_for()
