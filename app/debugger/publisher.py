@@ -46,7 +46,8 @@ class Publisher:
 
     @property
     def is_due(self) -> bool:
-        """Whether `INTERVAL` has passed since the last update."""
+        """Whether `INTERVAL` has passed since the last update; what was polled does not count, or it would hold back the
+        state after a step until the next step ends."""
         return time.monotonic() - self._updated > INTERVAL
 
     def busy_seconds(self) -> float:
@@ -56,9 +57,13 @@ class Publisher:
     def update(self, **changes: Any) -> None:
         """Publish a state with these fields replaced."""
         with self._changed:
-            self.state = replace(self.state, serial=self.state.serial + 1, **changes)
-            self._is_unpublished, self._updated = True, time.monotonic()
-            self._changed.notify_all()
+            self._updated = time.monotonic()
+            self._replace(changes)
+
+    def _replace(self, changes: Mapping[str, Any]) -> None:
+        self.state = replace(self.state, serial=self.state.serial + 1, **changes)
+        self._is_unpublished = True
+        self._changed.notify_all()
 
     def republish(self) -> None:
         """Deliver the newest state again."""
@@ -82,7 +87,7 @@ class Publisher:
     def _take(self) -> _Delivery | None:
         changes = {name: value for name, value in self._poll().items() if getattr(self.state, name) != value}
         if changes:
-            self.update(**changes)
+            self._replace(changes)
         if not self._is_unpublished:
             return None
         self._is_unpublished = False
