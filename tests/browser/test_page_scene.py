@@ -157,7 +157,7 @@ def test_the_timeline_is_as_wide_as_the_view_whatever_the_pixels_of_the_screen(a
     page.wait_for_function(
         """() => {
             const canvas = window.__viserMutable?.canvas;
-            const strip = document.querySelector('.ef .strip');
+            const strip = document.querySelector('.ef .strip')?.closest('.extent');
             if (!canvas || !strip) return false;
             const view = canvas.getBoundingClientRect(), box = strip.getBoundingClientRect();
             return canvas.width > 1.2 * view.width && box.left > view.left && box.right < view.right &&
