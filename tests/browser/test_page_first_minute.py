@@ -1,7 +1,6 @@
 """The first minute and long work in a real browser: what is done is shown, keys wait, the texture stays on the mesh."""
 
 import threading
-import time
 from collections.abc import Iterator
 
 import numpy as np
@@ -113,6 +112,15 @@ def test_the_texture_stays_on_the_moving_mesh_and_is_painted_again(visitor: Visi
     texturer = visitor.app.resources.texturer.static
     painted: list[np.ndarray] = []
     paint = texturer._paint
+
+    def texture_lies_on_the_mesh() -> bool:
+        found = page.evaluate(TEXTURED)
+        assert found is not None, "the texture is gone"
+        assert found["hasTexture"]
+        assert not found["plainVisible"]
+        plain = np.array(found["plain"]).reshape(-1, 3)[found["faces"]]
+        return np.linalg.norm(np.array(found["corners"]).reshape(-1, 3) - plain, axis=1).max() < 0.01
+
     texturer._paint = lambda vertices: painted.append(vertices) or paint(vertices)
     try:
         controller.post(Run())
@@ -121,14 +129,7 @@ def test_the_texture_stays_on_the_moving_mesh_and_is_painted_again(visitor: Visi
             slow_steps.release()
             wait_for(lambda moment=moment: controller.state.moment >= moment)
             visitor.sees_vertices(visitor.app.resources.stage.page_from_world(controller.state.vertices))
-            time.sleep(0.4)
-            found = page.evaluate(TEXTURED)
-            assert found is not None, "the texture is gone"
-            assert found["hasTexture"]
-            assert not found["plainVisible"]
-            plain = np.array(found["plain"]).reshape(-1, 3)[found["faces"]]
-            apart = np.linalg.norm(np.array(found["corners"]).reshape(-1, 3) - plain, axis=1)
-            assert apart.max() < 0.01, "the texture lies elsewhere than the mesh"
+            wait_for(texture_lies_on_the_mesh)
         assert controller.state.activity is Activity.RUNNING
         assert len(painted) >= 1
     finally:
