@@ -146,7 +146,7 @@ class Interpreter:
         if session.finished:
             return session.stop_reason
         began: SchedulePosition | None = None
-        self._stopped = session.vertices
+        self._stopped, first = session.vertices, session.moment + 1
         while not session.finished:
             is_new = session.moment == len(session.trace)
             started = time.perf_counter()
@@ -163,7 +163,8 @@ class Interpreter:
                 break
             if self._cancellation.requested():
                 return "paused"
-            if self._is_due():
+            # The first step is always shown: the second may take long.
+            if self._is_due() or session.moment == first:
                 self._publish()
         if session.finished:
             return session.stop_reason

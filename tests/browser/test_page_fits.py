@@ -113,7 +113,7 @@ def test_every_control_has_its_visible_name_and_switches_have_a_state(visitor: V
     switch.click()
     visitor.page.locator("button[aria-pressed=false]", has_text="Vertex paths").wait_for()
     visitor.button("Vertex paths").click()
-    assert visitor.page.get_by_role("slider", name="Moment", exact=True).count() == 1
+    visitor.page.get_by_role("slider", name="Moment", exact=True).wait_for()
 
 
 def test_the_keys_are_listed_in_two_columns_closed_by_escape_or_the_cross_and_stop_keys_behind_them(visitor: Visitor):
