@@ -42,6 +42,25 @@ def visitor(module_visitor: Visitor):
     assert module_visitor.troubles == []
 
 
+# First: with another page open, the browser draws at a lower resolution.
+def test_the_timeline_is_as_wide_as_the_view_whatever_the_pixels_of_the_screen(app: App, browser: Browser):
+    context = browser.new_context(device_scale_factor=2, viewport=WINDOW)
+    page = context.new_page()
+    page.goto(app.url)
+    page.wait_for_function(
+        """() => {
+            const canvas = window.__viserMutable?.canvas;
+            const strip = document.querySelector('.ef .strip')?.closest('.extent');
+            if (!canvas || !strip) return false;
+            const view = canvas.getBoundingClientRect(), box = strip.getBoundingClientRect();
+            return canvas.width > 1.2 * view.width && box.left > view.left && box.right < view.right &&
+                box.width > 0.85 * view.width;
+        }""",
+        timeout=1000 * PATIENCE,
+    )
+    context.close()
+
+
 def test_the_theme_switches_and_the_browser_remembers_it(visitor: Visitor):
     def ground() -> str:
         return visitor.page.evaluate("getComputedStyle(document.querySelector('.ef')).getPropertyValue('--button')")
@@ -148,21 +167,3 @@ def test_the_certainty_of_the_selected_vertices_is_drawn_and_listed(visitor: Vis
     visitor.page.get_by_role("tab", name="Layers").click()
     visitor.button("Hide certainty ellipsoids").click()
     visitor.page.wait_for_function("() => !window.__viserMutable.nodeRefFromName['/certainty'].visible")
-
-
-def test_the_timeline_is_as_wide_as_the_view_whatever_the_pixels_of_the_screen(app: App, browser: Browser):
-    context = browser.new_context(device_scale_factor=2, viewport=WINDOW)
-    page = context.new_page()
-    page.goto(app.url)
-    page.wait_for_function(
-        """() => {
-            const canvas = window.__viserMutable?.canvas;
-            const strip = document.querySelector('.ef .strip')?.closest('.extent');
-            if (!canvas || !strip) return false;
-            const view = canvas.getBoundingClientRect(), box = strip.getBoundingClientRect();
-            return canvas.width > 1.2 * view.width && box.left > view.left && box.right < view.right &&
-                box.width > 0.85 * view.width;
-        }""",
-        timeout=1000 * PATIENCE,
-    )
-    context.close()
