@@ -147,8 +147,16 @@ class Visitor:
         )
         return np.array(found.json_value())
 
+    def close_notifications(self) -> None:
+        """Close what covers the view: the viewer warns of rendering without a GPU, and errors of earlier tests may stand."""
+        self.page.evaluate(
+            "() => document.querySelectorAll('.mantine-Notification-closeButton').forEach(button => button.click())"
+        )
+        self.page.locator(".mantine-Notification-root").first.wait_for(state="detached")
+
     def click_vertex(self, vertex: int) -> None:
         """Click where the vertex is drawn, once its mark is there to be hit."""
+        self.close_notifications()
         self.page.wait_for_function(
             """vertex => ['/vertices/free', '/vertices/locked'].some(name => {
                 const node = window.__viserMutable.nodeRefFromName[name];

@@ -96,6 +96,8 @@ def test_axe_has_no_serious_findings_in_either_theme(visitor: Visitor, tabs: tup
 
 
 def test_every_control_has_its_visible_name_and_switches_have_a_state(visitor: Visitor):
+    visitor.app.controller.post(Restart(OPTIONS))
+    visitor.press("Step one iteration")  # without a step the timeline's slider is disabled and has no thumb
     for tab in (tab for group in PANELS for tab in group):
         show(visitor, tab)
         wrong = visitor.page.evaluate(

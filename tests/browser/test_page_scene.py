@@ -50,9 +50,9 @@ def test_the_timeline_is_as_wide_as_the_view_whatever_the_pixels_of_the_screen(a
     page.wait_for_function(
         """() => {
             const canvas = window.__viserMutable?.canvas;
-            const strip = document.querySelector('.ef .strip')?.closest('.extent');
-            if (!canvas || !strip) return false;
-            const view = canvas.getBoundingClientRect(), box = strip.getBoundingClientRect();
+            const timeline = document.querySelector('.ef .strip')?.closest('.ef');
+            if (!canvas || !timeline) return false;
+            const view = canvas.getBoundingClientRect(), box = timeline.getBoundingClientRect();
             return canvas.width > 1.2 * view.width && box.left > view.left && box.right < view.right &&
                 box.width > 0.85 * view.width;
         }""",
