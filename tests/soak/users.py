@@ -18,6 +18,12 @@ PAGES = 3
 MOST_RUNS = 4
 MOST_STEPS = 400  # of a run; a longer one is restarted, because a record grows by design
 
+WEIGHTS = {
+    "step": 6, "scrub": 4, "select": 3, "run": 1, "play": 1, "branch": 1, "lock": 1, "look through": 1, "theme": 1,
+    "shape": 1, "texture": 1, "color": 1, "tabs": 1, "reload": 1, "reopen": 1, "delete run": 0, "restart": 0,
+}  # fmt: skip
+"""Actions with how often they are chosen; the last two are done when there are too many runs or steps."""
+
 
 class NoEffectError(Exception):
     """An action did nothing."""
@@ -42,32 +48,44 @@ class Users:
         self._problems = 0
         self.done: Counter[str] = Counter()
         self.refused: Counter[str] = Counter()
+        self._actions: dict[str, Callable[[Visitor], None]] = {
+            "step": self._step,
+            "scrub": self._scrub,
+            "select": self._select,
+            "run": self._run_and_pause,
+            "play": self._play,
+            "branch": self._branch,
+            "lock": self._lock,
+            "look through": self._look_through,
+            "theme": self._change_theme,
+            "shape": self._change_shape,
+            "texture": self._change_texture,
+            "color": self._color,
+            "tabs": self._visit_tabs,
+            "reload": self._reload,
+            "reopen": self._reopen,
+            "delete run": self._delete_run,
+            "restart": self._restart,
+        }
 
-    def act(self) -> None:
-        """One action on one page."""
-        k = self._random.randrange(PAGES)
-        actions: list[Callable[[Visitor], None]] = [
-            *(self._step,) * 6, *(self._scrub,) * 4, *(self._select,) * 3, self._run_and_pause, self._play, self._branch,
-            self._lock, self._look_through, self._change_theme, self._change_shape, self._change_texture, self._color,
-            self._visit_tabs, self._reload, self._reopen,
-        ]  # fmt: skip
-        facts = self._server.facts()
+    def act(self, name: str | None = None) -> None:
+        """One action on one page, at random if no name is given."""
+        k, facts = self._random.randrange(PAGES), self._server.facts()
         self._problems = facts.problems
-        action = self._random.choice(actions)
-        if len(facts.runs) > MOST_RUNS:
-            action = self._delete_run
-        elif facts.length > MOST_STEPS or facts.is_finished:
-            action = self._restart
-        name = action.__name__.strip("_")
+        if name is None and len(facts.runs) > MOST_RUNS:
+            name = "delete run"
+        elif name is None and (facts.length > MOST_STEPS or facts.is_finished):
+            name = "restart"
+        name = name or self._random.choices(list(WEIGHTS), list(WEIGHTS.values()))[0]
         try:
-            action(self.visitors[k])
+            self._actions[name](self.visitors[k])
         except (Error, NoEffectError, AssertionError) as error:  # what a page did not do in minutes
             if self._server.facts().problems > facts.problems:
                 self.refused[name] += 1
             else:
                 self._troubles.append(f"{name}: {str(error).splitlines()[0]}")
                 print(self._troubles[-1], flush=True)
-                self._replace(k)
+            self._replace(k)
         else:
             self.done[name] += 1
         self._rest()
