@@ -185,18 +185,13 @@ class Users:
 
     def _branch(self, visitor: Visitor) -> None:
         """Reset a vertex at a past moment, which forks a run."""
-        facts = self._with_steps(visitor, 2)
-        run = -1
-        while not facts.movable or run != facts.run:
-            run = facts.run
-            facts = self._with_steps(visitor, facts.length + 1)
-        facts = self._press(visitor, ",", "a step back", lambda now: _is_at_rest(now) and now.moment < now.length)
-        while not facts.movable:
-            facts = self._press(
-                visitor, "i", "a step", lambda now, at=facts.moment: now.moment > at and _is_at_rest(now)
-            )
+        facts = self._server.facts()
+        while not facts.movable or facts.moment == facts.length:
+            self._with_steps(visitor, facts.length + 1)
+            facts = self._press(visitor, ",", "a step back", lambda now: _is_at_rest(now) and now.moment < now.length)
         self._choose(visitor, self._random.choice(facts.movable))
-        self._press(visitor, "z", "another run", lambda now: _is_at_rest(now) and now.run != facts.run)
+        run = facts.run
+        self._press(visitor, "z", "another run", lambda now: _is_at_rest(now) and now.run != run)
         self._sees(visitor)
 
     def _lock(self, visitor: Visitor) -> None:
