@@ -14,7 +14,7 @@ from tests.soak.server import Sample, Server
 from tests.soak.users import Users
 
 WARM_UP = 0.25  # of the time, at most WARM_UP_MINUTES
-WARM_UP_MINUTES = 10.0
+WARM_UP_MINUTES = 15.0
 SAMPLE_SECONDS = 10.0
 PRINTED_EVERY = 6  # samples
 MAX_GROWTH = 5.0  # % an hour
@@ -27,6 +27,12 @@ def growth(samples: list[Sample]) -> float:
         return 0.0
     minutes, memory = np.array([(s.minutes, s.memory) for s in samples]).T
     return float(100 * 60 * np.polyfit(minutes, memory, 1)[0] / np.median(memory))
+
+
+def by_half_hour(samples: list[Sample]) -> list[float]:
+    """Median memory of every half hour, MB."""
+    n_halves = 1 + int(max((s.minutes for s in samples), default=0) / 30)
+    return [float(np.median([s.memory for s in samples if int(s.minutes / 30) == k])) for k in range(n_halves)]
 
 
 def rise(values: list[int]) -> float:
@@ -77,6 +83,7 @@ def report(samples: list[Sample], warm_up: float, users: Users) -> int:
     print(f"actions with their effect: {listed(users.done)}")
     print(f"refused with a message: {listed(users.refused)}")
     print(f"memory after {warm_up:.1f} min: {per_hour:+.1f} % an hour")
+    print(f"median memory by half hour: {', '.join(f'{half_hour:.0f}' for half_hour in by_half_hour(samples))} MB")
     print(f"threads {threads:+g}, descriptors {descriptors:+g}, errors and actions without effect: {len(troubles)}")
     for trouble in troubles[:10]:
         print(f"  {trouble}")
