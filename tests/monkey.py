@@ -406,8 +406,10 @@ def shrunk(monkey: Monkey, seed: int, begin: int, end: int, tries: int = 3) -> r
     return range(begin, end)
 
 
-def play(monkey: Monkey, seed: int, first: int, last: int) -> Outcome:
-    """Give the commands `first` to `last`, with a new controller for every `CHUNK`.
+def play(
+    monkey: Monkey, seed: int, first: int, last: int, on_chunk: Callable[[Outcome], None] = lambda _: None
+) -> Outcome:
+    """Give the commands `first` to `last`, with a new controller for every `CHUNK`; then `on_chunk` is called.
 
     Raises:
         MonkeyError: a rule was broken; the message has the seed and the shrunk tail.
@@ -422,6 +424,7 @@ def play(monkey: Monkey, seed: int, first: int, last: int) -> Outcome:
             tail = shrunk(monkey, seed, begin, end)
             again = f"python -m tests.monkey --seed {seed} --first {tail.start} --commands {len(tail)}"
             raise MonkeyError(f"{error}\nseed {seed}; shortest tail that fails: {again}") from error
+        on_chunk(outcome)
     return outcome
 
 
@@ -442,13 +445,17 @@ def main() -> None:
     print(f"seed {arguments.seed}", flush=True)
     began = time.monotonic()
     last = arguments.first + arguments.commands
-    outcome = play(monkey_on(arguments.scene), arguments.seed, arguments.first, last)
-    rests = np.array(outcome.rests)
-    print(
-        f"{sum(outcome.names.values())} commands in {time.monotonic() - began:.0f} s, {outcome.states} states checked, "
-        f"{outcome.steps} steps recorded, {len(rests)} rests: median {1e3 * np.median(rests):.0f}, "
-        f"longest {1e3 * rests.max():.0f} ms; threads left: {threads_left()}"
-    )
+
+    def show(outcome: Outcome) -> None:
+        rests = np.array(outcome.rests)
+        print(
+            f"{sum(outcome.names.values())} commands in {time.monotonic() - began:.0f} s, {outcome.states} states checked, "
+            f"{outcome.steps} steps recorded, {len(rests)} rests: median {1e3 * np.median(rests):.0f}, "
+            f"longest {1e3 * rests.max():.0f} ms; threads left: {threads_left()}",
+            flush=True,
+        )
+
+    outcome = play(monkey_on(arguments.scene), arguments.seed, arguments.first, last, show)
     print(", ".join(f"{name} {count}" for name, count in sorted(outcome.names.items())))
 
 
