@@ -20,9 +20,8 @@ from fairing.solve.step_limits import pixels_moved, pixels_per_unit
 
 POOR_FIT = 2.0  # in units of the median loss: vertices above it are restarted
 WELL_SEEN = 0.6  # fraction of the faces around a vertex (ledger: well-seen vertices)
-POINTS_VARIANCE = (
-    8.0  # of the residual, grey levels^2: the prior to the points fades below it (ledger: prior to points)
-)
+# Of the residual, grey levels^2: the prior to the points fades below it (ledger: prior to points).
+POINTS_VARIANCE = 8.0
 FIT_ROUNDS = 3  # of the fit to the sparse points, from the vertices at the beginning of the sweep
 VERTEX_PASSES = 3  # of the filter that gives the targets of the smoothness prior
 
