@@ -1,11 +1,16 @@
 """The page fits its window, and is accessible: widths, names, contrast, the dialog of keys, the palette, the tab's title."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from axe_playwright_python.sync_playwright import Axe
 
 from app.debugger.commands import Restart
+from app.panels.status import Status
 from fairing.options import FairingOptions, ScheduleOptions
+from fairing.trace import SchedulePosition
 from tests.browser.driver import IN_BROWSER, WINDOW, Visitor
 from tests.waiting import wait_for
 
@@ -38,6 +43,11 @@ TOO_WIDE = """() => {
     }
     return found;
 }"""
+
+ROWS = """() => [...document.querySelectorAll('.ef .crumbs, .ef .crumbs + .row')].map(row => ({
+    height: row.getBoundingClientRect().height, end: row.getBoundingClientRect().right,
+    right: Math.max(...[...row.children].map(part => part.getBoundingClientRect().right)),
+}))"""
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -78,6 +88,38 @@ def test_no_panel_overflows_or_scrolls_sideways(visitor: Visitor, order: str):
         other = "light" if theme == "dark" else "dark"
         visitor.page.wait_for_selector(f"html[data-mantine-color-scheme={other}]")
     visitor.page.set_viewport_size(WINDOW)
+
+
+@pytest.mark.parametrize("order", ["sequential", "worst_first", "independent", "joint"])
+def test_position_and_energy_fit_in_one_line_each_with_large_numbers(visitor: Visitor, order: str):
+    page, state = next(iter(visitor.app.pages.values())), visitor.app.controller.wait_until_idle()
+    status = next(panel for panel in page.panels._panels if isinstance(panel, Status))
+    blur = (10.0, 8.5, 6.0, 4.5, 3.0, 1.25, 0.65)
+    options = FairingOptions(schedule=ScheduleOptions(blur=blur, order=order, max_sweeps=(12,), max_iterations=(10,)))  # pyright: ignore[reportArgumentType]
+    large = replace(state, options=options, position=SchedulePosition(6, 11, 2477, 9), moment=1)
+    energies, status._energies = status._energies, SimpleNamespace(before=[9_999_999.0], after=[8_888_888.0])  # pyright: ignore[reportAttributeAccessIssue]
+    try:
+        status.show(large, page.page_state)
+        page._client.flush()
+        crumbs = visitor.page.locator(".crumbs", has_text="iteration 10")
+        crumbs.wait_for()
+        words = {
+            "sequential": "2478th vertex",
+            "worst_first": "2478th vertex",
+            "independent": "2478th set",
+            "joint": "",
+        }
+        assert crumbs.inner_text().replace("\n", "").startswith(f"level 7/7›sweep 12›{words[order]}")
+        for size in SIZES:
+            visitor.page.set_viewport_size(size)
+            rows = visitor.page.evaluate(ROWS)
+            assert len(rows) == 2
+            assert all(row["height"] < 26 for row in rows), rows  # px; two lines take 36
+            assert all(row["right"] <= row["end"] + 0.5 for row in rows), rows
+    finally:
+        status._energies = energies
+        visitor.app.controller.republish()
+        visitor.page.set_viewport_size(WINDOW)
 
 
 @pytest.mark.parametrize("tabs", [("Lessons", "Layers", "Runs"), ("Cells", "Options", "Timeline")])
