@@ -44,7 +44,7 @@ class Status:
             f"<div class='pinned'><div class='row'><span class='big'>{_headline(state, page_state)}</span>"
             f"<span class='grow'></span><span class='dim'>{_speed(state)}</span></div>"
             f"<div class='crumbs row'>{self._crumbs(state)}</div>"
-            f"<div class='row'>{self._energy(state)}<span class='grow'></span>{_blur(state)}</div>"
+            f"<div class='row'><span class='one grow'>{self._energy(state)}</span>{_blur(state)}</div>"
             f"<div class='dim one' title='{text(last)}'>{text(last)}</div>"
             f"<div class='{color} one' title='{text(line)}'>{text(line)}</div>{bar}</div>"
         )
@@ -75,14 +75,13 @@ class Status:
 
     def _energy(self, state: RunState) -> str:
         if state.moment == 0:
-            return "<span>Energy <span class='dim'>not measured yet</span></span>"
+            return "Energy <span class='dim'>not measured yet</span>"
         before, after = float(self._energies.before[state.moment - 1]), float(self._energies.after[state.moment - 1])
         change = after - before
         percent = 100 * change / before if before else 0.0
         color = "start" if change < 0 else ("dim" if change == 0 else "rejected")
         return (
-            f"<span>Energy <b>{number(after, 6)}</b> "
-            f"<span class='{color}'>{_signed(change)} ({_signed(percent, 3)} %)</span></span>"
+            f"Energy <b>{number(after, 6)}</b> <span class='{color}'>{_signed(change)} ({_signed(percent, 3)} %)</span>"
         )
 
 
@@ -99,7 +98,7 @@ def _blur(state: RunState) -> str:
     if at is None:
         return ""
     hint = "Blur of the photos at this level: standard deviation in photo pixels"
-    return f"<span class='dim' title='{hint}'>σ {state.options.schedule.blur[at.level]:g} px</span>"
+    return f"<span class='dim' style='flex:none' title='{hint}'>σ {state.options.schedule.blur[at.level]:g} px</span>"
 
 
 def _ordinal(count: int) -> str:

@@ -253,3 +253,23 @@ def test_warnings_and_errors_close_by_themselves_but_can_be_read(visitor: Visito
         assert time.monotonic() - shown > TOAST_SECONDS - 0.5
     finally:
         page.close()
+
+
+def test_until_its_texture_is_painted_a_plain_surface_says_so(visitor: Visitor, browser: Browser):
+    texturer, may_paint = visitor.app.resources.texturer.static, threading.Event()
+    paint = texturer._paint
+    texturer._kept.clear()
+    texturer._paint = lambda vertices: paint(vertices) if may_paint.wait(PATIENCE) else None  # pyright: ignore[reportAttributeAccessIssue]
+    page = browser.new_page(viewport=WINDOW)
+    page.set_default_timeout(1000 * PATIENCE)
+    try:
+        page.goto(visitor.app.url)
+        note = page.get_by_text("Painting the texture…")
+        note.wait_for()
+        may_paint.set()
+        note.wait_for(state="detached")
+        page.wait_for_function(f"() => ({TEXTURED})()")
+    finally:
+        may_paint.set()
+        texturer._paint = paint
+        page.close()

@@ -44,11 +44,6 @@ TOO_WIDE = """() => {
     return found;
 }"""
 
-ROWS = """() => [...document.querySelectorAll('.ef .crumbs, .ef .crumbs + .row')].map(row => ({
-    height: row.getBoundingClientRect().height, end: row.getBoundingClientRect().right,
-    right: Math.max(...[...row.children].map(part => part.getBoundingClientRect().right)),
-}))"""
-
 
 @pytest.fixture(scope="module", autouse=True)
 def two_steps_and_a_vertex(module_visitor: Visitor):
@@ -109,13 +104,16 @@ def test_position_and_energy_fit_in_one_line_each_with_large_numbers(visitor: Vi
             "independent": "2478th set",
             "joint": "",
         }
-        assert crumbs.inner_text().replace("\n", "").startswith(f"level 7/7›sweep 12›{words[order]}")
+        assert " ".join(crumbs.inner_text().split()).startswith(f"level 7/7 › sweep 12 › {words[order]}")
         for size in SIZES:
             visitor.page.set_viewport_size(size)
-            rows = visitor.page.evaluate(ROWS)
-            assert len(rows) == 2
-            assert all(row["height"] < 26 for row in rows), rows  # px; two lines take 36
-            assert all(row["right"] <= row["end"] + 0.5 for row in rows), rows
+            visitor.page.wait_for_function(
+                """() => {
+                    const [crumbs, energy] = document.querySelectorAll('.ef .crumbs, .ef .crumbs + .row');
+                    return [crumbs, energy].every(row => row.getBoundingClientRect().height < 26 && [...row.children].every(
+                        part => part.getBoundingClientRect().right <= row.getBoundingClientRect().right + 0.5));
+                }"""  # px; two lines take 36
+            )
     finally:
         status._energies = energies
         visitor.app.controller.republish()
