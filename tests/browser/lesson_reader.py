@@ -167,11 +167,13 @@ def check_every_k_by_keyboard(reader: Reader, played: PlayedLesson, step: Played
         return 0
     face = page.evaluate("shownFace()")
     wanted = energies_by_dimension(session, face, step.moment)
+    # With many dimensions hardly anything is left, and what the borders of the cells differ by counts for more.
+    rest = 1e-3 * wanted[int(page.evaluate("face => cellsOf(face).own", face)) - 1]
     reader.tab_to("#k")
     page.keyboard.press("Home")
     for k, energy in enumerate(wanted[: int(page.locator("#k").get_attribute("max") or 0)], 1):
         assert page.evaluate("state.cells.dimensions") == k
-        assert reader.energy() == pytest.approx(energy, rel=ENERGY_TOLERANCE), (face, k)
+        assert reader.energy() == pytest.approx(energy, rel=ENERGY_TOLERANCE, abs=rest), (face, k)
         page.keyboard.press("ArrowRight")
     return len(wanted)
 
