@@ -127,6 +127,7 @@ def test_a_lesson_is_read_and_tried_with_a_finger(name, lessons, phone):
         )
         if place:
             box = page.locator("#scene").bounding_box()
+            assert box["height"] > 0.3 * PHONE["height"]
             phone.drag_by_touch(box["x"] + place[0], box["y"] + place[1], 12, 9)
             after = page.evaluate("(viewer.draw(), viewer.place(state.vertices.at(-1)))")
             assert after[:2] == pytest.approx([place[0] + 12, place[1] + 9], abs=1.5), f"step {n + 1}"
