@@ -28,8 +28,8 @@ class CellOptions:
     warp: Literal["homography", "affine"] = "homography"
     """homography: exact for a plane. affine: the approximation of the paper, which biases the minimum."""
     size: tuple[int, ...] = (64, 64, 64, 64, 64, 64, 256)
-    """Size of the largest cell, by level: samples along an edge. With `adaptive`, cells larger than 64 are made smaller if all cells
-    together would have more than 10 million samples."""
+    """Size of the largest cell, by level: samples along an edge. With `adaptive`, cells larger than 64 are made smaller if all
+    cells together would have more than 10 million samples."""
     adaptive: bool = True
     """Use smaller cells for smaller footprints: one sample per `spacing` of the footprint. Off: always `size`."""
     spacing: tuple[float, ...] = (1.0,)
