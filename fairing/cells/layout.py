@@ -6,8 +6,8 @@ import numpy as np
 
 from fairing.options import CellOptions, by_level
 
-# At most a quarter larger than needed, an eighth on average (ledger: grid sizes).
-GRID_SIZES = (8, 10, 12, 14, 16, 20, 24, 28, 32, 40, 48, 56, 64, 80, 96, 112, 128, 160, 192, 224, 256)
+# Each 1.25 to 1.5 times the one before (ledger: grid sizes).
+GRID_SIZES = (8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256)
 # A cell up to this size is never made smaller, so that faces of usual size lose no information.
 LEAST_LARGEST = 64
 # Samples of all cells of a level: beyond it, the largest cells are made smaller (ledger: samples of a level).

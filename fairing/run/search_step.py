@@ -17,7 +17,7 @@ from fairing.trace import SchedulePosition, StepReason, StepRecord
 ROUGH_SPACING = 1.5  # factor of the spacing of cell samples
 ROUGH_CELL = 48  # samples along an edge, at most
 ROUGH_STEPS = 2
-SHARP_SPACING = 2.0
+SHARP_SPACING = 1.4
 SHARP_CELL = 64
 SHARP_STEPS = 1
 
@@ -103,7 +103,7 @@ def rough_options(options: FairingOptions) -> FairingOptions:
 
 
 def sharp_options(options: FairingOptions) -> FairingOptions:
-    """Options of sharp cells with a quarter of the samples, which discriminate positions that rough cells confuse."""
+    """Options of sharp cells with half of the samples, which discriminate positions that rough cells confuse."""
     return replace(options, cells=_coarser(options.cells, SHARP_SPACING, SHARP_CELL))
 
 
