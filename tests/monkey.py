@@ -39,6 +39,7 @@ CONDITIONS = (
     "level == 2 and sweep == 1",
 )
 CHUNK = 500  # commands given to one controller
+BEGUN = 5  # steps of the first run
 MAX_RUNS = 8  # runs kept before most are deleted again: race and branch would fill the list, and memory
 
 Act = Callable[[Controller], None]
@@ -70,20 +71,24 @@ class MonkeyError(AssertionError):
 class Monkey:
     """Gives commands to a controller.
 
+    Every controller begins with a run that is planned and has a few steps: on a large scene commands may come faster than
+    steps end.
+
     Args:
-        make: makes the session to begin with.
+        session: the first run, at its start.
         variants: options for branches, restarts and races.
         slower: factor for the waits between commands.
     """
 
-    def __init__(self, make: Callable[[], Session], variants: list[FairingOptions], slower: float = 1.0) -> None:
-        self._make, self._variants, self._slower = make, variants, slower
+    def __init__(self, session: Session, variants: list[FairingOptions], slower: float = 1.0) -> None:
+        self._begun, self._variants, self._slower = session, variants, slower
+        for _ in range(BEGUN):
+            self._begun.step()
 
     def warm_up(self) -> None:
         """Compile the engine, which cannot be cancelled."""
-        session = self._make()
         for options in self._variants:
-            branch = session.branch(options)
+            branch = self._begun.branch(options)
             for _ in range(3):
                 branch.step()
 
@@ -93,7 +98,7 @@ class Monkey:
         Raises:
             MonkeyError: a rule was broken.
         """
-        controller = Controller(self._make())
+        controller = Controller(self._begun.branch())
         checker = _Checker(outcome)
         controller.subscribe(checker)
         threads = (controller._engine._thread, controller._publisher.worker._thread)
@@ -384,13 +389,13 @@ def monkey_on(name: str) -> Monkey:
     """A monkey on "corner", the small scene of the tests, or on a demo scene."""
     if name == "corner":
         variants = small_variants()
-        return Monkey(lambda: Session(corner_scene(), variants[0]), variants)
+        return Monkey(Session(corner_scene(), variants[0]), variants)
     from demo_scenes import load_demo
     from fairing.options import PRESETS
 
     scene: Scene = load_demo(name)
     variants = list(PRESETS.values())
-    return Monkey(lambda: Session(scene, variants[0]), variants, SLOWER.get(name, 1.0))
+    return Monkey(Session(scene, variants[0]), variants, SLOWER.get(name, 1.0))
 
 
 def shrunk(monkey: Monkey, seed: int, begin: int, end: int, tries: int = 3) -> range:
