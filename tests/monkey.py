@@ -434,7 +434,10 @@ def play(
 
 
 def threads_left() -> int:
-    """Threads beside the main one, after a garbage collection, which ends the pools of deleted sessions."""
+    """Threads beside the main one, after a garbage collection, which ends the pools of deleted sessions.
+
+    The pool of the first run is kept.
+    """
     gc.collect()
     time.sleep(0.5)
     return threading.active_count() - 1
