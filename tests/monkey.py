@@ -38,6 +38,7 @@ CONDITIONS = (
     "moved(3) > 0.01",
     "level == 2 and sweep == 1",
 )
+LET_END = 40  # commands between two steps that are let end
 CHUNK = 500  # commands given to one controller
 BEGUN = 5  # steps of the first run
 MAX_RUNS = 8  # runs kept before most are deleted again: race and branch would fill the list, and memory
@@ -114,6 +115,8 @@ class Monkey:
                 time.sleep(self._slower * rng.choice(WAITS))
                 if rng.random() < 1 / BURST:
                     self._check_rest(controller, outcome)
+                if count % LET_END == 0:
+                    _let_end(controller)
                 if count % 50 == 0:
                     self._tidy(controller)
             self._check_rest(controller, outcome)
@@ -215,6 +218,21 @@ def check(state: RunState) -> None:
     broken = [rule for rule, holds in rules.items() if not holds]
     if broken:
         raise MonkeyError(f"broken: {'; '.join(broken)} (state {state.serial}, {state.reason}, {state.incident})")
+
+
+def _let_end(controller: Controller) -> None:
+    """Make a step and wait until it is done: on a busy machine the other commands come faster than steps end.
+
+    Raises:
+        MonkeyError: it is not done in time.
+    """
+    controller.post(c.Pause())
+    controller.post(c.JumpTo(-1))
+    controller.post(c.Forward(c.Extent.BLOCK))
+    try:
+        controller.wait_until_idle(STUCK_LIMIT * 10)
+    except TimeoutError:
+        raise MonkeyError(f"a step is not done after {10 * STUCK_LIMIT:g} s\n{controller._engine.stack()}") from None
 
 
 # ---------------------------------------------------------------------- the commands
