@@ -38,7 +38,9 @@ CONDITIONS = (
     "moved(3) > 0.01",
     "level == 2 and sweep == 1",
 )
+LET_END = 40  # commands between two steps that are let end
 CHUNK = 500  # commands given to one controller
+BEGUN = 5  # steps of the first run
 MAX_RUNS = 8  # runs kept before most are deleted again: race and branch would fill the list, and memory
 
 Act = Callable[[Controller], None]
@@ -70,20 +72,24 @@ class MonkeyError(AssertionError):
 class Monkey:
     """Gives commands to a controller.
 
+    Every controller begins with a run that is planned and has a few steps: on a large scene commands may come faster than
+    steps end.
+
     Args:
-        make: makes the session to begin with.
+        session: the first run, at its start.
         variants: options for branches, restarts and races.
         slower: factor for the waits between commands.
     """
 
-    def __init__(self, make: Callable[[], Session], variants: list[FairingOptions], slower: float = 1.0) -> None:
-        self._make, self._variants, self._slower = make, variants, slower
+    def __init__(self, session: Session, variants: list[FairingOptions], slower: float = 1.0) -> None:
+        self._begun, self._variants, self._slower = session, variants, slower
+        for _ in range(BEGUN):
+            self._begun.step()
 
     def warm_up(self) -> None:
         """Compile the engine, which cannot be cancelled."""
-        session = self._make()
         for options in self._variants:
-            branch = session.branch(options)
+            branch = self._begun.branch(options)
             for _ in range(3):
                 branch.step()
 
@@ -93,7 +99,7 @@ class Monkey:
         Raises:
             MonkeyError: a rule was broken.
         """
-        controller = Controller(self._make())
+        controller = Controller(self._begun.branch())
         checker = _Checker(outcome)
         controller.subscribe(checker)
         threads = (controller._engine._thread, controller._publisher.worker._thread)
@@ -109,6 +115,8 @@ class Monkey:
                 time.sleep(self._slower * rng.choice(WAITS))
                 if rng.random() < 1 / BURST:
                     self._check_rest(controller, outcome)
+                if count % LET_END == 0:
+                    _let_end(controller)
                 if count % 50 == 0:
                     self._tidy(controller)
             self._check_rest(controller, outcome)
@@ -210,6 +218,21 @@ def check(state: RunState) -> None:
     broken = [rule for rule, holds in rules.items() if not holds]
     if broken:
         raise MonkeyError(f"broken: {'; '.join(broken)} (state {state.serial}, {state.reason}, {state.incident})")
+
+
+def _let_end(controller: Controller) -> None:
+    """Make a step and wait until it is done: on a busy machine the other commands come faster than steps end.
+
+    Raises:
+        MonkeyError: it is not done in time.
+    """
+    controller.post(c.Pause())
+    controller.post(c.JumpTo(-1))
+    controller.post(c.Forward(c.Extent.BLOCK))
+    try:
+        controller.wait_until_idle(STUCK_LIMIT * 10)
+    except TimeoutError:
+        raise MonkeyError(f"a step is not done after {10 * STUCK_LIMIT:g} s\n{controller._engine.stack()}") from None
 
 
 # ---------------------------------------------------------------------- the commands
@@ -384,13 +407,13 @@ def monkey_on(name: str) -> Monkey:
     """A monkey on "corner", the small scene of the tests, or on a demo scene."""
     if name == "corner":
         variants = small_variants()
-        return Monkey(lambda: Session(corner_scene(), variants[0]), variants)
+        return Monkey(Session(corner_scene(), variants[0]), variants)
     from demo_scenes import load_demo
     from fairing.options import PRESETS
 
     scene: Scene = load_demo(name)
     variants = list(PRESETS.values())
-    return Monkey(lambda: Session(scene, variants[0]), variants, SLOWER.get(name, 1.0))
+    return Monkey(Session(scene, variants[0]), variants, SLOWER.get(name, 1.0))
 
 
 def shrunk(monkey: Monkey, seed: int, begin: int, end: int, tries: int = 3) -> range:
@@ -429,7 +452,10 @@ def play(
 
 
 def threads_left() -> int:
-    """Threads beside the main one, after a garbage collection, which ends the pools of deleted sessions."""
+    """Threads beside the main one, after a garbage collection, which ends the pools of deleted sessions.
+
+    The pool of the first run is kept.
+    """
     gc.collect()
     time.sleep(0.5)
     return threading.active_count() - 1

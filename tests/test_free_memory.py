@@ -9,11 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from app.debugger.commands import DeleteRun, Extent, Forward, Restart
 from app.debugger.controller import Controller
 from app.debugger.run_state import Activity
 from app.page import free_memory
 from app.page.free_memory import FreeMemory, return_free_memory
+from app.page.server import start
 from fairing.run.session import Session
+from tests.commands import do
 from tests.small_scene import corner_scene, small_options
 from tests.waiting import wait_for
 
@@ -65,3 +68,19 @@ def test_memory_is_returned_at_rest_and_seldom(monkeypatch: pytest.MonkeyPatch):
     finally:
         memory.close()
         controller.close()
+
+
+def test_histories_of_deleted_runs_are_forgotten():
+    app = start(Session(corner_scene(), small_options()), port=0)
+    try:
+        controller, resources = app.controller, app.resources
+        assert resources.run_errors is not None
+        state = do(controller, Forward(Extent.ITERATION), Restart(None), Forward(Extent.ITERATION))
+        for run in state.runs:
+            assert len(resources.run_errors.values_of(run)) == run.length + 1
+            assert len(resources.run_energies.curves_of(run).after) == run.length
+        do(controller, DeleteRun(state.runs[0].run_id))
+        for histories in (resources.run_errors, resources.run_energies):
+            wait_for(lambda of=histories: list(of._histories) == [state.runs[1].run_id])
+    finally:
+        app.stop()

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from app.debugger.command_queue import CommandQueue
 from app.debugger.commands import Branch, Extent, Forward, JumpTo, Lock, Pause, Place, Query, Run, SaveReport
 from app.debugger.controller import Controller
 from app.debugger.run_state import Activity, RunState
@@ -231,6 +232,17 @@ def test_a_command_goes_before_a_query_in_progress_which_is_computed_afterwards(
     assert entered.wait(10)
     assert do(controller, Forward(Extent.ITERATION)).moment == 1
     wait_for(lambda: results == [1])
+
+
+def test_waiting_queries_come_after_all_commands():
+    queue = CommandQueue()
+    first, second = (Query(key, lambda session: session.moment, print) for key in "ab")
+    for command in (first, Forward(Extent.LEVEL), second, JumpTo(0)):
+        queue.add(command)
+    assert queue.has_commands
+    assert [queue.take() for _ in range(2)] == [Forward(Extent.LEVEL), JumpTo(0)]
+    assert not queue.has_commands
+    assert [queue.take() for _ in range(3)] == [first, second, None]
 
 
 def test_the_report_has_what_a_developer_needs(controller: Controller, tmp_path: Path):

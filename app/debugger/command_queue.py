@@ -10,7 +10,7 @@ HISTORY = 50  # commands kept for a problem report
 
 
 class CommandQueue:
-    """Waiting commands, first in, first out. The caller holds the controller's lock.
+    """Waiting commands, first in, first out; queries come after all others. The caller holds the controller's lock.
 
     A repeated command is dropped, so that a key held down leaves no queue; `Pause` drops all commands but queries; of
     several jumps, and of queries with the same key, only the last one counts.
@@ -21,8 +21,10 @@ class CommandQueue:
         self.history: deque[Command] = deque(maxlen=HISTORY)
         """The last commands added, without queries; the newest last."""
 
-    def __len__(self) -> int:
-        return len(self._waiting)
+    @property
+    def has_commands(self) -> bool:
+        """Whether anything but queries waits."""
+        return any(not isinstance(waiting, Query) for waiting in self._waiting)
 
     def add(self, command: Command) -> bool:
         """Add a command; returns False for one that repeats a waiting one."""
@@ -50,8 +52,12 @@ class CommandQueue:
         return tuple(label_of(command) for command in self._waiting if not isinstance(command, Query))
 
     def take(self) -> Command | None:
-        """Remove and return the first command; None if there is none."""
-        return self._waiting.popleft() if self._waiting else None
+        """Remove and return the first command, or the first query if no command waits; None if nothing waits."""
+        if not self._waiting:
+            return None
+        first = next((waiting for waiting in self._waiting if not isinstance(waiting, Query)), self._waiting[0])
+        self._waiting.remove(first)
+        return first
 
     def drop_commands(self) -> None:
         """Drop all but the queries."""

@@ -170,7 +170,8 @@ class Controller:
         """
         with self._changed:
             is_idle = self._changed.wait_for(
-                lambda: not len(self._queue) and self._activity is Activity.PAUSED and not self._recovery, timeout
+                lambda: not self._queue.has_commands and self._activity is Activity.PAUSED and not self._recovery,
+                timeout,
             )
         if not is_idle:
             raise TimeoutError(f"the engine was still busy after {timeout:g} s")

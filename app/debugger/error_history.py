@@ -1,6 +1,7 @@
 """Error history: the distance of the mesh to the known truth at every moment of a record."""
 
 import threading
+from collections.abc import Collection
 
 import numpy as np
 
@@ -76,3 +77,8 @@ class RunErrors:
             history = self._histories.setdefault(run.run_id, ErrorHistory(self.measure))
             history.update(run)
             return history.values[: run.length + 1]
+
+    def keep(self, run_ids: Collection[int]) -> None:
+        """Forget all other runs."""
+        with self._lock:
+            self._histories = {run_id: history for run_id, history in self._histories.items() if run_id in run_ids}

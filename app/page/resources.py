@@ -99,7 +99,10 @@ class SessionResources:
         self.paths.update(state)
 
     def forget_deleted_runs(self, state: RunState) -> None:
-        self.run_energies.keep([run.run_id for run in state.runs])
+        run_ids = [run.run_id for run in state.runs]
+        self.run_energies.keep(run_ids)
+        if self.run_errors is not None:
+            self.run_errors.keep(run_ids)
 
     def close(self) -> None:
         """End the controller, which closes the trace's file, and the workers."""
