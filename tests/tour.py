@@ -19,7 +19,6 @@ from app.debugger.run_state import Activity
 from app.export.page import write_page
 from app.export.picture import picture
 from app.export.run_facts import RunFacts
-from app.lessons.page_settings import AT_FRONT
 from app.lessons.player import Status
 from app.lessons.scenes import load_lesson_scene
 from app.page.server import App, start
@@ -70,7 +69,7 @@ def page_of(app: App):
 
 def begin(visitor: Visitor) -> None:
     """The start, textures and all, from where the corner and the three sides around it are seen."""
-    page_of(visitor.app)._lead_eye(AT_FRONT)
+    page_of(visitor.app).camera.show_front()
 
 
 def two_steps(visitor: Visitor) -> None:
