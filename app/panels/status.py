@@ -82,10 +82,9 @@ class Status:
         before, after = float(self._energies.before[state.moment - 1]), float(self._energies.after[state.moment - 1])
         change = after - before
         percent = 100 * change / before if before else 0.0
+        share = "&lt;\u20090.01" if 0 < abs(percent) < 0.01 else _signed(percent, 3)
         color = "start" if change < 0 else ("dim" if change == 0 else "rejected")
-        return (
-            f"Energy <b>{number(after, 6)}</b> <span class='{color}'>{_signed(change)} ({_signed(percent, 3)} %)</span>"
-        )
+        return f"Energy <b>{number(after, 6)}</b> <span class='{color}'>{_signed(change)} ({share} %)</span>"
 
 
 def _shown_position(state: RunState) -> SchedulePosition | None:
