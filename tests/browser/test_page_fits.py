@@ -103,7 +103,10 @@ def test_no_panel_overflows_or_scrolls_sideways(visitor: Visitor, order: str):
 
 @pytest.mark.parametrize("order", ["sequential", "worst_first", "independent", "joint"])
 def test_position_and_energy_fit_in_one_line_each_with_large_numbers(visitor: Visitor, order: str):
-    page, state = next(iter(visitor.app.pages.values())), visitor.app.controller.wait_until_idle()
+    visitor.app.controller.post(Restart(OPTIONS))
+    page, state = next(iter(visitor.app.pages.values())), visitor.press("Step one iteration")
+    assert state.record is not None
+    assert len(state.record.faces)
     status = next(panel for panel in page.panels._panels if isinstance(panel, Status))
     blur = (10.0, 8.5, 6.0, 4.5, 3.0, 1.25, 0.65)
     options = FairingOptions(schedule=ScheduleOptions(blur=blur, order=order, max_sweeps=(12,), max_iterations=(10,)))  # pyright: ignore[reportArgumentType]
