@@ -8,7 +8,10 @@ from pathlib import Path
 import pytest
 
 import app.lessons
+from app.lessons import facts, vocabulary
+from app.lessons.pseudo_code import LINES
 from app.lessons.reader import lesson_names, load_lesson
+from app.lessons.vocabulary import understand_action
 
 PAGE = (Path(app.lessons.__file__).parent / "for_teachers.md").read_text(encoding="utf-8")
 EXERCISES = re.findall(r"### (\d+\. [^\n]+)\n.*?```python\n(.*?)```\n\n```text\n(.*?)```", PAGE, re.DOTALL)
@@ -37,6 +40,35 @@ def test_the_table_lists_every_lesson_with_its_time():
 def test_every_lesson_has_an_exercise():
     after = set(re.findall(r"\(after `(\w+)`\)", " ".join(title for title, _, _ in EXERCISES)))
     assert after | {"model"} == set(lesson_names())
+
+
+def test_every_action_of_the_table_is_understood_and_every_kind_of_action_is_listed():
+    rows = re.findall(r"^\| (`.+`) \|", part_of("Actions"), re.MULTILINE)
+    actions = [action for row in rows for action in re.findall(r"`([^`]+)`", row)]
+    assert len(actions) > 30
+    for action in actions:
+        understand_action(action, {"main", "a"})
+    kinds = {re.findall(r"\w+", pattern)[0] for pattern, _ in vocabulary._ACTIONS}
+    assert {line.split()[0] for line in actions} >= kinds
+
+
+def part_of(heading: str) -> str:
+    """The text under a heading of the page, up to the next one."""
+    return re.split(r"^#+ .+\n", PAGE.partition(f"# {heading}\n")[2], maxsplit=1, flags=re.MULTILINE)[0]
+
+
+def test_the_numbers_of_the_tables_exist_and_all_those_of_lessons_are_listed():
+    listed = re.findall(r"`([a-z_]+)(\([vk]\))?`", part_of("Numbers"))
+    assert {name for name, argument in listed if argument} <= set(facts.FUNCTIONS)
+    values = {name for name, argument in listed if not argument} - {"and", "or", "not"}
+    assert values <= set(facts.VALUES)
+    assert values >= set(facts.OF_MOMENT)
+    assert {name for name, _ in listed} >= set(facts.OF_ONE)
+
+
+def test_the_names_of_lines_of_pseudo_code_are_listed():
+    text = PAGE.partition("the name of the line of pseudo-code to highlight:")[2].partition("- `keep`")[0]
+    assert re.findall(r"`(\w+)`", text) == list(LINES)
 
 
 @pytest.mark.slow

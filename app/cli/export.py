@@ -4,12 +4,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from app.cli.arguments import ALL_PHOTOS, PhotosArgument, RecordedMeshArgument, RecordedSceneArgument, RunArgument
 from app.cli.export_lesson import export_lesson, export_lessons
 from app.cli.lines import print_line
 from app.cli.loading import load_with_progress
+from app.cli.progress_bar import progress_bar
 from app.debugger.moment_id import find_moment, parse_moment_id
 from app.export.page import write_page
 from app.export.picture import write_picture
@@ -90,13 +90,7 @@ def export_to_file(
     moment = None if wanted is None else find_moment(trace, wanted)
     facts = RunFacts(session, path.parent)
     thinned = ""
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn("{task.percentage:3.0f} %"),
-        TimeRemainingColumn(),
-    )
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+    with progress_bar(console) as bar:
         task = bar.add_task(f"making {out.name}", total=1.0)
 
         def on_progress(fraction: float) -> None:

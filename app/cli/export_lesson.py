@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import TypeVar
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from app.cli.lines import print_line
+from app.cli.progress_bar import progress_bar
 from app.files.scene_source import SceneSource
 from fairing.errors import InputError
 from fairing.io import prepare_output_folder
@@ -66,13 +66,7 @@ def export_lessons(folder: Path, console: Console) -> int:
 
 def _with_bar(console: Console, write: Callable[[Callable[[float, str], None]], _Written]) -> _Written:
     """The result of `write`, which receives a callback (fraction done, line) that moves the bar."""
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn("{task.percentage:3.0f} %"),
-        TimeRemainingColumn(),
-    )
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+    with progress_bar(console) as bar:
         task = bar.add_task("lessons", total=1.0)
         return write(lambda fraction, line: bar.update(task, completed=fraction, description=line))
 

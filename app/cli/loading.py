@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 from rich.console import Console
-from rich.progress import Progress
 
+from app.cli.progress_bar import progress_bar
 from app.files.scene_source import SceneSource
 from app.html import duration
 from fairing.scene import Scene
@@ -51,7 +51,7 @@ def load_with_bar(
     Args:
         show: called with the line and the remaining time, a few times a second.
     """
-    with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
+    with progress_bar(console) as bar:
         task, due = bar.add_task(f"opening {name}", total=1.0), 0.0
 
         def on_progress(fraction: float, line: str) -> None:

@@ -4,12 +4,12 @@ from pathlib import Path
 
 import numpy as np
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from app.cli.arguments import ALL_PHOTOS, PhotosArgument, SceneArgument
 from app.cli.interrupt import Interrupt
 from app.cli.lines import print_line
 from app.cli.loading import load_with_progress
+from app.cli.progress_bar import progress_bar
 from app.files.scene_source import SceneSource
 from demo_scenes import is_demo
 from fairing.errors import Cancelled, InputError
@@ -78,11 +78,7 @@ def summary_line(found: FeaturePoints, n_photos: int) -> str:
 def _find(views: tuple[View, ...], path: Path, console: Console) -> FeaturePoints:
     """The points, with a progress bar; Ctrl-C cancels."""
     interrupt = Interrupt()
-    bar = Progress(
-        TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:3.0f} %"), TextColumn("left"),
-        TimeRemainingColumn(), console=console, transient=True, disable=not console.is_terminal,
-    )  # fmt: skip
-    with interrupt.listening(), bar:
+    with interrupt.listening(), progress_bar(console) as bar:
         task = bar.add_task("finding points", total=None)
 
         def show(done: int, count: int) -> None:

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 from rich.console import Console
-from rich.progress import Progress
 
 from app.cli.lines import print_line
+from app.cli.progress_bar import progress_bar
 from app.cli.texture import DEFAULT_TEXTURE, paint_with_progress
 from app.files.run_files import LEFT_OUT, MODEL, MODEL_BEFORE
 from app.pictures.left_out_sheet import LeftOutSheet
@@ -77,7 +77,7 @@ def predict_left_out(
     count = len(scene.views)
     views = np.unique(np.linspace(0, count - 1, min(count, MOST_LEFT_OUT)).round().astype(int)).tolist()
     sheet = LeftOutSheet(scene)
-    with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
+    with progress_bar(console) as bar:
         task = bar.add_task("predicting left-out photos", total=len(views))
 
         def on_view(prediction: Any) -> None:

@@ -4,11 +4,11 @@ from pathlib import Path
 
 import numpy as np
 from rich.console import Console
-from rich.progress import Progress
 
 from app.cli.arguments import ALL_PHOTOS, MeshArgument, PhotosArgument, SceneArgument
 from app.cli.lines import print_line
 from app.cli.loading import load_with_progress
+from app.cli.progress_bar import progress_bar
 from app.files.scene_source import SceneSource
 from fairing.errors import InputError
 from fairing.io.textured_mesh import check_textured_suffix, write_textured
@@ -61,7 +61,7 @@ def paint_with_progress(scene: Scene, vertices: np.ndarray, size: int, console: 
     Raises:
         InputError: the texture is too small for the faces.
     """
-    with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
+    with progress_bar(console) as bar:
         task = bar.add_task("painting", total=1.0)
         try:
             model = textured_model(scene, vertices, size, lambda fraction: bar.update(task, completed=fraction))

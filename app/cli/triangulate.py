@@ -6,12 +6,13 @@ from typing import Annotated
 import numpy as np
 import tyro
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import TimeElapsedColumn
 
 from app.cli.arguments import ALL_PHOTOS, PhotosArgument, PointsArgument, SceneArgument
 from app.cli.interrupt import Interrupt
 from app.cli.lines import print_line
 from app.cli.loading import load_with_bar
+from app.cli.progress_bar import progress_bar
 from app.files.json_file import write_json
 from app.files.run_files import FLIPS, POINTS
 from app.files.scene_source import SceneSource, write_points_of_run
@@ -88,7 +89,7 @@ def triangulate_with_progress(
     header: dict = {}
     source.resolved(points).note_in(header)
     interrupt = Interrupt()
-    with interrupt.listening(), _bar(console) as bar:
+    with interrupt.listening(), progress_bar(console, TimeElapsedColumn()) as bar:
         task = bar.add_task("triangulating", total=1.0)
 
         def show(flips: int, open_edges: int, energy: float) -> None:
@@ -134,10 +135,3 @@ def check_triangulation_output(out: Path) -> None:
         raise InputError(
             f"--out {out}: {existing[0].name} exists and is not of an earlier triangulation; choose another name"
         )
-
-
-def _bar(console: Console) -> Progress:
-    return Progress(
-        TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:3.0f} %"), TimeElapsedColumn(),
-        console=console, transient=True, disable=not console.is_terminal,
-    )  # fmt: skip

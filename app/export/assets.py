@@ -3,9 +3,39 @@
 import json
 from collections.abc import Iterable
 from importlib.resources import files
+from string import Template
 from typing import Any
 
+from app.html import text
 from app.palette import BACKGROUND, BRAND, GROUND, NOW, SELECTED, START, TRUTH, dark_variables, light_variables, solid
+
+# Nothing may be requested: scripts, styles and pictures are parts of the file.
+_STATIC_POLICY = "default-src 'none'; style-src 'unsafe-inline'"
+_SCRIPT_POLICY = f"{_STATIC_POLICY}; script-src 'unsafe-inline'; img-src data:"
+
+
+def offline_document(
+    title: str, about: str, style: str, body: str, data: dict[str, Any] | None = None, scripts: str = ""
+) -> str:
+    """A complete HTML document that makes no request, in the theme of the browser.
+
+    Args:
+        title, about: title and description, plain text.
+        style: CSS rules after those of the theme's colours.
+        body: markup.
+        data: what the scripts read, as the element `data`; None: the document has no scripts.
+        scripts: markup of the scripts.
+    """
+    if data is not None:
+        body += f'<script type="application/json" id="data">{_json(data)}</script>\n{scripts}'
+    return Template(asset("document.html")).substitute(
+        _theme_colors(),
+        policy=_STATIC_POLICY if data is None else _SCRIPT_POLICY,
+        title=text(title),
+        about=text(about),
+        style=style,
+        body=body,
+    )
 
 
 def asset(name: str, package: str = "app.export") -> str:
@@ -18,12 +48,12 @@ def script_elements(names: Iterable[str], package: str = "app.export") -> str:
     return "".join(f"<script>{asset(name, package)}</script>" for name in names)
 
 
-def json_element(data: dict[str, Any]) -> str:
-    """Data as JSON for a script element; "<" is escaped because it could end the element."""
+def _json(data: dict[str, Any]) -> str:
+    """JSON for a script element; "<" is escaped because it could end the element."""
     return json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
 
 
-def theme_colors() -> dict[str, str]:
+def _theme_colors() -> dict[str, str]:
     """CSS variables of a page: `colors` of the dark theme, and `light_colors`, which replace them in the light theme."""
     colors = {
         "ground": BACKGROUND, "brand": BRAND, "selected": SELECTED, "start": START, "now": NOW, "truth": TRUTH,

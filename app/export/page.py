@@ -11,7 +11,7 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
-from app.export.assets import asset, json_element, script_elements, theme_colors
+from app.export.assets import asset, offline_document, script_elements
 from app.export.page_data import page_data
 from app.export.run_facts import RunFacts
 from app.export.run_tables import figures_table, options_list
@@ -47,15 +47,11 @@ def page_of(facts: RunFacts, at: int, on_progress: Callable[[float], None]) -> s
 def _page(facts: RunFacts, data: dict[str, Any]) -> str:
     mesh = facts.scene.mesh
     counts = f"{facts.length} steps · {len(mesh.vertices)} vertices · {len(mesh.faces)} faces · {len(facts.scene.views)} photos"
-    return Template(asset("replay.html")).substitute(
-        **theme_colors(),
+    body = Template(asset("replay.html")).substitute(
         name=text(facts.scene.name),
         options=text(facts.title),
         counts=text(counts),
-        style=asset("replay.css"),
         run=figures_table(facts) + options_list(facts.options),
-        data=json_element(data),
-        scripts=script_elements(_SCRIPTS),
         icon_start=icon("start"),
         icon_back=icon("one", mirrored=True),
         icon_run=icon("run"),
@@ -63,3 +59,5 @@ def _page(facts: RunFacts, data: dict[str, Any]) -> str:
         icon_forward=icon("one"),
         icon_end=icon("start", mirrored=True),
     )
+    title = f"{facts.scene.name}: a fairing run"
+    return offline_document(title, facts.title, asset("replay.css"), body, data, script_elements(_SCRIPTS))

@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from string import Template
 
-from app.export.assets import asset, json_element, script_elements, theme_colors
+from app.export.assets import asset, offline_document, script_elements
 from app.html import icon, text
 from app.lesson_pages.measured import experiment_of, measured_experiment
 from app.lesson_pages.page_data import lesson_data
@@ -110,12 +110,8 @@ def _page(lesson: Lesson, data: dict, index: str) -> str:
         "icon_forward": icon("one"),
         "icon_end": icon("start", mirrored=True),
     }
-    colors = theme_colors()
-    reference = f"--reference:{solid(REFERENCE)};"
-    return Template(asset("lesson.html", "app.lesson_pages")).substitute(
+    body = Template(asset("lesson.html", "app.lesson_pages")).substitute(
         buttons,
-        colors=colors["colors"] + reference,
-        light_colors=colors["light_colors"],
         title=text(lesson.title),
         about=text(lesson.about),
         index=back,
@@ -126,10 +122,11 @@ def _page(lesson: Lesson, data: dict, index: str) -> str:
         spans="".join(
             f"<button type='button' class='chip' data-span='{s}'>{text(t)}</button>" for s, t in SPANS.items()
         ),
-        style=asset("lesson.css", "app.lesson_pages"),
-        data=json_element(data),
-        scripts=script_elements(_SHARED) + script_elements(_OWN, "app.lesson_pages"),
     )
+    title = f"{lesson.title}: an EigenFairing lesson"
+    style = f":root {{ --reference:{solid(REFERENCE)}; }}\n{asset('lesson.css', 'app.lesson_pages')}"
+    scripts = script_elements(_SHARED) + script_elements(_OWN, "app.lesson_pages")
+    return offline_document(title, lesson.about, style, body, data, scripts)
 
 
 def _index(lessons: Sequence[Lesson]) -> str:
@@ -138,4 +135,6 @@ def _index(lessons: Sequence[Lesson]) -> str:
         f"{len(lesson.steps)} steps.</span></a></li>"
         for lesson in lessons
     )
-    return Template(asset("index.html", "app.lesson_pages")).substitute(theme_colors(), rows=rows)
+    body = Template(asset("index.html", "app.lesson_pages")).substitute(rows=rows)
+    about = f"{len(lessons)} lessons, one file each"
+    return offline_document("EigenFairing: lessons", about, asset("index.css", "app.lesson_pages"), body)

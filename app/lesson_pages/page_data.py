@@ -55,6 +55,7 @@ def lesson_data(played: PlayedLesson, on_progress: Callable[[float], None]) -> d
             "isFinished": facts.session.finished,
             "cells": cells[n],
             "keyframes": _keyframes(played, n),
+            "off": _errors_of_vertices(facts),
         }
         for n, facts in enumerate(runs)
     ]
@@ -77,6 +78,19 @@ def lesson_data(played: PlayedLesson, on_progress: Callable[[float], None]) -> d
         "layers": LAYERS,
         "curves": [css(CURVES[0]), css(CURVES[4]), css(CURVES[2])],
     }
+
+
+def _errors_of_vertices(facts: RunFacts) -> dict[str, str] | None:
+    """(moments, n) float32: distance of every vertex of a small mesh from its true position, hundredths of a world unit.
+
+    The positions in the file are rounded, which changes the digits of a small error.
+    """
+    scene, trace = facts.scene, facts.trace
+    known = None if scene.truth is None else scene.truth.vertices
+    if known is None or len(scene.mesh.faces) > ALL_FACES:
+        return None
+    off = [np.linalg.norm(trace.vertices_at(moment) - known, axis=1) for moment in range(facts.length + 1)]
+    return packed((100 * np.array(off)).astype(np.float32))
 
 
 def _shortest_edge(scene: Scene) -> float:

@@ -111,7 +111,7 @@ def _ended_step(
     found = player.findings[n]
     untrue = [claim for claim, holds in found.claims if not holds]
     if untrue:
-        raise InputError(f"{where}: expected {untrue[0]}, which does not hold on this scene")
+        raise InputError(f"{where}: expected {untrue[0]}, found {found.found[untrue[0]]}")
     settings = lesson.page_settings_at(n)
     reference = player.reference(settings)
     moments = {run.run_id: run.moment for run in controller.state.runs}

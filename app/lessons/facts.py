@@ -7,7 +7,7 @@ from typing import SupportsFloat
 import numpy as np
 
 from app.debugger import quantities
-from app.debugger.condition import Quantities
+from app.debugger.condition import Condition, Quantities
 from app.debugger.quantities import StepContext, quantities_of
 from fairing.errors import InputError
 from fairing.judge.certainty import Certainty, certainties
@@ -105,6 +105,23 @@ def facts_of(session: Session, face: int | None, kept: Mapping[str, float]) -> Q
     }
     kept_values = {name: (lambda value=value: value) for name, value in kept.items()}
     return Quantities(values | kept_values, functions)
+
+
+def values_used(condition: Condition, facts: Quantities) -> dict[str, float]:
+    """The quantities that occur in a condition, such as `off(0)`, with their values."""
+    used: dict[str, float] = {}
+
+    def noted(name: str, value: float) -> float:
+        used[name] = value
+        return value
+
+    values = {name: (lambda n=name, f=compute: noted(n, f())) for name, compute in facts.values.items()}
+    functions = {
+        name: compute if name == "abs" else (lambda x, n=name, f=compute: noted(f"{n}({x:g})", f(x)))
+        for name, compute in facts.functions.items()
+    }
+    condition.evaluate(Quantities(values, functions))
+    return used
 
 
 def _share(found: FaceCells, k: float) -> float:

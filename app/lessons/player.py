@@ -7,7 +7,7 @@ paused. Every step ends at a moment of a run, so going back to a step, or resumi
 import logging
 import threading
 from collections.abc import Callable, Generator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import Enum
 
 from app.debugger.commands import (
@@ -28,7 +28,7 @@ from app.debugger.option_fields import changed_options
 from app.debugger.run_state import RunState
 from app.debugger.runs import RunInfo
 from app.lessons.engine_actions import Advance, Continue, EngineAction, PlaceVertex, RacedRuns, StartRun, SwitchRun
-from app.lessons.facts import facts_of
+from app.lessons.facts import facts_of, values_used
 from app.lessons.lesson import ANY_SCENE, Lesson, LessonStep
 from app.lessons.page_settings import PageSettings
 from app.lessons.scenes import is_lesson_scene
@@ -58,10 +58,17 @@ class Ended:
 
 @dataclass(frozen=True)
 class Findings:
-    """Results of a step: its numbers by expression, and its claims with whether they hold."""
+    """Results of a step.
+
+    Attributes:
+        numbers: by expression.
+        claims: with whether they hold.
+        found: for each claim that does not hold, the values of its quantities, such as `off(0) = 12.2`.
+    """
 
     numbers: dict[str, float]
     claims: tuple[tuple[str, bool], ...]
+    found: dict[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -354,7 +361,13 @@ def examine_step(
     kept = kept | {keep.name: keep.expression.evaluate(facts) for keep in step.keeps}
     facts = facts_of(session, face, kept)
     numbers = {text: expression.evaluate(facts) for text, expression in step.numbers.items()}
-    return Findings(numbers, tuple((claim.text, claim.holds(facts)) for claim in step.claims)), kept
+    claims = tuple((claim.text, claim.holds(facts)) for claim in step.claims)
+    found = {
+        claim.text: ", ".join(f"{name} = {value:.4g}" for name, value in values_used(claim, facts).items())
+        for claim, (_, holds) in zip(step.claims, claims, strict=True)
+        if not holds
+    }
+    return Findings(numbers, claims, found), kept
 
 
 def _first(before: Command, then: "Command | _Examine", rest: _Script) -> _Script:

@@ -14,7 +14,7 @@ face 2
 look at mesh | look at front | look at cameras | look through photo 3
 show truth, start | hide cameras                                  layers
 surface flat | shape truth | magnify 10                           surface and its vertices; magnification of paths
-page cells | columns photo, weight | k 5 | k own | arrows 30 | pair 0 7 | crops path     the cells
+page cells | columns photo, weight | k 5 | k own | arrows 30 | pair 1 8 | crops path     the cells
 plot energy | plot step of the vertex
 compare with a | compare with nothing
 tab Runs

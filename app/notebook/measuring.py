@@ -7,7 +7,7 @@ from typing import Any
 
 from app.experiments.chart import charts_of
 from app.experiments.workers import rows_in_order
-from app.export.assets import theme_colors
+from app.export.assets import offline_document
 from app.html import number, text
 from app.notebook.frame import Frame
 from app.notebook.progress import progress
@@ -85,18 +85,14 @@ def read_measured(path: Path) -> Measured:
 def _page(measured: Measured) -> str:
     names = measured.experiment.columns
     head = "".join(f"<th title='{text(meaning)}'>{text(name)}</th>" for name, meaning in names.items())
-    body = "".join(f"<tr>{''.join(f'<td>{_shown(row[name])}</td>' for name in names)}</tr>" for row in measured.rows)
-    colors = theme_colors()
-    return (
-        "<!doctype html><html lang='en'><head><meta charset='utf-8'><meta http-equiv='Content-Security-Policy' "
-        f"content=\"default-src 'none'; style-src 'unsafe-inline'\"><title>{text(measured.experiment.title)}</title>"
-        f"<style>:root {{ color-scheme: light dark; {colors['colors']} }} @media (prefers-color-scheme: light) "
-        f"{{ :root {{ {colors['light_colors']} }} }} {_STYLE}</style></head><body>"
+    rows = "".join(f"<tr>{''.join(f'<td>{_shown(row[name])}</td>' for name in names)}</tr>" for row in measured.rows)
+    body = (
         f"<h1>{text(measured.experiment.title)}</h1><p>{text(measured.experiment.question)}</p>"
         f"<div class='charts'>{charts_svg(charts_of(measured.experiment, measured.cases, measured.rows))}</div>"
         f"<p><b>{text(measured.finding)}</b></p><details><summary>{len(measured.rows)} runs</summary>"
-        f"<table><tr>{head}</tr>{body}</table></details></body></html>"
+        f"<table><tr>{head}</tr>{rows}</table></details>"
     )
+    return offline_document(measured.experiment.title, measured.experiment.question, _STYLE, body)
 
 
 def _shown(value: Any) -> str:
@@ -104,6 +100,7 @@ def _shown(value: Any) -> str:
 
 
 _STYLE = """
+:root { color-scheme: light dark; }
 body { margin: 0; padding: 16px 20px; background: var(--ground); color: var(--text); font: 14px/1.5 system-ui, sans-serif;
   font-variant-numeric: tabular-nums; }
 h1 { font-size: 18px; margin: 0; color: var(--strong); } h4 { margin: 8px 0 0; font-size: 13px; color: var(--strong); }

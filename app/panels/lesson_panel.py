@@ -159,7 +159,9 @@ def _checked(found: Findings) -> str:
     if not found.claims:
         return ""
     true = sum(holds for _, holds in found.claims)
-    claims = "; ".join(f"{claim}: {'holds' if holds else 'does not hold here'}" for claim, holds in found.claims)
+    claims = "; ".join(
+        f"{claim}: {'holds' if holds else f'does not hold here, {found.found[claim]}'}" for claim, holds in found.claims
+    )
     count = f"{true} of {len(found.claims)}"
     css_class = "dim" if true == len(found.claims) else "rejected"
     return f"<p class='{css_class}' title='{text(claims)}'>✓ {count} claims verified on this run</p>"

@@ -6,54 +6,29 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from playwright.sync_api import Browser, BrowserContext, Page, ViewportSize
+from playwright.sync_api import Browser, ViewportSize
 
-from app.export.page_data import GRID
 from app.lesson_pages import page as lesson_page
-from app.lesson_pages.playing import PlayedLesson, PlayedStep, play_lesson
-from app.lessons.reader import lesson_names, numbers_in
-from fairing.judge.inspect import cells_in_context, energies_by_dimension, face_cells
-from tests.browser.driver import IN_BROWSER, WINDOW, chromium
-from tests.waiting import PATIENCE, wait_for
+from app.lesson_pages.playing import PlayedLesson, play_lesson
+from app.lessons.reader import lesson_names
+from fairing.judge.inspect import energies_by_dimension, face_cells
+from tests.browser.driver import IN_BROWSER, WINDOW
+from tests.browser.lesson_reader import (
+    ENERGY_TOLERANCE,
+    Reader,
+    check_every_k_by_keyboard,
+    check_moved_vertex,
+    check_scrubbed_by_keyboard,
+    check_step,
+)
 
 pytestmark = [*IN_BROWSER, pytest.mark.usefixtures("remembered_steps")]
 
 PHONE: ViewportSize = {"width": 390, "height": 844}
 MAX_BYTES = 8_000_000
-WALKED = lesson_names() if os.environ.get("EIGENFAIRING_ALL_LESSONS") else ("model", "displacement")
-# Cells of the page and the engine differ at the border of parts blurred by Fourier transform (see test_page_export).
-ENERGY_TOLERANCE = 0.02
-
-
-class Reader:
-    """A browser tab without a network that collects requests and everything that goes wrong."""
-
-    def __init__(self, context: BrowserContext) -> None:
-        self.page: Page = context.new_page()
-        self.page.set_default_timeout(1000 * PATIENCE)
-        self.troubles: list[str] = []
-        self.requests: list[str] = []
-        self.page.on("console", lambda message: self.troubles.append(message.text) if message.type == "error" else None)
-        self.page.on("pageerror", lambda error: self.troubles.append(str(error)))
-        self.page.on("request", lambda request: self.requests.append(request.url))
-
-    def open(self, path: Path) -> None:
-        self.page.goto(path.as_uri())
-        self.page.wait_for_selector("body[data-ready]")
-        assert {url for url in self.requests if not url.startswith(("data:", "blob:"))} == {path.as_uri()}
-
-    def at_step(self, number: int) -> None:
-        wait_for(lambda: self.page.evaluate("state.step") == number)
-
-    def energy(self) -> float:
-        """Energy of the face shown, as the page computes it."""
-        return self.page.evaluate("cellsOf(shownFace(), state.cells.dimensions).energy")
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with chromium() as browser:
-        yield browser
+# EIGENFAIRING_ALL_LESSONS=1 walks all of them, with their experiments.
+WALKS_ALL = bool(os.environ.get("EIGENFAIRING_ALL_LESSONS"))
+WALKED = lesson_names() if WALKS_ALL else ("model", "displacement")
 
 
 @pytest.fixture(scope="module")
@@ -71,7 +46,7 @@ def lessons(tmp_path_factory, remembered_steps) -> dict[str, tuple[Path, PlayedL
             with pytest.MonkeyPatch.context() as patch:
                 patch.setattr(lesson_page, "play_lesson", play)
                 out = tmp_path_factory.mktemp("lessons") / f"{name}.html"
-                lesson_page.write_lesson(name, out, lambda fraction, line: None, with_experiment=False)
+                lesson_page.write_lesson(name, out, lambda fraction, line: None, with_experiment=WALKS_ALL)
             self[name] = out, found[0]
             return self[name]
 
@@ -79,91 +54,105 @@ def lessons(tmp_path_factory, remembered_steps) -> dict[str, tuple[Path, PlayedL
 
 
 @pytest.fixture
-def desk(browser) -> Iterator[Reader]:
-    context = browser.new_context(viewport=WINDOW, offline=True)
-    reader = Reader(context)
+def desk(browser: Browser) -> Iterator[Reader]:
+    reader = Reader(browser.new_context(viewport=WINDOW, offline=True))
     yield reader
-    assert reader.troubles == []
-    context.close()
+    reader.close()
 
 
 @pytest.fixture
-def phone(browser) -> Iterator[Reader]:
-    context = browser.new_context(viewport=PHONE, offline=True, has_touch=True, is_mobile=True, color_scheme="light")
-    reader = Reader(context)
+def phone(browser: Browser) -> Iterator[Reader]:
+    reader = Reader(
+        browser.new_context(
+            viewport=PHONE, device_scale_factor=2, offline=True, has_touch=True, is_mobile=True, color_scheme="light"
+        )
+    )
     yield reader
-    assert reader.troubles == []
-    context.close()
+    reader.close()
 
 
-def checked(reader: Reader, played: PlayedLesson, step: PlayedStep) -> None:
-    """The step in sight is that of the engine: vertices, cells and every number of the text."""
-    facts, page = played.runs[step.run].facts, reader.page
-    wanted = facts.stage.page_from_world(facts.trace.vertices_at(step.moment))
-    found = np.array(page.evaluate("Array.from(viewer.now)"), dtype=np.float32).reshape(-1, 3)
-    assert np.abs(found - wanted).max() <= 0.51 * GRID
-    shown = [
-        float(value.replace("\u2009", "").replace("\u2212", "-")) for value in page.locator("#text b").all_inner_texts()
-    ]
-    text = played.lesson.steps[page.evaluate("state.step")].text
-    wanted_numbers = [step.findings.numbers[name] for name in numbers_in(text)]
-    assert shown == pytest.approx(wanted_numbers, rel=5e-3), text
-    face = page.evaluate("shownFace()")
-    if face is not None and page.evaluate("state.cells.page") == "cells":
-        dimensions = step.settings.cells.get("dimensions")
-        engine = face_cells(facts.session, face, step.moment, dimensions)
-        assert reader.energy() == pytest.approx(engine.energy, rel=ENERGY_TOLERANCE), (face, step.moment)
-
-
-# EIGENFAIRING_ALL_LESSONS=1 walks all of them.
 @pytest.mark.slow
 @pytest.mark.parametrize("name", WALKED)
-def test_a_lesson_is_walked_by_keyboard_alone_and_shows_what_the_engine_computed(name, lessons, desk):
+def test_a_lesson_is_walked_and_tried_by_keyboard_alone(name, lessons, desk):
     path, played = lessons[name]
     assert path.stat().st_size < MAX_BYTES
     desk.open(path)
-    keys = desk.page.keyboard
+    keys, page, claims, values, moved = desk.page.keyboard, desk.page, 0, 0, 0
     for n, step in enumerate(played.steps):
         if n:
             keys.press("PageDown")
         desk.at_step(n)
-        checked(desk, played, step)
-        assert desk.page.locator("#title").inner_text() == played.lesson.steps[n].title
+        claims += check_step(desk, played, n)
         if played.lesson.steps[n].question is not None:
-            desk.page.locator("#question button").first.focus()
+            desk.tab_to("#question button")
             keys.press("Enter")
-            desk.page.locator("#verdict").wait_for()
-            assert desk.page.evaluate("document.activeElement.id") == "verdict"
-    assert desk.page.locator("#next").is_disabled()
+            page.locator("#verdict").wait_for()
+            assert page.evaluate("document.activeElement.id") == "verdict"
+        values += check_every_k_by_keyboard(desk, played, step)
+        if page.locator("#move button").count():
+            desk.tab_to("[data-move='+x']")
+            keys.press("Enter")
+            check_moved_vertex(desk, played, step)
+            moved += 1
+        check_scrubbed_by_keyboard(desk, played, step)
+    assert page.locator("#next").is_disabled()
+    assert claims == sum(len(step.claims) for step in played.lesson.steps)
+    assert values
+    assert moved
     keys.press("PageUp")
     desk.at_step(len(played.steps) - 2)
+    check_step(desk, played, len(played.steps) - 2)
 
 
-def test_nothing_is_cut_off_at_a_desk_or_on_a_phone_and_everything_has_a_name(lessons, desk, phone):
-    path, played = lessons["model"]
+@pytest.mark.slow
+@pytest.mark.parametrize("name", WALKED)
+def test_a_lesson_is_read_and_tried_with_a_finger(name, lessons, phone):
+    path, played = lessons[name]
+    phone.open(path)
+    page, dragged = phone.page, 0
+    for n, step in enumerate(played.steps):
+        if n:
+            page.locator("#next").tap()
+        phone.at_step(n)
+        check_step(phone, played, n)
+        assert phone.wide() == [], f"step {n + 1}"
+        if played.lesson.steps[n].question is not None:
+            page.locator("#question button").last.tap()
+            page.locator("#verdict").wait_for()
+        place = page.evaluate(
+            """() => {
+                const vertex = state.vertices.at(-1);
+                return viewer.through === null && facesOf(vertex).length > 0 && viewer.place(vertex);
+            }"""
+        )
+        if place:
+            box = page.locator("#scene").bounding_box()
+            assert box["height"] > 0.3 * PHONE["height"]
+            phone.drag_by_touch(box["x"] + place[0], box["y"] + place[1], 12, 9)
+            after = page.evaluate("(viewer.draw(), viewer.place(state.vertices.at(-1)))")
+            assert after[:2] == pytest.approx([place[0] + 12, place[1] + 9], abs=1.5), f"step {n + 1}"
+            check_moved_vertex(phone, played, step)
+            dragged += 1
+    assert dragged
+
+
+@pytest.mark.parametrize("name", WALKED)
+def test_every_step_has_names_and_contrast_for_everybody(name, lessons, desk, phone):
+    path, played = lessons[name]
     for reader in (desk, phone):
         reader.open(path)
         for n in range(len(played.steps)):
-            if n and reader is phone:
-                reader.page.locator("#next").tap()
-            elif n:
-                reader.page.locator("#next").click()
-            reader.at_step(n)
-            wide = reader.page.evaluate(
-                """() => [...document.querySelectorAll('body, main, article, #cells-panel, #below, header')]
-                    .filter((node) => node.scrollWidth > node.clientWidth + 1).map((node) => node.id || node.tagName)"""
-            )
-            assert wide == [], f"step {n + 1}"
-            nameless = reader.page.evaluate(
-                """() => [...document.querySelectorAll('button, input, [role=img], a')].filter((node) =>
-                    node.checkVisibility() && !(node.getAttribute('aria-label') || node.textContent.trim()
-                    || node.labels?.length)).map((node) => node.outerHTML)"""
-            )
-            assert nameless == [], f"step {n + 1}"
+            reader.page.evaluate("goToStep", n)
+            assert reader.serious_findings() == [], f"step {n + 1}"
     small = phone.page.evaluate(
-        "() => [...document.querySelectorAll('#next, #previous, [data-page], #play')].map((n) => n.getBoundingClientRect().height)"
+        """() => [...document.querySelectorAll('button, summary, a, input')]
+            .filter((node) => node.checkVisibility() && !node.closest('#steps, .bars') && node.getBoundingClientRect().height < 38)
+            .map((node) => node.outerHTML.slice(0, 160))"""
     )
-    assert min(small) >= 38, "large enough for a thumb"
+    assert small == [], "large enough for a thumb"
+    phone.page.emulate_media(color_scheme="light")
+    phone.page.reload()
+    phone.page.wait_for_selector("body[data-ready]")
     assert phone.page.evaluate("Math.min(...viewer.colors.background)") > 0.8, "the light theme"
 
 
@@ -178,18 +167,7 @@ def test_cells_of_a_moved_vertex_and_any_k_are_those_of_the_engine(lessons, desk
     desk.page.get_by_role("button", name="Move vertex 0 by 1 % along −z", exact=True).press("Enter")
     offset = np.array(desk.page.evaluate("state.offset.by")) / stage.scale
     assert offset == pytest.approx([0.01, 0, -0.01])
-    vertices = facts.trace.vertices_at(step.moment)
-    vertices[0] += offset
-    sweep = session.sweep_state(step.moment)
-    total = 0.0
-    for face in range(6):
-        sigma, scale = float(sweep.sigma[face]), float(sweep.scale[face])
-        wanted = cells_in_context(session, sweep.context, vertices, face, step.moment, sigma, scale).energy
-        found = desk.page.evaluate("face => cellsOf(face).energy", face)
-        assert found == pytest.approx(wanted, rel=ENERGY_TOLERANCE)
-        total += wanted
-    assert desk.page.evaluate("ringEnergy(0, positions())") == pytest.approx(total, rel=ENERGY_TOLERANCE)
-    assert "Moved by hand" in desk.page.locator("#try").inner_text()
+    check_moved_vertex(desk, played, step)
     desk.page.get_by_role("button", name="Back to the run").click()
     wanted = energies_by_dimension(session, 2, step.moment)
     found = desk.page.evaluate("[...Array(10).keys()].map((i) => run().cells.energyWith(cellsOf(2), i + 1))")
@@ -218,7 +196,7 @@ def test_a_vertex_is_dragged_and_the_lesson_resumed(lessons, desk):
     assert desk.page.evaluate("state.offset") is None
     assert desk.page.evaluate("state.moment") == played.runs[0].facts.length
     desk.page.get_by_role("button", name="Resume lesson").click()
-    checked(desk, played, played.steps[1])
+    check_step(desk, played, 1)
 
 
 def test_without_3d_the_rest_of_a_lesson_works(lessons, browser):

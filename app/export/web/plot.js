@@ -50,7 +50,7 @@ class Plot {
       svg("line", { x1: this.left, x2: this.width - this.right, y1: y, y2: y, class: "grid" }, this.svg);
       svg("text", { x: this.left - 6, y: y + 4, "text-anchor": "end" }, this.svg).textContent = brief(tick);
     }
-    svg("text", { x: this.left, y: 12, class: "name" }, this.svg).textContent = this.title;
+    svg("text", { x: 4, y: 12, class: "name" }, this.svg).textContent = this.title;
     this.reading = svg("text", { x: this.width - this.right, y: 12, "text-anchor": "end", class: "reading" }, this.svg);
     this.others.forEach((line) => this.curve(line, this.otherColor));
     this.lines.forEach((line) => this.curve(line, this.color));

@@ -19,7 +19,7 @@ function showCellsPanel() {
   $("faces").replaceChildren(...facesOf(vertex).map((f) => chip(`face ${f}`, f === face, () => { state.face = f; update(); })));
   if (face === null) {
     const choices = vertex === undefined ? verticesWithCells().slice(0, 8) : [];
-    $("nothing").append(...choices.map((v) => chip(`vertex ${v}`, false, () => select([v]))));
+    $("nothing").append(element("div", { className: "chips" }, ...choices.map((v) => chip(`vertex ${v}`, false, () => select([v])))));
     return;
   }
   ({ cells: showCellsPage, photos: showPhotosPage, pair: showPairPage })[page](vertex, face);

@@ -102,11 +102,14 @@ function showMoment() {
   $("scene").setAttribute("aria-label", `The mesh in 3D at moment ${m} of ${record.length}. ${vertex === undefined ? "No vertex is selected." : `Vertex ${vertex} is selected${distanceText(vertex)}.`} Arrow keys rotate, plus and minus zoom.`);
 }
 
-// Distance of a vertex from its true position, in the unit of the lessons.
-function off(vertex, vertices = positions()) {
-  const [a, b] = [point(vertices, vertex), point(arrays.truth, vertex)];
+// Distance of a vertex from its true position, in the unit of the lessons: that of the record, unless the reader has moved the vertex.
+function off(vertex) {
+  if (!state.offset && run().off) return offAt(run(), vertex, state.moment);
+  const [a, b] = [point(positions(), vertex), point(arrays.truth, vertex)];
   return 100 * Math.hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2]) / data.stage.pageFromWorld;
 }
+
+const offAt = ({ off: recorded }, vertex, moment) => recorded[moment * arrays.start.length / 3 + vertex];
 
 const distanceText = (vertex) => (arrays.truth && data.isCube ? `, ${brief(off(vertex))} % of an edge length off its true position` : "");
 
@@ -235,7 +238,7 @@ function movedMost(record) {
 }
 
 function showPlots() {
-  const { record } = run(), { levels, length, energy, errors } = record.run, other = step().compared ? runs[step().compared[0]].record : null;
+  const { record } = run(), { levels, length, energy, errors } = record.run, other = step().compared ? runs[step().compared[0]] : null;
   const bands = levels.filter((level) => level.end > level.first);
   plots = [];
   for (const host of [$("energy"), $("error")]) host.replaceChildren();
@@ -245,12 +248,12 @@ function showPlots() {
     host.append(place);
     plots.push(new Plot(place, { bands, length, onJump: jump, otherColor: "var(--reference)", ...settings }));
   };
-  make($("energy"), { title: "E by sweep", unit: "", lines: energy, others: other?.run.energy ?? [], isLog: false, color: data.css.now });
+  make($("energy"), { title: "E by sweep", unit: "", lines: energy, others: other?.record.run.energy ?? [], isLog: false, color: data.css.now });
   const line = (values) => ({ moments: values.map((_, m) => m), values });
   const vertex = state.vertices.at(-1) ?? movedMost(record), isOfVertex = arrays.truth && data.isCube;
-  const error = (of) => [line(isOfVertex ? Array.from({ length: of.length + 1 }, (_, m) => off(vertex, of.verticesAt(m))) : of.run.errors)];
+  const error = (of) => [line(isOfVertex ? Array.from({ length: of.record.length + 1 }, (_, m) => offAt(of, vertex, m)) : of.record.run.errors)];
   const title = isOfVertex ? "Error, % of an edge" : "Error, % of the diagonal";
-  if (errors) make($("error"), { title, unit: "", lines: error(record), others: other ? error(other) : [], isLog: true, color: data.css.truth });
+  if (errors) make($("error"), { title, unit: "", lines: error(run()), others: other ? error(other) : [], isLog: true, color: data.css.truth });
   plotted = vertex;
 }
 
@@ -451,7 +454,7 @@ async function open() {
   pictures = new PhotoPictures(data.photos.views);
   runs = data.runs.map((each) => {
     const record = new RunRecord(each, data.grid);
-    return { record, paths: record.paths(), keyframes: each.keyframes, uv: textureCoordinates(each.keyframes), cells: new Cells({ ...each.cells, photos: data.photos }, data.faces, data.colors) };
+    return { record, paths: record.paths(), keyframes: each.keyframes, off: each.off, uv: textureCoordinates(each.keyframes), cells: new Cells({ ...each.cells, photos: data.photos }, data.faces, data.colors) };
   });
   const first = runs[0];
   arrays = { start: first.record.start, truth: data.truth && onGrid(data.truth, data.grid), faces: data.faces, edges: data.edges, cameras: data.cameras, uv: [], paths: first.paths };
