@@ -30,7 +30,7 @@ def test_what_is_polled_does_not_hold_back_the_state_after_a_step():
 
 def test_a_state_that_was_not_due_is_delivered_without_another_update():
     publisher = Publisher(threading.Condition(), State(), dict, lambda error: None)  # pyright: ignore[reportArgumentType]
-    seen: list[int] = []
+    seen: list[object] = []
     publisher.subscribe(lambda state: seen.append(state.work))  # pyright: ignore[reportAttributeAccessIssue]
     publisher.worker.start()
     publisher.update(work=1)

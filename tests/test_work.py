@@ -43,6 +43,9 @@ def test_a_report_names_the_parts_and_the_time_that_remains(monkeypatch: pytest.
     assert report.seconds_left == 48.0
     assert report.line == "Searching 81 vertices, 3 of 15: reading the photos, 0 of 12; 48 s left"
     assert report_of([]) is None
+    unknown = report_of([Work("fitting the points", began=107.6)])
+    assert unknown is not None
+    assert (unknown.line, unknown.time) == ("Fitting the points; 4 s", "4 s")
     assert report_of([Work("measuring 3 faces", began=111.9)]) is None
 
 

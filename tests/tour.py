@@ -19,7 +19,6 @@ from app.debugger.run_state import Activity
 from app.export.page import write_page
 from app.export.picture import picture
 from app.export.run_facts import RunFacts
-from app.lessons.page_settings import AT_FRONT
 from app.lessons.player import Status
 from app.lessons.scenes import load_lesson_scene
 from app.page.server import App, start
@@ -45,7 +44,7 @@ def main(wanted: list[str]) -> None:
     app = start(session, port=0)
     with chromium() as browser:
         visitor = Visitor(browser, app)
-        _dismiss_notes(visitor.page)
+        visitor.close_notifications()
         page_of(app).interaction.select(CORNER)
         for name, take in DEBUGGER.items():
             take(visitor)
@@ -68,17 +67,9 @@ def page_of(app: App):
     return next(iter(app.pages.values()))
 
 
-def _dismiss_notes(page: Page) -> None:
-    """Close the viewer's notice that it draws without a graphics card."""
-    notes = page.locator("div[class*='Notification-root'] button")
-    wait_for(lambda: notes.count() > 0, seconds=30)
-    notes.first.click()
-    wait_for(lambda: notes.count() == 0)
-
-
 def begin(visitor: Visitor) -> None:
     """The start, textures and all, from where the corner and the three sides around it are seen."""
-    page_of(visitor.app)._lead_eye(AT_FRONT)
+    page_of(visitor.app).camera.show_front()
 
 
 def two_steps(visitor: Visitor) -> None:
@@ -126,7 +117,7 @@ def lesson(browser: Browser) -> np.ndarray:
     """A step in the middle of the lesson on cells."""
     app = start(Session(load_lesson_scene("cube")), port=0, lesson="cells")
     visitor = Visitor(browser, app)
-    _dismiss_notes(visitor.page)
+    visitor.close_notifications()
     player = page_of(app).lessons.player
     for step in range(LESSON_STEP + 1):
         wait_for(lambda step=step: player.step == step and player.status is Status.THERE, seconds=120)
@@ -142,7 +133,7 @@ def run(browser: Browser, options: FairingOptions) -> np.ndarray:
     scene = load_demo("cube")
     app = start(Session(scene, options), port=0)
     visitor = Visitor(browser, app)
-    _dismiss_notes(visitor.page)
+    visitor.close_notifications()
     begin(visitor)
     settled(visitor.page)
     assert scene.truth is not None

@@ -66,6 +66,7 @@ def serve(
         page.accept_keys((a.label, *key) for a in ACTIONS for key in a.keys)
         compilation = None if is_compiled() else EngineCompilation()
         page.begin(f"Opening {title}", lambda: _line_of(compilation))
+        page.show("Reading the scene")
         try:
             session = open_session(OpeningProgress(show, page.skip_requested))
             page.show("Building the page")

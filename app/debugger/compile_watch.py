@@ -33,4 +33,4 @@ def compiling() -> WorkReport | None:
     seconds = time.monotonic() - _watch.began
     if _watch.depth <= 0 or seconds < NOTICEABLE:
         return None
-    return WorkReport(f"compiling, first use only: {_watch.count} functions so far, {round(seconds)} s")
+    return WorkReport(f"compiling, first use only: {_watch.count} functions so far", seconds=round(seconds))

@@ -60,8 +60,8 @@ class EngineCompilation:
         if self._finished.is_set():
             return None
         seconds, (done, total) = round(time.monotonic() - self._began), self.compiled
-        which = f"{done} of {total}, " if total else ""
-        return WorkReport(f"compiling the engine, first start only: {which}{seconds} s", done / max(1, total))
+        which = f": {done} of {total}" if total else ""
+        return WorkReport(f"compiling the engine, first start{which}", done / max(1, total), seconds=seconds)
 
     def wait(self, cancelled: Callable[[], bool]) -> None:
         """Wait for the end.

@@ -9,6 +9,7 @@ from fairing.work import Work, fraction_done
 
 NOTICEABLE = 0.3  # s: shorter computations are not reported
 SHOWN_AFTER = 1.0  # s: the time that remains is estimated from then on
+COUNTED_AFTER = 3.0  # s: without an estimate, the time so far is shown from then on
 LEAST_DONE = 0.02  # fraction, for the same
 
 
@@ -20,17 +21,30 @@ class WorkReport:
         text: one line, such as "searching 81 vertices, 6 of 15".
         fraction: finished part, 0 to 1; None if unknown.
         seconds_left: estimate, s; None if unknown.
+        seconds: time so far, s, shown where `seconds_left` is unknown; None: not shown.
     """
 
     text: str
     fraction: float | None = None
     seconds_left: float | None = None
+    seconds: float | None = None
+
+    @property
+    def sentence(self) -> str:
+        """The text with a capital."""
+        return f"{self.text[:1].upper()}{self.text[1:]}"
+
+    @property
+    def time(self) -> str:
+        """The time that remains, else the time so far; empty without both."""
+        if self.seconds_left is not None:
+            return f"{duration(self.seconds_left)} left"
+        return "" if self.seconds is None else duration(self.seconds)
 
     @property
     def line(self) -> str:
-        """The text and the time that remains, with a capital."""
-        left = "" if self.seconds_left is None else f"; {duration(self.seconds_left)} left"
-        return f"{self.text[:1].upper()}{self.text[1:]}{left}"
+        """The sentence and the time."""
+        return f"{self.sentence}; {self.time}" if self.time else self.sentence
 
 
 def report_of(works: Sequence[Work]) -> WorkReport | None:
@@ -41,9 +55,10 @@ def report_of(works: Sequence[Work]) -> WorkReport | None:
     texts = [work.text if work.count == 1 else f"{work.text}, {work.done} of {work.count}" for work in works[:2]]
     text = ": ".join(texts)
     fraction = fraction_done(works)
-    if all(work.count == 1 for work in works):
-        return WorkReport(text)
     seconds = time.monotonic() - outermost.began
+    so_far = float(round(seconds)) if seconds >= COUNTED_AFTER else None
+    if all(work.count == 1 for work in works):
+        return WorkReport(text, seconds=so_far)
     if seconds < SHOWN_AFTER or fraction < LEAST_DONE:
-        return WorkReport(text, fraction)
+        return WorkReport(text, fraction, seconds=so_far)
     return WorkReport(text, fraction, float(round(seconds * (1 - fraction) / fraction)))

@@ -47,12 +47,15 @@ class OptionsPanel:
                     widget = _widget(gui, field, options)
                     on_user_change(widget, lambda _: controller.republish())
                     self._widgets.append((field, widget))
+        self._presets = {name: [f.shown(preset) for f, _ in self._widgets] for name, preset in PRESETS.items()}
 
     def show(self, state: RunState, page_state: PageState) -> None:
         if state.options is not self._shown:
             before, self._shown = self._shown, state.options
             self._fill_in(state.options, before)
-            self._preset.value = FROM_WIDGETS
+        preset = self._preset_of_widgets()
+        if self._preset.value != preset:
+            self._preset.value = preset
         try:
             changed = [(f, w.value) for f, w in self._widgets if f.read(w.value) != f.of(state.options)]
             note = text(f"Changed: {', '.join(f.label for f, _ in changed)}" if changed else "No changes.")
@@ -67,6 +70,11 @@ class OptionsPanel:
             "Start over", self._events("start_over"), hint="Start over (a new run with these options)", css_class="grow"
         )
         self._head.set(f"<div class='row'>{go_on}{over}</div><div class='note dim'>{note}</div>{details}")
+
+    def _preset_of_widgets(self) -> str:
+        """The preset that the fields have the values of."""
+        values = [widget.value for _, widget in self._widgets]
+        return next((name for name, shown in self._presets.items() if shown == values), FROM_WIDGETS)
 
     def _typed(self) -> FairingOptions:
         values = {field.path: field.read(widget.value) for field, widget in self._widgets}

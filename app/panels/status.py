@@ -30,10 +30,12 @@ class Status:
     def show(self, state: RunState, page_state: PageState) -> None:
         record = state.record
         outcome = "no step yet" if record is None else step_outcome(record)
-        last, line, color = f"Last step: {outcome}", _reason(state, outcome), _reason_color(state)
+        last, line, color, left = f"Last step: {outcome}", _reason(state, outcome), _reason_color(state), ""
         bar = f"<div class='bar'><div style='width:{100 * state.progress:.1f}%'></div></div>"
         if state.is_working:
-            line, color = state.work.line if state.work is not None else "\u00a0", "working"
+            line, color = "\u00a0", "working"
+            if state.work is not None:
+                line, left = state.work.sentence, state.work.time
             if state.waiting:
                 last = f"Next: {', '.join(state.waiting)}"
             if state.work is not None and state.work.fraction is not None:
@@ -46,7 +48,8 @@ class Status:
             f"<div class='crumbs row'>{self._crumbs(state)}</div>"
             f"<div class='row'><span class='one grow'>{self._energy(state)}</span>{_blur(state)}</div>"
             f"<div class='dim one' title='{text(last)}'>{text(last)}</div>"
-            f"<div class='{color} one' title='{text(line)}'>{text(line)}</div>{bar}</div>"
+            f"<div class='row'><span class='{color} one grow' title='{text(line)}'>{text(line)}</span>"
+            f"<span class='dim' style='flex:none'>{text(left)}</span></div>{bar}</div>"
         )
 
     def _crumbs(self, state: RunState) -> str:
@@ -74,15 +77,14 @@ class Status:
         return f'<button type="button" title="To the beginning of this {name}" onclick="{press}">{content}</button>'
 
     def _energy(self, state: RunState) -> str:
-        if state.moment == 0:
+        if state.record is None or len(state.record.faces) == 0:
             return "Energy <span class='dim'>not measured yet</span>"
         before, after = float(self._energies.before[state.moment - 1]), float(self._energies.after[state.moment - 1])
         change = after - before
         percent = 100 * change / before if before else 0.0
+        share = "&lt;\u20090.01" if 0 < abs(percent) < 0.01 else _signed(percent, 3)
         color = "start" if change < 0 else ("dim" if change == 0 else "rejected")
-        return (
-            f"Energy <b>{number(after, 6)}</b> <span class='{color}'>{_signed(change)} ({_signed(percent, 3)} %)</span>"
-        )
+        return f"Energy <b>{number(after, 6)}</b> <span class='{color}'>{_signed(change)} ({share} %)</span>"
 
 
 def _shown_position(state: RunState) -> SchedulePosition | None:
@@ -117,7 +119,7 @@ def _headline(state: RunState, page_state: PageState) -> str:
 
 def _reason(state: RunState, outcome: str) -> str:
     """Why the run stopped, unless the outcome of the last step says it already."""
-    return "\u00a0" if state.reason == outcome else _sentence(state.reason)
+    return "\u00a0" if state.reason == outcome else _sentence(state.reason.removeprefix("finished: "))
 
 
 def _reason_color(state: RunState) -> str:
@@ -129,7 +131,7 @@ def _speed(state: RunState) -> str:
         return ""
     if state.step_seconds < 1:
         return f"{1 / state.step_seconds:.3g} steps/s"
-    return f"{state.step_seconds:.2g} s/step"
+    return f"{number(state.step_seconds, 2)} s/step"
 
 
 def _sentence(line: str) -> str:

@@ -181,7 +181,7 @@ class Compilation:
 
     @property
     def report(self) -> WorkReport | None:
-        line = f"compiling the engine, first start only: {self.functions} of 24 functions, 1234567890 s, a long line"
+        line = f"compiling the engine, first start: {self.functions} of 24 functions, 1234567890 s, a long line"
         return None if self.finished.is_set() else WorkReport(line, self.functions / 24)
 
     def wait(self, cancelled) -> None:
@@ -205,7 +205,7 @@ def test_the_opening_page_has_a_bar_and_keys_wait_for_the_scene_and_the_compilat
         server.opening.show("Rendering the photos, 3 of 12", 0.25)
         page.get_by_text("Opening cube").wait_for()
         page.get_by_text("Rendering the photos, 3 of 12").wait_for()
-        page.get_by_text("compiling the engine, first start only: 9 of 24").wait_for()
+        page.get_by_text("compiling the engine, first start: 9 of 24").wait_for()
         bar = page.get_by_role("progressbar", name="Opening").bounding_box()
         assert bar is not None
         assert abs(bar["x"] + bar["width"] / 2 - (WINDOW["width"] - 340) / 2) < 60, "the card is not in the middle"
@@ -214,7 +214,7 @@ def test_the_opening_page_has_a_bar_and_keys_wait_for_the_scene_and_the_compilat
         page.get_by_text("Waits until the scene is open: Step one iteration").wait_for()
         app = App(server, Session(load_demo("cube"), OPTIONS), compilation=compilation)  # pyright: ignore[reportArgumentType]
         page.get_by_text("Next: Step one iteration").wait_for()
-        page.get_by_text("Compiling the engine, first start only: 9 of 24").wait_for()
+        page.get_by_text("Compiling the engine, first start: 9 of 24").wait_for()
         assert not page.get_by_text("Opening cube").is_visible()
         assert page.evaluate(TOO_WIDE) == [], "a long line makes the panel scroll sideways"
         assert not page.locator(".ef-opening").is_visible()

@@ -103,15 +103,19 @@ def test_no_panel_overflows_or_scrolls_sideways(visitor: Visitor, order: str):
 
 @pytest.mark.parametrize("order", ["sequential", "worst_first", "independent", "joint"])
 def test_position_and_energy_fit_in_one_line_each_with_large_numbers(visitor: Visitor, order: str):
-    page, state = next(iter(visitor.app.pages.values())), visitor.app.controller.wait_until_idle()
+    visitor.app.controller.post(Restart(OPTIONS))
+    page, state = next(iter(visitor.app.pages.values())), visitor.press("Step one iteration")
+    assert state.record is not None
+    assert len(state.record.faces)
     status = next(panel for panel in page.panels._panels if isinstance(panel, Status))
     blur = (10.0, 8.5, 6.0, 4.5, 3.0, 1.25, 0.65)
     options = FairingOptions(schedule=ScheduleOptions(blur=blur, order=order, max_sweeps=(12,), max_iterations=(10,)))  # pyright: ignore[reportArgumentType]
     large = replace(state, options=options, position=SchedulePosition(6, 11, 2477, 9), moment=1)
-    energies, status._energies = status._energies, SimpleNamespace(before=[9_999_999.0], after=[8_888_888.0])  # pyright: ignore[reportAttributeAccessIssue]
+    show, energies = status.show, status._energies
+    status._energies = SimpleNamespace(before=[9_999_999.0], after=[8_888_888.0])  # pyright: ignore[reportAttributeAccessIssue]
+    status.show = lambda state, page_state: show(large, page_state)
     try:
-        status.show(large, page.page_state)
-        page._client.flush()
+        visitor.app.controller.republish()
         crumbs = visitor.page.locator(".crumbs", has_text="iteration 10")
         crumbs.wait_for()
         words = {
@@ -131,7 +135,7 @@ def test_position_and_energy_fit_in_one_line_each_with_large_numbers(visitor: Vi
                 }"""  # px; two lines take 36
             )
     finally:
-        status._energies = energies
+        status.show, status._energies = show, energies
         visitor.app.controller.republish()
         visitor.page.set_viewport_size(WINDOW)
 

@@ -109,8 +109,11 @@ def test_a_click_on_a_sparse_point_shows_its_track(visitor: Visitor):
     visitor.app.controller.republish()
     visitor.page.keyboard.press("m")
     visitor.page.wait_for_function("() => window.__viserMutable.nodeRefFromName['/points/all']?.visible")
+    visitor.close_notifications()  # one over the point would take the click
+    stage = visitor.app.resources.stage
+    wait_for(lambda: np.allclose(page._client.camera.position, stage.eye, atol=1e-2))  # the view moves after the key
     point = int(np.argmax(np.bincount(points.observations[:, 0])))
-    place = visitor.app.resources.stage.page_from_world(points.positions[point])
+    place = stage.page_from_world(points.positions[point])
     at = visitor.page.evaluate(
         """place => {
             const {camera, canvas, nodeRefFromName} = window.__viserMutable;
