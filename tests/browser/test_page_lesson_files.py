@@ -130,9 +130,12 @@ def test_a_lesson_is_read_and_tried_with_a_finger(name, lessons, phone):
             assert box["height"] > 0.3 * PHONE["height"]
             phone.drag_by_touch(box["x"] + place[0], box["y"] + place[1], 12, 9)
             after = page.evaluate("(viewer.draw(), viewer.place(state.vertices.at(-1)))")
-            assert after[:2] == pytest.approx([place[0] + 12, place[1] + 9], abs=1.5), f"step {n + 1}"
+            moved, reach = np.abs(page.evaluate("state.offset.by")).max(), page.evaluate("data.reach")
+            assert moved <= reach
+            if moved < 0.999 * reach:  # seen from afar, the drag is longer than the vertex may move
+                assert after[:2] == pytest.approx([place[0] + 12, place[1] + 9], abs=1.5), f"step {n + 1}"
+                dragged += 1
             check_moved_vertex(phone, played, step)
-            dragged += 1
     assert dragged
 
 
