@@ -40,7 +40,7 @@ STYLE = f"""
 .ef .row {{ display: flex; gap: 6px; align-items: center; }}
 .ef .grow {{ flex: 1; }}
 .ef .crumbs b {{ color: var(--strong); font-weight: 600; }}
-.ef .crumbs i {{ font-style: normal; color: var(--dim); padding: 0 3px; }}
+.ef .crumbs i {{ font-style: normal; color: var(--dim); padding: 0 1px; }}
 [role=tab][aria-selected=true][role=tab] {{ color: {css(BRAND_TEXT)} !important; }}
 .ef .wide {{ width: 100%; }}
 div:has(> .ef > .pinned) {{ position: sticky; top: 0; z-index: 5; background: var(--mantine-color-body);
@@ -74,9 +74,9 @@ div:has(> .ef > .pinned) + div:has(> .ef > .pinned) {{ top: {DEBUG_BAR_HEIGHT}px
 .ef .extent > span {{ width: 110px; flex: none; color: var(--dim); font-size: 13px; }}
 .ef .strip s {{ position: absolute; bottom: 0; width: 1px; background: #f1f3f5; pointer-events: none; }}
 .ef .strip s.level {{ height: 100%; opacity: .75; }} .ef .strip s.sweep {{ height: 28%; opacity: .5; }}
-.ef .crumbs {{ gap: 1px; margin: 0 0 1px -3px; white-space: nowrap; flex-wrap: wrap; }}
+.ef .crumbs {{ gap: 1px; margin: 0 0 1px -3px; white-space: nowrap; }}
 .ef .crumbs button {{ height: auto; padding: 0 2px; background: none; border-color: transparent; gap: 4px; }}
-.ef .crumbs .part {{ padding: 0 3px; }}
+.ef .crumbs .part {{ padding: 0 2px; }}
 .ef .crumbs button.small {{ padding: 0 5px; }}
 .ef .stack {{ display: grid; gap: 4px; }}
 .ef code {{ font: 12px ui-monospace, "DejaVu Sans Mono", monospace; color: var(--strong); overflow-wrap: anywhere; }}

@@ -95,11 +95,9 @@ def variables() -> str:
         name: solid(_ON_DARK.get(c, c)) for c, (name, _) in _ON_LIGHT.items()
     }
     light = {name: value for name, (_, value) in _GREYS.items()} | {name: solid(c) for name, c in _ON_LIGHT.values()}
-    # Labels of viser's own widgets have the colour of ours.
-    rules = [
-        ".ef, .mantine-Flex-root label",
-        "[data-mantine-color-scheme=light] :is(.ef, .mantine-Flex-root label)",
-    ]
+    # Labels and tabs of viser's own have the colours of ours.
+    ours = ".ef, .mantine-Flex-root label, [role=tab]"
+    rules = [ours, f"[data-mantine-color-scheme=light] :is({ours})"]
     blocks = [
         f"{rule} {{ {' '.join(f'--{name}: {value};' for name, value in values.items())} }}"
         for rule, values in zip(rules, (dark, light), strict=True)

@@ -28,10 +28,11 @@ class CellOptions:
     warp: Literal["homography", "affine"] = "homography"
     """homography: exact for a plane. affine: the approximation of the paper, which biases the minimum."""
     size: tuple[int, ...] = (64, 64, 64, 64, 64, 64, 256)
-    """Size of the largest cell, by level: samples along an edge."""
+    """Size of the largest cell, by level: samples along an edge. With `adaptive`, cells larger than 64 are made smaller if all
+    cells together would have more than 10 million samples."""
     adaptive: bool = True
     """Use smaller cells for smaller footprints: one sample per `spacing` of the footprint. Off: always `size`."""
-    spacing: tuple[float, ...] = (1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.7)
+    spacing: tuple[float, ...] = (1.0,)
     """Distance between samples with `adaptive`, by level, in units of max(1 px, blur of the level)."""
     inset: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 2.0)
     """Width of the border of a face that is left out, by level, photo px: the texture of the neighbouring face mixes in there."""

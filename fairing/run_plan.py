@@ -17,6 +17,7 @@ class RunPlan:
         start_error: distance of the vertices from their true positions, px; 0: no search.
         takes_all_points: whether the fit, and the prior to the points, take points that their own photos do not see on the mesh.
         is_near_truth: whether trial searches found the unchanged start at its true position.
+        start_sigma: standard deviation of the start in the prior to it, px; 0: no such prior.
     """
 
     first_level: int
@@ -25,6 +26,7 @@ class RunPlan:
     start_error: float
     is_near_truth: bool
     takes_all_points: bool = False
+    start_sigma: float = 0.0
 
     def to_json(self) -> str:
         """The plan as JSON text; `from_json` returns an equal plan."""
@@ -46,6 +48,9 @@ class RunPlan:
             value = getattr(plan, field.name)
             if type(value) is not field.type:
                 raise InputError(f"run plan: {field.name}: expected {field.type}, found {value!r:.60}")
-        if plan.first_level < 0 or not 0 <= plan.start_error < float("inf"):
-            raise InputError(f"run plan: expected first_level >= 0 and a finite start_error >= 0, found {text!r:.160}")
+        if plan.first_level < 0 or not all(0 <= px < float("inf") for px in (plan.start_error, plan.start_sigma)):
+            raise InputError(
+                "run plan: expected first_level >= 0, and start_error and start_sigma finite and >= 0, "
+                f"found {text!r:.200}"
+            )
         return plan

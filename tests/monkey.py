@@ -122,14 +122,18 @@ class Monkey:
         """Pause, and check the state at rest."""
         clock, used = time.monotonic(), time.process_time()
         controller.post(c.Pause())
-        try:
-            state = controller.wait_until_idle(STUCK_LIMIT)
-        except TimeoutError:
-            raise MonkeyError(f"not at rest {STUCK_LIMIT:g} s after Pause\n{controller._engine.stack()}") from None
+        state, stack = None, ""
+        while state is None:
+            try:
+                state = controller.wait_until_idle(REST_LIMIT / 4)
+            except TimeoutError:
+                stack = controller._engine.stack()
+                if time.monotonic() - clock > STUCK_LIMIT:
+                    raise MonkeyError(f"not at rest {STUCK_LIMIT:g} s after Pause\n{stack}") from None
         rest = min(time.monotonic() - clock, time.process_time() - used)
         outcome.rests.append(rest)
         if rest > REST_LIMIT:
-            raise MonkeyError(f"at rest {rest:.2f} s after Pause, expected {REST_LIMIT:g}")
+            raise MonkeyError(f"at rest {rest:.2f} s after Pause, expected {REST_LIMIT:g}; shortly before:\n{stack}")
         check(state)
         session = controller._runs.session
         if (state.moment, state.length, state.trace) != (session.moment, len(session.trace), session.trace):
@@ -402,8 +406,10 @@ def shrunk(monkey: Monkey, seed: int, begin: int, end: int, tries: int = 3) -> r
     return range(begin, end)
 
 
-def play(monkey: Monkey, seed: int, first: int, last: int) -> Outcome:
-    """Give the commands `first` to `last`, with a new controller for every `CHUNK`.
+def play(
+    monkey: Monkey, seed: int, first: int, last: int, on_chunk: Callable[[Outcome], None] = lambda _: None
+) -> Outcome:
+    """Give the commands `first` to `last`, with a new controller for every `CHUNK`; then `on_chunk` is called.
 
     Raises:
         MonkeyError: a rule was broken; the message has the seed and the shrunk tail.
@@ -418,6 +424,7 @@ def play(monkey: Monkey, seed: int, first: int, last: int) -> Outcome:
             tail = shrunk(monkey, seed, begin, end)
             again = f"python -m tests.monkey --seed {seed} --first {tail.start} --commands {len(tail)}"
             raise MonkeyError(f"{error}\nseed {seed}; shortest tail that fails: {again}") from error
+        on_chunk(outcome)
     return outcome
 
 
@@ -438,13 +445,17 @@ def main() -> None:
     print(f"seed {arguments.seed}", flush=True)
     began = time.monotonic()
     last = arguments.first + arguments.commands
-    outcome = play(monkey_on(arguments.scene), arguments.seed, arguments.first, last)
-    rests = np.array(outcome.rests)
-    print(
-        f"{sum(outcome.names.values())} commands in {time.monotonic() - began:.0f} s, {outcome.states} states checked, "
-        f"{outcome.steps} steps recorded, {len(rests)} rests: median {1e3 * np.median(rests):.0f}, "
-        f"longest {1e3 * rests.max():.0f} ms; threads left: {threads_left()}"
-    )
+
+    def show(outcome: Outcome) -> None:
+        rests = np.array(outcome.rests)
+        print(
+            f"{sum(outcome.names.values())} commands in {time.monotonic() - began:.0f} s, {outcome.states} states checked, "
+            f"{outcome.steps} steps recorded, {len(rests)} rests: median {1e3 * np.median(rests):.0f}, "
+            f"longest {1e3 * rests.max():.0f} ms; threads left: {threads_left()}",
+            flush=True,
+        )
+
+    outcome = play(monkey_on(arguments.scene), arguments.seed, arguments.first, last, show)
     print(", ".join(f"{name} {count}" for name, count in sorted(outcome.names.items())))
 
 

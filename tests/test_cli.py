@@ -56,6 +56,14 @@ def test_fair_writes_a_mesh_in_the_input_s_order_a_report_and_a_trace(scene, tmp
     assert np.array_equal(trace.vertices_at(len(trace)), vertices[:7])
 
 
+def test_fair_with_everything_locked_says_that_nothing_could_move(scene, tmp_path, capsys):
+    every = [str(vertex) for vertex in range(8)]
+    assert fair(scene, tmp_path / "out", "--preset", "paper", "--locked-vertices", *every) == 0
+    last = capsys.readouterr().err.splitlines()[-1]
+    assert last.startswith("finished: no vertex could move (7 of 7 vertices are locked); wrote ")
+    assert np.array_equal(read_mesh(tmp_path / "out" / "mesh.ply")[0], read_mesh(scene / "mesh.obj")[0])
+
+
 def test_into_a_file_progress_is_plain_lines(scene, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr("app.cli.run_progress.LINE_EVERY", 0.0)
     fair(scene, tmp_path / "out")

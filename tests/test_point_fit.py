@@ -12,15 +12,17 @@ from fairing.geometry.normals import face_normals
 from fairing.judge.report import run_report
 from fairing.mesh import Mesh
 from fairing.options import PRESETS, FairingOptions
+from fairing.run.phases import GaussNewton, Level
 from fairing.run.preparation import points_accept_smoothing
 from fairing.run.records import _points_prefer
 from fairing.run.session import Session
+from fairing.run.sweep import RESIDUAL_AREA, begin_sweep
 from fairing.scene import Scene, SparsePoints
 from fairing.solve.point_fit import fitted_to_points
 from fairing.solve.point_split import fitting_points, kept_points
 from fairing.solve.problem import Problem
 from fairing.trace import StepReason, Trace
-from tests.small_scene import FACES, START, VERTICES, corner_scene, small_options, sparse_points
+from tests.small_scene import FACES, START, VERTICES, corner_scene, photos, small_options, sparse_points
 
 USED = {"points": [0.3]}
 FAR = tuple(2.5 * x for x in START)
@@ -288,3 +290,65 @@ def subdivided(scene: Scene) -> Scene:
     for _ in range(2):
         vertices, faces = trimesh.remesh.subdivide(vertices, faces)
     return Scene.build(scene.name, vertices, faces, scene.views)
+
+
+def covered(side: int = 40) -> dict[int, np.ndarray]:
+    """Photos of the corner with another pattern in front of another part of each."""
+    rng = np.random.default_rng(6)
+    result = {}
+    for i, photo in enumerate(photos()):
+        y, x = rng.integers(20, 100 - side), rng.integers(40, 120 - side)
+        result[i] = photo.copy()
+        result[i][y : y + side, x : x + side] = (
+            np.repeat(rng.integers(0, 256, (side // 4, side // 4, 1)), 3, 2).repeat(4, axis=0).repeat(4, axis=1)
+        )
+    return result
+
+
+def test_the_prior_to_the_start_grows_with_the_loss_and_falls_with_the_variance_of_the_start():
+    sigma = 3.0
+    for change in ({}, covered()):
+        problem = problem_of(corner_scene(change=change))
+        vertices = problem.start + 0.01 * np.random.default_rng(7).standard_normal(problem.start.shape)
+        plain, held = (
+            begin_sweep(problem, level, GaussNewton(1, 1), 0, vertices, problem.start)
+            for level in (Level(1, 0.1), Level(1, 0.1, start_sigma=sigma))
+        )
+        energy = problem.energies(held.context, vertices, held.scale).energy
+        found = held.prior.hessians - plain.prior.hessians
+        for v in range(len(vertices)):
+            loss, pixels = 0.0, 0.0
+            for f in np.flatnonzero((v == FACES).any(axis=1)):
+                n, k = held.context.n_views[f], held.context.kernel.face_dimensions[f]
+                loss += energy[f] * n / (n - k)
+                pixels += held.context.footprint_area[f] * n
+            expected = RESIDUAL_AREA * loss / pixels * (held.pixels_per_unit[v] / sigma) ** 2
+            assert found[v] == pytest.approx(expected * np.eye(3), rel=0.05, abs=1e-6 * expected)
+        assert held.prior.gradient(problem.start, np.arange(7)) == pytest.approx(
+            plain.prior.gradient(problem.start, np.arange(7))
+        )
+
+
+def test_the_prior_to_the_start_is_planned_where_points_measure_the_start_and_nothing_is_searched():
+    near, far = corner_scene(tuple(0.1 * x for x in START)), corner_scene(tuple(0.6 * x for x in START))
+    options = replace(PRESETS["accurate"], step=replace(PRESETS["accurate"].step, smoothing=(0.0,)))
+    without = Session(near, options).make_plan()
+    measured, searched = (Session(observed(scene, on_the_faces(600)), options).make_plan() for scene in (near, far))
+    assert without.start_sigma == 0
+    assert measured.start_error == 0
+    assert measured.start_sigma >= 1
+    assert searched.start_error > 0
+    assert searched.start_sigma == 0
+
+
+def test_a_good_start_is_kept_where_photos_show_other_things_in_front():
+    scene = observed(corner_scene(tuple(0.2 * x for x in START), change=covered(24)), on_the_faces(600))
+    ends = []
+    for sigma in (0.0, 1.0):
+        session = Session(scene, small_options(step=USED))
+        session.trace.plan = replace(session.make_plan(), start_sigma=sigma)
+        session.run()
+        before_the_last_step = session.trace.vertices_at(len(session.trace) - 1)
+        ends.append(np.linalg.norm(before_the_last_step - VERTICES, axis=1).max())
+    assert ends[0] > 1.2 * error_of(scene.mesh.vertices)
+    assert ends[1] < error_of(scene.mesh.vertices)

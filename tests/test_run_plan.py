@@ -181,7 +181,6 @@ def test_locking_all_vertices_within_a_sweep_leaves_a_progress_and_an_end(order:
 
 
 @pytest.mark.slow
-@pytest.mark.slow
 def test_progress_never_falls_during_a_run():
     for order in ("joint", "independent", "sequential"):
         session = Session(rough_scene(), searching(10.0, schedule={"order": order, **QUICK}))

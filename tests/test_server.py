@@ -11,7 +11,7 @@ import viser
 from websockets.exceptions import ConnectionClosed
 from websockets.frames import CloseCode
 
-from app.debugger.commands import JumpTo, Pause
+from app.debugger.commands import Extent, Forward, JumpTo, Pause
 from app.page.server import App, start
 from app.viser_bridge.access import token_for
 from app.viser_bridge.client_callbacks import MAX_QUEUED, ClientCallbacks
@@ -19,6 +19,7 @@ from app.viser_bridge.paced_connection import BURST, MAX_MESSAGE_BYTES
 from app.viser_bridge.server import ViewerServer, check_address, start_viewer
 from fairing.errors import InputError
 from fairing.run.session import Session
+from tests.commands import do
 from tests.raw_client import RawClient, http_status, upgrade_status
 from tests.small_scene import corner_scene
 from tests.waiting import wait_for
@@ -195,13 +196,20 @@ def test_a_client_that_reads_nothing_delays_nobody(app: App):
         stalled.announce()
         widgets(stalled)
         other.announce()
-        widgets(other)
+        slider = widgets(other)["Moment"]
         for _ in range(200):
             app.controller.republish()
-        app.controller.post(JumpTo(0))
+        state = do(app.controller, JumpTo(0), Forward(Extent.ITERATION))
         began = time.monotonic()
-        app.controller.wait_until_idle(60)
+        other.wait_for(lambda message: is_update(message, slider, state.moment))
         assert time.monotonic() - began < 30
+        do(app.controller, JumpTo(0))
+
+
+def is_update(message: dict[str, Any], uuid: str, value: Any) -> bool:
+    return (
+        message["type"] == "GuiUpdateMessage" and message["uuid"] == uuid and message["updates"].get("value") == value
+    )
 
 
 def test_connections_that_come_and_go_leave_no_pages(app: App):

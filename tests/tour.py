@@ -14,6 +14,8 @@ import numpy as np
 from PIL import Image
 from playwright.sync_api import Browser, Page
 
+from app.debugger.commands import Run
+from app.debugger.run_state import Activity
 from app.export.page import write_page
 from app.export.picture import picture
 from app.export.run_facts import RunFacts
@@ -22,7 +24,7 @@ from app.lessons.player import Status
 from app.lessons.scenes import load_lesson_scene
 from app.page.server import App, start
 from demo_scenes import load_demo
-from fairing.options import PRESETS
+from fairing.options import PRESETS, FairingOptions
 from fairing.run.session import Session
 from tests.browser.driver import WINDOW, Visitor, chromium
 from tests.waiting import wait_for
@@ -33,6 +35,7 @@ CORNER = 0  # vertex A; the others are held, as in the paper's first experiment
 LESSON_STEP = 3  # from 0
 SETTLED = 3  # so many shots in a row must be the same
 MOST_SHOTS = 60
+SHARES = (0.0, 0.3, 0.6, 0.95)  # of the corner's way to the truth, in the row of shots of a run
 
 
 def main(wanted: list[str]) -> None:
@@ -52,6 +55,8 @@ def main(wanted: list[str]) -> None:
             save("replay", replay(browser.new_page(viewport=WINDOW, color_scheme="dark"), session))
         if not wanted or "lesson" in wanted:
             save("lesson", lesson(browser))
+        if not wanted or "run" in wanted:
+            save("run", run(browser, options))
     app.stop()
     if not wanted or "before_after" in wanted:
         facts = RunFacts(session, PICTURES)
@@ -132,13 +137,53 @@ def lesson(browser: Browser) -> np.ndarray:
     return pixels
 
 
+def run(browser: Browser, options: FairingOptions) -> np.ndarray:
+    """A row of shots of the 3D view while a run moves the corner: at shares of its way, from left to right."""
+    scene = load_demo("cube")
+    app = start(Session(scene, options), port=0)
+    visitor = Visitor(browser, app)
+    _dismiss_notes(visitor.page)
+    begin(visitor)
+    settled(visitor.page)
+    assert scene.truth is not None
+    assert scene.truth.vertices is not None
+    way = np.linalg.norm(scene.truth.vertices[CORNER] - scene.mesh.vertices[CORNER])
+
+    def share() -> float:
+        vertices = app.controller.state.vertices
+        return float(np.linalg.norm(vertices[CORNER] - scene.mesh.vertices[CORNER]) / way)
+
+    canvas = visitor.canvas_box()
+    middle = canvas["x"] + canvas["width"] / 2
+    side = min(canvas["width"], visitor.box_of(visitor.page.get_by_role("tab", name="Timeline"))["y"] - 20)
+    shots = []
+    app.controller.post(Run())
+    for wanted in SHARES:
+        wait_for(lambda wanted=wanted: share() >= wanted)
+        shots.append(_shot(visitor.page, (middle - side / 2, 0, side, side)))
+        assert app.controller.state.activity is Activity.RUNNING
+    app.stop()
+    height = WINDOW["width"] // len(SHARES)
+    return np.hstack([np.asarray(Image.fromarray(shot).resize((height, height))) for shot in shots])
+
+
 def settled(page: Page) -> np.ndarray:
     """(h, w, 3) uint8: the page, once it no longer changes."""
     shots: list[bytes] = []
     while len(shots) < MOST_SHOTS and (len(shots) < SETTLED or len(set(shots[-SETTLED:])) > 1):
         page.wait_for_timeout(500)
         shots.append(page.screenshot())
-    return np.asarray(Image.open(io.BytesIO(shots[-1])).convert("RGB"))
+    return _pixels(shots[-1])
+
+
+def _shot(page: Page, clip: tuple[float, float, float, float]) -> np.ndarray:
+    """(h, w, 3) uint8: a part of the page: left, top, width and height, px."""
+    x, y, width, height = clip
+    return _pixels(page.screenshot(clip={"x": x, "y": y, "width": width, "height": height}))
+
+
+def _pixels(png: bytes) -> np.ndarray:
+    return np.asarray(Image.open(io.BytesIO(png)).convert("RGB"))
 
 
 def save(name: str, pixels: np.ndarray) -> None:

@@ -69,7 +69,7 @@ class JumpTo:
 
 @dataclass(frozen=True)
 class ToBeginning:
-    """Go to the beginning of the unit, sweep or level that the next step belongs to."""
+    """Go to the beginning of the block, sweep or level that the next step belongs to."""
 
     extent: Extent
 

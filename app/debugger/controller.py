@@ -265,8 +265,11 @@ class Controller:
         self._interpreter = self._new_interpreter()
         self._publish(Activity.PAUSED)
 
-    def _publish(self, activity: Activity | None = None) -> None:
-        """Publish the present state, with another activity if given.
+    def _publish_when_due(self) -> None:
+        self._publish(when_due=True)
+
+    def _publish(self, activity: Activity | None = None, *, when_due: bool = False) -> None:
+        """Publish the present state, with another activity if given; at once, or as soon as a state is due.
 
         The session is read without the lock. If that fails, the last state of the session is published again.
         """
@@ -280,7 +283,8 @@ class Controller:
         with self._changed:
             if self._engine.is_current:
                 self._activity = activity or self._activity
-                self._publisher.update(**fields, **self._status_fields())
+                update = self._publisher.update_when_due if when_due else self._publisher.update
+                update(**fields, **self._status_fields())
 
     # ------------------------------------------------------------------ states
 
@@ -328,7 +332,7 @@ class Controller:
             self._markers,
             self._cancellation,
             self._publish,
-            lambda: self._publisher.is_due,
+            self._publish_when_due,
             self.save_report,
         )
 

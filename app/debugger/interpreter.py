@@ -5,6 +5,7 @@ from collections import deque
 from collections.abc import Callable, Collection
 from pathlib import Path
 
+from app.debugger.actions import BLOCK_NAMES, BLOCK_STEPS
 from app.debugger.cancellation import Cancellation
 from app.debugger.commands import (
     Back,
@@ -50,8 +51,8 @@ class Interpreter:
 
     Args:
         runs: changed by the commands.
-        publish: publishes the present state; called between steps, only if `is_due`.
-        is_due: whether enough time has passed since the last publication.
+        publish: publishes the present state.
+        publish_when_due: the same as soon as enough time has passed since the last publication; called between steps.
         save_report: writes the problem report and returns its path.
     """
 
@@ -61,11 +62,11 @@ class Interpreter:
         markers: Markers,
         cancellation: Cancellation,
         publish: Callable[[], None],
-        is_due: Callable[[], bool],
+        publish_when_due: Callable[[], None],
         save_report: Callable[[], Path],
     ) -> None:
         self._runs, self._markers, self._cancellation = runs, markers, cancellation
-        self._publish, self._is_due, self._save_report = publish, is_due, save_report
+        self._publish, self._publish_when_due, self._save_report = publish, publish_when_due, save_report
         self._stopped = runs.session.vertices
         self._step_seconds: deque[float] = deque(maxlen=STEPS_TIMED)
         self.rival: int | None = None
@@ -97,13 +98,13 @@ class Interpreter:
                 if session.moment == 0:
                     return "at the start"
                 session.go_to(boundary_before(session.trace.steps, session.moment, extent))
-                return f"stepped back one {extent.name.lower()}"
+                return f"stepped back {_steps_of(extent, session)}"
             case JumpTo(moment):
                 _go_to(session, moment)
                 return f"jumped to moment {session.moment}"
             case ToBeginning(extent):
                 session.go_to(beginning_of(session.trace.steps, session.moment, session.position, extent))
-                return f"at the beginning of the {extent.name.lower()}"
+                return f"at the beginning of the {_name_of(extent, session)}"
             case Play(rate):
                 return play(session, rate, self._cancellation, self._publish)
             case Restart(options):
@@ -146,7 +147,7 @@ class Interpreter:
         if session.finished:
             return session.stop_reason
         began: SchedulePosition | None = None
-        self._stopped, first = session.vertices, session.moment + 1
+        self._stopped = session.vertices
         while not session.finished:
             is_new = session.moment == len(session.trace)
             started = time.perf_counter()
@@ -163,9 +164,7 @@ class Interpreter:
                 break
             if self._cancellation.requested():
                 return "paused"
-            # The first step is always shown: the second may take long.
-            if self._is_due() or session.moment == first:
-                self._publish()
+            self._publish_when_due()
         if session.finished:
             return session.stop_reason
         return step_outcome(session.trace.steps[session.moment - 1])
@@ -200,8 +199,7 @@ class Interpreter:
     def _before_race_step(self, rival: int) -> bool:
         """Publish if it is time; returns whether to stop."""
         self.rival = rival
-        if self._is_due():
-            self._publish()
+        self._publish_when_due()
         return self._cancellation.requested()
 
     def _from_start(self, options: FairingOptions) -> Session:
@@ -220,6 +218,16 @@ class Interpreter:
             raise Cancelled
         session.cancel_requested = self._cancellation.requested
         return self._runs.add(session, forked_at, note, keep)
+
+
+def _name_of(extent: Extent, session: Session) -> str:
+    """What an extent is called in the order of the run's schedule."""
+    return BLOCK_NAMES[session.options.schedule.order] if extent is Extent.BLOCK else extent.name.lower()
+
+
+def _steps_of(extent: Extent, session: Session) -> str:
+    order = session.options.schedule.order
+    return BLOCK_STEPS.get(order, "one vertex") if extent is Extent.BLOCK else f"one {extent.name.lower()}"
 
 
 def _go_to(session: Session, moment: int) -> None:

@@ -41,6 +41,7 @@ class Publisher:
         self._listeners: list[Listener] = []
         self._in_call: list[Listener] = []
         self._is_unpublished = False
+        self._kept: Mapping[str, Any] = {}
         self._updated = 0.0
         self.worker: WorkerThread[_Delivery] = WorkerThread("publisher", changed, self._take, self._deliver, POLL)
 
@@ -57,8 +58,17 @@ class Publisher:
     def update(self, **changes: Any) -> None:
         """Publish a state with these fields replaced."""
         with self._changed:
+            kept, self._kept = self._kept, {}
             self._updated = time.monotonic()
-            self._replace(changes)
+            self._replace({**kept, **changes})
+
+    def update_when_due(self, **changes: Any) -> None:
+        """The same as soon as `INTERVAL` has passed since the last update, or with the next update if that is earlier."""
+        with self._changed:
+            if self.is_due:
+                self.update(**changes)
+            else:
+                self._kept = changes
 
     def _replace(self, changes: Mapping[str, Any]) -> None:
         self.state = replace(self.state, serial=self.state.serial + 1, **changes)
@@ -85,6 +95,8 @@ class Publisher:
         return unsubscribe
 
     def _take(self) -> _Delivery | None:
+        if self._kept and self.is_due:
+            self.update(**self._kept)
         changes = {name: value for name, value in self._poll().items() if getattr(self.state, name) != value}
         if changes:
             self._replace(changes)

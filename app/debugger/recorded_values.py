@@ -61,10 +61,10 @@ ITEMS: tuple[Item, ...] = (
     Item("reason", lambda r, i: int(r.reasons[i]), shown=lambda reason: text(StepReason(reason).text)),
     Item("level", lambda r, i: r.position.level + 1, of_vertex=False, shown=_whole),
     Item("sweep of the level", lambda r, i: r.position.sweep + 1, of_vertex=False, shown=_whole),
-    Item("unit of the sweep", lambda r, i: r.position.block + 1, of_vertex=False, shown=_whole),
-    Item("iteration of the unit", lambda r, i: r.position.iteration + 1, of_vertex=False, shown=_whole),
+    Item("place in the sweep", lambda r, i: r.position.block + 1, of_vertex=False, shown=_whole),
+    Item("iteration", lambda r, i: r.position.iteration + 1, of_vertex=False, shown=_whole),
     Item("sweep began at moment", lambda r, i: r.sweep_moment, of_vertex=False, shown=_whole),
-    Item("vertices of the unit", lambda r, i: len(r.vertices), of_vertex=False, shown=_whole),
+    Item("vertices of this step", lambda r, i: len(r.vertices), of_vertex=False, shown=_whole),
     Item("faces around these vertices", lambda r, i: len(r.faces), of_vertex=False, shown=_whole),
     Item("energy of these faces", lambda r, i: (r.energy_before, r.energy_after), of_vertex=False, shown=_pair),
     Item(

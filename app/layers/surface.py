@@ -91,6 +91,8 @@ class SurfaceLayer:
         self._drawn: tuple[Wanted, np.ndarray, Legend] | None = None
         self.legend: Legend | None = None
         """Legend of the colours shown; None if the surface is not coloured."""
+        self.is_painting = False
+        """Whether the surface is drawn plain until its texture is painted."""
 
     def show(self, state: RunState, page_state: PageState) -> None:
         vertices = self.vertices_of(state, page_state.shape)
@@ -119,6 +121,8 @@ class SurfaceLayer:
         if front is not self._colored and self.legend is None:
             self._colored.clear()
             self._wanted = self._drawn = None
+        is_textured = outside and page_state.surface == "textured" and len(self._scene.mesh.faces) <= MOST_FACES
+        self.is_painting = is_textured and front is None and not self._texturer.static.has_failed(vertices)
         with self._client.atomic():
             for turns in (*self._textured.values(), self._view_dependent.turns, self._colored):
                 turns.set_visible(turns is front)

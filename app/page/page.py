@@ -71,7 +71,7 @@ class Page:
             page_state.reference = Reference(state.rival)
         self.lessons.show(state, page_state)
         self.layers.show(state, page_state)
-        self.panels.show(state, surface.legend)
+        self.panels.show(state, surface.legend, surface.is_painting)
         if state.problem and state.problems > self._problems:
             self.frame.toasts.show(state.problem)
         self._problems = state.problems

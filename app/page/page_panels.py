@@ -84,9 +84,14 @@ class PagePanels:
         )  # fmt: skip
         frame.finish(timeline, LESSON_STYLE)
 
-    def show(self, state: RunState, legend: Legend | None) -> None:
-        """Bring the panels up to date, now or when it is time again: while the mesh moves, they may lag behind it."""
-        self._legend.show(state, self._page_state, legend)
+    def show(self, state: RunState, legend: Legend | None, is_painting: bool) -> None:
+        """Bring the panels up to date, now or when it is time again: while the mesh moves, they may lag behind it.
+
+        Args:
+            legend: of the surface colours; None if the surface is not coloured.
+            is_painting: whether the surface waits for its texture.
+        """
+        self._legend.show(state, self._page_state, legend, is_painting)
         due = self._updated + UPDATE_SECONDS - time.monotonic()
         if state.is_moving and due > 0 and state.activity is self._activity:
             if self._timer is None:

@@ -1,19 +1,17 @@
 """The debugger's server: one session, and one page for every browser that connects."""
 
-import gc
 import logging
 import sys
 import threading
-import time
 from pathlib import Path
 
 import viser
 
-from app.background_worker import BackgroundWorker
 from app.debugger.actions import ACTIONS
 from app.debugger.controller import Controller
 from app.debugger.engine_compilation import EngineCompilation
 from app.lessons.scenes import LESSON_SCENES, load_lesson_scene
+from app.page.free_memory import FreeMemory
 from app.page.page import Page
 from app.page.resources import SessionResources
 from app.page_state.page_state import PageState
@@ -25,7 +23,6 @@ from fairing.run.session import Session
 
 SWITCH_SECONDS = 0.001
 OTHERS_RELOAD = 4.0  # s
-GARBAGE_SECONDS = 2.0  # after a page has gone: several that go together are freed together
 
 
 class App:
@@ -52,7 +49,7 @@ class App:
         self.pages: dict[int, Page] = {}
         self._lock = threading.Lock()  # of the attributes; held for moments only, never while a page or scene is made
         self._loading = threading.Lock()  # while another scene is loaded
-        self._garbage = BackgroundWorker(name="garbage")
+        self._free_memory = FreeMemory()
         self._lesson_due = lesson
         self._latest = PageState.of_mesh(len(session.scene.mesh.vertices))
         self.resources = SessionResources.open(session, save_to, recorded_in, self._change_scene, compilation)
@@ -79,7 +76,7 @@ class App:
         if self._compilation is not None:
             self._compilation.close()
         self._close(self.resources, self._take_pages())
-        self._garbage.close(timeout=0)
+        self._free_memory.close()
         self._server.close()
 
     def _take_pages(self) -> list[Page]:
@@ -140,6 +137,7 @@ class App:
         server.initial_camera.up = tuple(stage.up)
         server.initial_camera.fov = FIELD_OF_VIEW
         resources.controller.subscribe(resources.forget_deleted_runs)
+        resources.controller.subscribe(self._free_memory.follow)
 
     def _connected(self, client: viser.ClientHandle) -> None:
         with self._lock:
@@ -172,13 +170,7 @@ class App:
                 self._latest = page.page_state
         if page is not None:
             page.close()
-            self._garbage.post("pages", _free_pages, lambda _: None)
-
-
-def _free_pages() -> None:
-    """Free the memory of closed pages. Their handles refer to each other in cycles, which Python would leave for minutes."""
-    time.sleep(GARBAGE_SECONDS)
-    gc.collect()
+            self._free_memory.page_has_gone()
 
 
 def start(

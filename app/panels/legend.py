@@ -26,11 +26,14 @@ class LegendBox:
             self._panel = HtmlPanel(gui)
         self._box.float(x=MARGIN, y=MARGIN, width=WIDTH)
 
-    def show(self, state: RunState, page_state: PageState, legend: Legend | None) -> None:
+    def show(self, state: RunState, page_state: PageState, legend: Legend | None, is_painting: bool) -> None:
         """Args:
         legend: of the surface colours; None if the surface is not coloured.
+        is_painting: whether the surface waits for its texture.
         """
         lines = lines_html(legend_lines(state, page_state))
+        if is_painting:
+            lines += "<div class='dim'>Painting the texture…</div>"
         content = "" if legend is None else legend_html(legend)
         if legend is None and page_state.surface in COLORINGS and page_state.entered is None and not state.is_moving:
             title = COLORINGS[page_state.surface].title

@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import viser
 
+from app.debugger.actions import BLOCK_NAMES
 from app.debugger.commands import Extent
 from app.debugger.history import EnergyHistory
 from app.debugger.moment_id import moment_id
@@ -12,6 +13,7 @@ from app.debugger.step_text import step_outcome
 from app.html import copy_button, number, text
 from app.page_state.page_state import PageState
 from app.viser_bridge.html_panel import HtmlPanel
+from fairing.trace import SchedulePosition
 
 
 class Status:
@@ -42,36 +44,34 @@ class Status:
             f"<div class='pinned'><div class='row'><span class='big'>{_headline(state, page_state)}</span>"
             f"<span class='grow'></span><span class='dim'>{_speed(state)}</span></div>"
             f"<div class='crumbs row'>{self._crumbs(state)}</div>"
-            f"<div>{self._energy(state)}</div>"
+            f"<div class='row'><span class='one grow'>{self._energy(state)}</span>{_blur(state)}</div>"
             f"<div class='dim one' title='{text(last)}'>{text(last)}</div>"
             f"<div class='{color} one' title='{text(line)}'>{text(line)}</div>{bar}</div>"
         )
 
     def _crumbs(self, state: RunState) -> str:
         """Position of the next step in the schedule; of the last step when finished. A click goes to the beginning of a
-        level, sweep or unit."""
-        levels = state.options.n_levels
-        at = state.position
-        if at.level >= levels:
-            if state.record is None:
-                return "nothing to do"
-            at = state.record.position
-        blur = state.options.schedule.blur[at.level]
+        level, sweep or block."""
+        at, levels = _shown_position(state), state.options.n_levels
+        if at is None:
+            return "nothing to do"
         parts = [
-            self._crumb(Extent.LEVEL, "level", f"{at.level + 1}/{levels}", f" <span class='dim'>σ {blur:g} px</span>"),
-            self._crumb(Extent.SWEEP, "sweep", str(at.sweep + 1)),
+            self._crumb(Extent.LEVEL, "level", f"level <b>{at.level + 1}/{levels}</b>"),
+            self._crumb(Extent.SWEEP, "sweep", f"sweep <b>{at.sweep + 1}</b>"),
         ]
-        if state.options.schedule.order != "joint":
-            parts.append(self._crumb(Extent.BLOCK, "unit", str(at.block + 1)))
+        order = state.options.schedule.order
+        if order != "joint":
+            block = BLOCK_NAMES[order]
+            # An ordinal, since a number after the word would be read as that of the vertex.
+            parts.append(self._crumb(Extent.BLOCK, block, f"<b>{_ordinal(at.block + 1)}</b> {block}"))
         parts.append(f"<span class='part'>iteration <b>{at.iteration + 1}</b></span>")
         here = moment_id(state.position, state.moment, levels)
         copy = copy_button(here, f"Copy the name of this moment, {here} (for --at)")
         return f"{'<i>›</i>'.join(parts)}<span class='grow'></span>{copy}"
 
-    def _crumb(self, extent: Extent, name: str, count: str, more: str = "") -> str:
+    def _crumb(self, extent: Extent, name: str, content: str) -> str:
         press = text(self._to_beginning(str(int(extent))))
-        hint = f"To the beginning of this {name}"
-        return f'<button type="button" title="{hint}" onclick="{press}">{name} <b>{count}</b>{more}</button>'
+        return f'<button type="button" title="To the beginning of this {name}" onclick="{press}">{content}</button>'
 
     def _energy(self, state: RunState) -> str:
         if state.moment == 0:
@@ -83,6 +83,28 @@ class Status:
         return (
             f"Energy <b>{number(after, 6)}</b> <span class='{color}'>{_signed(change)} ({_signed(percent, 3)} %)</span>"
         )
+
+
+def _shown_position(state: RunState) -> SchedulePosition | None:
+    """The position of the next step, of the last step when finished; None if there is neither."""
+    if state.position.level < state.options.n_levels:
+        return state.position
+    return None if state.record is None else state.record.position
+
+
+def _blur(state: RunState) -> str:
+    """Blur of the level at hand: energies compare only within one."""
+    at = _shown_position(state)
+    if at is None:
+        return ""
+    hint = "Blur of the photos at this level: standard deviation in photo pixels"
+    return f"<span class='dim' style='flex:none' title='{hint}'>σ {state.options.schedule.blur[at.level]:g} px</span>"
+
+
+def _ordinal(count: int) -> str:
+    """1st, 2nd, 3rd, 4th, 11th, 21st."""
+    suffix = "th" if count % 100 in (11, 12, 13) else {1: "st", 2: "nd", 3: "rd"}.get(count % 10, "th")
+    return f"{count}{suffix}"
 
 
 def _headline(state: RunState, page_state: PageState) -> str:

@@ -1,5 +1,6 @@
 """Timeline: a slider over the recorded moments, a strip with one colour per moment, and playback controls."""
 
+import threading
 import time
 
 import numpy as np
@@ -53,6 +54,7 @@ class Timeline:
         self._slider = gui.add_slider("Moment", min=0, max=1, step=1, initial_value=0)
         self._panel = HtmlPanel(gui)
         self._moved = 0.0
+        self._timer: threading.Timer | None = None
         self._marks: list[tuple[float, str | None]] = []
         self._history = StepHistory()
         jump = html_events.guarded(run_controls.jump)
@@ -90,8 +92,7 @@ class Timeline:
         if self._slider.max != last:
             self._slider.max = last
         self._slider.disabled = state.length == 0
-        if time.monotonic() - self._moved > SETTLE and self._slider.value != state.moment:
-            self._slider.value = state.moment
+        self._place_slider(state.moment)
         marks = _level_marks(self._energies.levels[: state.length])
         if marks != self._marks:
             self._marks = marks
@@ -100,6 +101,18 @@ class Timeline:
         self._panel.set(
             f"<div class='row tools'>{self._buttons(state, page_state)}</div>{self._picture(state, page_state)}"
         )
+
+    def _place_slider(self, moment: int) -> None:
+        """Move the slider to a moment, once a move by the user has settled."""
+        if self._slider.value == moment:
+            return
+        left = self._moved + SETTLE - time.monotonic()
+        if left <= 0:
+            self._slider.value = moment
+        elif self._timer is None or not self._timer.is_alive():
+            self._timer = threading.Timer(left, self._controller.republish)
+            self._timer.daemon = True
+            self._timer.start()
 
     def _buttons(self, state: RunState, page_state: PageState) -> str:
         if page_state.viewed_moment is not None:

@@ -93,6 +93,10 @@ class Painter(Generic[Painted]):
                 self._worker.post(key, lambda: self._paint(vertices), lambda found: self._store(key, vertices, found))
             return found
 
+    def has_failed(self, vertices: np.ndarray) -> bool:
+        """Whether the mesh at these positions could not be painted."""
+        return vertices is self._failed
+
     def close(self) -> None:
         self._worker.close()
 

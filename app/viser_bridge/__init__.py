@@ -29,6 +29,7 @@ Panels
 - `synced_widget`: an assignment from Python calls the widget's callbacks, too.
 - `slider_marks`: assignments to `slider.marks` have no effect.
 - `error_toasts`: exceptions in callbacks are only printed.
+- `software_rendering`: the warning of a browser without a graphics card stays over the 3D view.
 - `opening_page`: before there is a scene, viser shows its own buttons on an empty page.
 - `theme`: the theme is remembered by the browser.
 

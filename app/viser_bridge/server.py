@@ -19,6 +19,7 @@ from app.viser_bridge.access import Access, token_for
 from app.viser_bridge.client_callbacks import ClientCallbacks
 from app.viser_bridge.opening_page import OpeningPage
 from app.viser_bridge.paced_connection import MAX_MESSAGE_BYTES, PacedConnection
+from app.viser_bridge.software_rendering import close_warning
 from fairing.errors import InputError
 
 PANEL_WIDTH = 340  # px
@@ -133,4 +134,5 @@ def start_viewer(host: str, port: int, token: str | None = None) -> ViewerServer
     server.scene.configure_default_lights(cast_shadow=False)
     server.scene.add_light_ambient("/light", intensity=0.25)
     server.scene.world_axes.visible = False
+    close_warning(server.gui)
     return server

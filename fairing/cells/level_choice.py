@@ -33,8 +33,7 @@ def level_for_footprint(typical: float, options: FairingOptions) -> int:
     Args:
         typical: median height of the faces' footprints, px.
     """
-    fitting = (k for k, blur in enumerate(options.schedule.blur) if blur <= typical / FOOTPRINT_PER_BLUR)
-    return next(fitting, options.n_levels - 1)
+    return _first_level_of_blur(typical / FOOTPRINT_PER_BLUR, options)
 
 
 def level_for_error(error: float, options: FairingOptions) -> int:
@@ -42,17 +41,20 @@ def level_for_error(error: float, options: FairingOptions) -> int:
 
     (ledger: begin level by points)
     """
-    fitting = (k for k, blur in enumerate(options.schedule.blur) if blur <= max(error, NEAR_TRUTH_BLUR))
-    return next(fitting, options.n_levels - 1)
+    return _first_level_of_blur(max(error, NEAR_TRUTH_BLUR), options)
 
 
 def first_fine_level(options: FairingOptions) -> int:
     """The first level whose blur is at most `NEAR_TRUTH_BLUR`; the last level if there is none."""
-    fine = (k for k, blur in enumerate(options.schedule.blur) if blur <= NEAR_TRUTH_BLUR)
-    return next(fine, options.n_levels - 1)
+    return _first_level_of_blur(NEAR_TRUTH_BLUR, options)
 
 
 def last_fine_level(options: FairingOptions) -> int:
     """The last level with the same blur as the first fine level."""
     blur = options.schedule.blur[first_fine_level(options)]
     return max(k for k in range(options.n_levels) if options.schedule.blur[k] == blur)
+
+
+def _first_level_of_blur(most: float, options: FairingOptions) -> int:
+    """The first level whose blur is at most that, px; the last level if there is none."""
+    return next((k for k, blur in enumerate(options.schedule.blur) if blur <= most), options.n_levels - 1)

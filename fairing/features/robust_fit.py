@@ -26,17 +26,17 @@ REACH = 3.0
 STEPS = 2
 """Gauss-Newton steps at each gate; each assigns the points anew."""
 FARTHEST = 10.0
-"""Percent of the diagonal: points farther from the face that their photos see are no measure of the start's error."""
+"""Percent of the diagonal: points farther from the face that their photos see belong to something else."""
 POINT_SIGMA = 0.1
 """Percent of the diagonal: standard deviation of a point's distance from a flat face, beside the point's own."""
 PRIOR_SIGMA = 0.7
-"""Percent of the diagonal: standard deviation of a vertex's coordinate in the start."""
+"""Percent of the diagonal: standard deviation of a vertex's coordinate in the start; scale of the loss that judges a fit."""
 VOTES = 0.5
 """Least share of a point's photos that see its face in its direction."""
 RIM = 0.05
 """Barycentric: a point's foot may lie that far outside its face."""
 JUDGING_SIGMA = 0.2
-"""Percent of the diagonal: scale of the loss by which whole meshes are compared."""
+"""Percent of the diagonal: scale of the loss that compares a smoothed start with the start."""
 HELD_BACK = 4
 """Every so many points the fit does not use; they judge it."""
 LEAST_PART = 1 / 32
@@ -202,7 +202,7 @@ class _Rays:
         enough = votes >= VOTES * self._n_views[point]
         point, face, votes = point[enough], face[enough], votes[enough]
         corners = mesh.vertices[mesh.faces[face]]
-        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        normals = face_normals(mesh.vertices, mesh.faces)[face]
         normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
         distances = ((self._positions[point] - corners[:, 0]) * normals).sum(axis=1)
         feet = self._positions[point] - distances[:, None] * normals

@@ -77,6 +77,7 @@ class Level:
         smoothing: strength of the smoothness prior, see `StepOptions.smoothing`; 0: none.
         attraction: strength of the prior to the sparse points, see `StepOptions.points`; 0: none.
         takes_all_points: see `RunPlan`.
+        start_sigma: standard deviation of the start in the prior to it, px; 0: no such prior.
         phases: in their order.
     """
 
@@ -85,6 +86,7 @@ class Level:
     smoothing: float = 0.0
     attraction: float = 0.0
     takes_all_points: bool = False
+    start_sigma: float = 0.0
     phases: tuple[Phase, ...] = ()
 
     @property
@@ -183,6 +185,7 @@ def _level(options: FairingOptions, plan: RunPlan, number: int, begin: int) -> L
         smoothing=by_level(step.smoothing, number) if plan.is_smoothed else 0.0,
         attraction=by_level(step.points, number) if plan.is_fitted_to_points else 0.0,
         takes_all_points=plan.takes_all_points,
+        start_sigma=plan.start_sigma,
         phases=phases,
     )
 

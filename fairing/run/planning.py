@@ -8,6 +8,7 @@ from fairing.run_plan import RunPlan
 from fairing.solve.problem import Problem
 from fairing.trace import StepReason
 
+LEAST_ERROR = 1.0  # px: Gauss-Newton reaches that far at every level
 MOST_LOSS = 0.03  # per photo px after a fit: above it a search gains little (ledger: search after a fit)
 
 
@@ -25,8 +26,8 @@ def make_plan(problem: Problem) -> RunPlan:
         any(preparation.reason == reason for preparation in prepared)
         for reason in (StepReason.SMOOTHED, StepReason.FITTED_TO_POINTS)
     )
-    measured = None
-    if points_can_judge(problem):
+    measured, has_judges = 0.0, points_can_judge(problem)
+    if has_judges:
         # Vertices that the points do not determine keep the error that the start had before the fit.
         measured = measured_start_error(problem, prepared[0].after if is_smoothed else problem.start)
         if schedule.first_level == "auto":
@@ -34,8 +35,9 @@ def make_plan(problem: Problem) -> RunPlan:
     error = schedule.start_error
     if error < 0:
         error = 0.0
-        if measured is not None and is_fitted:
-            error = measured if searching is not None and prepared[-1].loss < MOST_LOSS else 0.0
+        if has_judges and is_fitted:
+            is_searched = searching is not None and measured >= LEAST_ERROR and prepared[-1].loss < MOST_LOSS
+            error = measured if is_searched else 0.0
         # If the faces are large enough for levels coarser than the first one with a search, those reduce the error. Smaller
         # faces match wrong places by chance (ledger: start error).
         elif first == searching and not is_smoothed:
@@ -49,4 +51,6 @@ def make_plan(problem: Problem) -> RunPlan:
         start_error=float(error),
         is_near_truth=is_near_truth,
         takes_all_points=is_fitted and prepared[-1].takes_all_points,
+        # A start that has to be searched for is nothing to hold vertices to (ledger: prior to the start).
+        start_sigma=max(measured, LEAST_ERROR) if measured > 0 and error == 0 else 0.0,
     )

@@ -1,6 +1,5 @@
 """Preparation of the start: smoothing and the fit to the sparse points, each applied only if it lowers the photo loss."""
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -27,15 +26,20 @@ class Preparation(NamedTuple):
 
     Attributes:
         reason: SMOOTHED or FITTED_TO_POINTS.
-        after: (n, 3) float: positions of the vertices afterwards, world units.
+        evaluation: energies afterwards.
         loss: mean loss per photo px afterwards.
         takes_all_points: whether a fit used all given points, not only those that their own photos see on the mesh.
     """
 
     reason: StepReason
-    after: np.ndarray
+    evaluation: Evaluation
     loss: float
     takes_all_points: bool = False
+
+    @property
+    def after(self) -> np.ndarray:
+        """(n, 3) float: positions of the vertices afterwards, world units."""
+        return self.evaluation.vertices
 
 
 def find_preparations(problem: Problem) -> list[Preparation]:
@@ -57,16 +61,14 @@ def find_preparations(problem: Problem) -> list[Preparation]:
     for reason, is_enabled in ((StepReason.SMOOTHED, smooths), (StepReason.FITTED_TO_POINTS, fits)):
         if not is_enabled:
             continue
-        with problem.work.doing(_TRIED[reason], 3 if loss is None else 2) as work:
-            after, takes_all_points = _PREPARED[reason](problem, vertices)
-            work.advance()
+        with problem.work.doing(_TRIED[reason], 2 if loss is None else 1) as work:
             if loss is None:
                 loss = _mean_loss(_evaluate(problem, vertices))
                 work.advance()
-            loss_after = _mean_loss(_evaluate(problem, after))
-        if loss_after < (1 - GAIN) * loss:
-            done.append(Preparation(reason, after, loss_after, takes_all_points))
-            vertices, loss = after, loss_after
+            preparation = _prepare(problem, reason, vertices)
+        if preparation.loss < (1 - GAIN) * loss:
+            done.append(preparation)
+            vertices, loss = preparation.after, preparation.loss
     return done
 
 
@@ -89,18 +91,36 @@ def preparation_step(
     Raises:
         Cancelled: cancellation was requested.
     """
-    with problem.work.doing("preparing the start", 3) as work:
-        prepared, _ = _PREPARED[reason](problem, vertices)
+    with problem.work.doing("preparing the start", 2) as work:
+        preparation = _prepare(problem, reason, vertices)
         work.advance()
-        ids = np.flatnonzero((prepared != vertices).any(axis=1))
-        before, after = (_evaluate(problem, places) for places in work.each((vertices, prepared)))
-    return moved_record(
-        problem, position, 0, ids, before, after, reason, objectives=(_mean_loss(before), _mean_loss(after))
-    )
+        before = _evaluate(problem, vertices)
+    ids = np.flatnonzero((preparation.after != vertices).any(axis=1))
+    objectives = _mean_loss(before), preparation.loss
+    return moved_record(problem, position, 0, ids, before, preparation.evaluation, reason, objectives=objectives)
 
 
-def _smoothed_start(problem: Problem, vertices: np.ndarray) -> tuple[np.ndarray, bool]:
-    return _smoothed(problem, vertices), False
+def _prepare(problem: Problem, reason: StepReason, vertices: np.ndarray) -> Preparation:
+    """The preparation of vertices (n, 3); of several fits to the sparse points that which has the lowest photo loss.
+
+    The robust fit is the better one far from the surface and beside clutter, that to closest points near the surface. Given
+    points that their own photos do not see on the mesh show where a mesh ends too early, but they may as well be points of
+    the ground (ledger: choice of the fit).
+    """
+
+    def prepared(after: np.ndarray, takes_all_points: bool = False) -> Preparation:
+        evaluation = _evaluate(problem, after)
+        return Preparation(reason, evaluation, _mean_loss(evaluation), takes_all_points)
+
+    if reason is StepReason.SMOOTHED:
+        return prepared(_smoothed(problem, vertices))
+    fits, points = [], problem.scene.sparse_points
+    if len(problem.observed_points) > 0:
+        fits.append(prepared(_robustly_fitted(problem, vertices)))
+        fits.append(prepared(fitted_to_points(problem, vertices, FIT_ROUNDS).targets))
+    if not fits or (points is not None and points.origin == "given"):
+        fits.append(prepared(fitted_to_points(problem, vertices, FIT_ROUNDS, takes_all=True).targets, True))
+    return min(fits, key=lambda fit: fit.loss)
 
 
 def _smoothed(problem: Problem, vertices: np.ndarray) -> np.ndarray:
@@ -111,25 +131,6 @@ def _smoothed(problem: Problem, vertices: np.ndarray) -> np.ndarray:
     after = vertices.copy()
     after[ids] += moves
     return after
-
-
-def _fitted(problem: Problem, vertices: np.ndarray) -> tuple[np.ndarray, bool]:
-    """Vertices (n, 3) after that fit to the sparse points which has the lower photo loss; whether it took all given points.
-
-    The robust fit is the better one far from the surface and beside clutter, that to closest points near the surface. Given
-    points that their own photos do not see on the mesh show where a mesh ends too early, but they may as well be points of
-    the ground (ledger: choice of the fit).
-    """
-    every = fitted_to_points(problem, vertices, FIT_ROUNDS, takes_all=True).targets, True
-    if len(problem.observed_points) == 0:
-        return every
-    fits = [
-        (_robustly_fitted(problem, vertices), False),
-        (fitted_to_points(problem, vertices, FIT_ROUNDS).targets, False),
-    ]
-    if problem.scene.sparse_points is not None and problem.scene.sparse_points.origin == "given":
-        fits.append(every)
-    return min(fits, key=lambda fit: _mean_loss(_evaluate(problem, fit[0])))
 
 
 def _robustly_fitted(problem: Problem, vertices: np.ndarray) -> np.ndarray:
@@ -152,12 +153,6 @@ def points_accept_smoothing(problem: Problem) -> bool:
         for vertices in (problem.start, _smoothed(problem, problem.start))
     )
     return smooth < plain
-
-
-_PREPARED: dict[StepReason, Callable[[Problem, np.ndarray], tuple[np.ndarray, bool]]] = {
-    StepReason.SMOOTHED: _smoothed_start,
-    StepReason.FITTED_TO_POINTS: _fitted,
-}
 
 
 _TRIED: dict[StepReason, str] = {

@@ -11,8 +11,6 @@ from fairing.solve.problem import Problem
 
 POINTS_QUANTILE = 0.9
 POINTS_FACTOR = 1.5
-LEAST_ERROR = 1.0  # px: Gauss-Newton reaches that far at every level
-
 PROBES = 48  # vertices
 PROBE_RADII = (3.0, 6.0, 12.0)  # px
 PROBE_GAIN = 0.1  # smallest relative decrease of the loss
@@ -21,7 +19,7 @@ PROBE_MAJORITY = 0.5
 
 
 def measured_start_error(problem: Problem, start: np.ndarray) -> float:
-    """Distance of the start's vertices from their true positions, px, by the observed sparse points; 0 if it is below 1 px.
+    """Distance of the start's vertices from their true positions, px, by the observed sparse points; 0 without points.
 
     Most points lie inside faces, where the distance from the surface is less than that of the corners, and where the start is
     right they say nothing about the rest. Therefore the estimate is a high quantile. (ledger: start error by points)
@@ -31,8 +29,7 @@ def measured_start_error(problem: Problem, start: np.ndarray) -> float:
     """
     cameras = [view.camera for view in problem.scene.views]
     distances = distances_px(problem.scene.mesh.moved(start), cameras, problem.observed_points)
-    error = POINTS_FACTOR * float(np.quantile(distances, POINTS_QUANTILE)) if len(distances) else 0.0
-    return error if error >= LEAST_ERROR else 0.0
+    return POINTS_FACTOR * float(np.quantile(distances, POINTS_QUANTILE)) if len(distances) else 0.0
 
 
 def estimate_start_error(problem: Problem, level: int, start: np.ndarray) -> float:

@@ -20,9 +20,10 @@ from fairing.solve.step_limits import pixels_moved, pixels_per_unit
 
 POOR_FIT = 2.0  # in units of the median loss: vertices above it are restarted
 WELL_SEEN = 0.6  # fraction of the faces around a vertex (ledger: well-seen vertices)
-POINTS_VARIANCE = (
-    8.0  # of the residual, grey levels^2: the prior to the points fades below it (ledger: prior to points)
-)
+# Of the residual, grey levels^2: the prior to the points fades below it (ledger: prior to points).
+POINTS_VARIANCE = 8.0
+# px^2 of the photos: the area over which residuals of what is not on the mesh agree (ledger: prior to the start).
+RESIDUAL_AREA = 10_000.0
 FIT_ROUNDS = 3  # of the fit to the sparse points, from the vertices at the beginning of the sweep
 VERTEX_PASSES = 3  # of the filter that gives the targets of the smoothness prior
 
@@ -105,6 +106,11 @@ def begin_sweep(
     if among is not None:
         free &= among
     movable = free & (pixels > 0)
+    if level.start_sigma > 0:
+        # Where photos contradict each other, the start counts for more; where they agree, its share is negligible.
+        loss = _vertex_losses(mesh, context, system)
+        strength = RESIDUAL_AREA * loss * (pixels / level.start_sigma) ** 2
+        terms.append(QuadraticPrior(strength[:, None, None] * np.eye(3), origin))
     if level.smoothing > 0 and informed.any():
         targets = smoothed(mesh, vertices, VERTEX_PASSES)
         terms.append(QuadraticPrior(np.tile(level.smoothing * typical * np.eye(3), (len(vertices), 1, 1)), targets))
@@ -149,13 +155,18 @@ def _above_median(mesh: Mesh, context: CellContext, system: FaceSystem, among: n
 
     (ledger: searched vertices)
     """
+    mean = _vertex_losses(mesh, context, system)
+    return mean > factor * np.median(mean[among]) if among.any() else among
+
+
+def _vertex_losses(mesh: Mesh, context: CellContext, system: FaceSystem) -> np.ndarray:
+    """(n,) float: mean loss per photo px of the faces around each vertex; 0 where no photo sees them."""
     loss, pixels = loss_of_faces(context, system.energy, system.faces)
     total, weight = (
         np.bincount(mesh.faces[system.faces].ravel(), weights=np.repeat(values, 3), minlength=len(mesh.vertices))
         for values in (loss * pixels, pixels)
     )
-    mean = total / np.maximum(weight, 1e-300)
-    return mean > factor * np.median(mean[among]) if among.any() else among
+    return total / np.maximum(weight, 1e-300)
 
 
 def _context_and_sigma(

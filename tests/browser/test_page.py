@@ -2,6 +2,7 @@
 
 import socket
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -262,6 +263,34 @@ def test_an_exception_in_a_callback_is_shown_and_the_page_keeps_working(
         visitor.press("Step one iteration")
         visitor.page.get_by_text("RuntimeError: <b>the disk is on fire</b>").first.wait_for()
     assert visitor.press("Step one iteration").moment == 1
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
+def test_a_dead_thread_is_one_notification_that_names_the_report_and_the_palette_saves_it(
+    visitor: Visitor, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+):
+    def end(self: Session) -> None:
+        raise SystemExit("out of luck")
+
+    controller, page = visitor.app.controller, visitor.page
+    monkeypatch.setattr(controller, "_report_path", tmp_path / "report.json")
+    visitor.close_notifications()
+    before = controller.state
+    with monkeypatch.context() as patch:
+        patch.setattr(Session, "step", end)
+        page.keyboard.press("l")
+        page.get_by_text("SystemExit: out of luck").wait_for()
+    state = controller.wait_until_idle()
+    assert (state.moment, state.trace) == (before.moment, before.trace)
+    notifications = page.locator(".mantine-Notification-root")
+    assert notifications.count() == 1
+    assert "The command 'Save a problem report' writes the details to" in notifications.inner_text()
+    page.keyboard.press("Control+k")
+    page.get_by_placeholder("Search").fill("Save a problem report")
+    page.keyboard.press("Enter")
+    wait_for(lambda: (tmp_path / "report.json").exists())
+    page.get_by_text("Problem report saved").first.wait_for()
+    assert "out of luck" in (tmp_path / "report.json").read_text()
 
 
 def test_values_that_make_no_sense_change_nothing(visitor: Visitor):

@@ -1,6 +1,7 @@
 """The first minute and long work in a real browser: what is done is shown, keys wait, the texture stays on the mesh."""
 
 import threading
+import time
 from collections.abc import Iterator
 
 import numpy as np
@@ -13,6 +14,7 @@ from app.debugger.run_state import Activity
 from app.debugger.work_report import WorkReport
 from app.page.server import App
 from app.page_state.selection import Selection
+from app.viser_bridge.error_toasts import TOAST_SECONDS
 from app.viser_bridge.server import start_viewer
 from demo_scenes import load_demo
 from fairing.errors import Cancelled
@@ -226,3 +228,48 @@ def test_the_opening_page_has_a_bar_and_keys_wait_for_the_scene_and_the_compilat
             app.stop()
         else:
             server.close()
+
+
+def test_warnings_and_errors_close_by_themselves_but_can_be_read(visitor: Visitor, browser: Browser):
+    visitor.close_notifications()
+    pages = visitor.app.pages
+    known = set(pages)
+    page = browser.new_page(viewport=WINDOW)
+    page.set_default_timeout(1000 * PATIENCE)
+    try:
+        page.goto(visitor.app.url)
+        warning = page.get_by_text("Software WebGL rendering detected")
+        warning.wait_for()
+        wait_for(lambda: len(pages) > len(known))
+        shown = time.monotonic()
+        pages[next(iter(set(pages) - known))].frame.toasts.show("vertex 99: expected 0 to 6")
+        error = page.get_by_text("vertex 99: expected 0 to 6")
+        error.wait_for()
+        page.wait_for_timeout(max(0.0, 1000 * (shown + TOAST_SECONDS - 1 - time.monotonic())))
+        assert error.is_visible()
+        assert warning.is_visible()
+        error.wait_for(state="detached")
+        warning.wait_for(state="detached")
+        assert time.monotonic() - shown > TOAST_SECONDS - 0.5
+    finally:
+        page.close()
+
+
+def test_until_its_texture_is_painted_a_plain_surface_says_so(visitor: Visitor, browser: Browser):
+    texturer, may_paint = visitor.app.resources.texturer.static, threading.Event()
+    paint = texturer._paint
+    texturer._kept.clear()
+    texturer._paint = lambda vertices: paint(vertices) if may_paint.wait(PATIENCE) else None  # pyright: ignore[reportAttributeAccessIssue]
+    page = browser.new_page(viewport=WINDOW)
+    page.set_default_timeout(1000 * PATIENCE)
+    try:
+        page.goto(visitor.app.url)
+        note = page.get_by_text("Painting the texture…")
+        note.wait_for()
+        may_paint.set()
+        note.wait_for(state="detached")
+        page.wait_for_function(f"() => ({TEXTURED})()")
+    finally:
+        may_paint.set()
+        texturer._paint = paint
+        page.close()

@@ -1,11 +1,16 @@
 """The page fits its window, and is accessible: widths, names, contrast, the dialog of keys, the palette, the tab's title."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from axe_playwright_python.sync_playwright import Axe
 
 from app.debugger.commands import Restart
+from app.panels.status import Status
 from fairing.options import FairingOptions, ScheduleOptions
+from fairing.trace import SchedulePosition
 from tests.browser.driver import IN_BROWSER, WINDOW, Visitor
 from tests.waiting import wait_for
 
@@ -37,6 +42,22 @@ TOO_WIDE = """() => {
             found.push(`${element.tagName} ${element.className} ${element.textContent.slice(0, 30)} beyond its panel`);
     }
     return found;
+}"""
+
+# axe leaves the tabs out, since viser draws a line over them.
+TAB_CONTRASTS = """() => {
+    const numbers = color => color.match(/[\\d.]+/g).map(Number);
+    const light = color => numbers(color).slice(0, 3).map(value => value / 255)
+        .map(value => value <= 0.03928 ? value / 12.92 : ((value + 0.055) / 1.055) ** 2.4)
+        .reduce((sum, value, k) => sum + value * [0.2126, 0.7152, 0.0722][k], 0);
+    const behind = element => {
+        const color = getComputedStyle(element).backgroundColor;
+        return numbers(color)[3] === 0 ? behind(element.parentElement) : color;
+    };
+    return [...document.querySelectorAll('[role=tab]')].map(tab => {
+        const [dark, bright] = [light(getComputedStyle(tab).color), light(behind(tab))].sort((a, b) => a - b);
+        return (bright + 0.05) / (dark + 0.05);
+    });
 }"""
 
 
@@ -80,6 +101,41 @@ def test_no_panel_overflows_or_scrolls_sideways(visitor: Visitor, order: str):
     visitor.page.set_viewport_size(WINDOW)
 
 
+@pytest.mark.parametrize("order", ["sequential", "worst_first", "independent", "joint"])
+def test_position_and_energy_fit_in_one_line_each_with_large_numbers(visitor: Visitor, order: str):
+    page, state = next(iter(visitor.app.pages.values())), visitor.app.controller.wait_until_idle()
+    status = next(panel for panel in page.panels._panels if isinstance(panel, Status))
+    blur = (10.0, 8.5, 6.0, 4.5, 3.0, 1.25, 0.65)
+    options = FairingOptions(schedule=ScheduleOptions(blur=blur, order=order, max_sweeps=(12,), max_iterations=(10,)))  # pyright: ignore[reportArgumentType]
+    large = replace(state, options=options, position=SchedulePosition(6, 11, 2477, 9), moment=1)
+    energies, status._energies = status._energies, SimpleNamespace(before=[9_999_999.0], after=[8_888_888.0])  # pyright: ignore[reportAttributeAccessIssue]
+    try:
+        status.show(large, page.page_state)
+        page._client.flush()
+        crumbs = visitor.page.locator(".crumbs", has_text="iteration 10")
+        crumbs.wait_for()
+        words = {
+            "sequential": "2478th vertex",
+            "worst_first": "2478th vertex",
+            "independent": "2478th set",
+            "joint": "",
+        }
+        assert " ".join(crumbs.inner_text().split()).startswith(f"level 7/7 › sweep 12 › {words[order]}")
+        for size in SIZES:
+            visitor.page.set_viewport_size(size)
+            visitor.page.wait_for_function(
+                """() => {
+                    const [crumbs, energy] = document.querySelectorAll('.ef .crumbs, .ef .crumbs + .row');
+                    return [crumbs, energy].every(row => row.getBoundingClientRect().height < 26 && [...row.children].every(
+                        part => part.getBoundingClientRect().right <= row.getBoundingClientRect().right + 0.5));
+                }"""  # px; two lines take 36
+            )
+    finally:
+        status._energies = energies
+        visitor.app.controller.republish()
+        visitor.page.set_viewport_size(WINDOW)
+
+
 @pytest.mark.parametrize("tabs", [("Lessons", "Layers", "Runs"), ("Cells", "Options", "Timeline")])
 def test_axe_has_no_serious_findings_in_either_theme(visitor: Visitor, tabs: tuple[str, ...]):
     for tab in tabs:
@@ -91,6 +147,7 @@ def test_axe_has_no_serious_findings_in_either_theme(visitor: Visitor, tabs: tup
         found = [
             item for item in Axe().run(visitor.page).response["violations"] if item["impact"] in ("serious", "critical")
         ]
+        assert min(visitor.page.evaluate(TAB_CONTRASTS)) >= 4.5, theme
         listed = [(item["id"], [(node["html"][:120], node["any"][:1]) for node in item["nodes"][:5]]) for item in found]
         assert listed == [], theme
 

@@ -1,50 +1,24 @@
 """`python -m tests.soak --minutes 120`: use the debugger at random, print what its process used, exit with 1 if it grew."""
 
 import argparse
-import subprocess
 import sys
 import threading
 import time
+from collections import Counter
 from contextlib import suppress
-from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 from tests.browser.driver import chromium
+from tests.soak.server import Sample, Server
 from tests.soak.users import Users
 
 WARM_UP = 0.25  # of the time, at most WARM_UP_MINUTES
-WARM_UP_MINUTES = 10.0
+WARM_UP_MINUTES = 15.0
 SAMPLE_SECONDS = 10.0
 PRINTED_EVERY = 6  # samples
 MAX_GROWTH = 5.0  # % an hour
 MAX_EXTRA = 3  # threads or descriptors: timers and pages that are just being opened
-PAGE_BYTES = 4096
-
-
-@dataclass(frozen=True)
-class Sample:
-    """Attributes:
-    minutes: since the start.
-    memory: resident, MB.
-    """
-
-    minutes: float
-    memory: float
-    threads: int
-    descriptors: int
-
-
-def sample(pid: int, began: float) -> Sample:
-    """What the server's process uses now."""
-    process = Path(f"/proc/{pid}")
-    return Sample(
-        (time.monotonic() - began) / 60,
-        int((process / "statm").read_text().split()[1]) * PAGE_BYTES / 1e6,
-        len(list((process / "task").iterdir())),
-        len(list((process / "fd").iterdir())),
-    )
 
 
 def growth(samples: list[Sample]) -> float:
@@ -55,40 +29,44 @@ def growth(samples: list[Sample]) -> float:
     return float(100 * 60 * np.polyfit(minutes, memory, 1)[0] / np.median(memory))
 
 
+def by_half_hour(samples: list[Sample]) -> list[float]:
+    """Median memory of every half hour, MB."""
+    n_halves = 1 + int(max((s.minutes for s in samples), default=0) / 30)
+    return [float(np.median([s.memory for s in samples if int(s.minutes / 30) == k])) for k in range(n_halves)]
+
+
 def rise(values: list[int]) -> float:
     """Median of the last quarter less that of the first quarter."""
     quarter = len(values) // 4 + 1
     return float(np.median(values[-quarter:]) - np.median(values[:quarter])) if values else 0.0
 
 
-def watch(pid: int, began: float, ended: threading.Event, samples: list[Sample]) -> None:
+def watch(server: Server, ended: threading.Event, samples: list[Sample]) -> None:
     """Append samples until the end, and print one a minute."""
+    began = time.monotonic()
     while not ended.wait(SAMPLE_SECONDS):
-        samples.append(sample(pid, began))
+        samples.append(server.sample((time.monotonic() - began) / 60))
         if len(samples) % PRINTED_EVERY == 1:
             show(samples[-1])
 
 
 def soak(minutes: float, seed: int, pace: float) -> int:
     """Returns the exit code."""
-    command = [sys.executable, "-m", "tests.soak.served"]
-    server = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
-    assert server.stdin is not None
-    assert server.stdout is not None
-    url = server.stdout.readline().strip()
-    began, ended, samples = time.monotonic(), threading.Event(), []
-    watching = threading.Thread(target=watch, args=(server.pid, began, ended, samples), daemon=True)
+    server = Server()
+    ended, samples = threading.Event(), []
+    watching = threading.Thread(target=watch, args=(server, ended, samples), daemon=True)
     watching.start()
+    began = time.monotonic()
     with chromium() as browser:
-        users = Users(browser, url, seed, pace)
+        users = Users(browser, server, seed, pace)
         with suppress(KeyboardInterrupt):
             while time.monotonic() < began + 60 * minutes:
                 users.act()
-    ended.set()
-    watching.join()
-    server.stdin.close()
-    server.wait(timeout=300)
-    return report(samples, min(WARM_UP * minutes, WARM_UP_MINUTES), users)
+        ended.set()
+        watching.join()
+        code = report(samples, min(WARM_UP * minutes, WARM_UP_MINUTES), users)
+    server.close()
+    return code
 
 
 def show(s: Sample) -> None:
@@ -102,12 +80,20 @@ def report(samples: list[Sample], warm_up: float, users: Users) -> int:
     warm = [s for s in samples if s.minutes >= warm_up]
     troubles, per_hour = users.troubles, growth(warm)
     threads, descriptors = rise([s.threads for s in warm]), rise([s.descriptors for s in warm])
-    print(f"actions: {', '.join(f'{name} {count}' for name, count in sorted(users.actions.items()))}")
+    print(f"actions with their effect: {listed(users.done)}")
+    print(f"refused with a message: {listed(users.refused)}")
     print(f"memory after {warm_up:.1f} min: {per_hour:+.1f} % an hour")
-    print(f"threads {threads:+g}, descriptors {descriptors:+g}, page errors: {len(troubles)}")
+    print(f"median memory by half hour: {', '.join(f'{half_hour:.0f}' for half_hour in by_half_hour(samples))} MB")
+    print(f"threads {threads:+g}, descriptors {descriptors:+g}, errors and actions without effect: {len(troubles)}")
     for trouble in troubles[:10]:
         print(f"  {trouble}")
-    return 0 if per_hour < MAX_GROWTH and max(threads, descriptors) <= MAX_EXTRA and not troubles else 1
+    refused = [name for name, count in users.refused.items() if count > users.done[name]]
+    is_flat = per_hour < MAX_GROWTH and max(threads, descriptors) <= MAX_EXTRA
+    return 0 if is_flat and not troubles and not refused else 1
+
+
+def listed(counts: Counter[str]) -> str:
+    return ", ".join(f"{name} {count}" for name, count in sorted(counts.items())) or "none"
 
 
 if __name__ == "__main__":
