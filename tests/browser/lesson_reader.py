@@ -2,6 +2,7 @@
 
 import re
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -110,10 +111,10 @@ class Reader:
                 .map((node) => node.id || node.tagName)"""
         )
 
-    def serious_findings(self) -> list[tuple[str, list[str]]]:
-        """Serious and critical findings of axe in the dark and in the light theme."""
+    def serious_findings(self, *themes: Literal["dark", "light"]) -> list[tuple[str, list[str]]]:
+        """Serious and critical findings of axe in these themes."""
         found = []
-        for theme in ("dark", "light"):
+        for theme in themes:
             self.page.emulate_media(color_scheme=theme)
             violations = Axe().run(self.page).response["violations"]
             serious = [item for item in violations if item["impact"] in ("serious", "critical")]

@@ -130,20 +130,25 @@ def test_a_lesson_is_read_and_tried_with_a_finger(name, lessons, phone):
             assert box["height"] > 0.3 * PHONE["height"]
             phone.drag_by_touch(box["x"] + place[0], box["y"] + place[1], 12, 9)
             after = page.evaluate("(viewer.draw(), viewer.place(state.vertices.at(-1)))")
-            assert after[:2] == pytest.approx([place[0] + 12, place[1] + 9], abs=1.5), f"step {n + 1}"
+            moved, reach = np.abs(page.evaluate("state.offset.by")).max(), page.evaluate("data.reach")
+            assert moved <= reach
+            if moved < 0.999 * reach:  # seen from afar, the drag is longer than the vertex may move
+                assert after[:2] == pytest.approx([place[0] + 12, place[1] + 9], abs=1.5), f"step {n + 1}"
+                dragged += 1
             check_moved_vertex(phone, played, step)
-            dragged += 1
     assert dragged
 
 
-@pytest.mark.parametrize("name", WALKED)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", WALKED if WALKS_ALL else ("model",))
 def test_every_step_has_names_and_contrast_for_everybody(name, lessons, desk, phone):
+    """Both themes at both sizes if all lessons are walked, else each theme at one size: colours do not depend on it."""
     path, played = lessons[name]
-    for reader in (desk, phone):
+    for reader, theme, other in ((desk, "dark", "light"), (phone, "light", "dark")):
         reader.open(path)
         for n in range(len(played.steps)):
             reader.page.evaluate("goToStep", n)
-            assert reader.serious_findings() == [], f"step {n + 1}"
+            assert reader.serious_findings(*((theme, other) if WALKS_ALL else (theme,))) == [], f"step {n + 1}"
     small = phone.page.evaluate(
         """() => [...document.querySelectorAll('button, summary, a, input')]
             .filter((node) => node.checkVisibility() && !node.closest('#steps, .bars') && node.getBoundingClientRect().height < 38)

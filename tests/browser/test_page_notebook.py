@@ -53,5 +53,6 @@ def test_a_live_debugger_opens_in_its_frame_and_frees_its_port_when_stopped(brow
     live.stop()
     live.stop()  # a second time has no effect
     with socket.socket() as free:
+        free.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # closed connections to the port may linger
         free.bind(("127.0.0.1", port))
     page.close()
