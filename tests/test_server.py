@@ -1,5 +1,6 @@
 """The server without a browser: who may connect, and what a client that misbehaves can do to others."""
 
+import asyncio
 import socket
 import threading
 import time
@@ -15,6 +16,7 @@ from app.debugger.commands import Extent, Forward, JumpTo, Pause
 from app.page.server import App, start
 from app.viser_bridge.access import token_for
 from app.viser_bridge.client_callbacks import MAX_QUEUED, ClientCallbacks
+from app.viser_bridge.message_event import MessageBuffer, MessageEvent
 from app.viser_bridge.paced_connection import BURST, MAX_MESSAGE_BYTES
 from app.viser_bridge.server import ViewerServer, check_address, start_viewer
 from fairing.errors import InputError
@@ -248,8 +250,9 @@ def test_the_queue_of_one_client_is_bounded_and_drops_the_oldest():
         callbacks.shutdown(wait=False)
 
 
-def test_the_callbacks_of_one_client_run_in_their_order():
+def test_the_callbacks_of_one_client_run_in_their_order(monkeypatch: pytest.MonkeyPatch):
     """Else the first of two widths of the view could be the one that lasts."""
+    monkeypatch.setattr("app.viser_bridge.client_callbacks.LONG_SECONDS", 60.0)  # also on a machine that is busy
     callbacks, done = ClientCallbacks(), []
 
     def slower_first(event: _Event, k: int) -> None:
@@ -300,3 +303,44 @@ def test_a_callback_that_raises_keeps_the_queue_running():
         assert all(isinstance(future.exception(60), ZeroDivisionError) for future in failing)
     finally:
         callbacks.shutdown(wait=False)
+
+
+def test_only_the_event_loop_wakes_those_who_wait_for_messages():
+    async def waits() -> list[bool]:
+        event, woken = MessageEvent(), []
+        waiter = asyncio.create_task(event.wait())
+        await asyncio.sleep(0)
+        other = threading.Thread(target=event.set)
+        other.start()
+        other.join()
+        await asyncio.sleep(0)
+        woken.append(event.is_set() or waiter.done())
+        asyncio.get_running_loop().call_soon_threadsafe(event.set)
+        woken.append(await asyncio.wait_for(waiter, 60))
+        return woken
+
+    assert asyncio.run(waits()) == [False, True]
+
+
+def test_every_message_that_threads_push_at_once_arrives():
+    server = start_viewer("127.0.0.1", 0)
+    texts = [server.gui.add_html("") for _ in range(8)]
+
+    def write(k: int) -> None:
+        for n in range(300):
+            texts[k].content = f"text {k}: {n}"
+
+    try:
+        with RawClient(server.get_port()) as client:
+            assert isinstance(server.gui._websock_interface.get_message_buffer(), MessageBuffer)
+            threads = [threading.Thread(target=write, args=(k,)) for k in range(len(texts))]
+            for thread in threads:
+                thread.start()
+            missing = {f"text {k}: 299" for k in range(len(texts))}
+            while missing:
+                received = str(client.receive(60))
+                missing = {text for text in missing if text not in received}
+            for thread in threads:
+                thread.join()
+    finally:
+        server.close()

@@ -8,6 +8,7 @@ Server
 - `access`: origin, host and token checks. viser has no authentication, no origin check, and listens on 0.0.0.0 by default.
 - `client_callbacks`: bounded callback queues, one a client, in the order of its messages. viser runs all callbacks from one
   unbounded queue on 32 threads.
+- `message_event`: threads can push messages safely. viser sets an asyncio event from any thread.
 - `paced_connection`: limits the rate and size of incoming messages. viser accepts 50 MiB and any rate.
 - `server`: a port in use and an unknown host are errors. viser takes the next port, and hangs on an unknown host. Removes
   the handlers that open a public tunnel (share.viser.studio), skips the default environment map, which takes seconds to

@@ -17,6 +17,7 @@ from websockets.http11 import Request, Response
 
 from app.viser_bridge.access import Access, token_for
 from app.viser_bridge.client_callbacks import ClientCallbacks
+from app.viser_bridge.message_event import use_message_buffers
 from app.viser_bridge.opening_page import OpeningPage
 from app.viser_bridge.paced_connection import MAX_MESSAGE_BYTES, PacedConnection
 from app.viser_bridge.software_rendering import close_warning
@@ -64,6 +65,7 @@ class ViewerServer(viser.ViserServer):
     def __init__(self, host: str, port: int, token: str | None = None) -> None:
         self.access = Access(host, token_for(host, token))
         check_address(host, port)
+        use_message_buffers()
         # What callbacks queue for a browser that has just gone is not delivered, and need not be.
         warnings.filterwarnings("ignore", message="Queued a .* on a closed connection")
         with (

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fairing.cells.level_choice import last_fine_level
+from fairing.cells.level_choice import NEAR_TRUTH_BLUR, last_fine_level
 from fairing.options import FairingOptions, by_level
 from fairing.run_plan import RunPlan
 
@@ -185,7 +185,8 @@ def _level(options: FairingOptions, plan: RunPlan, number: int, begin: int) -> L
         smoothing=by_level(step.smoothing, number) if plan.is_smoothed else 0.0,
         attraction=by_level(step.points, number) if plan.is_fitted_to_points else 0.0,
         takes_all_points=plan.takes_all_points,
-        start_sigma=plan.start_sigma,
+        # At coarse levels the loss is that of the displacement, too (ledger: prior to the start).
+        start_sigma=plan.start_sigma if schedule.blur[number] <= NEAR_TRUTH_BLUR else 0.0,
         phases=phases,
     )
 
