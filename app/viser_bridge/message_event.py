@@ -31,4 +31,4 @@ class MessageBuffer(AsyncMessageBuffer):
 
 def use_message_buffers() -> None:
     """Let all servers and clients of viser use `MessageBuffer`."""
-    _infra.AsyncMessageBuffer = MessageBuffer
+    _infra.AsyncMessageBuffer = MessageBuffer  # pyright: ignore[reportPrivateImportUsage]
