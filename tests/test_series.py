@@ -101,7 +101,7 @@ def test_a_value_is_that_of_the_last_step_about_the_vertex():
     item = ITEM["step in the photos, px"]
     assert value_at(item, steps, 2, 0) == 0.5
     assert value_at(item, steps, 0, 0) is None
-    assert value_at(ITEM["unit of the sweep"], steps, 2, 0) == 3
+    assert value_at(ITEM["place in the sweep"], steps, 2, 0) == 3
 
 
 def test_the_last_change_is_found_across_steps_about_others_and_repeats():
@@ -115,7 +115,7 @@ def test_the_last_change_is_found_across_steps_about_others_and_repeats():
     assert last_change(item, steps, 8, 0) == 3
     assert last_change(item, steps, 3, 0) == 1
     assert last_change(item, steps, 1, 0) is None
-    assert last_change(ITEM["unit of the sweep"], steps, 10, 0) == 9
+    assert last_change(ITEM["place in the sweep"], steps, 10, 0) == 9
 
 
 def test_every_item_of_a_real_step_can_be_shown():
