@@ -106,7 +106,7 @@ def test_a_click_on_the_position_goes_to_the_beginning_of_that_part(visitor: Vis
     controller = visitor.app.controller
     jump(visitor, 8)
     at = controller.state.position
-    visitor.button("To the beginning of this unit").click()
+    visitor.button("To the beginning of this vertex").click()
     wait_for(lambda: controller.state.moment < 8)
     assert controller.state.position[:3] == at[:3]
     visitor.button("To the beginning of this level").click()
