@@ -128,6 +128,7 @@ def test_the_record_plays_and_stops(visitor: Visitor):
 
 def test_a_past_moment_can_be_shown_while_the_run_goes_on(visitor: Visitor, monkeypatch: pytest.MonkeyPatch):
     controller, stage = visitor.app.controller, visitor.app.resources.stage
+    visitor.page.get_by_role("tab", name="Timeline").click()
     jump(visitor, -1)
     step = Session.step
     with monkeypatch.context() as patch:
