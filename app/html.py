@@ -3,15 +3,12 @@
 import html
 import json
 
-from app.palette import BRAND, BRAND_TEXT, NOW, REFERENCE, REJECTED, SELECTED, START, css, variables
-
-DEBUG_BAR_HEIGHT = 134  # px; the status panel is pinned below the debug bar
+from app.palette import BRAND, NOW, REFERENCE, REJECTED, SELECTED, START, css
 
 STYLE = f"""
-{variables()}
 .ef {{ font-size: 12.5px; line-height: 1.45; color: var(--text); padding: 0 14px 8px 10px;
   font-variant-numeric: tabular-nums; }}
-.ef .dim, .mantine-Flex-root label {{ color: var(--dim); }}
+.ef .dim {{ color: var(--dim); }}
 .ef .big {{ font-size: 14px; font-weight: 600; color: var(--strong); }}
 .ef button {{ font: inherit; color: var(--text); background: var(--button); border: 1px solid var(--edge); border-radius: 4px;
   cursor: pointer; height: 28px; padding: 0 8px; display: inline-flex; align-items: center; justify-content: center;
@@ -41,12 +38,7 @@ STYLE = f"""
 .ef .grow {{ flex: 1; }}
 .ef .crumbs b {{ color: var(--strong); font-weight: 600; }}
 .ef .crumbs i {{ font-style: normal; color: var(--dim); padding: 0 1px; }}
-[role=tab][aria-selected=true][role=tab] {{ color: {css(BRAND_TEXT)} !important; }}
 .ef .wide {{ width: 100%; }}
-div:has(> .ef > .pinned) {{ position: sticky; top: 0; z-index: 5; background: var(--mantine-color-body);
-  padding-top: 10px; margin-top: -10px; }}
-div:has(> div > div > div > .ef > .pinned) {{ overflow: clip !important; }}
-div:has(> .ef > .pinned) + div:has(> .ef > .pinned) {{ top: {DEBUG_BAR_HEIGHT}px; padding-top: 0; margin-top: 0; }}
 .ef .start {{ color: {css(START)}; }} .ef .now {{ color: {css(NOW)}; }}
 .ef .selected {{ color: {css(SELECTED)}; }} .ef .rejected {{ color: {css(REJECTED)}; }}
 .ef .layers {{ display: grid; grid-template-columns: 1fr 1fr; gap: 4px; }}
@@ -131,8 +123,6 @@ div:has(> .ef > .pinned) + div:has(> .ef > .pinned) {{ top: {DEBUG_BAR_HEIGHT}px
 .ef .keys {{ display: grid; grid-template-columns: 1fr 1fr; gap: 0 28px; align-items: start; }}
 .ef .dialog {{ position: relative; }}
 .ef button.cross {{ position: absolute; top: -52px; right: -6px; z-index: 1001; width: 28px; padding: 0; }}
-.mantine-Modal-content:has(.ef .keys) {{ flex: 0 1 820px; }}
-.mantine-Modal-header:has(+ .mantine-Modal-body .ef .dialog) {{ padding-right: 56px; }}
 .ef pre {{ margin: 4px 0 0; font: 12px ui-monospace, "DejaVu Sans Mono", monospace; color: var(--strong);
   white-space: pre-wrap; overflow-wrap: anywhere; }}
 .ef.suggestions {{ position: fixed; z-index: 200; padding: 4px; max-width: 320px; background: var(--button);

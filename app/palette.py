@@ -89,22 +89,21 @@ def css(color: RGB, opacity: float = 1.0) -> str:
     return solid if opacity == 1 else f"color-mix(in srgb,{solid} {100 * opacity:g}%,transparent)"
 
 
-def variables() -> str:
-    """CSS rules that define every variable in both themes."""
+def variables(elements: str, in_light_theme: str) -> str:
+    """CSS rules that define every variable in both themes.
+
+    Args:
+        elements: selector of the elements that get them.
+        in_light_theme: selector of an ancestor that is there in the light theme only.
+    """
     dark = {name: value for name, (value, _) in _GREYS.items()} | {
         name: solid(_ON_DARK.get(c, c)) for c, (name, _) in _ON_LIGHT.items()
     }
     light = {name: value for name, (_, value) in _GREYS.items()} | {name: solid(c) for name, c in _ON_LIGHT.values()}
-    # Labels and tabs of viser's own have the colours of ours.
-    ours = ".ef, .mantine-Flex-root label, [role=tab]"
-    rules = [ours, f"[data-mantine-color-scheme=light] :is({ours})"]
-    blocks = [
+    rules = [elements, f"{in_light_theme} :is({elements})"]
+    return "\n".join(
         f"{rule} {{ {' '.join(f'--{name}: {value};' for name, value in values.items())} }}"
         for rule, values in zip(rules, (dark, light), strict=True)
-    ]
-    # The canvas is transparent; on pure white, the bright colours of points and selection would be invisible.
-    return "\n".join(
-        [*blocks, f"[data-mantine-color-scheme=light] canvas[data-engine] {{ background: {solid(GROUND[1])} }}"]
     )
 
 

@@ -9,7 +9,7 @@ from app.html import STYLE, photo_title
 from app.keys import Key
 from app.page.page_camera import PageCamera
 from app.stage import Stage
-from app.viser_bridge import floating
+from app.viser_bridge import floating, viser_elements
 from app.viser_bridge.accessible_names import name_widgets
 from app.viser_bridge.completion import complete_names
 from app.viser_bridge.error_toasts import ErrorToasts
@@ -68,7 +68,7 @@ class PageFrame:
     def finish(self, timeline: viser.PanelHandle, css: str = "") -> None:
         """After all panels have been added: place the timeline, and install the page's style sheet and scripts."""
         TimelinePlacement(self._client.gui, timeline, self.html_events)
-        css = STYLE + floating.STYLE + css + OVERLAY_STYLE + self.html_events.style + HIDDEN
+        css = viser_elements.STYLE + STYLE + floating.STYLE + css + OVERLAY_STYLE + self.html_events.style + HIDDEN
         set_style_sheet(self._client, css)
         release_focus_after_use(self._client)
         update_in_place(self._client)

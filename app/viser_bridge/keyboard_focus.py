@@ -15,8 +15,9 @@ if (!window.eigenfairingFocus) {
   const isField = e => e?.matches?.('input, textarea, select');
   const isTyped = e => e?.matches?.('textarea, input:not([type=checkbox]):not([type=radio]):not([type=range])');
   const release = () => { if (isField(document.activeElement)) document.activeElement.blur(); };
-  // A click on anything but a text input or its label ends the use of the widget.
+  // A click of the user on anything but a text input or its label ends the use of the widget.
   window.addEventListener('click', event => {
+    if (!event.isTrusted) return;  // a warning that a script closes
     const label = event.target.closest?.('label');
     if (!isTyped(event.target) && !isTyped(label?.control)) release();
   });

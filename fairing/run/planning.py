@@ -2,7 +2,7 @@
 
 from fairing.cells.level_choice import first_level, level_for_error
 from fairing.run.phases import first_searching_level
-from fairing.run.preparation import find_preparations, points_can_judge
+from fairing.run.preparation import Preparations, points_can_judge
 from fairing.run.start_error import estimate_start_error, measured_start_error
 from fairing.run_plan import RunPlan
 from fairing.solve.problem import Problem
@@ -12,7 +12,7 @@ LEAST_ERROR = 1.0  # px: Gauss-Newton reaches that far at every level
 MOST_LOSS = 0.03  # per photo px after a fit: above it a search gains little (ledger: search after a fit)
 
 
-def make_plan(problem: Problem) -> RunPlan:
+def make_plan(problem: Problem, preparations: Preparations) -> RunPlan:
     """The plan of a run: a function of the scene and the options alone. It reads the photos and may take many seconds.
 
     Raises:
@@ -21,7 +21,7 @@ def make_plan(problem: Problem) -> RunPlan:
     """
     schedule, searching = problem.options.schedule, first_searching_level(problem.options)
     first = first_level(problem.scene, problem.start, problem.orientation, problem.options)
-    prepared = find_preparations(problem)
+    prepared = preparations.find()
     is_smoothed, is_fitted = (
         any(preparation.reason == reason for preparation in prepared)
         for reason in (StepReason.SMOOTHED, StepReason.FITTED_TO_POINTS)

@@ -42,62 +42,78 @@ class Preparation(NamedTuple):
         return self.evaluation.vertices
 
 
-def find_preparations(problem: Problem) -> list[Preparation]:
-    """The preparations of the start, in their order, that are enabled and lower the mean loss of the photos by `GAIN`.
+class Preparations:
+    """The preparations of one run's start. What the plan computed, the steps use: both begin with the same vertices."""
 
-    Smoothing does so where the vertices are noisy. Such a run also uses the smoothness prior at its levels, which
-    determines the vertices no photo sees. Where points were found in the photos, they must accept the smoothing as well: a
-    start whose corners are displaced can look noisy to blurred photos (ledger: smoothing judged by points). The fit needs as
-    many points as unlocked coordinates: fewer points would be met with all their noise.
+    def __init__(self, problem: Problem) -> None:
+        self._problem = problem
+        self._evaluations: dict[bytes, Evaluation] = {}
+        self._prepared: dict[tuple[StepReason, bytes], Preparation] = {}
 
-    Raises:
-        Cancelled: cancellation was requested.
-    """
-    step, vertices = problem.options.step, problem.start
-    fits, has_judges = any(step.points) and _points_suffice(problem), points_can_judge(problem)
-    smooths = any(step.smoothing) and (not has_judges or points_accept_smoothing(problem))
-    done: list[Preparation] = []
-    loss = None  # at `vertices`, computed when it is first needed
-    for reason, is_enabled in ((StepReason.SMOOTHED, smooths), (StepReason.FITTED_TO_POINTS, fits)):
-        if not is_enabled:
-            continue
-        with problem.work.doing(_TRIED[reason], 2 if loss is None else 1) as work:
-            if loss is None:
-                loss = _mean_loss(_evaluate(problem, vertices))
-                work.advance()
-            preparation = _prepare(problem, reason, vertices)
-        if preparation.loss < (1 - GAIN) * loss:
-            done.append(preparation)
-            vertices, loss = preparation.after, preparation.loss
-    return done
+    def clear(self) -> None:
+        """Forget what was computed; steps compute it again when needed."""
+        self._evaluations.clear()
+        self._prepared.clear()
+
+    def find(self) -> list[Preparation]:
+        """The preparations, in their order, that are enabled and lower the mean loss of the photos by `GAIN`.
+
+        Smoothing does so where the vertices are noisy. Such a run also uses the smoothness prior at its levels, which
+        determines the vertices no photo sees. Where points were found in the photos, they must accept the smoothing as well:
+        a start whose corners are displaced can look noisy to blurred photos (ledger: smoothing judged by points). The fit
+        needs as many points as unlocked coordinates: fewer points would be met with all their noise.
+
+        Raises:
+            Cancelled: cancellation was requested.
+        """
+        problem, vertices = self._problem, self._problem.start
+        step, has_judges = problem.options.step, points_can_judge(problem)
+        fits = any(step.points) and _points_suffice(problem)
+        smooths = any(step.smoothing) and (not has_judges or points_accept_smoothing(problem))
+        done: list[Preparation] = []
+        for reason, is_enabled in ((StepReason.SMOOTHED, smooths), (StepReason.FITTED_TO_POINTS, fits)):
+            if not is_enabled:
+                continue
+            before, preparation = self._compared(reason, vertices, _TRIED[reason])
+            if preparation.loss < (1 - GAIN) * _mean_loss(before):
+                done.append(preparation)
+                vertices = preparation.after
+        return done
+
+    def step(self, reason: StepReason, position: SchedulePosition, vertices: np.ndarray) -> StepRecord:
+        """The step of one preparation; its objective is the mean loss per photo px.
+
+        Args:
+            reason: SMOOTHED or FITTED_TO_POINTS.
+            position: of the step, and of the following one.
+            vertices: (n, 3) float: positions before it, world units.
+
+        Raises:
+            Cancelled: cancellation was requested.
+        """
+        before, preparation = self._compared(reason, vertices, "preparing the start")
+        ids = np.flatnonzero((preparation.after != vertices).any(axis=1))
+        losses = _mean_loss(before), preparation.loss
+        return moved_record(self._problem, position, 0, ids, before, preparation.evaluation, reason, objectives=losses)
+
+    def _compared(self, reason: StepReason, vertices: np.ndarray, doing: str) -> tuple[Evaluation, Preparation]:
+        """Energies at vertices (n, 3), and their preparation."""
+        key = vertices.tobytes()
+        with self._problem.work.doing(doing, 2) as work:
+            if key not in self._evaluations:
+                self._evaluations[key] = _evaluate(self._problem, vertices)
+            work.advance()
+            if (reason, key) not in self._prepared:
+                preparation = _prepare(self._problem, reason, vertices)
+                self._prepared[reason, key] = preparation
+                self._evaluations[preparation.after.tobytes()] = preparation.evaluation
+        return self._evaluations[key], self._prepared[reason, key]
 
 
 def preparation_reasons(plan: RunPlan) -> list[StepReason]:
     """The preparations of a planned run, in their order, one step each."""
     planned = {StepReason.SMOOTHED: plan.is_smoothed, StepReason.FITTED_TO_POINTS: plan.is_fitted_to_points}
     return [reason for reason, is_planned in planned.items() if is_planned]
-
-
-def preparation_step(
-    problem: Problem, reason: StepReason, position: SchedulePosition, vertices: np.ndarray
-) -> StepRecord:
-    """The step of one preparation; its objective is the mean loss per photo px.
-
-    Args:
-        reason: SMOOTHED or FITTED_TO_POINTS.
-        position: of the step, and of the following one.
-        vertices: (n, 3) float: positions before it, world units.
-
-    Raises:
-        Cancelled: cancellation was requested.
-    """
-    with problem.work.doing("preparing the start", 2) as work:
-        preparation = _prepare(problem, reason, vertices)
-        work.advance()
-        before = _evaluate(problem, vertices)
-    ids = np.flatnonzero((preparation.after != vertices).any(axis=1))
-    objectives = _mean_loss(before), preparation.loss
-    return moved_record(problem, position, 0, ids, before, preparation.evaluation, reason, objectives=objectives)
 
 
 def _prepare(problem: Problem, reason: StepReason, vertices: np.ndarray) -> Preparation:

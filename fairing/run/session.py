@@ -16,6 +16,7 @@ from fairing.options import FairingOptions, options_from_dict, options_to_dict
 from fairing.run.manual_edits import manual_step
 from fairing.run.phases import Phase
 from fairing.run.planning import make_plan
+from fairing.run.preparation import Preparations
 from fairing.run.schedule import fraction_done, most_blocks
 from fairing.run.stepper import Stepper
 from fairing.run.sweep import SweepState
@@ -79,7 +80,8 @@ class Session:
             self.work,
         )
         self._sweeps = SweepCache(self._problem, self.trace)
-        self._stepper = Stepper(self._problem, self.trace, self._sweeps)
+        self._preparations = Preparations(self._problem)
+        self._stepper = Stepper(self._problem, self.trace, self._sweeps, self._preparations)
         self._max_degree = int(np.bincount(scene.mesh.edges.ravel()).max(initial=0))
         self._seconds = 0.0
 
@@ -190,7 +192,7 @@ class Session:
 
     def forget_computed(self) -> None:
         """Free what can be computed again (blurred photos, visibility, normal equations), and end the threads."""
-        for holder in (self._sweeps, self._stepper, self._problem):
+        for holder in (self._sweeps, self._stepper, self._preparations, self._problem):
             holder.clear()
 
     # ------------------------------------------------------------------ steps
@@ -204,7 +206,7 @@ class Session:
         """
         if self.trace.plan is None:
             began = time.perf_counter()
-            plan = make_plan(self._problem)
+            plan = make_plan(self._problem, self._preparations)
             self._seconds += time.perf_counter() - began
             self.trace.record_plan(plan)
             return plan

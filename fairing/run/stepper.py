@@ -8,7 +8,7 @@ import numpy as np
 from fairing.errors import InputError
 from fairing.run.gauss_newton_step import gauss_newton_step
 from fairing.run.phases import GaussNewton
-from fairing.run.preparation import preparation_reasons, preparation_step
+from fairing.run.preparation import Preparations, preparation_reasons
 from fairing.run.records import empty_record, returned_if_worse
 from fairing.run.restart import restart
 from fairing.run.schedule import next_position
@@ -32,8 +32,8 @@ class _CarriedSystem(NamedTuple):
 class Stepper:
     """Computes steps as a function of the vertices and the position in the schedule alone."""
 
-    def __init__(self, problem: Problem, trace: Trace, sweeps: SweepCache) -> None:
-        self._problem, self._trace, self._sweeps = problem, trace, sweeps
+    def __init__(self, problem: Problem, trace: Trace, sweeps: SweepCache, preparations: Preparations) -> None:
+        self._problem, self._trace, self._sweeps, self._preparations = problem, trace, sweeps, preparations
         self._carried: _CarriedSystem | None = None
 
     def step_after(self, moment: int) -> StepRecord:
@@ -46,9 +46,10 @@ class Stepper:
         problem, trace, position = self._problem, self._trace, self._sweeps.position_at(moment)
         assert trace.plan is not None, "plan the run first"
         n_manual = sum(made <= moment for made in trace.manual_moments)
-        preparations, schedule = preparation_reasons(trace.plan), self._sweeps.schedule
-        if n_manual == 0 and moment < len(preparations):
-            return preparation_step(problem, preparations[moment], position, trace.vertices_at(moment))
+        planned, schedule = preparation_reasons(trace.plan), self._sweeps.schedule
+        if n_manual == 0 and moment < len(planned):
+            return self._preparations.step(planned[moment], position, trace.vertices_at(moment))
+        self._preparations.clear()  # photos of every face; no later step needs them
         if n_manual == moment and position.level < schedule.begin_level:
             begin = SchedulePosition(schedule.begin_level, 0, 0, 0)
             return empty_record(problem, position, self._sweeps.begun_at(moment), begin)

@@ -1,6 +1,7 @@
 """One Chromium and one page: what a user does and what a user sees."""
 
 import shutil
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -53,6 +54,13 @@ def button_of(page: Page, name: str) -> Locator:
     tooltip = name.replace('"', '\\"')
     named = page.get_by_role("button", name=name, exact=True)
     return named.or_(page.locator(f'button[title="{tooltip}"], button[title^="{tooltip} ("]'))
+
+
+def input_of(page: Page, label: str) -> Locator:
+    """The line to type into that has this label; the viewer does not link its own."""
+    return page.get_by_text(label, exact=True).locator(
+        "xpath=(ancestor::label[@class='line']|ancestor::div[contains(@class,'Flex-root')][1])//input"
+    )
 
 
 class Visitor:
@@ -187,16 +195,21 @@ class Visitor:
         return self.box_of(self.page.locator("canvas[data-engine]").first)
 
     def input_of(self, label: str) -> Locator:
-        """The line to type into that has this label; the viewer does not link its own."""
-        return self.page.get_by_text(label, exact=True).locator(
-            "xpath=(ancestor::label[@class='line']|ancestor::div[contains(@class,'Flex-root')][1])//input"
-        )
+        return input_of(self.page, label)
 
     def box_of(self, element: Locator) -> dict[str, float]:
         """Where an element is, which the page may be about to replace."""
         found: list[Any] = []
         wait_for(lambda: found.append(element.bounding_box()) or found[-1] is not None)
         return found[-1]
+
+    def wait_until_at_rest(self, element: Locator, seconds: float = 0.5) -> None:
+        """Wait until an element has not moved for a while: one that moves between press and release gets no click."""
+        box, since = self.box_of(element), time.monotonic()
+        while time.monotonic() < since + seconds:
+            self.page.wait_for_timeout(50)
+            if (now := self.box_of(element)) != box:
+                box, since = now, time.monotonic()
 
     def canvas_size(self) -> tuple[float, float]:
         box = self.page.evaluate(

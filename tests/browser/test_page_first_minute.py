@@ -20,7 +20,7 @@ from demo_scenes import load_demo
 from fairing.errors import Cancelled
 from fairing.options import FairingOptions, ScheduleOptions
 from fairing.run.session import Session
-from tests.browser.driver import IN_BROWSER, WINDOW, Visitor, new_page
+from tests.browser.driver import IN_BROWSER, WINDOW, Visitor, input_of, new_page
 from tests.waiting import PATIENCE, wait_for
 
 pytestmark = IN_BROWSER
@@ -241,12 +241,16 @@ def test_warnings_and_errors_close_by_themselves_but_can_be_read(visitor: Visito
         pages[next(iter(set(pages) - known))].frame.toasts.show("vertex 99: expected 0 to 6")
         error = page.get_by_text("vertex 99: expected 0 to 6")
         error.wait_for()
+        typed = input_of(page, "Vertices")
+        typed.click()
         page.wait_for_timeout(max(0.0, 1000 * (shown + TOAST_SECONDS - 1 - time.monotonic())))
         assert error.is_visible()
         assert warning.is_visible()
         error.wait_for(state="detached")
         warning.wait_for(state="detached")
         assert time.monotonic() - shown > TOAST_SECONDS - 0.5
+        page.keyboard.type("0")
+        assert typed.input_value() == "0", "closing a warning took the keyboard from a field"
 
 
 def test_until_its_texture_is_painted_a_plain_surface_says_so(visitor: Visitor, browser: Browser):

@@ -49,7 +49,9 @@ def arrive(visitor: Visitor, step: int) -> None:
 
 def choose_lesson(visitor: Visitor, name: str) -> None:
     visitor.page.get_by_role("tab", name="Lessons").click()
-    visitor.button(f"Lesson: {load_lesson(name).title}").click()
+    lesson = visitor.button(f"Lesson: {load_lesson(name).title}")
+    visitor.wait_until_at_rest(lesson)
+    lesson.click()
 
 
 def finish(visitor: Visitor) -> None:
@@ -150,7 +152,7 @@ def test_a_lesson_on_another_scene_opens_that_and_runs_there(visitor: Visitor):
 def test_runs_of_ones_own_are_not_left_unasked(visitor: Visitor):
     app = visitor.app
     visitor.button("Close the lesson").click()
-    # The list moves up when the lesson's panel goes; a click before that would miss.
+    # The list moves up when the lesson's panel goes.
     visitor.page.get_by_role("tab", name="Lesson", exact=True).wait_for(state="hidden")
     choose_lesson(visitor, "model")
     visitor.page.get_by_text("The runs on this scene are closed").wait_for()

@@ -1,0 +1,24 @@
+"""Style of viser's own elements, by the names they have in its page: the theme's variables, labels, tabs, dialogs.
+
+Two panels stay in sight while the others are scrolled: those whose content has the class `pinned`.
+"""
+
+from app.palette import BRAND_TEXT, GROUND, css, solid, variables
+
+DEBUG_BAR_HEIGHT = 134  # px; the status panel is pinned below the debug bar
+
+_LIGHT = "[data-mantine-color-scheme=light]"
+
+# On pure white, the bright colours of points and selection would be invisible on the transparent canvas.
+STYLE = f"""
+{variables(".ef, .mantine-Flex-root label, [role=tab]", _LIGHT)}
+{_LIGHT} canvas[data-engine] {{ background: {solid(GROUND[1])} }}
+.mantine-Flex-root label {{ color: var(--dim); }}
+[role=tab][aria-selected=true][role=tab] {{ color: {css(BRAND_TEXT)} !important; }}
+div:has(> .ef > .pinned) {{ position: sticky; top: 0; z-index: 5; background: var(--mantine-color-body);
+  padding-top: 10px; margin-top: -10px; }}
+div:has(> div > div > div > .ef > .pinned) {{ overflow: clip !important; }}
+div:has(> .ef > .pinned) + div:has(> .ef > .pinned) {{ top: {DEBUG_BAR_HEIGHT}px; padding-top: 0; margin-top: 0; }}
+.mantine-Modal-content:has(.ef .keys) {{ flex: 0 1 820px; }}
+.mantine-Modal-header:has(+ .mantine-Modal-body .ef .dialog) {{ padding-right: 56px; }}
+"""
