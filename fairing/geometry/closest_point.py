@@ -97,29 +97,33 @@ def _squared_to_box(p, low, high):
 
 
 @njit(cache=True, nogil=True)
-def _squared_to_segment(p, a, b):
-    """Squared distance of a point to a segment."""
-    along, length = 0.0, 0.0
-    for axis in range(3):
-        along += (p[axis] - a[axis]) * (b[axis] - a[axis])
-        length += (b[axis] - a[axis]) ** 2
-    t = min(max(along / length, 0.0), 1.0) if length > 0 else 0.0
-    total = 0.0
-    for axis in range(3):
-        total += (p[axis] - a[axis] - t * (b[axis] - a[axis])) ** 2
-    return total
+def _squared_to_segment(px, py, pz, dx, dy, dz):
+    """Squared distance of the point p to the segment from the origin to d."""
+    length = dx * dx + dy * dy + dz * dz
+    t = min(max((px * dx + py * dy + pz * dz) / length, 0.0), 1.0) if length > 0 else 0.0
+    x, y, z = px - t * dx, py - t * dy, pz - t * dz
+    return x * x + y * y + z * z
 
 
 @njit(cache=True, nogil=True)
 def _squared_to_triangle(p, a, b, c):
-    """Squared distance of a point to a triangle: to its plane if the foot of the perpendicular lies inside, else to an edge."""
-    u, v, w = b - a, c - a, p - a
-    uu, uv, vv = np.dot(u, u), np.dot(u, v), np.dot(v, v)
-    wu, wv = np.dot(w, u), np.dot(w, v)
+    """Squared distance of a point to a triangle: to its plane if the foot of the perpendicular lies inside, else to an edge.
+
+    In scalars: small arrays would be allocated for every triangle (ledger: closest points).
+    """
+    ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+    vx, vy, vz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
+    wx, wy, wz = p[0] - a[0], p[1] - a[1], p[2] - a[2]
+    uu, uv, vv = ux * ux + uy * uy + uz * uz, ux * vx + uy * vy + uz * vz, vx * vx + vy * vy + vz * vz
+    wu, wv = wx * ux + wy * uy + wz * uz, wx * vx + wy * vy + wz * vz
     determinant = uu * vv - uv * uv
     if determinant > 1e-14 * uu * vv:
         s, t = (vv * wu - uv * wv) / determinant, (uu * wv - uv * wu) / determinant
         if s >= 0 and t >= 0 and s + t <= 1:
-            offset = w - s * u - t * v
-            return np.dot(offset, offset)
-    return min(_squared_to_segment(p, a, b), _squared_to_segment(p, b, c), _squared_to_segment(p, c, a))
+            x, y, z = wx - s * ux - t * vx, wy - s * uy - t * vy, wz - s * uz - t * vz
+            return x * x + y * y + z * z
+    return min(
+        _squared_to_segment(wx, wy, wz, ux, uy, uz),
+        _squared_to_segment(wx, wy, wz, vx, vy, vz),
+        _squared_to_segment(wx - ux, wy - uy, wz - uz, vx - ux, vy - uy, vz - uz),
+    )
