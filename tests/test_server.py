@@ -332,7 +332,9 @@ def test_every_message_that_threads_push_at_once_arrives():
 
     try:
         with RawClient(server.get_port()) as client:
-            assert isinstance(server.gui._websock_interface.get_message_buffer(), MessageBuffer)
+            buffer = server.gui._websock_interface.get_message_buffer()
+            assert isinstance(buffer, MessageBuffer)
+            assert isinstance(buffer.message_event, MessageEvent)
             threads = [threading.Thread(target=write, args=(k,)) for k in range(len(texts))]
             for thread in threads:
                 thread.start()

@@ -7,6 +7,7 @@ the waiter is woken from the wrong thread. viser sets the event from the event l
 
 import asyncio
 from contextlib import suppress
+from dataclasses import dataclass, field
 
 from viser.infra import _infra
 from viser.infra._async_message_buffer import AsyncMessageBuffer
@@ -22,11 +23,11 @@ class MessageEvent(asyncio.Event):
             super().set()
 
 
+@dataclass
 class MessageBuffer(AsyncMessageBuffer):
     """viser's buffer with such an event."""
 
-    def __post_init__(self) -> None:
-        self.message_event = MessageEvent()
+    message_event: asyncio.Event = field(default_factory=MessageEvent)
 
 
 def use_message_buffers() -> None:

@@ -30,7 +30,9 @@ FARTHEST = 10.0
 POINT_SIGMA = 0.1
 """Percent of the diagonal: standard deviation of a point's distance from a flat face, beside the point's own."""
 PRIOR_SIGMA = 0.7
-"""Percent of the diagonal: standard deviation of a vertex's coordinate in the start; scale of the loss that judges a fit."""
+"""Percent of the diagonal: largest standard deviation of a vertex's coordinate in the start, see `_prior_sigma`."""
+DISPLACEMENT_QUANTILE, DISPLACEMENT_FACTOR = 0.9, 1.5
+"""See `displacement`."""
 VOTES = 0.5
 """Least share of a point's photos that see its face in its direction."""
 RIM = 0.05
@@ -102,22 +104,31 @@ def robust_fit(
     start, unit = mesh.vertices, mesh.diagonal / 100
     free = np.ones(len(start), dtype=bool) if locked is None else ~locked
     rays = _Rays(cameras, points, check)
-    held_back = held_back_points(points)
+    held_back, everything = held_back_points(points), np.ones(len(points), dtype=bool)
+    sigma = _prior_sigma(rays.assign(mesh, FARTHEST * unit, ~held_back), unit)
     vertices = start
     for gate in GATES:
         for _ in range(STEPS):
             found = rays.assign(mesh.moved(vertices), REACH * gate * unit, ~held_back)
-            vertices = _step(mesh, start, vertices, found, points.covariance, free, gate * unit, unit)
-    vertices = _judged(mesh, _unfolded(mesh, vertices), rays, held_back, unit)
-    everything = np.ones(len(points), dtype=bool)
+            vertices = _step(mesh, start, vertices, found, points.covariance, free, gate * unit, sigma, unit)
+    vertices = _judged(mesh, _unfolded(mesh, vertices), rays, held_back, sigma, unit)
     before = rays.assign(mesh, GATES[0] * unit, everything)
     after = rays.assign(mesh.moved(vertices), GATES[0] * unit, everything)
     error = 1.4826 * float(np.median(np.abs(before.distances))) if len(before.points) else 0.0
-    losses = _judging_losses(before, after, held_back, unit)
+    losses = _judging_losses(before, after, held_back, sigma)
     loss = (float(losses[0].mean()), float(losses[1].mean())) if losses.size else (float("nan"), float("nan"))
     if not _is_clearly_less(losses):
         return RobustFit(start, error, len(before.points), (loss[0], loss[0]))
     return RobustFit(vertices, error, len(after.points), loss)
+
+
+def displacement(distances: np.ndarray) -> float:
+    """How far the vertices of a mesh are from their true positions, by the distances (q,) of points from its faces.
+
+    Most points lie inside faces, where the distance from the surface is less than that of the corners, and where the mesh is
+    right they say nothing about the rest. Therefore it is a high quantile. (ledger: start error by points)
+    """
+    return DISPLACEMENT_FACTOR * float(np.quantile(distances, DISPLACEMENT_QUANTILE)) if len(distances) else 0.0
 
 
 def held_back_points(points: FeaturePoints) -> np.ndarray:
@@ -144,7 +155,7 @@ def points_prefer(before: Mesh, after: Mesh, cameras: Sequence[Camera], points: 
     """
     rays, everything, unit = _Rays(cameras, points), np.ones(len(points), dtype=bool), before.diagonal / 100
     found = [rays.assign(mesh, GATES[0] * unit, everything) for mesh in (before, after)]
-    return _is_clearly_less(_judging_losses(found[0], found[1], everything, unit))
+    return _is_clearly_less(_judging_losses(found[0], found[1], everything, PRIOR_SIGMA * unit))
 
 
 def distances_px(mesh: Mesh, cameras: Sequence[Camera], points: FeaturePoints) -> np.ndarray:
@@ -214,6 +225,12 @@ class _Rays:
         return Assignment(point[kept], face[kept], weights[kept], normals[kept], distances[kept])
 
 
+def _prior_sigma(found: Assignment, unit: float) -> float:
+    """World units: standard deviation of a start's vertices, which the points measure (ledger: robust fit: measured prior)."""
+    measured = displacement(np.abs(found.distances))
+    return min(max(measured, POINT_SIGMA * unit), PRIOR_SIGMA * unit)
+
+
 def _step(
     mesh: Mesh,
     start: np.ndarray,
@@ -222,9 +239,10 @@ def _step(
     covariance: np.ndarray,
     free: np.ndarray,
     gate: float,
+    prior_sigma: float,
     unit: float,
 ) -> np.ndarray:
-    """(n, 3): one Gauss-Newton step of iteratively reweighted least squares.
+    """(n, 3): one Gauss-Newton step of iteratively reweighted least squares; gate and prior_sigma in world units.
 
     A vertex's barycentric weight w and the normal n give d distance / d vertex = -w n.
     """
@@ -232,7 +250,7 @@ def _step(
     robust = (gate**2 / (gate**2 + found.distances**2)) ** 2
     own = np.einsum("qi,qij,qj->q", found.normals, covariance[found.points], found.normals)
     information = robust / ((POINT_SIGMA * unit) ** 2 + own)
-    prior = 1 / (PRIOR_SIGMA * unit) ** 2
+    prior = 1 / prior_sigma**2
     rows = found.weights[:, :, None] * found.normals[:, None, :]
     columns = 3 * mesh.faces[found.faces][:, :, None] + np.arange(3)
     index = (np.repeat(np.arange(len(rows)), 9), columns.ravel())
@@ -258,13 +276,15 @@ def _unfolded(mesh: Mesh, vertices: np.ndarray) -> np.ndarray:
         part[back] = np.where(part[back] > LEAST_PART, part[back] / 2, 0)
 
 
-def _judged(mesh: Mesh, vertices: np.ndarray, rays: _Rays, held_back: np.ndarray, unit: float) -> np.ndarray:
+def _judged(
+    mesh: Mesh, vertices: np.ndarray, rays: _Rays, held_back: np.ndarray, sigma: float, unit: float
+) -> np.ndarray:
     """(n, 3): the vertices, back at the start where the points held back around them prefer the start."""
     result, before = vertices.copy(), rays.assign(mesh, GATES[0] * unit, held_back)
     n = len(vertices)
     for _ in range(n):
         after = rays.assign(mesh.moved(result), GATES[0] * unit, held_back)
-        gain = _losses(before, held_back, PRIOR_SIGMA * unit) - _losses(after, held_back, PRIOR_SIGMA * unit)
+        gain = _losses(before, held_back, sigma) - _losses(after, held_back, sigma)
         corners, point = (np.concatenate(both) for both in zip(*(
             (mesh.faces[found.faces].ravel(), np.repeat(found.points, 3)) for found in (before, after)
         ), strict=True))  # fmt: skip
@@ -277,11 +297,11 @@ def _judged(mesh: Mesh, vertices: np.ndarray, rays: _Rays, held_back: np.ndarray
     return _unfolded(mesh, result)
 
 
-def _judging_losses(before: Assignment, after: Assignment, held_back: np.ndarray, unit: float) -> np.ndarray:
+def _judging_losses(before: Assignment, after: Assignment, held_back: np.ndarray, sigma: float) -> np.ndarray:
     """(2, k) float: losses before and after of the same points: those held back that belong to a face before or after."""
     judges = np.union1d(before.points, after.points)
     judges = judges[held_back[judges]]
-    return np.stack([_losses(found, held_back, PRIOR_SIGMA * unit)[judges] for found in (before, after)])
+    return np.stack([_losses(found, held_back, sigma)[judges] for found in (before, after)])
 
 
 def _is_clearly_less(losses: np.ndarray) -> bool:

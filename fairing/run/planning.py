@@ -9,6 +9,7 @@ from fairing.solve.problem import Problem
 from fairing.trace import StepReason
 
 LEAST_ERROR = 1.0  # px: Gauss-Newton reaches that far at every level
+SEARCHED_ERROR = 3.0  # px: it reaches that far at the first levels (ledger: search after a fit)
 MOST_LOSS = 0.03  # per photo px after a fit: above it a search gains little (ledger: search after a fit)
 
 
@@ -36,7 +37,7 @@ def make_plan(problem: Problem, preparations: Preparations) -> RunPlan:
     if error < 0:
         error = 0.0
         if has_judges and is_fitted:
-            is_searched = searching is not None and measured >= LEAST_ERROR and prepared[-1].loss < MOST_LOSS
+            is_searched = searching is not None and measured >= SEARCHED_ERROR and prepared[-1].loss < MOST_LOSS
             error = measured if is_searched else 0.0
         # If the faces are large enough for levels coarser than the first one with a search, those reduce the error. Smaller
         # faces match wrong places by chance (ledger: start error).

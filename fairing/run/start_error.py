@@ -2,15 +2,13 @@
 
 import numpy as np
 
-from fairing.features.robust_fit import distances_px
+from fairing.features.robust_fit import displacement, distances_px
 from fairing.run.phases import GaussNewton, Level, LocalSearch, is_sharp
 from fairing.run.search_step import search_around
 from fairing.run.sweep import begin_sweep
 from fairing.solve.blocks import independent_block, independent_sets
 from fairing.solve.problem import Problem
 
-POINTS_QUANTILE = 0.9
-POINTS_FACTOR = 1.5
 PROBES = 48  # vertices
 PROBE_RADII = (3.0, 6.0, 12.0)  # px
 PROBE_GAIN = 0.1  # smallest relative decrease of the loss
@@ -21,15 +19,11 @@ PROBE_MAJORITY = 0.5
 def measured_start_error(problem: Problem, start: np.ndarray) -> float:
     """Distance of the start's vertices from their true positions, px, by the observed sparse points; 0 without points.
 
-    Most points lie inside faces, where the distance from the surface is less than that of the corners, and where the start is
-    right they say nothing about the rest. Therefore the estimate is a high quantile. (ledger: start error by points)
-
     Args:
         start: (n, 3) float: positions of the vertices, world units.
     """
     cameras = [view.camera for view in problem.scene.views]
-    distances = distances_px(problem.scene.mesh.moved(start), cameras, problem.observed_points)
-    return POINTS_FACTOR * float(np.quantile(distances, POINTS_QUANTILE)) if len(distances) else 0.0
+    return displacement(distances_px(problem.scene.mesh.moved(start), cameras, problem.observed_points))
 
 
 def estimate_start_error(problem: Problem, level: int, start: np.ndarray) -> float:
