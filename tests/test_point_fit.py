@@ -13,6 +13,7 @@ from fairing.judge.report import run_report
 from fairing.mesh import Mesh
 from fairing.options import PRESETS, FairingOptions
 from fairing.run.phases import GaussNewton, Level
+from fairing.run.planning import SEARCHED_ERROR
 from fairing.run.preparation import points_accept_smoothing
 from fairing.run.records import _points_prefer
 from fairing.run.session import Session
@@ -251,7 +252,7 @@ def test_observed_points_beside_the_mesh_do_not_pull_it(origin):
 def test_the_start_error_measured_by_points_gives_the_search_and_the_first_level():
     default = PRESETS["accurate"]
     options = replace(default, step=replace(default.step, smoothing=(0.0,)))
-    off = tuple(0.6 * x for x in START)
+    off = tuple(1.3 * x for x in START)
     far, near = (Session(observed(corner_scene(at), on_the_faces(600)), options) for at in (off, (0.0, 0.0, 0.0)))
     for session in (far, near):
         session.make_plan()
@@ -330,13 +331,15 @@ def test_the_prior_to_the_start_grows_with_the_loss_and_falls_with_the_variance_
 
 
 def test_the_prior_to_the_start_is_planned_where_points_measure_the_start_and_nothing_is_searched():
-    near, far = corner_scene(tuple(0.1 * x for x in START)), corner_scene(tuple(0.6 * x for x in START))
+    near, middle, far = (corner_scene(tuple(factor * x for x in START)) for factor in (0.1, 0.6, 1.3))
     options = replace(PRESETS["accurate"], step=replace(PRESETS["accurate"].step, smoothing=(0.0,)))
     without = Session(near, options).make_plan()
-    measured, searched = (Session(observed(scene, on_the_faces(600)), options).make_plan() for scene in (near, far))
+    measured, reached, searched = (
+        Session(observed(scene, on_the_faces(600)), options).make_plan() for scene in (near, middle, far)
+    )
     assert without.start_sigma == 0
-    assert measured.start_error == 0
-    assert measured.start_sigma >= 1
+    assert measured.start_error == reached.start_error == 0
+    assert 1 <= measured.start_sigma < reached.start_sigma < SEARCHED_ERROR
     assert searched.start_error > 0
     assert searched.start_sigma == 0
 

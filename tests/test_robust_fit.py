@@ -5,7 +5,14 @@ import pytest
 import trimesh
 
 from fairing.features import FeaturePoints
-from fairing.features.robust_fit import distances_px, held_back_loss, points_on_surface, points_prefer, robust_fit
+from fairing.features.robust_fit import (
+    PRIOR_SIGMA,
+    distances_px,
+    held_back_loss,
+    points_on_surface,
+    points_prefer,
+    robust_fit,
+)
 from fairing.mesh import Mesh
 from fairing.scene import SparsePoints
 from tests.small_scene import FACES, VERTICES
@@ -67,6 +74,17 @@ def test_vertices_move_to_the_surface():
     assert fit.loss[1] < 0.1 * fit.loss[0]
     assert fit.assigned > 3500
     assert fit.start_error == pytest.approx(0.007 * mesh.diagonal, rel=0.4)
+
+
+def test_a_start_that_the_points_find_nearly_right_is_held_more_firmly(monkeypatch: pytest.MonkeyPatch):
+    """By as much as they measure: with a fixed prior, few and noisy points would spoil it."""
+    mesh, rng = start(0.1), np.random.default_rng(8)
+    noisy = points_at(on_sides(250) + rng.normal(0, 0.0015 * mesh.diagonal, (250, 3)))
+    held = robust_fit(mesh, cameras(), noisy).vertices
+    monkeypatch.setattr("fairing.features.robust_fit._prior_sigma", lambda found, unit: PRIOR_SIGMA * unit)
+    free = robust_fit(mesh, cameras(), noisy).vertices
+    assert not np.array_equal(free, mesh.vertices)
+    assert rms(off_surface(mesh, held)) < 0.95 * rms(off_surface(mesh, free))
 
 
 def test_ground_and_background_and_what_stands_in_front_change_nothing():
