@@ -106,7 +106,7 @@ class PageFrame:
             Hotkey("View: mesh and all cameras", camera.show_mesh_and_cameras, "V"),
             Hotkey("View: front", camera.show_front, "F", "shift"),
             Hotkey("View: top", camera.show_top, "T", "shift"),
-            Hotkey("Dark or light", camera.switch_theme, "Y"),
+            Hotkey("Dark or light theme", camera.switch_theme, "Y"),
         ]
 
     def close(self) -> None:
