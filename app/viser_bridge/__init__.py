@@ -19,7 +19,7 @@ Panels
 - `html_events`, `text_field`: events of our own HTML. viser reports none, and of fast changes of a text only the last.
 - `in_place`: keeps unchanged elements of HTML panels. viser replaces all of them.
 - `html_panel`, `style_sheet`: content and style are sent only when they change.
-- `viser_elements`: style of viser's own elements, which have no names for it.
+- `viser_elements`: style of viser's own elements, by class names that it does not document.
 - `keyboard_focus`, `hotkeys`: hotkeys are ignored while a widget has the focus; function keys are missing in their type; a
   command has one key; dialogs neither close by Escape nor keep keys from the page. Commands are experimental (#696).
 - `completion`: text inputs complete nothing.

@@ -30,7 +30,8 @@ FARTHEST = 10.0
 POINT_SIGMA = 0.1
 """Percent of the diagonal: standard deviation of a point's distance from a flat face, beside the point's own."""
 PRIOR_SIGMA = 0.7
-"""Percent of the diagonal: largest standard deviation of a vertex's coordinate in the start, see `_prior_sigma`."""
+"""Percent of the diagonal: largest standard deviation of a vertex's coordinate in the start, see `_prior_sigma`; scale of the loss
+in `points_prefer`."""
 DISPLACEMENT_QUANTILE, DISPLACEMENT_FACTOR = 0.9, 1.5
 """See `displacement`."""
 VOTES = 0.5

@@ -3,18 +3,28 @@
 from collections.abc import Iterator
 
 import pytest
-from playwright.sync_api import Browser
+from playwright.sync_api import Browser, Page
 
 from app.page.server import App, start
 from demo_scenes import load_demo
 from fairing.run.session import Session
-from tests.browser.driver import Visitor, chromium
+from tests.browser.driver import WINDOW, Visitor, chromium
+from tests.waiting import PATIENCE
 
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Browser]:
     with chromium() as browser:
         yield browser
+
+
+@pytest.fixture
+def page(browser: Browser) -> Iterator[Page]:
+    """A tab of the test's own."""
+    page = browser.new_page(viewport=WINDOW)
+    page.set_default_timeout(1000 * PATIENCE)
+    yield page
+    page.close()
 
 
 @pytest.fixture(scope="module")

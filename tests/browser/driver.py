@@ -38,17 +38,6 @@ def chromium() -> Iterator[Browser]:
         browser.close()
 
 
-@contextmanager
-def new_page(browser: Browser) -> Iterator[Page]:
-    """A tab of its own, closed afterwards."""
-    page = browser.new_page(viewport=WINDOW)
-    page.set_default_timeout(1000 * PATIENCE)
-    try:
-        yield page
-    finally:
-        page.close()
-
-
 def button_of(page: Page, name: str) -> Locator:
     """The button of this name, or with this tooltip (without its keys)."""
     tooltip = name.replace('"', '\\"')

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from playwright.sync_api import Browser
+from playwright.sync_api import Page
 
 from app.debugger.actions import ACTIONS
 from app.debugger.commands import JumpTo, Restart, Run
@@ -20,7 +20,7 @@ from demo_scenes import load_demo
 from fairing.errors import Cancelled
 from fairing.options import FairingOptions, ScheduleOptions
 from fairing.run.session import Session
-from tests.browser.driver import IN_BROWSER, WINDOW, Visitor, input_of, new_page
+from tests.browser.driver import IN_BROWSER, WINDOW, Visitor, input_of
 from tests.waiting import PATIENCE, wait_for
 
 pytestmark = IN_BROWSER
@@ -193,79 +193,76 @@ class Compilation:
         self.finished.set()
 
 
-def test_the_opening_page_has_a_bar_and_keys_wait_for_the_scene_and_the_compilation(browser: Browser):
+def test_the_opening_page_has_a_bar_and_keys_wait_for_the_scene_and_the_compilation(page: Page):
     server, compilation = start_viewer("127.0.0.1", 0), Compilation()
     app = None
-    with new_page(browser) as page:
-        try:
-            page.goto(server.url)
-            server.opening.begin("Opening cube", lambda: compilation.report.line if compilation.report else "")
-            server.opening.accept_keys((action.label, *key) for action in ACTIONS for key in action.keys)
-            server.opening.show("Rendering the photos, 3 of 12", 0.25)
-            page.get_by_text("Opening cube").wait_for()
-            page.get_by_text("Rendering the photos, 3 of 12").wait_for()
-            page.get_by_text("compiling the engine, first start: 9 of 24").wait_for()
-            bar = page.get_by_role("progressbar", name="Opening").bounding_box()
-            assert bar is not None
-            assert abs(bar["x"] + bar["width"] / 2 - (WINDOW["width"] - 340) / 2) < 60, "the card is not in the middle"
-            assert not page.get_by_text("Save Canvas").is_visible()
-            page.keyboard.press("F11")
-            page.get_by_text("Waits until the scene is open: Step one iteration").wait_for()
-            app = App(server, Session(load_demo("cube"), OPTIONS), compilation=compilation)  # pyright: ignore[reportArgumentType]
-            page.get_by_text("Next: Step one iteration").wait_for()
-            page.get_by_text("Compiling the engine, first start: 9 of 24").wait_for()
-            assert not page.get_by_text("Opening cube").is_visible()
-            assert page.evaluate(TOO_WIDE) == [], "a long line makes the panel scroll sideways"
-            assert not page.locator(".ef-opening").is_visible()
-            assert app.controller.state.moment == 0
-            compilation.finished.set()
-            wait_for(lambda: app.controller.state.moment == 1)
-        finally:
-            compilation.finished.set()
-            if app is not None:
-                app.stop()
-            else:
-                server.close()
+    try:
+        page.goto(server.url)
+        server.opening.begin("Opening cube", lambda: compilation.report.line if compilation.report else "")
+        server.opening.accept_keys((action.label, *key) for action in ACTIONS for key in action.keys)
+        server.opening.show("Rendering the photos, 3 of 12", 0.25)
+        page.get_by_text("Opening cube").wait_for()
+        page.get_by_text("Rendering the photos, 3 of 12").wait_for()
+        page.get_by_text("compiling the engine, first start: 9 of 24").wait_for()
+        bar = page.get_by_role("progressbar", name="Opening").bounding_box()
+        assert bar is not None
+        assert abs(bar["x"] + bar["width"] / 2 - (WINDOW["width"] - 340) / 2) < 60, "the card is not in the middle"
+        assert not page.get_by_text("Save Canvas").is_visible()
+        page.keyboard.press("F11")
+        page.get_by_text("Waits until the scene is open: Step one iteration").wait_for()
+        app = App(server, Session(load_demo("cube"), OPTIONS), compilation=compilation)  # pyright: ignore[reportArgumentType]
+        page.get_by_text("Next: Step one iteration").wait_for()
+        page.get_by_text("Compiling the engine, first start: 9 of 24").wait_for()
+        assert not page.get_by_text("Opening cube").is_visible()
+        assert page.evaluate(TOO_WIDE) == [], "a long line makes the panel scroll sideways"
+        assert not page.locator(".ef-opening").is_visible()
+        assert app.controller.state.moment == 0
+        compilation.finished.set()
+        wait_for(lambda: app.controller.state.moment == 1)
+    finally:
+        compilation.finished.set()
+        if app is not None:
+            app.stop()
+        else:
+            server.close()
 
 
-def test_warnings_and_errors_close_by_themselves_but_can_be_read(visitor: Visitor, browser: Browser):
+def test_warnings_and_errors_close_by_themselves_but_can_be_read(visitor: Visitor, page: Page):
     visitor.close_notifications()
     pages = visitor.app.pages
     known = set(pages)
-    with new_page(browser) as page:
-        page.goto(visitor.app.url)
-        warning = page.get_by_text("Software WebGL rendering detected")
-        warning.wait_for()
-        wait_for(lambda: len(pages) > len(known))
-        shown = time.monotonic()
-        pages[next(iter(set(pages) - known))].frame.toasts.show("vertex 99: expected 0 to 6")
-        error = page.get_by_text("vertex 99: expected 0 to 6")
-        error.wait_for()
-        typed = input_of(page, "Vertices")
-        typed.click()
-        page.wait_for_timeout(max(0.0, 1000 * (shown + TOAST_SECONDS - 1 - time.monotonic())))
-        assert error.is_visible()
-        assert warning.is_visible()
-        error.wait_for(state="detached")
-        warning.wait_for(state="detached")
-        assert time.monotonic() - shown > TOAST_SECONDS - 0.5
-        page.keyboard.type("0")
-        assert typed.input_value() == "0", "closing a warning took the keyboard from a field"
+    page.goto(visitor.app.url)
+    warning = page.get_by_text("Software WebGL rendering detected")
+    warning.wait_for()
+    wait_for(lambda: len(pages) > len(known))
+    shown = time.monotonic()
+    pages[next(iter(set(pages) - known))].frame.toasts.show("vertex 99: expected 0 to 6")
+    error = page.get_by_text("vertex 99: expected 0 to 6")
+    error.wait_for()
+    typed = input_of(page, "Vertices")
+    typed.click()
+    page.wait_for_timeout(max(0.0, 1000 * (shown + TOAST_SECONDS - 1 - time.monotonic())))
+    assert error.is_visible()
+    assert warning.is_visible()
+    error.wait_for(state="detached")
+    warning.wait_for(state="detached")
+    assert time.monotonic() - shown > TOAST_SECONDS - 0.5
+    page.keyboard.type("0")
+    assert typed.input_value() == "0", "closing a warning took the keyboard from a field"
 
 
-def test_until_its_texture_is_painted_a_plain_surface_says_so(visitor: Visitor, browser: Browser):
+def test_until_its_texture_is_painted_a_plain_surface_says_so(visitor: Visitor, page: Page):
     texturer, may_paint = visitor.app.resources.texturer.static, threading.Event()
     paint = texturer._paint
     texturer._kept.clear()
     texturer._paint = lambda vertices: paint(vertices) if may_paint.wait(PATIENCE) else None  # pyright: ignore[reportAttributeAccessIssue]
-    with new_page(browser) as page:
-        try:
-            page.goto(visitor.app.url)
-            note = page.get_by_text("Painting the texture…")
-            note.wait_for()
-            may_paint.set()
-            note.wait_for(state="detached")
-            page.wait_for_function(f"() => ({TEXTURED})()")
-        finally:
-            may_paint.set()
-            texturer._paint = paint
+    try:
+        page.goto(visitor.app.url)
+        note = page.get_by_text("Painting the texture…")
+        note.wait_for()
+        may_paint.set()
+        note.wait_for(state="detached")
+        page.wait_for_function(f"() => ({TEXTURED})()")
+    finally:
+        may_paint.set()
+        texturer._paint = paint

@@ -2,14 +2,15 @@
 
 import numpy as np
 import pytest
+from playwright.sync_api import Page
 
 from app.flips.server import FlipApp
 from app.viser_bridge.server import start_viewer
 from demo_scenes import load_demo
 from fairing.scene import Scene
-from tests.browser.driver import IN_BROWSER, WINDOW, button_of
+from tests.browser.driver import IN_BROWSER, button_of
 from tests.flip_records import flipped_at_random, grid_mesh
-from tests.waiting import PATIENCE, wait_for
+from tests.waiting import wait_for
 
 pytestmark = IN_BROWSER
 
@@ -37,10 +38,8 @@ def drawn_faces(page) -> np.ndarray:
     return np.array(found, dtype=int).reshape(-1, 3)
 
 
-def test_flips_are_stepped_scrubbed_and_played(browser, flip_app: FlipApp):
+def test_flips_are_stepped_scrubbed_and_played(page: Page, flip_app: FlipApp):
     troubles: list[str] = []
-    page = browser.new_page(viewport=WINDOW)
-    page.set_default_timeout(1000 * PATIENCE)
     page.on("pageerror", lambda error: troubles.append(str(error)))
     page.goto(flip_app.url)
     step = button_of(page, "One flip")

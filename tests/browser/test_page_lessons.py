@@ -54,6 +54,20 @@ def choose_lesson(visitor: Visitor, name: str) -> None:
     lesson.click()
 
 
+def choose_lesson_by_palette(visitor: Visitor, name: str) -> None:
+    title = load_lesson(name).title
+    visitor.page.keyboard.press("Control+k")
+    visitor.page.get_by_placeholder("Search").fill(title[:20])
+    visitor.page.get_by_role("button", name=f"Lesson: {title}").filter(visible=True).first.wait_for()
+    visitor.page.keyboard.press("Enter")
+
+
+def close_lesson(visitor: Visitor) -> None:
+    visitor.button("Close the lesson").click()
+    visitor.page.get_by_role("tab", name="Lesson", exact=True).wait_for(state="hidden")
+    wait_for(lambda: player_of(visitor.app).lesson is None)
+
+
 def finish(visitor: Visitor) -> None:
     """From the first step to the last."""
     lesson = player_of(visitor.app).lesson
@@ -111,21 +125,6 @@ def test_every_lesson_on_the_cube_runs_to_its_end(visitor: Visitor, name: str):
     choose_lesson(visitor, name)
     arrive(visitor, 0)
     finish(visitor)
-
-
-def choose_lesson_by_palette(visitor: Visitor, name: str) -> None:
-    """Where the list of lessons may be moving: a click beside a button is no click on it."""
-    title = load_lesson(name).title
-    visitor.page.keyboard.press("Control+k")
-    visitor.page.get_by_placeholder("Search").fill(title[:20])
-    visitor.page.get_by_role("button", name=f"Lesson: {title}").filter(visible=True).first.wait_for()
-    visitor.page.keyboard.press("Enter")
-
-
-def close_lesson(visitor: Visitor) -> None:
-    visitor.button("Close the lesson").click()
-    visitor.page.get_by_role("tab", name="Lesson", exact=True).wait_for(state="hidden")
-    wait_for(lambda: player_of(visitor.app).lesson is None)
 
 
 def test_the_palette_opens_a_lesson_and_the_cross_closes_it(visitor: Visitor):
