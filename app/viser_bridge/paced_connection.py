@@ -11,9 +11,6 @@ from typing import Any
 from websockets.asyncio.server import ServerConnection
 
 MAX_MESSAGE_BYTES = 2**20  # viser accepts 50 MiB, for renderings and uploads, which this page does not use
-# s without an answer to a ping until a connection counts as dead. With the 20 s of websockets, one function that takes longer to
-# compile, and keeps the interpreter meanwhile, disconnects all browsers, and their pages come anew.
-PING_TIMEOUT = 300.0
 RATE = 200.0  # messages a second; a browser in use sends fewer than 100
 BURST = 400  # messages that may come at once
 

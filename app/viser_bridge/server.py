@@ -19,7 +19,7 @@ from app.viser_bridge.access import Access, token_for
 from app.viser_bridge.client_callbacks import ClientCallbacks
 from app.viser_bridge.message_event import use_message_buffers
 from app.viser_bridge.opening_page import OpeningPage
-from app.viser_bridge.paced_connection import MAX_MESSAGE_BYTES, PING_TIMEOUT, PacedConnection
+from app.viser_bridge.paced_connection import MAX_MESSAGE_BYTES, PacedConnection
 from app.viser_bridge.software_rendering import close_warning
 from fairing.errors import InputError
 
@@ -113,12 +113,7 @@ class ViewerServer(viser.ViserServer):
             port = connection.transport.get_extra_info("sockname")[1]
             return self.access.answer(request, port) or process_request(connection, request)
 
-        options = {
-            **kwargs,
-            "max_size": MAX_MESSAGE_BYTES,
-            "ping_timeout": PING_TIMEOUT,
-            "create_connection": PacedConnection,
-        }
+        options = {**kwargs, "max_size": MAX_MESSAGE_BYTES, "create_connection": PacedConnection}
         return _plain_serve(*args, process_request=check, **options)
 
 
