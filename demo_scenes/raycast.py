@@ -34,11 +34,13 @@ def photograph(stage: Stage, light: np.ndarray, camera: Camera, samples: int) ->
     weights_from_image[in_front] = np.linalg.inv(corners[in_front].transpose(0, 2, 1))
     paint = _paint(surface)
     lighting = _Lighting(light, stage.sun_direction, stage.sun_color, stage.sky_color, stage.gloss)
-    photo = _sky(stage, camera)
+    photo = np.zeros((camera.height, camera.width, 3))
     for first_row in range(0, camera.height, STRIP_ROWS):
         rows = min(STRIP_ROWS, camera.height - first_row)
         finer = Camera(_finer(samples, first_row) @ P, camera.width * samples, rows * samples)
         face_id = rasterize(surface.vertices, surface.faces, finer)[0]
+        row, column = np.nonzero((face_id < 0).reshape(rows, samples, camera.width, samples).any(axis=(1, 3)))
+        photo[first_row + row, column] = _sky(stage, camera, first_row + row, column)
         _shade(
             photo[first_row : first_row + rows],
             face_id,
@@ -100,12 +102,11 @@ def _paint(surface: PaintedSurface) -> _Paint:
     )
 
 
-def _sky(stage: Stage, camera: Camera) -> np.ndarray:
-    """The background (height, width, 3): the colour depends on the ray's elevation alone."""
-    u, v = np.meshgrid(np.arange(camera.width, dtype=float), np.arange(camera.height, dtype=float))
-    rays = np.stack([u, v, np.ones_like(u)], axis=-1) @ np.linalg.inv(camera.image_from_world[:, :3]).T
+def _sky(stage: Stage, camera: Camera, row: np.ndarray, column: np.ndarray) -> np.ndarray:
+    """The background at pixels (n, 3): the colour depends on the ray's elevation alone."""
+    rays = np.column_stack([column, row, np.ones(len(row))]) @ np.linalg.inv(camera.image_from_world[:, :3]).T
     elevation = rays @ stage.up / np.sqrt((rays * rays).sum(axis=-1))
-    t = np.clip(elevation, 0, 1)[..., None] ** 0.7
+    t = np.clip(elevation, 0, 1)[:, None] ** 0.7
     return stage.background[0] + t * (stage.background[1] - stage.background[0])
 
 
