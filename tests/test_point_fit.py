@@ -17,8 +17,9 @@ from fairing.run.planning import SEARCHED_ERROR
 from fairing.run.preparation import points_accept_smoothing
 from fairing.run.records import _points_prefer
 from fairing.run.session import Session
-from fairing.run.sweep import RESIDUAL_AREA, begin_sweep
+from fairing.run.sweep import RESIDUAL_AREA, SweepState, begin_sweep
 from fairing.scene import Scene, SparsePoints
+from fairing.solve.normal_equations import vertex_systems
 from fairing.solve.point_fit import fitted_to_points
 from fairing.solve.point_split import fitting_points, kept_points
 from fairing.solve.problem import Problem
@@ -315,19 +316,44 @@ def test_the_prior_to_the_start_grows_with_the_loss_and_falls_with_the_variance_
             begin_sweep(problem, level, GaussNewton(1, 1), 0, vertices, problem.start)
             for level in (Level(1, 0.1), Level(1, 0.1, start_sigma=sigma))
         )
-        energy = problem.energies(held.context, vertices, held.scale).energy
-        found = held.prior.hessians - plain.prior.hessians
-        for v in range(len(vertices)):
-            loss, pixels = 0.0, 0.0
-            for f in np.flatnonzero((v == FACES).any(axis=1)):
-                n, k = held.context.n_views[f], held.context.kernel.face_dimensions[f]
-                loss += energy[f] * n / (n - k)
-                pixels += held.context.footprint_area[f] * n
-            expected = RESIDUAL_AREA * loss / pixels * (held.pixels_per_unit[v] / sigma) ** 2
-            assert found[v] == pytest.approx(expected * np.eye(3), rel=0.05, abs=1e-6 * expected)
-        assert held.prior.gradient(problem.start, np.arange(7)) == pytest.approx(
-            plain.prior.gradient(problem.start, np.arange(7))
-        )
+        (tangential, to_start), (same, weak) = held.prior.terms, plain.prior.terms
+        assert np.array_equal(tangential.hessians, same.hessians)
+        assert np.array_equal(weak.targets, vertices), "a prior to the start takes the place of this one"
+        assert np.array_equal(to_start.targets, problem.start)
+        losses = losses_around(problem, held, vertices)
+        for found, loss, px_per_unit in zip(to_start.hessians, losses, held.pixels_per_unit, strict=True):
+            expected = RESIDUAL_AREA * loss * (px_per_unit / sigma) ** 2
+            assert found == pytest.approx(expected * np.eye(3), rel=0.05, abs=1e-6 * expected)
+
+
+def losses_around(problem: Problem, sweep: SweepState, vertices: np.ndarray) -> list[float]:
+    """Mean loss per photo pixel of the faces around each vertex, face by face."""
+    energy, result = problem.energies(sweep.context, vertices, sweep.scale).energy, []
+    for v in range(len(vertices)):
+        loss, pixels = 0.0, 0.0
+        for f in np.flatnonzero((v == FACES).any(axis=1)):
+            n, k = sweep.context.n_views[f], sweep.context.kernel.face_dimensions[f]
+            loss += energy[f] * n / (n - k)
+            pixels += sweep.context.footprint_area[f] * n
+        result.append(loss / pixels)
+    return result
+
+
+def test_the_prior_to_the_points_fades_at_vertices_around_which_photos_agree(monkeypatch):
+    problem = problem_of(observed(corner_scene(change=covered()), on_the_faces(600)))
+    plain = begin_sweep(problem, Level(1, 0.1), GaussNewton(1, 1), 0, VERTICES, problem.start)
+    variance = np.array(losses_around(problem, plain, VERTICES)) * plain.sigma[0] ** 2
+    full = 2 * float(np.median(variance))
+    monkeypatch.setattr("fairing.run.sweep.POINTS_VARIANCE", full)
+    drawn = begin_sweep(problem, Level(1, 0.1, attraction=0.3), GaussNewton(1, 1), 0, VERTICES, problem.start)
+    assert plain.system is not None
+    typical = np.median(np.linalg.eigvalsh(vertex_systems(problem.scene.mesh, plain.system)[0])[:, 2])
+    fitted, found = fitted_to_points(problem, VERTICES, 3), drawn.prior.terms[-1]
+    assert found.targets == pytest.approx(fitted.targets)
+    assert variance.max() > 1.15 * variance.min(), "one factor for all vertices would not do"
+    for v in range(len(VERTICES)):
+        wanted = 0.3 * typical * min(1.0, variance[v] / full) * fitted.hessians[v]
+        assert found.hessians[v] == pytest.approx(wanted, rel=0.05, abs=1e-6 * typical)
 
 
 def test_the_prior_to_the_start_is_planned_where_points_measure_the_start_and_nothing_is_searched():

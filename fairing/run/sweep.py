@@ -20,7 +20,7 @@ from fairing.solve.step_limits import pixels_moved, pixels_per_unit
 
 POOR_FIT = 2.0  # in units of the median loss: vertices above it are restarted
 WELL_SEEN = 0.6  # fraction of the faces around a vertex (ledger: well-seen vertices)
-# Of the residual, grey levels^2: the prior to the points fades below it (ledger: prior to points).
+# Of the residuals around a vertex, grey levels^2: the prior to the points fades below it (ledger: prior to points).
 POINTS_VARIANCE = 8.0
 # px^2 of the photos: the area over which residuals of what is not on the mesh agree (ledger: prior to the start).
 RESIDUAL_AREA = 10_000.0
@@ -100,7 +100,7 @@ def begin_sweep(
     informed = strength > 0
     typical = float(np.median(strength[informed])) if informed.any() else 0.0
     tangential, weak = undetermined_directions(vertices, mesh, H, context.takes_part, options.step, level.prior)
-    terms = [QuadraticPrior(tangential, origin), QuadraticPrior(weak, vertices)]
+    terms = [QuadraticPrior(tangential, origin)]
     pixels = pixels_per_unit(problem.scene.views, context.vertex_views, vertices)
     free = informed & ~problem.locked
     if among is not None:
@@ -111,6 +111,8 @@ def begin_sweep(
         loss = _vertex_losses(mesh, context, system)
         strength = RESIDUAL_AREA * loss * (pixels / level.start_sigma) ** 2
         terms.append(QuadraticPrior(strength[:, None, None] * np.eye(3), origin))
+    else:  # nothing else keeps weakly seen directions from diverging (ledger: prior of weak directions)
+        terms.append(QuadraticPrior(weak, vertices))
     if level.smoothing > 0 and informed.any():
         targets = smoothed(mesh, vertices, VERTEX_PASSES)
         terms.append(QuadraticPrior(np.tile(level.smoothing * typical * np.eye(3), (len(vertices), 1, 1)), targets))
@@ -119,9 +121,12 @@ def begin_sweep(
     mean_loss = float(system.energy.sum()) / area if area > 0 else 0.0
     if level.attraction > 0:
         to_points = fitted_to_points(problem, vertices, FIT_ROUNDS, level.takes_all_points)
-        variance = float((system.energy * sigma[system.faces] ** 2).sum()) / area if area > 0 else np.inf
-        attraction = level.attraction * min(1.0, variance / POINTS_VARIANCE)
-        terms.append(to_points._replace(hessians=attraction * typical * to_points.hessians))
+        variance = _vertex_losses(mesh, context, system, sigma**2)
+        share = np.where(
+            variance > 0, np.minimum(1.0, variance / POINTS_VARIANCE), 1.0
+        )  # 1 where no photo sees the mesh
+        strength = level.attraction * typical * share
+        terms.append(to_points._replace(hessians=strength[:, None, None] * to_points.hessians))
     match phase:
         case GaussNewton():
             blocks = plan_blocks(mesh, movable, options.schedule.order, system.energy)
@@ -159,9 +164,15 @@ def _above_median(mesh: Mesh, context: CellContext, system: FaceSystem, among: n
     return mean > factor * np.median(mean[among]) if among.any() else among
 
 
-def _vertex_losses(mesh: Mesh, context: CellContext, system: FaceSystem) -> np.ndarray:
-    """(n,) float: mean loss per photo px of the faces around each vertex; 0 where no photo sees them."""
+def _vertex_losses(mesh: Mesh, context: CellContext, system: FaceSystem, unit: np.ndarray | None = None) -> np.ndarray:
+    """(n,) float: mean loss per photo px of the faces around each vertex; 0 where no photo sees them.
+
+    Args:
+        unit: (m,) float: of the loss of each face; default: 1.
+    """
     loss, pixels = loss_of_faces(context, system.energy, system.faces)
+    if unit is not None:
+        loss = loss * unit[system.faces]
     total, weight = (
         np.bincount(mesh.faces[system.faces].ravel(), weights=np.repeat(values, 3), minlength=len(mesh.vertices))
         for values in (loss * pixels, pixels)

@@ -34,7 +34,8 @@ class Prior:
 
     Tangential directions (in which the surface moves within itself) have their target at the origin of the vertex: the start
     of the run, or its position after a manual edit. Weakly seen directions have theirs at the beginning of the sweep, which
-    slows a diverging vertex without moving the minimum. (ledger: prior of weak directions)
+    slows a diverging vertex without moving the minimum; a prior to the start replaces it. (ledger: prior of weak
+    directions)
     """
 
     terms: tuple[QuadraticPrior, ...]
