@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from fairing.cells.context import CellContext
 from fairing.errors import InputError
-from fairing.judge.inspect import energies_by_dimension, face_cells
+from fairing.judge.inspect import cells_in_context, energies_by_dimension, face_cells
 from fairing.options import FairingOptions
 from fairing.run.session import Session
 from fairing.trace import Trace
@@ -128,3 +129,28 @@ def test_another_k_does_not_change_the_run():
     for k in (0, len(own.views) - 1):
         with pytest.raises(InputError, match=f"k = {k}: face 1"):
             face_cells(session, 1, dimensions=k)
+
+
+def test_cells_for_distant_positions_read_the_photos_there():
+    """Patches of a sweep end a few pixels around each face; those for moves contain the faces at all given positions."""
+    session = Session(corner_scene(), small_options())
+    session.run()
+    moment = len(session.trace)
+    vertices, sweep = session.trace.vertices_at(moment), session.sweep_state(moment)
+    distant = vertices[0] + np.array([[0.3, 0.3, -0.3], [0.5, 0, 0]])
+    near, far = (session.context_for_moves(0, moment, positions) for positions in (distant[:1], distant))
+
+    def energies(context: CellContext, by: float) -> np.ndarray:
+        moved = vertices.copy()
+        moved[0] += by * (distant[0] - vertices[0])
+        found = [
+            cells_in_context(session, context, moved, face, moment, float(sweep.sigma[face]), float(sweep.scale[face]))
+            for face in range(6)
+        ]
+        return np.array([cells.energy for cells in found])
+
+    assert np.array_equal(near.kernel.face_dimensions, sweep.context.kernel.face_dimensions)
+    for by in (0.1, 1.0):
+        np.testing.assert_allclose(energies(near, by), energies(far, by), rtol=2e-3)
+    np.testing.assert_allclose(energies(near, 0.1), energies(sweep.context, 0.1), rtol=2e-3)
+    assert np.abs(energies(sweep.context, 1.0) / energies(near, 1.0) - 1).max() > 0.02

@@ -253,11 +253,13 @@ def _profile(facts: RunFacts, step: PlayedStep, page_state: PageState) -> dict[s
         return None
     evaluator, vertices = Evaluator(facts.options.threads), facts.trace.vertices_at(step.moment)
     offsets = np.linspace(-reach, reach, PROFILE)
+    ends = vertices[vertex] + np.concatenate([-reach * np.eye(3), reach * np.eye(3)])
+    context = session.context_for_moves(vertex, step.moment, ends)
 
     def energy(axis: int, offset: float) -> float:
         moved = vertices.copy()
         moved[vertex, axis] += offset
-        return float(evaluator.measure(sweep.context, moved, faces, sweep.scale).energy.sum())
+        return float(evaluator.measure(context, moved, faces, sweep.scale).energy.sum())
 
     return {
         "vertex": vertex,

@@ -13,7 +13,7 @@ import numpy as np
 
 from fairing.cells.layout import CellLayout, plan_cells
 from fairing.cells.pair_photos import ANTI_ALIASING, PairPhotos, blurred_photos_for_pairs
-from fairing.cells.point_spread import MAX_PATCH_PIXELS, common_psf_patches, patch_pixels
+from fairing.cells.point_spread import MAX_PATCH_PIXELS, PATCH_MARGIN, common_psf_patches, patch_pixels
 from fairing.cells.sample_masks import Occluders, ViewMasks, mask_views
 from fairing.cells.scale_space import ScaleSpace
 from fairing.cells.visibility import Footprints, Visibility, footprints_in_views, mark_surplus
@@ -105,6 +105,7 @@ def build_context(
     pool: Executor,
     occluders: Occluders | None = None,
     on_view: Callable[[], None] = lambda: None,
+    patch_margin: float = PATCH_MARGIN,
 ) -> CellContext:
     """Judge visibility at the given positions and lay out the cells of a level.
 
@@ -116,6 +117,7 @@ def build_context(
         pool: executes several photos at a time.
         occluders: what hides the cells; by default the mesh itself.
         on_view: called before each photo is judged, from the pool's threads.
+        patch_margin: px around a face that are blurred too, if its photos get a common point spread function.
 
     Raises:
         InputError: a photo cannot be decoded.
@@ -137,7 +139,9 @@ def build_context(
     n_views = takes_part.sum(1)
     pairs = _find_pairs(takes_part)
     masks, pair_mask = _pair_masks(view_masks, layout, reasons, pairs)
-    pair_photos, is_fallback = _pair_photos(scene, photos, options, level, vertices, outlines, layout, pairs, pool)
+    pair_photos, is_fallback = _pair_photos(
+        scene, photos, options, level, vertices, outlines, layout, pairs, pool, patch_margin
+    )
     weight = np.ones(len(pairs.face))
     if options.cells.weighting == "photo_area":
         weight = outlines.area[pairs.face, pairs.view] / layout.samples[pairs.face]
@@ -226,6 +230,7 @@ def _pair_photos(
     layout: CellLayout,
     pairs: _Pairs,
     pool: Executor,
+    patch_margin: float,
 ) -> tuple[PairPhotos, bool]:
     """The pixels of all pairs by the level's point spread option, and whether memory forced photos as seen instead."""
     cameras = [view.camera for view in scene.views]
@@ -237,7 +242,9 @@ def _pair_photos(
     if is_common and float(patch_pixels(longest, height).sum()) <= MAX_PATCH_PIXELS:
         min_sigma = np.maximum(blur, ANTI_ALIASING * spacing)
         corners = vertices[scene.mesh.faces]
-        patches = common_psf_patches(photos, cameras, pairs.view, pairs.start, corners, min_sigma, cubic, pool)
+        patches = common_psf_patches(
+            photos, cameras, pairs.view, pairs.start, corners, min_sigma, cubic, pool, patch_margin
+        )
         return PairPhotos(*patches, camera=pairs.view, reduced_cameras=np.zeros((0, 3, 4))), False
     P = np.stack([camera.image_from_world for camera in cameras])
     return blurred_photos_for_pairs(photos, blur, cubic, spacing, P, pairs.view, pool), is_common

@@ -90,6 +90,7 @@ def common_psf_patches(
     min_sigma: np.ndarray,
     cubic: bool,
     pool: Executor,
+    margin: float = PATCH_MARGIN,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The patch of a photo around the face of every pair, blurred by `missing_blur`, exactly, by Fourier transform.
 
@@ -102,6 +103,7 @@ def common_psf_patches(
         min_sigma: (P,) float: least standard deviation of each pair's PSF, px.
         cubic: return cubic B-spline coefficients instead of pixels.
         pool: executes several photos at a time.
+        margin: of the patches, px; see `PATCH_MARGIN`.
 
     Returns:
         pixels: flat float32, grey levels: the patches' planes (channels, height, width), patch after patch.
@@ -116,8 +118,8 @@ def common_psf_patches(
         camera = cameras[v]
         corners_px[rows] = camera.project(corners[face[rows]].reshape(-1, 3))[0].reshape(-1, 3, 2)
         sizes[rows] = camera.width, camera.height
-    low = np.clip(np.floor(corners_px.min(axis=1) - PATCH_MARGIN).astype(np.int64), 0, sizes - _MIN_PATCH)
-    high = np.clip(np.ceil(corners_px.max(axis=1) + PATCH_MARGIN).astype(np.int64) + 2, low + _MIN_PATCH, sizes)
+    low = np.clip(np.floor(corners_px.min(axis=1) - margin).astype(np.int64), 0, sizes - _MIN_PATCH)
+    high = np.clip(np.ceil(corners_px.max(axis=1) + margin).astype(np.int64) + 2, low + _MIN_PATCH, sizes)
     frame = np.concatenate([low, high - low], axis=1)
     base = np.concatenate([[0], np.cumsum(photos.channels * frame[:, 2] * frame[:, 3])])
     pixels = np.empty(base[-1], dtype=np.float32)

@@ -11,6 +11,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from fairing.cells.context import CellContext
+from fairing.cells.point_spread import PATCH_MARGIN
 from fairing.option_check import check_options
 from fairing.options import FairingOptions, options_from_dict, options_to_dict
 from fairing.run.manual_edits import manual_step
@@ -330,6 +332,32 @@ class Session:
     def latest_sweep(self) -> SweepState | None:
         """The most recently used sweep, of any moment; None before the first."""
         return self._sweeps.latest
+
+    def context_for_moves(self, vertex: int, moment: int, positions: np.ndarray) -> CellContext:
+        """The cells of the faces around a vertex at a moment, for their energies with the vertex at other positions.
+
+        These are the cells of `sweep_state`, with larger patches of the photos: the patches of a sweep end `PATCH_MARGIN` px
+        around each face, beyond which its steps do not go either, and a sample outside takes the patch's last pixel. Other
+        faces take no part.
+
+        Args:
+            positions: (q, 3) float: of the vertex, world units.
+
+        Raises:
+            Cancelled: `cancel_requested` returned True.
+        """
+        context = self.sweep_state(moment).context
+        cameras = [self.scene.views[view].camera for view in np.flatnonzero(context.vertex_views[vertex])]
+        begun = context.vertices[vertex]
+        moved = [np.abs(camera.project(positions)[0] - camera.project(begun[None])[0]).max() for camera in cameras]
+        faces = np.zeros(len(context.takes_part), dtype=bool)
+        faces[self.scene.mesh.one_rings[vertex]] = True
+        margin = PATCH_MARGIN + max(moved, default=0.0)
+        wide = self._problem.context_of(
+            faces & (context.n_views > 0), context.level, context.vertices, self.options, margin
+        )
+        k = np.where(faces, context.kernel.face_dimensions, 0)  # the sweep may have reduced them
+        return replace(wide, kernel=wide.kernel._replace(face_dimensions=k))
 
     def linearise_by_photos(self, faces: np.ndarray, moment: int) -> FaceSystem:
         """Energy and normal equations of faces (F,) int at a moment, by all corners, with the eigenspace eliminated.

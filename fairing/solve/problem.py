@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from fairing.cells.context import CellContext, build_context
+from fairing.cells.point_spread import PATCH_MARGIN
 from fairing.cells.scale_space import ScaleSpace
 from fairing.cells.visibility import Visibility, mesh_orientation
 from fairing.errors import Cancelled, InputError
@@ -114,11 +115,19 @@ class Problem:
             )
         return context
 
-    def context_of(self, faces: np.ndarray, level: int, vertices: np.ndarray, options: FairingOptions) -> CellContext:
+    def context_of(
+        self,
+        faces: np.ndarray,
+        level: int,
+        vertices: np.ndarray,
+        options: FairingOptions,
+        patch_margin: float = PATCH_MARGIN,
+    ) -> CellContext:
         """Visibility and cells of the faces of a mask (m,) bool, under given options.
 
         Args:
             vertices: (n, 3) float: positions, world units.
+            patch_margin: px, see `build_context`.
 
         Raises:
             Cancelled: cancellation was requested.
@@ -133,7 +142,16 @@ class Problem:
                 work.advance()
 
             return build_context(
-                self.scene, self._photos, options, level, vertices, self.orientation, faces, pool, on_view=on_view
+                self.scene,
+                self._photos,
+                options,
+                level,
+                vertices,
+                self.orientation,
+                faces,
+                pool,
+                on_view=on_view,
+                patch_margin=patch_margin,
             )
 
     def measure(self, context: CellContext, vertices: np.ndarray, scale: np.ndarray) -> FaceSystem:

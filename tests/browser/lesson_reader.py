@@ -71,7 +71,7 @@ class Reader:
         """Check that nothing went wrong and nothing but the file was requested."""
         assert self.troubles == []
         assert all(url.startswith(("data:", "blob:", "file:")) for url in self.requests), self.requests
-        assert len({url.partition("#")[0] for url in self.requests if url.startswith("file:")}) == 1
+        assert len({url.partition("#")[0] for url in self.requests if url.startswith("file:")}) <= 1
         self.page.context.close()
 
     def at_step(self, number: int) -> None:
@@ -161,6 +161,17 @@ def check_quantities(reader: Reader, played: PlayedLesson, step: PlayedStep, exp
             assert value == pytest.approx(wanted, rel=ENERGY_TOLERANCE, abs=2e-4, nan_ok=True), (name, argument)
 
 
+def show_cells_by_keyboard(reader: Reader) -> None:
+    """Select a vertex if the step selects none, and show the cells of one of its faces if the step shows something else."""
+    if reader.page.evaluate("shownFace()") is None:
+        reader.tab_to("#nothing button")
+        reader.page.keyboard.press("Enter")
+        assert reader.page.evaluate("document.activeElement.matches('#faces button')")
+    if not reader.page.locator("#page-cells").is_visible():
+        reader.tab_to("[data-page=cells]")
+        reader.page.keyboard.press("Enter")
+
+
 def check_every_k_by_keyboard(reader: Reader, played: PlayedLesson, step: PlayedStep) -> int:
     """Move the slider of k from 1 to its end; each energy is the engine's. Returns the number of values."""
     page, session = reader.page, played.runs[step.run].facts.session
@@ -168,8 +179,9 @@ def check_every_k_by_keyboard(reader: Reader, played: PlayedLesson, step: Played
         return 0
     face = page.evaluate("shownFace()")
     wanted = energies_by_dimension(session, face, step.moment)
-    # With many dimensions hardly anything is left, and what the borders of the cells differ by counts for more.
-    rest = 1e-3 * wanted[int(page.evaluate("face => cellsOf(face).own", face)) - 1]
+    # With many dimensions hardly anything is left. The engine multiplies cells in single precision, which can then change
+    # its energy by some percent (lesson dimensions, k = 10: 141.1 instead of 144.9); the page has double precision.
+    rest = 5e-4 * wanted[0]
     reader.tab_to("#k")
     page.keyboard.press("End")  # where the run's own k is the first, Home alone would choose nothing
     page.keyboard.press("Home")
@@ -188,11 +200,12 @@ def check_moved_vertex(reader: Reader, played: PlayedLesson, step: PlayedStep) -
     vertices = facts.trace.vertices_at(step.moment)
     vertices[vertex] += np.array(offset["by"]) / facts.stage.scale
     sweep, total = session.sweep_state(step.moment), 0.0
+    context = session.context_for_moves(vertex, step.moment, vertices[vertex][None])
     for face in reader.page.evaluate("vertex => facesOf(vertex)", vertex):
         shown = reader.page.evaluate("face => cellsOf(face)?.energy", face)
         if shown is not None:  # fewer than three photos see it
             sigma, scale = float(sweep.sigma[face]), float(sweep.scale[face])
-            wanted = cells_in_context(session, sweep.context, vertices, face, step.moment, sigma, scale).energy
+            wanted = cells_in_context(session, context, vertices, face, step.moment, sigma, scale).energy
             assert shown == pytest.approx(wanted, rel=ENERGY_TOLERANCE), (vertex, face)
             total += wanted
     found = reader.page.evaluate("vertex => ringEnergy(vertex, positions())", vertex)

@@ -16,10 +16,10 @@ function showCellsPanel() {
   $("nothing").hidden = face !== null;
   $("nothing").textContent = vertex === undefined ? "Select a vertex to see the cells of its faces: click it in the 3D view, or choose it below."
     : `This file contains no photos around vertex ${vertex}; it contains those around the vertices that moved most.`;
-  $("faces").replaceChildren(...facesOf(vertex).map((f) => chip(`face ${f}`, f === face, () => { state.face = f; update(); })));
+  fillGroup("faces", facesOf(vertex).map((f) => chip(`face ${f}`, f === face, () => { state.face = f; update(); })));
   if (face === null) {
     const choices = vertex === undefined ? verticesWithCells().slice(0, 8) : [];
-    $("nothing").append(element("div", { className: "chips" }, ...choices.map((v) => chip(`vertex ${v}`, false, () => select([v])))));
+    $("nothing").append(element("div", { className: "chips" }, ...choices.map((v) => chip(`vertex ${v}`, false, () => { select([v]); $("faces").querySelector("button").focus(); }))));
     return;
   }
   ({ cells: showCellsPage, photos: showPhotosPage, pair: showPairPage })[page](vertex, face);
@@ -38,7 +38,7 @@ function shownFace() {
 function showCellsPage(vertex, face) {
   const found = cellsOf(face, state.cells.dimensions);
   const columns = Object.keys(data.kinds).filter((kind) => state.cells.columns.includes(kind));
-  $("columns").replaceChildren(...Object.entries(data.kinds).filter(([kind]) => KIND_NAMES[kind] || step().flows).map(([kind, { head, meaning }]) =>
+  fillGroup("columns", Object.entries(data.kinds).filter(([kind]) => KIND_NAMES[kind] || step().flows).map(([kind, { head, meaning }]) =>
     chip(head, columns.includes(kind), () => toggleColumn(kind), meaning)));
   for (const id of ["k-row", "basis", "charts"]) $(id).hidden = !found;
   $("rows").replaceChildren();
@@ -48,7 +48,7 @@ function showCellsPage(vertex, face) {
   Object.assign($("k"), { max: largest, value: found.k });
   $("k-shown").textContent = found.k === found.own ? `${found.k} (the run's)` : found.k;
   drawBasis(found);
-  showBars($("singular"), found.singular.map(Math.log1p), found.singular.map((value, i) => `singular value ${i + 1}: ${brief(value)}`), (i) => (i < found.k ? "on" : ""));
+  showBars("singular", found.singular.map(Math.log1p), found.singular.map((value, i) => `singular value ${i + 1}: ${brief(value)}`), (i) => (i < found.k ? "on" : ""));
   energiesTimer = setTimeout(() => showEnergies(face, found), ENERGIES_DELAY);
   showRows(found, face, columns);
 }
@@ -64,21 +64,21 @@ function showEnergies(face, found, energies = []) {
   const count = found.observed.length - 2, shown = [...energies, run().cells.energyWith(found, energies.length + 1)];
   if (shown.length < count) { energiesTimer = setTimeout(() => showEnergies(face, found, shown)); return; }
   const most = Math.max(...shown, 1e-12), heights = shown.map((energy) => 1 + Math.log10(Math.max(energy / most, 1e-4)) / 4);
-  showBars($("by-k"), heights, shown.map((energy, i) => `k = ${i + 1}: energy ${brief(energy, 4)}; click to show the cells with this k`),
+  showBars("by-k", heights, shown.map((energy, i) => `k = ${i + 1}: energy ${brief(energy, 4)}; click to show the cells with this k`),
     (i) => (i + 1 === found.k ? "chosen" : i + 1 === found.own ? "own" : ""), (i) => setDimensions(i + 1));
 }
 
 function setDimensions(k) { state.cells = { ...state.cells, dimensions: k }; update(); }
 
-function showBars(host, heights, names, css, onChoose = null) {
+function showBars(id, heights, names, css, onChoose = null) {
   const most = onChoose ? 1 : Math.max(...heights, 1e-12);
-  host.className = "bars";
-  host.replaceChildren(...heights.map((height, i) => {
+  $(id).className = "bars";
+  fillGroup(id, heights.map((height, i) => {
     const bar = element("i", { style: `height:${Math.max(2, 100 * height / most)}%` });
     return onChoose ? element("button", { type: "button", className: css(i), title: names[i], "aria-label": names[i], onclick: () => onChoose(i) }, bar)
       : element("div", { className: css(i), title: names[i] }, bar);
   }));
-  if (!onChoose) Object.assign(host, { role: "img", ariaLabel: names.join("; ") });
+  if (!onChoose) Object.assign($(id), { role: "img", ariaLabel: names.join("; ") });
 }
 
 function drawBasis(found) {
@@ -104,7 +104,7 @@ function drawBasis(found) {
 function showRows(found, face, columns) {
   const flows = flowsOf(face), before = flows?.moment ? cellsOf(face, state.cells.dimensions, flows.moment - 1, null) : found;
   const hasArrows = columns.some((kind) => !KIND_NAMES[kind]);
-  $("arrow-row").replaceChildren(...(hasArrows ? [element("span", { className: "dim" }, "Arrows"), ...[1, 3, 10, 30, 100].map((scale) => chip(`×${scale}`, scale === state.cells.arrows, () => { state.cells = { ...state.cells, arrows: scale }; update(); }))] : []));
+  fillGroup("arrow-row", hasArrows ? [element("span", { className: "dim" }, "Arrows"), ...[1, 3, 10, 30, 100].map((scale) => chip(`×${scale}`, scale === state.cells.arrows, () => { state.cells = { ...state.cells, arrows: scale }; update(); }))] : []);
   $("flow-note").textContent = !hasArrows ? "" : !flows ? `The arrows belong to moment ${step().moment} of this step; Resume lesson returns there.`
     : flows.moment === null ? "No step yet; f of the current cells." : `υ, f: of the step to moment ${flows.moment}${flows.model ? "" : "; it moved no corner of this face"}`;
   const width = Math.max(200, $("cells-panel").clientWidth - 40), tile = Math.min(WIDEST_TILE, Math.floor((width - TILE_GAP * (columns.length - 1)) / columns.length));
@@ -193,7 +193,7 @@ function showPhotosPage(vertex) {
 
 function showPairPage(vertex, face) {
   const views = run().cells.viewsOf(face), [i, j] = chosenPair(views, state.cells.pair), { affine } = run().cells.cells;
-  const pick = (host, letter, chosen, take) => $(host).replaceChildren(element("span", { className: "dim" }, letter), ...views.map((view) => chip(String(view), view === chosen, () => { state.cells = { ...state.cells, pair: take(view) }; update(); }, `Photo ${letter}: ${data.photos.views[view].name}`)));
+  const pick = (host, letter, chosen, take) => fillGroup(host, [label(letter), ...views.map((view) => chip(String(view), view === chosen, () => { state.cells = { ...state.cells, pair: take(view) }; update(); }, `Photo ${letter}: ${data.photos.views[view].name}`))]);
   pick("first-photo", "i", i, (view) => [view, j]);
   pick("second-photo", "j", j, (view) => [i, view]);
   const names = [i, j].map((view) => data.photos.views[view].name), moments = { "At the start": run().record.start, Now: positions() };

@@ -146,7 +146,8 @@ function showTry() {
     const error = arrays.truth && data.isCube ? [element("b", {}, `${brief(off(vertex))} %`), " of an edge off its true position. "] : [];
     if (state.offset) {
       const [before, after] = [ringEnergy(vertex, run().record.verticesAt(state.moment)), ringEnergy(vertex, positions())];
-      note.append("Moved by hand: ", ...error, "E of its faces ", element("b", {}, brief(after, 4)), ` instead of ${brief(before, 4)}`);
+      const isFarthest = state.offset.by.some((value) => Math.abs(value) > 0.999 * data.reach);
+      note.append("Moved by hand", isFarthest ? " as far as the photos in this file reach: " : ": ", ...error, "E of its faces ", element("b", {}, brief(after, 4)), ` instead of ${brief(before, 4)}`);
     } else {
       const axes = isAtStep() ? step().axes[vertex] : null;
       if (axes) note.append("Certainty ellipsoid ", element("b", {}, axes.map((length) => (length < 1e6 ? brief(length, 2) : "∞")).join(" : ")), ". ");
