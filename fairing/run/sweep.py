@@ -122,10 +122,8 @@ def begin_sweep(
     if level.attraction > 0:
         to_points = fitted_to_points(problem, vertices, FIT_ROUNDS, level.takes_all_points)
         variance = _vertex_losses(mesh, context, system, sigma**2)
-        share = np.where(
-            variance > 0, np.minimum(1.0, variance / POINTS_VARIANCE), 1.0
-        )  # 1 where no photo sees the mesh
-        strength = level.attraction * typical * share
+        variance[variance == 0] = np.inf  # where no photo sees the mesh, the points alone count
+        strength = level.attraction * typical * np.minimum(1.0, variance / POINTS_VARIANCE)
         terms.append(to_points._replace(hessians=strength[:, None, None] * to_points.hessians))
     match phase:
         case GaussNewton():
