@@ -104,7 +104,7 @@ function drawBasis(found) {
 function showRows(found, face, columns) {
   const flows = flowsOf(face), before = flows?.moment ? cellsOf(face, state.cells.dimensions, flows.moment - 1, null) : found;
   const hasArrows = columns.some((kind) => !KIND_NAMES[kind]);
-  fillGroup("arrow-row", hasArrows ? [element("span", { className: "dim" }, "Arrows"), ...[1, 3, 10, 30, 100].map((scale) => chip(`×${scale}`, scale === state.cells.arrows, () => { state.cells = { ...state.cells, arrows: scale }; update(); }))] : []);
+  fillGroup("arrow-row", hasArrows ? [label("Arrows"), ...[1, 3, 10, 30, 100].map((scale) => chip(`×${scale}`, scale === state.cells.arrows, () => { state.cells = { ...state.cells, arrows: scale }; update(); }))] : []);
   $("flow-note").textContent = !hasArrows ? "" : !flows ? `The arrows belong to moment ${step().moment} of this step; Resume lesson returns there.`
     : flows.moment === null ? "No step yet; f of the current cells." : `υ, f: of the step to moment ${flows.moment}${flows.model ? "" : "; it moved no corner of this face"}`;
   const width = Math.max(200, $("cells-panel").clientWidth - 40), tile = Math.min(WIDEST_TILE, Math.floor((width - TILE_GAP * (columns.length - 1)) / columns.length));
