@@ -11,16 +11,19 @@ from app.debugger.run_state import Activity, RunState
 
 PAGE_SECONDS = 2.0  # after a page has gone: several that go together are freed together
 REST_SECONDS = 30.0  # at least, between two returns while the engine rests
+MAX_HEAPS = 2  # of glibc, shared by some 25 threads
+M_ARENA_MAX = -8  # glibc, malloc.h
 
 
 class FreeMemory:
     """Returns memory after a page has gone and, from time to time, when the engine rests.
 
-    Handles of a closed page refer to each other in cycles, which Python would leave for minutes. And every thread has its own
-    heap in glibc, whose free memory the other threads do not use (ledger: allocator).
+    Handles of a closed page refer to each other in cycles, which Python would leave for minutes. And glibc gives every thread
+    a heap of its own, whose free memory the other threads do not use; here they share a few (ledger: allocator).
     """
 
     def __init__(self) -> None:
+        _glibc("mallopt", M_ARENA_MAX, MAX_HEAPS)
         self._worker = BackgroundWorker(name="garbage")
         self._next = time.monotonic() + REST_SECONDS
         self._lock = threading.Lock()
@@ -44,10 +47,14 @@ class FreeMemory:
 
 def return_free_memory() -> None:
     """Return the free memory of all heaps to the operating system; does nothing where the C library is not glibc."""
-    if sys.platform == "linux":
-        trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
-        if trim is not None:
-            trim(0)
+    _glibc("malloc_trim", 0)
+
+
+def _glibc(name: str, *args: int) -> None:
+    """Call a function that only glibc has."""
+    function = getattr(ctypes.CDLL(None), name, None) if sys.platform == "linux" else None
+    if function is not None:
+        function(*args)
 
 
 def _free_pages() -> None:

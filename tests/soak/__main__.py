@@ -21,18 +21,19 @@ MAX_GROWTH = 5.0  # % an hour
 MAX_EXTRA = 3  # threads or descriptors: timers and pages that are just being opened
 
 
-def growth(samples: list[Sample]) -> float:
-    """Slope of the memory by least squares, % an hour; 0 without enough samples."""
+def growth(samples: list[Sample], quantity: str = "memory") -> float:
+    """Slope of a quantity of the samples by least squares, % an hour; 0 without enough samples."""
     if len(samples) < 3:
         return 0.0
-    minutes, memory = np.array([(s.minutes, s.memory) for s in samples]).T
-    return float(100 * 60 * np.polyfit(minutes, memory, 1)[0] / np.median(memory))
+    minutes, values = np.array([(s.minutes, getattr(s, quantity)) for s in samples]).T
+    return float(100 * 60 * np.polyfit(minutes, values, 1)[0] / np.median(values))
 
 
-def by_half_hour(samples: list[Sample]) -> list[float]:
-    """Median memory of every half hour, MB."""
+def by_half_hour(samples: list[Sample], quantity: str = "memory") -> str:
+    """Median of a quantity of the samples in every half hour."""
     n_halves = 1 + int(max((s.minutes for s in samples), default=0) / 30)
-    return [float(np.median([s.memory for s in samples if int(s.minutes / 30) == k])) for k in range(n_halves)]
+    halves = [[getattr(s, quantity) for s in samples if int(s.minutes / 30) == k] for k in range(n_halves)]
+    return ", ".join(f"{np.median(half):.0f}" for half in halves if half)
 
 
 def rise(values: list[int]) -> float:
@@ -71,7 +72,9 @@ def soak(minutes: float, seed: int, pace: float) -> int:
 
 def show(s: Sample) -> None:
     print(
-        f"{s.minutes:7.1f} min  {s.memory:7.0f} MB  {s.threads:4d} threads  {s.descriptors:4d} descriptors", flush=True
+        f"{s.minutes:7.1f} min  {s.memory:7.0f} MB, {s.allocated:5.0f} MB allocated, {s.blocks / 1000:5.0f} k blocks  "
+        f"{s.threads:4d} threads  {s.descriptors:4d} descriptors",
+        flush=True,
     )
 
 
@@ -83,7 +86,9 @@ def report(samples: list[Sample], warm_up: float, users: Users) -> int:
     print(f"actions with their effect: {listed(users.done)}")
     print(f"refused with a message: {listed(users.refused)}")
     print(f"memory after {warm_up:.1f} min: {per_hour:+.1f} % an hour")
-    print(f"median memory by half hour: {', '.join(f'{half_hour:.0f}' for half_hour in by_half_hour(samples))} MB")
+    print(f"median memory by half hour: {by_half_hour(samples)} MB")
+    print(f"of it allocated: {by_half_hour(samples, 'allocated')} MB, {growth(warm, 'allocated'):+.1f} % an hour")
+    print(f"blocks of Python's by half hour: {by_half_hour(samples, 'blocks')}")
     print(f"threads {threads:+g}, descriptors {descriptors:+g}, errors and actions without effect: {len(troubles)}")
     for trouble in troubles[:10]:
         print(f"  {trouble}")

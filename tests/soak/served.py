@@ -3,12 +3,14 @@
 It prints its address, then for every line of standard input a line of JSON with its state, see `Facts`.
 """
 
+import ctypes
 import json
 import logging
 import sys
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from app.debugger.actions import label_of
 from app.page.server import App, start
 from demo_scenes import load_demo
 from fairing.options import PRESETS
@@ -28,6 +30,9 @@ class Facts:
         n_vertices, n_views: of the scene.
         pages: of every page its browser's id, and what its user has chosen.
         errors: messages that the process logged as errors, and of the last failure of the debugger itself.
+        commands: the last commands that the controller accepted, the newest last.
+        allocated: memory that the C library has handed out and not taken back, MB.
+        blocks: Python's allocated blocks of memory, of at most 512 bytes each.
     """
 
     moment: int
@@ -43,6 +48,26 @@ class Facts:
     n_views: int
     pages: list[dict[str, Any]]
     errors: list[str]
+    commands: list[str]
+    allocated: float
+    blocks: int
+
+
+class MallocInfo(ctypes.Structure):
+    """`struct mallinfo2` of glibc: sums over all heaps, bytes."""
+
+    NAMES = ("arena", "ordblks", "smblks", "hblks", "hblkhd", "usmblks", "fsmblks", "uordblks", "fordblks", "keepcost")
+    _fields_ = [(name, ctypes.c_size_t) for name in NAMES]
+
+
+def allocated_megabytes() -> float:
+    """Memory in use within heaps and in mappings of their own; 0 where the C library is not glibc."""
+    mallinfo = getattr(ctypes.CDLL(None), "mallinfo2", None)
+    if mallinfo is None:
+        return 0.0
+    mallinfo.restype = MallocInfo
+    info = mallinfo()
+    return (info.uordblks + info.hblkhd) / 1e6
 
 
 class Errors(logging.Handler):
@@ -85,6 +110,9 @@ def facts_of(app: App, errors: list[str]) -> Facts:
             for client, page in list(app.pages.items())
         ],
         errors=[*errors, *([] if state.incident is None else [state.incident.summary])],
+        commands=[label_of(command) for command in list(app.controller._queue.history)[-5:]],
+        allocated=allocated_megabytes(),
+        blocks=sys.getallocatedblocks(),
     )
 
 

@@ -16,10 +16,13 @@ class Sample:
     """Attributes:
     minutes: since the start.
     memory: resident, MB.
+    allocated, blocks: as in `Facts`, at the last action.
     """
 
     minutes: float
     memory: float
+    allocated: float
+    blocks: int
     threads: int
     descriptors: int
 
@@ -35,13 +38,15 @@ class Server:
         command = [sys.executable, "-m", "tests.soak.served"]
         self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
         self.url = self._read()
+        self._latest = self.facts()
 
     def facts(self) -> Facts:
         """The present state."""
         assert self._process.stdin is not None
         self._process.stdin.write("\n")
         self._process.stdin.flush()
-        return Facts(**json.loads(self._read()))
+        self._latest = Facts(**json.loads(self._read()))
+        return self._latest
 
     def sample(self, minutes: float) -> Sample:
         """What the process uses now."""
@@ -49,6 +54,8 @@ class Server:
         return Sample(
             minutes,
             int((process / "statm").read_text().split()[1]) * PAGE_BYTES / 1e6,
+            self._latest.allocated,
+            self._latest.blocks,
             len(list((process / "task").iterdir())),
             len(list((process / "fd").iterdir())),
         )

@@ -25,6 +25,17 @@ WEIGHTS = {
 """Actions with how often they are chosen; the last two are done when there are too many runs or steps."""
 
 
+KEY_LOG = """
+window.keysSeen = [];
+addEventListener('keydown', event => {
+  const {key, isTrusted, target} = event, focus = target.outerHTML?.slice(0, 80);
+  keysSeen.push(`${new Date().toISOString()} ${key}${isTrusted ? '' : ' by script'} at ${focus}`);
+  keysSeen.splice(0, keysSeen.length - 6);
+}, true);
+"""
+"""Script of every page: keeps the last keys that it has got, for what is printed of an action without effect."""
+
+
 class NoEffectError(Exception):
     """An action did nothing."""
 
@@ -43,7 +54,7 @@ class Users:
     def __init__(self, browser: Browser, server: Server, seed: int, pace: float) -> None:
         self._browser, self._server, self._random, self._pace = browser, server, random.Random(seed), pace
         self._app: Any = SimpleNamespace(url=server.url)  # pages are opened by the address alone
-        self.visitors = [Visitor(browser, self._app) for _ in range(PAGES)]
+        self.visitors = [self._visitor() for _ in range(PAGES)]
         self._troubles: list[str] = []
         self._problems = 0
         self.done: Counter[str] = Counter()
@@ -84,7 +95,7 @@ class Users:
                 self.refused[name] += 1
             else:
                 self._troubles.append(f"{name}: {str(error).splitlines()[0]}")
-                print(self._troubles[-1], flush=True)
+                print(f"{self._troubles[-1]}\nkeys seen: {self.visitors[k].page.evaluate('keysSeen')}", flush=True)
             self._replace(k)
         else:
             self.done[name] += 1
@@ -101,11 +112,18 @@ class Users:
     def _rest(self) -> None:
         time.sleep(self._pace * self._random.uniform(0, 0.3))
 
+    def _visitor(self) -> Visitor:
+        """Open another page."""
+        visitor = Visitor(self._browser, self._app)
+        visitor.page.evaluate(KEY_LOG)
+        visitor.page.add_init_script(KEY_LOG)  # of the page after a reload
+        return visitor
+
     def _replace(self, k: int) -> None:
         """Close a page and open another."""
         self._troubles += self.visitors[k].troubles
         self.visitors[k].page.close()
-        self.visitors[k] = Visitor(self._browser, self._app)
+        self.visitors[k] = self._visitor()
 
     def _until(self, expected: str, holds: Callable[[Facts], bool]) -> Facts:
         """The state once a condition holds.

@@ -378,7 +378,7 @@ function showExperiment() {
   if (host.hidden) return;
   host.innerHTML = `<h3></h3><p class="dim"></p>${experiment.charts}<p>${experiment.finding}</p>`;
   host.querySelector("h3").textContent = experiment.title;
-  host.querySelector("p").textContent = `${experiment.question} This file contains ${experiment.runs} runs, measured when it was made; Start is in the program.`;
+  host.querySelector("p").textContent = `${experiment.question} This file contains ${experiment.runs} runs, measured when it was made.`;
 }
 
 // ---------------------------------------------------------------- events
