@@ -209,8 +209,12 @@ def test_a_vertex_is_dragged_and_the_lesson_resumed(lessons, desk):
     desk.page.keyboard.press("End")
     assert desk.page.evaluate("state.offset") is None
     assert desk.page.evaluate("state.moment") == played.runs[0].facts.length
-    desk.page.get_by_role("button", name="Resume lesson").click()
+    desk.page.get_by_role("button", name="Resume lesson").press("Enter")
     check_step(desk, played, 1)
+    assert desk.page.evaluate("document.activeElement.tagName") == "ARTICLE", "the button has gone"
+    desk.page.locator("#steps button").nth(2).press("Enter")
+    check_step(desk, played, 2)
+    assert desk.page.evaluate("document.activeElement.getAttribute('aria-current')") == "step"
 
 
 def test_without_3d_the_rest_of_a_lesson_works(lessons, browser):

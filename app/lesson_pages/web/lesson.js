@@ -340,7 +340,7 @@ function showText(isFirst) {
   $("claims").querySelector("summary").textContent = `✓ ${found.claims.length} of ${found.claims.length} claims verified when this page was made`;
   $("claims").querySelector("ul").replaceChildren(...found.claims.map((claim) => element("li", {}, element("code", {}, claim))));
   $("legend").innerHTML = found.coloring?.legend ?? "";
-  $("steps").replaceChildren(...data.steps.map((each, k) => {
+  fillGroup("steps", data.steps.map((each, k) => {
     const button = element("button", { type: "button", className: k < n ? "done" : "", title: `${k + 1}. ${each.title}`, "aria-label": `Step ${k + 1}: ${each.title}`, onclick: () => goToStep(k) });
     if (k === n) button.setAttribute("aria-current", "step");
     return button;
@@ -417,7 +417,7 @@ function onKey(event) {
 function listen() {
   $("next").onclick = () => goToStep(state.step + 1);
   $("previous").onclick = () => goToStep(state.step - 1);
-  $("resume").onclick = () => goToStep(state.step);
+  $("resume").onclick = () => { goToStep(state.step); document.querySelector("article").focus(); };
   $("slider").oninput = () => jump(Number($("slider").value));
   $("play").onclick = () => play(!state.playing);
   $("first").onclick = () => jump(0);
