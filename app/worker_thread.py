@@ -51,7 +51,7 @@ class WorkerThread(Generic[T]):
 
     @property
     def is_dead(self) -> bool:
-        """Whether the thread has ended although nobody closed it."""
+        """Whether the thread has ended although `close` was not called."""
         return not self._is_closing and self._thread.ident is not None and not self._thread.is_alive()
 
     @property

@@ -97,7 +97,7 @@ def run_from(seed: int, beginning: str) -> Row:
 
 
 def run_scene(scene: Scene, beginning: str) -> Row:
-    """The same for a scene at hand."""
+    """The same for a loaded scene."""
     begun = scene if beginning == "start" else at_truth(scene)
     began, session = time.process_time(), Session(begun)
     try:

@@ -17,7 +17,7 @@ def grid_mesh(side: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def flipped_at_random(vertices: np.ndarray, faces: np.ndarray, rounds: int, per_round: int) -> FlipTrace:
-    """A record of flips that nobody had a reason for, with energies that fall."""
+    """A record of flips without a reason, with energies that fall."""
     trace, rng, energy = FlipTrace({}, vertices, faces), np.random.default_rng(0), 1000.0
     for round_ in range(rounds):
         before = energy

@@ -64,7 +64,7 @@ READERS_OF_FILES: dict[str, Callable[[Path], Any]] = {
 
 @pytest.mark.parametrize("name", READERS_OF_FILES)
 def test_a_pipe_is_refused_at_once(tmp_path: Path, name: str):
-    """Opening a pipe that nobody writes to would block for ever."""
+    """Opening a pipe without a writer would block for ever."""
     os.mkfifo(tmp_path / name)
     refused(lambda: READERS_OF_FILES[name](tmp_path / name), f"{name}: expected .*(pipe|expected one of)")
 

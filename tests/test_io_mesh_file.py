@@ -253,7 +253,7 @@ def test_names_in_a_gltf_may_be_percent_encoded(tmp_path: Path):
 
 
 def test_a_pipe_that_a_gltf_refers_to_is_refused_at_once(tmp_path: Path):
-    """Opening a pipe that nobody writes to would block for ever."""
+    """Opening a pipe without a writer would block for ever."""
     path = write_gltf(tmp_path, named("pipe.bin"))
     os.mkfifo(tmp_path / "pipe.bin")
     refused(path, "pipe.bin: expected .*found a pipe")

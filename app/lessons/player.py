@@ -269,8 +269,8 @@ class Player:
     def _made_before(self, start: StartRun, state: RunState) -> RunInfo | None:
         """An existing run from the start with these options, and with exactly these vertices placed manually."""
         for run in state.runs:
-            by_hand = run.trace.manual_moments
-            if run.parent is not None or run.options != start.options or by_hand != list(range(1, len(start.puts) + 1)):
+            manual = run.trace.manual_moments
+            if run.parent is not None or run.options != start.options or manual != list(range(1, len(start.puts) + 1)):
                 continue
             places = [self._place(put) for put in start.puts]
             made = [run.trace.steps[n].after[0].tolist() for n in range(len(places))]

@@ -113,7 +113,7 @@ class Page:
         ]
 
     def _name_blocks(self, order: str) -> None:
-        """Name steps in the palette by what they step in the order at hand."""
+        """Name steps in the palette by what they step in the current order."""
         if order != self._order:
             self._order = order
             labels = {action.label: action.label_in(order) for action in ACTIONS}

@@ -95,7 +95,7 @@ def _shown_position(state: RunState) -> SchedulePosition | None:
 
 
 def _blur(state: RunState) -> str:
-    """Blur of the level at hand: energies compare only within one."""
+    """Blur of the current level: energies compare only within one."""
     at = _shown_position(state)
     if at is None:
         return ""

@@ -1,4 +1,4 @@
-"""Keyboard focus: widgets keep it only while somebody types, so that hotkeys keep working.
+"""Keyboard focus: widgets keep it only while the user types, so that hotkeys keep working.
 
 viser 1.1.1 handles no hotkeys while an input, a checkbox or a dropdown has the focus, and a click leaves it there. So a
 script in the page removes the focus once a widget has been used.

@@ -1,6 +1,6 @@
 """Style of viser's own elements, by the names they have in its page: the theme's variables, labels, tabs, dialogs.
 
-Two panels stay in sight while the others are scrolled: those whose content has the class `pinned`.
+Two panels stay visible while the others are scrolled: those whose content has the class `pinned`.
 """
 
 from app.palette import BRAND_TEXT, GROUND, css, solid, variables

@@ -69,7 +69,7 @@ def _station(truth: Mesh, eye: np.ndarray, rng: np.random.Generator) -> np.ndarr
 
 
 def _matches(scene: Scene, truth: Mesh, points: np.ndarray, scan: np.ndarray) -> list[str]:
-    """Corners far from each other, each with the scan's point nearest to it and the pixels somebody clicked."""
+    """Corners far from each other, each with the scan's point nearest to it and the clicked pixels."""
     distance, nearest = KDTree(points).query(truth.vertices)
     sees = np.stack([_sees(truth, view.camera) for view in scene.views], axis=1)
     candidates = np.flatnonzero((distance < np.quantile(distance, 0.3)) & (sees.sum(axis=1) >= CLICKED_IN))

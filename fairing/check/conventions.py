@@ -55,7 +55,11 @@ def project(image_from_world: np.ndarray, points: np.ndarray) -> tuple[np.ndarra
 
 
 def share_in_view(scene: Scene, matrix: Callable[[Camera], np.ndarray]) -> float:
-    """Fraction of the mesh's vertices that lie inside a photo and in front of its camera, 0 to 1, mean over the photos."""
+    """Fraction of the mesh's vertices that lie inside a photo and in front of its camera, 0 to 1, mean over the photos.
+
+    Args:
+        matrix: of a camera, (3, 4) float, from world units to homogeneous pixels.
+    """
     vertices = scene.mesh.vertices[np.unique(scene.mesh.faces)]
     shares = []
     for view in scene.views:
@@ -74,7 +78,11 @@ def explain_view(scene: Scene) -> str | None:
 
 
 def observed_distance(scene: Scene, matrix: Callable[[Camera], np.ndarray]) -> float:
-    """Median reprojection error of the sparse points, px; infinite if most lie behind the cameras."""
+    """Median reprojection error of the sparse points, px; infinite if most lie behind the cameras.
+
+    Args:
+        matrix: of a camera, (3, 4) float, from world units to homogeneous pixels.
+    """
     sparse = scene.sparse_points
     assert sparse is not None
     distances = []

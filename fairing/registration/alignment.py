@@ -246,6 +246,13 @@ def normals_and_variation(points: np.ndarray, tree: KDTree) -> tuple[np.ndarray,
 
     Both follow from the covariance of each point's nearest neighbours: the direction of the smallest variance, and its
     fraction of the total variance.
+
+    Args:
+        points: (n, 3) float, world units.
+        tree: of these points.
+
+    Returns:
+        (n, 3) float unit normals, of either sign; (n,) float surface variation, 0 to 1/3.
     """
     neighbours = tree.query(points, k=min(NEIGHBOURS, len(points)))[1]
     around = points[neighbours] - points[neighbours].mean(axis=1, keepdims=True)

@@ -81,7 +81,11 @@ def independent_block(mesh: Mesh, vertices: np.ndarray) -> Block:
 
 
 def group_block(mesh: Mesh, groups: list[np.ndarray]) -> Block:
-    """A block of groups of vertices that share no face with another group; its `vertices` are the first of each group."""
+    """A block of groups of vertices that share no face with another group; its `vertices` are the first of each group.
+
+    Args:
+        groups: of each group the ids of its vertices, (u,) int.
+    """
     group = np.full(len(mesh.vertices), -1)
     for k, ids in enumerate(groups):
         group[ids] = k

@@ -135,7 +135,7 @@ class Evaluator:
     def energies(
         self, context: CellContext, vertices: np.ndarray, faces: np.ndarray, squared_scale: np.ndarray
     ) -> FaceSystem:
-        """Energies alone at given vertex positions: `measure` without the residual statistics (they are 0)."""
+        """Energies alone: `measure` without the residual statistics, which are 0; arguments (n, 3), (F,) and (m,) as there."""
         return self._run(context, vertices, faces, np.full(len(faces), -1), squared_scale, ENERGY)
 
     def _run(self, context, vertices, faces, corners, squared_scale, task) -> FaceSystem:

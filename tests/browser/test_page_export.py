@@ -169,7 +169,7 @@ def test_the_mesh_in_sight_changes_and_can_be_compared_with_the_start(replay):
 
 
 def sprite(replay) -> str:
-    """The cells in sight, as a picture's address."""
+    """The shown cells, as a picture's address."""
     return replay.page.evaluate("document.getElementById('sprite').toDataURL()")
 
 

@@ -47,7 +47,7 @@ class Running:
             time.sleep(0.3)
 
     def go_on_until_paused(self) -> None:
-        """Somebody has asked for it."""
+        """Let the run go on until it has paused."""
         while self.visitor.app.controller.state.activity is not Activity.PAUSED:
             self.gate.release()
             time.sleep(0.1)

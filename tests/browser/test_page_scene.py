@@ -77,7 +77,7 @@ def test_the_theme_switches_and_the_browser_remembers_it(visitor: Visitor):
 
 
 def drawn_colors(visitor: Visitor, node: str) -> bool:
-    """Whether a drawn mesh of that name is in sight."""
+    """Whether a drawn mesh of that name is visible."""
     return visitor.page.evaluate(
         """name => ['a', 'b'].some(side => {
             let node = window.__viserMutable.nodeRefFromName[`${name}_${side}`];

@@ -176,7 +176,7 @@ def test_hotkeys_work_after_every_kind_of_widget_was_used(visitor: Visitor):
     entry = visitor.input_of("Vertices")
     for ending in ("Enter", "Escape"):
         entry.fill("3")
-        page.keyboard.type("n")  # while somebody types it is a letter
+        page.keyboard.type("n")  # in a text input it is a letter
         assert entry.input_value() == "3n"
         entry.fill("3")
         page.keyboard.press(ending)

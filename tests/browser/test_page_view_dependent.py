@@ -20,7 +20,7 @@ def layers(visitor: Visitor):
 
 
 def texture_in_sight(visitor: Visitor) -> tuple[str, np.ndarray] | None:
-    """The name of the painted mesh in sight and its texture, made small (32, 32, 3)."""
+    """The name of the visible painted mesh and its texture, made small (32, 32, 3)."""
     found = visitor.page.evaluate(
         """() => {
             for (const name of ['view_dependent', 'textured_now']) for (const side of ['a', 'b']) {

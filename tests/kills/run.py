@@ -41,7 +41,7 @@ class Reference:
             began = time.monotonic()
             pid = run_in_child(self.scene, folder / name, folder / f"{name}.steps", False, lambda: None)
             _, status = os.waitpid(pid, 0)
-            assert status == 0, f"the run that nobody ended exits with status {status}"
+            assert status == 0, f"the run that was not killed exits with status {status}"
             self.seconds = time.monotonic() - began
         out = folder / "out"
         self.trace, self.mesh = (out / "run.trace").read_bytes(), (out / "mesh.ply").read_bytes()

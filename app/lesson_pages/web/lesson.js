@@ -40,7 +40,7 @@ function surfacePositions() {
   return state.shape === SHAPES.start ? run().record.start : positions();
 }
 
-// The cells of a face at a moment; `vertices` default to those in sight, null are those of the record.
+// The cells of a face at a moment; `vertices` default to the shown ones, null are those of the record.
 function cellsOf(face, dimensions = null, moment = state.moment, vertices = undefined) {
   return run().cells.at(face, moment, vertices === undefined ? positions() : vertices ?? run().record.verticesAt(moment), dimensions);
 }
