@@ -23,6 +23,7 @@ _LOWEST: dict[str, tuple[float, bool]] = {
     "step.prior": (0, True),
     "step.smoothing": (0, True),
     "step.points": (0, True),
+    "step.creases": (0, True),
     "visibility.min_footprint": (0, True),
     "visibility.edge_margin": (0, True),
     "visibility.max_views": (3, True),

@@ -18,7 +18,8 @@ ALLOWED: dict[str, set[str]] = {
     "fairing.geometry": DATA,
     "fairing.cells": DATA | {"fairing.geometry", "fairing.kernels"},
     "fairing.solve": DATA | {"fairing.features", "fairing.geometry", "fairing.cells", "fairing.kernels"},
-    "fairing.run": DATA | {"fairing.features", "fairing.geometry", "fairing.cells", "fairing.solve"},
+    "fairing.creases": DATA | {"fairing.geometry"},
+    "fairing.run": DATA | {"fairing.creases", "fairing.features", "fairing.geometry", "fairing.cells", "fairing.solve"},
     "fairing.judge": DATA
     | {"fairing.util", "fairing.geometry", "fairing.cells", "fairing.kernels", "fairing.solve", "fairing.run"},
     "fairing.check": DATA | {"fairing.geometry", "fairing.cells"},

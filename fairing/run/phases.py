@@ -78,6 +78,7 @@ class Level:
         attraction: strength of the prior to the sparse points, see `StepOptions.points`; 0: none.
         takes_all_points: see `RunPlan`.
         start_sigma: standard deviation of the start in the prior to it, px; 0: no such prior.
+        creases: strength of the prior to image edges, see `StepOptions.creases`; 0: none.
         phases: in their order.
     """
 
@@ -87,6 +88,7 @@ class Level:
     attraction: float = 0.0
     takes_all_points: bool = False
     start_sigma: float = 0.0
+    creases: float = 0.0
     phases: tuple[Phase, ...] = ()
 
     @property
@@ -187,6 +189,7 @@ def _level(options: FairingOptions, plan: RunPlan, number: int, begin: int) -> L
         takes_all_points=plan.takes_all_points,
         # At coarse levels the loss is that of the displacement, too (ledger: prior to the start).
         start_sigma=plan.start_sigma if schedule.blur[number] <= NEAR_TRUTH_BLUR else 0.0,
+        creases=by_level(step.creases, number),
         phases=phases,
     )
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fairing.cells.context import CellContext
+from fairing.creases.alignment import aligned_to_image_edges
 from fairing.geometry.normal_filter import smoothed
 from fairing.mesh import Mesh
 from fairing.options import by_level
@@ -24,6 +25,7 @@ WELL_SEEN = 0.6  # fraction of the faces around a vertex (ledger: well-seen vert
 POINTS_VARIANCE = 8.0
 # px^2 of the photos: the area over which residuals of what is not on the mesh agree (ledger: prior to the start).
 RESIDUAL_AREA = 10_000.0
+CREASE_PRECISION = 2.0  # 1 / px^2: of a vertex aligned with image edges, at most (ledger: prior to image edges)
 FIT_ROUNDS = 3  # of the fit to the sparse points, from the vertices at the beginning of the sweep
 VERTEX_PASSES = 3  # of the filter that gives the targets of the smoothness prior
 
@@ -125,6 +127,9 @@ def begin_sweep(
         variance[variance == 0] = np.inf  # where no photo sees the mesh, the points alone count
         strength = level.attraction * typical * np.minimum(1.0, variance / POINTS_VARIANCE)
         terms.append(to_points._replace(hessians=strength[:, None, None] * to_points.hessians))
+    if level.creases > 0 and among is None and isinstance(phase, GaussNewton):
+        strength = level.creases * RESIDUAL_AREA * _vertex_losses(mesh, context, system)
+        terms.append(_to_image_edges(problem, vertices, pixels, strength))
     match phase:
         case GaussNewton():
             blocks = plan_blocks(mesh, movable, options.schedule.order, system.energy)
@@ -146,6 +151,29 @@ def begin_sweep(
         mean_loss,
         system if isinstance(phase, GaussNewton) and options.schedule.order == "joint" else None,
     )
+
+
+def _to_image_edges(problem: Problem, vertices: np.ndarray, pixels: np.ndarray, strength: np.ndarray) -> QuadraticPrior:
+    """Prior to the vertices aligned with image edges.
+
+    Args:
+        vertices: (n, 3) float, world units.
+        pixels: (n,) float: largest motion in a photo, px per world unit.
+        strength: (n,) float: energy of a deviation, times px^2.
+    """
+    aligned = aligned_to_image_edges(
+        problem.scene.views,
+        vertices,
+        problem.scene.mesh.faces,
+        problem.locked,
+        problem.orientation,
+        problem.evaluator.pool,
+        problem.raise_if_cancelled,
+    )
+    # Offsets of one vertex err together, so that more of them add nothing beyond a limit.
+    largest = np.linalg.eigvalsh(aligned.information)[:, 2]
+    limited = np.minimum(1.0, CREASE_PRECISION * pixels**2 / np.maximum(largest, 1e-300))
+    return QuadraticPrior((strength * limited)[:, None, None] * aligned.information, aligned.vertices)
 
 
 def fits_poorly(mesh: Mesh, context: CellContext, system: FaceSystem, among: np.ndarray) -> np.ndarray:

@@ -1,0 +1,155 @@
+"""Alignment of creases with image edges: a robust least squares fit of the vertices to the measured offsets.
+
+Priors hold the faces on their planes and, weakly, the vertices where they are. (ledger: creases)
+"""
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from typing import NamedTuple
+
+import numpy as np
+from scipy.sparse import coo_array, csc_array, diags_array
+from scipy.sparse.linalg import splu
+
+from fairing.creases.edges import Creases, find_creases
+from fairing.creases.offsets import Offsets, measure_offsets
+from fairing.geometry.normals import face_normals
+from fairing.scene import View
+
+REACHES = (2.0, 1.5, 1.0)  # px: the offsets are measured anew for each
+SCALES = (1.0, 0.7, 0.4)  # px, of the Geman-McClure loss of an offset, for each reach
+ITERATIONS = 12  # of reweighting, for each reach
+CONVERGED = 1e-4  # px
+PRIORS = 6.0  # strength of both priors
+PLANE = 0.3  # of the prior to the planes, for a large face
+LARGE_FACE = 30.0  # px, square root of the area
+PLANE_SCALE = 1.0  # px, of its Geman-McClure loss
+POSITION = 0.1  # of the prior to the positions
+
+
+class Alignment(NamedTuple):
+    """Attributes:
+    vertices: (n, 3) float: aligned positions, world units.
+    information: (n, 3, 3) float, 1 / world unit^2: normal matrix of each vertex in its offsets alone, px^2.
+    """
+
+    vertices: np.ndarray
+    information: np.ndarray
+
+
+def aligned_to_image_edges(
+    views: Sequence[View],
+    vertices: np.ndarray,
+    faces: np.ndarray,
+    locked: np.ndarray,
+    orientation: int,
+    executor: Executor,
+    raise_if_cancelled: Callable[[], None] = lambda: None,
+) -> Alignment:
+    """Move the creases of a mesh onto image edges nearby.
+
+    Args:
+        vertices: (n, 3) float, world units.
+        faces: (m, 3) int.
+        locked: (n,) bool: vertices that stay.
+        orientation: see `find_creases`.
+        executor: runs one task for each photo; the result does not depend on it.
+
+    Raises:
+        Cancelled: by `raise_if_cancelled`.
+    """
+    creases = find_creases(vertices, faces, orientation)
+    information = np.zeros((len(vertices), 3, 3))
+    pixel = _pixel_size(views, vertices)
+    free = np.flatnonzero(~locked & np.isfinite(pixel))
+    if len(creases.ends) == 0 or len(free) == 0:
+        return Alignment(vertices, information)
+    columns = (3 * free[:, None] + np.arange(3)).ravel()
+    planes, strength = _planes(vertices, faces, pixel)
+    planes = planes[:, columns]
+    position = np.repeat((POSITION / pixel[free]) ** 2, 3)
+    moved = vertices.copy()
+    for reach, scale in zip(REACHES, SCALES, strict=True):
+
+        def measured(view: View, at: np.ndarray = moved, reach: float = reach) -> Offsets:
+            raise_if_cancelled()
+            return measure_offsets(view.photo.load(), view.camera, at, faces, creases, reach)
+
+        found = Offsets(*(np.concatenate(part) for part in zip(*executor.map(measured, views), strict=True)))
+        across = _rows(found, creases, vertices.size)
+        J = across[:, columns]
+        so_far = (moved - vertices).ravel()[columns]
+        step, residual = np.zeros(len(columns)), found.offset
+        for _ in range(ITERATIONS):
+            raise_if_cancelled()
+            weight = found.weight * _geman_mcclure(residual, scale)
+            off_plane = planes @ (so_far + step)
+            holds = PRIORS * strength * _geman_mcclure(off_plane, PLANE_SCALE)
+            H = J.T @ diags_array(weight) @ J + planes.T @ diags_array(holds) @ planes + diags_array(PRIORS * position)
+            target = J.T @ (weight * found.offset) - planes.T @ (holds * (planes @ so_far)) - PRIORS * position * so_far
+            before, step = step, splu(csc_array(H)).solve(target)
+            residual = found.offset - J @ step
+            if np.abs((step - before) / np.repeat(pixel[free], 3)).max() < CONVERGED:
+                break
+        moved = moved.copy()
+        moved[free] += step.reshape(-1, 3)
+        information = _by_vertex(found, creases, found.weight * _geman_mcclure(residual, scale), len(vertices))
+    return Alignment(moved, information)
+
+
+def _geman_mcclure(residual: np.ndarray, scale: float) -> np.ndarray:
+    """Weights of iteratively reweighted least squares."""
+    return 1 / (1 + (residual / scale) ** 2) ** 2
+
+
+def _pixel_size(views: Sequence[View], vertices: np.ndarray) -> np.ndarray:
+    """(n,) float: size of a pixel at each vertex, world units, median over the photos it is in front of; NaN without one."""
+    depth = np.array([view.camera.project(vertices)[1] for view in views])
+    focal = np.array([view.camera.K[0, 0] for view in views])
+    size = np.where(depth > 0, depth / focal[:, None], np.nan)
+    with_photo = (depth > 0).any(axis=0)
+    result = np.full(len(vertices), np.nan)
+    result[with_photo] = np.nanmedian(size[:, with_photo], axis=0)
+    return result
+
+
+def _planes(vertices: np.ndarray, faces: np.ndarray, pixel: np.ndarray) -> tuple[csc_array, np.ndarray]:
+    """Distances of the corners from the planes of their faces, and the strength of the prior to them.
+
+    Args:
+        pixel: (n,) float: size of a pixel, world units.
+
+    Returns:
+        (3 m, 3 n) matrix from moves, world units, to distances, px; (3 m,) float.
+    """
+    normals = face_normals(vertices, faces)
+    doubled = np.linalg.norm(normals, axis=1)
+    size = np.nan_to_num(pixel[faces], nan=np.inf)
+    rows = (normals / np.maximum(doubled, 1e-300)[:, None])[:, None] / size[:, :, None]
+    side = np.sqrt(0.5 * doubled) / size.mean(axis=1)
+    columns = (3 * faces[:, :, None] + np.arange(3)).ravel()
+    index = np.repeat(np.arange(3 * len(faces)), 3)
+    matrix = coo_array((rows.ravel(), (index, columns)), shape=(3 * len(faces), vertices.size)).tocsc()
+    return matrix, np.repeat((PLANE * np.minimum(1.0, side / LARGE_FACE)) ** 2, 3)
+
+
+def _shares(found: Offsets) -> np.ndarray:
+    """(s, 2) float: how much of the move of each end a segment makes."""
+    return np.column_stack([1 - found.along, found.along])
+
+
+def _rows(found: Offsets, creases: Creases, n_coordinates: int) -> csc_array:
+    """(s, n_coordinates) matrix from moves of the vertices, world units, to moves of the segments across, px."""
+    values = _shares(found)[:, :, None] * found.px_per_move[:, None]
+    columns = 3 * creases.ends[found.crease][:, :, None] + np.arange(3)
+    rows = np.repeat(np.arange(len(found.offset)), 6)
+    return coo_array((values.ravel(), (rows, columns.ravel())), shape=(len(found.offset), n_coordinates)).tocsc()
+
+
+def _by_vertex(found: Offsets, creases: Creases, weight: np.ndarray, count: int) -> np.ndarray:
+    """(count, 3, 3) float, 1 / world unit^2: the sum of the weighted segments by the vertex they move."""
+    outer = found.px_per_move[:, :, None] * found.px_per_move[:, None]
+    result = np.zeros((count, 3, 3))
+    for end, share in zip(creases.ends[found.crease].T, _shares(found).T, strict=True):
+        np.add.at(result, end, (weight * share)[:, None, None] * outer)
+    return result

@@ -1,0 +1,45 @@
+"""Creases of a mesh: its edges between two faces that meet at an angle."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fairing.geometry.normals import face_normals
+
+MIN_ANGLE = 15.0  # degrees between the normals
+
+
+class Creases(NamedTuple):
+    """Attributes:
+    ends: (e, 2) int: vertex ids.
+    faces: (e, 2) int: ids of the two faces.
+    is_concave: (e,) bool: the faces enclose less than 180 degrees on the side that the photos show.
+    """
+
+    ends: np.ndarray
+    faces: np.ndarray
+    is_concave: np.ndarray
+
+
+def find_creases(vertices: np.ndarray, faces: np.ndarray, orientation: int) -> Creases:
+    """The edges that exactly two faces share, with more than `MIN_ANGLE` between the normals, sorted by their ends.
+
+    Args:
+        vertices: (n, 3) float, world units.
+        faces: (m, 3) int.
+        orientation: 1 if the photos show the counter-clockwise side of the faces, -1 otherwise.
+    """
+    half_edges = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    keys = half_edges[:, 0] * len(vertices) + half_edges[:, 1]
+    order = np.argsort(keys, kind="stable")
+    starts = np.flatnonzero(np.r_[True, np.diff(keys[order]) != 0])
+    counts = np.diff(np.r_[starts, len(keys)])
+    pairs = order[starts[counts == 2][:, None] + np.arange(2)]  # half edges of one edge; a face has three of them
+    ends, both = half_edges[pairs[:, 0]], pairs // 3
+    normals = face_normals(vertices, faces)
+    normals = orientation * normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+    is_crease = (normals[both[:, 0]] * normals[both[:, 1]]).sum(axis=1) < np.cos(np.radians(MIN_ANGLE))
+    ends, both = ends[is_crease], both[is_crease]
+    apex = faces[both[:, 1]].sum(axis=1) - ends.sum(axis=1)  # the corner of the second face that is not on the edge
+    height = ((vertices[apex] - vertices[ends[:, 0]]) * normals[both[:, 0]]).sum(axis=1)
+    return Creases(ends, both, height > 0)
