@@ -23,6 +23,7 @@ MAX_LENGTH = 5000.0  # px: longer projections come from vertices close to the ca
 MIN_SAMPLES = 4  # of a segment
 MIN_FACING = 0.05  # cosine: one of the two faces is seen at least so obliquely
 HIDDEN = 1.5  # px' worth of depth (depth / focal length) behind the nearest surface
+BORDER = 3.0  # px from a profile to the border of the photo
 BACKGROUND = 1e30  # depth, world units
 STEP = 0.25  # px between samples of a profile
 HALF_STEPS = 2  # the derivative is taken over +- this many steps
@@ -76,10 +77,42 @@ def measure_offsets(
     image = cv2.GaussianBlur(photo.astype(np.float32), (0, 0), SMOOTHING)
     nearest = rasterize(vertices, faces, camera)[1]
     farthest = cv2.dilate(np.minimum(nearest, BACKGROUND).astype(np.float32), np.ones((3, 3)))
+    projected = _Projected(camera, vertices, uv, depth)
     count = np.maximum(MIN_SAMPLES, (length[seen] / SPACING).astype(int))
     batches = np.array_split(seen, np.flatnonzero(np.diff(np.cumsum(count) // BATCH)) + 1)
-    parts = [_measured(image, farthest, camera, vertices, uv, depth, creases, part, reach) for part in batches]
+    parts = []
+    for ids in batches:
+        samples = _samples_along(projected, creases.ends[ids], farthest, reach + BORDER)
+        parts.append(_measured(image, projected, creases, ids, samples, reach))
     return Offsets(*(np.concatenate(values) for values in zip(*parts, strict=True)))
+
+
+class _Projected(NamedTuple):
+    """Vertices in a photo: positions (n, 3), world units; pixels `uv` (n, 2); depths (n,), world units."""
+
+    camera: Camera
+    vertices: np.ndarray
+    uv: np.ndarray
+    depth: np.ndarray
+
+
+class _Samples(NamedTuple):
+    """Visible samples along creases, those of a segment one after another.
+
+    Attributes:
+        row: (p,) int: index of the crease.
+        along: (p,) float: place on the crease, 0 to 1.
+        pixels: (p, 2) float.
+        across: (p, 2) float: unit normal of the projected crease.
+        starts, sizes: (s,) int: of the segments.
+    """
+
+    row: np.ndarray
+    along: np.ndarray
+    pixels: np.ndarray
+    across: np.ndarray
+    starts: np.ndarray
+    sizes: np.ndarray
 
 
 def _facing(camera: Camera, vertices: np.ndarray, faces: np.ndarray, creases: Creases) -> np.ndarray:
@@ -91,57 +124,54 @@ def _facing(camera: Camera, vertices: np.ndarray, faces: np.ndarray, creases: Cr
     return np.abs((normals[creases.faces] * sight[:, None]).sum(axis=2)).max(axis=1)
 
 
-def _measured(
-    image: np.ndarray,
-    farthest: np.ndarray,
-    camera: Camera,
-    vertices: np.ndarray,
-    uv: np.ndarray,
-    depth: np.ndarray,
-    creases: Creases,
-    ids: np.ndarray,
-    reach: float,
-) -> Offsets:
-    """Offsets of creases `ids` (c,) in one batch; see `measure_offsets`.
+def _samples_along(projected: _Projected, ends: np.ndarray, farthest: np.ndarray, border: float) -> _Samples:
+    """Samples of creases with these ends (c, 2), where they are visible.
 
     Args:
         farthest: (height, width) float32: the largest depth of the surface around each pixel.
-        uv, depth: (n, 2) and (n,) float: the vertices in the photo.
+        border: px: samples closer to the border of the photo are left out.
     """
-    first, second = creases.ends[ids].T
-    direction = uv[second] - uv[first]
+    first, second = ends.T
+    direction = projected.uv[second] - projected.uv[first]
     length = np.linalg.norm(direction, axis=1)
-    across = np.column_stack([-direction[:, 1], direction[:, 0]]) / length[:, None]
     count = np.maximum(MIN_SAMPLES, (length / SPACING).astype(int))
-    row = np.repeat(np.arange(len(ids)), count)
+    row = np.repeat(np.arange(len(ends)), count)
     k = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
     margin = np.minimum(MARGIN / length, 0.25)[row]
     in_image = margin + (1 - 2 * margin) * (k + 0.5) / count[row]
     # Along the image of a line, inverse depth is linear.
-    at_first, at_second = 1 / depth[first][row], 1 / depth[second][row]
+    at_first, at_second = 1 / projected.depth[first][row], 1 / projected.depth[second][row]
     inverse = (1 - in_image) * at_first + in_image * at_second
     along = in_image * at_second / inverse
-    pixels = uv[first][row] + in_image[:, None] * direction[row]
+    pixels = projected.uv[first][row] + in_image[:, None] * direction[row]
     segment = (k * np.maximum(1, np.rint(length / SEGMENT).astype(int))[row]) // count[row]
 
-    border = reach + 3
     height, width = farthest.shape
-    inside = ((pixels > border) & (pixels < [width - 1 - border, height - 1 - border])).all(axis=1)
-    x, y = np.rint(pixels[inside]).astype(int).T
-    tolerance = HIDDEN / np.linalg.norm(camera.image_from_world[0, :3])
-    usable = inside.copy()
-    usable[inside] = farthest[y, x] * inverse[inside] > 1 - tolerance
-    row, along, pixels, segment = row[usable], along[usable], pixels[usable], segment[usable]
-    starts = (
-        np.flatnonzero(np.r_[True, (np.diff(row) != 0) | (np.diff(segment) != 0)]) if len(row) else np.zeros(0, int)
-    )
-    sizes = np.diff(np.r_[starts, len(row)])
-    if not (sizes >= MIN_SAMPLES).any():
-        return _none()
+    visible = ((pixels > border) & (pixels < [width - 1 - border, height - 1 - border])).all(axis=1)
+    x, y = np.rint(pixels[visible]).astype(int).T
+    tolerance = HIDDEN / np.linalg.norm(projected.camera.image_from_world[0, :3])
+    visible[visible] = farthest[y, x] * inverse[visible] > 1 - tolerance
+    row, segment = row[visible], segment[visible]
+    is_first = np.r_[True, (np.diff(row) != 0) | (np.diff(segment) != 0)][: len(row)]
+    starts = np.flatnonzero(is_first)
+    across = np.column_stack([-direction[:, 1], direction[:, 0]]) / length[:, None]
+    return _Samples(row, along[visible], pixels[visible], across[row], starts, np.diff(np.r_[starts, len(row)]))
 
+
+def _measured(
+    image: np.ndarray, projected: _Projected, creases: Creases, ids: np.ndarray, samples: _Samples, reach: float
+) -> Offsets:
+    """Offsets of the segments of creases `ids` (c,); see `measure_offsets`.
+
+    Args:
+        image: (height, width, 3) float32: the smoothed photo.
+    """
+    row, along, pixels, across, starts, sizes = samples
+    if len(row) == 0:
+        return _none()
     steps = round((reach + 2 * HALF_STEPS * STEP) / STEP)
     places = np.arange(-steps, steps + 1) * STEP
-    at = (pixels[:, None] + places[:, None] * across[row][:, None]).astype(np.float32)
+    at = (pixels[:, None] + places[:, None] * across[:, None]).astype(np.float32)
     profile = cv2.remap(image, at[..., 0], at[..., 1], cv2.INTER_LINEAR)
     slope = (profile[:, 2 * HALF_STEPS :] - profile[:, : -2 * HALF_STEPS]).astype(np.float64)
     mean = np.add.reduceat(slope, starts) / sizes[:, None, None]
@@ -149,13 +179,13 @@ def _measured(
     independent = np.maximum(1.0, sizes * SPACING / CORRELATION)
     noise = np.sqrt(variance.sum(axis=2) / independent[:, None] + MIN_NOISE**2)
     offset, weight = _peaks(np.linalg.norm(mean, axis=2), noise, places[HALF_STEPS:-HALF_STEPS], reach)
-    centre = np.add.reduceat(along, starts) / sizes
-    own = row[starts]
-    point = vertices[first[own]] + centre[:, None] * (vertices[second[own]] - vertices[first[own]])
-    px_per_move = np.einsum("si,sij->sj", across[own], camera.J_image_wrt_point(point))
-    weight *= np.where(creases.is_concave[ids[own]], CONCAVE_WEIGHT, 1.0)
+    centre, own = np.add.reduceat(along, starts) / sizes, ids[row[starts]]
+    first, second = projected.vertices[creases.ends[own]].transpose(1, 0, 2)
+    J = projected.camera.J_image_wrt_point(first + centre[:, None] * (second - first))
+    px_per_move = np.einsum("si,sij->sj", across[starts], J)
+    weight *= np.where(creases.is_concave[own], CONCAVE_WEIGHT, 1.0)
     kept = (sizes >= MIN_SAMPLES) & (weight > 0)
-    return Offsets(ids[own][kept], centre[kept], px_per_move[kept], offset[kept], weight[kept])
+    return Offsets(own[kept], centre[kept], px_per_move[kept], offset[kept], weight[kept])
 
 
 def _peaks(contrast: np.ndarray, noise: np.ndarray, places: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
