@@ -32,7 +32,8 @@ if (!window.eigenfairingKeys) {
     if (!other) return;
     event.preventDefault();
     event.stopImmediatePropagation();
-    event.target.dispatchEvent(new KeyboardEvent('keydown', {...other, bubbles: true, cancelable: true}));
+    // Not at the focused element: a tab takes Space for itself.
+    document.body.dispatchEvent(new KeyboardEvent('keydown', {...other, bubbles: true, cancelable: true}));
   }, true);
   window.addEventListener('click', event => {
     if (event.target.matches?.('.mantine-Modal-inner')) document.querySelector('.ef .dialog .cross')?.click();

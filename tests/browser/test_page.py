@@ -87,6 +87,9 @@ def test_runs_to_the_end_and_pauses_on_request(visitor: Visitor, monkeypatch: py
         patch.setattr(Session, "step", lambda self: time.sleep(0.2) or step(self))
         visitor.button("Run").click()
         wait_for(lambda: controller.state.moment > 1)
+        tab = visitor.page.get_by_role("tab", name="Layers", exact=True)
+        tab.focus()  # it takes Space for itself, which stands for P in the viewer
+        assert tab.evaluate("tab => tab === document.activeElement")
         visitor.page.keyboard.press("p")
         paused = controller.wait_until_idle()
     assert not paused.finished
