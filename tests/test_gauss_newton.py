@@ -3,6 +3,7 @@
 import cv2
 import numpy as np
 import pytest
+import scipy.linalg
 from scipy.ndimage import map_coordinates, spline_filter
 from scipy.optimize import approx_fprime, least_squares
 
@@ -14,6 +15,7 @@ from fairing.solve.energy import Evaluator, FaceSystem
 from fairing.solve.normal_equations import (
     Prior,
     QuadraticPrior,
+    faded,
     solve_jointly,
     solve_vertices,
     undetermined_directions,
@@ -250,3 +252,18 @@ def test_a_run_ends_where_scipy_finds_the_minimum():
     found = least_squares(residuals, end, diff_step=1e-5, xtol=1e-10)
     # 60 px an edge: 1e-5 edges are 0.0006 px; the kernel's float32 cells resolve about that.
     assert np.linalg.norm(found.x - end) < 3e-5
+
+
+def test_a_faded_prior_keeps_its_share_in_every_direction():
+    """Against the generalised eigenvectors of scipy; without cells nothing fades, and where both are singular nothing is left."""
+    random = np.random.default_rng(3)
+    roots = random.normal(size=(2, 20, 3, 3))
+    priors, systems = roots @ roots.transpose(0, 1, 3, 2)
+    for found, B, H in zip(faded(priors, systems), priors, systems, strict=True):
+        shares, vectors = scipy.linalg.eigh(B, B + H)
+        around = (B + H) @ vectors
+        assert found == pytest.approx(around @ np.diag(shares**2) @ around.T, rel=1e-5, abs=1e-6)
+    assert faded(priors, 0 * systems) == pytest.approx(priors, rel=1e-5, abs=1e-6)
+    flat = np.diag([1.0, 0.0, 0.0])[None]
+    assert faded(flat, 3 * flat) == pytest.approx(flat / 4, abs=1e-6)
+    assert not faded(0 * flat, 0 * flat).any()

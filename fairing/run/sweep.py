@@ -14,7 +14,7 @@ from fairing.scene import Scene
 from fairing.solve.blocks import Block, plan_blocks, restart_block
 from fairing.solve.energy import FaceSystem, fixed_sigma, robust_scale, robust_sigma
 from fairing.solve.face_loss import loss_of_faces
-from fairing.solve.normal_equations import Prior, QuadraticPrior, undetermined_directions, vertex_systems
+from fairing.solve.normal_equations import Prior, QuadraticPrior, faded, undetermined_directions, vertex_systems
 from fairing.solve.point_fit import fitted_to_points
 from fairing.solve.problem import Problem
 from fairing.solve.step_limits import pixels_moved, pixels_per_unit
@@ -25,7 +25,7 @@ WELL_SEEN = 0.6  # fraction of the faces around a vertex (ledger: well-seen vert
 POINTS_VARIANCE = 8.0
 # px^2 of the photos: the area over which residuals of what is not on the mesh agree (ledger: prior to the start).
 RESIDUAL_AREA = 10_000.0
-CREASE_PRECISION = 2.0  # 1 / px^2: of a vertex aligned with image edges, at most (ledger: prior to image edges)
+CREASE_PRECISION = 4.0  # 1 / px^2: of a vertex aligned with image edges, at most (ledger: prior to image edges)
 FIT_ROUNDS = 3  # of the fit to the sparse points, from the vertices at the beginning of the sweep
 VERTEX_PASSES = 3  # of the filter that gives the targets of the smoothness prior
 
@@ -129,7 +129,7 @@ def begin_sweep(
         terms.append(to_points._replace(hessians=strength[:, None, None] * to_points.hessians))
     if level.creases > 0 and among is None and isinstance(phase, GaussNewton):
         strength = level.creases * RESIDUAL_AREA * _vertex_losses(mesh, context, system)
-        terms.append(_to_image_edges(problem, vertices, pixels, strength))
+        terms.append(_to_image_edges(problem, vertices, pixels, strength, H))
     match phase:
         case GaussNewton():
             blocks = plan_blocks(mesh, movable, options.schedule.order, system.energy)
@@ -153,13 +153,16 @@ def begin_sweep(
     )
 
 
-def _to_image_edges(problem: Problem, vertices: np.ndarray, pixels: np.ndarray, strength: np.ndarray) -> QuadraticPrior:
-    """Prior to the vertices aligned with image edges.
+def _to_image_edges(
+    problem: Problem, vertices: np.ndarray, pixels: np.ndarray, strength: np.ndarray, H: np.ndarray
+) -> QuadraticPrior:
+    """Prior to the vertices aligned with image edges; it fades in directions that the cells determine better.
 
     Args:
         vertices: (n, 3) float, world units.
         pixels: (n,) float: largest motion in a photo, px per world unit.
         strength: (n,) float: energy of a deviation, times px^2.
+        H: (n, 3, 3) float: normal matrices of the cells, energy / world unit^2.
     """
     aligned = aligned_to_image_edges(
         problem.scene.views,
@@ -173,7 +176,9 @@ def _to_image_edges(problem: Problem, vertices: np.ndarray, pixels: np.ndarray, 
     # Offsets of one vertex err together, so that more of them add nothing beyond a limit.
     largest = np.linalg.eigvalsh(aligned.information)[:, 2]
     limited = np.minimum(1.0, CREASE_PRECISION * pixels**2 / np.maximum(largest, 1e-300))
-    return QuadraticPrior((strength * limited)[:, None, None] * aligned.information, aligned.vertices)
+    edges = (strength * limited)[:, None, None] * aligned.information
+    # Offsets are less accurate than vertices that the cells determine well (ledger: prior to image edges).
+    return QuadraticPrior(faded(edges, H), aligned.vertices)
 
 
 def fits_poorly(mesh: Mesh, context: CellContext, system: FaceSystem, among: np.ndarray) -> np.ndarray:

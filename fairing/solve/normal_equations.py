@@ -171,3 +171,14 @@ def solve_jointly(
     step = np.zeros((n, 3))
     step[free] = solution.reshape(-1, 3)
     return step
+
+
+def faded(hessians: np.ndarray, H: np.ndarray) -> np.ndarray:
+    """Hessians B (n, 3, 3) float of a prior, faded where normal matrices H (n, 3, 3) float are larger: B (B + H)^-1 B.
+
+    In a direction in which B has the share s of the sum, s B remains.
+    """
+    total = hessians + H
+    least = 1e-9 * np.trace(total, axis1=1, axis2=2) + 1e-300  # both may be singular in the same direction
+    result = hessians @ np.linalg.solve(total + least[:, None, None] * np.eye(3), hessians)
+    return 0.5 * (result + result.transpose(0, 2, 1))
