@@ -104,6 +104,7 @@ def test_no_panel_overflows_or_scrolls_sideways(visitor: Visitor, order: str):
 @pytest.mark.parametrize("order", ["sequential", "worst_first", "independent", "joint"])
 def test_position_and_energy_fit_in_one_line_each_with_large_numbers(visitor: Visitor, order: str):
     visitor.app.controller.post(Restart(OPTIONS))
+    visitor.app.controller.wait_until_idle()
     page, state = next(iter(visitor.app.pages.values())), visitor.press("Step one iteration")
     assert state.record is not None
     assert len(state.record.faces)

@@ -90,7 +90,7 @@ def test_the_first_lesson_is_read_with_the_mouse(visitor: Visitor):
     arrive(visitor, 0)
     page.get_by_role("tab", name="Cells", selected=True).wait_for()
     visitor.button("Answer 2").click()
-    page.get_by_text("The mesh puts their pixels in the wrong place.").wait_for()
+    page.get_by_text("The wrong mesh puts their pixels in the wrong place.").wait_for()
     for n in range(1, len(lesson.steps)):
         visitor.button("Next step of the lesson").click()
         arrive(visitor, n)
