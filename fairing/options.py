@@ -122,7 +122,7 @@ class StepOptions:
     second point is used. 0 on all levels: do not use the points."""
     creases: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
     """Strength of the prior that aligns creases of the mesh with edges in the photos, by level; at 1, an aligned vertex has a
-    standard deviation of 0.7 px. 0: none."""
+    standard deviation of 0.5 px or more. 0: none."""
     min_quality: float = 0.05
     """Smallest ratio of height to longest edge of a face after a step, unless the face was thinner before."""
     max_turn: float = 60.0

@@ -76,8 +76,7 @@ def aligned_to_image_edges(
             return measure_offsets(view.photo.load(), view.camera, at, faces, creases, reach)
 
         found = Offsets(*(np.concatenate(part) for part in zip(*executor.map(measured, views), strict=True)))
-        across = _rows(found, creases, vertices.size)
-        J = across[:, columns]
+        J = _rows(found, creases, vertices.size)[:, columns]
         so_far = (moved - vertices).ravel()[columns]
         step, residual = np.zeros(len(columns)), found.offset
         for _ in range(ITERATIONS):

@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
+import trimesh
 
 from fairing.geometry.normals import face_normals
 
@@ -29,13 +30,9 @@ def find_creases(vertices: np.ndarray, faces: np.ndarray, orientation: int) -> C
         faces: (m, 3) int.
         orientation: 1 if the photos show the counter-clockwise side of the faces, -1 otherwise.
     """
-    half_edges = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-    keys = half_edges[:, 0] * len(vertices) + half_edges[:, 1]
-    order = np.argsort(keys, kind="stable")
-    starts = np.flatnonzero(np.r_[True, np.diff(keys[order]) != 0])
-    counts = np.diff(np.r_[starts, len(keys)])
-    pairs = order[starts[counts == 2][:, None] + np.arange(2)]  # half edges of one edge; a face has three of them
-    ends, both = half_edges[pairs[:, 0]], pairs // 3
+    both, ends = trimesh.graph.face_adjacency(faces, return_edges=True)
+    order = np.lexsort(ends.T[::-1])
+    both, ends = both[order], ends[order]
     normals = face_normals(vertices, faces)
     normals = orientation * normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
     is_crease = (normals[both[:, 0]] * normals[both[:, 1]]).sum(axis=1) < np.cos(np.radians(MIN_ANGLE))

@@ -78,8 +78,8 @@ def measure_offsets(
     nearest = rasterize(vertices, faces, camera)[1]
     farthest = cv2.dilate(np.minimum(nearest, BACKGROUND).astype(np.float32), np.ones((3, 3)))
     projected = _Projected(camera, vertices, uv, depth)
-    count = np.maximum(MIN_SAMPLES, (length[seen] / SPACING).astype(int))
-    batches = np.array_split(seen, np.flatnonzero(np.diff(np.cumsum(count) // BATCH)) + 1)
+    batch = np.cumsum(_sample_counts(length[seen])) // BATCH
+    batches = np.array_split(seen, np.flatnonzero(np.diff(batch)) + 1)
     parts = []
     for ids in batches:
         samples = _samples_along(projected, creases.ends[ids], farthest, reach + BORDER)
@@ -124,6 +124,11 @@ def _facing(camera: Camera, vertices: np.ndarray, faces: np.ndarray, creases: Cr
     return np.abs((normals[creases.faces] * sight[:, None]).sum(axis=2)).max(axis=1)
 
 
+def _sample_counts(length: np.ndarray) -> np.ndarray:
+    """(c,) int: samples on creases of these lengths (c,) float, px."""
+    return np.maximum(MIN_SAMPLES, (length / SPACING).astype(int))
+
+
 def _samples_along(projected: _Projected, ends: np.ndarray, farthest: np.ndarray, border: float) -> _Samples:
     """Samples of creases with these ends (c, 2), where they are visible.
 
@@ -134,7 +139,7 @@ def _samples_along(projected: _Projected, ends: np.ndarray, farthest: np.ndarray
     first, second = ends.T
     direction = projected.uv[second] - projected.uv[first]
     length = np.linalg.norm(direction, axis=1)
-    count = np.maximum(MIN_SAMPLES, (length / SPACING).astype(int))
+    count = _sample_counts(length)
     row = np.repeat(np.arange(len(ends)), count)
     k = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
     margin = np.minimum(MARGIN / length, 0.25)[row]
