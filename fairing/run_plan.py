@@ -18,6 +18,7 @@ class RunPlan:
         takes_all_points: whether the fit, and the prior to the points, take points that their own photos do not see on the mesh.
         is_near_truth: whether trial searches found the unchanged start at its true position.
         start_sigma: standard deviation of the start in the prior to it, px; 0: no such prior.
+        edge_reach: distance from a crease within which its image edge is sought, px.
     """
 
     first_level: int
@@ -27,6 +28,7 @@ class RunPlan:
     is_near_truth: bool
     takes_all_points: bool = False
     start_sigma: float = 0.0
+    edge_reach: float = 2.0
 
     def to_json(self) -> str:
         """The plan as JSON text; `from_json` returns an equal plan."""
@@ -48,9 +50,10 @@ class RunPlan:
             value = getattr(plan, field.name)
             if type(value) is not field.type:
                 raise InputError(f"run plan: {field.name}: expected {field.type}, found {value!r:.60}")
-        if plan.first_level < 0 or not all(0 <= px < float("inf") for px in (plan.start_error, plan.start_sigma)):
+        distances = (plan.start_error, plan.start_sigma, plan.edge_reach)
+        if plan.first_level < 0 or not all(0 <= px < float("inf") for px in distances):
             raise InputError(
-                "run plan: expected first_level >= 0, and start_error and start_sigma finite and >= 0, "
+                "run plan: expected first_level >= 0, and start_error, start_sigma and edge_reach finite and >= 0, "
                 f"found {text!r:.200}"
             )
         return plan

@@ -52,11 +52,16 @@ def views() -> list[View]:
 
 
 def aligned(
-    views: list[View], vertices: np.ndarray, locked: tuple[int, ...] = (0, 1, 4, 5), threads: int = 1, **changes
+    views: list[View],
+    vertices: np.ndarray,
+    locked: tuple[int, ...] = (0, 1, 4, 5),
+    threads: int = 1,
+    reach: float = 2.0,
+    **changes,
 ):
     fixed = np.isin(np.arange(len(vertices)), locked)
     with ThreadPoolExecutor(threads) as pool:
-        return aligned_to_image_edges(views, vertices, ROOF_FACES, fixed, 1, pool, **changes)
+        return aligned_to_image_edges(views, vertices, ROOF_FACES, fixed, 1, reach, pool, **changes)
 
 
 def slow_creases(vertices: np.ndarray, faces: np.ndarray) -> dict[tuple[int, int], bool]:
@@ -151,6 +156,15 @@ def test_alignment_brings_the_crease_back(views: list[View]):
     assert np.abs(found.vertices - begun)[2:4, 1].max() < 0.05 * pixel, "along the crease nothing moves"
     across, along = found.information[2:4, 0, 0], found.information[2:4, 1, 1]
     assert ((across * pixel**2 > 0.1) & (along < 1e-2 * across)).all()
+
+
+def test_a_far_edge_is_found_within_the_reach(views: list[View]):
+    pixel = ROOF[2, 2] / K[0, 0]
+    begun = ROOF.copy()
+    begun[2:4, 0] += 4.5 * pixel
+    near, far = (np.abs(aligned(views, begun, reach=reach).vertices - ROOF)[2:4, 0] / pixel for reach in (2.0, 6.0))
+    assert near.min() > 4
+    assert far.max() < 0.5
 
 
 def test_alignment_does_not_depend_on_threads_and_stops_when_cancelled(views: list[View]):

@@ -370,6 +370,20 @@ def test_the_prior_to_the_start_is_planned_where_points_measure_the_start_and_no
     assert searched.start_sigma == 0
 
 
+def test_edges_are_sought_as_far_as_the_start_is_off_where_the_mesh_fits_the_points():
+    off_the_mesh = on_the_faces(600) + np.random.default_rng(3).choice([-0.06, 0.06], (600, 1))
+    options = replace(PRESETS["accurate"], step=replace(PRESETS["accurate"].step, smoothing=(0.0,)))
+    starts = (tuple(factor * x for x in START) for factor in (0.1, 1.3))
+    near, far = (Session(observed(corner_scene(start), on_the_faces(600)), options).make_plan() for start in starts)
+    coarse = Session(observed(corner_scene(FAR), off_the_mesh), options).make_plan()
+    assert near.edge_reach == 2
+    assert far.is_fitted_to_points
+    assert far.edge_reach == far.start_error > 2
+    assert coarse.is_fitted_to_points
+    assert coarse.start_sigma + coarse.start_error > SEARCHED_ERROR
+    assert coarse.edge_reach == 2
+
+
 def test_a_good_start_is_kept_where_photos_show_other_things_in_front():
     scene = observed(corner_scene(tuple(0.2 * x for x in START), change=covered(24)), on_the_faces(600))
     ends = []

@@ -16,9 +16,9 @@ from fairing.creases.offsets import Offsets, measure_offsets
 from fairing.geometry.normals import face_normals
 from fairing.scene import View
 
-REACHES = (2.0, 1.5, 1.0)  # px: the offsets are measured anew for each
-SCALES = (1.0, 0.7, 0.4)  # px, of the Geman-McClure loss of an offset, for each reach
-ITERATIONS = 12  # of reweighting, for each reach
+# px: largest offset, and scale of the Geman-McClure loss of an offset. The offsets are measured anew for each stage.
+STAGES = ((6.0, 2.0), (4.0, 1.5), (2.5, 1.0), (2.0, 1.0), (1.5, 0.7), (1.0, 0.4))
+ITERATIONS = 12  # of reweighting, in each stage
 CONVERGED = 1e-4  # px
 PRIORS = 6.0  # strength of both priors
 PLANE = 0.3  # of the prior to the planes, for a large face
@@ -43,6 +43,7 @@ def aligned_to_image_edges(
     faces: np.ndarray,
     locked: np.ndarray,
     orientation: int,
+    reach: float,
     executor: Executor,
     raise_if_cancelled: Callable[[], None] = lambda: None,
 ) -> Alignment:
@@ -53,6 +54,7 @@ def aligned_to_image_edges(
         faces: (m, 3) int.
         locked: (n,) bool: vertices that stay.
         orientation: see `find_creases`.
+        reach: distance of the farthest image edge that is taken, px, 2 to 6; it begins with the first stage within.
         executor: runs one task for each photo; the result does not depend on it.
 
     Raises:
@@ -69,11 +71,13 @@ def aligned_to_image_edges(
     planes = planes[:, columns]
     position = np.repeat((POSITION / pixel[free]) ** 2, 3)
     moved = vertices.copy()
-    for reach, scale in zip(REACHES, SCALES, strict=True):
+    for largest, scale in STAGES:
+        if largest > reach:
+            continue
 
-        def measured(view: View, at: np.ndarray = moved, reach: float = reach) -> Offsets:
+        def measured(view: View, at: np.ndarray = moved, largest: float = largest) -> Offsets:
             raise_if_cancelled()
-            return measure_offsets(view.photo.load(), view.camera, at, faces, creases, reach)
+            return measure_offsets(view.photo.load(), view.camera, at, faces, creases, largest)
 
         found = Offsets(*(np.concatenate(part) for part in zip(*executor.map(measured, views), strict=True)))
         J = _rows(found, creases, vertices.size)[:, columns]

@@ -79,6 +79,7 @@ class Level:
         takes_all_points: see `RunPlan`.
         start_sigma: standard deviation of the start in the prior to it, px; 0: no such prior.
         creases: strength of the prior to image edges, see `StepOptions.creases`; 0: none.
+        edge_reach: see `RunPlan`.
         phases: in their order.
     """
 
@@ -89,6 +90,7 @@ class Level:
     takes_all_points: bool = False
     start_sigma: float = 0.0
     creases: float = 0.0
+    edge_reach: float = 2.0
     phases: tuple[Phase, ...] = ()
 
     @property
@@ -190,6 +192,7 @@ def _level(options: FairingOptions, plan: RunPlan, number: int, begin: int) -> L
         # At coarse levels the loss is that of the displacement, too (ledger: prior to the start).
         start_sigma=plan.start_sigma if schedule.blur[number] <= NEAR_TRUTH_BLUR else 0.0,
         creases=by_level(step.creases, number),
+        edge_reach=plan.edge_reach,
         phases=phases,
     )
 

@@ -129,7 +129,7 @@ def begin_sweep(
         terms.append(to_points._replace(hessians=strength[:, None, None] * to_points.hessians))
     if level.creases > 0 and among is None and isinstance(phase, GaussNewton):
         strength = level.creases * RESIDUAL_AREA * _vertex_losses(mesh, context, system)
-        terms.append(_to_image_edges(problem, vertices, pixels, strength, H))
+        terms.append(_to_image_edges(problem, vertices, level.edge_reach, pixels, strength, H))
     match phase:
         case GaussNewton():
             blocks = plan_blocks(mesh, movable, options.schedule.order, system.energy)
@@ -154,12 +154,13 @@ def begin_sweep(
 
 
 def _to_image_edges(
-    problem: Problem, vertices: np.ndarray, pixels: np.ndarray, strength: np.ndarray, H: np.ndarray
+    problem: Problem, vertices: np.ndarray, reach: float, pixels: np.ndarray, strength: np.ndarray, H: np.ndarray
 ) -> QuadraticPrior:
     """Prior to the vertices aligned with image edges; it fades in directions that the cells determine better.
 
     Args:
         vertices: (n, 3) float, world units.
+        reach: distance of the farthest image edge that is taken, px.
         pixels: (n,) float: largest motion in a photo, px per world unit.
         strength: (n,) float: energy of a deviation, times px^2.
         H: (n, 3, 3) float: normal matrices of the cells, energy / world unit^2.
@@ -170,6 +171,7 @@ def _to_image_edges(
         problem.scene.mesh.faces,
         problem.locked,
         problem.orientation,
+        reach,
         problem.evaluator.pool,
         problem.raise_if_cancelled,
     )
