@@ -29,7 +29,7 @@ REST_LIMIT = 1.0  # s from Pause to rest, of this process's computing time or of
 STUCK_LIMIT = 60.0  # s
 BURST = 12  # commands between two checks at rest, at most
 WAITS = (0.0, 0.0, 0.0, 0.002, 0.01, 0.05)  # s after a command, on the corner
-SLOWER = {"corner": 1.0, "cube": 4.0, "facade": 40.0}  # factors for the waits, so that steps come to their end
+SLOWER = {"corner": 1.0, "cube": 4.0, "facade": 12.0}  # factors for the waits, so that steps come to their end
 CONDITIONS = (
     "rejected > 0",
     "moment == 7",
