@@ -111,6 +111,8 @@ class Plot:
     def _lines(self, run: Recorded, energies: EnergyHistory, name: str, vertex: int | None, role: str) -> list[Line]:
         if name == "energy" and vertex is None:
             before, after = energies.before[: run.length], energies.after[: run.length]
+            if not after.any():  # steps of preparation measure no face
+                return []
             return [
                 Line(np.arange(first, end + 1), np.concatenate([[before[first]], after[first:end]]))
                 for first, end in intervals(energies.sweeps[: run.length])
