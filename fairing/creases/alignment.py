@@ -17,7 +17,7 @@ from fairing.geometry.normals import face_normals
 from fairing.scene import View
 
 # px: largest offset, and scale of the Geman-McClure loss of an offset. The offsets are measured anew for each stage.
-STAGES = ((6.0, 2.0), (4.0, 1.5), (2.5, 1.0), (2.0, 1.0), (1.5, 0.7), (1.0, 0.4))
+STAGES = ((6.0, 2.0), (3.5, 1.2), (2.0, 0.5))
 ITERATIONS = 12  # of reweighting, in each stage
 CONVERGED = 1e-4  # px
 PRIORS = 6.0  # strength of both priors
