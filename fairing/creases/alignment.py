@@ -16,7 +16,8 @@ from fairing.creases.offsets import Offsets, measure_offsets
 from fairing.geometry.normals import face_normals
 from fairing.scene import View
 
-# px: largest offset, and scale of the Geman-McClure loss of an offset. The offsets are measured anew for each stage.
+# px: largest offset, and scale of the Geman-McClure loss of an offset. Offsets are measured anew in each stage.
+# (ledger: stages of the alignment)
 STAGES = ((6.0, 2.0), (3.5, 1.2), (2.0, 0.5))
 ITERATIONS = 12  # of reweighting, in each stage
 CONVERGED = 1e-4  # px
@@ -54,7 +55,7 @@ def aligned_to_image_edges(
         faces: (m, 3) int.
         locked: (n,) bool: vertices that stay.
         orientation: see `find_creases`.
-        reach: distance of the farthest image edge that is taken, px, 2 to 6; it begins with the first stage within.
+        reach: px, at least 2: stages that look farther are left out.
         executor: runs one task for each photo; the result does not depend on it.
 
     Raises:

@@ -160,7 +160,7 @@ def _to_image_edges(
 
     Args:
         vertices: (n, 3) float, world units.
-        reach: distance of the farthest image edge that is taken, px.
+        reach: distance from a crease within which its image edge is sought, px.
         pixels: (n,) float: largest motion in a photo, px per world unit.
         strength: (n,) float: energy of a deviation, times px^2.
         H: (n, 3, 3) float: normal matrices of the cells, energy / world unit^2.
