@@ -90,7 +90,7 @@ class Level:
     takes_all_points: bool = False
     start_sigma: float = 0.0
     creases: float = 0.0
-    edge_reach: float = 2.0
+    edge_reach: float = RunPlan.edge_reach
     phases: tuple[Phase, ...] = ()
 
     @property

@@ -3,6 +3,7 @@
 import numpy as np
 
 from fairing.cells.level_choice import first_level, level_for_error
+from fairing.creases.alignment import STAGES
 from fairing.run.phases import first_searching_level
 from fairing.run.preparation import Preparations, points_can_judge
 from fairing.run.start_error import estimate_start_error, measured_start_error
@@ -10,7 +11,6 @@ from fairing.run_plan import RunPlan
 from fairing.solve.problem import Problem
 from fairing.trace import StepReason
 
-EDGE_REACH = 2.0, 6.0  # px, least and largest (ledger: reach of image edges)
 LEAST_ERROR = 1.0  # px: Gauss-Newton reaches that far at every level
 SEARCHED_ERROR = 3.0  # px: it reaches that far at the first levels (ledger: search after a fit)
 MOST_LOSS = 0.03  # per photo px after a fit: above it a search gains little (ledger: search after a fit)
@@ -57,7 +57,9 @@ def make_plan(problem: Problem, preparations: Preparations) -> RunPlan:
         takes_all_points=is_fitted and prepared[-1].takes_all_points,
         # A start that has to be searched for is nothing to hold vertices to (ledger: prior to the start).
         start_sigma=max(measured, LEAST_ERROR) if measured > 0 and error == 0 else 0.0,
-        edge_reach=_edge_reach(problem, measured, prepared[-1].after) if has_judges and is_fitted else EDGE_REACH[0],
+        edge_reach=_edge_reach(problem, measured, prepared[-1].after)
+        if has_judges and is_fitted
+        else RunPlan.edge_reach,
     )
 
 
@@ -65,11 +67,12 @@ def _edge_reach(problem: Problem, measured: float, fitted: np.ndarray) -> float:
     """How far image edges are sought from creases, px: as far as the start's measured error if the mesh fits the points.
 
     If points still lie farther from the fitted mesh, the mesh is too coarse for the surface, and its creases need not be edges.
+    (ledger: reach of image edges)
 
     Args:
         measured: error of the start, px.
         fitted: (n, 3) float: vertices fitted to the points, world units.
     """
-    least, largest = EDGE_REACH
     represents_surface = measured_start_error(problem, fitted) < SEARCHED_ERROR
-    return min(max(measured, least), largest) if represents_surface else least
+    farthest, _ = STAGES[0]
+    return min(max(measured, RunPlan.edge_reach), farthest) if represents_surface else RunPlan.edge_reach

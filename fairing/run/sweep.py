@@ -108,9 +108,9 @@ def begin_sweep(
     if among is not None:
         free &= among
     movable = free & (pixels > 0)
+    loss = _vertex_losses(mesh, context, system)
     if level.start_sigma > 0:
         # Where photos contradict each other, the start counts for more; where they agree, its share is negligible.
-        loss = _vertex_losses(mesh, context, system)
         strength = RESIDUAL_AREA * loss * (pixels / level.start_sigma) ** 2
         terms.append(QuadraticPrior(strength[:, None, None] * np.eye(3), origin))
     else:  # nothing else keeps weakly seen directions from diverging (ledger: prior of weak directions)
@@ -128,7 +128,7 @@ def begin_sweep(
         strength = level.attraction * typical * np.minimum(1.0, variance / POINTS_VARIANCE)
         terms.append(to_points._replace(hessians=strength[:, None, None] * to_points.hessians))
     if level.creases > 0 and among is None and isinstance(phase, GaussNewton):
-        strength = level.creases * RESIDUAL_AREA * _vertex_losses(mesh, context, system)
+        strength = level.creases * RESIDUAL_AREA * loss
         terms.append(_to_image_edges(problem, vertices, level.edge_reach, pixels, strength, H))
     match phase:
         case GaussNewton():
