@@ -144,6 +144,21 @@ def test_the_energies_of_a_run_are_those_it_had_when_it_was_at_hand(scene: Scene
         controller.close()
 
 
+def test_an_energy_counts_as_measured_once_a_step_has_faces(scene: Scene):
+    controller = Controller(Session(scene, replace(OPTIONS, step=replace(OPTIONS.step, smoothing=(0.1,)))))
+    try:
+        energies = EnergyHistory(len(scene.mesh.faces))
+        assert not energies.is_measured
+        state = do(controller, Forward(Extent.SWEEP))
+        for moment in range(1, state.length + 1):
+            energies = EnergyHistory(len(scene.mesh.faces))
+            energies.update(replace(state, length=moment))
+            assert energies.is_measured == any(len(step.faces) for step in state.trace.steps[:moment])
+        assert energies.is_measured
+    finally:
+        controller.close()
+
+
 def test_options_are_told_by_their_preset_and_what_differs():
     assert run_title(PRESETS["paper"]) == "paper"
     changed = replace(PRESETS["accurate"], lock_boundary=True)

@@ -92,6 +92,11 @@ class EnergyHistory:
         )
 
     @property
+    def is_measured(self) -> bool:
+        """Whether a step has measured an energy; steps of preparation measure none, and count as 0 until one has."""
+        return bool(self.curves.after.any())
+
+    @property
     def after(self) -> np.ndarray:
         """(steps,) float: energy after each step."""
         return self.curves.after

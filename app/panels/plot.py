@@ -110,9 +110,9 @@ class Plot:
 
     def _lines(self, run: Recorded, energies: EnergyHistory, name: str, vertex: int | None, role: str) -> list[Line]:
         if name == "energy" and vertex is None:
-            before, after = energies.before[: run.length], energies.after[: run.length]
-            if not after.any():  # steps of preparation measure no face
+            if not energies.is_measured:
                 return []
+            before, after = energies.before[: run.length], energies.after[: run.length]
             return [
                 Line(np.arange(first, end + 1), np.concatenate([[before[first]], after[first:end]]))
                 for first, end in intervals(energies.sweeps[: run.length])

@@ -139,7 +139,7 @@ class RunsPanel:
         )
         fork = "" if run.parent is None else f"from run {run.parent} at moment {run.forked_at}: "
         energies = self._energies.of(run)
-        energy = number(float(energies.after[-1]), 5) if run.length else "–"
+        energy = number(float(energies.after[-1]), 5) if energies.is_measured else "–"
         error = f"<td class='n'>{self._error(run, state)}</td>" if knows_truth else ""
         return (
             f"<tr><td>{name}</td><td class='what' title='{text(fork + run.differs)}'><span class='dim'>{text(fork)}</span>"
