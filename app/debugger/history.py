@@ -93,7 +93,7 @@ class EnergyHistory:
 
     @property
     def is_measured(self) -> bool:
-        """Whether a step has measured an energy; steps of preparation measure none, and count as 0 until one has."""
+        """Whether a step has measured an energy; a step that concerns no face counts as 0 until one has."""
         return bool(self.curves.after.any())
 
     @property
