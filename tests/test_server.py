@@ -250,6 +250,34 @@ def test_the_queue_of_one_client_is_bounded_and_drops_the_oldest():
         callbacks.shutdown(wait=False)
 
 
+def test_a_camera_that_moves_pushes_no_key_out_of_the_queue():
+    callbacks, release, done, begun = ClientCallbacks(), threading.Event(), [], []
+    client = object.__new__(viser.ClientHandle)
+    client.client_id = 1
+    camera = viser.CameraHandle(client)
+
+    def block(event: _Event) -> None:
+        begun.append(event)
+        release.wait(60)
+
+    def moved(_: viser.CameraHandle) -> None:
+        done.append("camera")
+
+    try:
+        for _ in range(2):
+            callbacks.submit(block, _Event(1))
+        wait_for(lambda: len(begun) == 2, 60)
+        callbacks.submit(lambda event: done.append("key"), _Event(1))
+        for _ in range(10 * MAX_QUEUED):
+            callbacks.submit(moved, camera)
+        release.set()
+        wait_for(lambda: not callbacks._queues, 60)
+        assert done == ["key", "camera"]
+    finally:
+        release.set()
+        callbacks.shutdown(wait=False)
+
+
 def test_the_callbacks_of_one_client_run_in_their_order(monkeypatch: pytest.MonkeyPatch):
     """Else the first of two widths of the view could be the one that lasts."""
     monkeypatch.setattr("app.viser_bridge.client_callbacks.LONG_SECONDS", 60.0)  # also on a machine that is busy

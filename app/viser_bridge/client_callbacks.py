@@ -39,7 +39,9 @@ class ClientCallbacks:
     """Stands in for viser's thread pool; `submit` has the signature of `concurrent.futures.Executor`.
 
     The callbacks of a client run in the order of its messages: each begins when the one before it has ended, or has run for
-    `LONG_SECONDS`. Callbacks of connection and disconnection are never dropped, and run on threads of their own.
+    `LONG_SECONDS`. A callback of the camera, which reads the pose when it runs, is queued once however often the camera moves,
+    so that a moving camera pushes no keys and clicks out of the queue. Callbacks of connection and disconnection are never
+    dropped, and run on threads of their own.
     """
 
     def __init__(self, max_workers: int = EVENT_THREADS) -> None:
@@ -76,6 +78,10 @@ class ClientCallbacks:
                 is_event = key[0] == "event"
                 self._queues[key] = _Queue(MAX_RUNNING, MAX_QUEUED) if is_event else _Queue(1, None)
             queue = self._queues[key]
+            if args and isinstance(args[0], viser.CameraHandle):
+                repeated = next((future for *one, future in queue.waiting if one == [call, args]), None)
+                if repeated is not None:
+                    return repeated
             queue.waiting.append((call, args, future))
             starts = queue.running < queue.max_running
             queue.running += starts

@@ -1,9 +1,11 @@
 """One Chromium and one page: what a user does and what a user sees."""
 
 import shutil
+import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -28,6 +30,12 @@ ARGUMENTS = [
     "--disable-dev-shm-usage",
 ]
 WINDOW: ViewportSize = {"width": 1280, "height": 720}
+
+
+_RECORD_KEYS = """
+window.keysReceived = [];
+window.addEventListener('keydown', event => window.keysReceived.push(event.key), true);
+"""
 
 
 @contextmanager
@@ -62,6 +70,7 @@ class Visitor:
         self.page.set_default_timeout(1000 * PATIENCE)
         self.page.on("console", lambda message: self._note(message.type, message.text))
         self.page.on("pageerror", lambda error: self.troubles.append(f"page error: {error}"))
+        self.page.add_init_script(_RECORD_KEYS)
         self.page.on("requestfailed", lambda request: self.troubles.append(f"failed request: {request.url}"))
         self.open()
 
@@ -71,8 +80,15 @@ class Visitor:
             self.troubles.append(f"console: {message}")
 
     def open(self) -> None:
-        """Load the page, until its buttons and its scene are there and its panels have made room for each other."""
+        """Load the page and wait for it."""
         self.page.goto(self.app.url)
+        self.wait_for_page()
+
+    def wait_for_page(self) -> None:
+        """Wait until its buttons and its scene are there, its panels have made room for each other, and it has been painted.
+
+        Chromium may drop keys that are pressed before the first paint.
+        """
         self.button("Step one iteration").wait_for()
         for node in ("/mesh/now", "/vertices/free"):
             self.page.wait_for_function(f"() => window.__viserMutable?.nodeRefFromName?.['{node}']")
@@ -82,6 +98,9 @@ class Visitor:
                 return box.left > 0 && box.right < window.innerWidth
                     && Math.abs(camera.aspect - box.width / box.height) < 1e-3;
             }"""
+        )
+        self.page.evaluate(
+            "() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(() => done())))"
         )
 
     def button(self, name: str):
@@ -103,6 +122,15 @@ class Visitor:
         """The state after whatever was asked for since the state of that serial."""
         wait_for(lambda: self.app.controller.state.serial > before)
         return self.app.controller.wait_until_idle(PATIENCE)
+
+    def situation(self) -> str:
+        """What to know when something does not happen: the page's keys and focus, the state, and what the engine executes."""
+        page = self.page.evaluate(
+            "() => [window.keysReceived.slice(-10), document.activeElement?.outerHTML.slice(0, 200), document.body.innerText]"
+        )
+        controller = self.app.controller
+        report = controller.save_report(Path(tempfile.mkdtemp()) / "report.json").read_text()
+        return f"keys received: {page[0]}\nfocus: {page[1]}\npage: {page[2]}\n{report}"
 
     def sees_vertices(self, vertices: np.ndarray) -> None:
         """Wait until the mesh in the browser has these positions (n, 3), page units, to the last bit."""

@@ -37,7 +37,12 @@ def arrive(visitor: Visitor, step: int) -> None:
     """Wait until the page shows a step whose work is done, and hold its claims against it."""
     player = player_of(visitor.app)
     # A click on a lesson may still be on its way.
-    wait_for(lambda: player.lesson is not None and player.step == step and player.status is not Status.AT_WORK, SLOW)
+    try:
+        wait_for(
+            lambda: player.lesson is not None and player.step == step and player.status is not Status.AT_WORK, SLOW
+        )
+    except AssertionError as error:
+        raise AssertionError(f"wanted step {step}, at {player.step}, {player.status}; {visitor.situation()}") from error
     assert player.status is Status.THERE, player.problem
     assert player.lesson is not None
     claims = player.findings[step].claims
@@ -82,6 +87,7 @@ def wait_for_scene(visitor: Visitor, name: str) -> None:
     wait_for(lambda: visitor.app.controller.scene.name == name, PHOTOS)
     wait_for(lambda: bool(visitor.app.pages) and player_of(visitor.app).lesson is not None, SLOW)
     arrive(visitor, 0)
+    visitor.wait_for_page()
 
 
 def test_the_first_lesson_is_read_with_the_mouse(visitor: Visitor):
