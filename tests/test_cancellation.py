@@ -96,7 +96,7 @@ def meter(monkeypatch: pytest.MonkeyPatch) -> Iterator[Meter]:
         meter.wrap(monkeypatch, owner, name, kind, units)
 
     wrap(fairing.solve.energy, "evaluate_faces", "samples", kernel_samples)
-    wrap(fairing.cells.sample_masks, "_mask_samples", "mask samples", lambda *a: a[17].size)
+    wrap(fairing.cells.sample_masks, "_mask_samples", "mask samples", lambda *a: a[15].size)
     wrap(fairing.cells.sample_masks, "depth_map", "depth px", depth_pixels)
     wrap(fairing.cells.visibility, "footprints", "faces", lambda vertices, faces, *_: len(faces))
     wrap(ScaleSpace, "_filtered", "photo px", lambda self, photo, *_: photo.size)

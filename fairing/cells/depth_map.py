@@ -1,6 +1,7 @@
-"""Depth maps: inverse depth, visible faces and distance to depth edges in one photo."""
+"""Depth maps: inverse depth, visible faces and depth edges in one photo."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -20,17 +21,22 @@ class DepthMap:
 
     Attributes:
         inverse_depth: (h, w) float32, 1 / world units, 0 where there is no face.
-        edge_distance: (h, w) float32, photo px to the nearest depth edge or masked pixel.
+        edges: (h, w) uint8, 1 at depth edges and masked pixels.
         focal_length: photo px.
         reduction: photo px per pixel of the maps.
         face_id: (h, w) int32, the visible face, -1 for none.
     """
 
     inverse_depth: np.ndarray
-    edge_distance: np.ndarray
+    edges: np.ndarray
     focal_length: float
     reduction: int
     face_id: np.ndarray
+
+    def near_edges(self, distance: float) -> np.ndarray:
+        """(h, w) uint8: 1 at pixels nearer than a distance, photo px, to a depth edge or a masked pixel."""
+        disc = _disc(distance / self.reduction)
+        return self.edges if disc.size == 1 else cv2.dilate(self.edges, disc)
 
 
 def depth_map(
@@ -45,9 +51,7 @@ def depth_map(
         mask: (h, w) bool at the same reduction, True where the photo is used. Masked pixels count as depth edges, because
             the blurred photo mixes them into their neighbours.
     """
-    shift = (1 / reduction - 1) / 2
-    coarser = np.array([[1 / reduction, 0, shift], [0, 1 / reduction, shift], [0, 0, 1]])
-    small = Camera(coarser @ camera.image_from_world, -(-camera.width // reduction), -(-camera.height // reduction))
+    small = _reduced(camera, reduction)
     face_id, depth = rasterize(vertices, faces, small)
     uv, corner_depth = small.project(vertices)
     focal = float(camera.K[0, 0])
@@ -56,14 +60,24 @@ def depth_map(
     _mark_depth_edges(uv[faces], inverse, face_id, depth, focal / reduction, edges)
     if mask is not None:
         edges[~mask] = 1
-    # Distance to the nearest marked pixel; effectively infinite if none is marked.
-    distance = (
-        cv2.distanceTransform(1 - edges, cv2.DIST_L2, cv2.DIST_MASK_PRECISE) * np.float32(reduction)
-        if edges.any()
-        else np.full(edges.shape, 1e6, dtype=np.float32)
-    )
     with np.errstate(divide="ignore"):
-        return DepthMap((1 / depth).astype(np.float32), distance, focal, reduction, face_id)
+        return DepthMap((1 / depth).astype(np.float32), edges, focal, reduction, face_id)
+
+
+@lru_cache(maxsize=4096)
+def _reduced(camera: Camera, reduction: int) -> Camera:
+    """The camera of a photo at 1 / `reduction` of its resolution."""
+    shift = (1 / reduction - 1) / 2
+    coarser = np.array([[1 / reduction, 0, shift], [0, 1 / reduction, shift], [0, 0, 1]])
+    return Camera(coarser @ camera.image_from_world, -(-camera.width // reduction), -(-camera.height // reduction))
+
+
+@lru_cache(maxsize=64)
+def _disc(radius: float) -> np.ndarray:
+    """(2 r + 1, 2 r + 1) uint8: 1 at the pixels nearer than `radius`, px, to the middle one."""
+    reach = max(0, int(np.ceil(radius)) - 1)
+    along = np.arange(-reach, reach + 1)
+    return (np.hypot(along[:, None], along) < radius).astype(np.uint8)
 
 
 @njit(cache=True, nogil=True)

@@ -27,7 +27,7 @@ PATCH_MARGIN = 6.0
 MAX_PATCH_PIXELS = 500_000_000
 """Limit of the patches around all faces together, 2 GB. Beyond it photos are used as seen (ledger: patch memory)."""
 SIZE_STEP = 4
-"""px: patches are transformed together with those of the same size, rounded up to a multiple of this."""
+"""px: sizes of patches are rounded up to a multiple of this, then to a fast length, and those of one size transformed together."""
 BATCH_PIXELS = 1 << 18
 """Patches are transformed in batches of so many pixels, which stay in the processor's cache."""
 _SHAPE_ROUNDS = 30
@@ -214,16 +214,15 @@ def _batches(sizes: np.ndarray, channels: int) -> Iterator[tuple[tuple[int, int]
     Yields:
         The (height, width) of their transforms, and their indices (b,) int.
     """
-    shapes, shape_of = np.unique(-(-sizes // SIZE_STEP), axis=0, return_inverse=True)
-    for k, (rows, columns) in enumerate((SIZE_STEP * shapes).tolist()):
-        shape = (
-            scipy.fft.next_fast_len(rows, real=True) or rows,
-            scipy.fft.next_fast_len(columns, real=True) or columns,
-        )
+    rounded = -(-sizes // SIZE_STEP) * SIZE_STEP
+    lengths, at = np.unique(rounded, return_inverse=True)
+    fast = np.array([scipy.fft.next_fast_len(length, real=True) or length for length in lengths.tolist()])
+    shapes, shape_of = np.unique(fast[at.reshape(sizes.shape)], axis=0, return_inverse=True)
+    for k, (rows, columns) in enumerate(shapes.tolist()):
         chosen = np.flatnonzero(shape_of.ravel() == k)
-        most = max(1, BATCH_PIXELS // (channels * shape[0] * shape[1]))
+        most = max(1, BATCH_PIXELS // (channels * rows * columns))
         for first in range(0, len(chosen), most):
-            yield shape, chosen[first : first + most]
+            yield (rows, columns), chosen[first : first + most]
 
 
 def _transfers(shape: tuple[int, int], covariances: np.ndarray, cubic: bool) -> np.ndarray:

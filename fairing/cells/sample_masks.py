@@ -16,6 +16,9 @@ from fairing.cells.visibility import Visibility
 from fairing.geometry.rasterize import HIDDEN_DEPTH
 from fairing.options import VisibilityOptions
 
+# By so much more than rounding errors a face is inside the photo, px, and in front of the depth map, as a factor.
+CERTAIN_PX, CERTAIN = 1e-6, 1 + 1e-6
+
 
 @dataclass(frozen=True, eq=False)
 class Occluders:
@@ -90,8 +93,8 @@ def mask_views(
         masks, seen = np.empty(starts[-1], dtype=np.uint8), np.empty(len(chosen), dtype=np.int64)
         _mask_samples(
             vertices @ P[v, :, :3].T + P[v, :, 3], faces[chosen], layout.face_grid[chosen], layout.grid_start, layout.ramp,
-            layout.inset[chosen], depths.inverse_depth, depths.edge_distance, depths.face_id, transparent,
-            HIDDEN_DEPTH * depths.reduction, depths.focal_length, depths.reduction, 1.0 + blur, margin,
+            layout.inset[chosen], depths.inverse_depth, depths.near_edges(margin), depths.face_id, transparent,
+            HIDDEN_DEPTH * depths.reduction, depths.focal_length, depths.reduction, 1.0 + blur,
             (cameras[v].width, cameras[v].height), masks, starts[:-1], seen,
         )  # fmt: skip
         is_partial = seen < samples[chosen]
@@ -106,8 +109,8 @@ def mask_views(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _mask_samples(
-    pixels, corners, grids, grid_start, ramp, insets, inverse_depth, edge_distance, face_id, transparent, hidden_depth,
-    focal, reduction, border, margin, size, masks, starts, seen,
+    pixels, corners, grids, grid_start, ramp, insets, inverse_depth, near_edges, face_id, transparent, hidden_depth,
+    focal, reduction, border, size, masks, starts, seen,
 ):  # fmt: skip
     """Mark the samples of cells that one photo really shows.
 
@@ -116,13 +119,13 @@ def _mask_samples(
         corners: (c, 3) int64: vertices of the faces to judge.
         grids, insets: (c,): cell grid of each and the border left out, fraction of the face's height.
         grid_start, ramp: the cell grids, see `CellLayout`.
-        inverse_depth, edge_distance, face_id: see `DepthMap`.
+        inverse_depth, face_id: see `DepthMap`.
+        near_edges: (h, w) uint8: 1 where samples are too near to a depth edge.
         transparent: (c, 2) int64: faces of the depth map that do not hide the cell; -1 for none.
         hidden_depth: photo pixels' worth of depth by which a surface must lie in front of a sample to hide it.
         border: distance to keep from the photo's border, px.
-        margin: distance to keep from depth edges, px.
         size: (width, height) of the photo, px.
-        masks: flat uint8, out: the masks one after another.
+        masks: flat uint8, out: the masks one after another; that of a cell seen as a whole is left as it is.
         starts: (c,) int64: where each begins.
         seen: (c,) int64, out: number of samples that the photo shows.
     """
@@ -133,6 +136,12 @@ def _mask_samples(
         a0, a1, a2 = pixels[corners[f, 0]]
         b0, b1, b2 = pixels[corners[f, 1]]
         c0, c1, c2 = pixels[corners[f, 2]]
+        if _is_clear(
+            a0 / a2, a1 / a2, 1 / a2, b0 / b2, b1 / b2, 1 / b2, c0 / c2, c1 / c2, 1 / c2,
+            inverse_depth, near_edges, nearer, to_map, border, size,
+        ):  # fmt: skip
+            seen[f] = last - first
+            continue
         count = 0
         for s in range(last - first):
             a, b = insets[f] + shrink * ramp[0, first + s], insets[f] + shrink * ramp[1, first + s]
@@ -147,7 +156,53 @@ def _mask_samples(
                 is_hidden = front * w * nearer > 1
                 if is_hidden:
                     is_hidden = face_id[iy, ix] != transparent[f, 0] and face_id[iy, ix] != transparent[f, 1]
-                is_seen = not is_hidden and edge_distance[iy, ix] >= margin
+                is_seen = not is_hidden and near_edges[iy, ix] == 0
             masks[starts[f] + s] = is_seen
             count += is_seen
         seen[f] = count
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _is_clear(
+    ax, ay, a_inverse, bx, by, b_inverse, cx, cy, c_inverse, inverse_depth, near_edges, nearer, to_map, border, size
+):
+    """Whether the photo shows a face as a whole: no pixel of the depth map that it touches excludes a sample.
+
+    Most faces are clear, and have several samples per pixel of the map. Only what is certain counts as clear, so that the
+    result is that of the samples. (ledger: sample masks)
+
+    Args:
+        ax, ay, a_inverse: a corner in the photo, px, and its inverse depth; likewise b and c.
+        nearer, to_map: see `_mask_samples`.
+    """
+    least = border + CERTAIN_PX
+    if min(ax, bx, cx) < least or max(ax, bx, cx) > size[0] - 1 - least:
+        return False
+    if min(ay, by, cy) < least or max(ay, by, cy) > size[1] - 1 - least:
+        return False
+    ax, ay, bx, by = (ax + 0.5) * to_map, (ay + 0.5) * to_map, (bx + 0.5) * to_map, (by + 0.5) * to_map
+    cx, cy = (cx + 0.5) * to_map, (cy + 0.5) * to_map
+    # Inverse depth is affine over the image of a plane.
+    doubled = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+    if doubled == 0:
+        return False
+    along_x = ((b_inverse - a_inverse) * (cy - ay) - (c_inverse - a_inverse) * (by - ay)) / doubled
+    along_y = ((c_inverse - a_inverse) * (bx - ax) - (b_inverse - a_inverse) * (cx - ax)) / doubled
+    least_in_pixel = min(along_x, 0.0) + min(along_y, 0.0)
+    for y in range(int(min(ay, by, cy) - CERTAIN_PX), int(max(ay, by, cy) + CERTAIN_PX) + 1):
+        left, right = np.inf, -np.inf
+        for x0, y0, x1, y1 in ((ax, ay, bx, by), (bx, by, cx, cy), (cx, cy, ax, ay)):
+            low, high = max(min(y0, y1), y - CERTAIN_PX), min(max(y0, y1), y + 1 + CERTAIN_PX)
+            if low > high:
+                continue
+            slope = (x1 - x0) / (y1 - y0) if y1 != y0 else 0.0
+            for end in (low, high):
+                x = x0 + (end - y0) * slope
+                left, right = min(left, x), max(right, x)
+            if y1 == y0:
+                left, right = min(left, x1), max(right, x1)
+        for x in range(int(left - CERTAIN_PX), int(right + CERTAIN_PX) + 1):
+            inverse = a_inverse + (x - ax) * along_x + (y - ay) * along_y + least_in_pixel
+            if near_edges[y, x] or inverse_depth[y, x] * nearer * CERTAIN > inverse:
+                return False
+    return True

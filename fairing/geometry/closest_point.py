@@ -59,27 +59,30 @@ def _morton(points: np.ndarray) -> np.ndarray:
 def _search(points, triangles, low, high, distance, face):
     """Closest triangle of each point, into `distance` and `face` (p,); low, high (2 * leaves, 3): the boxes, root at 1."""
     leaves = low.shape[0] // 2
-    stack = np.empty(64, dtype=np.int64)
+    stack, to_box = np.empty(64, dtype=np.int64), np.empty(64)
     for i in range(points.shape[0]):
-        p = points[i]
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
         best, best_face = np.inf, 0
-        stack[0], size = 1, 1
+        stack[0], to_box[0], size = 1, 0.0, 1
         while size > 0:
             size -= 1
             node = stack[size]
-            if _squared_to_box(p, low[node], high[node]) >= best:
+            if to_box[size] >= best:
                 continue
             if node < leaves:
                 left, right = 2 * node, 2 * node + 1
+                to_left = _squared_to_box(x, y, z, low, high, left)
+                to_right = _squared_to_box(x, y, z, low, high, right)
                 # The nearer child is pushed last, so that it is visited first.
-                if _squared_to_box(p, low[left], high[left]) < _squared_to_box(p, low[right], high[right]):
-                    left, right = right, left
-                stack[size], stack[size + 1] = left, right
+                if to_left < to_right:
+                    left, right, to_left, to_right = right, left, to_right, to_left
+                stack[size], to_box[size] = left, to_left
+                stack[size + 1], to_box[size + 1] = right, to_right
                 size += 2
                 continue
             start = (node - leaves) * _LEAF
             for t in range(start, min(start + _LEAF, triangles.shape[0])):
-                squared = _squared_to_triangle(p, triangles[t, 0], triangles[t, 1], triangles[t, 2])
+                squared = _squared_to_triangle(x, y, z, triangles, t)
                 if squared < best:
                     best, best_face = squared, t
         distance[i] = np.sqrt(best)
@@ -87,13 +90,12 @@ def _search(points, triangles, low, high, distance, face):
 
 
 @njit(cache=True, nogil=True)
-def _squared_to_box(p, low, high):
+def _squared_to_box(x, y, z, low, high, box):
     """Squared distance of a point to an axis-aligned box; 0 inside."""
-    total = 0.0
-    for axis in range(3):
-        outside = max(low[axis] - p[axis], p[axis] - high[axis], 0.0)
-        total += outside * outside
-    return total
+    dx = max(low[box, 0] - x, x - high[box, 0], 0.0)
+    dy = max(low[box, 1] - y, y - high[box, 1], 0.0)
+    dz = max(low[box, 2] - z, z - high[box, 2], 0.0)
+    return dx * dx + dy * dy + dz * dz
 
 
 @njit(cache=True, nogil=True)
@@ -106,14 +108,15 @@ def _squared_to_segment(px, py, pz, dx, dy, dz):
 
 
 @njit(cache=True, nogil=True)
-def _squared_to_triangle(p, a, b, c):
-    """Squared distance of a point to a triangle: to its plane if the foot of the perpendicular lies inside, else to an edge.
+def _squared_to_triangle(px, py, pz, triangles, t):
+    """Squared distance of a point to triangle t: to its plane if the foot of the perpendicular lies inside, else to an edge.
 
-    In scalars: small arrays would be allocated for every triangle (ledger: closest points).
+    In scalars: views of arrays count their references (ledger: closest points).
     """
-    ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
-    vx, vy, vz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
-    wx, wy, wz = p[0] - a[0], p[1] - a[1], p[2] - a[2]
+    ax, ay, az = triangles[t, 0, 0], triangles[t, 0, 1], triangles[t, 0, 2]
+    ux, uy, uz = triangles[t, 1, 0] - ax, triangles[t, 1, 1] - ay, triangles[t, 1, 2] - az
+    vx, vy, vz = triangles[t, 2, 0] - ax, triangles[t, 2, 1] - ay, triangles[t, 2, 2] - az
+    wx, wy, wz = px - ax, py - ay, pz - az
     uu, uv, vv = ux * ux + uy * uy + uz * uz, ux * vx + uy * vy + uz * vz, vx * vx + vy * vy + vz * vz
     wu, wv = wx * ux + wy * uy + wz * uz, wx * vx + wy * vy + wz * vz
     determinant = uu * vv - uv * uv

@@ -7,6 +7,7 @@ from fairing.camera import Camera
 
 # An edge belongs to both its faces, so that rounding opens no cracks; the nearer face wins, then the lower id.
 EDGE_TOLERANCE = 1e-9
+LEAST_SLOPING = 0.01  # px: where an edge that is lower meets a row is inaccurate
 # Depth test against a depth map: a point is hidden when a surface lies in front of it by more than this many pixels' worth
 # of depth (depth / focal length).
 HIDDEN_DEPTH = 4.0
@@ -33,6 +34,21 @@ def rasterize(vertices: np.ndarray, faces: np.ndarray, camera: Camera) -> tuple[
 
 
 @numba.njit(cache=True, nogil=True)
+def _row(ax, ay, bx, by, cx, cy, y):
+    """The part of a row y that a triangle covers, px, and at least a pixel more on both sides; unlimited if that is unclear."""
+    left, right = np.inf, -np.inf
+    for x0, y0, x1, y1 in ((ax, ay, bx, by), (bx, by, cx, cy), (cx, cy, ax, ay)):
+        if min(y0, y1) <= y <= max(y0, y1):
+            if abs(y1 - y0) < LEAST_SLOPING:
+                return -np.inf, np.inf
+            x = x0 + (y - y0) / (y1 - y0) * (x1 - x0)
+            left, right = min(left, x), max(right, x)
+    if left > right:  # the row touches a corner from outside
+        return -np.inf, np.inf
+    return left - 1, right + 2
+
+
+@numba.njit(cache=True, nogil=True)
 def _fill(uv, depth, faces, face_id, inverse_depth):
     height, width = face_id.shape
     for f in range(faces.shape[0]):
@@ -50,7 +66,9 @@ def _fill(uv, depth, faces, face_id, inverse_depth):
         y_low = max(0, int(np.ceil(min(ay, by, cy) - 1e-6)))
         y_high = min(height - 1, int(np.floor(max(ay, by, cy) + 1e-6)))
         for y in range(y_low, y_high + 1):
-            for x in range(x_low, x_high + 1):
+            left, right = _row(ax, ay, bx, by, cx, cy, y)
+            first, last = max(x_low, int(max(left, x_low))), min(x_high, int(min(right, x_high)))
+            for x in range(first, last + 1):
                 alpha = ((bx - x) * (cy - y) - (by - y) * (cx - x)) / doubled_area
                 beta = ((cx - x) * (ay - y) - (cy - y) * (ax - x)) / doubled_area
                 gamma = 1 - alpha - beta
