@@ -19,6 +19,7 @@ class RunPlan:
         is_near_truth: whether trial searches found the unchanged start at its true position.
         start_sigma: standard deviation of the start in the prior to it, px; 0: no such prior.
         edge_reach: distance from a crease within which its image edge is sought, px.
+        represents_surface: whether the sparse points lie so near the prepared start that its faces can follow the surface.
     """
 
     first_level: int
@@ -29,6 +30,7 @@ class RunPlan:
     takes_all_points: bool = False
     start_sigma: float = 0.0
     edge_reach: float = 2.0
+    represents_surface: bool = False
 
     def to_json(self) -> str:
         """The plan as JSON text; `from_json` returns an equal plan."""

@@ -12,12 +12,13 @@ from fairing.geometry.normals import face_normals
 from fairing.judge.report import run_report
 from fairing.mesh import Mesh
 from fairing.options import PRESETS, FairingOptions
-from fairing.run.phases import GaussNewton, Level
+from fairing.run.phases import GaussNewton, Level, schedule_of
 from fairing.run.planning import SEARCHED_ERROR
 from fairing.run.preparation import points_accept_smoothing
 from fairing.run.records import _points_prefer
 from fairing.run.session import Session
 from fairing.run.sweep import RESIDUAL_AREA, SweepState, begin_sweep
+from fairing.run_plan import RunPlan
 from fairing.scene import Scene, SparsePoints
 from fairing.solve.normal_equations import vertex_systems
 from fairing.solve.point_fit import fitted_to_points
@@ -382,6 +383,19 @@ def test_edges_are_sought_as_far_as_the_start_is_off_where_the_mesh_fits_the_poi
     assert coarse.is_fitted_to_points
     assert coarse.start_sigma + coarse.start_error > SEARCHED_ERROR
     assert coarse.edge_reach == 2
+    assert (near.represents_surface, far.represents_surface, coarse.represents_surface) == (True, True, False)
+
+
+def test_the_start_holds_less_at_the_level_with_image_edges_where_the_mesh_represents_the_surface():
+    options = PRESETS["accurate"]
+    plan = RunPlan(1, False, True, 0.0, False, start_sigma=2.0)
+    firm, loose = (
+        [level.start_sigma for level in schedule_of(options, replace(plan, represents_surface=represents)).levels]
+        for represents in (False, True)
+    )
+    assert set(firm) == {0.0, 2.0}
+    assert loose[:-1] == firm[:-1]
+    assert loose[-1] > firm[-1] == 2.0
 
 
 def test_a_good_start_is_kept_where_photos_show_other_things_in_front():

@@ -10,6 +10,7 @@ from fairing.run_plan import RunPlan
 
 MAX_DISPLACEMENT = 1.5  # in units of the widest search radius of the run
 PRIOR_AFTER_SEARCH = 0.01  # factor of `StepOptions.prior` at the sharp level (ledger: prior after search)
+SIGMA_WITH_EDGES = 1.8  # factor of the standard deviation of the start where image edges hold its creases
 RESTARTS = 2  # after the Gauss-Newton sweeps of a level (ledger: restarts)
 SWEEPS_AFTER_RESTART = 2
 
@@ -164,7 +165,7 @@ def _level(options: FairingOptions, plan: RunPlan, number: int, begin: int) -> L
     schedule, step, sharp = options.schedule, options.step, is_sharp(options, number)
     max_displacement = MAX_DISPLACEMENT * max(schedule.search) * plan.start_error or np.inf
     radius = max(by_level(schedule.search, number), 0.0) * plan.start_error
-    sweeps = by_level(schedule.max_sweeps, number)
+    sweeps, creases = by_level(schedule.max_sweeps, number), by_level(step.creases, number)
     if plan.is_near_truth:
         sweeps = min(sweeps, by_level(schedule.sweeps_near_truth, number))
     gauss_newton = GaussNewton(
@@ -189,12 +190,19 @@ def _level(options: FairingOptions, plan: RunPlan, number: int, begin: int) -> L
         smoothing=by_level(step.smoothing, number) if plan.is_smoothed else 0.0,
         attraction=by_level(step.points, number) if plan.is_fitted_to_points else 0.0,
         takes_all_points=plan.takes_all_points,
-        # At coarse levels the loss is that of the displacement, too (ledger: prior to the start).
-        start_sigma=plan.start_sigma if schedule.blur[number] <= NEAR_TRUTH_BLUR else 0.0,
-        creases=by_level(step.creases, number),
+        start_sigma=_start_sigma(plan, schedule.blur[number], creases),
+        creases=creases,
         edge_reach=plan.edge_reach,
         phases=phases,
     )
+
+
+def _start_sigma(plan: RunPlan, blur: float, creases: float) -> float:
+    """Standard deviation of the start in the prior to it at a level, px; 0: no such prior. (ledger: prior to the start)"""
+    if blur > NEAR_TRUTH_BLUR:  # at coarse levels the loss is that of the displacement, too
+        return 0.0
+    holds_less = creases > 0 and plan.represents_surface
+    return plan.start_sigma * (SIGMA_WITH_EDGES if holds_less else 1.0)
 
 
 def _restart_level(options: FairingOptions, number: int, begin: int) -> int | None:

@@ -30,12 +30,15 @@ def make_plan(problem: Problem, preparations: Preparations) -> RunPlan:
         any(preparation.reason == reason for preparation in prepared)
         for reason in (StepReason.SMOOTHED, StepReason.FITTED_TO_POINTS)
     )
-    measured, has_judges = 0.0, points_can_judge(problem)
+    measured, represents, has_judges = 0.0, False, points_can_judge(problem)
     if has_judges:
         # Vertices that the points do not determine keep the error that the start had before the fit.
         measured = measured_start_error(problem, prepared[0].after if is_smoothed else problem.start)
         if schedule.first_level == "auto":
             first = max(first, level_for_error(measured, problem.options))
+        # Where points lie far from a mesh fitted to them, it is too coarse for the surface, and its creases need not be edges.
+        after_fit = measured_start_error(problem, prepared[-1].after) if is_fitted else measured
+        represents = after_fit < SEARCHED_ERROR
     error = schedule.start_error
     if error < 0:
         error = 0.0
@@ -57,22 +60,15 @@ def make_plan(problem: Problem, preparations: Preparations) -> RunPlan:
         takes_all_points=is_fitted and prepared[-1].takes_all_points,
         # A start that has to be searched for is nothing to hold vertices to (ledger: prior to the start).
         start_sigma=max(measured, LEAST_ERROR) if measured > 0 and error == 0 else 0.0,
-        edge_reach=_edge_reach(problem, measured, prepared[-1].after)
-        if has_judges and is_fitted
-        else RunPlan.edge_reach,
+        edge_reach=_edge_reach(measured) if is_fitted and represents else RunPlan.edge_reach,
+        represents_surface=represents,
     )
 
 
-def _edge_reach(problem: Problem, measured: float, fitted: np.ndarray) -> float:
-    """How far image edges are sought from creases, px: as far as the start's measured error if the mesh fits the points.
+def _edge_reach(measured: float) -> float:
+    """How far image edges are sought from creases, px: as far as the start's measured error, px, and the alignment reach.
 
-    If points still lie farther from the fitted mesh, the mesh is too coarse for the surface, and its creases need not be edges.
     (ledger: reach of image edges)
-
-    Args:
-        measured: error of the start, px.
-        fitted: (n, 3) float: vertices fitted to the points, world units.
     """
-    represents_surface = measured_start_error(problem, fitted) < SEARCHED_ERROR
     farthest, _ = STAGES[0]
-    return min(max(measured, RunPlan.edge_reach), farthest) if represents_surface else RunPlan.edge_reach
+    return min(max(measured, RunPlan.edge_reach), farthest)
