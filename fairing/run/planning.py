@@ -1,7 +1,5 @@
 """Planning: computes the run plan of a start mesh, see `RunPlan`."""
 
-import numpy as np
-
 from fairing.cells.level_choice import first_level, level_for_error
 from fairing.creases.alignment import STAGES
 from fairing.run.phases import first_searching_level

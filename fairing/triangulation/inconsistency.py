@@ -30,7 +30,7 @@ from fairing.triangulation.options import TriangulationOptions
 
 UNSEEN_LOSS = 0.25
 """Loss per pixel of a face that fewer than three photos see: that of residuals of 0.6 sigma."""
-_BYTES_PER_MAP_PIXEL = 12
+_BYTES_PER_MAP_PIXEL = 9
 _MAX_MAP_BYTES = 1.5e9
 """Depth maps of all photos; their resolution is reduced to stay below."""
 
