@@ -134,21 +134,13 @@ def common_psf_patches(
         # Patches are filled up with their surroundings: an edge to zeros would ring.
         more = max(int((shape - outer[chosen]).max()) for shape, chosen in batches)
         across, down = (_mirrored(-reach, size + 2 * reach + more, size) for size in photo.shape[:0:-1])
-        wide = photo[:, down[:, None], across].astype(np.float32) * photos.grey_levels
         for shape, chosen in batches:
             pairs = rows[chosen]
-            places = list(zip(frame[pairs].tolist(), border[pairs].tolist(), base[pairs].tolist(), strict=True))
             stack = np.empty((len(pairs), photos.channels, *shape), dtype=np.float32)
-            for part, ((x, y, _, _), edge, _) in zip(stack, places, strict=True):
-                top, left = y - edge + reach, x - edge + reach
-                part[:] = wide[:, top : top + shape[0], left : left + shape[1]]
+            _cut(photo, photos.grey_levels, down, across, frame[pairs, :2] - border[pairs, None] + reach, stack)
             spectra = np.asarray(scipy.fft.rfft2(stack))
             spectra *= _transfers(shape, covariance[pairs], cubic)[:, None]
-            for part, ((_, _, width, height), edge, start) in zip(
-                np.asarray(scipy.fft.irfft2(spectra, shape)), places, strict=True
-            ):
-                kept = part[:, edge : edge + height, edge : edge + width]
-                pixels[start : start + kept.size].reshape(kept.shape)[:] = kept
+            _keep(np.asarray(scipy.fft.irfft2(spectra, shape)), border[pairs], frame[pairs, 2:], base[pairs], pixels)
 
     photos.for_each(pairs_of, fill, pool)
     return pixels, base[:-1], frame
@@ -241,6 +233,33 @@ def _transfers(shape: tuple[int, int], covariances: np.ndarray, cubic: bool) -> 
     if cubic:
         transfers *= 9 / ((2 + np.cos(wy)) * (2 + np.cos(wx)))
     return transfers
+
+
+@njit(cache=True, nogil=True)
+def _cut(photo, grey_levels, down, across, corners, stack):
+    """Copy a patch of a photo (channels, height, width) from each left top corner (b, 2) into `stack` (b, channels, h, w).
+
+    Rows and columns are indices into `down` and `across`, which hold those of the photo.
+    """
+    for b in range(stack.shape[0]):
+        left, top = corners[b]
+        for c in range(stack.shape[1]):
+            for i in range(stack.shape[2]):
+                row = down[top + i]
+                for j in range(stack.shape[3]):
+                    stack[b, c, i, j] = np.float32(photo[c, row, across[left + j]]) * grey_levels
+
+
+@njit(cache=True, nogil=True)
+def _keep(stack, borders, sizes, starts, pixels):
+    """Copy patches (b, channels, h, w) without their borders (b,) into `pixels` from `starts` on; sizes (b, 2): width, height."""
+    for b in range(stack.shape[0]):
+        at, edge = starts[b], borders[b]
+        for c in range(stack.shape[1]):
+            for i in range(edge, edge + sizes[b, 1]):
+                for j in range(edge, edge + sizes[b, 0]):
+                    pixels[at] = stack[b, c, i, j]
+                    at += 1
 
 
 def _mirrored(first: int, count: int, size: int) -> np.ndarray:

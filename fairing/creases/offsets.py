@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
+from numba import njit
 
 from fairing.camera import Camera
 from fairing.creases.edges import Creases
@@ -178,9 +179,8 @@ def _measured(
     places = np.arange(-steps, steps + 1) * STEP
     at = (pixels[:, None] + places[:, None] * across[:, None]).astype(np.float32)
     profile = cv2.remap(image, at[..., 0], at[..., 1], cv2.INTER_LINEAR)
-    slope = (profile[:, 2 * HALF_STEPS :] - profile[:, : -2 * HALF_STEPS]).astype(np.float64)
-    mean = np.add.reduceat(slope, starts) / sizes[:, None, None]
-    variance = np.maximum(np.add.reduceat(slope**2, starts) / sizes[:, None, None] - mean**2, 0)
+    mean, squares = _slopes(profile, starts, sizes)
+    variance = np.maximum(squares - mean**2, 0)
     independent = np.maximum(1.0, sizes * SPACING / CORRELATION)
     noise = np.sqrt(variance.sum(axis=2) / independent[:, None] + MIN_NOISE**2)
     offset, weight = _peaks(np.linalg.norm(mean, axis=2), noise, places[HALF_STEPS:-HALF_STEPS], reach)
@@ -191,6 +191,25 @@ def _measured(
     weight *= np.where(creases.is_concave[own], CONCAVE_WEIGHT, 1.0)
     kept = (sizes >= MIN_SAMPLES) & (weight > 0)
     return Offsets(own[kept], centre[kept], px_per_move[kept], offset[kept], weight[kept])
+
+
+@njit(cache=True, nogil=True)
+def _slopes(profile, starts, sizes):
+    """Mean and mean square (s, q, 3) float64 of the derivatives of the profiles (p, q + 2 * HALF_STEPS, 3) by segment."""
+    width = profile.shape[1] - 2 * HALF_STEPS
+    mean, squares = np.zeros((len(starts), width, 3)), np.zeros((len(starts), width, 3))
+    for s in range(len(starts)):
+        for k in range(starts[s], starts[s] + sizes[s]):
+            for j in range(width):
+                for c in range(3):
+                    slope = np.float64(profile[k, j + 2 * HALF_STEPS, c] - profile[k, j, c])
+                    mean[s, j, c] += slope
+                    squares[s, j, c] += slope * slope
+        for j in range(width):
+            for c in range(3):
+                mean[s, j, c] /= sizes[s]
+                squares[s, j, c] /= sizes[s]
+    return mean, squares
 
 
 def _peaks(contrast: np.ndarray, noise: np.ndarray, places: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
