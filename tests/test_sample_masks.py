@@ -88,9 +88,8 @@ def test_a_mask_has_the_samples_that_the_photo_shows(blur: float, reduction: int
             grid = layout.face_grid[f]
             ramp = layout.ramp[:, layout.grid_start[grid] : layout.grid_start[grid + 1]].astype(float)
             a, b = layout.inset[f] + (1 - 3 * layout.inset[f]) * ramp
-            (x, y), depth = (lambda uv, depth: (uv.T, depth))(
-                *camera.project(np.stack([a, b, 1 - a - b], 1) @ vertices[faces[f]])
-            )
+            uv, depth = camera.project(np.stack([a, b, 1 - a - b], 1) @ vertices[faces[f]])
+            x, y = uv.T
             inside = (np.minimum(x, y) >= 1 + blur) & (x <= 638 - blur) & (y <= 478 - blur)
             row, column = (np.where(inside, (at + 0.5) / reduction, 0).astype(int) for at in (y, x))
             nearer = 1 - HIDDEN_DEPTH * reduction / depths.focal_length

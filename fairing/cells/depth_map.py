@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from numba import njit
 
-from fairing.camera import Camera
+from fairing.camera import Camera, resizing
 from fairing.geometry.rasterize import rasterize
 
 # Depth jumps are measured in pixels' worth of depth (depth / focal length). A crease between faces seen at the smallest
@@ -67,8 +67,7 @@ def depth_map(
 @lru_cache(maxsize=4096)
 def _reduced(camera: Camera, reduction: int) -> Camera:
     """The camera of a photo at 1 / `reduction` of its resolution."""
-    shift = (1 / reduction - 1) / 2
-    coarser = np.array([[1 / reduction, 0, shift], [0, 1 / reduction, shift], [0, 0, 1]])
+    coarser = resizing((reduction, reduction), (1, 1))
     return Camera(coarser @ camera.image_from_world, -(-camera.width // reduction), -(-camera.height // reduction))
 
 

@@ -128,8 +128,8 @@ class Visitor:
         page = self.page.evaluate(
             "() => [window.keysReceived.slice(-10), document.activeElement?.outerHTML.slice(0, 200), document.body.innerText]"
         )
-        controller = self.app.controller
-        report = controller.save_report(Path(tempfile.mkdtemp()) / "report.json").read_text()
+        with tempfile.TemporaryDirectory() as folder:
+            report = self.app.controller.save_report(Path(folder) / "report.json").read_text()
         return f"keys received: {page[0]}\nfocus: {page[1]}\npage: {page[2]}\n{report}"
 
     def sees_vertices(self, vertices: np.ndarray) -> None:
