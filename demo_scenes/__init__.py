@@ -35,11 +35,13 @@ class Demo:
         name: what the user types.
         description: one line.
         seed: of a member of the family `building:SEED`; None for the other scenes.
+        finds_points: whether sparse points are found in its photos, as for a capture without points.
     """
 
     name: str
     description: str
     seed: int | None = None
+    finds_points: bool = False
 
     def build(self, *args: Any, **scene_options: Any) -> "Scene":
         """Build the scene from a `Photography` and a progress callback; further keywords are the scene's own."""
@@ -58,6 +60,7 @@ DEMOS: dict[str, Demo] = {
         Demo(
             "facade",
             "a stepped facade with gable, porch and apse, all vertices off their corners; 22 photos",
+            finds_points=True,
         ),
         Demo("archway", "archways and balcony edges, the mesh spanned between noisy points; 10 photos"),
         Demo("dome", "a curved surface under dense mosaic, radially disturbed; 16 photos"),
@@ -87,7 +90,7 @@ def find_demo(name: str) -> Demo:
             raise InputError(
                 f"demo {name}: expected an integer as the seed, such as {_FAMILY}7, found {seed or 'none'}"
             )
-        return Demo(f"{_FAMILY}{int(seed)}", BUILDING.description, int(seed))
+        return Demo(f"{_FAMILY}{int(seed)}", BUILDING.description, int(seed), finds_points=True)
     raise InputError(f"demo {name}: expected one of {DEMO_NAMES}")
 
 

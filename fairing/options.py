@@ -157,10 +157,10 @@ class ScheduleOptions:
     first_level: Literal["auto", "first"] = "auto"
     """Where the run begins. auto: skip levels whose blur exceeds 1/12 of the median height of the faces' footprints. first: at the
     first level."""
-    search: tuple[float, ...] = (0.0, 0.0, 1.0, 0.75, 0.6, 0.5, 0.9)
-    """Radius of the local search before Gauss-Newton, by level, in units of `start_error`. 0: no search. On a level with a common
-    point spread (`cells.point_spread`) only vertices above the median loss are searched; those above twice the median are then
-    restarted together from the first level with a search."""
+    search: tuple[float, ...] = (0.0, 0.0, 1.0, 0.0, 0.6, 0.0, 0.0)
+    """Radius of the local search before Gauss-Newton, by level, in units of `start_error`. 0: no search. In a run with a search, a
+    level with a common point spread (`cells.point_spread`) begins with a restart: vertices above twice the median loss are
+    optimized again together, from the first level with a search."""
     start_error: float = -1.0
     """Distance of the start's vertices from their true positions, photo px. Negative: estimated by trial searches. 0: no search."""
     search_gain: float = 0.05

@@ -24,6 +24,7 @@ import numpy as np
 import tyro
 from skimage import data as photographs
 
+from app.files.scene_source import SceneSource
 from demo_scenes import DEMOS, load_demo
 from fairing.check.memory import memory_needed
 from fairing.experiments.noise import noisy_views
@@ -313,7 +314,7 @@ def _in_own_process(work: Callable[..., Table], *arguments: object) -> Table:
 
 
 def _whole_run(name: str, options: FairingOptions) -> Table:
-    scene = load_demo(name)
+    scene = SceneSource.typed(name, None, points="automatic").load()
     began = time.perf_counter()
     session = Session(scene, options)
     session.run()

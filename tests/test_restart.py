@@ -8,7 +8,7 @@ import pytest
 import fairing.run.sweep
 from fairing.options import FairingOptions
 from fairing.run.fusion import fused
-from fairing.run.phases import RESTARTS, GaussNewton, Restart, schedule_of
+from fairing.run.phases import GaussNewton, LocalSearch, Restart, schedule_of
 from fairing.run.restart import restart
 from fairing.run.session import Session
 from fairing.run.sweep import SweepState
@@ -33,8 +33,8 @@ def sharp_session(**changes) -> Session:
     return Session(rough_scene(), searching(10.0, **SHARP_AT_LAST, **changes))
 
 
-def searching_sweep(session: Session, vertices: np.ndarray) -> SweepState:
-    """The sweep of the last level's search if it began with the vertices at given positions (n, 3)."""
+def restarting_sweep(session: Session, vertices: np.ndarray) -> SweepState:
+    """The first sweep of the last level, its restart, if it began with the vertices at given positions (n, 3)."""
     session.trace.append(
         replace(
             session.trace.steps[0],
@@ -54,12 +54,9 @@ def begun() -> Session:
 
 
 def restarted(session: Session, vertices: np.ndarray) -> StepRecord:
-    """The restart of all vertices from level 0, within the last level's search."""
-    sweep = searching_sweep(session, vertices)
-    schedule, block = (
-        schedule_of(session.options, session.make_plan()),
-        restart_block(session.scene.mesh, np.arange(7), 0),
-    )
+    """The restart of all vertices from level 0, at the beginning of the last level."""
+    sweep = restarting_sweep(session, vertices)
+    schedule, block = schedule_of(session.options, session.make_plan()), restart_block(session.scene.mesh, np.arange(7))
     return restart(session._problem, schedule, sweep, block, SchedulePosition(LEVEL, 0, 0, 0), vertices)
 
 
@@ -96,26 +93,20 @@ def test_fusion_takes_each_vertex_from_the_result_where_it_is_right(begun):
     first, second = VERTICES.copy(), VERTICES.copy()
     first[1] += (0.1, 0.0, 0.1)
     second[4] += (0.1, 0.1, 0.0)
-    sweep = searching_sweep(begun, first)
+    sweep = restarting_sweep(begun, first)
     assert np.array_equal(fused(begun._problem, sweep, first, second), VERTICES)
     assert np.array_equal(fused(begun._problem, sweep, second, first), VERTICES)
 
 
-def test_a_run_restarts_after_its_last_search_and_after_gauss_newton():
+def test_a_searched_run_restarts_once_at_the_beginning_of_its_last_level():
     session = sharp_session(schedule={"max_sweeps": [1], "max_iterations": [1]})
     session.run()
     level = schedule_of(session.options, session.make_plan()).levels[LEVEL]
+    assert [type(phase) for phase in level.phases] == [Restart, LocalSearch, GaussNewton]
     found = [record for record in session.trace.steps if (record.reasons == StepReason.FOUND_TOGETHER).any()]
-    assert found
-    for record in found:
-        assert record.position.level == LEVEL
-        assert not isinstance(level.phase_at(record.position.sweep), GaussNewton)
-        assert record.objective_after < record.objective_before
-    begun = {record.position.sweep: record for record in session.trace.steps if record.position.level == LEVEL}
-    restarts = [sweep for sweep in range(level.n_sweeps) if isinstance(level.phase_at(sweep), Restart)]
-    assert len(restarts) == RESTARTS
-    for sweep in restarts:
-        assert np.isin(begun[sweep].reasons, (StepReason.FOUND_TOGETHER, StepReason.NO_BETTER_PLACE)).all()
+    assert [record.position for record in found] == [(LEVEL, 0, 0, 0)]
+    assert found[0].objective_after < found[0].objective_before
+    assert np.isin(found[0].reasons, (StepReason.FOUND_TOGETHER, StepReason.NO_BETTER_PLACE)).all()
     assert errors(session.vertices)[0] < 0.02
 
 
@@ -148,9 +139,7 @@ def test_the_default_restarts_at_its_first_searching_level():
     session = Session(corner_scene(), options)
     plan = session.make_plan()
     levels = schedule_of(options, plan).levels
-    assert levels[6].search.restart_level == max(2, plan.first_level)
-    assert levels[5].search.restart_level is None
-    assert Restart(max(2, plan.first_level)) in levels[6].phases
+    assert levels[6].phases[0] == Restart(max(2, plan.first_level))
     assert not any(isinstance(phase, Restart) for level in levels[:6] for phase in level.phases)
 
 

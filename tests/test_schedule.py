@@ -2,7 +2,7 @@
 
 import pytest
 
-from fairing.run.phases import RESTARTS, GaussNewton, Level, LocalSearch, Restart, Schedule, schedule_of
+from fairing.run.phases import SWEEPS_AFTER_SEARCH, GaussNewton, Level, LocalSearch, Restart, Schedule, schedule_of
 from fairing.run.schedule import fraction_done, most_blocks, next_position
 from fairing.run_plan import RunPlan
 from fairing.trace import SchedulePosition
@@ -35,7 +35,7 @@ def walk(level: Level, longest_move: float) -> tuple[str, SchedulePosition]:
     [
         (level_of(gauss_newton(3)), "GGG", "G"),
         (level_of(SEARCH, gauss_newton(3)), "SGGG", "SG"),
-        (level_of(SEARCH, gauss_newton(4), *2 * (Restart(0), gauss_newton(2))), "SGGGGRGGRGG", "SGRGRG"),
+        (level_of(Restart(0), SEARCH, gauss_newton(4)), "RSGGGG", "RSG"),
     ],
 )
 def test_sweeps_continue_while_vertices_move_and_no_phase_is_skipped(level: Level, moving: str, resting: str):
@@ -83,7 +83,7 @@ def test_phases_follow_from_options_and_plan():
         return ["".join(LETTERS[type(phase)] for phase in level.phases) for level in levels]
 
     assert letters(plan()) == ["G", "G", "G"]
-    assert letters(plan(start_error=9.0)) == ["G", "SG", "SG" + RESTARTS * "RG"]
+    assert letters(plan(start_error=9.0)) == ["G", "SG", "RSG"]
     assert [level.gauss_newton.max_sweeps for level in schedule_of(options, plan(is_near_truth=True)).levels] == [
         1,
         1,
@@ -91,7 +91,7 @@ def test_phases_follow_from_options_and_plan():
     ]
     searched = schedule_of(options, plan(start_error=9.0)).levels
     assert [level.search.radius for level in searched[1:]] == [0.8 * 9.0, 0.5 * 9.0]
-    assert [level.search.is_sharp for level in searched[1:]] == [False, True]
+    assert [level.gauss_newton.max_sweeps for level in searched] == [5, 5, 5 * SWEEPS_AFTER_SEARCH]
     assert searched[2].prior < searched[1].prior == options.step.prior
 
 

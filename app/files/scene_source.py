@@ -33,7 +33,7 @@ class SceneSource:
         scene: name of a demo, else an absolute path.
         mesh: absolute path of a mesh file, or None for the scene's own.
         choice: photos left out, masks (an absolute path), weights, scale and format.
-        points: sparse points. "automatic" is "given" for a demo, except for `building:SEED`.
+        points: sparse points. "automatic" is "given" for a demo that finds none in its photos.
         points_file: file of a run with the points it was recorded with; where it exists they are not found again.
     """
 
@@ -58,7 +58,7 @@ class SceneSource:
                     f"the demo {scene} takes all its photos; leave --leave-out, --masks, --photo-weights, "
                     "--photo-scale and --format out"
                 )
-            return cls(name, points="given" if points == "automatic" and demo.seed is None else points)
+            return cls(name, points="given" if points == "automatic" and not demo.finds_points else points)
         if not Path(scene).exists():
             raise InputError(f"{scene}: expected a demo ({DEMO_NAMES}) or a path, found no such file or folder")
         if choice.masks is not None:

@@ -4,8 +4,7 @@ Gauss-Newton finds the nearest minimum. Small faces with distant vertices lie ou
 photos that see such a face at its wrong position differ from those that see it at the true one. So every position tried
 is evaluated by the photos that would see the faces there, as a loss per photo pixel. (ledger: local search)
 
-Blurred cells confuse positions that sharp cells discriminate, so at the sharp level positions are refined on blurred cells
-and evaluated on sharp ones (ledger: sharp search). A group of vertices that are wrong together is not escaped by moving one
+A group of vertices that are wrong together is not escaped by moving one
 vertex at a time: see `fairing.run.restart`.
 """
 
@@ -29,18 +28,6 @@ REFINEMENT_DAMPING = 1e-3
 
 ContextAt = Callable[[np.ndarray, np.ndarray], CellContext]
 """Cells and visibility with the vertices at given positions (n, 3), of the faces of a mask (m,)."""
-
-
-class Stage(NamedTuple):
-    """Gauss-Newton steps that refine a position before it is evaluated.
-
-    Attributes:
-        context_at: the cells of these steps.
-        steps: their number.
-    """
-
-    context_at: ContextAt
-    steps: int
 
 
 class SearchRegion(NamedTuple):
@@ -93,7 +80,8 @@ def search_block(
     block: Block,
     vertices: np.ndarray,
     region: SearchRegion,
-    stages: list[Stage],
+    context_at: ContextAt,
+    steps: int,
     scale: np.ndarray,
     unseen_loss: float,
 ) -> SearchResult:
@@ -102,7 +90,8 @@ def search_block(
     Args:
         vertices: (n, 3) float: positions now, world units.
         region: where to search.
-        stages: refinement of each position tried; it is evaluated on the cells of the last stage.
+        context_at: the cells that each position is refined and evaluated on.
+        steps: Gauss-Newton steps that refine a position before it is evaluated.
         scale: (m,) float: of the robust loss, by face.
         unseen_loss: loss per photo pixel of a face that fewer than three photos see.
 
@@ -117,7 +106,7 @@ def search_block(
     def score(context: CellContext, energy: np.ndarray, places: np.ndarray) -> np.ndarray:
         return mean_loss(context, energy, block, places, mesh, unseen_loss)
 
-    def refine(context: CellContext, places: np.ndarray, steps: int) -> np.ndarray:
+    def refine(context: CellContext, places: np.ndarray) -> np.ndarray:
         """Move the vertices of the block in `places`; returns the energies (F,) of its faces there."""
         solver = options.step.solver
         system = evaluator.linearise(context, places, block.faces, block.corners, scale, solver)
@@ -143,8 +132,7 @@ def search_block(
             energy = np.where(improving[block.owner], trial, energy)
         return energy
 
-    last_stage = stages[-1]
-    before = last_stage.context_at(vertices, around)
+    before = context_at(vertices, around)
     system_before = evaluator.energies(before, vertices, block.faces, scale)
     score_before = score(before, system_before.energy, vertices)
 
@@ -155,11 +143,8 @@ def search_block(
         length = np.linalg.norm(offset, axis=1)
         places[ids] = origin[ids] + offset * np.minimum(1, region.bound / np.maximum(length, 1e-300))[:, None]
         _undo_folds(problem, vertices, places, origin, ids)
-        context, face_energy = before, system_before.energy
-        for stage in stages:
-            stays = stage is last_stage and len(stages) == 1 and not direction.any()
-            context = before if stays else stage.context_at(places, around)
-            face_energy = refine(context, places, stage.steps)
+        context = context_at(places, around) if direction.any() else before
+        face_energy = refine(context, places)
         return places[ids], score(context, face_energy, places)
 
     threshold = score_before * (1 - options.schedule.search_gain)
@@ -177,7 +162,7 @@ def search_block(
     places[ids] = best
     folds = _undo_folds(problem, vertices, places, origin, ids)
     # The refined position is evaluated once more by the photos that see it there.
-    after_context = last_stage.context_at(places, around)
+    after_context = context_at(places, around)
     system_after = evaluator.energies(after_context, places, block.faces, scale)
     score_after = score(after_context, system_after.energy, places)
     worse = ~(score_after < threshold)

@@ -10,9 +10,8 @@ from fairing.run_plan import RunPlan
 
 MAX_DISPLACEMENT = 1.5  # in units of the widest search radius of the run
 PRIOR_AFTER_SEARCH = 0.01  # factor of `StepOptions.prior` at the sharp level (ledger: prior after search)
+SWEEPS_AFTER_SEARCH = 2  # factor of the sweeps of the sharp level: no prior to the start holds vertices there
 SIGMA_WITH_EDGES = 1.8  # factor of the standard deviation of the start where image edges hold its creases
-RESTARTS = 2  # after the Gauss-Newton sweeps of a level (ledger: restarts)
-SWEEPS_AFTER_RESTART = 2
 
 
 @dataclass(frozen=True)
@@ -22,15 +21,10 @@ class LocalSearch:
     Attributes:
         radius: distance of these positions, px.
         max_displacement: largest distance of a vertex from its origin afterwards, px.
-        is_sharp: whether the level's photos are equally sharp on a face. Only vertices above the median loss are then
-            searched, and positions are refined on blurred cells before they are refined on sharp ones.
-        restart_level: first level of the restart of poorly fitting vertices that ends the sweep; None: no restart.
     """
 
     radius: float
     max_displacement: float
-    is_sharp: bool = False
-    restart_level: int | None = None
     max_sweeps: int = 1
     max_iterations: int = 1
 
@@ -166,8 +160,11 @@ def _level(options: FairingOptions, plan: RunPlan, number: int, begin: int) -> L
     max_displacement = MAX_DISPLACEMENT * max(schedule.search) * plan.start_error or np.inf
     radius = max(by_level(schedule.search, number), 0.0) * plan.start_error
     sweeps, creases = by_level(schedule.max_sweeps, number), by_level(step.creases, number)
+    is_after_search = sharp and plan.start_error > 0
     if plan.is_near_truth:
         sweeps = min(sweeps, by_level(schedule.sweeps_near_truth, number))
+    elif is_after_search:
+        sweeps *= SWEEPS_AFTER_SEARCH
     gauss_newton = GaussNewton(
         sweeps,
         by_level(schedule.max_iterations, number),
@@ -176,17 +173,14 @@ def _level(options: FairingOptions, plan: RunPlan, number: int, begin: int) -> L
     )
     phases: tuple[Phase, ...] = (gauss_newton,)
     if radius > 0:
-        restart_level = _restart_level(options, number, begin) if sharp else None
-        phases = (LocalSearch(radius, max_displacement, sharp, restart_level), gauss_newton)
-        if restart_level is not None:
-            after = GaussNewton(
-                SWEEPS_AFTER_RESTART, gauss_newton.max_iterations, gauss_newton.tolerance, max_displacement
-            )
-            phases += RESTARTS * (Restart(restart_level), after)
+        phases = (LocalSearch(radius, max_displacement), *phases)
+    restart_level = _restart_level(options, number, begin) if is_after_search else None
+    if restart_level is not None:  # one, and first (ledger: restarts)
+        phases = (Restart(restart_level), *phases)
     return Level(
         number,
         # The tangential positions of a start that had to be searched for are not reliable.
-        prior=step.prior * (PRIOR_AFTER_SEARCH if sharp and plan.start_error > 0 else 1.0),
+        prior=step.prior * (PRIOR_AFTER_SEARCH if is_after_search else 1.0),
         smoothing=by_level(step.smoothing, number) if plan.is_smoothed else 0.0,
         attraction=by_level(step.points, number) if plan.is_fitted_to_points else 0.0,
         takes_all_points=plan.takes_all_points,

@@ -4,13 +4,12 @@ from fairing.cells.level_choice import first_level, level_for_error
 from fairing.creases.alignment import STAGES
 from fairing.run.phases import first_searching_level
 from fairing.run.preparation import Preparations, points_can_judge
-from fairing.run.start_error import estimate_start_error, measured_start_error
+from fairing.run.start_error import SEARCHED_ERROR, estimate_start_error, measured_start_error
 from fairing.run_plan import RunPlan
 from fairing.solve.problem import Problem
 from fairing.trace import StepReason
 
 LEAST_ERROR = 1.0  # px: Gauss-Newton reaches that far at every level
-SEARCHED_ERROR = 3.0  # px: it reaches that far at the first levels (ledger: search after a fit)
 MOST_LOSS = 0.03  # per photo px after a fit: above it a search gains little (ledger: search after a fit)
 
 

@@ -8,6 +8,7 @@ from fairing.cells.level_choice import first_fine_level
 from fairing.features.robust_fit import held_back_loss, robust_fit
 from fairing.geometry.normal_filter import smoothed
 from fairing.run.records import Evaluation, moved_record
+from fairing.run.start_error import SEARCHED_ERROR, measured_start_error
 from fairing.run_plan import RunPlan
 from fairing.solve.energy import fixed_sigma, robust_scale, robust_sigma
 from fairing.solve.face_loss import loss_of_faces
@@ -58,6 +59,9 @@ class Preparations:
     def find(self) -> list[Preparation]:
         """The preparations, in their order, that are enabled and lower the mean loss of the photos by `GAIN`.
 
+        A fit that the points call for need only lower it at all: coarse photos of a start several pixels off discriminate
+        little (ledger: fit that the points call for).
+
         Smoothing does so where the vertices are noisy. Such a run also uses the smoothness prior at its levels, which
         determines the vertices no photo sees. Where points were found in the photos, they must accept the smoothing as well:
         a start whose corners are displaced can look noisy to blurred photos (ledger: smoothing judged by points). The fit
@@ -75,10 +79,21 @@ class Preparations:
             if not is_enabled:
                 continue
             before, preparation = self._compared(reason, vertices, _TRIED[reason])
-            if preparation.loss < (1 - GAIN) * _mean_loss(before):
+            gain = 1 - preparation.loss / max(_mean_loss(before), 1e-300)
+            if gain > GAIN or (
+                gain > 0 and reason is StepReason.FITTED_TO_POINTS and self._is_measured_off(preparation, vertices)
+            ):
                 done.append(preparation)
                 vertices = preparation.after
         return done
+
+    def _is_measured_off(self, fit: Preparation, vertices: np.ndarray) -> bool:
+        """Whether the points measure vertices (n, 3) to be off by `SEARCHED_ERROR`, and a fit to them by at most half of it."""
+        problem = self._problem
+        if not points_can_judge(problem):
+            return False
+        error = measured_start_error(problem, vertices)
+        return error >= SEARCHED_ERROR and measured_start_error(problem, fit.after) <= error / 2
 
     def step(self, reason: StepReason, position: SchedulePosition, vertices: np.ndarray) -> StepRecord:
         """The step of one preparation; its objective is the mean loss per photo px.

@@ -13,9 +13,9 @@ from fairing.geometry.normals import folded_faces
 from fairing.options import FairingOptions
 from fairing.run.fusion import evaluate_faces, fused, group_losses
 from fairing.run.gauss_newton_step import gauss_newton_step
-from fairing.run.phases import GaussNewton, Level, Schedule
+from fairing.run.phases import GaussNewton, Level, Restart, Schedule
 from fairing.run.records import empty_record, moved_record
-from fairing.run.search_step import search_around, sharp_options
+from fairing.run.search_step import coarser_cells, search_around
 from fairing.run.sweep import SweepState, begin_sweep, fits_poorly
 from fairing.solve.blocks import Block, group_block
 from fairing.solve.problem import Problem
@@ -23,6 +23,10 @@ from fairing.trace import SchedulePosition, StepReason, StepRecord
 from fairing.work import number_of
 
 SHARP_SWEEPS = 2  # of Gauss-Newton on sharp cells, at the end of the second optimization
+SHARP_SPACING = (
+    1.4  # factor of the spacing of cell samples: half of them discriminate positions that blurred cells confuse
+)
+SHARP_CELL = 64  # samples along an edge, at most
 
 
 def restart(
@@ -38,14 +42,14 @@ def restart(
     Args:
         schedule: the levels of the run.
         sweep: the sweep of the step.
-        block: has a `restart_level`.
+        block: the candidates.
         position: of the step; the record's next position is the same.
         vertices: (n, 3) float: positions before it, world units.
 
     Raises:
         Cancelled: cancellation was requested.
     """
-    assert block.restart_level is not None
+    assert isinstance(sweep.phase, Restart)
     mesh, number = problem.scene.mesh, position.level
     sharp = problem.under(_sharp_with_fixed_sigma(problem.options))
     context = sharp.context(number, vertices)
@@ -56,7 +60,7 @@ def restart(
     among = np.isin(np.arange(len(vertices)), ids)
     second = vertices.copy()
     second[ids] = sweep.origin[ids]
-    levels = schedule.levels[block.restart_level : number]
+    levels = schedule.levels[sweep.phase.from_level : number]
     with problem.work.doing(f"restarting {number_of(len(ids), 'vertex', 'vertices')}", len(levels) + 2) as work:
         for level in work.each(levels):
             second = _searched(problem, level, second, sweep, among)
@@ -72,7 +76,8 @@ def restart(
 
 def _sharp_with_fixed_sigma(options: FairingOptions) -> FairingOptions:
     """Sharp cells and one sigma: positions are refined on what they are compared by."""
-    return replace(sharp_options(options), robust=replace(options.robust, sigma_rule=("fixed",)))
+    cells = coarser_cells(options.cells, SHARP_SPACING, SHARP_CELL)
+    return replace(options, cells=cells, robust=replace(options.robust, sigma_rule=("fixed",)))
 
 
 def _searched(
@@ -82,7 +87,7 @@ def _searched(
     places = vertices.copy()
     if level.search is None:
         return places
-    level, search = replace(level, smoothing=0.0, attraction=0.0), replace(level.search, restart_level=None)
+    level, search = replace(level, smoothing=0.0, attraction=0.0), level.search
     sweep = begin_sweep(problem, level, search, 0, vertices, parent.origin, among)
     for block in sweep.blocks:
         places[block.vertices] = search_around(problem, sweep, block, places, search).after

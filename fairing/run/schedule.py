@@ -62,7 +62,7 @@ def most_blocks(phase: Phase, order: str, n_free: int, max_degree: int) -> int:
     """
     independent = min(n_free, max_degree + 1)
     if isinstance(phase, LocalSearch):
-        return independent + (phase.restart_level is not None)
+        return independent
     if not isinstance(phase, GaussNewton) or order == "joint":
         return 1
     return independent if order == "independent" else n_free

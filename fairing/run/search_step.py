@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from fairing.cells.level_choice import last_fine_level
+from fairing.cells.context import CellContext
 from fairing.options import CellOptions, FairingOptions
-from fairing.run.local_search import ContextAt, SearchRegion, SearchResult, Stage, search_block
+from fairing.run.local_search import SearchRegion, SearchResult, search_block
 from fairing.run.phases import LocalSearch
 from fairing.run.records import Energies, build_record
 from fairing.run.sweep import SweepState
@@ -17,9 +17,6 @@ from fairing.trace import SchedulePosition, StepReason, StepRecord
 ROUGH_SPACING = 1.5  # factor of the spacing of cell samples
 ROUGH_CELL = 48  # samples along an edge, at most
 ROUGH_STEPS = 2
-SHARP_SPACING = 1.4
-SHARP_CELL = 64
-SHARP_STEPS = 1
 
 
 def search_step(
@@ -76,25 +73,18 @@ def search_around(
     Raises:
         Cancelled: cancellation was requested.
     """
-    pixels, level, options = sweep.pixels_per_unit[block.vertices], sweep.context.level, problem.options
-    rough = rough_options(options)
+    pixels, level, rough = sweep.pixels_per_unit[block.vertices], sweep.context.level, rough_options(problem.options)
 
-    def context_at(level: int, options: FairingOptions) -> ContextAt:
-        return lambda places, faces: problem.context_of(faces, level, places, options)
+    def context_at(places: np.ndarray, faces: np.ndarray) -> CellContext:
+        return problem.context_of(faces, level, places, rough)
 
-    stages = [Stage(context_at(level, rough), ROUGH_STEPS)]
-    if search.is_sharp:  # sharp cells have a basin of attraction below a pixel, so blurred ones come first
-        stages = [
-            Stage(context_at(last_fine_level(options), rough), ROUGH_STEPS),
-            Stage(context_at(level, sharp_options(options)), SHARP_STEPS),
-        ]
     region = SearchRegion(sweep.origin, search.radius / pixels, search.max_displacement / pixels)
-    return search_block(problem, block, vertices, region, stages, sweep.scale, sweep.mean_loss)
+    return search_block(problem, block, vertices, region, context_at, ROUGH_STEPS, sweep.scale, sweep.mean_loss)
 
 
 def rough_options(options: FairingOptions) -> FairingOptions:
     """Options of coarser cells and depth maps, which suffice to compare positions some pixels apart."""
-    cells = _coarser(options.cells, ROUGH_SPACING, ROUGH_CELL)
+    cells = coarser_cells(options.cells, ROUGH_SPACING, ROUGH_CELL)
     return replace(
         options,
         cells=replace(cells, interpolation=("bilinear",), point_spread=("as_seen",)),
@@ -102,11 +92,7 @@ def rough_options(options: FairingOptions) -> FairingOptions:
     )
 
 
-def sharp_options(options: FairingOptions) -> FairingOptions:
-    """Options of sharp cells with half of the samples, which discriminate positions that rough cells confuse."""
-    return replace(options, cells=_coarser(options.cells, SHARP_SPACING, SHARP_CELL))
-
-
-def _coarser(cells: CellOptions, factor: float, largest: int) -> CellOptions:
+def coarser_cells(cells: CellOptions, factor: float, largest: int) -> CellOptions:
+    """Cells whose samples lie farther apart by a factor, with at most `largest` of them along an edge."""
     spacing = tuple(x * factor for x in cells.spacing)
     return replace(cells, spacing=spacing, size=tuple(min(size, largest) for size in cells.size))

@@ -3,12 +3,13 @@
 import numpy as np
 
 from fairing.features.robust_fit import displacement, distances_px
-from fairing.run.phases import GaussNewton, Level, LocalSearch, is_sharp
+from fairing.run.phases import GaussNewton, Level, LocalSearch
 from fairing.run.search_step import search_around
 from fairing.run.sweep import begin_sweep
 from fairing.solve.blocks import independent_block, independent_sets
 from fairing.solve.problem import Problem
 
+SEARCHED_ERROR = 3.0  # px: Gauss-Newton reaches that far at the first levels (ledger: search after a fit)
 PROBES = 48  # vertices
 PROBE_RADII = (3.0, 6.0, 12.0)  # px
 PROBE_GAIN = 0.1  # smallest relative decrease of the loss
@@ -46,8 +47,7 @@ def estimate_start_error(problem: Problem, level: int, start: np.ndarray) -> flo
     distance, best = np.zeros(len(block.vertices)), np.full(len(block.vertices), 1 - PROBE_GAIN)
     with problem.work.doing("estimating the start error", len(PROBE_RADII)) as work:
         for radius in work.each(PROBE_RADII):
-            search = LocalSearch(radius, 2 * radius, is_sharp(options, level))
-            found = search_around(problem, sweep, block, start, search)
+            found = search_around(problem, sweep, block, start, LocalSearch(radius, 2 * radius))
             gain = found.score_after / np.maximum(found.score_before, 1e-300)
             moved = np.linalg.norm(found.after - start[block.vertices], axis=1)
             improved = gain < best

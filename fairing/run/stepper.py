@@ -7,7 +7,7 @@ import numpy as np
 
 from fairing.errors import InputError
 from fairing.run.gauss_newton_step import gauss_newton_step
-from fairing.run.phases import GaussNewton
+from fairing.run.phases import GaussNewton, Restart
 from fairing.run.preparation import Preparations, preparation_reasons
 from fairing.run.records import empty_record, returned_if_worse
 from fairing.run.restart import restart
@@ -77,7 +77,7 @@ class Stepper:
             self._carried = _CarriedSystem(moment + 1, block, iteration.system)
             record = self._continued(iteration.record, sweep, vertices, iteration.is_done)
             return self._returned_if_worse(record, sweep, moment)
-        if block.restart_level is not None:
+        if isinstance(sweep.phase, Restart):
             record = restart(problem, schedule, sweep, block, position, vertices)
         else:
             record = search_step(problem, sweep, block, position, vertices)

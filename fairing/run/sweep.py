@@ -134,9 +134,9 @@ def begin_sweep(
         case GaussNewton():
             blocks = plan_blocks(mesh, movable, options.schedule.order, system.energy)
         case LocalSearch():
-            blocks = _search_blocks(mesh, phase, context, system, movable)
-        case Restart(level_number):
-            blocks = [restart_block(mesh, np.flatnonzero(free), level_number)] if free.any() else []
+            blocks = plan_blocks(mesh, movable & _well_seen(mesh, context.takes_part), "independent", system.energy)
+        case Restart():
+            blocks = [restart_block(mesh, np.flatnonzero(free))] if free.any() else []
     return SweepState(
         moment,
         phase,
@@ -185,16 +185,8 @@ def _to_image_edges(
 
 def fits_poorly(mesh: Mesh, context: CellContext, system: FaceSystem, among: np.ndarray) -> np.ndarray:
     """(n,) bool: vertices whose faces have a mean loss above `POOR_FIT` times the median over a mask (n,) bool."""
-    return _above_median(mesh, context, system, among, POOR_FIT)
-
-
-def _above_median(mesh: Mesh, context: CellContext, system: FaceSystem, among: np.ndarray, factor: float) -> np.ndarray:
-    """(n,) bool: vertices whose faces have a mean loss above a factor times the median over a mask (n,) bool.
-
-    (ledger: searched vertices)
-    """
     mean = _vertex_losses(mesh, context, system)
-    return mean > factor * np.median(mean[among]) if among.any() else among
+    return mean > POOR_FIT * np.median(mean[among]) if among.any() else among
 
 
 def _vertex_losses(mesh: Mesh, context: CellContext, system: FaceSystem, unit: np.ndarray | None = None) -> np.ndarray:
@@ -234,21 +226,6 @@ def _context_and_sigma(
         again = problem.evaluator.measure(shorter, vertices, changed, unscaled)
         sigma[changed] = robust_sigma(robust, level, again)
     return shorter, sigma
-
-
-def _search_blocks(
-    mesh: Mesh, phase: LocalSearch, context: CellContext, system: FaceSystem, movable: np.ndarray
-) -> list[Block]:
-    """Independent blocks of the vertices to be searched; at the end the block to be restarted, if the phase has one."""
-    movable = movable & _well_seen(mesh, context.takes_part)
-    poor = np.zeros(len(movable), dtype=bool)
-    if phase.is_sharp:
-        poor = movable & fits_poorly(mesh, context, system, movable)
-        movable = movable & _above_median(mesh, context, system, movable, 1.0)
-    blocks = plan_blocks(mesh, movable, "independent", system.energy)
-    if phase.restart_level is not None and poor.any():
-        blocks.append(restart_block(mesh, np.flatnonzero(poor), phase.restart_level))
-    return blocks
 
 
 def _well_seen(mesh: Mesh, takes_part: np.ndarray) -> np.ndarray:

@@ -19,7 +19,6 @@ class Block:
         corners: (F,) int: the corner of each face that moves, -1 where several may.
         owner: (F,) int: for each face the position in `vertices` of the vertex it counts for.
         coupled: whether the vertices share faces and are solved by one system.
-        restart_level: the level at which a restart of the vertices begins; None: an ordinary block.
     """
 
     vertices: np.ndarray
@@ -27,7 +26,6 @@ class Block:
     corners: np.ndarray
     owner: np.ndarray
     coupled: bool
-    restart_level: int | None = None
 
 
 def plan_blocks(mesh: Mesh, free: np.ndarray, order: str, face_energy: np.ndarray) -> list[Block]:
@@ -95,12 +93,10 @@ def group_block(mesh: Mesh, groups: list[np.ndarray]) -> Block:
     return Block(first, faces, np.full(len(faces), -1), owner[faces], coupled=True)
 
 
-def restart_block(mesh: Mesh, ids: np.ndarray, level: int) -> Block:
-    """A block of vertices `ids` (u,) int that are restarted from a level on."""
+def restart_block(mesh: Mesh, ids: np.ndarray) -> Block:
+    """A block of vertices `ids` (u,) int that are restarted together."""
     faces = np.flatnonzero(np.isin(mesh.faces, ids).any(axis=1))
-    return Block(
-        ids, faces, np.full(len(faces), -1), np.zeros(len(faces), dtype=int), coupled=True, restart_level=level
-    )
+    return Block(ids, faces, np.full(len(faces), -1), np.zeros(len(faces), dtype=int), coupled=True)
 
 
 def connected_groups(mesh: Mesh, mask: np.ndarray) -> list[np.ndarray]:
