@@ -7,16 +7,17 @@ import numpy as np
 import pytest
 import trimesh
 
+import fairing.run.preparation
 from fairing.errors import InputError
 from fairing.geometry.normals import face_normals
 from fairing.judge.report import run_report
 from fairing.mesh import Mesh
 from fairing.options import PRESETS, FairingOptions
 from fairing.run.phases import GaussNewton, Level, schedule_of
-from fairing.run.planning import SEARCHED_ERROR
 from fairing.run.preparation import points_accept_smoothing
 from fairing.run.records import _points_prefer
 from fairing.run.session import Session
+from fairing.run.start_error import SEARCHED_ERROR
 from fairing.run.sweep import RESIDUAL_AREA, SweepState, begin_sweep
 from fairing.run_plan import RunPlan
 from fairing.scene import Scene, SparsePoints
@@ -249,6 +250,18 @@ def test_observed_points_beside_the_mesh_do_not_pull_it(origin):
     clean, cluttered = (session.vertices for session in runs)
     assert error_of(clean) < 0.5 * error_of(start.mesh.vertices)
     assert np.linalg.norm(clean - cluttered, axis=1).max() < 0.02
+
+
+@pytest.mark.parametrize(
+    ("displaced", "shift", "is_fitted"), [(FAR, 0.0, True), ((0.01, 0, 0), 0.0, False), (FAR, 0.3, False)]
+)
+def test_a_fit_needs_little_photo_gain_where_points_measure_the_start_far_off(
+    displaced, shift, is_fitted, monkeypatch: pytest.MonkeyPatch
+):
+    """No fit lowers the loss by 95 %. A start near the truth then stays, and one whose points the photos contradict, too."""
+    monkeypatch.setattr(fairing.run.preparation, "GAIN", 0.95)
+    scene = observed(corner_scene(displaced), on_the_faces(600) + shift)
+    assert Session(scene, small_options(step=USED)).make_plan().is_fitted_to_points == is_fitted
 
 
 def test_the_start_error_measured_by_points_gives_the_search_and_the_first_level():

@@ -16,6 +16,7 @@ from rich.console import Console
 from app.cli.loading import SHOW_EVERY, load_with_bar
 from app.cli.main import run
 from app.files.scene_source import SceneSource
+from demo_scenes import DEMOS
 from fairing.camera import Camera
 from fairing.features import find_points
 from fairing.io import feature_points, read_capture, write_mesh
@@ -131,7 +132,14 @@ def test_a_demo_keeps_its_points_unless_its_own_are_chosen(monkeypatch, tmp_path
     demo = SceneSource.typed(str(folder), None).load()
     monkeypatch.setattr("app.files.scene_source.load_demo", lambda *_, **__: demo)
     assert SceneSource.typed("cube", None, points="automatic").load() is not None
-    assert SceneSource.typed("cube", None, points="automatic").points == "given"
+    choices = {name: SceneSource.typed(name, None, points="automatic").points for name in (*DEMOS, "building:2")}
+    assert choices == {
+        "cube": "given",
+        "facade": "automatic",
+        "archway": "given",
+        "dome": "given",
+        "building:2": "automatic",
+    }
     own = SceneSource.typed("cube", None, points="own").load().sparse_points
     assert own is not None
     assert own.origin == "own"

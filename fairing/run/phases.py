@@ -175,7 +175,7 @@ def _level(options: FairingOptions, plan: RunPlan, number: int, begin: int) -> L
     if radius > 0:
         phases = (LocalSearch(radius, max_displacement), *phases)
     restart_level = _restart_level(options, number, begin) if is_after_search else None
-    if restart_level is not None:  # one, and first (ledger: restarts)
+    if restart_level is not None:  # (ledger: searches and restarts)
         phases = (Restart(restart_level), *phases)
     return Level(
         number,

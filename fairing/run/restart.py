@@ -2,7 +2,7 @@
 
 A vertex at a wrong position keeps its neighbours at theirs: none of them can improve alone. The second time, everything
 around them is at its place. The second result is seldom better everywhere, so it is fused with the first
-(`fairing.run.fusion`). (ledger: restarts)
+(`fairing.run.fusion`). (ledger: searches and restarts)
 """
 
 from dataclasses import replace
