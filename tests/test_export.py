@@ -12,14 +12,16 @@ import pytest
 from PIL import Image
 
 from app.cli.main import run
-from app.export import picture, video
+from app.export import picture, report_page, video
+from app.export.captions import moment_words
+from app.export.page_data import run_data
 from app.export.run_facts import RunFacts
 from app.files.recorded_run import find_run
 from fairing.camera import Camera
 from fairing.io import PhotoChoice
 from fairing.run.session import Session
 from fairing.texture import Drawing
-from tests.small_scene import write_corner
+from tests.small_scene import corner_scene, small_options, write_corner
 
 QUICK = ["--schedule.blur", "2", "1", "--schedule.max-sweeps", "1", "--cells.size", "32", "--schedule.search", "0"]
 NAME = "a <b>corner & more"
@@ -132,6 +134,18 @@ def test_key_moments_are_start_end_and_moments_between_them_spread_by_motion(fac
     assert facts.key_moments(1000) == list(range(facts.length + 1))
     assert len(facts.key_moments(4)) <= 4
     assert (np.diff(facts.pace) > 0).all()
+
+
+def test_a_run_in_which_nothing_could_move_is_exported_without_energies():
+    session = Session(corner_scene(), small_options(locked_vertices=tuple(range(7))))
+    session.run()
+    facts = RunFacts(session)
+    assert facts.length > 0
+    assert not any("energy" in line for moment in range(facts.length + 1) for line in moment_words(facts, moment))
+    data = run_data(facts)
+    assert data["energy"] == []
+    assert {step[key] for step in data["steps"] for key in ("before", "after")} == {None}
+    assert "Energy by moment" not in report_page._curves(facts)
 
 
 def test_the_report_says_what_report_json_says(recorded, tmp_path):

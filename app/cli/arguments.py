@@ -53,8 +53,8 @@ PointsArgument = Annotated[
     PointsChoice,
     tyro.conf.arg(
         help="Sparse points: those given with the capture, its own (found in its photos), both, or none. Automatic: the "
-        "given ones if they are enough (3 for each vertex of the mesh; without a mesh 500), otherwise its own; for a demo "
-        "the given ones.",
+        "given ones if they are enough (3 for each vertex of the mesh; without a mesh 500), otherwise its own; for the "
+        "demos cube, archway and dome the given ones.",
     ),
 ]
 RunArgument = Annotated[

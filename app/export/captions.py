@@ -24,7 +24,7 @@ class Caption:
         self._empty = Image.new("RGB", self._size, GROUND)
         self._curve = (0.45 * width, 0.34 * height, width - 0.3 * height, 0.86 * height)
         self._values = np.array([facts.energy_at(m) for m in range(facts.length + 1)])
-        self._has_curve = with_curve and facts.length > 1
+        self._has_curve = with_curve and facts.length > 1 and facts.energies.is_measured
         if self._has_curve:
             self._draw_curve()
 
@@ -77,7 +77,7 @@ def moment_words(facts: RunFacts, moment: int) -> list[str]:
     if moment:
         level = facts.trace.steps[moment - 1].position.level
         where = f"level {level + 1} of {facts.options.n_levels}, photos blurred by {facts.options.schedule.blur[level]:g} px"
-    figures = [f"energy {facts.energy_at(moment):,.0f}"] if facts.length else []
+    figures = [f"energy {facts.energy_at(moment):,.0f}"] if facts.energies.is_measured else []
     if facts.errors is not None:
         figures.append(f"error {error_words(float(facts.errors[moment]))}")
     return [f"Moment {moment} of {facts.length}", where, *([", ".join(figures)] if figures else [])]

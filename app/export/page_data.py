@@ -148,8 +148,8 @@ def _steps(facts: RunFacts) -> list[dict[str, Any]]:
             "sweep": record.position.sweep + 1,
             "iteration": record.position.iteration + 1,
             "kind": kind_of(record),
-            "before": float(energies.before[step]),
-            "after": float(energies.after[step]),
+            "before": float(energies.before[step]) if energies.is_measured else None,
+            "after": float(energies.after[step]) if energies.is_measured else None,
             "longest": float(record.step_px.max(initial=0)),
             "outcome": step_outcome(record),
         }

@@ -124,7 +124,11 @@ def _curves(facts: RunFacts) -> str:
         if len(steps):
             bands.append((int(steps[0]), int(steps[-1]) + 1, f"σ {blur:g}"))
     title = "Energy by moment, one line per sweep. Sweeps have different cells, so their energies are not comparable"
-    charts = [f"<div>{title}{curve_chart(facts.energy_lines, bands, facts.length, NOW, 'Energy by moment')}</div>"]
+    charts = []
+    if facts.energy_lines:
+        charts.append(
+            f"<div>{title}{curve_chart(facts.energy_lines, bands, facts.length, NOW, 'Energy by moment')}</div>"
+        )
     if facts.errors is not None:
         line = (np.arange(len(facts.errors)), facts.errors)
         chart = curve_chart([line], bands, facts.length, TRUTH, "Error by moment", is_log=True)

@@ -61,8 +61,8 @@ class RunFacts:
         return history
 
     def energy_at(self, moment: int) -> float:
-        """Energy of the whole mesh with the cells of the sweep that led to the moment; NaN in a record without steps."""
-        if self.length == 0:
+        """Energy of the whole mesh with the cells of the sweep that led to the moment; NaN in a record that measured none."""
+        if not self.energies.is_measured:
             return float("nan")
         return float(self.energies.after[moment - 1] if moment else self.energies.before[0])
 
@@ -76,7 +76,12 @@ class RunFacts:
 
     @cached_property
     def energy_lines(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Moments (n,) int and energies (n,) float of each sweep; energies of different sweeps are not comparable."""
+        """Moments (n,) int and energies (n,) float of each sweep; energies of different sweeps are not comparable.
+
+        None in a record that measured no energy.
+        """
+        if not self.energies.is_measured:
+            return []
         before, after, sweeps = self.energies.before, self.energies.after, self.energies.sweeps
         starts = np.flatnonzero(np.diff(sweeps, prepend=-1)).tolist()
         return [

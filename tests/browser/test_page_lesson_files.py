@@ -185,7 +185,8 @@ def test_cells_of_a_moved_vertex_and_any_k_are_those_of_the_engine(lessons, desk
     desk.page.get_by_role("button", name="Back to the run").click()
     wanted = energies_by_dimension(session, 2, step.moment)
     found = desk.page.evaluate("[...Array(10).keys()].map((i) => run().cells.energyWith(cellsOf(2), i + 1))")
-    assert found == pytest.approx(wanted, rel=ENERGY_TOLERANCE)
+    # Energies of large k are small differences that the engine computes in single precision (ledger: energies for k = 1 to 10).
+    assert found == pytest.approx(wanted, rel=ENERGY_TOLERANCE, abs=5e-4 * wanted[2])
     desk.page.locator("#k").fill("1")
     assert desk.energy() == pytest.approx(wanted[0], rel=ENERGY_TOLERANCE)
     profile = desk.page.evaluate("step().profile.lines[0]")

@@ -65,8 +65,10 @@ function showStep() {
   outcome.textContent = step ? step.outcome : "";
   change.textContent = "";
   if (step) {
-    const percent = step.before ? 100 * (step.after - step.before) / step.before : 0;
-    change.append("energy ", element("b", {}, brief(step.after, 5)), " ", element("span", { className: percent < 0 ? "good" : "dim" }, `${percent > 0 ? "+" : ""}${brief(percent)} %`));
+    if (step.after !== null) { // null in a run that measured no energy, because nothing could move
+      const percent = step.before ? 100 * (step.after - step.before) / step.before : 0;
+      change.append("energy ", element("b", {}, brief(step.after, 5)), " ", element("span", { className: percent < 0 ? "good" : "dim" }, `${percent > 0 ? "+" : ""}${brief(percent)} %`));
+    }
     if (step.longest > 0) change.append(` · longest step ${brief(step.longest)} px`);
   }
   $("what").textContent = step ? data.kinds[step.kind].title : "Before the first step";
@@ -140,9 +142,10 @@ function showCells() {
 const bands = data.levels.filter((level) => level.end > level.first);
 function showPlots() {
   $("plots").hidden = !data.length;
+  $("energy").hidden = !data.energy.length;
   $("error").hidden = !data.errors;
   if (!data.length) return;
-  plots.push(new Plot($("energy"), { title: data.errors ? "Energy" : "Energy, one line per sweep", unit: "", lines: data.energy, bands, length: data.length, isLog: false, color: data.css.now, onJump: jump }));
+  if (data.energy.length) plots.push(new Plot($("energy"), { title: data.errors ? "Energy" : "Energy, one line per sweep", unit: "", lines: data.energy, bands, length: data.length, isLog: false, color: data.css.now, onJump: jump }));
   if (data.errors) {
     plots.push(new Plot($("error"), { title: "Error", unit: " %", lines: [{ moments: data.errors.map((_, m) => m), values: data.errors }], bands, length: data.length, isLog: true, color: data.css.truth, onJump: jump }));
   }
