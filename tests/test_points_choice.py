@@ -282,3 +282,17 @@ def test_the_page_shows_the_line_and_the_time_left():
     assert [line.partition(";")[0] for line in lines] == [f"finding points: photo {done} of 4" for done in (1, 2, 3)]
     assert lines[-1].endswith(" s left")
     assert fractions == [0.25, 0.5, 0.75]
+
+
+def test_the_time_left_is_that_of_the_present_work():
+    lines = []
+
+    def load(progress):
+        for line, count in (("photo", 2), ("finding points", 20)):
+            for done in range(1, min(count, 4) + 1):
+                progress(done / count, f"{line} {done} of {count}")
+                time.sleep(1.1 * SHOW_EVERY)
+
+    load_with_bar("corner", load, Console(file=io.StringIO()), lambda line, fraction: lines.append(line))
+    assert lines[-1].startswith("finding points 4 of 20; ")
+    assert not lines[-1].endswith("; 0 s left")

@@ -56,6 +56,8 @@ def load_with_bar(
 
         def on_progress(fraction: float, line: str) -> None:
             nonlocal due
+            if bar.tasks[0].finished and fraction < 1:  # another piece of work, which takes its own time
+                bar.reset(task)
             bar.update(task, completed=fraction, description=line)
             if time.monotonic() < due:
                 return

@@ -159,8 +159,10 @@ def _compile() -> None:
     """The process: compile, report each function, and end when the input ends."""
     from numba.core import event
 
+    from fairing.geometry.closest_point import SurfaceTree
     from fairing.judge.inspect import face_cells
     from fairing.run.session import Session
+    from fairing.texture import textured_model
 
     expected, begun = functions_of_a_step(), set()
 
@@ -176,6 +178,8 @@ def _compile() -> None:
     session = Session(small_scene())
     session.step()
     print(DONE, flush=True)  # noqa: T201
+    SurfaceTree(session.scene.mesh).closest(session.vertices)  # the plan fits the mesh to sparse points
+    textured_model(session.scene, session.vertices)  # the page paints the mesh as soon as the scene is open
     face_cells(session, 0)
     _marker().touch()
 
