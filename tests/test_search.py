@@ -144,8 +144,10 @@ def test_a_start_error_of_zero_disables_the_search():
     assert not any(set(record.reasons.tolist()) & {8, 9} for record in session.trace.steps)
 
 
-def test_a_start_error_has_no_effect_without_a_search():
-    sessions = [Session(rough_scene(), searching(error, schedule={"search": [0.0]})) for error in (4.0, 0.0)]
+@pytest.mark.parametrize("changes", [{}, SHARP_AT_LAST])
+def test_a_start_error_has_no_effect_without_a_search(changes):
+    schedule = {"search": [0.0], "max_sweeps": [1]}
+    sessions = [Session(rough_scene(), searching(error, schedule=schedule, **changes)) for error in (4.0, 0.0)]
     for session in sessions:
         session.run()
     assert np.array_equal(sessions[0].vertices, sessions[1].vertices)

@@ -160,7 +160,7 @@ def _level(options: FairingOptions, plan: RunPlan, number: int, begin: int) -> L
     max_displacement = MAX_DISPLACEMENT * max(schedule.search) * plan.start_error or np.inf
     radius = max(by_level(schedule.search, number), 0.0) * plan.start_error
     sweeps, creases = by_level(schedule.max_sweeps, number), by_level(step.creases, number)
-    is_after_search = sharp and plan.start_error > 0
+    is_after_search = sharp and max(schedule.search) * plan.start_error > 0
     if plan.is_near_truth:
         sweeps = min(sweeps, by_level(schedule.sweeps_near_truth, number))
     elif is_after_search:
