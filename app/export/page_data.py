@@ -142,14 +142,18 @@ def _joined(parts: list[np.ndarray]) -> np.ndarray:
 
 def _steps(facts: RunFacts) -> list[dict[str, Any]]:
     energies = facts.energies
+    before, after = (
+        values.tolist() if energies.is_measured else [None] * facts.length
+        for values in (energies.before, energies.after)
+    )
     return [
         {
             "level": record.position.level + 1,
             "sweep": record.position.sweep + 1,
             "iteration": record.position.iteration + 1,
             "kind": kind_of(record),
-            "before": float(energies.before[step]) if energies.is_measured else None,
-            "after": float(energies.after[step]) if energies.is_measured else None,
+            "before": before[step],
+            "after": after[step],
             "longest": float(record.step_px.max(initial=0)),
             "outcome": step_outcome(record),
         }

@@ -78,7 +78,7 @@ class RunFacts:
     def energy_lines(self) -> list[tuple[np.ndarray, np.ndarray]]:
         """Moments (n,) int and energies (n,) float of each sweep; energies of different sweeps are not comparable.
 
-        None in a record that measured no energy.
+        Empty in a record that measured no energy.
         """
         if not self.energies.is_measured:
             return []

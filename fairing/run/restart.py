@@ -23,9 +23,8 @@ from fairing.trace import SchedulePosition, StepReason, StepRecord
 from fairing.work import number_of
 
 SHARP_SWEEPS = 2  # of Gauss-Newton on sharp cells, at the end of the second optimization
-SHARP_SPACING = (
-    1.4  # factor of the spacing of cell samples: half of them discriminate positions that blurred cells confuse
-)
+# Factor of the spacing of cell samples: half of them discriminate positions that blurred cells confuse.
+SHARP_SPACING = 1.4
 SHARP_CELL = 64  # samples along an edge, at most
 
 
@@ -87,10 +86,10 @@ def _searched(
     places = vertices.copy()
     if level.search is None:
         return places
-    level, search = replace(level, smoothing=0.0, attraction=0.0), level.search
-    sweep = begin_sweep(problem, level, search, 0, vertices, parent.origin, among)
+    plain = replace(level, smoothing=0.0, attraction=0.0)
+    sweep = begin_sweep(problem, plain, level.search, 0, vertices, parent.origin, among)
     for block in sweep.blocks:
-        places[block.vertices] = search_around(problem, sweep, block, places, search).after
+        places[block.vertices] = search_around(problem, sweep, block, places, level.search).after
     return places
 
 
