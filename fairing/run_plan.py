@@ -15,7 +15,6 @@ class RunPlan:
         is_smoothed: whether smoothing the start lowers the photo loss; the first step then smooths it.
         is_fitted_to_points: whether fitting the start to the sparse points lowers the photo loss; a step then fits it.
         start_error: distance of the vertices from their true positions, px; 0: no search.
-        takes_all_points: whether the fit, and the prior to the points, take points that their own photos do not see on the mesh.
         is_near_truth: whether trial searches found the unchanged start at its true position.
         start_sigma: standard deviation of the start in the prior to it, px; 0: no such prior.
         edge_reach: distance from a crease within which its image edge is sought, px.
@@ -27,7 +26,6 @@ class RunPlan:
     is_fitted_to_points: bool
     start_error: float
     is_near_truth: bool
-    takes_all_points: bool = False
     start_sigma: float = 0.0
     edge_reach: float = 2.0
     represents_surface: bool = False

@@ -13,6 +13,7 @@ from fairing.geometry.normals import face_normals
 from fairing.judge.report import run_report
 from fairing.mesh import Mesh
 from fairing.options import PRESETS, FairingOptions
+from fairing.run.gauss_newton_step import gauss_newton_step
 from fairing.run.phases import GaussNewton, Level, schedule_of
 from fairing.run.preparation import points_accept_smoothing
 from fairing.run.records import _points_prefer
@@ -25,7 +26,7 @@ from fairing.solve.normal_equations import vertex_systems
 from fairing.solve.point_fit import fitted_to_points
 from fairing.solve.point_split import fitting_points, kept_points
 from fairing.solve.problem import Problem
-from fairing.trace import StepReason, Trace
+from fairing.trace import SchedulePosition, StepReason, Trace
 from tests.small_scene import FACES, START, VERTICES, corner_scene, photos, small_options, sparse_points
 
 USED = {"points": [0.3]}
@@ -298,6 +299,23 @@ def test_points_accept_smoothing_of_noise_and_refuse_it_at_the_truth():
     noise = np.random.default_rng(8).normal(0, 0.03, fine.mesh.vertices.shape)
     noisy = replace(fine, mesh=fine.mesh.moved(fine.mesh.vertices + noise))
     assert points_accept_smoothing(problem_of(observed(noisy, on_the_faces(900))))
+
+
+def test_a_vertex_goes_no_farther_from_its_origin_than_the_phase_allows():
+    scene, most = corner_scene(FAR), 1.0
+    problem, start = problem_of(scene), scene.mesh.vertices
+    moved = []
+    for allowed in (np.inf, most):
+        phase, vertices = GaussNewton(1, 1, max_displacement=allowed), start
+        for _ in range(4):
+            sweep = begin_sweep(problem, Level(1, 0.1), phase, 0, vertices, start)
+            for block in sweep.blocks:
+                step = gauss_newton_step(problem, sweep, block, SchedulePosition(1, 0, 0, 0), vertices, None, None)
+                vertices = step.record.applied_to(vertices)
+        moved.append((np.linalg.norm(vertices - start, axis=1) * sweep.pixels_per_unit).max())
+    free, bounded = moved
+    assert free > 2 * most
+    assert 0.9 * most < bounded < 1.1 * most
 
 
 def subdivided(scene: Scene) -> Scene:

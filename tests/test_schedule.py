@@ -1,5 +1,6 @@
 """Order of sweeps within a level: local search, Gauss-Newton, restarts; and progress as a pure function of the position."""
 
+import numpy as np
 import pytest
 
 from fairing.run.phases import SWEEPS_AFTER_SEARCH, GaussNewton, Level, LocalSearch, Restart, Schedule, schedule_of
@@ -93,6 +94,17 @@ def test_phases_follow_from_options_and_plan():
     assert [level.search.radius for level in searched[1:]] == [0.8 * 9.0, 0.5 * 9.0]
     assert [level.gauss_newton.max_sweeps for level in searched] == [5, 5, 5 * SWEEPS_AFTER_SEARCH]
     assert searched[2].prior < searched[1].prior == options.step.prior
+
+
+def test_vertices_stay_within_twice_the_measured_error_or_one_and_a_half_search_radii():
+    options = small_options(schedule={"blur": [2.0, 1.2], "search": [0.0, 0.8], "max_sweeps": [5]})
+
+    def farthest(plan: RunPlan) -> list[float]:
+        return [level.gauss_newton.max_displacement for level in schedule_of(options, plan).levels]
+
+    assert farthest(plan()) == [np.inf, np.inf]
+    assert farthest(plan(start_sigma=4.0)) == [8.0, 8.0]
+    assert farthest(plan(start_error=9.0)) == pytest.approx([1.5 * 0.8 * 9.0] * 2)
 
 
 def test_progress_rises_from_0_to_1_along_the_schedule():

@@ -125,7 +125,7 @@ def gauss_newton_step(
 def _limited(sweep: SweepState, vertices: np.ndarray, ids: np.ndarray, steps: np.ndarray) -> np.ndarray:
     """Steps (u, 3) after which no vertex is farther from its origin than the phase allows, or than it was before.
 
-    In a run with searches, a vertex farther away than they reach has diverged.
+    A vertex farther away than searches reach, or than points measured the start to be off, has diverged.
     """
     assert isinstance(sweep.phase, GaussNewton)
     if not np.isfinite(sweep.phase.max_displacement):

@@ -9,6 +9,7 @@ from fairing.options import FairingOptions, by_level
 from fairing.run_plan import RunPlan
 
 MAX_DISPLACEMENT = 1.5  # in units of the widest search radius of the run
+MAX_DISPLACEMENT_MEASURED = 2.0  # in units of the start's measured error (ledger: bounded displacement)
 PRIOR_AFTER_SEARCH = 0.01  # factor of `StepOptions.prior` at the sharp level (ledger: prior after search)
 SWEEPS_AFTER_SEARCH = 2  # factor of the sweeps of the sharp level: no prior to the start holds vertices there
 SIGMA_WITH_EDGES = 1.8  # factor of the standard deviation of the start where image edges hold its creases
@@ -37,7 +38,7 @@ class GaussNewton:
         max_sweeps: largest number of sweeps.
         max_iterations: largest number of iterations of a block within a sweep.
         tolerance: the phase ends after a sweep that moves no vertex by as much as this, px.
-        max_displacement: largest distance of a vertex from its origin, px; infinite in a run without searches.
+        max_displacement: largest distance of a vertex from its origin, px; infinite if nothing tells how far off they are.
     """
 
     max_sweeps: int
@@ -71,7 +72,6 @@ class Level:
         prior: strength of the prior in undetermined directions, see `StepOptions.prior`.
         smoothing: strength of the smoothness prior, see `StepOptions.smoothing`; 0: none.
         attraction: strength of the prior to the sparse points, see `StepOptions.points`; 0: none.
-        takes_all_points: see `RunPlan`.
         start_sigma: standard deviation of the start in the prior to it, px; 0: no such prior.
         creases: strength of the prior to image edges, see `StepOptions.creases`; 0: none.
         edge_reach: see `RunPlan`.
@@ -82,7 +82,6 @@ class Level:
     prior: float
     smoothing: float = 0.0
     attraction: float = 0.0
-    takes_all_points: bool = False
     start_sigma: float = 0.0
     creases: float = 0.0
     edge_reach: float = RunPlan.edge_reach
@@ -157,7 +156,7 @@ def is_sharp(options: FairingOptions, level: int) -> bool:
 
 def _level(options: FairingOptions, plan: RunPlan, number: int, begin: int) -> Level:
     schedule, step, sharp = options.schedule, options.step, is_sharp(options, number)
-    max_displacement = MAX_DISPLACEMENT * max(schedule.search) * plan.start_error or np.inf
+    max_displacement = _max_displacement(options, plan)
     radius = max(by_level(schedule.search, number), 0.0) * plan.start_error
     sweeps, creases = by_level(schedule.max_sweeps, number), by_level(step.creases, number)
     is_after_search = sharp and max(schedule.search) * plan.start_error > 0
@@ -183,12 +182,17 @@ def _level(options: FairingOptions, plan: RunPlan, number: int, begin: int) -> L
         prior=step.prior * (PRIOR_AFTER_SEARCH if is_after_search else 1.0),
         smoothing=by_level(step.smoothing, number) if plan.is_smoothed else 0.0,
         attraction=by_level(step.points, number) if plan.is_fitted_to_points else 0.0,
-        takes_all_points=plan.takes_all_points,
         start_sigma=_start_sigma(plan, schedule.blur[number], creases),
         creases=creases,
         edge_reach=plan.edge_reach,
         phases=phases,
     )
+
+
+def _max_displacement(options: FairingOptions, plan: RunPlan) -> float:
+    """Largest distance of a vertex from its origin, px; infinite if nothing tells how far off they are."""
+    searched = MAX_DISPLACEMENT * max(options.schedule.search) * plan.start_error
+    return searched or MAX_DISPLACEMENT_MEASURED * plan.start_sigma or np.inf
 
 
 def _start_sigma(plan: RunPlan, blur: float, creases: float) -> float:

@@ -54,7 +54,6 @@ def make_plan(problem: Problem, preparations: Preparations) -> RunPlan:
         is_fitted_to_points=is_fitted,
         start_error=float(error),
         is_near_truth=is_near_truth,
-        takes_all_points=is_fitted and prepared[-1].takes_all_points,
         # A start that has to be searched for is nothing to hold vertices to (ledger: prior to the start).
         start_sigma=max(measured, LEAST_ERROR) if measured > 0 and error == 0 else 0.0,
         edge_reach=_edge_reach(measured) if is_fitted and represents else RunPlan.edge_reach,

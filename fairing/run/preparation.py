@@ -29,13 +29,11 @@ class Preparation(NamedTuple):
         reason: SMOOTHED or FITTED_TO_POINTS.
         evaluation: energies afterwards.
         loss: mean loss per photo px afterwards.
-        takes_all_points: whether a fit used all given points, not only those that their own photos see on the mesh.
     """
 
     reason: StepReason
     evaluation: Evaluation
     loss: float
-    takes_all_points: bool = False
 
     @property
     def after(self) -> np.ndarray:
@@ -134,24 +132,21 @@ def preparation_reasons(plan: RunPlan) -> list[StepReason]:
 def _prepare(problem: Problem, reason: StepReason, vertices: np.ndarray) -> Preparation:
     """The preparation of vertices (n, 3); of several fits to the sparse points that which has the lowest photo loss.
 
-    The robust fit is the better one far from the surface and beside clutter, that to closest points near the surface. Given
-    points that their own photos do not see on the mesh show where a mesh ends too early, but they may as well be points of
-    the ground (ledger: choice of the fit).
+    The robust fit reaches farther and leaves out clutter; a fit to closest points from there is mostly the better one, but
+    not on noisy meshes (ledger: choice of the fit).
     """
 
-    def prepared(after: np.ndarray, takes_all_points: bool = False) -> Preparation:
+    def prepared(after: np.ndarray) -> Preparation:
         evaluation = _evaluate(problem, after)
-        return Preparation(reason, evaluation, _mean_loss(evaluation), takes_all_points)
+        return Preparation(reason, evaluation, _mean_loss(evaluation))
 
     if reason is StepReason.SMOOTHED:
         return prepared(_smoothed(problem, vertices))
-    fits, points = [], problem.scene.sparse_points
-    if len(problem.observed_points) > 0:
-        fits.append(prepared(_robustly_fitted(problem, vertices)))
-        fits.append(prepared(fitted_to_points(problem, vertices, FIT_ROUNDS).targets))
-    if not fits or (points is not None and points.origin == "given"):
-        fits.append(prepared(fitted_to_points(problem, vertices, FIT_ROUNDS, takes_all=True).targets, True))
-    return min(fits, key=lambda fit: fit.loss)
+    if len(problem.observed_points) == 0:
+        return prepared(fitted_to_points(problem, vertices, FIT_ROUNDS).targets)
+    robust = prepared(_robustly_fitted(problem, vertices))
+    closest = prepared(fitted_to_points(problem, robust.after, FIT_ROUNDS).targets)
+    return min(robust, closest, key=lambda fit: fit.loss)
 
 
 def _smoothed(problem: Problem, vertices: np.ndarray) -> np.ndarray:

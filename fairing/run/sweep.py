@@ -122,7 +122,7 @@ def begin_sweep(
     area = float((context.footprint_area * context.n_views)[context.takes_part].sum())
     mean_loss = float(system.energy.sum()) / area if area > 0 else 0.0
     if level.attraction > 0:
-        to_points = fitted_to_points(problem, vertices, FIT_ROUNDS, level.takes_all_points)
+        to_points = fitted_to_points(problem, vertices, FIT_ROUNDS)
         variance = _vertex_losses(mesh, context, system, sigma**2)
         variance[variance == 0] = np.inf  # where no photo sees the mesh, the points alone count
         strength = level.attraction * typical * np.minimum(1.0, variance / POINTS_VARIANCE)

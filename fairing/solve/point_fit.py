@@ -29,13 +29,12 @@ REGULARIZATION = (
 )
 
 
-def fitted_to_points(problem: Problem, vertices: np.ndarray, rounds: int, takes_all: bool = False) -> QuadraticPrior:
+def fitted_to_points(problem: Problem, vertices: np.ndarray, rounds: int) -> QuadraticPrior:
     """Fit of the vertices to every second point: iterative closest points with Huber's loss of point-to-plane distances.
 
     Args:
         vertices: (n, 3) float: positions, world units; a vertex without points nearby keeps its own.
         rounds: number of iterations; each assigns every point to its closest face.
-        takes_all: take points, too, that their own photos do not see on the mesh.
 
     Returns:
         Prior with the fitted positions as targets. Its Hessians are the normal matrices of the points, relative to the mean
@@ -44,7 +43,7 @@ def fitted_to_points(problem: Problem, vertices: np.ndarray, rounds: int, takes_
     Raises:
         Cancelled: cancellation was requested.
     """
-    mesh, points = problem.scene.mesh, _positions(problem, vertices, takes_all)
+    mesh, points = problem.scene.mesh, _positions(problem, vertices)
     ids = np.flatnonzero(~problem.locked)
     columns = (3 * ids[:, None] + np.arange(3)).ravel()
     edges = vertices[np.roll(mesh.faces, -1, axis=1)] - vertices[mesh.faces]
@@ -77,14 +76,14 @@ def fitted_to_points(problem: Problem, vertices: np.ndarray, rounds: int, takes_
     return QuadraticPrior(hessians / max(average, 1e-300), places)
 
 
-def _positions(problem: Problem, vertices: np.ndarray, takes_all: bool) -> np.ndarray:
-    """(p, 3) float: the fitting points, all of them or those on the surface with vertices (n, 3).
+def _positions(problem: Problem, vertices: np.ndarray) -> np.ndarray:
+    """(p, 3) float: the fitting points on the surface with vertices (n, 3), or all of them if their photos are not known.
 
     Points of the ground and the background lie near the boundary of the mesh too, but their own photos do not see the mesh
     at their place.
     """
     observed = problem.observed_points
-    if takes_all or len(observed) == 0:
+    if len(observed) == 0:
         return fitting_points(problem.scene)
     cameras = [view.camera for view in problem.scene.views]
     return observed.positions[points_on_surface(problem.scene.mesh.moved(vertices), cameras, observed)]
