@@ -27,21 +27,21 @@ class CellOptions:
 
     warp: Literal["homography", "affine"] = "homography"
     """homography: exact for a plane. affine: the approximation of the paper, which biases the minimum."""
-    size: tuple[int, ...] = (64, 64, 64, 64, 64, 64, 256)
+    size: tuple[int, ...] = (64, 64, 64, 64, 256)
     """Size of the largest cell, by level: samples along an edge. With `adaptive`, cells larger than 64 are made smaller if all
     cells together would have more than 10 million samples."""
     adaptive: bool = True
     """Use smaller cells for smaller footprints: one sample per `spacing` of the footprint. Off: always `size`."""
     spacing: tuple[float, ...] = (1.0,)
     """Distance between samples with `adaptive`, by level, in units of max(1 px, blur of the level)."""
-    inset: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 2.0)
+    inset: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 2.0)
     """Width of the border of a face that is left out, by level, photo px: the texture of the neighbouring face mixes in there."""
     interpolation: tuple[Literal["bilinear", "cubic"], ...] = (
-        "bilinear", "bilinear", "bilinear", "bilinear", "bilinear", "bilinear", "cubic",
+        "bilinear", "bilinear", "bilinear", "bilinear", "cubic",
     )  # fmt: skip
     """Interpolation between photo pixels, by level. cubic: B-spline without interpolation blur, 3 to 4 times slower."""
     point_spread: tuple[Literal["as_seen", "common"], ...] = (
-        "as_seen", "as_seen", "as_seen", "as_seen", "as_seen", "as_seen", "common",
+        "as_seen", "as_seen", "as_seen", "as_seen", "common",
     )  # fmt: skip
     """Point spread function (PSF) of the photos on a face, by level. common: each photo is blurred just enough that all photos of
     the face have the same PSF on it; the blur of the level is the smallest sigma of that PSF, the PSF of the lens included.
@@ -59,9 +59,9 @@ class CellOptions:
 class EigenspaceOptions:
     """The subspace that explains the cells of one face."""
 
-    dimensions: tuple[int, ...] = (3, 3, 1, 1, 1, 1, 2)
+    dimensions: tuple[int, ...] = (3, 3, 1, 1, 2)
     """k, by level, at most views - 2. To first order a misalignment spans three dimensions, so a large k absorbs it."""
-    significance: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 6.0)
+    significance: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 6.0)
     """By level: the k-th dimension of a face is dropped if its squared singular value is less than this many times the mean of
     the later ones, because it would fit noise. 0: never."""
     centered: bool = False
@@ -76,7 +76,7 @@ class RobustOptions:
     """geman_mcclure: e^2 / (sigma^2 + e^2); its outlier threshold is sigma / sqrt(3), as in the figure of the paper.
     geman_mcclure_printed: e^2 / (sigma + e^2), the formula as printed; its outlier threshold is sqrt(sigma / 3)."""
     sigma_rule: tuple[Literal["paper", "convex", "mad", "fixed"], ...] = (
-        "paper", "paper", "fixed", "fixed", "fixed", "fixed", "paper",
+        "paper", "paper", "fixed", "fixed", "paper",
     )  # fmt: skip
     """Scale parameter of the loss, by level. paper: max|e| / sqrt(3). convex: sqrt(3) max|e|. mad: median absolute residual times
     `mad_factor`. fixed: `sigma`."""
@@ -113,14 +113,14 @@ class StepOptions:
     """A direction is undetermined when its eigenvalue is below this fraction of the largest."""
     normal_spread: float = 0.01
     """A direction is also undetermined when the variance of the incident face normals along it is below this."""
-    smoothing: tuple[float, ...] = (0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.0)
+    smoothing: tuple[float, ...] = (0.1, 0.1, 0.1, 0.1, 0.0)
     """Strength of the smoothness prior, by level, for a start whose smoothed version fits the photos better; relative to the median
     of the vertices' largest eigenvalues. 0 on all levels: smooth nothing, not even the start."""
     points: tuple[float, ...] = (0.3,)
     """Strength of the prior to the sparse points, by level, if fitting the start to them lowers the photo loss; relative to the
     median of the vertices' largest eigenvalues, for a direction that the points determine as well as an average one. Every
     second point is used. 0 on all levels: do not use the points."""
-    creases: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+    creases: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 1.0)
     """Strength of the prior that aligns creases of the mesh with edges in the photos, by level; at 1, an aligned vertex has a
     standard deviation of 0.5 px or more. 0: none."""
     min_quality: float = 0.05
@@ -152,12 +152,12 @@ class VisibilityOptions:
 class ScheduleOptions:
     """Coarse-to-fine levels, local search, and the order in which vertices move."""
 
-    blur: tuple[float, ...] = (6.0, 3.6, 2.0, 2.0, 1.2, 1.2, 0.5)
+    blur: tuple[float, ...] = (6.0, 3.6, 2.0, 1.2, 0.5)
     """sigma_smooth, by level, photo pixels."""
     first_level: Literal["auto", "first"] = "auto"
     """Where the run begins. auto: skip levels whose blur exceeds 1/12 of the median height of the faces' footprints. first: at the
     first level."""
-    search: tuple[float, ...] = (0.0, 0.0, 1.0, 0.0, 0.6, 0.0, 0.0)
+    search: tuple[float, ...] = (0.0, 0.0, 1.0, 0.6, 0.0)
     """Radius of the local search before Gauss-Newton, by level, in units of `start_error`. 0: no search. In a run with a search, a
     level with a common point spread (`cells.point_spread`) begins with a restart: vertices above twice the median loss are
     optimized again together, from the first level with a search."""
@@ -168,9 +168,9 @@ class ScheduleOptions:
     order: Literal["joint", "independent", "sequential", "worst_first"] = "joint"
     """joint: all vertices in one sparse system. independent: sets of vertices that share no face, one set after another.
     sequential: one vertex at a time, as in the paper. worst_first: one at a time, largest energy first."""
-    max_sweeps: tuple[int, ...] = (12, 8, 4, 2, 4, 2, 4)
+    max_sweeps: tuple[int, ...] = (12, 5, 3, 3, 4)
     """Largest number of Gauss-Newton sweeps, by level; visibility is updated at the beginning of each."""
-    sweeps_near_truth: tuple[int, ...] = (1, 1, 1, 1, 1, 1, 2)
+    sweeps_near_truth: tuple[int, ...] = (1, 1, 1, 1, 2)
     """Largest number of Gauss-Newton sweeps, by level, if the estimated start error is 0 and no sparse points constrain the mesh:
     vertices drift in directions that the photos barely determine."""
     max_iterations: tuple[int, ...] = (4, 4, 3)

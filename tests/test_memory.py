@@ -129,7 +129,7 @@ def test_conversion_to_grey_in_strips_changes_nothing(monkeypatch: pytest.Monkey
 
 def test_a_check_lays_out_no_photo_and_counts_the_views_of_a_run(monkeypatch: pytest.MonkeyPatch):
     scene = corner_scene()
-    expected = Problem(scene, PRESETS["accurate"], scene.mesh.vertices).context(6, scene.mesh.vertices)
+    expected = Problem(scene, PRESETS["accurate"], scene.mesh.vertices).context(4, scene.mesh.vertices)
     monkeypatch.setattr(ScaleSpace, "_photo", lambda *_: pytest.fail("a photo was laid out"))
     check = check_scene(scene)
     np.testing.assert_array_equal(check.faces.n_views, expected.n_views)

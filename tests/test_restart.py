@@ -139,8 +139,8 @@ def test_the_default_restarts_at_its_first_searching_level():
     session = Session(corner_scene(), options)
     plan = session.make_plan()
     levels = schedule_of(options, plan).levels
-    assert levels[6].phases[0] == Restart(max(2, plan.first_level))
-    assert not any(isinstance(phase, Restart) for level in levels[:6] for phase in level.phases)
+    assert levels[4].phases[0] == Restart(max(2, plan.first_level))
+    assert not any(isinstance(phase, Restart) for level in levels[:4] for phase in level.phases)
 
 
 def test_groups_are_those_of_a_walk_along_edges():

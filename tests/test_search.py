@@ -167,7 +167,7 @@ def test_the_estimated_error_is_the_distance_in_the_photos(displacement):
 
 def test_a_start_near_its_truth_gets_few_sweeps_at_fine_levels():
     schedule = {
-        "blur": [1.2, 1.2, 0.6], "search": [1.0, 0.8, 0.5], "first_level": "auto", "max_sweeps": [4], "sweep_tolerance": 0.0,
+        "blur": [1.5, 1.2, 0.6], "search": [1.0, 0.8, 0.5], "first_level": "auto", "max_sweeps": [4], "sweep_tolerance": 0.0,
         "max_iterations": [1], "sweeps_near_truth": [1, 1, 2],
     }  # fmt: skip
 

@@ -49,12 +49,6 @@ def first_fine_level(options: FairingOptions) -> int:
     return _first_level_of_blur(NEAR_TRUTH_BLUR, options)
 
 
-def last_fine_level(options: FairingOptions) -> int:
-    """The last level with the same blur as the first fine level."""
-    blur = options.schedule.blur[first_fine_level(options)]
-    return max(k for k in range(options.n_levels) if options.schedule.blur[k] == blur)
-
-
 def _first_level_of_blur(most: float, options: FairingOptions) -> int:
     """The first level whose blur is at most that, px; the last level if there is none."""
     return next((k for k, blur in enumerate(options.schedule.blur) if blur <= most), options.n_levels - 1)

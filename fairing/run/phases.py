@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fairing.cells.level_choice import NEAR_TRUTH_BLUR, last_fine_level
+from fairing.cells.level_choice import NEAR_TRUTH_BLUR, first_fine_level
 from fairing.options import FairingOptions, by_level
 from fairing.run_plan import RunPlan
 
@@ -139,7 +139,7 @@ class Schedule:
 def schedule_of(options: FairingOptions, plan: RunPlan) -> Schedule:
     """The schedule of a run. Pure: it uses neither photos nor mesh."""
     # Near the truth, coarser levels increase the error (ledger: begin level).
-    begin = last_fine_level(options) if plan.is_near_truth else plan.first_level
+    begin = first_fine_level(options) if plan.is_near_truth else plan.first_level
     levels = tuple(_level(options, plan, number, begin) for number in range(options.n_levels))
     return Schedule(levels, plan.first_level, begin)
 

@@ -26,7 +26,7 @@ POINTS_VARIANCE = 8.0
 # px^2 of the photos: the area over which residuals of what is not on the mesh agree (ledger: prior to the start).
 RESIDUAL_AREA = 10_000.0
 CREASE_PRECISION = 4.0  # 1 / px^2: of a vertex aligned with image edges, at most (ledger: prior to image edges)
-FIT_ROUNDS = 3  # of the fit to the sparse points, from the vertices at the beginning of the sweep
+FIT_ROUNDS = 2  # of the fit to the sparse points, from the vertices at the beginning of the sweep
 VERTEX_PASSES = 3  # of the filter that gives the targets of the smoothness prior
 
 
