@@ -44,7 +44,7 @@ class EngineCompilation:
     def __init__(self) -> None:
         self.compiled = Compiled()
         self._began = time.monotonic()
-        self._finished = threading.Event()
+        self._finished, self._paints = threading.Event(), threading.Event()
         self._process = subprocess.Popen(
             [sys.executable, "-m", __name__],
             stdin=subprocess.PIPE,  # its end ends the process
@@ -73,6 +73,10 @@ class EngineCompilation:
             if cancelled():
                 raise Cancelled
 
+    def wait_for_painting(self) -> None:
+        """Wait until what paints the mesh is compiled, too: compiled twice at a time, it would delay the first step."""
+        self._paints.wait()
+
     def close(self) -> None:
         """End the process."""
         self._process.kill()
@@ -83,14 +87,17 @@ class EngineCompilation:
         with self._process:
             for line in self._process.stdout:
                 if line.strip() == DONE:
-                    break  # what the process compiles further is not needed for a step
+                    self._finished.set()  # what the process compiles further is not needed for a step
+                elif line.strip() == PAINTS:
+                    self._paints.set()
                 done, _, count = line.strip().partition(" ")
                 if done.isdigit() and count.isdigit():
                     self.compiled = Compiled(int(done), int(count))
             self._finished.set()
+            self._paints.set()
 
 
-DONE = "done"
+DONE, PAINTS = "done", "paints"
 
 
 def is_compiled() -> bool:
@@ -132,7 +139,7 @@ def small_scene() -> Scene:
 
 
 def functions_of_a_step() -> set[Callable[..., object]]:
-    """The Python functions that are compiled for a step: those of visibility and cells, and all that they call."""
+    """The Python functions that are compiled for a step: those of visibility, cells and closest points, and all they call."""
     from numba.core.dispatcher import Dispatcher
 
     import fairing.run.session  # noqa: F401 - imports the modules
@@ -141,7 +148,7 @@ def functions_of_a_step() -> set[Callable[..., object]]:
     found: set[Callable[..., object]] = set()
     pending = [evaluate_faces]
     for name, module in list(sys.modules.items()):
-        if name.startswith("fairing.cells."):
+        if name.startswith(("fairing.cells.", "fairing.geometry.closest_point")):
             pending += [value for value in vars(module).values() if isinstance(value, Dispatcher)]
     while pending:
         dispatcher = pending.pop()
@@ -177,9 +184,10 @@ def _compile() -> None:
     event.register("numba:compile", Reporter())
     session = Session(small_scene())
     session.step()
-    print(DONE, flush=True)  # noqa: T201
     SurfaceTree(session.scene.mesh).closest(session.vertices)  # the plan fits the mesh to sparse points
+    print(DONE, flush=True)  # noqa: T201
     textured_model(session.scene, session.vertices)  # the page paints the mesh as soon as the scene is open
+    print(PAINTS, flush=True)  # noqa: T201
     face_cells(session, 0)
     _marker().touch()
 

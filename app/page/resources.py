@@ -62,7 +62,7 @@ class SessionResources:
             session: the run.
             save_to: file that the trace is written to.
             recorded_in: file that the trace was read from; its bookmarks lie beside it.
-            compilation: see `Controller`.
+            compilation: see `Controller`; the mesh is painted after its end.
 
         Raises:
             InputError: `save_to` cannot be written, or the bookmarks cannot be read.
@@ -80,7 +80,9 @@ class SessionResources:
             RunErrors(scene) if knows_truth(scene) else None,
             PathHistory(len(scene.mesh.vertices)),
             Thumbnails(scene),
-            Texturer(scene, stage, controller.republish),
+            Texturer(
+                scene, stage, controller.republish, compilation.wait_for_painting if compilation else lambda: None
+            ),
             BackgroundWorker(controller.republish),
             PhotoStore(scene),
             ExperimentRunner(scene, scene.name, controller.republish),

@@ -126,15 +126,25 @@ class Texturer:
         frames: renders the textures for a viewpoint; of each page's requests only the latest.
     """
 
-    def __init__(self, scene: Scene, stage: Stage, on_ready: Callable[[], None]) -> None:
-        self._scene, self._stage = scene, stage
-        self.static = Painter(lambda vertices: paint(scene, stage, vertices), KEPT, on_ready)
+    def __init__(
+        self, scene: Scene, stage: Stage, on_ready: Callable[[], None], wait: Callable[[], None] = lambda: None
+    ) -> None:
+        """Args:
+        on_ready: called when a mesh has been painted.
+        wait: called on the painting thread before each mesh; returns when the first one can be painted.
+        """
+        self._scene, self._stage, self._wait = scene, stage, wait
+        self.static = Painter(self._paint_static, KEPT, on_ready)
         self.view_dependent = Painter(self._paint_view_dependent, KEPT_VIEW_DEPENDENT, on_ready)
         self.frames = BackgroundWorker()
 
     def close(self) -> None:
         for worker in (self.static, self.view_dependent, self.frames):
             worker.close()
+
+    def _paint_static(self, vertices: np.ndarray) -> TexturedMesh:
+        self._wait()
+        return paint(self._scene, self._stage, vertices)
 
     def _paint_view_dependent(self, vertices: np.ndarray) -> ViewDependentMesh:
         texture = eigen_texture(self._scene, vertices, LARGEST_VIEW_DEPENDENT)

@@ -1,0 +1,98 @@
+"""The compilation of the engine at its first start: what waits for which part of it."""
+
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+
+import pytest
+
+from app.debugger import engine_compilation
+from app.debugger.engine_compilation import DONE, PAINTS, EngineCompilation
+from app.debugger.work_report import WorkReport
+from app.pictures.texturer import Texturer
+from app.stage import Stage
+from tests.small_scene import corner_scene
+
+SECONDS = 20.0  # far more than any of this takes
+PROCESS = "import sys\nfor line in sys.stdin: print(line, end='', flush=True)"
+"""In place of the process: it reports what it is told."""
+
+
+class Told:
+    """A compilation whose process reports what a test tells it."""
+
+    def __init__(self) -> None:
+        self.compilation = EngineCompilation()
+
+    def report(self, line: str) -> None:
+        stdin = self.compilation._process.stdin
+        assert stdin is not None
+        stdin.write(line + "\n")
+        stdin.flush()
+
+
+@pytest.fixture
+def told(monkeypatch: pytest.MonkeyPatch) -> Iterator[Told]:
+    real = subprocess.Popen
+    monkeypatch.setattr(
+        engine_compilation.subprocess, "Popen", lambda command, **how: real([sys.executable, "-c", PROCESS], **how)
+    )
+    told = Told()
+    yield told
+    told.compilation.close()
+
+
+def ends(work: threading.Thread) -> bool:
+    work.join(SECONDS)
+    return not work.is_alive()
+
+
+def test_steps_wait_for_the_engine_and_painting_waits_for_what_paints(told: Told):
+    compilation = told.compilation
+    steps = threading.Thread(target=compilation.wait, args=(lambda: False,), daemon=True)
+    painting = threading.Thread(target=compilation.wait_for_painting, daemon=True)
+    steps.start()
+    painting.start()
+    told.report("3 50")
+    while compilation.compiled != (3, 50):
+        assert steps.is_alive()
+    assert isinstance(compilation.report, WorkReport)
+    told.report(DONE)
+    assert ends(steps)
+    assert compilation.report is None
+    assert painting.is_alive()
+    told.report(PAINTS)
+    assert ends(painting)
+
+
+def test_nothing_waits_for_a_process_that_ended(told: Told):
+    waiting = [
+        threading.Thread(target=told.compilation.wait, args=(lambda: False,), daemon=True),
+        threading.Thread(target=told.compilation.wait_for_painting, daemon=True),
+    ]
+    for thread in waiting:
+        thread.start()
+    told.compilation.close()
+    assert all(ends(thread) for thread in waiting)
+
+
+def test_a_mesh_is_painted_once_painting_is_compiled():
+    scene, compiled, ready = corner_scene(), threading.Event(), threading.Event()
+
+    def wait() -> None:
+        compiled.wait(SECONDS)
+
+    texturer = Texturer(scene, Stage.of(scene), ready.set, wait)
+    try:
+        vertices = scene.mesh.vertices
+        assert texturer.static.painted("page", vertices) is None
+        assert not ready.wait(0.3)
+        compiled.set()
+        assert ready.wait(SECONDS)
+        found = texturer.static.painted("page", vertices)
+        assert found is not None
+        assert found.vertices is vertices
+    finally:
+        compiled.set()
+        texturer.close()
