@@ -42,10 +42,13 @@ class RunPlan:
             InputError: the text is no plan.
         """
         try:
-            values = json.loads(text)
-            plan = cls(**values)
+            values = dict(json.loads(text))
+            further = values.keys() - {field.name for field in fields(cls)}
+            plan = cls(**{name: values[name] for name in values.keys() - further})
         except (ValueError, TypeError, RecursionError):
             raise InputError(f"run plan: expected a JSON object of its fields, found {text!r:.80}") from None
+        if further:
+            raise InputError(f"run plan: expected no field {min(further)}; open the run with the version that wrote it")
         for field in fields(cls):
             value = getattr(plan, field.name)
             if type(value) is not field.type:

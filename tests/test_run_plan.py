@@ -213,6 +213,12 @@ def test_a_plan_with_impossible_values_is_refused(changes: dict):
         RunPlan.from_json("[" * 100_000)
 
 
+def test_a_plan_of_another_version_names_the_field_that_is_not_known():
+    values = json.loads(RunPlan(2, True, False, 3.25, False).to_json()) | {"takes_all_points": True}
+    with pytest.raises(InputError, match="expected no field takes_all_points; open the run with the version"):
+        RunPlan.from_json(json.dumps(values))
+
+
 def test_the_former_name_of_the_first_level_is_read_from_old_traces():
     values = options_to_dict(small_options(schedule={"first_level": "first"}))
     values["schedule"]["start"] = values["schedule"].pop("first_level")

@@ -189,6 +189,9 @@ class Compilation:
             if cancelled():
                 raise Cancelled
 
+    def wait_for_painting(self) -> None:
+        self.finished.wait()
+
     def close(self) -> None:
         self.finished.set()
 
