@@ -175,7 +175,7 @@ def sprite(replay) -> str:
 
 def test_a_click_on_a_vertex_shows_its_cells(replay):
     page = replay.page
-    place = page.evaluate("viewer.place(2)")
+    place = page.evaluate("(viewer.draw(), viewer.place(2))")
     box = page.locator("#scene").bounding_box()
     page.mouse.click(box["x"] + place[0], box["y"] + place[1])
     assert page.evaluate("state.vertex") == 2
