@@ -13,8 +13,8 @@ from app.debugger.work_report import WorkReport
 from app.pictures.texturer import Texturer
 from app.stage import Stage
 from tests.small_scene import corner_scene
+from tests.waiting import PATIENCE, wait_for
 
-SECONDS = 20.0  # far more than any of this takes
 PROCESS = "import sys\nfor line in sys.stdin: print(line, end='', flush=True)"
 """In place of the process: it reports what it is told."""
 
@@ -43,11 +43,6 @@ def told(monkeypatch: pytest.MonkeyPatch) -> Iterator[Told]:
     told.compilation.close()
 
 
-def ends(work: threading.Thread) -> bool:
-    work.join(SECONDS)
-    return not work.is_alive()
-
-
 def test_steps_wait_for_the_engine_and_painting_waits_for_what_paints(told: Told):
     compilation = told.compilation
     steps = threading.Thread(target=compilation.wait, args=(lambda: False,), daemon=True)
@@ -55,15 +50,15 @@ def test_steps_wait_for_the_engine_and_painting_waits_for_what_paints(told: Told
     steps.start()
     painting.start()
     told.report("3 50")
-    while compilation.compiled != (3, 50):
-        assert steps.is_alive()
+    wait_for(lambda: compilation.compiled == (3, 50))
+    assert steps.is_alive()
     assert isinstance(compilation.report, WorkReport)
     told.report(DONE)
-    assert ends(steps)
+    wait_for(lambda: not steps.is_alive())
     assert compilation.report is None
     assert painting.is_alive()
     told.report(PAINTS)
-    assert ends(painting)
+    wait_for(lambda: not painting.is_alive())
 
 
 def test_nothing_waits_for_a_process_that_ended(told: Told):
@@ -74,14 +69,14 @@ def test_nothing_waits_for_a_process_that_ended(told: Told):
     for thread in waiting:
         thread.start()
     told.compilation.close()
-    assert all(ends(thread) for thread in waiting)
+    wait_for(lambda: not any(thread.is_alive() for thread in waiting))
 
 
 def test_a_mesh_is_painted_once_painting_is_compiled():
     scene, compiled, ready = corner_scene(), threading.Event(), threading.Event()
 
     def wait() -> None:
-        compiled.wait(SECONDS)
+        compiled.wait(PATIENCE)
 
     texturer = Texturer(scene, Stage.of(scene), ready.set, wait)
     try:
@@ -89,7 +84,7 @@ def test_a_mesh_is_painted_once_painting_is_compiled():
         assert texturer.static.painted("page", vertices) is None
         assert not ready.wait(0.3)
         compiled.set()
-        assert ready.wait(SECONDS)
+        assert ready.wait(PATIENCE)
         found = texturer.static.painted("page", vertices)
         assert found is not None
         assert found.vertices is vertices

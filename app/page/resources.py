@@ -62,7 +62,7 @@ class SessionResources:
             session: the run.
             save_to: file that the trace is written to.
             recorded_in: file that the trace was read from; its bookmarks lie beside it.
-            compilation: see `Controller`; the mesh is painted after its end.
+            compilation: see `Controller`; the mesh is painted once what paints it is compiled.
 
         Raises:
             InputError: `save_to` cannot be written, or the bookmarks cannot be read.

@@ -126,9 +126,7 @@ class Texturer:
         frames: renders the textures for a viewpoint; of each page's requests only the latest.
     """
 
-    def __init__(
-        self, scene: Scene, stage: Stage, on_ready: Callable[[], None], wait: Callable[[], None] = lambda: None
-    ) -> None:
+    def __init__(self, scene: Scene, stage: Stage, on_ready: Callable[[], None], wait: Callable[[], None]) -> None:
         """Args:
         on_ready: called when a mesh has been painted.
         wait: called on the painting thread before each mesh; returns when the first one can be painted.

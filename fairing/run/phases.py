@@ -159,7 +159,7 @@ def _level(options: FairingOptions, plan: RunPlan, number: int, begin: int) -> L
     max_displacement = _max_displacement(options, plan)
     radius = max(by_level(schedule.search, number), 0.0) * plan.start_error
     sweeps, creases = by_level(schedule.max_sweeps, number), by_level(step.creases, number)
-    is_after_search = sharp and max(schedule.search) * plan.start_error > 0
+    is_after_search = sharp and _widest_search(options, plan) > 0
     if plan.is_near_truth:
         sweeps = min(sweeps, by_level(schedule.sweeps_near_truth, number))
     elif is_after_search:
@@ -191,8 +191,12 @@ def _level(options: FairingOptions, plan: RunPlan, number: int, begin: int) -> L
 
 def _max_displacement(options: FairingOptions, plan: RunPlan) -> float:
     """Largest distance of a vertex from its origin, px; infinite if nothing tells how far off they are."""
-    searched = MAX_DISPLACEMENT * max(options.schedule.search) * plan.start_error
-    return searched or MAX_DISPLACEMENT_MEASURED * plan.start_sigma or np.inf
+    return MAX_DISPLACEMENT * _widest_search(options, plan) or MAX_DISPLACEMENT_MEASURED * plan.start_sigma or np.inf
+
+
+def _widest_search(options: FairingOptions, plan: RunPlan) -> float:
+    """Largest radius of the run's local searches, px; 0 without a search."""
+    return max(options.schedule.search) * plan.start_error
 
 
 def _start_sigma(plan: RunPlan, blur: float, creases: float) -> float:
