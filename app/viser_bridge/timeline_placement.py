@@ -26,14 +26,18 @@ _SCRIPT = """
 
 
 class TimelinePlacement:
-    """Places a floating panel there, and again when the view changes its size."""
+    """Places a floating panel there, and gives it the view's width whenever that changes.
+
+    viser 1.1.1 places a panel its own height too low for a distance from the bottom, and mends that only when the panel's
+    size changes next; so the position is sent once, before the first width, and then widths alone.
+    """
 
     def __init__(self, gui: viser.GuiApi, panel: viser.PanelHandle, events: HtmlEvents) -> None:
         self._panel = panel
-        self._fit(MIN_WIDTH)
-        send_width = events.number(self._fit)("Math.round(canvas.clientWidth)")
+        panel.float(x=MARGIN, y=-MARGIN, width=MIN_WIDTH)
+        send_width = events.number(self._set_view_width)("Math.round(canvas.clientWidth)")
         run_in_page(gui, _SCRIPT % send_width)
 
-    def _fit(self, view_width: object) -> None:
-        width = whole_number(view_width, 1, MAX_WIDTH, "width of the view") - 2 * MARGIN
-        self._panel.float(x=MARGIN, y=-MARGIN, width=max(MIN_WIDTH, width))
+    def _set_view_width(self, value: object) -> None:
+        width = whole_number(value, 1, MAX_WIDTH, "width of the view") - 2 * MARGIN
+        self._panel.set_width(max(MIN_WIDTH, width))

@@ -9,6 +9,7 @@ from axe_playwright_python.sync_playwright import Axe
 
 from app.debugger.commands import Restart
 from app.panels.status import Status
+from app.viser_bridge.floating import MARGIN
 from fairing.options import FairingOptions, ScheduleOptions
 from fairing.trace import SchedulePosition
 from tests.browser.driver import IN_BROWSER, WINDOW, Visitor
@@ -99,6 +100,18 @@ def test_no_panel_overflows_or_scrolls_sideways(visitor: Visitor, order: str):
         other = "light" if theme == "dark" else "dark"
         visitor.page.wait_for_selector(f"html[data-mantine-color-scheme={other}]")
     visitor.page.set_viewport_size(WINDOW)
+
+
+@pytest.mark.parametrize("size", [(1280, 800), (1280, 640), (1440, 640), (1280, 720)])
+def test_the_timeline_lies_along_the_bottom_of_the_window(visitor: Visitor, size: tuple[int, int]):
+    show(visitor, "Timeline")
+    visitor.page.set_viewport_size({"width": size[0], "height": size[1]})
+    visitor.page.wait_for_timeout(700)  # a placement that comes too late would be a wrong one
+    tab = visitor.page.get_by_role("tab", name="Timeline")
+    timeline = visitor.box_of(visitor.page.locator("[data-floating-window]", has=tab))
+    bottom, width = timeline["y"] + timeline["height"], visitor.canvas_size()[0]
+    assert bottom == pytest.approx(size[1] - MARGIN, abs=1)
+    assert timeline["width"] == pytest.approx(width - 2 * MARGIN, abs=1)
 
 
 @pytest.mark.parametrize("order", ["sequential", "worst_first", "independent", "joint"])
