@@ -19,6 +19,7 @@ class Quantity:
     Attributes:
         title: label.
         meaning: with its unit.
+        run_caption, vertex_caption: the same for the run and for one vertex, each short enough for the line above a plot.
         is_log: whether its scale is logarithmic by default.
         of_run: computes it for all vertices of a step.
         of_vertex: computes it for one vertex, given its index in the record and the faces of its one-ring.
@@ -26,6 +27,8 @@ class Quantity:
 
     title: str
     meaning: str
+    run_caption: str
+    vertex_caption: str
     is_log: bool
     of_run: Callable[[StepRecord], float]
     of_vertex: Callable[[StepRecord, int, np.ndarray], float]
@@ -47,24 +50,30 @@ def _rejected(reasons: np.ndarray) -> float:
 
 QUANTITIES: dict[str, Quantity] = {
     "energy": Quantity(
-        "energy", "energy; for a vertex: of the faces around it", False,
+        "energy",
+        "energy; for a vertex: of the faces around it. Every sweep of every level measures anew, with cells of its own, so only "
+        "points connected by a line compare",
+        "Only connected points compare, within a sweep", "Energy of the faces around the vertex", False,
         lambda record: record.energy_after, _energy_around,
     ),
     "step": Quantity(
-        "step", "longest step tried, px in a photo", True,
+        "step", "longest step tried, px in a photo", "Longest step tried, px in a photo", "Step tried, px in a photo", True,
         lambda record: float(record.step_px.max(initial=0)), lambda record, slot, ring: float(record.step_px[slot]),
     ),
     "damping": Quantity(
-        "damping", "largest Levenberg-Marquardt damping, relative to the normal matrix's largest eigenvalue", True,
+        "damping", "largest Levenberg-Marquardt damping, relative to the normal matrix's largest eigenvalue",
+        "Largest damping among the vertices", "Damping of the vertex", True,
         lambda record: float(record.damping.max(initial=0)), lambda record, slot, ring: float(record.damping[slot]),
     ),
     "eigen": Quantity(
-        "certainty", "smallest ratio of smallest to largest eigenvalue of a vertex's normal matrix", True,
+        "certainty", "smallest ratio of smallest to largest eigenvalue of a vertex's normal matrix",
+        "Lowest eigenvalue ratio, smallest : largest", "Eigenvalue ratio, smallest : largest", True,
         lambda record: _ratio(record.eigenvalues),
         lambda record, slot, ring: _ratio(record.eigenvalues[slot : slot + 1]),
     ),
     "rejected": Quantity(
-        "rejected", "vertices whose step was rejected; for a vertex: consecutive rejections", False,
+        "rejected", "vertices whose step was rejected; for a vertex: consecutive rejections",
+        "Vertices whose step was rejected", "Rejections in a row", False,
         lambda record: _rejected(record.reasons), lambda record, slot, ring: float(record.rejections[slot]),
     ),
 }  # fmt: skip

@@ -19,20 +19,29 @@ from app.html import number, text
 from app.page_state.page_state import PageState, PlotView
 from app.palette import NOW, REFERENCE, SELECTED, css
 from app.panels.choice import chip
-from app.panels.plot_drawing import BOTTOM, HEIGHT, LEFT, RIGHT, TOP, WIDTH, Line, band, frame, intervals, line_at
-from app.ticks import log_ticks, ticks
+from app.panels.plot_drawing import (
+    BOTTOM,
+    HEIGHT,
+    LEFT,
+    RIGHT,
+    TOP,
+    WIDTH,
+    Line,
+    band,
+    frame,
+    intervals,
+    line_at,
+    value_scale,
+)
 from app.viser_bridge.html_events import Handler, HtmlEvents, choice_of, press
 from app.viser_bridge.html_panel import HtmlPanel
 from fairing.mesh import Mesh
 from fairing.trace import StepRecord
 
 ERROR = "error"
-CAPTIONS = {
-    "energy": "Only points of one line compare: every sweep measures anew, with its own cells",
-    ERROR: "RMS distance to truth, % of diagonal",
-}
 _ERROR = Quantity(
-    ERROR, "distance to the truth along directions the photos determine, % of the diagonal", False,
+    ERROR, "distance to the truth along directions the photos determine, % of the diagonal; of the run: RMS",
+    "RMS distance to the truth, % of diagonal", "Distance to the truth, % of diagonal", False,
     lambda record: float("nan"), lambda record, slot, ring: float("nan"),
 )  # fmt: skip
 
@@ -91,7 +100,8 @@ class Plot:
         if key == self._shown:
             return
         self._shown = key
-        chips, name = self._chips(plot, page_state.selected, vertex), self._name(plot)
+        name = self._name(plot)
+        chips = self._chips(plot, page_state.selected, vertex, has_steps=state.length > 0)
         if state.length == 0:
             self._panel.set(chips + _empty("No steps yet."))
             return
@@ -142,8 +152,8 @@ class Plot:
             return Series(error)
         return series_of(name, vertex, np.zeros(0, dtype=int) if vertex is None else self._mesh.one_rings[vertex])
 
-    def _chips(self, plot: PlotView, selected: int | None, vertex: int | None) -> str:
-        """Buttons for the quantities; below, what the chosen one is, whose it is, and its scale."""
+    def _chips(self, plot: PlotView, selected: int | None, vertex: int | None, has_steps: bool) -> str:
+        """Buttons for the quantities; below, what the chosen one is (once a step has recorded it), whose it is, and its scale."""
         quantities = "".join(
             chip(
                 quantity.title,
@@ -158,10 +168,10 @@ class Plot:
         hint = "Plot the selected vertex (instead of the whole run)"
         of_vertex = chip(whose, self._events("vertex"), hint, plot.of_vertex, "chip tight")
         log = chip("log", self._events("log"), "Logarithmic scale", self._is_log(plot), "chip tight")
-        name = self._name(plot)
-        caption = CAPTIONS.get(name) if vertex is None else None
-        caption = caption or self._quantities[name].meaning
-        note = f"<span class='dim one grow' title='{text(caption)}'>{text(caption[:1].upper() + caption[1:])}</span>"
+        quantity = self._quantities[self._name(plot)]
+        caption = (quantity.run_caption if vertex is None else quantity.vertex_caption) if has_steps else ""
+        meaning = quantity.meaning[:1].upper() + quantity.meaning[1:]
+        note = f"<span class='dim one grow' title='{text(meaning)}'>{text(caption)}</span>"
         return (
             f"<div class='row chips quantities'>{quantities}</div>"
             f"<div class='row chips quantities kind'>{note}{of_vertex}{log}</div>"
@@ -170,27 +180,18 @@ class Plot:
     def _picture(
         self, state: RunState, plot: PlotView, lines: list[Line], compared: Compared | None, others: list[Line]
     ) -> str:
-        log, name = self._is_log(plot), self._name(plot)
+        name = self._name(plot)
         everything = np.concatenate([line.values for line in (*lines, *others)])
         length = max(state.length, *(int(line.moments[-1]) for line in others), 1)
-        positive = everything[everything > 0]
-        floor = float(positive.min()) if len(positive) else 1e-3
-
-        def scaled(values: np.ndarray | float) -> np.ndarray:
-            """On a log scale, zeros are drawn at the smallest positive value."""
-            return np.log10(np.maximum(values, floor)) if log else np.asarray(values, dtype=float)
-
-        low, high = float(scaled(everything).min()), float(scaled(everything).max())
-        margin = 0.05 * (high - low) or (0.5 if log else abs(high) or 1.0)
-        low, high = (low - margin if log or low < 0 else max(0.0, low - margin)), high + margin
+        scale = value_scale(everything, self._is_log(plot))
 
         def x(moment: np.ndarray | float) -> np.ndarray:
             return LEFT + (WIDTH - LEFT - RIGHT) * np.asarray(moment) / length
 
         def y(values: np.ndarray | float) -> np.ndarray:
-            return HEIGHT - BOTTOM - (HEIGHT - TOP - BOTTOM) * (scaled(values) - low) / (high - low)
+            return HEIGHT - BOTTOM - (HEIGHT - TOP - BOTTOM) * scale.heights(values)
 
-        parts = [frame(log_ticks(low, high) if log else ticks(low, high), y)]
+        parts = [frame(scale.marks, y)]
         levels = self._energies.levels[: state.length]
         for first, end in intervals(levels):
             blur = state.options.schedule.blur[levels[first]]

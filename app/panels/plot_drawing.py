@@ -8,10 +8,12 @@ import numpy as np
 from app.debugger.series import thinned
 from app.html import text
 from app.palette import RGB, css
-from app.ticks import tick_labels
+from app.ticks import log_ticks, tick_labels, ticks
 
 WIDTH, HEIGHT = 312, 132
 LEFT, RIGHT, TOP, BOTTOM = 46, 6, 8, 18
+MARGIN = 0.05  # of the range of values, above and below them
+ZERO_BELOW = 0.15  # of the height: room for the label of zero
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,6 +22,51 @@ class Line:
 
     moments: np.ndarray
     values: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Scale:
+    """Scale of the values of a plot, linear or logarithmic.
+
+    Attributes:
+        low, high: ends of the scale: values, or exponents of ten on a log scale.
+        marks: (k,) float: values of the grid lines.
+        zero: where a log scale draws zeros, an exponent; -inf if there are none.
+    """
+
+    is_log: bool
+    low: float
+    high: float
+    marks: np.ndarray
+    zero: float
+
+    def heights(self, values: np.ndarray | float) -> np.ndarray:
+        """Heights of values (n,) in the plot, 0 at the bottom to 1 at the top."""
+        heights = np.asarray(values, dtype=float)
+        if self.is_log:
+            heights = np.where(heights > 0, np.log10(np.where(heights > 0, heights, 1.0)), self.zero)
+        return (heights - self.low) / (self.high - self.low)
+
+
+def value_scale(values: np.ndarray, is_log: bool) -> Scale:
+    """The scale that shows values (n,), n > 0; linear if none of them is positive.
+
+    On a log scale zeros have a line of their own below the positive values.
+    """
+    positive = values[values > 0]
+    if not is_log or len(positive) == 0:
+        low, high = float(values.min()), float(values.max())
+        margin = MARGIN * (high - low) or abs(high) or 1.0
+        low, high = (low - margin if low < 0 else max(0.0, low - margin)), high + margin
+        return Scale(False, low, high, ticks(low, high), -np.inf)
+    low, high = float(np.log10(positive.min())), float(np.log10(positive.max()))
+    margin = MARGIN * (high - low) or 0.5
+    low, high = low - margin, high + margin
+    marks = log_ticks(low, high)
+    if len(positive) == len(values):
+        return Scale(True, low, high, marks, -np.inf)
+    zero = low - ZERO_BELOW * (high - low)
+    return Scale(True, zero, high, np.append(0.0, marks), zero)
 
 
 def intervals(values: np.ndarray) -> list[tuple[int, int]]:

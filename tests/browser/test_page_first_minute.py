@@ -141,10 +141,10 @@ def test_the_texture_stays_on_the_moving_mesh_and_is_painted_again(visitor: Visi
 def test_the_plot_shows_the_error_first_and_says_what_energies_compare(visitor: Visitor):
     visitor.press("Step one sweep")
     visitor.page.get_by_role("img", name="Error plot").wait_for()
-    visitor.page.get_by_text("RMS distance to truth, % of diagonal", exact=True).wait_for()
+    visitor.page.get_by_text("RMS distance to the truth, % of diagonal", exact=True).wait_for()
     visitor.page.locator(".quantities").get_by_text("energy", exact=True).click()
     visitor.page.get_by_role("img", name="Energy plot").wait_for()
-    visitor.page.get_by_text("Only points of one line compare").wait_for()
+    visitor.page.get_by_text("Only connected points compare, within a sweep", exact=True).wait_for()
     visitor.page.locator(".quantities").get_by_text("error", exact=True).click()
 
 

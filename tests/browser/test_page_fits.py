@@ -8,6 +8,7 @@ import pytest
 from axe_playwright_python.sync_playwright import Axe
 
 from app.debugger.commands import Restart
+from app.page_state.page_state import PlotView
 from app.panels.status import Status
 from app.viser_bridge.floating import MARGIN
 from fairing.options import FairingOptions, ScheduleOptions
@@ -100,6 +101,38 @@ def test_no_panel_overflows_or_scrolls_sideways(visitor: Visitor, order: str):
         other = "light" if theme == "dark" else "dark"
         visitor.page.wait_for_selector(f"html[data-mantine-color-scheme={other}]")
     visitor.page.set_viewport_size(WINDOW)
+
+
+@pytest.mark.parametrize("of_vertex", [False, True])
+def test_the_note_of_every_plot_is_whole_and_not_there_before_the_first_step(visitor: Visitor, of_vertex: bool):
+    visitor.app.controller.post(Restart(OPTIONS))
+    visitor.app.controller.wait_until_idle()
+    note, kinds = visitor.page.locator(".quantities.kind .one"), visitor.page.locator(".quantities:not(.kind) button")
+    visitor.page.get_by_text("No steps yet.").wait_for()
+    assert note.inner_text() == ""
+    visitor.press("Step one iteration")
+    page = next(iter(visitor.app.pages.values()))
+    page.page_state.plot = PlotView(of_vertex=of_vertex)
+    try:
+        for theme in ("light", "dark"):
+            visitor.page.keyboard.press("y")
+            visitor.page.wait_for_selector(f"html[data-mantine-color-scheme={theme}]")
+            for size in SIZES:
+                visitor.page.set_viewport_size(size)
+                for title in kinds.all_inner_texts():
+                    kinds.get_by_text(title, exact=True).click()
+                    visitor.page.get_by_role("img", name=f"{title.capitalize()} plot").wait_for()
+                    text, room = note.evaluate(
+                        """note => {
+                            const text = document.createRange();
+                            text.selectNodeContents(note);
+                            return [text.getBoundingClientRect().width, note.getBoundingClientRect().width];
+                        }"""
+                    )
+                    assert 0 < text <= room, f"{title}, {theme}, {size}"
+    finally:
+        page.page_state.plot = PlotView()
+        visitor.page.set_viewport_size(WINDOW)
 
 
 @pytest.mark.parametrize("size", [(1280, 800), (1280, 640), (1440, 640), (1280, 720)])
