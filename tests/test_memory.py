@@ -5,6 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter
 
 from app.cli.main import run
 from fairing.cells.scale_space import ScaleSpace
@@ -23,11 +24,11 @@ GIGABYTE = 10**9
 def test_two_threads_can_lay_out_photos_at_once(monkeypatch: pytest.MonkeyPatch):
     """As in a local search that evaluates two directions: photos added to the reserved part do not disturb others."""
     shared, alone = (ScaleSpace(corner_scene(), color=False) for _ in range(2))
-    filtered = ScaleSpace._filtered
+    blurred = ScaleSpace._blurred
     with ThreadPoolExecutor(2) as pool, ThreadPoolExecutor(2) as both:
-        shared.lay_out(1.2, False, [(view, blur) for view in range(8) for blur in (1.2, 2.0)], pool)
-        monkeypatch.setattr(ScaleSpace, "_filtered", lambda *call: time.sleep(0.05) or filtered(*call))
-        jobs = [(3, 4.0), (5, 8.0)]
+        shared.lay_out(1.2, False, [(view, blur) for view in range(8) for blur in (1.2, 1.9)], pool)
+        monkeypatch.setattr(ScaleSpace, "_blurred", lambda *call: time.sleep(0.05) or blurred(*call))
+        jobs = [(3, 1.5), (5, 1.7)]
         laid_out = list(both.map(lambda wanted: shared.lay_out(1.2, False, [wanted], pool), jobs))
         for wanted, (pixels, starts) in zip(jobs, laid_out, strict=True):
             expected, _ = alone.lay_out(0.0, False, [wanted], pool)
@@ -35,39 +36,72 @@ def test_two_threads_can_lay_out_photos_at_once(monkeypatch: pytest.MonkeyPatch)
 
 
 def test_only_requested_photos_are_laid_out_and_later_ones_do_not_change_them(monkeypatch: pytest.MonkeyPatch):
-    photos = ScaleSpace(corner_scene(), color=False)
+    photos, size = ScaleSpace(corner_scene(), color=False), WIDTH * HEIGHT
     with ThreadPoolExecutor(2) as pool:
-        few, starts = photos.lay_out(2.0, False, [(3, 2.0), (1, 4.0)], pool)
-        assert len(few) == 2 * WIDTH * HEIGHT
-        more, later = photos.lay_out(2.0, False, [(3, 2.0), (0, 2.0), (3, 4.0)], pool)
-        assert len(more) == 4 * WIDTH * HEIGHT
+        few, starts = photos.lay_out(1.2, False, [(3, 1.2), (1, 1.9)], pool)
+        assert len(few) == 2 * size
+        more, later = photos.lay_out(1.2, False, [(3, 1.2), (0, 1.2), (3, 1.9)], pool)
+        assert len(more) == 4 * size
         monkeypatch.setattr("fairing.cells.scale_space.MAX_DECODED_BYTES", 0)
-        anew, third = ScaleSpace(corner_scene(), color=False).lay_out(2.0, False, [(3, 2.0)], pool)
-    size = WIDTH * HEIGHT
-    np.testing.assert_array_equal(few[starts[3, 2.0] :][:size], more[later[3, 2.0] :][:size])
-    np.testing.assert_array_equal(anew[third[3, 2.0] :][:size], more[later[3, 2.0] :][:size])
-    assert not np.array_equal(more[later[3, 4.0] :][:size], more[later[3, 2.0] :][:size])
+        anew, third = ScaleSpace(corner_scene(), color=False).lay_out(1.2, False, [(3, 1.2)], pool)
+    np.testing.assert_array_equal(few[starts[3, 1.2] :][:size], more[later[3, 1.2] :][:size])
+    np.testing.assert_array_equal(anew[third[3, 1.2] :][:size], more[later[3, 1.2] :][:size])
+    assert not np.array_equal(more[later[3, 1.9] :][:size], more[later[3, 1.2] :][:size])
 
 
 def small_reductions(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Treat the corner as a scene of more than `LARGE_SCENE_PIXELS`."""
-    monkeypatch.setattr("fairing.cells.scale_space.LARGE_SCENE_PIXELS", 0)
+    """Let the photos of the corner be reduced as large ones are."""
     monkeypatch.setattr("fairing.cells.scale_space.MIN_REDUCED_SIZE", 8)
 
 
-def test_a_large_scene_stores_a_subset_of_the_pixels_of_a_blurred_photo(monkeypatch: pytest.MonkeyPatch):
-    wanted = [(0, 1.9), (0, 2.0), (0, 5.0), (0, 100.0)]
+def no_reductions(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("fairing.cells.scale_space.MIN_REDUCED_SIZE", 1_000)
+
+
+def test_a_reduced_photo_is_a_subset_of_the_pixels_of_the_blurred_one(monkeypatch: pytest.MonkeyPatch):
+    """It is blurred in several steps where it is reduced by more than 2."""
+    wanted = [(0, 1.9), (0, 2.0), (0, 5.0), (0, 9.6)]
+    small_reductions(monkeypatch)
+    photos = ScaleSpace(corner_scene(), color=False)
+    photo = photos.photo(0)[0].astype(float)
     with ThreadPoolExecutor(1) as pool:
-        pixels, starts = ScaleSpace(corner_scene(), color=False).lay_out(1.2, False, wanted, pool)
-        small_reductions(monkeypatch)
-        photos = ScaleSpace(corner_scene(), color=False)
-        kept, kept_starts = photos.lay_out(1.2, False, wanted, pool)
-    for (view, sigma), factor in zip(wanted, (1, 2, 4, 8), strict=True):  # 120 / 16 px would be less than 8
+        kept, starts = photos.lay_out(1.2, False, wanted, pool)
+    for (view, sigma), factor in zip(wanted, (1, 2, 4, 8), strict=True):
         width, height = photos.size_at(view, sigma)
         assert (width, height) == (WIDTH // factor, HEIGHT // factor)
-        whole = pixels[starts[view, sigma] :][: WIDTH * HEIGHT].reshape(HEIGHT, WIDTH)
-        small = kept[kept_starts[view, sigma] :][: width * height].reshape(height, width)
-        np.testing.assert_array_equal(small, whole[::factor, ::factor])
+        small = kept[starts[view, sigma] :][: width * height].reshape(height, width)
+        whole = gaussian_filter(photo, sigma, mode="mirror")
+        assert np.abs(small - whole[::factor, ::factor]).max() < 0.01 * np.ptp(photo)
+
+
+def test_what_is_stored_of_a_photo_does_not_depend_on_what_was_asked_for_before(monkeypatch: pytest.MonkeyPatch):
+    small_reductions(monkeypatch)
+    together, alone = (ScaleSpace(corner_scene(), color=False) for _ in range(2))
+    with ThreadPoolExecutor(1) as pool:
+        together.lay_out(1.2, False, [(0, 2.4), (0, 4.8)], pool)
+        pixels, starts = together.lay_out(1.2, False, [(0, 9.6)], pool)
+        expected, _ = alone.lay_out(1.2, False, [(0, 9.6)], pool)
+    np.testing.assert_array_equal(pixels[starts[0, 9.6] :], expected)
+
+
+def test_photos_of_later_levels_are_kept_and_those_of_earlier_ones_freed(monkeypatch: pytest.MonkeyPatch):
+    photos, blurs = ScaleSpace(corner_scene(), color=False), (2.0, 1.2, 0.5)
+    with ThreadPoolExecutor(1) as pool:
+
+        def anew(blur: float) -> bool:
+            """Whether the photos of a blur are computed."""
+            with monkeypatch.context() as patch:
+                calls, blurred = [], ScaleSpace._blurred
+                patch.setattr(ScaleSpace, "_blurred", lambda *call: calls.append(call) or blurred(*call))
+                photos.lay_out(blur, False, [(0, blur)], pool)
+            return bool(calls)
+
+        assert [anew(blur) for blur in blurs] == [True, True, True]
+        photos.begin_level(1.2)
+        assert [anew(blur) for blur in blurs] == [True, False, False]
+        monkeypatch.setattr("fairing.cells.scale_space.KEPT_BYTES", 0)
+        photos.begin_level(1.2)
+        assert [anew(blur) for blur in blurs] == [True, False, True]
 
 
 def test_reduced_photos_lead_to_the_same_position(monkeypatch: pytest.MonkeyPatch):
@@ -77,7 +111,7 @@ def test_reduced_photos_lead_to_the_same_position(monkeypatch: pytest.MonkeyPatc
         schedule={"blur": [2.0], "max_sweeps": [6]},
     )  # fmt: skip
     ends, sizes = [], []
-    for prepare in (lambda _: None, small_reductions):
+    for prepare in (no_reductions, small_reductions):
         prepare(monkeypatch)
         session = Session(corner_scene(), options)
         session.run()
@@ -92,14 +126,15 @@ def test_a_scene_with_reduced_photos_needs_less_memory(monkeypatch: pytest.Monke
     scene = corner_scene()
     options = small_options(cells={"point_spread": ["as_seen"]}, schedule={"blur": [6.0]})
     monkeypatch.setattr(memory, "PROGRAM", 0)
+    monkeypatch.setattr(memory, "KEPT_BYTES", 0)
+    no_reductions(monkeypatch)
     needed = memory_needed(scene, options)
     small_reductions(monkeypatch)
-    monkeypatch.setattr(memory, "LARGE_SCENE_PIXELS", 0)
     pixels = sum(view.camera.width * view.camera.height for view in scene.views)
     assert needed - memory_needed(scene, options) == pytest.approx(4 * pixels * (1 - 1 / 16), abs=1)
 
 
-@pytest.mark.parametrize("call", ["_filtered", "mask"])  # while photos are read, and while visibility is judged
+@pytest.mark.parametrize("call", ["_blurred", "mask"])  # while photos are read, and while visibility is judged
 def test_a_cancelled_run_stops_between_two_photos(call: str, monkeypatch: pytest.MonkeyPatch):
     scene, seen = corner_scene(), []
     problem = Problem(scene, small_options(threads=1), scene.mesh.vertices, cancel_requested=lambda: len(seen) == 3)

@@ -43,8 +43,8 @@ def test_the_strip_has_a_pixel_a_moment_and_the_colour_of_what_happened(state: R
         if not record.accepted:
             assert np.array_equal(step[k], step.min(axis=0)), "no step, no colour"
     lengths = [record.step_px.max() if record.accepted else 0 for record in state.trace.steps]
-    closest = np.linalg.norm(step - NOW, axis=1).argmin()
-    assert lengths[closest] == max(lengths)
+    to_now = np.linalg.norm(step - NOW, axis=1)
+    assert to_now[int(np.argmax(lengths))] == to_now.min(), "the longest step has the strongest colour"
 
 
 def test_a_long_strip_keeps_the_strongest_of_each_group(state: RunState):

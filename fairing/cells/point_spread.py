@@ -254,12 +254,11 @@ def _cut(photo, grey_levels, down, across, corners, stack):
 def _keep(stack, borders, sizes, starts, pixels):
     """Copy patches (b, channels, h, w) without their borders (b,) into `pixels` from `starts` on; sizes (b, 2): width, height."""
     for b in range(stack.shape[0]):
-        at, edge = starts[b], borders[b]
+        at, edge, width = starts[b], borders[b], sizes[b, 0]
         for c in range(stack.shape[1]):
             for i in range(edge, edge + sizes[b, 1]):
-                for j in range(edge, edge + sizes[b, 0]):
-                    pixels[at] = stack[b, c, i, j]
-                    at += 1
+                pixels[at : at + width] = stack[b, c, i, edge : edge + width]
+                at += width
 
 
 def _mirrored(first: int, count: int, size: int) -> np.ndarray:

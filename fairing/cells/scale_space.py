@@ -21,25 +21,24 @@ MAX_CONCURRENT_PHOTOS = 4
 """Photos decoded and blurred at a time; each takes 28 bytes per pixel."""
 STRIP_ROWS = 1024
 """Rows of a photo converted to grey at a time."""
-LARGE_SCENE_PIXELS = 500_000_000
-"""A scene whose photos have more pixels in all stores blurred photos at reduced resolution (ledger: reduced photos)."""
+KEPT_BYTES = 1 << 28
+"""Blurred photos kept for later levels: the preparation reads them before the first one begins."""
 MIN_REDUCED_SIZE = 64
 """px: least width and height of a reduced photo."""
 RESERVED_PART = 8
 """1 / RESERVED_PART of an array is reserved for photos that later sweeps add, which saves copying; untouched pages are free."""
 
 
-def reduction(is_large: bool, size: tuple[int, int], sigma: float) -> int:
-    """Reduction factor at which a photo is stored: a power of 2, at most sigma.
+def reduction(size: tuple[int, int], sigma: float) -> int:
+    """Reduction factor at which a photo is stored: a power of 2, at most sigma (ledger: reduced photos).
 
     The blur leaves less than 1 % (exp(-pi^2 / 2)) of the frequencies that the reduced photo cannot represent.
 
     Args:
-        is_large: whether the photos together have more than `LARGE_SCENE_PIXELS` pixels.
         size: (width, height) of the photo, px.
         sigma: standard deviation of the photo's Gaussian blur, px.
     """
-    factor = 2 ** max(0, math.frexp(sigma)[1] - 1) if is_large and sigma >= 2 else 1
+    factor = 2 ** (math.frexp(sigma)[1] - 1) if sigma >= 2 else 1
     while factor > 1 and min(size) < MIN_REDUCED_SIZE * factor:
         factor //= 2
     return factor
@@ -54,10 +53,10 @@ class _Layout(NamedTuple):
 
 
 class ScaleSpace:
-    """Gaussian-blurred photos of a scene: those of one level's blur and its octaves, per interpolation.
+    """Gaussian-blurred photos of a scene at the blurs of its levels and their octaves, per interpolation.
 
-    Memory: 4 bytes per pixel of blurred photos, and decoded photos (2 bytes per pixel, 3 in colour) up to
-    `MAX_DECODED_BYTES`. Scenes of more than `LARGE_SCENE_PIXELS` store blurred photos at reduced resolution.
+    Memory: 4 bytes per pixel of blurred photos, which are stored at reduced resolution, and decoded photos (2 bytes per
+    pixel, 3 in colour) up to `MAX_DECODED_BYTES`.
 
     Args:
         color: use all three channels instead of the luma.
@@ -72,7 +71,6 @@ class ScaleSpace:
     ) -> None:
         self._views = scene.views
         self._color = color
-        self._is_large = sum(view.camera.width * view.camera.height for view in scene.views) > LARGE_SCENE_PIXELS
         self._photos: dict[int, np.ndarray] = {}
         self._layouts: dict[tuple[float, bool], _Layout] = {}
         self._masks: dict[tuple[int, int], np.ndarray] = {}
@@ -97,7 +95,7 @@ class ScaleSpace:
         """Blurred photos in one flat array.
 
         Args:
-            blur: of the level, px; the array of a level is kept until `forget_all_but`.
+            blur: of the level, px; the array of a level is kept until `begin_level`.
             cubic: store cubic B-spline coefficients instead of pixels.
             requested: view ids, each with the sigma of a Gaussian, px; 0 for none.
             pool: executes several photos at a time.
@@ -130,9 +128,12 @@ class ScaleSpace:
             pixels = reserved[:at]
 
             def fill(view: int, photo: np.ndarray) -> None:
+                planes, blurred = photo.astype(np.float32) * self.grey_levels, {}
                 for sigma in missing[view]:
                     start = starts[view, sigma]
-                    kept = self._filtered(photo, sigma, self.reduction(view, sigma), cubic)
+                    kept = self._blurred(view, planes, sigma, blurred)
+                    if cubic:
+                        kept = np.stack([spline_filter(plane, 3, np.float32, "mirror") for plane in kept])  # pyright: ignore[reportArgumentType]
                     pixels[start : start + kept.size] = kept.ravel()
 
             self.for_each(missing, fill, pool)
@@ -142,7 +143,7 @@ class ScaleSpace:
     def reduction(self, view: int, sigma: float) -> int:
         """Reduction factor f of a view at a blur (px): pixel (x, y) of the stored photo is pixel (f x, f y) of the blurred one."""
         camera = self._views[view].camera
-        return reduction(self._is_large, (camera.width, camera.height), sigma)
+        return reduction((camera.width, camera.height), sigma)
 
     def size_at(self, view: int, sigma: float) -> tuple[int, int]:
         """(width, height), px, of the stored photo of a view at a blur (px)."""
@@ -178,9 +179,20 @@ class ScaleSpace:
             self._masks[view, reduction] = padded.reshape(h, reduction, w, reduction).min(axis=(1, 3))
         return self._masks[view, reduction]
 
-    def forget_all_but(self, blur: float) -> None:
-        """Free the blurred photos of other levels' blurs."""
-        self._layouts = {key: layout for key, layout in self._layouts.items() if key[0] == blur}
+    def begin_level(self, blur: float) -> None:
+        """Free the photos of stronger blurs, which earlier levels read, and those of weaker ones beyond `KEPT_BYTES`."""
+        self._layouts = {key: layout for key, layout in self._layouts.items() if key[0] <= blur}
+        weaker = [key for key in self._layouts if key[0] < blur]
+        while weaker and sum(self._layouts[key].reserved.nbytes for key in weaker) > KEPT_BYTES:
+            del self._layouts[weaker.pop(0)]
+
+    def photo(self, view: int) -> np.ndarray:
+        """(channels, height, width) float32: a photo as taken, grey levels.
+
+        Raises:
+            InputError: it cannot be decoded.
+        """
+        return self._photo(view).astype(np.float32) * self.grey_levels
 
     def _pixels_at(self, view: int, sigma: float) -> int:
         width, height = self.size_at(view, sigma)
@@ -206,15 +218,22 @@ class ScaleSpace:
             eighths[0, part] = np.round(luma * 8)
         return eighths
 
-    def _filtered(self, photo: np.ndarray, blur: float, factor: int, cubic: bool) -> np.ndarray:
-        planes = photo.astype(np.float32) * self.grey_levels
-        if blur > 0:
-            radius = int(np.ceil(4 * blur))
-            size = (2 * radius + 1, 2 * radius + 1)
-            planes = np.stack(
-                [cv2.GaussianBlur(plane, size, blur, borderType=cv2.BORDER_REFLECT_101) for plane in planes]
-            )
-        planes = planes[:, ::factor, ::factor]
-        if cubic:
-            planes = np.stack([spline_filter(plane, 3, np.float32, "mirror") for plane in planes])  # pyright: ignore[reportArgumentType]
-        return planes
+    def _blurred(self, view: int, planes: np.ndarray, sigma: float, blurred: dict[float, np.ndarray]) -> np.ndarray:
+        """A photo's planes (channels, height, width) at a blur (px), reduced; `blurred` holds those of other blurs.
+
+        A strong blur is computed from the photo at half of it, which is reduced already.
+        """
+        if sigma not in blurred:
+            factor, weaker, at = self.reduction(view, sigma), 0.0, 1
+            if factor > 2:
+                weaker, at = sigma / 2, self.reduction(view, sigma / 2)
+                planes = self._blurred(view, planes, weaker, blurred)
+            added = math.sqrt(sigma**2 - weaker**2) / at
+            kept = planes
+            if added > 0:
+                size = (2 * math.ceil(4 * added) + 1,) * 2
+                kept = np.stack(
+                    [cv2.GaussianBlur(plane, size, added, borderType=cv2.BORDER_REFLECT_101) for plane in planes]
+                )
+            blurred[sigma] = kept[:, :: factor // at, :: factor // at]
+        return blurred[sigma]

@@ -9,7 +9,7 @@ import numpy as np
 
 from fairing.cells.pair_photos import blur_octaves, blur_of_octave
 from fairing.cells.point_spread import MAX_PATCH_PIXELS, patch_pixels
-from fairing.cells.scale_space import LARGE_SCENE_PIXELS, MAX_CONCURRENT_PHOTOS, MAX_DECODED_BYTES, reduction
+from fairing.cells.scale_space import KEPT_BYTES, MAX_CONCURRENT_PHOTOS, MAX_DECODED_BYTES, reduction
 from fairing.cells.visibility import Visibility, footprints
 from fairing.options import FairingOptions, by_level
 from fairing.scene import Scene
@@ -33,7 +33,8 @@ def memory_needed(scene: Scene, options: FairingOptions, scale: float = 1.0) -> 
     sizes = scale**2 * np.array([view.camera.width * view.camera.height for view in scene.views], dtype=float)
     channels, n_faces = 3 if options.cells.color else 1, len(scene.mesh.faces)
     threads = min(options.threads or os.cpu_count() or 1, len(sizes))
-    laid_out = 4 * channels * _pixels_laid_out(scene, options, scale, sizes)
+    largest, others = (4 * channels * pixels for pixels in _pixels_laid_out(scene, options, scale, sizes))
+    laid_out = largest + min(others, KEPT_BYTES)
     decoded = min((3 if options.cells.color else 2) * float(sizes.sum()), MAX_DECODED_BYTES)
     in_work = float(sizes.max()) * max(
         min(threads, MAX_CONCURRENT_PHOTOS) * PER_PIXEL_IN_WORK,
@@ -45,15 +46,15 @@ def memory_needed(scene: Scene, options: FairingOptions, scale: float = 1.0) -> 
     return int(PROGRAM + laid_out + decoded + in_work + masks + by_face)
 
 
-def _pixels_laid_out(scene: Scene, options: FairingOptions, scale: float, sizes: np.ndarray) -> float:
-    """Blurred pixels of the level that stores most: whole photos, or the patches of photos around each face.
+def _pixels_laid_out(scene: Scene, options: FairingOptions, scale: float, sizes: np.ndarray) -> tuple[float, float]:
+    """Blurred pixels of the level that stores most, whole photos or the patches of photos around each face; of all levels.
 
     Large faces need whole photos at several blurs, see `fairing.cells.pair_photos`.
 
     Args:
         sizes: (V,) float, px: pixels of the photos.
     """
-    laid_out, is_large = np.zeros(options.n_levels), float(sizes.sum()) > LARGE_SCENE_PIXELS
+    laid_out = np.zeros(options.n_levels)
     patches, count = np.zeros(len(scene.mesh.faces)), np.zeros(len(scene.mesh.faces))
     everywhere = replace(options.visibility, min_angle=0.0, min_footprint=0.0)
     for v, view in enumerate(scene.views):
@@ -65,12 +66,13 @@ def _pixels_laid_out(scene: Scene, options: FairingOptions, scale: float, sizes:
         for level, blur in enumerate(options.schedule.blur):
             octaves = np.unique(blur_octaves(longest / by_level(options.cells.size, level), blur)).tolist()
             for octave in octaves or [0]:
-                factor = reduction(is_large, (view.camera.width, view.camera.height), blur_of_octave(octave, blur))
+                factor = reduction((view.camera.width, view.camera.height), blur_of_octave(octave, blur))
                 laid_out[level] += sizes[v] / factor**2
     of_patches = float((patches * np.minimum(1, options.visibility.max_views / np.maximum(count, 1))).sum())
     levels = [by_level(options.cells.point_spread, level) for level in range(options.n_levels)]
     uses_patches = [spread == "common" and of_patches <= MAX_PATCH_PIXELS for spread in levels]
-    return max(of_patches if patched else float(laid_out[level]) for level, patched in enumerate(uses_patches))
+    largest = max(of_patches if patched else float(laid_out[level]) for level, patched in enumerate(uses_patches))
+    return largest, float(laid_out[np.logical_not(uses_patches)].sum())
 
 
 def memory_available() -> tuple[int, int] | None:

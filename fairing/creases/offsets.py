@@ -4,6 +4,7 @@ Samples along a crease give profiles across it; profiles of a segment are averag
 runs along the segment remains, and the peak of the average is located with subpixel accuracy.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import cv2
@@ -29,7 +30,7 @@ BACKGROUND = 1e30  # depth, world units
 STEP = 0.25  # px between samples of a profile
 HALF_STEPS = 2  # the derivative is taken over +- this many steps
 CORRELATION = 2.5  # px along the crease over which residuals of the profiles agree
-MIN_NOISE, MIN_CONTRAST = 0.5, 1.5  # grey levels per px
+MIN_NOISE, MIN_CONTRAST = 0.3, 0.9  # grey levels per px
 MIN_SIGNIFICANCE = 3.0  # of a peak, in units of its noise; three times as much has full weight
 LEAST_UNIQUENESS = 0.05  # weight of a peak that another one equals
 CONCAVE_WEIGHT = 0.3  # concave creases have contact shadows and reflections beside them (ledger: creases)
@@ -60,7 +61,7 @@ def measure_offsets(
     """Offsets of the creases that a photo shows.
 
     Args:
-        photo: (height, width, 3) uint8.
+        photo: (channels, height, width) float32, grey levels.
         vertices: (n, 3) float, world units.
         faces: (m, 3) int.
         reach: largest offset, px.
@@ -75,7 +76,7 @@ def measure_offsets(
     seen = np.flatnonzero(shown)
     if len(seen) == 0:
         return _none()
-    image = cv2.GaussianBlur(photo.astype(np.float32), (0, 0), SMOOTHING)
+    smoothed = [cv2.GaussianBlur(plane, (0, 0), SMOOTHING) for plane in photo]
     nearest = rasterize(vertices, faces, camera)[1]
     farthest = cv2.dilate(np.minimum(nearest, BACKGROUND).astype(np.float32), np.ones((3, 3)))
     projected = _Projected(camera, vertices, uv, depth)
@@ -84,7 +85,7 @@ def measure_offsets(
     parts = []
     for ids in batches:
         samples = _samples_along(projected, creases.ends[ids], farthest, reach + BORDER)
-        parts.append(_measured(image, projected, creases, ids, samples, reach))
+        parts.append(_measured(smoothed, projected, creases, ids, samples, reach))
     return Offsets(*(np.concatenate(values) for values in zip(*parts, strict=True)))
 
 
@@ -165,12 +166,17 @@ def _samples_along(projected: _Projected, ends: np.ndarray, farthest: np.ndarray
 
 
 def _measured(
-    image: np.ndarray, projected: _Projected, creases: Creases, ids: np.ndarray, samples: _Samples, reach: float
+    smoothed: Sequence[np.ndarray],
+    projected: _Projected,
+    creases: Creases,
+    ids: np.ndarray,
+    samples: _Samples,
+    reach: float,
 ) -> Offsets:
     """Offsets of the segments of creases `ids` (c,); see `measure_offsets`.
 
     Args:
-        image: (height, width, 3) float32: the smoothed photo.
+        smoothed: the planes of the photo (height, width) float32, smoothed.
     """
     row, along, pixels, across, starts, sizes = samples
     if len(row) == 0:
@@ -178,7 +184,7 @@ def _measured(
     steps = round((reach + 2 * HALF_STEPS * STEP) / STEP)
     places = np.arange(-steps, steps + 1) * STEP
     at = (pixels[:, None] + places[:, None] * across[:, None]).astype(np.float32)
-    profile = cv2.remap(image, at[..., 0], at[..., 1], cv2.INTER_LINEAR)
+    profile = np.stack([cv2.remap(plane, at[..., 0], at[..., 1], cv2.INTER_LINEAR) for plane in smoothed], axis=-1)
     mean, squares = _slopes(profile, starts, sizes)
     variance = np.maximum(squares - mean**2, 0)
     independent = np.maximum(1.0, sizes * SPACING / CORRELATION)
@@ -195,18 +201,18 @@ def _measured(
 
 @njit(cache=True, nogil=True)
 def _slopes(profile, starts, sizes):
-    """Mean and mean square (s, q, 3) float64 of the derivatives of the profiles (p, q + 2 * HALF_STEPS, 3) by segment."""
-    width = profile.shape[1] - 2 * HALF_STEPS
-    mean, squares = np.zeros((len(starts), width, 3)), np.zeros((len(starts), width, 3))
+    """Mean and mean square (s, q, c) float64 of the derivatives of the profiles (p, q + 2 * HALF_STEPS, c) by segment."""
+    width, channels = profile.shape[1] - 2 * HALF_STEPS, profile.shape[2]
+    mean, squares = np.zeros((len(starts), width, channels)), np.zeros((len(starts), width, channels))
     for s in range(len(starts)):
         for k in range(starts[s], starts[s] + sizes[s]):
             for j in range(width):
-                for c in range(3):
+                for c in range(channels):
                     slope = np.float64(profile[k, j + 2 * HALF_STEPS, c] - profile[k, j, c])
                     mean[s, j, c] += slope
                     squares[s, j, c] += slope * slope
         for j in range(width):
-            for c in range(3):
+            for c in range(channels):
                 mean[s, j, c] /= sizes[s]
                 squares[s, j, c] /= sizes[s]
     return mean, squares

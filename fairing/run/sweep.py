@@ -166,7 +166,8 @@ def _to_image_edges(
         H: (n, 3, 3) float: normal matrices of the cells, energy / world unit^2.
     """
     aligned = aligned_to_image_edges(
-        problem.scene.views,
+        [view.camera for view in problem.scene.views],
+        problem.photo,
         vertices,
         problem.scene.mesh.faces,
         problem.locked,

@@ -8,7 +8,7 @@ from fairing.solve.problem import Problem
 from fairing.trace import SchedulePosition, Trace
 
 MAX_SWEEPS = 4  # so that stepping back and forth does not compute visibility again
-MAX_BYTES = 1 << 30  # of blurred photos that cached sweeps refer to
+MAX_BYTES = 1 << 26  # of blurred photos that cached sweeps refer to
 
 
 class SweepCache:

@@ -98,7 +98,7 @@ class Problem:
             Cancelled: cancellation was requested.
         """
         began, photos_before = time.perf_counter(), self._photos.seconds
-        self._photos.forget_all_but(self.options.schedule.blur[level])
+        self._photos.begin_level(self.options.schedule.blur[level])
         usable = self._usable if among is None else self._usable & among[self.scene.mesh.faces].any(axis=1)
         context = self.context_of(usable, level, vertices, self.options)
         on_photos = self._photos.seconds - photos_before
@@ -237,6 +237,10 @@ class Problem:
         return other
 
     # ------------------------------------------------------------------ photos in memory
+
+    def photo(self, view: int) -> np.ndarray:
+        """(channels, height, width) float32: a photo as taken, grey levels; see `ScaleSpace.photo`."""
+        return self._photos.photo(view)
 
     def clear(self) -> None:
         """Free the photos, which are read again when needed, and end the threads."""
