@@ -7,19 +7,17 @@ import numpy as np
 import viser
 
 from app.page.camera_view import CameraView
+from app.page.viewpoint import viewpoint
 from app.stage import FIELD_OF_VIEW, Stage
 from app.viser_bridge.camera_pose import CameraPose, get_camera_pose, set_camera_pose
 from app.viser_bridge.html_events import Guarded, whole_number
 from app.viser_bridge.theme import Theme
-from fairing.geometry.normals import face_normals
 from fairing.scene import Scene
 
 FLIGHT = tuple(
     float(x) for x in 0.5 - 0.5 * np.cos(np.linspace(0, np.pi, 13)[1:])
 )  # shares of the way: slow, fast, slow
 FLIGHT_SECONDS = 0.4
-AWAY = 20.0  # distance of the eye from a vertex flown to, in mean distances of the corners of its faces
-LEAST_FACING = 0.2  # cosine between line of sight and normal below which the surface is seen too obliquely
 
 
 class PageCamera:
@@ -74,28 +72,17 @@ class PageCamera:
         self._look_from(self._stage.above(), self._stage.target_from_above())
 
     def fly_to(self, vertex: int, vertices: np.ndarray) -> None:
-        """Approach a vertex along the present line of sight, or from the outer side of the surface if that is hidden.
+        """Approach a vertex and look at it from where no face hides it, see `viewpoint`.
 
         Args:
             vertices: (n, 3) float, page units: of the mesh.
         """
         self.leave()
-        before, mesh, point = get_camera_pose(self._client), self._scene.mesh, vertices[vertex]
-        ring = mesh.faces[mesh.one_rings[vertex]]
-        away = before.position - point
-        distance = float(np.linalg.norm(away))
-        towards = away / max(distance, 1e-9)
-        if len(ring):
-            distance = min(distance, AWAY * float(np.linalg.norm(vertices[ring] - point, axis=-1).mean()))
-            normal = face_normals(vertices, ring).sum(axis=0)
-            normal /= max(float(np.linalg.norm(normal)), 1e-300)
-            if towards @ normal < LEAST_FACING:
-                towards = normal + 0.3 * towards
-                towards /= np.linalg.norm(towards)
-        eye = point + distance * towards
+        before, point, up = get_camera_pose(self._client), vertices[vertex], np.array(self._stage.up)
+        eye = viewpoint(vertex, vertices, self._scene.mesh, before.position, up, self._stage.camera_centers)
         for share in FLIGHT:
             position, target = (a + share * (b - a) for a, b in ((before.position, eye), (before.target, point)))
-            set_camera_pose(self._client, CameraPose(position, target, np.array(self._stage.up), FIELD_OF_VIEW))
+            set_camera_pose(self._client, CameraPose(position, target, up, FIELD_OF_VIEW))
             if share < 1:
                 time.sleep(FLIGHT_SECONDS / len(FLIGHT))
 
