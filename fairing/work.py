@@ -18,12 +18,14 @@ class Work:
     Attributes:
         text: a participle with its object, such as "searching 81 vertices".
         count: number of parts.
+        part: what a part is, such as "direction"; empty where the object says it.
         done: number of finished parts.
         began: `time.monotonic` at the beginning, s.
     """
 
     text: str
     count: int = 1
+    part: str = ""
     done: int = 0
     began: float = field(default_factory=time.monotonic)
     _lock: threading.Lock = field(default_factory=threading.Lock, repr=False)
@@ -66,12 +68,12 @@ class WorkLog:
         """Show that `done` of `count` photos have been read, in place of the innermost work's own parts."""
         if self._works:
             work = self._works[-1]
-            work.text, work.done, work.count = "reading the photos", done, count
+            work.text, work.part, work.done, work.count = "reading the photos", "", done, count
 
     @contextmanager
-    def doing(self, text: str, count: int = 1) -> Iterator[Work]:
+    def doing(self, text: str, count: int = 1, part: str = "") -> Iterator[Work]:
         """A work that is in progress while the `with` block runs; see `Work`."""
-        work = Work(text, count)
+        work = Work(text, count, part)
         with self._lock:
             self._works = (*self._works, work)
         try:

@@ -86,7 +86,7 @@ def test_a_position_found_fits_better_by_the_photos_that_see_it_there(calls, cha
     session.run()
     taken = 0
     for call in calls:
-        problem, block, vertices, _, context_at, _, scale, mean = call.args
+        problem, block, vertices, _, context_at, _, scale, mean, _ = call.args
         after = vertices.copy()
         after[block.vertices] = call.found.after
         scores = []

@@ -36,12 +36,16 @@ def test_a_work_ends_with_an_exception():
 
 def test_a_report_names_the_parts_and_the_time_that_remains(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr("app.debugger.work_report.time.monotonic", lambda: 112.0)
-    outer, inner = Work("searching 81 vertices", 15, 3, began=100.0), Work("reading the photos", 12, 0, began=111.0)
+    outer = Work("searching 81 vertices", 15, "direction", 3, began=100.0)
+    inner = Work("reading the photos", 12, began=111.0)
     report = report_of([outer, inner])
     assert report is not None
     assert report.fraction == pytest.approx(0.2)
     assert report.seconds_left == 48.0
-    assert report.line == "Searching 81 vertices, 3 of 15: reading the photos, 0 of 12; 48 s left"
+    assert report.line == "Searching 81 vertices: direction 4 of 15; 48 s left"
+    photos = report_of([Work("reading the photos", 12, done=6, began=100.0)])
+    assert photos is not None
+    assert photos.line == "Reading the photos, 6 of 12; 12 s left"
     assert report_of([]) is None
     unknown = report_of([Work("fitting the points", began=107.6)])
     assert unknown is not None

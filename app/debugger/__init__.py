@@ -3,7 +3,7 @@
 `Controller` accepts commands from any thread and publishes `RunState`s:
 
 - `command_queue`, `interpreter`, `runs`, `manual_edits`, `playback`, `race`: what the commands do, on the engine thread;
-- `run_state`, `session_snapshot`, `work_report`, `publisher`: the published states;
+- `run_state`, `session_snapshot`, `work_report`, `sweep_progress`, `publisher`: the published states;
 - `engine_compilation`, `compile_watch`: the compilation of the engine, at its first start and later;
 - `supervisor`, `incidents`, `problem_report`, `cancellation`: failures, and threads that do not respond;
 - `markers` with `breakpoints`, `bookmarks`, `condition`, `quantities`: what stops a run;

@@ -30,6 +30,7 @@ from app.debugger.run_state import Activity, RunState
 from app.debugger.runs import Runs
 from app.debugger.session_snapshot import snapshot_of
 from app.debugger.supervisor import Supervisor, Watched
+from app.debugger.sweep_progress import SweepProgress
 from app.debugger.work_report import report_of
 from app.worker_thread import WorkerThread
 from fairing.errors import Cancelled, InputError
@@ -67,7 +68,9 @@ class Controller:
         limits: tuple[float, float] = (ENGINE_LIMIT, PUBLISHER_LIMIT),
         compilation: EngineCompilation | None = None,
     ) -> None:
-        self._compilation, self._command = compilation, ""
+        self._compilation = compilation
+        self._command: Command | None = None
+        self._sweep_progress = SweepProgress()
         self.scene: Scene = session.scene
         self._changed = threading.Condition()
         self._runs = Runs(session, save_to, recorded_in)
@@ -203,7 +206,7 @@ class Controller:
             return partial(self._compute, command)
         self._cancellation.clear()
         self._activity, self._active_since = _activity_of(command), time.monotonic()
-        self._command = label_of(command)
+        self._command = command
         self._problem = ""
         return partial(self._execute, command, self._interpreter, self._cancellation)
 
@@ -318,11 +321,16 @@ class Controller:
             return {"work": compilation}
         if time.monotonic() - self._active_since < SLOW_STEP:
             return {}
-        waiting = self._queue.labels if compilation is None else (self._command, *self._queue.labels)
+        waiting, command = self._queue.labels, self._command
+        if compilation is not None and command is not None:
+            waiting = (label_of(command), *waiting)
         fields: dict[str, Any] = {"activity": self._activity, "waiting": waiting}
         if time.monotonic() > self._work_due:
             self._work_due = time.monotonic() + WORK_EVERY
-            fields["work"] = compilation or compiling() or report_of(self._runs.session.work.current)
+            session = self._runs.session
+            works = session.work.current
+            report = self._sweep_progress.report(session, command, self._active_since, works) or report_of(works)
+            fields["work"] = compilation or compiling() or report
         return fields
 
     # ------------------------------------------------------------------ failures

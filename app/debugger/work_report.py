@@ -18,7 +18,7 @@ class WorkReport:
     """What the engine does at present.
 
     Attributes:
-        text: one line, such as "searching 81 vertices, 6 of 15".
+        text: one line, such as "searching 81 vertices: direction 6 of 15".
         fraction: finished part, 0 to 1; None if unknown.
         seconds_left: estimate, s; None if unknown.
         seconds: time so far, s, shown where `seconds_left` is unknown; None: not shown.
@@ -48,17 +48,29 @@ class WorkReport:
 
 
 def report_of(works: Sequence[Work]) -> WorkReport | None:
-    """The report of nested works, the outermost first; None without any that has taken noticeable time."""
+    """The report of nested works, the outermost first; None without any that has taken noticeable time.
+
+    The text is that of the outermost work, since two do not fit in a line; the fraction includes the others.
+    """
     if not works or time.monotonic() - works[0].began < NOTICEABLE:
         return None
-    outermost = works[0]
-    texts = [work.text if work.count == 1 else f"{work.text}, {work.done} of {work.count}" for work in works[:2]]
-    text = ": ".join(texts)
-    fraction = fraction_done(works)
-    seconds = time.monotonic() - outermost.began
-    so_far = float(round(seconds)) if seconds >= COUNTED_AFTER else None
-    if all(work.count == 1 for work in works):
-        return WorkReport(text, seconds=so_far)
+    seconds = time.monotonic() - works[0].began
+    fraction = None if all(work.count == 1 for work in works) else fraction_done(works)
+    left = seconds_left(seconds, fraction or 0.0)
+    return WorkReport(text_of(works[0]), fraction, left, float(round(seconds)) if seconds >= COUNTED_AFTER else None)
+
+
+def text_of(work: Work) -> str:
+    """One line: the work, and which of its parts is in progress, or how many are finished."""
+    if work.count == 1:
+        return work.text
+    if work.part:
+        return f"{work.text}: {work.part} {min(work.done + 1, work.count)} of {work.count}"
+    return f"{work.text}, {work.done} of {work.count}"
+
+
+def seconds_left(seconds: float, fraction: float) -> float | None:
+    """Estimate from the time so far, s, in which a fraction was done; None as long as it would be too uncertain."""
     if seconds < SHOWN_AFTER or fraction < LEAST_DONE:
-        return WorkReport(text, fraction, seconds=so_far)
-    return WorkReport(text, fraction, float(round(seconds * (1 - fraction) / fraction)))
+        return None
+    return float(round(seconds * (1 - fraction) / fraction))

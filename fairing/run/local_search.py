@@ -22,7 +22,7 @@ from fairing.solve.energy import FaceSystem
 from fairing.solve.face_loss import mean_loss
 from fairing.solve.normal_equations import solve_vertices, vertex_systems
 from fairing.solve.problem import Problem
-from fairing.work import number_of
+from fairing.work import Work
 
 REFINEMENT_DAMPING = 1e-3
 
@@ -84,6 +84,7 @@ def search_block(
     steps: int,
     scale: np.ndarray,
     unseen_loss: float,
+    work: Work,
 ) -> SearchResult:
     """Try positions around the vertices of an independent block.
 
@@ -94,6 +95,7 @@ def search_block(
         steps: Gauss-Newton steps that refine a position before it is evaluated.
         scale: (m,) float: of the robust loss, by face.
         unseen_loss: loss per photo pixel of a face that fewer than three photos see.
+        work: its parts are the directions, and first the present positions.
 
     Raises:
         Cancelled: cancellation was requested.
@@ -150,9 +152,7 @@ def search_block(
     threshold = score_before * (1 - options.schedule.search_gain)
     best_score, best = threshold, vertices[ids].copy()
     directions = np.vstack([np.zeros(3), search_directions()])
-    with problem.work.doing(f"searching {number_of(len(ids), 'vertex', 'vertices')}", len(directions)) as work:
-        results = evaluator.map_concurrently(work.counted(tried), directions)
-    for found, found_score in results:
+    for found, found_score in evaluator.map_concurrently(work.counted(tried), directions):
         improved = found_score < best_score
         best[improved] = found[improved]
         best_score = np.where(improved, found_score, best_score)

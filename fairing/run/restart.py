@@ -60,7 +60,9 @@ def restart(
     second = vertices.copy()
     second[ids] = sweep.origin[ids]
     levels = schedule.levels[sweep.phase.from_level : number]
-    with problem.work.doing(f"restarting {number_of(len(ids), 'vertex', 'vertices')}", len(levels) + 2) as work:
+    with problem.work.doing(
+        f"restarting {number_of(len(ids), 'vertex', 'vertices')}", len(levels) + 2, "stage"
+    ) as work:
         for level in work.each(levels):
             second = _searched(problem, level, second, sweep, among)
             second = _refined(problem, level, level.gauss_newton, second, sweep, among)

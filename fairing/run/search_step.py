@@ -6,13 +6,14 @@ import numpy as np
 
 from fairing.cells.context import CellContext
 from fairing.options import CellOptions, FairingOptions
-from fairing.run.local_search import SearchRegion, SearchResult, search_block
+from fairing.run.local_search import SearchRegion, SearchResult, search_block, search_directions
 from fairing.run.phases import LocalSearch
 from fairing.run.records import Energies, build_record
 from fairing.run.sweep import SweepState
 from fairing.solve.blocks import Block
 from fairing.solve.problem import Problem
 from fairing.trace import SchedulePosition, StepReason, StepRecord
+from fairing.work import number_of
 
 ROUGH_SPACING = 1.5  # factor of the spacing of cell samples
 ROUGH_CELL = 48  # samples along an edge, at most
@@ -79,7 +80,11 @@ def search_around(
         return problem.context_of(faces, level, places, rough)
 
     region = SearchRegion(sweep.origin, search.radius / pixels, search.max_displacement / pixels)
-    return search_block(problem, block, vertices, region, context_at, ROUGH_STEPS, sweep.scale, sweep.mean_loss)
+    doing = f"searching {number_of(len(block.vertices), 'vertex', 'vertices')}"
+    with problem.work.doing(doing, len(search_directions()) + 1, "direction") as work:
+        return search_block(
+            problem, block, vertices, region, context_at, ROUGH_STEPS, sweep.scale, sweep.mean_loss, work
+        )
 
 
 def rough_options(options: FairingOptions) -> FairingOptions:

@@ -45,7 +45,7 @@ def estimate_start_error(problem: Problem, level: int, start: np.ndarray) -> flo
     group = max(independent_sets(mesh, ids), key=len)
     block = independent_block(mesh, group[:: -(-len(group) // PROBES)])
     distance, best = np.zeros(len(block.vertices)), np.full(len(block.vertices), 1 - PROBE_GAIN)
-    with problem.work.doing("estimating the start error", len(PROBE_RADII)) as work:
+    with problem.work.doing("estimating the start error", len(PROBE_RADII), "search") as work:
         for radius in work.each(PROBE_RADII):
             found = search_around(problem, sweep, block, start, LocalSearch(radius, 2 * radius))
             gain = found.score_after / np.maximum(found.score_before, 1e-300)
