@@ -162,7 +162,7 @@ def test_the_estimated_error_is_the_distance_in_the_photos(displacement):
     scene = corner_scene(displacement)
     estimate = Session(scene, searching(-1.0, locked_vertices=OTHERS)).make_plan().start_error
     distance = pixels_moved(scene, VERTICES[0], np.array(displacement))
-    assert estimate == pytest.approx(distance, rel=0.15)
+    assert estimate == pytest.approx(distance, rel=0.2)
 
 
 def test_a_start_near_its_truth_gets_few_sweeps_at_fine_levels():
