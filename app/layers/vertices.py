@@ -1,4 +1,4 @@
-"""Vertices layer: clickable marks for the vertices, and a halo around the vertex being stepped."""
+"""Vertices layer: clickable marks for the vertices, and a ring around the vertex being stepped."""
 
 from collections.abc import Callable
 
@@ -7,16 +7,18 @@ import viser
 
 from app.debugger.history import REJECTIONS
 from app.debugger.run_state import RunState
-from app.layers.marks import ball, block, mark_radius, translucent_ball
+from app.layers.marks import ball, block, mark_radius
 from app.page_state.page_state import PageState
 from app.palette import LOCKED, NOW, REJECTED, SELECTED, START, STEPPED
 from app.stage import Stage
 from app.viser_bridge.instance_marks import InstanceMarks
 from app.viser_bridge.node_events import BackgroundClicks
+from app.viser_bridge.screen_ring import ScreenRing
 from fairing.mesh import Mesh
 
 ONE_BY_ONE = ("sequential", "worst_first")  # orders that step one vertex at a time
-HALO = 2.6  # radius of the halo, in radii of a vertex mark
+RING = 15.0  # screen px: radius of the ring, so that it surrounds the marks also where they are largest on the screen
+RING_THICKNESS = 3.0  # screen px
 MANY = 1500  # vertices; beyond this, marks have 20 triangles instead of 80 (ledger: vertex mark triangles)
 
 
@@ -24,7 +26,7 @@ class VerticesLayer:
     """Green: unmoved. Red: moved. Pink: last step rejected. Grey blocks: locked. Yellow: selected.
 
     The current vertex of the selection is larger than the others. Selected vertices are marked even if the layer is hidden.
-    If vertices are stepped one by one, a white halo surrounds the vertex of the last step.
+    If vertices are stepped one by one, a ring surrounds the vertex of the last step, also where the surface hides it.
     """
 
     def __init__(
@@ -41,7 +43,7 @@ class VerticesLayer:
         self._locked = InstanceMarks(client, "/vertices/locked", block(), positions, on_click)
         for marks in (self._free, self._locked):
             background.ignore_clicks_on(marks.node)
-        self._halo = translucent_ball(client, "/vertices/stepped", STEPPED, 0.5)
+        self._ring = ScreenRing(client, "/vertices/stepped", STEPPED, RING, RING_THICKNESS)
 
     def show(self, state: RunState, page_state: PageState) -> None:
         colors = vertex_colors(state, page_state.selection.vertices)
@@ -56,14 +58,8 @@ class VerticesLayer:
         positions = self._stage.page_from_world(state.vertices)
         for marks, chosen in ((self._free, ~state.locked), (self._locked, state.locked)):
             marks.show(chosen & shown, positions, colors, scales, True)
-        self._show_halo(state, positions)
-
-    def _show_halo(self, state: RunState, positions: np.ndarray) -> None:
-        vertex = stepped_vertex(state)
-        if vertex is not None:
-            self._halo.position = positions[vertex]
-            self._halo.scale = HALO * self._radius
-        self._halo.visible = vertex is not None
+        stepped = stepped_vertex(state)
+        self._ring.show(None if stepped is None else positions[stepped])
 
 
 def stepped_vertex(state: RunState) -> int | None:

@@ -41,6 +41,8 @@ Scene
 - `moving_texture`: the vertices of a GLB mesh cannot be moved.
 - `instance_marks`: a node with another number of instances is made anew, and loses clicks meanwhile.
 - `line_node`: a node without line segments is an error in the browser.
+- `linear_colors`: colours of single line ends and instances are drawn too bright.
+- `screen_ring`: shapes have no constant size on the screen.
 - `node_events`: a click is reported for the node and for the scene; modifiers match exactly; synchronous callbacks may
   overtake each other. Hover outlines of large meshes are slow (#565), so only marks and frusta are clickable.
 - `camera_pose`: camera setters skip values equal to the browser's last report, which may be out of date.

@@ -5,6 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import viser
 
+from app.viser_bridge.linear_colors import linear_from_srgb
 from app.viser_bridge.node_events import on_node_click
 
 
@@ -55,6 +56,6 @@ class InstanceMarks:
         is_visible = is_visible and bool(shown.any())
         if is_visible:
             self.node.batched_positions = positions
-            self.node.batched_colors = colors
+            self.node.batched_colors = linear_from_srgb(colors)
             self.node.batched_scales = np.where(shown, scales, np.float32(0))
         self.node.visible = is_visible

@@ -3,6 +3,8 @@
 import numpy as np
 import viser
 
+from app.viser_bridge.linear_colors import linear_from_srgb
+
 
 class LineNode:
     """Line segments of one thickness. viser 1.1.1 fails in the browser on a node without segments, so it is hidden then.
@@ -31,7 +33,7 @@ class LineNode:
         if points is not None and is_visible:
             self._node.points = points
             if colors is not None:
-                self._node.colors = colors
+                self._node.colors = linear_from_srgb(colors)
         if self._node.visible != is_visible:
             self._node.visible = is_visible
 

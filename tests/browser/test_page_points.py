@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from app.layers.vertices import RING
 from app.page.server import start
 from app.page_state.selection import Selection
 from demo_scenes import load_demo
@@ -94,11 +95,35 @@ def test_the_vertex_being_stepped_is_marked(visitor: Visitor):
     assert state.record is not None
     while len(state.record.vertices) != 1:
         state = visitor.key("F11")
-    halo = "() => window.__viserMutable.nodeRefFromName['/vertices/stepped']"
-    visitor.page.wait_for_function(f"{halo}?.visible")
-    place = visitor.page.evaluate(f"() => ({halo})().position.toArray()")
-    expected = visitor.app.resources.stage.page_from_world(state.vertices[state.record.vertices[0]])
-    assert place == pytest.approx(expected.tolist(), abs=1e-4)
+    visitor.page.wait_for_function("() => window.__viserMutable.nodeRefFromName['/vertices/stepped']?.visible")
+    vertices = visitor.app.resources.stage.page_from_world(state.vertices).astype(np.float64)
+    stepped = int(state.record.vertices[0])
+    for come_nearer in (False, True):
+        if come_nearer:
+            page_of(visitor).camera.fly_to(stepped, vertices)
+        wait_for(
+            lambda: np.abs(np.linalg.norm(ring_drawn(visitor) - visitor.drawn_at(stepped), axis=1) - RING).max() < 1
+        )
+    visitor.page.keyboard.press("m")
+
+
+def ring_drawn(visitor: Visitor) -> np.ndarray:
+    """Where the ring around the stepped vertex is drawn within the canvas, pixels."""
+    found = visitor.page.evaluate(
+        """() => {
+            const {camera, canvas, nodeRefFromName} = window.__viserMutable, box = canvas.getBoundingClientRect();
+            let ring = null;
+            nodeRefFromName['/vertices/stepped'].traverse(node => { if (node.isMesh) ring = node; });
+            if (ring.material.depthTest) return [[0, 0]];
+            const ends = ring.geometry.attributes.instanceStart, places = [];
+            for (let k = 0; k < ends.count; k++) {
+                const p = ring.position.clone().fromBufferAttribute(ends, k).applyMatrix4(ring.matrixWorld).project(camera);
+                places.push([(p.x + 1) / 2 * box.width, (1 - p.y) / 2 * box.height]);
+            }
+            return places;
+        }"""
+    )
+    return np.array(found)
 
 
 def test_a_click_on_a_sparse_point_shows_its_track(visitor: Visitor):

@@ -1,5 +1,6 @@
 """The 3D view in a real browser: colourings, shapes, photos behind the mesh, dark and light theme."""
 
+import cv2
 import numpy as np
 import pytest
 from playwright.sync_api import Browser
@@ -7,6 +8,8 @@ from playwright.sync_api import Browser
 from app.layers.certainty import PIECES, CertaintyLayer
 from app.page.server import App, start
 from app.page_state.selection import Selection
+from app.palette import NOW
+from app.viser_bridge.line_node import LineNode
 from demo_scenes import load_demo
 from fairing.options import FairingOptions, ScheduleOptions
 from fairing.run.session import Session
@@ -88,6 +91,27 @@ def drawn_colors(visitor: Visitor, node: str) -> bool:
         })""",
         node,
     )
+
+
+def test_lines_coloured_at_their_ends_look_like_those_of_one_colour(visitor: Visitor):
+    page = next(iter(visitor.app.pages.values()))
+    eye, target = (np.array(place) for place in (page._client.camera.position, page._client.camera.look_at))
+    near, across = eye + 0.5 * (target - eye), 0.1 * np.cross(target - eye, visitor.app.resources.stage.up)
+    lines = [LineNode(page._client, name, color, 60.0) for name, color in (("/line/one", NOW), ("/line/ends", None))]
+    for line, side in zip(lines, (-across, across), strict=True):
+        line.show(np.stack([near, near + side])[None], np.full((1, 2, 3), NOW, dtype=np.uint8))
+
+    def drawn_pixels() -> np.ndarray:
+        box = visitor.canvas_box()
+        picture = cv2.imdecode(np.frombuffer(visitor.page.screenshot(), dtype=np.uint8), cv2.IMREAD_COLOR)
+        left, row = round(box["x"] + box["width"] / 2), round(box["y"] + box["height"] / 2)
+        return picture[row, [left - 80, left + 80], ::-1].astype(int)
+
+    wait_for(lambda: np.abs(drawn_pixels() - NOW).max() < 20, seconds=30)  # tone mapping changes it by 13
+    one, ends = drawn_pixels()
+    assert np.abs(one - ends).max() <= 4
+    for line in lines:
+        line.hide()
 
 
 def test_the_surface_is_coloured_by_a_quantity_with_a_legend(visitor: Visitor):
