@@ -6,7 +6,7 @@ import pytest
 
 from app.html import text
 from app.panels.legend import legend_html
-from app.pictures.coloring import COLORINGS, REASON_COLORS, color_map, color_mesh
+from app.pictures.coloring import COLORINGS, REASON_COLORS, UNKNOWN, color_map, color_mesh
 from fairing.judge import quantities
 from fairing.run.session import Session
 from fairing.trace import StepReason
@@ -78,8 +78,13 @@ def test_colours_follow_the_values_between_the_ends_of_the_scale():
         at = np.clip((value - ends[0]) / (ends[1] - ends[0]), 0, 1) * 255
         assert np.abs(read_back(mesh, 3 * face) - color_map()[round(at)]).max() < 3
     assert mesh.legend.unknown == 1
-    assert np.ptp(read_back(mesh, 15)) < 20, "unknown is grey"
+    assert np.array_equal(read_back(mesh, 15), UNKNOWN)
+    assert "1 faces unknown: too few photos" in legend_html(mesh.legend)
     assert np.array_equal(mesh.vertices.reshape(-1, 3, 3), VERTICES[FACES])
+
+
+def test_no_colour_of_the_scale_looks_like_that_of_unknown_values():
+    assert np.linalg.norm(color_map().astype(float) - UNKNOWN, axis=1).min() > 50
 
 
 def test_a_few_extreme_values_do_not_take_all_the_colours():

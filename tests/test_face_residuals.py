@@ -1,10 +1,13 @@
 """Painted residuals and flows are those of the engine's cells, face by face and photo by photo."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from app.layers.flow_arrows import HEAD, flow_arrows
+from app.layers.flow_arrows import HEAD, displacement_arrows, flow_arrows
 from app.pictures.coloring import COLORINGS
+from demo_scenes import load_demo
 from fairing.errors import Cancelled
 from fairing.judge.face_residuals import LEAST_CONFIDENCE, face_residuals
 from fairing.judge.flow import optical_flow
@@ -78,15 +81,52 @@ def test_the_flow_of_all_photos_is_their_mean_and_falls_when_the_vertex_reaches_
 
 def test_arrows_start_at_the_faces_and_are_as_long_as_asked(session: Session):
     found = face_residuals(session, 0)
-    arrows, pairs = flow_arrows(found, None, 10.0)
+    view = int(found.views[0])
+    arrows, pairs = flow_arrows(found, view, 10.0)
+    assert (found.views[pairs] == view).all()
     assert arrows.shape == (len(pairs), 3, 2, 3)
     shaft = arrows[:, 0, 1] - arrows[:, 0, 0]
     assert shaft == pytest.approx(10 * found.flow[pairs])
     heads = np.linalg.norm(arrows[:, 1:, 1] - arrows[:, 1:, 0], axis=-1)
     assert heads == pytest.approx(np.linalg.norm(shaft, axis=1)[:, None] * HEAD * np.hypot(1, 0.5) * np.ones((1, 2)))
-    view = int(found.views[0])
-    assert (found.views[flow_arrows(found, view, 1.0)[1]] == view).all()
     assert 0 < LEAST_CONFIDENCE < 1
+
+
+def test_flows_of_all_photos_become_one_arrow_a_face_to_where_the_rays_meet(session: Session):
+    """Every photo sees the true face where its ray meets the wrong one; the flow leads from there to where all rays meet."""
+    found, scene = face_residuals(session, 0), session.scene
+    centers = np.array([view.camera.center for view in scene.views])
+    true = 1e-3 * np.cos(found.faces)[:, None] * found.normals
+    rays = found.places + true - centers[found.views]
+    reach = np.einsum("qc,qc->q", found.places - centers[found.views], found.normals)
+    seen_at = centers[found.views] + (reach / np.einsum("qc,qc->q", rays, found.normals))[:, None] * rays
+    one_more = 1e-3 * np.cross(found.normals, [[0.3, 0.5, 0.8]])  # what all photos share says nothing of the face
+    flow = one_more - (seen_at - found.places)
+    arrows, pairs = displacement_arrows(replace(found, flow=flow, flow_px=np.ones(len(flow))), centers, 10.0)
+    assert sorted(found.faces[pairs]) == np.unique(found.faces).tolist(), "one arrow a face"
+    shaft = arrows[:, 0, 1] - arrows[:, 0, 0]
+    assert np.linalg.norm(np.cross(shaft, found.normals[pairs]), axis=1).max() < 1e-12
+    share = (shaft * true[pairs]).sum(axis=1) / (10 * (true[pairs] ** 2).sum(axis=1))
+    assert (share > 0.5).all()
+    assert (share < 1).all()
+    heads = np.linalg.norm(arrows[:, 1:, 1] - arrows[:, 1:, 0], axis=-1)
+    assert heads == pytest.approx(np.linalg.norm(shaft, axis=1)[:, None] * HEAD * np.hypot(1, 0.5) * np.ones((1, 2)))
+
+
+def test_on_the_facade_the_arrows_point_to_the_truth():
+    scene = load_demo("facade")
+    found = face_residuals(Session(scene), 0)
+    assert scene.truth is not None
+    assert scene.truth.vertices is not None
+    way = (scene.truth.vertices - scene.mesh.vertices)[scene.mesh.faces].mean(axis=1)
+    arrows, pairs = displacement_arrows(found, np.array([view.camera.center for view in scene.views]), 1.0)
+    normals = found.normals[pairs]
+    found_way, true_way = (
+        np.einsum("ac,ac->a", part, normals) for part in (arrows[:, 0, 1] - arrows[:, 0, 0], way[found.faces[pairs]])
+    )
+    wrong = np.abs(true_way) > 1e-3 * scene.mesh.diagonal
+    agreeing = (np.sign(found_way) == np.sign(true_way))[wrong].mean()
+    assert agreeing > 0.8, f"{agreeing:.2f} of {wrong.sum()} faces"
 
 
 def test_it_stops_when_it_is_cancelled(session: Session):

@@ -218,10 +218,13 @@ class SurfaceLayer:
             self._colored.offer(GlbMesh(write_glb(mesh.vertices, mesh.faces, mesh.uv, mesh.picture, "image/png")))
 
     def _note(self, wanted: Wanted) -> str:
-        """The photos that the values come from."""
+        """The photos that the values come from, and what the arrows show."""
         if COLORINGS[wanted.coloring].of_photo is None:
             return ""
-        return "All photos" if wanted.view is None else f"Photo {self._scene.views[wanted.view].name}"
+        photos, arrows = "All photos", "how far each face is off"
+        if wanted.view is not None:
+            photos, arrows = f"Photo {self._scene.views[wanted.view].name}", "the flow"
+        return f"{photos}. Arrows: {arrows}." if wanted.coloring == "flow" else photos
 
     def _take(self, wanted: Wanted, found: np.ndarray | Exception) -> None:
         self._answer = (wanted, found)

@@ -5,25 +5,24 @@ from collections.abc import Callable
 import numpy as np
 import viser
 
-from app.debugger.history import REJECTIONS
 from app.debugger.run_state import RunState
 from app.layers.marks import ball, block, mark_radius
 from app.page_state.page_state import PageState
-from app.palette import LOCKED, NOW, REJECTED, SELECTED, START, STEPPED
+from app.page_state.vertex_marks import shown_vertices, stepped_vertex, vertex_colors
+from app.palette import STEPPED
 from app.stage import Stage
 from app.viser_bridge.instance_marks import InstanceMarks
 from app.viser_bridge.node_events import BackgroundClicks
 from app.viser_bridge.screen_ring import ScreenRing
 from fairing.mesh import Mesh
 
-ONE_BY_ONE = ("sequential", "worst_first")  # orders that step one vertex at a time
 RING = 15.0  # screen px: radius of the ring, so that it surrounds the marks also where they are largest on the screen
 RING_THICKNESS = 3.0  # screen px
 MANY = 1500  # vertices; beyond this, marks have 20 triangles instead of 80 (ledger: vertex mark triangles)
 
 
 class VerticesLayer:
-    """Green: unmoved. Red: moved. Pink: last step rejected. Grey blocks: locked. Yellow: selected.
+    """A mark for every vertex, in the colours of `MARK_COLORS`; locked ones are blocks, others balls.
 
     The current vertex of the selection is larger than the others. Selected vertices are marked even if the layer is hidden.
     If vertices are stepped one by one, a ring surrounds the vertex of the last step, also where the surface hides it.
@@ -53,30 +52,9 @@ class VerticesLayer:
         scales[list(page_state.selection.vertices)] *= 1.4
         if page_state.selected is not None:
             scales[page_state.selected] *= 1.25
-        shown = np.full(len(state.vertices), page_state.shows("vertices"))
-        shown[list(page_state.selection.vertices)] = True
+        shown = shown_vertices(state, page_state)
         positions = self._stage.page_from_world(state.vertices)
         for marks, chosen in ((self._free, ~state.locked), (self._locked, state.locked)):
             marks.show(chosen & shown, positions, colors, scales, True)
         stepped = stepped_vertex(state)
         self._ring.show(None if stepped is None else positions[stepped])
-
-
-def stepped_vertex(state: RunState) -> int | None:
-    """The vertex of the last step if vertices are stepped one by one, else None."""
-    record = state.record
-    if record is None or state.options.schedule.order not in ONE_BY_ONE or len(record.vertices) != 1:
-        return None
-    return int(record.vertices[0])
-
-
-def vertex_colors(state: RunState, selected: tuple[int, ...]) -> np.ndarray:
-    """(n, 3) uint8: colours of the marks, see `VerticesLayer`."""
-    colors = np.tile(np.array(START, dtype=np.uint8), (len(state.vertices), 1))
-    colors[(state.vertices != state.trace.start).any(axis=1)] = NOW
-    record = state.record
-    if record is not None:
-        colors[record.vertices[np.isin(record.reasons, REJECTIONS)]] = REJECTED
-    colors[state.locked] = LOCKED
-    colors[list(selected)] = SELECTED
-    return colors

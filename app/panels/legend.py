@@ -1,47 +1,39 @@
-"""Legend of the lines and of the surface colours, in a corner of the 3D view."""
+"""Legend of the lines, the vertex marks and the surface colours, in a corner of the 3D view."""
 
+import numpy as np
 import viser
 
 from app.debugger.run_state import RunState
 from app.html import number, text
 from app.page_state.page_state import PageState
-from app.palette import NOW, REFERENCE, RGB, START, TRUTH, solid
+from app.page_state.vertex_marks import MARK_COLORS, shown_vertices, stepped_vertex, vertex_colors
+from app.palette import LOCKED, NOW, REFERENCE, RGB, START, STEPPED, TRUTH, solid
 from app.pictures.coloring import COLORINGS, UNKNOWN, Legend, Scale, color_map
-from app.viser_bridge.floating import MARGIN
-from app.viser_bridge.html_panel import HtmlPanel
 from app.viser_bridge.view_overlay import ViewOverlay
 
-WIDTH = 236
 STOPS = 16
 
 
 class LegendBox:
-    """Lines are listed in the corner of the 3D view; in a box, above the colours, while the surface is coloured."""
+    """Overlay in the corner of the 3D view, as small as its content, so that it covers little of the mesh."""
 
     def __init__(self, client: viser.ClientHandle) -> None:
-        gui = client.gui
-        self._lines = ViewOverlay(client)
-        self._box = gui.add_panel(visible=False)
-        with self._box.add_tab("Legend", viser.Icon.PALETTE):
-            self._panel = HtmlPanel(gui)
-        self._box.float(x=MARGIN, y=MARGIN, width=WIDTH)
+        self._overlay = ViewOverlay(client)
 
     def show(self, state: RunState, page_state: PageState, legend: Legend | None, is_painting: bool) -> None:
         """Args:
         legend: of the surface colours; None if the surface is not coloured.
         is_painting: whether the surface waits for its texture.
         """
-        lines = lines_html(legend_lines(state, page_state))
+        content = lines_html(legend_lines(state, page_state)) + marks_html(state, page_state)
         if is_painting:
-            lines += "<div class='dim'>Painting the texture…</div>"
-        content = "" if legend is None else legend_html(legend)
-        if legend is None and page_state.surface in COLORINGS and page_state.entered is None and not state.is_moving:
+            content += "<div class='dim'>Painting the texture…</div>"
+        if legend is not None:
+            content += legend_html(legend)
+        elif page_state.surface in COLORINGS and page_state.entered is None and not state.is_moving:
             title = COLORINGS[page_state.surface].title
-            content = f"<div class='legend'><b>{text(title)}</b><div class='dim'>Computing…</div></div>"
-        if content:
-            self._panel.set(lines + content)
-        self._box.visible = bool(content)
-        self._lines.set("" if content else lines)
+            content += f"<div class='legend'><b>{text(title)}</b><div class='dim'>Computing…</div></div>"
+        self._overlay.set(content)
 
 
 def legend_lines(state: RunState, page_state: PageState) -> list[tuple[str, RGB]]:
@@ -62,13 +54,29 @@ def lines_html(lines: list[tuple[str, RGB]]) -> str:
     return f"<div class='lines'>{dashes}</div>" if lines else ""
 
 
+def marks_html(state: RunState, page_state: PageState) -> str:
+    """Markup: every colour that the shown vertex marks have now, and the ring around the vertex of the last step."""
+    shown = shown_vertices(state, page_state)
+    found = {
+        tuple(color) for color in np.unique(vertex_colors(state, page_state.selection.vertices)[shown], axis=0).tolist()
+    }
+    marks = [
+        f"<span><i class='{'block' if color == LOCKED else 'ball'}' style='background:{solid(color)}'></i>{name}</span>"
+        for color, name in MARK_COLORS.items()
+        if color in found
+    ]
+    if stepped_vertex(state) is not None:
+        marks.append(f"<span><i class='ring' style='border-color:{solid(STEPPED)}'></i>last step</span>")
+    return f"<div class='lines marks'>{''.join(marks)}</div>" if marks else ""
+
+
 def legend_html(legend: Legend) -> str:
     """Markup: title and colour scale with its ends and extremes; for categories their names and counts."""
     coloring = legend.coloring
     whose = "faces" if coloring.by_face else "vertices"
     parts = [f"<div class='legend'><b>{text(coloring.title)}</b>"]
     if legend.note:
-        parts.append(f"<div class='dim one'>{text(legend.note)}</div>")
+        parts.append(f"<div class='dim'>{text(legend.note)}</div>")
     if coloring.scale is Scale.REASON:
         parts += [_entry(color, name, str(count)) for name, color, count in legend.categories]
     elif legend.high > legend.low:
@@ -76,7 +84,8 @@ def legend_html(legend: Legend) -> str:
     elif legend.unknown == 0 or legend.largest:
         parts.append(_entry(_color(0), f"all {whose}", _value(legend.low, legend)))
     if legend.unknown:
-        parts.append(_entry(UNKNOWN, "unknown", str(legend.unknown)))
+        reason = f": {coloring.unknown}" if coloring.unknown else ""
+        parts.append(_entry(UNKNOWN, f"{legend.unknown} {whose} unknown{reason}", ""))
     if legend.moment is not None:
         parts.append(f"<div class='selected'>of moment {legend.moment}; the present one is being computed</div>")
     return "".join(parts) + "</div>"

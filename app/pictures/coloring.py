@@ -19,7 +19,7 @@ from fairing.scene import Scene
 from fairing.trace import StepReason
 
 SHADES = 256
-UNKNOWN: RGB = (92, 96, 102)
+UNKNOWN: RGB = (88, 58, 52)  # brown, unlike any colour of the scale, also in colour-blind vision
 ROBUST_RANGE = (2.0, 98.0)  # percentiles at the ends of the scale: a few extreme values do not use up the colours
 DECADES = 4  # maximal range of a logarithmic scale
 
@@ -61,6 +61,7 @@ class Coloring:
         unit: of the legend's numbers; may be empty.
         by_face: one value per face instead of per vertex.
         values: returns the values (m,) or (n,) from a session at a moment; NaN where unknown.
+        unknown: why values are unknown; may be empty.
         of_photo: returns the values (m,) in one photo (its index), or over all photos (None); None: not known by photo.
     """
 
@@ -70,6 +71,7 @@ class Coloring:
     by_face: bool
     scale: Scale
     values: Callable[[Session, int], np.ndarray]
+    unknown: str = ""
     of_photo: Callable[[FaceResiduals, int | None], np.ndarray] | None = None
 
 
@@ -89,23 +91,33 @@ def _mean_flow(session: Session, moment: int) -> np.ndarray:
     return face_residuals(session, moment).mean_flow_px()
 
 
+FEW_PHOTOS = "too few photos"
+NO_STEP = "no step yet"
+
 COLORINGS: dict[str, Coloring] = {
-    "energy": Coloring("Energy", "Energy of each face", "", True, Scale.LINEAR, quantities.face_energy),
+    "energy": Coloring(
+        "Energy", "Energy of each face", "", True, Scale.LINEAR, quantities.face_energy, unknown=FEW_PHOTOS
+    ),
     "residual": Coloring(
-        "Residual", "Mean |I − U c| of each face", "", True, Scale.LINEAR, _mean_residual, FaceResiduals.mean_residual
+        *("Residual", "Mean |I − U c|, grey levels", "", True, Scale.LINEAR, _mean_residual),
+        unknown=FEW_PHOTOS, of_photo=FaceResiduals.mean_residual,
     ),
     "flow": Coloring(
-        "Image flow", "Image flow of each face", "px", True, Scale.LINEAR, _mean_flow, FaceResiduals.mean_flow_px
+        *("Image flow", "Image flow of each face", "px", True, Scale.LINEAR, _mean_flow),
+        unknown="little texture or too few photos", of_photo=FaceResiduals.mean_flow_px,
     ),
     "moved": Coloring("Displacement", "Distance from the start", "%", False, Scale.LINEAR, quantities.displacement),
     "distance": Coloring("Error", "Distance to the truth", "%", False, Scale.LINEAR, quantities.distance_to_truth),
-    DIFFERENCE: Coloring("Distance to A", "Distance to A", "%", False, Scale.LINEAR, _no_reference),
+    DIFFERENCE: Coloring("Distance to A", "Distance to A", "%", False, Scale.LINEAR, _no_reference, unknown="no A"),
     "photos": Coloring("Photo count", "Photos that see each face", "", True, Scale.COUNT, quantities.view_count),
     "determined": Coloring(
-        "Certainty", "Weakest / strongest eigenvalue", "", False, Scale.LOGARITHMIC, quantities.determinacy
+        *("Certainty", "Weakest / strongest eigenvalue", "", False, Scale.LOGARITHMIC, quantities.determinacy),
+        unknown=NO_STEP,
     ),
-    "reason": Coloring("Last step", "Last step of each vertex", "", False, Scale.REASON, quantities.last_reason),
-}
+    "reason": Coloring(
+        "Last step", "Last step of each vertex", "", False, Scale.REASON, quantities.last_reason, unknown=NO_STEP
+    ),
+}  # fmt: skip
 
 
 def available_colorings(scene: Scene) -> list[str]:

@@ -24,7 +24,15 @@ _SCRIPT = """
   place();
 }
 """
-OVERLAY_STYLE = "#eigenfairing-overlay { position: absolute; left: 18px; top: 14px; padding: 0; pointer-events: none; }"
+OVERLAY_STYLE = """
+#eigenfairing-overlay { position: absolute; left: 18px; top: 14px; padding: 0; pointer-events: none; max-width: 60%; }
+#eigenfairing-overlay .marks { font-size: 12px; }
+#eigenfairing-overlay .marks i { width: 9px; height: 9px; border-radius: 50%; }
+#eigenfairing-overlay .marks .block { border-radius: 1px; }
+#eigenfairing-overlay .marks .ring { border: 2px solid; }
+#eigenfairing-overlay .legend { width: 208px; margin-top: 6px; padding: 5px 8px; gap: 1px; font-size: 12px;
+  background: color-mix(in srgb, var(--well) 85%, transparent); border-radius: 4px; }
+"""
 
 
 class ViewOverlay:

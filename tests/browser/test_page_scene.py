@@ -128,7 +128,7 @@ def test_the_surface_is_coloured_by_a_quantity_with_a_legend(visitor: Visitor):
 def test_residuals_and_flow_are_painted_for_all_photos_or_one(visitor: Visitor):
     page = next(iter(visitor.app.pages.values()))
     visitor.button("Coloured by: Residual").click()
-    visitor.page.get_by_text("Mean |I − U c| of each face", exact=True).wait_for()
+    visitor.page.get_by_text("Mean |I − U c|, grey levels", exact=True).wait_for()
     wait_for(lambda: drawn_colors(visitor, "/mesh/colored"))
     over_all = page.layers.surface.legend
     visitor.button("Next photo").click()
