@@ -17,7 +17,7 @@ STYLE = f"""
 .ef button:active:not(:disabled) {{ background: var(--pressed); }}
 .ef button:disabled {{ color: var(--faint); background: var(--off); border-color: var(--line); cursor: default; }}
 .ef button:focus-visible {{ outline: 2px solid {css(BRAND)}; outline-offset: 1px; }}
-.ef button.main {{ background: {css(BRAND)}; border-color: {css(BRAND)}; color: #fff; font-weight: 600; }}
+.ef button.main:not(:disabled) {{ background: {css(BRAND)}; border-color: {css(BRAND)}; color: #fff; font-weight: 600; }}
 .ef button.main:hover:not(:disabled) {{ background: #2460ac; }}
 .ef svg {{ width: 16px; height: 16px; flex: none; }}
 .ef kbd {{ font: 500 11.5px/1 inherit; font-family: inherit; order: 1; }}

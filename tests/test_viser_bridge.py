@@ -3,11 +3,12 @@
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 import viser
 
 from app.viser_bridge import __doc__ as ROOM  # noqa: N812
-from app.viser_bridge.error_toasts import ErrorToasts
+from app.viser_bridge.error_toasts import TOAST_SECONDS, ErrorToasts, NothingToDo
 from app.viser_bridge.html_events import Events, choice_of, integer, line_of_text, press, whole_number
 from fairing.errors import InputError
 
@@ -71,22 +72,52 @@ def test_named_events_are_javascript_calls_and_unknown_names_are_errors():
         events("missing")
 
 
+class _Toast:
+    def __init__(self, seconds: float) -> None:
+        self.auto_close_seconds, self.seconds_shown = seconds, [seconds]
+
+    def _show(self) -> None:
+        self.seconds_shown.append(self.auto_close_seconds)
+
+
 class _Client:
     def __init__(self) -> None:
-        self.shown: list[str] = []
+        self.shown: list[tuple[str, str]] = []
+        self.toasts: list[_Toast] = []
 
-    def add_notification(self, title: str, body: str, **_: object) -> None:
-        self.shown.append(body)
+    def add_notification(self, title: str, body: str, *, auto_close_seconds: float, color: str) -> _Toast:
+        self.shown.append((body, color))
+        self.toasts.append(_Toast(auto_close_seconds))
+        return self.toasts[-1]
 
 
-def test_exceptions_become_toasts_and_repetitions_are_left_out():
-    client = _Client()
+def test_exceptions_become_toasts_and_one_that_is_there_is_renewed(monkeypatch: pytest.MonkeyPatch):
+    client, now = _Client(), [100.0]
+    monkeypatch.setattr("app.viser_bridge.error_toasts.time.monotonic", lambda: now[0])
     toasts = ErrorToasts(client)  # pyright: ignore[reportArgumentType]
 
     def fail(problem: str) -> None:
         raise InputError(problem)
 
-    for problem in ("one", "one", "two", "one"):
+    for problem in ("one", "two", "one", "one"):
         toasts(fail)(problem)
+        now[0] += 2.0
     toasts.without_event(lambda: 1 / 0)("an event")
-    assert client.shown == ["one", "two", "one", "ZeroDivisionError: division by zero"]
+    assert client.shown == [("one", "red"), ("two", "red"), ("ZeroDivisionError: division by zero", "red")]
+    seconds = client.toasts[0].seconds_shown
+    assert len(seconds) == 3
+    assert (np.diff(seconds) != 0).all(), "the page keeps its timer where the duration stays"
+    now[0] += TOAST_SECONDS
+    toasts(fail)("one")
+    assert client.shown[-1] == ("one", "red")
+    assert len(client.shown) == 4
+
+
+def test_a_request_with_nothing_to_act_on_is_no_error():
+    client = _Client()
+
+    def fail() -> None:
+        raise NothingToDo("the run has finished")
+
+    ErrorToasts(client).without_event(fail)()  # pyright: ignore[reportArgumentType]
+    assert client.shown == [("the run has finished", "gray")]

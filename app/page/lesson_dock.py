@@ -17,10 +17,10 @@ from app.page.resources import ChangeScene
 from app.page_state.page_state import PageState
 from app.panels.lesson_panel import LessonPanel
 from app.panels.lessons_panel import LessonsPanel
+from app.viser_bridge.error_toasts import NothingToDo
 from app.viser_bridge.html_events import HtmlEvents
 from app.viser_bridge.html_panel import HtmlPanel
 from app.viser_bridge.tabs import show_heading, show_tab
-from fairing.errors import InputError
 
 BACK_KEY, NEXT_KEY = "PageUp", "PageDown"
 STAND_IN = "archway"  # offered in place of a capture
@@ -123,7 +123,7 @@ class LessonDock:
 
     def _in_lesson(self, call: Callable[[], None]) -> None:
         if self.player.lesson is None:
-            raise InputError("no lesson is open; choose one under Lessons")
+            raise NothingToDo("no lesson is open; choose one under Lessons")
         call()
 
     def show(self, state: RunState, view: PageState) -> None:

@@ -9,10 +9,10 @@ from app.page_state.page_state import PageState
 from app.page_state.selection import Selection
 from app.picking import point_under_pointer, vertices_within
 from app.stage import Stage
+from app.viser_bridge.error_toasts import NothingToDo
 from app.viser_bridge.html_events import Guarded, whole_number
 from app.viser_bridge.node_events import BackgroundClicks
 from app.viser_bridge.picking_camera import camera_of
-from fairing.errors import InputError
 from fairing.scene import Scene
 
 POINTER = 0.012  # of the field of view: 9 px in a view of 720
@@ -87,7 +87,7 @@ class VertexInteraction:
 
     def _selected(self) -> tuple[int, ...]:
         if not self._page_state.selection.vertices:
-            raise InputError("no vertex is selected; click one first")
+            raise NothingToDo("no vertex is selected; click one first")
         return self._page_state.selection.vertices
 
     def _click_background(self, event: viser.SceneClickEvent) -> None:

@@ -9,29 +9,29 @@ from app.debugger.history import next_move
 from app.debugger.recorded_values import ITEMS, last_change
 from app.debugger.run_state import Activity
 from app.page_state.page_state import PageState
+from app.viser_bridge.error_toasts import NothingToDo
 from app.viser_bridge.html_events import whole_number
-from fairing.errors import InputError
 
 
 class RunControls:
     """The run as one browser controls it. Values come from the browser and are checked.
 
-    All methods raise InputError with one line on a value that makes no sense.
+    All methods raise InputError with one line on a value that makes no sense, and NothingToDo where there is nowhere to go.
     """
 
     def __init__(self, controller: Controller, page_state: PageState) -> None:
         self._controller, self._page_state = controller, page_state
 
     def poster(self, command: Command) -> Callable[[], None]:
-        """A callback that posts a command; it raises InputError for a step where there is none left."""
+        """A callback that posts a command; it raises NothingToDo for a step where there is none left."""
 
         def post() -> None:
             state = self._controller.state
             is_forward, is_back = isinstance(command, Forward | Run), isinstance(command, Back | RunBack)
             if state.activity is Activity.PAUSED and is_forward and state.finished:
-                raise InputError("the run has finished: no step is left; restart it, or go back")
+                raise NothingToDo("the run has finished: no step is left; restart it, or go back")
             if state.activity is Activity.PAUSED and is_back and state.moment == 0:
-                raise InputError("this is the start: there is no earlier step")
+                raise NothingToDo("this is the start: there is no earlier step")
             self._controller.post(command)
 
         return post
@@ -53,7 +53,7 @@ class RunControls:
             return
         moment = last_change(item, state.trace.steps, state.moment, self._page_state.selected)
         if moment is None:
-            raise InputError(f"{item.name}: did not change before moment {state.moment}")
+            raise NothingToDo(f"{item.name}: did not change before moment {state.moment}")
         self._controller.post(JumpTo(moment))
 
     def to_beginning(self, extent: object) -> None:
@@ -65,7 +65,7 @@ class RunControls:
         selected = self._selected()
         moment = next_move(self._controller.state, selected, direction)
         if moment is None:
-            raise InputError(f"vertex {selected}: no {'later' if direction > 0 else 'earlier'} move is recorded")
+            raise NothingToDo(f"vertex {selected}: no {'later' if direction > 0 else 'earlier'} move is recorded")
         self._controller.post(JumpTo(moment))
 
     def toggle_breakpoint(self) -> None:
@@ -82,5 +82,5 @@ class RunControls:
 
     def _selected(self) -> int:
         if self._page_state.selected is None:
-            raise InputError("no vertex is selected; click one first")
+            raise NothingToDo("no vertex is selected; click one first")
         return self._page_state.selected

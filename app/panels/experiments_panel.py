@@ -10,9 +10,9 @@ from app.html import button, icon, text
 from app.page_state.page_state import PageState
 from app.panels.chart_svg import charts_svg
 from app.panels.choice import chip
+from app.viser_bridge.error_toasts import NothingToDo
 from app.viser_bridge.html_events import HtmlEvents, choice_of, press
 from app.viser_bridge.html_panel import HtmlPanel
-from fairing.errors import InputError
 from fairing.experiments import EXPERIMENTS
 from fairing.options import PRESETS, FairingOptions
 
@@ -62,7 +62,7 @@ class ExperimentsPanel:
     def _measured(self):
         outcome = self._runner.outcome(self._page_state.experiment)
         if outcome is None or outcome.record is None or not outcome.rows:
-            raise InputError("nothing has been measured yet; start the experiment first")
+            raise NothingToDo("nothing has been measured yet; start the experiment first")
         return outcome, outcome.record
 
     def show(self, state: RunState, page_state: PageState) -> None:

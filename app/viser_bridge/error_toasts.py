@@ -1,4 +1,4 @@
-"""Error toasts: exceptions in callbacks are shown as red notifications.
+"""Toasts: exceptions in callbacks are shown as notifications, red if they are errors.
 
 viser 1.1.1 only prints them on standard error, where a user of the page does not look.
 """
@@ -6,13 +6,18 @@ viser 1.1.1 only prints them on standard error, where a user of the page does no
 import logging
 import time
 from collections.abc import Callable
+from typing import Literal
 
 import viser
 
 from fairing.errors import InputError
 
 TOAST_SECONDS = 10
-REPEAT_SECONDS = 1.0  # the same message again within this time is not shown again
+NOTICE_SECONDS = 5
+
+
+class NothingToDo(InputError):  # noqa: N818 - nothing is wrong
+    """A request that makes sense but has nothing to act on at present. Shown as a notice, not as an error."""
 
 
 class ErrorToasts:
@@ -20,7 +25,7 @@ class ErrorToasts:
 
     def __init__(self, client: viser.ClientHandle) -> None:
         self._client = client
-        self._latest: tuple[str, float] = ("", 0.0)
+        self._shown: dict[str, tuple[viser.NotificationHandle, float]] = {}
 
     def __call__(self, call: Callable[..., None]) -> Callable[..., None]:
         """The same callback, except that it shows what it raises instead."""
@@ -28,6 +33,8 @@ class ErrorToasts:
         def guarded(*args: object) -> None:
             try:
                 call(*args)
+            except NothingToDo as notice:
+                self._add("Nothing to do", str(notice), NOTICE_SECONDS, "gray")
             except InputError as error:
                 self.show(str(error))
             except Exception as error:
@@ -41,9 +48,18 @@ class ErrorToasts:
         return self(lambda *_: call())
 
     def show(self, message: str) -> None:
-        """Show a red notification for some seconds."""
+        """Show an error for some seconds."""
+        self._add("That did not work", message, TOAST_SECONDS, "red")
+
+    def _add(self, title: str, message: str, seconds: float, color: Literal["red", "gray"]) -> None:
+        """Show a message, or show it for longer if it is there already: a key that is pressed again adds no second one."""
         now = time.monotonic()
-        if message == self._latest[0] and now < self._latest[1] + REPEAT_SECONDS:
-            return
-        self._latest = (message, now)
-        self._client.add_notification("That did not work", message, auto_close_seconds=TOAST_SECONDS, color="red")
+        self._shown = {text: shown for text, shown in self._shown.items() if now < shown[1]}
+        if message in self._shown:
+            toast = self._shown[message][0]
+            # The page starts its timer anew when the duration changes, and shows a toast of the same id only if it was closed.
+            toast.auto_close_seconds = seconds if toast.auto_close_seconds != seconds else seconds + 0.001
+            toast._show()
+        else:
+            toast = self._client.add_notification(title, message, auto_close_seconds=seconds, color=color)
+        self._shown[message] = (toast, now + seconds)

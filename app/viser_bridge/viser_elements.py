@@ -1,6 +1,7 @@
 """Style of viser's own elements, by the names they have in its page: the theme's variables, labels, tabs, dialogs.
 
-Two panels stay visible while the others are scrolled: those whose content has the class `pinned`.
+Notifications lie below a dialog of ours, whose z-index is 100. Two panels stay visible while the others are scrolled:
+those whose content has the class `pinned`.
 """
 
 from app.palette import BRAND_TEXT, GROUND, css, solid, variables
@@ -19,6 +20,7 @@ div:has(> .ef > .pinned) {{ position: sticky; top: 0; z-index: 5; background: va
   padding-top: 10px; margin-top: -10px; }}
 div:has(> div > div > div > .ef > .pinned) {{ overflow: clip !important; }}
 div:has(> .ef > .pinned) + div:has(> .ef > .pinned) {{ top: {DEBUG_BAR_HEIGHT}px; padding-top: 0; margin-top: 0; }}
+body:has(.ef .dialog) .mantine-Notifications-root {{ z-index: 99; }}
 .mantine-Modal-content:has(.ef .keys) {{ flex: 0 1 820px; }}
 .mantine-Modal-header:has(+ .mantine-Modal-body .ef .dialog) {{ padding-right: 56px; }}
 """

@@ -98,6 +98,34 @@ def test_runs_to_the_end_and_pauses_on_request(visitor: Visitor, monkeypatch: py
     wait_for(lambda: controller.state.finished and controller.state.activity is Activity.PAUSED)
     visitor.page.get_by_text("Finished", exact=True).wait_for()
     visitor.sees_vertices(page_vertices(visitor.app, controller.state.moment))
+    run, step = visitor.button("Run"), visitor.button("Step one iteration")
+    assert run.is_disabled()
+    color = "button => getComputedStyle(button).backgroundColor"
+    assert run.evaluate(color) == step.evaluate(color)
+
+
+def test_a_key_with_nothing_to_do_shows_one_notice_that_lies_below_the_dialog_of_keys(visitor: Visitor):
+    page, controller = visitor.page, visitor.app.controller
+    controller.post(JumpTo(0))
+    controller.wait_until_idle()
+    visitor.close_notifications()
+    notices = page.locator(".mantine-Notification-root", has_text="this is the start")
+    for key in (",", "[", ",", "u"):
+        page.keyboard.press(key)
+        notices.first.wait_for()
+        page.wait_for_timeout(300)
+    assert notices.count() == 1
+    assert "Nothing to do" in notices.inner_text()
+    page.keyboard.press("Shift+?")
+    dialog = page.locator(".mantine-Modal-content")
+    dialog.wait_for()
+    layers = [element.evaluate("""element => {
+        while (getComputedStyle(element).zIndex === 'auto') element = element.parentElement;
+        return Number(getComputedStyle(element).zIndex);
+    }""") for element in (notices, dialog)]  # fmt: skip
+    assert layers[0] < layers[1]
+    page.keyboard.press("Escape")
+    dialog.wait_for(state="detached")
 
 
 def test_scrubbing_shows_the_recorded_vertices(visitor: Visitor):
