@@ -104,6 +104,14 @@ def test_a_value_is_that_of_the_last_step_about_the_vertex():
     assert value_at(ITEM["place in the sweep"], steps, 2, 0) == 3
 
 
+def test_the_photo_of_the_largest_decrease_is_counted_from_1_as_in_the_page():
+    item = ITEM["photo with the largest energy decrease"]
+    fell, rose = np.array([0.5, -1.0, 0.0]), np.array([1.5, 1.0, 1.0])
+    before = np.ones(3)
+    steps = [record([0], n, view_energy_before=before, view_energy_after=after) for n, after in enumerate((fell, rose))]
+    assert [item.shown(value_at(item, steps, moment, 0)) for moment in (1, 2)] == ["2", "none"]
+
+
 def test_the_last_change_is_found_across_steps_about_others_and_repeats():
     damping = [0.0, 0.1, 0.1, 0.1, 0.0]
     steps = []

@@ -75,7 +75,7 @@ VERTEX_KEYS = (
     ("B", "Breakpoint on the selected vertex"),
     ("T", "Play or stop the record"),
     ("K", "Bookmark this moment"),
-    ("C", "Compare with this moment from now on"),
+    ("C", "Compare with this moment"),
     ("X", "Surface at the start or now"),
     ("-", "Texture: static or view-dependent"),
     ("Y", "Dark or light theme"),
@@ -86,8 +86,12 @@ VERTEX_KEYS = (
     ("Page Down", "Next step of the lesson"),
     ("Page Up", "Previous step of the lesson"),
     ("Ctrl+K", "All commands"),
-    ("?", "List of keys"),
+    ("?", "Keys"),
 )
+
+
+KEY_LABELS = dict(CAMERA_KEYS + VERTEX_KEYS)
+"""What the keys without an action are called, in the list of keys and in the palette alike."""
 
 
 def label_of(command: Command) -> str:

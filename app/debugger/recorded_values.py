@@ -79,13 +79,19 @@ ITEMS: tuple[Item, ...] = (
         of_vertex=False,
         shown=_whole,
     ),
-    Item("view with the largest energy decrease", lambda r, i: _most_changed(r), of_vertex=False, shown=_whole),
+    Item(
+        "photo with the largest energy decrease",
+        lambda r, i: _photo_of_largest_decrease(r),
+        of_vertex=False,
+        shown=lambda photo: text(photo) if photo else "none",
+    ),
 )
 
 
-def _most_changed(record: StepRecord) -> int:
+def _photo_of_largest_decrease(record: StepRecord) -> int:
+    """Number of a photo, from 1 as everywhere in the page; 0 if the energy fell in no photo."""
     change = record.view_energy_after - record.view_energy_before
-    return int(np.argmin(change)) if len(change) else 0
+    return int(np.argmin(change)) + 1 if (change < 0).any() else 0
 
 
 def value_at(item: Item, steps: list[StepRecord], moment: int, vertex: int) -> Any:

@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import viser
 
+from app.debugger.actions import KEY_LABELS
 from app.debugger.commands import Pause
 from app.debugger.controller import Controller
 from app.debugger.run_state import RunState
@@ -117,8 +118,8 @@ class LessonDock:
         opening = [Hotkey(f"Lesson: {lesson.title}", lambda n=lesson.name: self.open(n)) for lesson in self._lessons]
         return [
             *opening,
-            Hotkey("Next step of the lesson", lambda: self._in_lesson(self.player.next), NEXT_KEY),
-            Hotkey("Back one step of the lesson", lambda: self._in_lesson(self.player.back), BACK_KEY),
+            Hotkey(KEY_LABELS["Page Down"], lambda: self._in_lesson(self.player.next), NEXT_KEY),
+            Hotkey(KEY_LABELS["Page Up"], lambda: self._in_lesson(self.player.back), BACK_KEY),
         ]
 
     def _in_lesson(self, call: Callable[[], None]) -> None:

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import viser
 
-from app.debugger.actions import ACTIONS
+from app.debugger.actions import ACTIONS, KEY_LABELS
 from app.debugger.compare import Reference
 from app.debugger.run_state import RunState
 from app.lessons.page_settings import AT_CAMERAS, AT_FRONT, AT_MESH
@@ -99,17 +99,17 @@ class Page:
         ]
         return [
             *actions,
-            Hotkey("Previous move of the selected vertex", lambda: run.to_move_of_selected(-1), ";"),
-            Hotkey("Next move of the selected vertex", lambda: run.to_move_of_selected(1), "'"),
-            Hotkey("Play the record, or stop", panels.timeline.play_or_stop, "T"),
-            Hotkey("Compare with this moment", panels.runs.mark_now, "C"),
-            Hotkey("Bookmark this moment", panels.bookmarks.keep_now, "K"),
-            Hotkey("Before or now", panels.surface_controls.before_or_now, "X"),
-            Hotkey("Texture static or view-dependent", panels.surface_controls.toggle_view_dependent, "-"),
-            Hotkey("Keys", lambda: self._keys_dialog.open(self._order), "?", "shift"),
-            Hotkey("Lock or unlock the selected vertices", interaction.toggle_lock, "F"),
-            Hotkey("Put the selected vertices back to their start", interaction.reset, "Z"),
-            Hotkey("Breakpoint on the selected vertex", run.toggle_breakpoint, "B"),
+            Hotkey(KEY_LABELS[";"], lambda: run.to_move_of_selected(-1), ";"),
+            Hotkey(KEY_LABELS["'"], lambda: run.to_move_of_selected(1), "'"),
+            Hotkey(KEY_LABELS["T"], panels.timeline.play_or_stop, "T"),
+            Hotkey(KEY_LABELS["C"], panels.runs.mark_now, "C"),
+            Hotkey(KEY_LABELS["K"], panels.bookmarks.keep_now, "K"),
+            Hotkey(KEY_LABELS["X"], panels.surface_controls.before_or_now, "X"),
+            Hotkey(KEY_LABELS["-"], panels.surface_controls.toggle_view_dependent, "-"),
+            Hotkey(KEY_LABELS["?"], lambda: self._keys_dialog.open(self._order), "?", "shift"),
+            Hotkey(KEY_LABELS["F"], interaction.toggle_lock, "F"),
+            Hotkey(KEY_LABELS["Z"], interaction.reset, "Z"),
+            Hotkey(KEY_LABELS["B"], run.toggle_breakpoint, "B"),
         ]
 
     def _name_blocks(self, order: str) -> None:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import viser
 
+from app.debugger.actions import KEY_LABELS
 from app.html import STYLE, photo_title
 from app.keys import Key
 from app.page.page_camera import PageCamera
@@ -101,12 +102,12 @@ class PageFrame:
         ]
         return [
             *entering,
-            Hotkey("Leave the camera", camera.leave, "0"),
-            Hotkey("View: mesh", camera.show_mesh, "M"),
-            Hotkey("View: mesh and all cameras", camera.show_mesh_and_cameras, "V"),
-            Hotkey("View: front", camera.show_front, "F", "shift"),
-            Hotkey("View: top", camera.show_top, "T", "shift"),
-            Hotkey("Dark or light theme", camera.switch_theme, "Y"),
+            Hotkey(KEY_LABELS["0"], camera.leave, "0"),
+            Hotkey(KEY_LABELS["M"], camera.show_mesh, "M"),
+            Hotkey(KEY_LABELS["V"], camera.show_mesh_and_cameras, "V"),
+            Hotkey(KEY_LABELS["Shift+F"], camera.show_front, "F", "shift"),
+            Hotkey(KEY_LABELS["Shift+T"], camera.show_top, "T", "shift"),
+            Hotkey(KEY_LABELS["Y"], camera.switch_theme, "Y"),
         ]
 
     def close(self) -> None:

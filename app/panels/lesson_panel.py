@@ -84,7 +84,7 @@ class LessonPanel:
     def _head(self, lesson: Lesson, n: int) -> str:
         count, busy = len(lesson.steps), self._player.status is Status.AT_WORK
         dots = "".join(f"<i class='{'here' if k == n else 'done' if k < n else ''}'></i>" for k in range(count))
-        back = button("Back", self._events("back"), hint="Back one step of the lesson (Page Up)", enabled=n > 0)
+        back = button("Back", self._events("back"), hint="Previous step of the lesson (Page Up)", enabled=n > 0)
         if n < count - 1:
             on = button(
                 "Next",

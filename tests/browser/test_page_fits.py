@@ -258,6 +258,23 @@ def test_the_palette_lists_a_command_once_with_all_its_keys_and_all_of_them_work
     assert np.diff(moments).tolist() == [1, 1]
 
 
+def test_the_palette_and_the_list_of_keys_call_a_command_by_one_name(visitor: Visitor):
+    page = visitor.page
+    page.keyboard.press("Control+k")
+    entries = page.locator(".mantine-Spotlight-action")
+    entries.first.wait_for()
+    in_palette = {entry.split("\n")[0] for entry in entries.all_inner_texts()}
+    page.keyboard.press("Escape")
+    entries.first.wait_for(state="detached")
+    page.keyboard.press("Shift+?")
+    page.locator(".ef .dialog").wait_for()
+    in_list = set(page.locator(".ef .dialog td").all_inner_texts())
+    page.keyboard.press("Escape")
+    page.locator(".ef .dialog").wait_for(state="detached")
+    # One row of the list stands for nine entries, and the palette does not contain itself.
+    assert in_list - in_palette == {"Look through a camera", "All commands"}
+
+
 def test_the_tab_has_the_scenes_name(visitor: Visitor):
     assert visitor.page.title() == "EigenFairing - cube"
 
