@@ -29,7 +29,9 @@ from fairing.scene import Scene
 DECODE_COLORED = 0.25  # s: without a large texture
 
 REPAINT_SECONDS = 1.0  # at least, between two textures painted while the mesh moves
-REPAINT_SHARE = 0.25  # of the time is spent on painting at most: the engine needs the processor
+REPAINT_SHARE = (
+    0.15  # of one processor's time at most: a tenth of what a run takes of two (ledger: textures during a run)
+)
 
 
 @dataclass(frozen=True)
@@ -158,7 +160,8 @@ class SurfaceLayer:
         return turns if is_fit else None
 
     def _moving_texture(self, vertices: np.ndarray) -> DoubleBufferedMesh | None:
-        """The texture painted last; painted again at most once in `REPAINT_SECONDS` and for `REPAINT_SHARE` of the time."""
+        """The texture painted last; painted again at most once in `REPAINT_SECONDS`, smaller, for `REPAINT_SHARE` of
+        the time."""
         turns = self._textured[NOW_SHAPE]
         if len(self._scene.mesh.faces) > MOST_FACES:
             return None
@@ -166,12 +169,11 @@ class SurfaceLayer:
             self._repainting = (vertices, time.monotonic())
         if self._repainting is not None:
             wanted, began = self._repainting
-            painted = self._texturer.static.painted(self, wanted)
+            painted = self._texturer.draft.painted(self, wanted)
             if painted is not None:
                 turns.offer(painted)
-                now = time.monotonic()
                 self._repainting = None
-                self._repaint_due = max(began + REPAINT_SECONDS, now + (now - began) * (1 / REPAINT_SHARE - 1))
+                self._repaint_due = began + max(REPAINT_SECONDS, painted.cost / REPAINT_SHARE)
         return turns if turns.shown is not None else None
 
     def _color(

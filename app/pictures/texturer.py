@@ -2,6 +2,7 @@
 
 import logging
 import threading
+import time
 from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -20,6 +21,11 @@ from fairing.texture.eigen import GUTTER
 
 JPEG_QUALITY = 92
 LARGEST = 2048  # texels per side: a browser unpacks it within 1 s even without a graphics card
+LARGEST_DRAFTS = (
+    512,
+    1024,
+    LARGEST,
+)  # texels per side: the smallest that holds the faces (ledger: textures during a run)
 LARGEST_VIEW_DEPENDENT = 1024  # texels per side: sent several times per second
 MOST_FACES, MOST_FACES_VIEW_DEPENDENT = (
     AtlasLayout.most_faces(LARGEST),
@@ -36,10 +42,12 @@ class TexturedMesh:
     Attributes:
         vertices: (n, 3) float, world units: the positions it was painted at.
         glb: contents of a GLB file, vertices in page units.
+        cost: processor time of its painting, s.
     """
 
     vertices: np.ndarray
     glb: bytes
+    cost: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,6 +130,7 @@ class Texturer:
 
     Attributes:
         static: paints meshes with static textures.
+        draft: paints them with smaller textures, several times faster, while a run moves the mesh.
         view_dependent: paints meshes with view-dependent textures.
         frames: renders the textures for a viewpoint; of each page's requests only the latest.
     """
@@ -133,26 +142,35 @@ class Texturer:
         """
         self._scene, self._stage, self._wait = scene, stage, wait
         self.static = Painter(self._paint_static, KEPT, on_ready)
+        self.draft = Painter(self._paint_draft, KEPT, on_ready)
         self.view_dependent = Painter(self._paint_view_dependent, KEPT_VIEW_DEPENDENT, on_ready)
         self.frames = BackgroundWorker()
 
     def close(self) -> None:
-        for worker in (self.static, self.view_dependent, self.frames):
+        for worker in (self.static, self.draft, self.view_dependent, self.frames):
             worker.close()
 
     def _paint_static(self, vertices: np.ndarray) -> TexturedMesh:
         self._wait()
         return paint(self._scene, self._stage, vertices)
 
+    def _paint_draft(self, vertices: np.ndarray) -> TexturedMesh:
+        self._wait()
+        n_faces = len(self._scene.mesh.faces)
+        largest = next((size for size in LARGEST_DRAFTS if AtlasLayout.most_faces(size) >= n_faces), LARGEST)
+        return paint(self._scene, self._stage, vertices, largest)
+
     def _paint_view_dependent(self, vertices: np.ndarray) -> ViewDependentMesh:
         texture = eigen_texture(self._scene, vertices, LARGEST_VIEW_DEPENDENT)
         return ViewDependentMesh(vertices, texture, _corners(self._scene, self._stage, vertices))
 
 
-def paint(scene: Scene, stage: Stage, vertices: np.ndarray) -> TexturedMesh:
-    """The mesh of a scene at vertices (n, 3), world units, with a static texture."""
-    model = textured_model(scene, vertices, LARGEST)
-    return TexturedMesh(vertices, _glb(_corners(scene, stage, vertices), model.uv, model.image))
+def paint(scene: Scene, stage: Stage, vertices: np.ndarray, largest: int = LARGEST) -> TexturedMesh:
+    """The mesh of a scene at vertices (n, 3), world units, with a static texture of at most `largest` texels per side."""
+    began = time.thread_time()
+    model = textured_model(scene, vertices, largest)
+    glb = _glb(_corners(scene, stage, vertices), model.uv, model.image)
+    return TexturedMesh(vertices, glb, time.thread_time() - began)
 
 
 def _corners(scene: Scene, stage: Stage, vertices: np.ndarray) -> np.ndarray:
