@@ -80,6 +80,8 @@ STYLE = f"""
 .ef .scroll {{ max-height: 112px; overflow-y: auto; margin-top: 6px; }}
 .ef .runs td, .ef .runs th {{ padding: 2px 10px 2px 0; vertical-align: middle; }}
 .ef .runs td:last-child {{ padding-right: 2px; }} .ef .runs th.n {{ text-align: right; }}
+.ef .runs .current td, .ef .runs th {{ position: sticky; top: 0; z-index: 1; background: var(--mantine-color-body); }}
+.ef .runs .current td {{ top: 22px; bottom: 0; }}
 .ef .runs button, .ef .runs td:first-child {{ white-space: nowrap; }}
 .ef .tools {{ gap: 4px; }}
 .ef .runs .what {{ width: 99%; max-width: 0; overflow: hidden; text-overflow: ellipsis; white-space: nowrap; }}

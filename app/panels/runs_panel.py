@@ -77,8 +77,9 @@ class RunsPanel:
         )
         rows = "".join(self._row(run, state, page_state, knows_truth) for run in state.runs)
         self._panel.set(
-            f"<div class='row'>{self._comparison(state, page_state)}</div>"
-            f"<div class='scroll'><table class='runs'><tr><th>run</th><th>options</th><th class='n'>steps</th>"
+            f"{self._comparison(state, page_state)}"
+            f"<div class='scroll'><table class='runs'><tr><th>run</th><th>options</th>"
+            "<th class='n' title='Recorded steps; so far: the run has not finished'>steps</th>"
             "<th class='n' title='Not comparable between runs with different cells or dimensions'>energy</th>"
             f"{error if knows_truth else ''}<th></th></tr>{rows}</table></div>"
         )
@@ -98,18 +99,17 @@ class RunsPanel:
         )
         compared = look_up(page_state.reference, state)
         if compared is None:
-            return f"<span class='grow dim'>Set {A} to compare with it.</span>{mark}{race}"
+            return f"<div class='row'><span class='grow dim'>Set {A} to compare with it.</span>{mark}{race}</div>"
         apart = 100 * distances(compared, state.vertices) / self._scene.mesh.diagonal
         clear = button("", self._events("clear"), hint="Stop comparing", icon=icon("leave"), css_class="small")
         back = button("", self._events("visit"), hint="Go to A", icon=icon("go"), css_class="small")
-        figures = f"mean {_percent(apart.mean())}, max {_percent(apart.max())}"
-        hint = (
-            f"Distance of the vertices from their positions in A, {compared.name}: {figures} of the diagonal; "
-            f"vertex {int(apart.argmax())} is farthest"
+        figures = (
+            f"Distance of the vertices from A: mean {_percent(apart.mean())}, max {_percent(apart.max())} of the diagonal "
+            f"(vertex {int(apart.argmax())})"
         )
         return (
-            f"<span class='grow one' title='{text(hint)}'>{A} {text(compared.name)} <span class='dim'>{figures}</span></span>"
-            f"{back}{clear}{mark}{race}"
+            f"<div class='row'><span class='grow one' title='{text(compared.name)}'>{A} {text(compared.name)}</span>"
+            f"{back}{clear}{mark}{race}</div><div class='dim one' title='{text(figures)}'>{text(figures)}</div>"
         )
 
     def _row(self, run: RunInfo, state: RunState, page_state: PageState, knows_truth: bool) -> str:
@@ -142,9 +142,10 @@ class RunsPanel:
         energy = number(float(energies.after[-1]), 5) if energies.is_measured else "–"
         error = f"<td class='n'>{self._error(run, state)}</td>" if knows_truth else ""
         return (
-            f"<tr><td>{name}</td><td class='what' title='{text(fork + run.differs)}'><span class='dim'>{text(fork)}</span>"
+            f"<tr class='{'current' if is_current else ''}'><td>{name}</td>"
+            f"<td class='what' title='{text(fork + run.differs)}'><span class='dim'>{text(fork)}</span>"
             f"{text(run.differs)}</td>"
-            f"<td class='n'>{run.length}{'' if run.finished else '<span class=dim> …</span>'}</td>"
+            f"<td class='n'>{run.length}{'' if run.finished else '<span class=dim> so far</span>'}</td>"
             f"<td class='n'>{energy}</td>{error}<td><div class='row tools'>{compare}{remove}</div></td></tr>"
         )
 

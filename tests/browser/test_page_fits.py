@@ -275,6 +275,23 @@ def test_the_palette_and_the_list_of_keys_call_a_command_by_one_name(visitor: Vi
     assert in_list - in_palette == {"Look through a camera", "All commands"}
 
 
+def test_the_row_of_the_current_run_is_whole_among_more_runs_than_fit(visitor: Visitor):
+    controller = visitor.app.controller
+    for _ in range(5):
+        controller.post(Restart(OPTIONS))
+        controller.wait_until_idle()
+        visitor.press("Step one iteration")
+    show(visitor, "Runs")
+    box, row = visitor.page.locator(".ef .scroll", has=visitor.page.locator(".runs .current")), ".runs .current button"
+    assert box.evaluate("box => box.scrollHeight > box.clientHeight")
+    outer = visitor.box_of(box)
+    for down in (0, 1000):
+        box.evaluate(f"box => box.scrollTop = {down}")
+        current = visitor.box_of(visitor.page.locator(row).first)
+        assert current["y"] >= outer["y"]
+        assert current["y"] + current["height"] <= outer["y"] + outer["height"]
+
+
 def test_the_tab_has_the_scenes_name(visitor: Visitor):
     assert visitor.page.title() == "EigenFairing - cube"
 
