@@ -29,9 +29,8 @@ from fairing.scene import Scene
 DECODE_COLORED = 0.25  # s: without a large texture
 
 REPAINT_SECONDS = 1.0  # at least, between two textures painted while the mesh moves
-REPAINT_SHARE = (
-    0.15  # of one processor's time at most: a tenth of what a run takes of two (ledger: textures during a run)
-)
+# Of one processor's time, at most: about a tenth of what the run itself takes (ledger: textures during a run).
+REPAINT_SHARE = 0.15
 
 
 @dataclass(frozen=True)
@@ -160,8 +159,7 @@ class SurfaceLayer:
         return turns if is_fit else None
 
     def _moving_texture(self, vertices: np.ndarray) -> DoubleBufferedMesh | None:
-        """The texture painted last; painted again at most once in `REPAINT_SECONDS`, smaller, for `REPAINT_SHARE` of
-        the time."""
+        """The texture painted last. A smaller one is painted every `REPAINT_SECONDS`, or less often, see `REPAINT_SHARE`."""
         turns = self._textured[NOW_SHAPE]
         if len(self._scene.mesh.faces) > MOST_FACES:
             return None
