@@ -37,8 +37,8 @@ def displacement_arrows(found: FaceResiduals, centers: np.ndarray, scale: float)
 
     A face that is moved by d along its normal n shows every photo's texture shifted by d s, where s is the part of the line
     of sight w within the face, per unit of its part along n: s = w / (n . w) - n. So d is the slope of a regression of the
-    flows on s over the photos. The flows themselves have no common direction: their mean is that of the texture on its
-    reconstruction, about zero.
+    flows on s over the photos. The mean of the flows does not show it: where the photos surround the normal, their shifts
+    cancel.
 
     Args:
         centers: (V, 3) float, world units: camera centres of all photos.
