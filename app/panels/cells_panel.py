@@ -148,8 +148,8 @@ class CellsPanel:
 
 
 def stale_note(state: RunState, moment: int | None) -> str:
-    """Markup that names the moment of what is shown where it is not the present one."""
+    """Markup that names the moment of what is shown where it is not the present one; else a blank line of its height."""
     if moment is None or moment == state.moment:
-        return ""
+        return "<div class='note'>&nbsp;</div>"
     when = "it follows when the run pauses" if state.is_moving else "the present one is being computed"
     return f"<div class='note selected stale'>Shows moment {moment}; {when}.</div>"

@@ -13,6 +13,8 @@ from app.debugger.step_text import step_outcome
 from app.html import copy_button, number, text
 from app.page_state.page_state import PageState
 from app.viser_bridge.html_panel import HtmlPanel
+from fairing.cells.level_choice import level_for_error
+from fairing.run.phases import schedule_of
 from fairing.trace import SchedulePosition
 
 
@@ -118,8 +120,24 @@ def _headline(state: RunState, page_state: PageState) -> str:
 
 
 def _reason(state: RunState, outcome: str) -> str:
-    """Why the run stopped, unless the outcome of the last step says it already."""
-    return "\u00a0" if state.reason == outcome else _sentence(state.reason.removeprefix("finished: "))
+    """Why the run stopped; where the outcome of the last step says it already, why the run began at its level."""
+    return begin_note(state) if state.reason == outcome else _sentence(state.reason.removeprefix("finished: "))
+
+
+def begin_note(state: RunState) -> str:
+    """Why a run skips coarse levels, by its plan; blank if it skips none or is not planned yet."""
+    plan, options = state.trace.plan, state.options
+    begin = 0 if plan is None else schedule_of(options, plan).begin_level
+    if plan is None or begin == 0:
+        return "\u00a0"
+    error = plan.start_error or plan.start_sigma
+    if plan.is_near_truth:
+        why = "the start is near the truth"
+    elif error > 0 and level_for_error(error, options) == begin:
+        why = f"the start is about {number(error, 2)} px off"
+    else:
+        why = "its blur suits the size of the faces"
+    return f"Begins at level {begin + 1}: {why}"
 
 
 def _reason_color(state: RunState) -> str:

@@ -1,0 +1,34 @@
+"""The status's note on the level a run begins at."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from app.panels.status import begin_note
+from fairing.options import FairingOptions
+from fairing.run_plan import RunPlan
+
+OPTIONS = FairingOptions()
+BEGINNING = RunPlan(0, False, False, 0.0, False)
+
+
+def note(plan: RunPlan | None) -> str:
+    return begin_note(SimpleNamespace(trace=SimpleNamespace(plan=plan), options=OPTIONS))  # pyright: ignore[reportArgumentType]
+
+
+@pytest.mark.parametrize(
+    ("plan", "expected"),
+    [
+        (None, "\u00a0"),
+        (BEGINNING, "\u00a0"),
+        (RunPlan(3, False, True, 0.0, False, start_sigma=1.3), "Begins at level 4: the start is about 1.3 px off"),
+        (RunPlan(2, False, False, 0.0, False), "Begins at level 3: its blur suits the size of the faces"),
+        (
+            RunPlan(3, False, False, 0.0, False, start_sigma=4.0),
+            "Begins at level 4: its blur suits the size of the faces",
+        ),
+        (RunPlan(0, False, False, 0.0, True), "Begins at level 4: the start is near the truth"),
+    ],
+)
+def test_the_note_names_the_level_and_what_decided(plan: RunPlan | None, expected: str):
+    assert note(plan) == expected
