@@ -45,11 +45,10 @@ class ArrayPhoto:
 
 @dataclass(frozen=True, eq=False)
 class FilePhoto:
-    """A photo file, decoded at every `load`; the engine caches what it uses repeatedly.
+    """A photo file; `load` keeps decoded photos in a bounded cache.
 
     Attributes:
-        lens: the distortion of the photo, or None for a pinhole camera. `load` undistorts the photo and keeps the
-            result in a bounded cache.
+        lens: the distortion of the photo, which `load` removes; None for a pinhole camera.
     """
 
     path: Path
@@ -61,11 +60,12 @@ class FilePhoto:
             return image.size
 
     def load(self) -> np.ndarray:
-        return self._decode() if self.lens is None else _UNDISTORTED.get(self, self._undistorted)[0]
+        return _LOADED.get(self, self._loaded)[0]
 
-    def _undistorted(self) -> tuple[np.ndarray]:
-        assert self.lens is not None
-        pixels = self.lens.undistort_photo(self._decode())
+    def _loaded(self) -> tuple[np.ndarray]:
+        pixels = self._decode()
+        if self.lens is not None:
+            pixels = self.lens.undistort_photo(pixels)
         pixels.setflags(write=False)
         return (pixels,)
 
@@ -78,9 +78,11 @@ class FilePhoto:
             return np.asarray(image.convert("RGB"))
 
 
-# Undistorted photos, the most recently used ones: a photo is loaded several times in a run (engine, textures, report).
+LOADED_BYTES = 500_000_000
+"""Decoded photo files kept in memory."""
+# The most recently used photos: a photo is loaded several times in a run (engine, image edges, textures, report).
 # There is no cache on disk; `eigenfairing convert` writes undistorted photos (ledger: cache of undistorted photos).
-_UNDISTORTED: BoundedCache[FilePhoto] = BoundedCache(max_bytes=500_000_000)
+_LOADED: BoundedCache[FilePhoto] = BoundedCache(max_bytes=LOADED_BYTES)
 
 
 @dataclass(frozen=True, eq=False)

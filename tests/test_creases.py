@@ -51,11 +51,6 @@ def views() -> list[View]:
     return [View(f"{k}", camera, ArrayPhoto(photo_of(camera, ROOF))) for k, camera in enumerate(cameras)]
 
 
-def photo_in(view: View) -> np.ndarray:
-    """(3, height, width) float32: the photo of a view, grey levels."""
-    return view.photo.load().transpose(2, 0, 1).astype(np.float32)
-
-
 def aligned(
     views: list[View],
     vertices: np.ndarray,
@@ -66,17 +61,7 @@ def aligned(
 ):
     fixed = np.isin(np.arange(len(vertices)), locked)
     with ThreadPoolExecutor(threads) as pool:
-        return aligned_to_image_edges(
-            [view.camera for view in views],
-            lambda k: photo_in(views[k]),
-            vertices,
-            ROOF_FACES,
-            fixed,
-            1,
-            reach,
-            pool,
-            **changes,
-        )
+        return aligned_to_image_edges(views, vertices, ROOF_FACES, fixed, 1, reach, pool, **changes)
 
 
 def slow_creases(vertices: np.ndarray, faces: np.ndarray) -> dict[tuple[int, int], bool]:
@@ -123,7 +108,7 @@ def test_the_offset_is_the_distance_to_the_image_edge(views: list[View], shift: 
     moved = ROOF.copy()
     moved[2:4, 0] += shift * ROOF[2, 2] / K[0, 0]
     creases = find_creases(moved, ROOF_FACES, 1)
-    found = measure_offsets(photo_in(views[0]), views[0].camera, moved, ROOF_FACES, creases, 2.0)
+    found = measure_offsets(views[0].photo.load(), views[0].camera, moved, ROOF_FACES, creases, 2.0)
     assert len(found.offset) >= 4
     sideways = found.px_per_move[:, 0]  # px to the side for a move by one unit along x
     assert np.abs(sideways) == pytest.approx(K[0, 0] / ROOF[2, 2], rel=1e-6)
@@ -133,7 +118,7 @@ def test_the_offset_is_the_distance_to_the_image_edge(views: list[View], shift: 
 
 def test_nothing_is_measured_beyond_the_reach_without_contrast_or_where_hidden(views: list[View]):
     camera, creases = views[0].camera, find_creases(ROOF, ROOF_FACES, 1)
-    photo = photo_in(views[0])
+    photo = views[0].photo.load()
 
     def count(photo: np.ndarray, vertices: np.ndarray, faces: np.ndarray) -> int:
         return len(measure_offsets(photo, camera, vertices, faces, creases, 2.0).offset)
@@ -152,7 +137,7 @@ def test_nothing_is_measured_beyond_the_reach_without_contrast_or_where_hidden(v
 def test_a_concave_crease_counts_less(views: list[View]):
     creases = find_creases(ROOF, ROOF_FACES, 1)
     found, concave = (
-        measure_offsets(photo_in(views[0]), views[0].camera, ROOF, ROOF_FACES, each, 2.0)
+        measure_offsets(views[0].photo.load(), views[0].camera, ROOF, ROOF_FACES, each, 2.0)
         for each in (creases, creases._replace(is_concave=np.array([True])))
     )
     assert concave.weight == pytest.approx(CONCAVE_WEIGHT * found.weight)

@@ -8,7 +8,7 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from app.cli.main import run
-from fairing.cells.scale_space import ScaleSpace
+from fairing.cells.scale_space import LUMA, ScaleSpace
 from fairing.check import memory
 from fairing.check.memory import memory_needed, memory_warning
 from fairing.check.scene_check import check_scene
@@ -63,7 +63,7 @@ def test_a_reduced_photo_is_a_subset_of_the_pixels_of_the_blurred_one(monkeypatc
     wanted = [(0, 1.9), (0, 2.0), (0, 5.0), (0, 9.6)]
     small_reductions(monkeypatch)
     photos = ScaleSpace(corner_scene(), color=False)
-    photo = photos.photo(0)[0].astype(float)
+    photo = corner_scene().views[0].photo.load() @ LUMA
     with ThreadPoolExecutor(1) as pool:
         kept, starts = photos.lay_out(1.2, False, wanted, pool)
     for (view, sigma), factor in zip(wanted, (1, 2, 4, 8), strict=True):

@@ -186,14 +186,6 @@ class ScaleSpace:
         while weaker and sum(self._layouts[key].reserved.nbytes for key in weaker) > KEPT_BYTES:
             del self._layouts[weaker.pop(0)]
 
-    def photo(self, view: int) -> np.ndarray:
-        """(channels, height, width) float32: a photo as taken, grey levels.
-
-        Raises:
-            InputError: it cannot be decoded.
-        """
-        return self._photo(view).astype(np.float32) * self.grey_levels
-
     def _pixels_at(self, view: int, sigma: float) -> int:
         width, height = self.size_at(view, sigma)
         return self.channels * width * height

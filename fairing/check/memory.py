@@ -12,6 +12,7 @@ from fairing.cells.point_spread import MAX_PATCH_PIXELS, patch_pixels
 from fairing.cells.scale_space import KEPT_BYTES, MAX_CONCURRENT_PHOTOS, MAX_DECODED_BYTES, reduction
 from fairing.cells.visibility import Visibility, footprints
 from fairing.options import FairingOptions, by_level
+from fairing.photo import LOADED_BYTES
 from fairing.scene import Scene
 
 # Bytes, measured on runs of 1,000 to 100,000 vertices and of 10 to 200 photos.
@@ -30,12 +31,14 @@ def memory_needed(scene: Scene, options: FairingOptions, scale: float = 1.0) -> 
     Args:
         scale: factor of the photos' width and height (`--photo-scale`).
     """
-    sizes = scale**2 * np.array([view.camera.width * view.camera.height for view in scene.views], dtype=float)
+    as_taken = np.array([view.camera.width * view.camera.height for view in scene.views], dtype=float)
+    sizes = scale**2 * as_taken
     channels, n_faces = 3 if options.cells.color else 1, len(scene.mesh.faces)
     threads = min(options.threads or os.cpu_count() or 1, len(sizes))
     largest, others = (4 * channels * pixels for pixels in _pixels_laid_out(scene, options, scale, sizes))
     laid_out = largest + min(others, KEPT_BYTES)
     decoded = min((3 if options.cells.color else 2) * float(sizes.sum()), MAX_DECODED_BYTES)
+    decoded += min(3 * float(as_taken.sum()), LOADED_BYTES)
     in_work = float(sizes.max()) * max(
         min(threads, MAX_CONCURRENT_PHOTOS) * PER_PIXEL_IN_WORK,
         threads * PER_MAP_PIXEL / options.visibility.reduction**2,

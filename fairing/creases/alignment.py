@@ -11,10 +11,10 @@ import numpy as np
 from scipy.sparse import coo_array, csc_array, diags_array
 from scipy.sparse.linalg import splu
 
-from fairing.camera import Camera
 from fairing.creases.edges import Creases, find_creases
 from fairing.creases.offsets import Offsets, measure_offsets
 from fairing.geometry.normals import face_normals
+from fairing.scene import View
 
 # px: largest offset, and scale of the Geman-McClure loss of an offset. Offsets are measured anew in each stage.
 # (ledger: stages of the alignment)
@@ -39,8 +39,7 @@ class Alignment(NamedTuple):
 
 
 def aligned_to_image_edges(
-    cameras: Sequence[Camera],
-    photo_of: Callable[[int], np.ndarray],
+    views: Sequence[View],
     vertices: np.ndarray,
     faces: np.ndarray,
     locked: np.ndarray,
@@ -52,8 +51,6 @@ def aligned_to_image_edges(
     """Move the creases of a mesh onto image edges nearby.
 
     Args:
-        cameras: V cameras.
-        photo_of: the photo of a camera, by its index: (channels, height, width) float32, grey levels.
         vertices: (n, 3) float, world units.
         faces: (m, 3) int.
         locked: (n,) bool: vertices that stay.
@@ -66,7 +63,7 @@ def aligned_to_image_edges(
     """
     creases = find_creases(vertices, faces, orientation)
     information = np.zeros((len(vertices), 3, 3))
-    pixel = _pixel_size(cameras, vertices)
+    pixel = _pixel_size(views, vertices)
     free = np.flatnonzero(~locked & np.isfinite(pixel))
     if len(creases.ends) == 0 or len(free) == 0:
         return Alignment(vertices, information)
@@ -79,13 +76,11 @@ def aligned_to_image_edges(
         if largest > reach:
             continue
 
-        def measured(view: int, at: np.ndarray = moved, largest: float = largest) -> Offsets:
+        def measured(view: View, at: np.ndarray = moved, largest: float = largest) -> Offsets:
             raise_if_cancelled()
-            return measure_offsets(photo_of(view), cameras[view], at, faces, creases, largest)
+            return measure_offsets(view.photo.load(), view.camera, at, faces, creases, largest)
 
-        found = Offsets(
-            *(np.concatenate(part) for part in zip(*executor.map(measured, range(len(cameras))), strict=True))
-        )
+        found = Offsets(*(np.concatenate(part) for part in zip(*executor.map(measured, views), strict=True)))
         J = _rows(found, creases, vertices.size)[:, columns]
         so_far = (moved - vertices).ravel()[columns]
         step, residual = np.zeros(len(columns)), found.offset
@@ -111,10 +106,10 @@ def _geman_mcclure(residual: np.ndarray, scale: float) -> np.ndarray:
     return 1 / (1 + (residual / scale) ** 2) ** 2
 
 
-def _pixel_size(cameras: Sequence[Camera], vertices: np.ndarray) -> np.ndarray:
+def _pixel_size(views: Sequence[View], vertices: np.ndarray) -> np.ndarray:
     """(n,) float: size of a pixel at each vertex, world units, median over the photos it is in front of; NaN without one."""
-    depth = np.array([camera.project(vertices)[1] for camera in cameras])
-    focal = np.array([camera.K[0, 0] for camera in cameras])
+    depth = np.array([view.camera.project(vertices)[1] for view in views])
+    focal = np.array([view.camera.K[0, 0] for view in views])
     size = np.where(depth > 0, depth / focal[:, None], np.nan)
     with_photo = (depth > 0).any(axis=0)
     result = np.full(len(vertices), np.nan)

@@ -4,7 +4,6 @@ Samples along a crease give profiles across it; profiles of a segment are averag
 runs along the segment remains, and the peak of the average is located with subpixel accuracy.
 """
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import cv2
@@ -30,7 +29,7 @@ BACKGROUND = 1e30  # depth, world units
 STEP = 0.25  # px between samples of a profile
 HALF_STEPS = 2  # the derivative is taken over +- this many steps
 CORRELATION = 2.5  # px along the crease over which residuals of the profiles agree
-MIN_NOISE, MIN_CONTRAST = 0.3, 0.9  # grey levels per px
+MIN_NOISE, MIN_CONTRAST = 0.5, 1.5  # grey levels per px
 MIN_SIGNIFICANCE = 3.0  # of a peak, in units of its noise; three times as much has full weight
 LEAST_UNIQUENESS = 0.05  # weight of a peak that another one equals
 CONCAVE_WEIGHT = 0.3  # concave creases have contact shadows and reflections beside them (ledger: creases)
@@ -61,7 +60,7 @@ def measure_offsets(
     """Offsets of the creases that a photo shows.
 
     Args:
-        photo: (channels, height, width) float32, grey levels.
+        photo: (height, width, 3) uint8.
         vertices: (n, 3) float, world units.
         faces: (m, 3) int.
         reach: largest offset, px.
@@ -76,7 +75,7 @@ def measure_offsets(
     seen = np.flatnonzero(shown)
     if len(seen) == 0:
         return _none()
-    smoothed = [cv2.GaussianBlur(plane, (0, 0), SMOOTHING) for plane in photo]
+    image = cv2.GaussianBlur(photo.astype(np.float32), (0, 0), SMOOTHING)
     nearest = rasterize(vertices, faces, camera)[1]
     farthest = cv2.dilate(np.minimum(nearest, BACKGROUND).astype(np.float32), np.ones((3, 3)))
     projected = _Projected(camera, vertices, uv, depth)
@@ -85,7 +84,7 @@ def measure_offsets(
     parts = []
     for ids in batches:
         samples = _samples_along(projected, creases.ends[ids], farthest, reach + BORDER)
-        parts.append(_measured(smoothed, projected, creases, ids, samples, reach))
+        parts.append(_measured(image, projected, creases, ids, samples, reach))
     return Offsets(*(np.concatenate(values) for values in zip(*parts, strict=True)))
 
 
@@ -166,30 +165,23 @@ def _samples_along(projected: _Projected, ends: np.ndarray, farthest: np.ndarray
 
 
 def _measured(
-    smoothed: Sequence[np.ndarray],
-    projected: _Projected,
-    creases: Creases,
-    ids: np.ndarray,
-    samples: _Samples,
-    reach: float,
+    image: np.ndarray, projected: _Projected, creases: Creases, ids: np.ndarray, samples: _Samples, reach: float
 ) -> Offsets:
     """Offsets of the segments of creases `ids` (c,); see `measure_offsets`.
 
     Args:
-        smoothed: the planes of the photo (height, width) float32, smoothed.
+        image: (height, width, 3) float32: the smoothed photo.
     """
     row, along, pixels, across, starts, sizes = samples
     if len(row) == 0:
         return _none()
     steps = round((reach + 2 * HALF_STEPS * STEP) / STEP)
     places = np.arange(-steps, steps + 1) * STEP
-    at = (pixels[:, None] + places[:, None] * across[:, None]).astype(np.float32)
-    profile = np.stack([cv2.remap(plane, at[..., 0], at[..., 1], cv2.INTER_LINEAR) for plane in smoothed], axis=-1)
-    mean, squares = _slopes(profile, starts, sizes)
-    variance = np.maximum(squares - mean**2, 0)
+    profile = cv2.remap(image, _places_across(pixels, across, places), None, cv2.INTER_LINEAR)
+    contrast, variance = _slopes(profile, starts, sizes)
     independent = np.maximum(1.0, sizes * SPACING / CORRELATION)
-    noise = np.sqrt(variance.sum(axis=2) / independent[:, None] + MIN_NOISE**2)
-    offset, weight = _peaks(np.linalg.norm(mean, axis=2), noise, places[HALF_STEPS:-HALF_STEPS], reach)
+    noise = np.sqrt(variance / independent[:, None] + MIN_NOISE**2)
+    offset, weight = _peaks(contrast, noise, places[HALF_STEPS:-HALF_STEPS], reach)
     centre, own = np.add.reduceat(along, starts) / sizes, ids[row[starts]]
     first, second = projected.vertices[creases.ends[own]].transpose(1, 0, 2)
     J = projected.camera.J_image_wrt_point(first + centre[:, None] * (second - first))
@@ -200,22 +192,43 @@ def _measured(
 
 
 @njit(cache=True, nogil=True)
+def _places_across(pixels, across, places):
+    """(p, q, 2) float32, px: places (q,) px along the unit normals (p, 2) through pixels (p, 2)."""
+    at = np.empty((len(pixels), len(places), 2), dtype=np.float32)
+    for k in range(len(pixels)):
+        for j in range(len(places)):
+            at[k, j, 0] = pixels[k, 0] + places[j] * across[k, 0]
+            at[k, j, 1] = pixels[k, 1] + places[j] * across[k, 1]
+    return at
+
+
+@njit(cache=True, nogil=True)
 def _slopes(profile, starts, sizes):
-    """Mean and mean square (s, q, c) float64 of the derivatives of the profiles (p, q + 2 * HALF_STEPS, c) by segment."""
-    width, channels = profile.shape[1] - 2 * HALF_STEPS, profile.shape[2]
-    mean, squares = np.zeros((len(starts), width, channels)), np.zeros((len(starts), width, channels))
+    """Derivatives of the profiles (p, q + 2 * HALF_STEPS, 3) by segment, over the three channels.
+
+    Returns:
+        Length of their mean (s, q) float64, and the sum of their variances (s, q) float64.
+    """
+    width = profile.shape[1] - 2 * HALF_STEPS
+    contrast, variance = np.zeros((len(starts), width)), np.zeros((len(starts), width))
+    mean, squares = np.empty((width, 3)), np.empty((width, 3))
     for s in range(len(starts)):
+        mean[:] = 0.0
+        squares[:] = 0.0
         for k in range(starts[s], starts[s] + sizes[s]):
             for j in range(width):
-                for c in range(channels):
+                for c in range(3):
                     slope = np.float64(profile[k, j + 2 * HALF_STEPS, c] - profile[k, j, c])
-                    mean[s, j, c] += slope
-                    squares[s, j, c] += slope * slope
+                    mean[j, c] += slope
+                    squares[j, c] += slope * slope
         for j in range(width):
-            for c in range(channels):
-                mean[s, j, c] /= sizes[s]
-                squares[s, j, c] /= sizes[s]
-    return mean, squares
+            length = 0.0
+            for c in range(3):
+                mean[j, c] /= sizes[s]
+                length += mean[j, c] ** 2
+                variance[s, j] += max(squares[j, c] / sizes[s] - mean[j, c] ** 2, 0.0)
+            contrast[s, j] = np.sqrt(length)
+    return contrast, variance
 
 
 def _peaks(contrast: np.ndarray, noise: np.ndarray, places: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:

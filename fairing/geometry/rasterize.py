@@ -61,6 +61,8 @@ def _fill(uv, depth, faces, face_id, inverse_depth):
             continue
         # Inverse depth is affine over the image of a plane.
         wa, wb, wc = 1 / depth[a], 1 / depth[b], 1 / depth[c]
+        alpha_x, alpha_y = (by - cy) / doubled_area, (cx - bx) / doubled_area
+        beta_x, beta_y = (cy - ay) / doubled_area, (ax - cx) / doubled_area
         x_low = max(0, int(np.ceil(min(ax, bx, cx) - 1e-6)))
         x_high = min(width - 1, int(np.floor(max(ax, bx, cx) + 1e-6)))
         y_low = max(0, int(np.ceil(min(ay, by, cy) - 1e-6)))
@@ -69,8 +71,8 @@ def _fill(uv, depth, faces, face_id, inverse_depth):
             left, right = _row(ax, ay, bx, by, cx, cy, y)
             first, last = max(x_low, int(max(left, x_low))), min(x_high, int(min(right, x_high)))
             for x in range(first, last + 1):
-                alpha = ((bx - x) * (cy - y) - (by - y) * (cx - x)) / doubled_area
-                beta = ((cx - x) * (ay - y) - (cy - y) * (ax - x)) / doubled_area
+                alpha = alpha_x * (x - cx) + alpha_y * (y - cy)
+                beta = beta_x * (x - cx) + beta_y * (y - cy)
                 gamma = 1 - alpha - beta
                 if alpha < -EDGE_TOLERANCE or beta < -EDGE_TOLERANCE or gamma < -EDGE_TOLERANCE:
                     continue

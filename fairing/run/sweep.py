@@ -166,8 +166,7 @@ def _to_image_edges(
         H: (n, 3, 3) float: normal matrices of the cells, energy / world unit^2.
     """
     aligned = aligned_to_image_edges(
-        [view.camera for view in problem.scene.views],
-        problem.photo,
+        problem.scene.views,
         vertices,
         problem.scene.mesh.faces,
         problem.locked,

@@ -238,10 +238,6 @@ class Problem:
 
     # ------------------------------------------------------------------ photos in memory
 
-    def photo(self, view: int) -> np.ndarray:
-        """(channels, height, width) float32: a photo as taken, grey levels; see `ScaleSpace.photo`."""
-        return self._photos.photo(view)
-
     def clear(self) -> None:
         """Free the photos, which are read again when needed, and end the threads."""
         self.evaluator.clear()
