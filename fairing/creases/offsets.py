@@ -177,7 +177,8 @@ def _measured(
         return _none()
     steps = round((reach + 2 * HALF_STEPS * STEP) / STEP)
     places = np.arange(-steps, steps + 1) * STEP
-    profile = cv2.remap(image, _places_across(pixels, across, places), None, cv2.INTER_LINEAR)
+    at, no_second_map = _places_across(pixels, across, places), np.empty(0, np.float32)
+    profile = cv2.remap(image, at, no_second_map, cv2.INTER_LINEAR)
     contrast, variance = _slopes(profile, starts, sizes)
     independent = np.maximum(1.0, sizes * SPACING / CORRELATION)
     noise = np.sqrt(variance / independent[:, None] + MIN_NOISE**2)
