@@ -177,8 +177,8 @@ def _measured(
         return _none()
     steps = round((reach + 2 * HALF_STEPS * STEP) / STEP)
     places = np.arange(-steps, steps + 1) * STEP
-    at, no_second_map = _places_across(pixels, across, places), np.empty(0, np.float32)
-    profile = cv2.remap(image, at, no_second_map, cv2.INTER_LINEAR)
+    x, y = _places_across(pixels, across, places)
+    profile = cv2.remap(image, x, y, cv2.INTER_LINEAR)
     contrast, variance = _slopes(profile, starts, sizes)
     independent = np.maximum(1.0, sizes * SPACING / CORRELATION)
     noise = np.sqrt(variance / independent[:, None] + MIN_NOISE**2)
@@ -194,13 +194,13 @@ def _measured(
 
 @njit(cache=True, nogil=True)
 def _places_across(pixels, across, places):
-    """(p, q, 2) float32, px: places (q,) px along the unit normals (p, 2) through pixels (p, 2)."""
-    at = np.empty((len(pixels), len(places), 2), dtype=np.float32)
+    """Pixels x and y, (p, q) float32 each: places (q,) px along the unit normals (p, 2) through pixels (p, 2)."""
+    x, y = np.empty((2, len(pixels), len(places)), dtype=np.float32)
     for k in range(len(pixels)):
         for j in range(len(places)):
-            at[k, j, 0] = pixels[k, 0] + places[j] * across[k, 0]
-            at[k, j, 1] = pixels[k, 1] + places[j] * across[k, 1]
-    return at
+            x[k, j] = pixels[k, 0] + places[j] * across[k, 0]
+            y[k, j] = pixels[k, 1] + places[j] * across[k, 1]
+    return x, y
 
 
 @njit(cache=True, nogil=True)
