@@ -100,7 +100,7 @@ def meter(monkeypatch: pytest.MonkeyPatch) -> Iterator[Meter]:
     wrap(fairing.cells.sample_masks, "depth_map", "depth px", depth_pixels)
     wrap(fairing.cells.visibility, "footprints", "faces", lambda vertices, faces, *_: len(faces))
     wrap(ScaleSpace, "_blurred", "photo px", lambda self, view, planes, *_: planes.size)
-    wrap(ScaleSpace, "_decode", "photo px", lambda self, view: self._pixels_at(view, 0.0))
+    wrap(ScaleSpace, "_decode", "photo px", lambda self, view: self._pixels_at(view, 0.0, 0.0))
     wrap(scipy.fft, "rfft2", "patch px", lambda stack: stack.size)
     wrap(fairing.geometry.closest_point, "_search", "points", lambda points, *_: len(points))
     wrap(robust_fit._Rays, "assign", "rays", lambda self, mesh, reach, part: len(self._point))

@@ -8,7 +8,7 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from app.cli.main import run
-from fairing.cells.scale_space import LUMA, ScaleSpace
+from fairing.cells.scale_space import LUMA, ScaleSpace, reduction
 from fairing.check import memory
 from fairing.check.memory import memory_needed, memory_warning
 from fairing.check.scene_check import check_scene
@@ -50,12 +50,10 @@ def test_only_requested_photos_are_laid_out_and_later_ones_do_not_change_them(mo
 
 
 def small_reductions(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let the photos of the corner be reduced as large ones are."""
+    """Let the photos of the corner be reduced as those of a large scene."""
+    monkeypatch.setattr("fairing.cells.scale_space.LARGE_SCENE_PIXELS", 0)
+    monkeypatch.setattr(memory, "LARGE_SCENE_PIXELS", 0)
     monkeypatch.setattr("fairing.cells.scale_space.MIN_REDUCED_SIZE", 8)
-
-
-def no_reductions(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("fairing.cells.scale_space.MIN_REDUCED_SIZE", 1_000)
 
 
 def test_a_reduced_photo_is_a_subset_of_the_pixels_of_the_blurred_one(monkeypatch: pytest.MonkeyPatch):
@@ -67,11 +65,17 @@ def test_a_reduced_photo_is_a_subset_of_the_pixels_of_the_blurred_one(monkeypatc
     with ThreadPoolExecutor(1) as pool:
         kept, starts = photos.lay_out(1.2, False, wanted, pool)
     for (view, sigma), factor in zip(wanted, (1, 2, 4, 8), strict=True):
-        width, height = photos.size_at(view, sigma)
+        width, height = photos.size_at(view, sigma, 1.2)
         assert (width, height) == (WIDTH // factor, HEIGHT // factor)
         small = kept[starts[view, sigma] :][: width * height].reshape(height, width)
         whole = gaussian_filter(photo, sigma, mode="mirror")
         assert np.abs(small - whole[::factor, ::factor]).max() < 0.01 * np.ptp(photo)
+
+
+def test_only_large_scenes_reduce_the_photos_of_a_level_itself():
+    size = (1000, 800)
+    assert [reduction(size, 6.0, 6.0, is_large) for is_large in (False, True)] == [1, 4]
+    assert [reduction(size, sigma, 1.2, False) for sigma in (1.2, 2.4, 4.8, 9.6)] == [1, 1, 2, 4]
 
 
 def test_what_is_stored_of_a_photo_does_not_depend_on_what_was_asked_for_before(monkeypatch: pytest.MonkeyPatch):
@@ -111,7 +115,7 @@ def test_reduced_photos_lead_to_the_same_position(monkeypatch: pytest.MonkeyPatc
         schedule={"blur": [2.0], "max_sweeps": [6]},
     )  # fmt: skip
     ends, sizes = [], []
-    for prepare in (no_reductions, small_reductions):
+    for prepare in (lambda _: None, small_reductions):
         prepare(monkeypatch)
         session = Session(corner_scene(), options)
         session.run()
@@ -127,7 +131,6 @@ def test_a_scene_with_reduced_photos_needs_less_memory(monkeypatch: pytest.Monke
     options = small_options(cells={"point_spread": ["as_seen"]}, schedule={"blur": [6.0]})
     monkeypatch.setattr(memory, "PROGRAM", 0)
     monkeypatch.setattr(memory, "KEPT_BYTES", 0)
-    no_reductions(monkeypatch)
     needed = memory_needed(scene, options)
     small_reductions(monkeypatch)
     pixels = sum(view.camera.width * view.camera.height for view in scene.views)

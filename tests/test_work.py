@@ -73,7 +73,7 @@ def test_a_session_reports_its_searches_photo_by_photo_and_place_by_place():
     assert searches
     for text in searches:
         done = np.array(seen[text])
-        assert (done[:, 1] == 15).all()
+        assert (done[:, 1] == 9).all()
         assert done[-1, 0] > done[0, 0]
     assert "finding the photos that see each face" in seen
 

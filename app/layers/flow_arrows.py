@@ -14,9 +14,8 @@ from fairing.scene import Scene
 
 HEAD = 0.3  # length of the head, in lengths of the arrow
 RAISED = 0.002 * SIZE  # page units towards the cameras: arrows lie in front of their faces
-LEAST_SPREAD = (
-    0.2  # of the slopes of the lines of sight: with nearer photos the displacement becomes uncertain, and shrinks
-)
+# Of the slopes of the lines of sight: with photos nearer to each other the displacement becomes uncertain, and shrinks.
+LEAST_SPREAD = 0.2
 MAX_ARROWS = 6000  # the browser draws about 10,000 lines at 3 frames/s without a graphics card
 
 

@@ -77,8 +77,8 @@ def blurred_photos_for_pairs(
     base, frame, camera = (np.zeros(shape, np.int64) for shape in (len(requested), (len(requested), 4), len(requested)))
     reduced = []
     for k, (view, sigma) in enumerate(requested):
-        base[k], frame[k, 2:], camera[k] = starts[view, sigma], photos.size_at(view, sigma), view
-        factor = photos.reduction(view, sigma)
+        base[k], frame[k, 2:], camera[k] = starts[view, sigma], photos.size_at(view, sigma, blur), view
+        factor = photos.reduction(view, sigma, blur)
         if factor > 1:
             camera[k] = len(image_from_world) + len(reduced)
             reduced.append(np.diag([1 / factor, 1 / factor, 1]) @ image_from_world[view])

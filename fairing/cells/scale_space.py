@@ -21,7 +21,9 @@ MAX_CONCURRENT_PHOTOS = 4
 """Photos decoded and blurred at a time; each takes 28 bytes per pixel."""
 STRIP_ROWS = 1024
 """Rows of a photo converted to grey at a time."""
-KEPT_BYTES = 1 << 28
+LARGE_SCENE_PIXELS = 500_000_000
+"""A scene whose photos have more pixels in all stores those of a level's own blur at reduced resolution, too."""
+KEPT_BYTES = 1 << 29
 """Blurred photos kept for later levels: the preparation reads them before the first one begins."""
 MIN_REDUCED_SIZE = 64
 """px: least width and height of a reduced photo."""
@@ -29,16 +31,21 @@ RESERVED_PART = 8
 """1 / RESERVED_PART of an array is reserved for photos that later sweeps add, which saves copying; untouched pages are free."""
 
 
-def reduction(size: tuple[int, int], sigma: float) -> int:
-    """Reduction factor at which a photo is stored: a power of 2, at most sigma (ledger: reduced photos).
+def reduction(size: tuple[int, int], sigma: float, blur: float, is_large: bool) -> int:
+    """Reduction factor at which a photo is stored: a power of 2, at most sigma / 2, or sigma in a large scene.
 
-    The blur leaves less than 1 % (exp(-pi^2 / 2)) of the frequencies that the reduced photo cannot represent.
+    The blur leaves less than 1 % (exp(-pi^2 / 2)) of the frequencies that a photo reduced by sigma cannot represent, but
+    reduced photos are interpolated less accurately. So those of the level's own blur are stored whole, unless the scene is
+    large. (ledger: reduced photos)
 
     Args:
         size: (width, height) of the photo, px.
         sigma: standard deviation of the photo's Gaussian blur, px.
+        blur: of the level, px.
+        is_large: whether the photos together have more than `LARGE_SCENE_PIXELS` pixels.
     """
-    factor = 2 ** (math.frexp(sigma)[1] - 1) if sigma >= 2 else 1
+    largest = sigma if is_large else 1.0 if sigma == blur else sigma / 2
+    factor = 2 ** max(0, math.frexp(largest)[1] - 1)
     while factor > 1 and min(size) < MIN_REDUCED_SIZE * factor:
         factor //= 2
     return factor
@@ -55,8 +62,8 @@ class _Layout(NamedTuple):
 class ScaleSpace:
     """Gaussian-blurred photos of a scene at the blurs of its levels and their octaves, per interpolation.
 
-    Memory: 4 bytes per pixel of blurred photos, which are stored at reduced resolution, and decoded photos (2 bytes per
-    pixel, 3 in colour) up to `MAX_DECODED_BYTES`.
+    Memory: 4 bytes per pixel of blurred photos as they are stored, see `reduction`, and decoded photos (2 bytes per pixel,
+    3 in colour) up to `MAX_DECODED_BYTES`.
 
     Args:
         color: use all three channels instead of the luma.
@@ -71,6 +78,7 @@ class ScaleSpace:
     ) -> None:
         self._views = scene.views
         self._color = color
+        self._is_large = sum(view.camera.width * view.camera.height for view in scene.views) > LARGE_SCENE_PIXELS
         self._photos: dict[int, np.ndarray] = {}
         self._layouts: dict[tuple[float, bool], _Layout] = {}
         self._masks: dict[tuple[int, int], np.ndarray] = {}
@@ -121,7 +129,7 @@ class ScaleSpace:
             for view, sigmas in missing.items():
                 for sigma in sigmas:
                     starts[view, sigma] = at
-                    at += self._pixels_at(view, sigma)
+                    at += self._pixels_at(view, sigma, blur)
             if at > len(reserved):
                 reserved = np.empty(at + at // RESERVED_PART, dtype=np.float32)
                 reserved[: len(pixels)] = pixels
@@ -131,7 +139,7 @@ class ScaleSpace:
                 planes, blurred = photo.astype(np.float32) * self.grey_levels, {}
                 for sigma in missing[view]:
                     start = starts[view, sigma]
-                    kept = self._blurred(view, planes, sigma, blurred)
+                    kept = self._blurred(view, planes, sigma, blur, blurred)
                     if cubic:
                         kept = np.stack([spline_filter(plane, 3, np.float32, "mirror") for plane in kept])  # pyright: ignore[reportArgumentType]
                     pixels[start : start + kept.size] = kept.ravel()
@@ -140,14 +148,17 @@ class ScaleSpace:
             self._layouts[blur, cubic] = _Layout(reserved, pixels, starts)
         return pixels, starts
 
-    def reduction(self, view: int, sigma: float) -> int:
-        """Reduction factor f of a view at a blur (px): pixel (x, y) of the stored photo is pixel (f x, f y) of the blurred one."""
-        camera = self._views[view].camera
-        return reduction((camera.width, camera.height), sigma)
+    def reduction(self, view: int, sigma: float, blur: float) -> int:
+        """Reduction factor f of a view at a blur sigma, px, for a level's blur, px.
 
-    def size_at(self, view: int, sigma: float) -> tuple[int, int]:
-        """(width, height), px, of the stored photo of a view at a blur (px)."""
-        camera, factor = self._views[view].camera, self.reduction(view, sigma)
+        Pixel (x, y) of the stored photo is pixel (f x, f y) of the blurred one.
+        """
+        camera = self._views[view].camera
+        return reduction((camera.width, camera.height), sigma, blur, self._is_large)
+
+    def size_at(self, view: int, sigma: float, blur: float) -> tuple[int, int]:
+        """(width, height), px, of the stored photo of a view at a blur sigma, px, for a level's blur, px."""
+        camera, factor = self._views[view].camera, self.reduction(view, sigma, blur)
         return -(-camera.width // factor), -(-camera.height // factor)
 
     def for_each(self, views: Collection[int], process: Callable[[int, np.ndarray], None], pool: Executor) -> None:
@@ -186,8 +197,8 @@ class ScaleSpace:
         while weaker and sum(self._layouts[key].reserved.nbytes for key in weaker) > KEPT_BYTES:
             del self._layouts[weaker.pop(0)]
 
-    def _pixels_at(self, view: int, sigma: float) -> int:
-        width, height = self.size_at(view, sigma)
+    def _pixels_at(self, view: int, sigma: float, blur: float) -> int:
+        width, height = self.size_at(view, sigma, blur)
         return self.channels * width * height
 
     def _photo(self, view: int) -> np.ndarray:
@@ -210,16 +221,18 @@ class ScaleSpace:
             eighths[0, part] = np.round(luma * 8)
         return eighths
 
-    def _blurred(self, view: int, planes: np.ndarray, sigma: float, blurred: dict[float, np.ndarray]) -> np.ndarray:
-        """A photo's planes (channels, height, width) at a blur (px), reduced; `blurred` holds those of other blurs.
+    def _blurred(
+        self, view: int, planes: np.ndarray, sigma: float, blur: float, blurred: dict[float, np.ndarray]
+    ) -> np.ndarray:
+        """A photo's planes (channels, height, width) at a blur sigma, px, for a level's blur; `blurred` holds finished ones.
 
-        A strong blur is computed from the photo at half of it, which is reduced already.
+        A strong blur is computed from the photo at half of it, which has fewer pixels or is needed as well.
         """
         if sigma not in blurred:
-            factor, weaker, at = self.reduction(view, sigma), 0.0, 1
+            factor, weaker, at = self.reduction(view, sigma, blur), 0.0, 1
             if factor > 2:
-                weaker, at = sigma / 2, self.reduction(view, sigma / 2)
-                planes = self._blurred(view, planes, weaker, blurred)
+                weaker, at = sigma / 2, self.reduction(view, sigma / 2, blur)
+                planes = self._blurred(view, planes, weaker, blur, blurred)
             added = math.sqrt(sigma**2 - weaker**2) / at
             kept = planes
             if added > 0:

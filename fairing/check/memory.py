@@ -9,7 +9,13 @@ import numpy as np
 
 from fairing.cells.pair_photos import blur_octaves, blur_of_octave
 from fairing.cells.point_spread import MAX_PATCH_PIXELS, patch_pixels
-from fairing.cells.scale_space import KEPT_BYTES, MAX_CONCURRENT_PHOTOS, MAX_DECODED_BYTES, reduction
+from fairing.cells.scale_space import (
+    KEPT_BYTES,
+    LARGE_SCENE_PIXELS,
+    MAX_CONCURRENT_PHOTOS,
+    MAX_DECODED_BYTES,
+    reduction,
+)
 from fairing.cells.visibility import Visibility, footprints
 from fairing.options import FairingOptions, by_level
 from fairing.photo import LOADED_BYTES
@@ -57,7 +63,7 @@ def _pixels_laid_out(scene: Scene, options: FairingOptions, scale: float, sizes:
     Args:
         sizes: (V,) float, px: pixels of the photos.
     """
-    laid_out = np.zeros(options.n_levels)
+    laid_out, is_large = np.zeros(options.n_levels), float(sizes.sum()) > LARGE_SCENE_PIXELS
     patches, count = np.zeros(len(scene.mesh.faces)), np.zeros(len(scene.mesh.faces))
     everywhere = replace(options.visibility, min_angle=0.0, min_footprint=0.0)
     for v, view in enumerate(scene.views):
@@ -69,7 +75,8 @@ def _pixels_laid_out(scene: Scene, options: FairingOptions, scale: float, sizes:
         for level, blur in enumerate(options.schedule.blur):
             octaves = np.unique(blur_octaves(longest / by_level(options.cells.size, level), blur)).tolist()
             for octave in octaves or [0]:
-                factor = reduction((view.camera.width, view.camera.height), blur_of_octave(octave, blur))
+                size = (view.camera.width, view.camera.height)
+                factor = reduction(size, blur_of_octave(octave, blur), blur, is_large)
                 laid_out[level] += sizes[v] / factor**2
     of_patches = float((patches * np.minimum(1, options.visibility.max_views / np.maximum(count, 1))).sum())
     levels = [by_level(options.cells.point_spread, level) for level in range(options.n_levels)]
