@@ -223,6 +223,7 @@ def test_the_key_list_is_shown(visitor: Visitor):
     visitor.page.keyboard.press("Shift+?")
     visitor.page.get_by_text("Look through a camera", exact=True).wait_for()
     visitor.button("Close").click()
+    visitor.page.locator(".mantine-Modal-content").wait_for(state="detached")  # until then keys do nothing else
 
 
 @pytest.mark.parametrize("size", [(1280, 720), (1500, 640)])
