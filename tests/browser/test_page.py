@@ -231,7 +231,7 @@ def test_through_a_camera_the_mesh_lies_on_its_photo(visitor: Visitor, scene, si
     visitor.page.set_viewport_size({"width": size[0], "height": size[1]})
     page = next(iter(visitor.app.pages.values()))
     try:
-        time.sleep(0.3)
+        visitor.wait_for_page()  # in its new size: Chromium may drop keys before it is painted
         visitor.page.keyboard.press("3")
         wait_for(lambda: page.page_state.entered == 2)
         visitor.button("Leave the camera").wait_for()
