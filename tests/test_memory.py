@@ -76,6 +76,7 @@ def test_only_large_scenes_reduce_the_photos_of_a_level_itself():
     size = (1000, 800)
     assert [reduction(size, 6.0, 6.0, is_large) for is_large in (False, True)] == [1, 4]
     assert [reduction(size, sigma, 1.2, False) for sigma in (1.2, 2.4, 4.8, 9.6)] == [1, 1, 2, 4]
+    assert reduction(size, 100.0, 1.2, True) == 8, "800 / 16 px would be less than 64"
 
 
 def test_what_is_stored_of_a_photo_does_not_depend_on_what_was_asked_for_before(monkeypatch: pytest.MonkeyPatch):

@@ -1,6 +1,5 @@
 """Legend of the lines, the vertex marks and the surface colours, in a corner of the 3D view."""
 
-import numpy as np
 import viser
 
 from app.debugger.run_state import RunState
@@ -56,14 +55,11 @@ def lines_html(lines: list[tuple[str, RGB]]) -> str:
 
 def marks_html(state: RunState, page_state: PageState) -> str:
     """Markup: every colour that the shown vertex marks have now, and the ring around the vertex of the last step."""
-    shown = shown_vertices(state, page_state)
-    found = {
-        tuple(color) for color in np.unique(vertex_colors(state, page_state.selection.vertices)[shown], axis=0).tolist()
-    }
+    colors = vertex_colors(state, page_state.selection.vertices)[shown_vertices(state, page_state)]
     marks = [
         f"<span><i class='{'block' if color == LOCKED else 'ball'}' style='background:{solid(color)}'></i>{name}</span>"
         for color, name in MARK_COLORS.items()
-        if color in found
+        if (colors == color).all(axis=1).any()
     ]
     if stepped_vertex(state) is not None:
         marks.append(f"<span><i class='ring' style='border-color:{solid(STEPPED)}'></i>last step</span>")

@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import viser
 
+from app.debugger.actions import KEY_LABELS
 from app.debugger.run_state import RunState
 from app.html import button, icon, text
 from app.lessons.lesson import Lesson, LessonStep
@@ -84,12 +85,12 @@ class LessonPanel:
     def _head(self, lesson: Lesson, n: int) -> str:
         count, busy = len(lesson.steps), self._player.status is Status.AT_WORK
         dots = "".join(f"<i class='{'here' if k == n else 'done' if k < n else ''}'></i>" for k in range(count))
-        back = button("Back", self._events("back"), hint="Previous step of the lesson (Page Up)", enabled=n > 0)
+        back = button("Back", self._events("back"), hint=f"{KEY_LABELS['Page Up']} (Page Up)", enabled=n > 0)
         if n < count - 1:
             on = button(
                 "Next",
                 self._events("next"),
-                hint="Next step of the lesson (Page Down)",
+                hint=f"{KEY_LABELS['Page Down']} (Page Down)",
                 css_class="main",
                 enabled=not busy,
             )

@@ -21,11 +21,8 @@ from fairing.texture.eigen import GUTTER
 
 JPEG_QUALITY = 92
 LARGEST = 2048  # texels per side: a browser unpacks it within 1 s even without a graphics card
-LARGEST_DRAFTS = (
-    512,
-    1024,
-    LARGEST,
-)  # texels per side: the smallest that holds the faces (ledger: textures during a run)
+# Texels per side: the smallest that holds the faces. (ledger: textures during a run)
+LARGEST_DRAFTS = (512, 1024, LARGEST)
 LARGEST_VIEW_DEPENDENT = 1024  # texels per side: sent several times per second
 MOST_FACES, MOST_FACES_VIEW_DEPENDENT = (
     AtlasLayout.most_faces(LARGEST),
