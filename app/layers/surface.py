@@ -29,8 +29,8 @@ from fairing.scene import Scene
 DECODE_COLORED = 0.25  # s: without a large texture
 
 REPAINT_SECONDS = 1.0  # at least, between two textures painted while the mesh moves
-# Of one processor's time, at most: about a tenth of what the run itself takes (ledger: textures during a run).
-REPAINT_SHARE = 0.15
+# Of one processor's time, at most (ledger: textures during a run).
+REPAINT_SHARE = 0.25
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,9 @@ from fairing.texture.texels import SOURCE, columns, place, rows
 OUTLIER = 20.0  # grey levels, sigma of the Geman-McClure weight
 ROUNDS = 4
 LARGEST_GAIN = 4.0
+HIDDEN = (
+    1000.0  # grey level of texels in photos that do not see them: above all others, so that no other ranks after it
+)
 
 
 def exposures(
@@ -43,54 +46,41 @@ def exposures(
 
 @numba.njit(nogil=True)
 def _fuse(members, starts, colors, weights, corner, legs, is_turned, gutter, image, log_gain):
-    """Fit U and c of every face robustly (alternating weighted least squares from the median); U is written to `image`."""
+    """Fit U and c of every face robustly (alternating weighted least squares from the median); U is written to `image`.
+
+    A texel that no photo sees gets the mean of the photos that it lies behind something in.
+    """
     n_slots = weights.shape[1]
-    values = np.empty(n_slots)
+    most = 0
+    for m in range(members.shape[0]):
+        most = max(most, starts[m + 1] - starts[m])
+    planes = np.empty(
+        (n_slots, 3, most), dtype=np.float32
+    )  # the face's colours, one channel of one photo after another
+    seen = np.empty((n_slots, most), dtype=np.float32)  # weights of the photos that see a texel, 0 for the others
+    U = np.empty((3, most), dtype=np.float32)
+    sums = np.empty((4, most), dtype=np.float32)
     for m in range(members.shape[0]):
         face, start = members[m], starts[m]
         n = starts[m + 1] - start
-        U = np.full((n, 3), -1.0)  # negative: unknown
+        gain = np.ones(n_slots, dtype=np.float32)
         for t in range(n):
-            for k in range(3):
-                count = 0
-                for s in range(n_slots):
-                    if weights[start + t, s] > 1:
-                        at = count
-                        while at > 0 and values[at - 1] > colors[start + t, s, k]:
-                            values[at] = values[at - 1]
-                            at -= 1
-                        values[at] = colors[start + t, s, k]
-                        count += 1
-                if count > 0:
-                    U[t, k] = 0.5 * (values[(count - 1) // 2] + values[count // 2])
-        gain = np.ones(n_slots)
-        for _ in range(ROUNDS):
-            above, below = np.zeros(n_slots), np.zeros(n_slots)
-            for t in range(n):
-                for s in range(n_slots):
-                    if weights[start + t, s] > 1:
-                        trust = weights[start + t, s] * _trust(colors[start + t, s], U[t], gain[s])
-                        for k in range(3):
-                            above[s] += trust * U[t, k] * colors[start + t, s, k]
-                            below[s] += trust * U[t, k] * U[t, k]
             for s in range(n_slots):
-                if below[s] > 0:
-                    gain[s] = min(max(above[s] / below[s], 1 / LARGEST_GAIN), LARGEST_GAIN)
+                weight = weights[start + t, s]
+                seen[s, t] = weight if weight > 1 else 0
+                for k in range(3):
+                    planes[s, k, t] = colors[start + t, s, k] if weight > 1 else HIDDEN
+        _median(planes, seen, n, U)
+        for _ in range(ROUNDS):
+            sums[:, :n] = 0
+            for s in range(n_slots):
+                gain[s] = _gain(planes[s], seen[s], n, U, gain[s])
+            for s in range(n_slots):
+                _add_image(planes[s], seen[s], n, U, gain[s], sums)
             for t in range(n):
-                r, g, b, total = 0.0, 0.0, 0.0, 0.0
-                known = False
-                for s in range(n_slots):
-                    known = known or weights[start + t, s] > 1
-                for s in range(n_slots):
-                    weight = weights[start + t, s]
-                    if weight > 1 or (weight == 1 and not known):
-                        trust = weight * gain[s] * (_trust(colors[start + t, s], U[t], gain[s]) if known else 1.0)
-                        r += trust * colors[start + t, s, 0]
-                        g += trust * colors[start + t, s, 1]
-                        b += trust * colors[start + t, s, 2]
-                        total += trust * gain[s]
-                if total > 0:
-                    U[t, 0], U[t, 1], U[t, 2] = r / total, g / total, b / total
+                if sums[3, t] > 0:
+                    for k in range(3):
+                        U[k, t] = sums[k, t] / sums[3, t]
         for s in range(n_slots):
             log_gain[face, s] = np.log(gain[s])
         w, h = legs[face, 0], legs[face, 1]
@@ -98,18 +88,102 @@ def _fuse(members, starts, colors, weights, corner, legs, is_turned, gutter, ima
         for row in range(rows(h, gutter)):
             for column in range(columns(row, w, h, gutter)):
                 y, x = place(row, column, corner[face], w, h, is_turned[face], gutter)
-                if U[t, 0] >= 0:
-                    image[y, x] = U[t].astype(np.float32)
+                if U[0, t] >= 0:
+                    for k in range(3):
+                        image[y, x, k] = U[k, t]
+                else:
+                    _hidden_texel(colors[start + t], weights[start + t], gain, image[y, x])
                 t += 1
 
 
-@numba.njit(nogil=True, inline="always")
-def _trust(color, U, gain):
-    """Geman-McClure weight of a colour (3,) given its prediction gain * U."""
-    squared = 0.0
+@numba.njit(nogil=True)
+def _median(planes, seen, n, U):
+    """U (3, n): of the photos that see a texel, channel by channel; -1 where none does.
+
+    By rank, because rows of comparisons are vectorised and sorting each texel is not.
+    """
+    n_slots = planes.shape[0]
+    count, rank = np.zeros(n, dtype=np.float32), np.empty(n, dtype=np.float32)
+    for s in range(n_slots):
+        for t in range(n):
+            count[t] += np.float32(seen[s, t] > 0)
     for k in range(3):
-        squared += (color[k] - gain * U[k]) ** 2 / 3
-    return 1 / (1 + squared / OUTLIER**2) ** 2
+        for t in range(n):
+            U[k, t] = np.float32(0) if count[t] > 0 else np.float32(-1)
+        for s in range(n_slots):
+            rank[:] = 0
+            for r in range(n_slots):
+                if r != s:
+                    _add_smaller(planes[r, k], planes[s, k], r < s, rank)
+            _add_middle(planes[s, k], seen[s], rank, count, U[k])
+
+
+@numba.njit(nogil=True)
+def _add_smaller(values, than, or_equal, rank):
+    """Add 1 to `rank` where values < than, or where they are equal if that counts, too."""
+    for t in range(rank.shape[0]):
+        is_equal = or_equal and values[t] == than[t]
+        rank[t] += np.float32(values[t] < than[t] or is_equal)
+
+
+@numba.njit(nogil=True)
+def _add_middle(values, seen, rank, count, median):
+    """Add half of each value that is the lower, and half of each that is the upper, of the `count` middle ones."""
+    half = np.float32(0.5)
+    for t in range(rank.shape[0]):
+        lower, upper = np.floor(half * (count[t] - 1)), np.floor(half * count[t])
+        share = np.float32(rank[t] == lower) + np.float32(rank[t] == upper)
+        median[t] += half * share * values[t] if seen[t] > 0 else np.float32(0)
+
+
+@numba.njit(nogil=True, inline="always")
+def _trust(weight, r, g, b):
+    """Weight of a texel times the Geman-McClure weight of its residual."""
+    one = np.float32(1)
+    inverse = one / (one + (r * r + g * g + b * b) * np.float32(1 / (3 * OUTLIER**2)))
+    return weight * inverse * inverse
+
+
+@numba.njit(nogil=True, fastmath=True)
+def _gain(colors, weight, n, U, gain):
+    """The gain of a photo (3, n) on the image U, or as it was if the photo sees no texel."""
+    above, below = np.float32(0), np.float32(0)
+    for t in range(n):
+        trust = _trust(
+            weight[t], colors[0, t] - gain * U[0, t], colors[1, t] - gain * U[1, t], colors[2, t] - gain * U[2, t]
+        )
+        above += trust * (U[0, t] * colors[0, t] + U[1, t] * colors[1, t] + U[2, t] * colors[2, t])
+        below += trust * (U[0, t] * U[0, t] + U[1, t] * U[1, t] + U[2, t] * U[2, t])
+    if below <= 0:
+        return gain
+    return min(max(above / below, np.float32(1 / LARGEST_GAIN)), np.float32(LARGEST_GAIN))
+
+
+@numba.njit(nogil=True, fastmath=True)
+def _add_image(colors, weight, n, U, gain, sums):
+    """Add a photo's part of the numerators of U and, last, of their common denominator to `sums` (4, n)."""
+    for t in range(n):
+        trust = gain * _trust(
+            weight[t], colors[0, t] - gain * U[0, t], colors[1, t] - gain * U[1, t], colors[2, t] - gain * U[2, t]
+        )
+        sums[0, t] += trust * colors[0, t]
+        sums[1, t] += trust * colors[1, t]
+        sums[2, t] += trust * colors[2, t]
+        sums[3, t] += trust * gain
+
+
+@numba.njit(nogil=True)
+def _hidden_texel(colors, weights, gain, texel):
+    """Fit one texel (3,) to the photos (s, 3) whose faces lie in front of it, if there are any."""
+    total = np.float32(0)
+    for s in range(weights.shape[0]):
+        total += gain[s] * gain[s] if weights[s] == 1 else np.float32(0)
+    if total > 0:
+        for k in range(3):
+            texel[k] = 0
+            for s in range(weights.shape[0]):
+                if weights[s] == 1:
+                    texel[k] += gain[s] * colors[s, k] / total
 
 
 @numba.njit(nogil=True)
