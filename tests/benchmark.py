@@ -1,6 +1,7 @@
 """Speed, memory and accuracy: `python -m tests.benchmark [--quick] [--json FILE] [--only PART ...]`.
 
-`--family 12 [--odd]` measures the default engine on seeds of the family `building:SEED` instead (`tests/family.py`).
+`--family 12 [--odd]` measures the default engine on seeds of the family `building:SEED` instead (`tests/family.py`), and
+`--ablate` what each of its options and constants contributes (`tests/ablation.py`).
 
 Times are the least of several repetitions: what the machine can do when nothing else runs on it. Each whole run has a
 process of its own, so that its peak memory is its own.
@@ -36,10 +37,11 @@ from fairing.options import PRESETS, FairingOptions
 from fairing.run.session import Session
 from fairing.scene import Scene
 from fairing.solve.energy import Evaluator
+from tests import ablation
 from tests.best_mesh import best_mesh
 from tests.family import default_results, family_seeds, measure_family
 from tests.large_capture import write_terrain
-from tests.numpy_twin import TwinPhotos, evaluate_face
+from tests.numpy_twin import TwinPhotos, evaluate_face, reads
 
 Table = dict[str, Any]
 ACCURATE = PRESETS["accurate"]
@@ -90,7 +92,13 @@ def kernel(quick: bool) -> Table:
         def twin(data=data, photos=photos, scale=sweep.scale, vertices=vertices):
             return [evaluate_face(data, photos, vertices, f, 0, scale[f]) for f in range(6)]
 
+        everything = reads(data, photos, vertices)
+
+        def bare(everything=everything):
+            return [cv2.remap(photo, x, y, cv2.INTER_LINEAR) for photo, x, y in everything]
+
         twin_seconds = least_seconds(twin, 2 if quick else 10)
+        bare_seconds = least_seconds(bare, repetitions)
         cv2.setNumThreads(-1)
         system, expected = fused(), twin()
         off = max(
@@ -110,6 +118,7 @@ def kernel(quick: bool) -> Table:
             "kernel with masks ms": 1e3 * masked,
             "twin ms": 1e3 * twin_seconds,
             "speed-up": twin_seconds / seconds,
+            "of bare remap": bare_seconds / seconds,
             "M samples/s": samples / seconds / 1e6,
             "differs by %": 100 * off,
         }
@@ -404,7 +413,7 @@ class Arguments:
     quick: bool = False
     """Fewer repetitions and cases: about a minute."""
     json: Path | None = None
-    """Write the figures to this file, too (of the family: default in the cache folder; the table goes beside it)."""
+    """Write the figures to this file, too (of family and ablation: default in the cache folder; the table goes beside it)."""
     only: Annotated[tuple[str, ...], tyro.conf.arg(help=f"Some of: {', '.join(PARTS)}.")] = ()
     family: int = 0
     """Measure so many seeds of the family instead: 0, 2, 4, ... Runs of the same code in the results file are not repeated."""
@@ -412,6 +421,12 @@ class Arguments:
     """The odd seeds of the family: 1, 3, 5, ..."""
     seeds: tuple[int, ...] = ()
     """These seeds of the family."""
+    ablate: bool = False
+    """Run every option and constant turned off, halved and doubled instead: hours. Runs in the results file are not repeated."""
+    settings: tuple[str, ...] = ()
+    """With --ablate: these options (step.prior) and constants (fairing.run.sweep.POOR_FIT) alone."""
+    scenes: tuple[str, ...] = ablation.SCENES
+    """With --ablate: demos, or mesh files in folders of captures that hold a `reference_mesh.ply`."""
 
 
 def main() -> None:
@@ -419,6 +434,9 @@ def main() -> None:
     arguments = tyro.cli(Arguments)
     if seeds := arguments.seeds or family_seeds(arguments.family, arguments.odd):
         measure_family(seeds, arguments.json or default_results())
+        return
+    if arguments.ablate:
+        ablation.measure_ablation(arguments.scenes, arguments.settings, arguments.json or ablation.default_results())
         return
     results: Table = {
         "machine": {"processor": platform.processor() or platform.machine(), "python": platform.python_version()}

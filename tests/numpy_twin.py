@@ -37,19 +37,13 @@ def evaluate_face(
     data: KernelData, photos: TwinPhotos, vertices: np.ndarray, face: int, corner: int, scale: float
 ) -> tuple[float, np.ndarray, np.ndarray]:
     """Energy, normal matrix (3, 3) and gradient (3,) of one face by one of its corners."""
-    grid = slice(data.grid_start[data.face_grid[face]], data.grid_start[data.face_grid[face] + 1])
-    inset, k = np.float32(data.face_inset[face]), int(data.face_dimensions[face])
-    ramp = inset + (1 - 3 * inset) * data.ramp[:, grid]
-    hats = np.stack([ramp[0], ramp[1], 1 - ramp[0] - ramp[1]])
+    hats, k = barycentric(data, face), int(data.face_dimensions[face])
     pairs = range(data.pair_start[face], data.pair_start[face + 1])
     n, p = len(pairs), hats.shape[1]
     cells, G = np.empty((n, p), np.float32), np.empty((3, n, p), np.float32)
-    corners = vertices[data.faces[face]]
     for i, pair in enumerate(pairs):
         base, P = int(data.pair_base[pair]), data.image_from_world[data.pair_camera[pair]]
-        homogeneous = ((P[:, :3] @ corners.T + P[:, 3:]) @ hats).astype(np.float32)
-        inverse = 1 / homogeneous[2]
-        x, y = homogeneous[0] * inverse, homogeneous[1] * inverse
+        x, y, inverse = places(data, vertices, face, pair, hats)
         cells[i] = _read(photos.photos[base], x, y)
         u = _read(photos.along_x[base], np.floor(x), y) * inverse
         v = _read(photos.along_y[base], x, np.floor(y)) * inverse
@@ -71,6 +65,36 @@ def evaluate_face(
     J = J.reshape(3, -1)
     weighted = J * weight.ravel()
     return energy, (weighted @ J.T).astype(np.float64), (weighted @ residual.ravel()).astype(np.float64)
+
+
+def barycentric(data: KernelData, face: int) -> np.ndarray:
+    """Barycentric coordinates (3, p) of a face's samples."""
+    grid = slice(data.grid_start[data.face_grid[face]], data.grid_start[data.face_grid[face] + 1])
+    inset = np.float32(data.face_inset[face])
+    ramp = inset + (1 - 3 * inset) * data.ramp[:, grid]
+    return np.stack([ramp[0], ramp[1], 1 - ramp[0] - ramp[1]])
+
+
+def places(
+    data: KernelData, vertices: np.ndarray, face: int, pair: int, hats: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Photo coordinates x, y (p,) of a face's samples in one of its photos, and their inverse depths (p,), float32."""
+    P, corners = data.image_from_world[data.pair_camera[pair]], vertices[data.faces[face]]
+    homogeneous = ((P[:, :3] @ corners.T + P[:, 3:]) @ hats).astype(np.float32)
+    inverse = 1 / homogeneous[2]
+    return homogeneous[0] * inverse, homogeneous[1] * inverse, inverse
+
+
+def reads(
+    data: KernelData, photos: TwinPhotos, vertices: np.ndarray
+) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """What the faces read: a photo and the coordinates x, y (1, p) for every pair, the arguments of `cv2.remap`."""
+    return [
+        (photos.photos[int(data.pair_base[pair])], x[None], y[None])
+        for face in range(len(data.faces))
+        for pair in range(data.pair_start[face], data.pair_start[face + 1])
+        for x, y, _ in [places(data, vertices, face, pair, barycentric(data, face))]
+    ]
 
 
 def _read(image: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
