@@ -28,7 +28,7 @@ from fairing.run.session import Session
 from fairing.scene import Scene, Truth
 from tests.family import code_digest, errors_of
 
-SCENES = ("building:6", "building:16", "building:30", "building:42")
+SCENES = ("building:24", "building:34", "building:38", "building:42")
 REFERENCE = "reference_mesh.ply"  # beside a capture's mesh: what the result is compared with
 AS_COMMITTED = "as committed"
 ALTERNATIVES = ("off", "halved", "doubled")
