@@ -77,6 +77,7 @@ STYLE = f"""
 .ef button.dot {{ height: 22px; width: 22px; padding: 0; color: {css(NOW)}; }}
 .ef button.dot.off {{ color: var(--faint); }}
 .ef .words td {{ color: var(--dim); padding-left: 10px; }} .ef .words th {{ color: var(--text); white-space: nowrap; }}
+.ef .first {{ margin: 14px 0; }} .ef .first table {{ width: auto; }} .ef .first .words td {{ padding-left: 18px; }}
 .ef .scroll {{ max-height: 112px; overflow-y: auto; margin-top: 6px; }}
 .ef .runs td, .ef .runs th {{ padding: 2px 10px 2px 0; vertical-align: middle; }}
 .ef .runs td:last-child {{ padding-right: 2px; }} .ef .runs th.n {{ text-align: right; }}

@@ -94,6 +94,9 @@ KEY_LABELS = dict(CAMERA_KEYS + VERTEX_KEYS)
 """What the keys without an action are called, in the list of keys and in the palette alike."""
 
 
+FIRST_ACTIONS, FIRST_KEYS = ("run", "pause", "iteration", "back_iteration"), ("1 – 9", "0", "Ctrl+K", "?")
+
+
 def label_of(command: Command) -> str:
     """A command in words: the label of its action, or the name of its kind."""
     for action in ACTIONS:
@@ -109,3 +112,9 @@ def key_list(order: str) -> list[tuple[str, str]]:
         (", ".join(key_text(*key) for key in action.keys), action.label_in(order)) for action in ACTIONS if action.keys
     ]
     return [*actions, *CAMERA_KEYS, *VERTEX_KEYS]
+
+
+def first_keys() -> list[tuple[str, str]]:
+    """What a newcomer needs first: keys and what they do."""
+    actions = [(key_text(*action.keys[0]), action.label) for action in ACTIONS if action.name in FIRST_ACTIONS]
+    return [*actions, *((key, KEY_LABELS[key]) for key in FIRST_KEYS)]

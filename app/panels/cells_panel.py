@@ -5,6 +5,7 @@ from collections.abc import Callable
 import viser
 
 from app.background_worker import BackgroundWorker
+from app.debugger.actions import first_keys
 from app.debugger.run_state import RunState
 from app.html import text
 from app.page_state.cells_controls import CellsControls
@@ -13,12 +14,18 @@ from app.page_state.page_state import PageState
 from app.panels.cell_source import CellSource, chosen_face
 from app.panels.cell_table import cell_table
 from app.panels.choice import chip
+from app.panels.keys_dialog import key_table
 from app.panels.photo_pages import PhotoPages
 from app.panels.point_photos import PointPhotos
 from app.query_cache import QueryCache
 from app.viser_bridge.html_panel import HtmlPanel
 from app.viser_bridge.synced_widget import SyncedSlider
 from fairing.scene import Scene
+
+FIRST_MOVES = (
+    f"<div class='first'>{key_table(first_keys())}</div>"
+    "<div class='dim'>Lessons, beside this tab, explain the method step by step.</div>"
+)
 
 
 class CellsPanel:
@@ -124,11 +131,11 @@ class CellsPanel:
         return key[1]
 
     def _show_point(self, page_state: PageState, note: str) -> None:
-        """The selected sparse point in its photos; a note if there is none."""
+        """The selected sparse point in its photos; a note and the first keys if there is none."""
         point, points, pictures = page_state.point, self._scene.sparse_points, self._point_photos
         self._head.set("" if point is not None else f"<span class='dim'>{note}</span>")
         if point is None or points is None:
-            self._body.set("")
+            self._body.set(FIRST_MOVES)
             return
         self._draw(("point", point), lambda: pictures.draw(points, point))
 

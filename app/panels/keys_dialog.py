@@ -25,7 +25,7 @@ class KeysDialog:
         self.close()
         rows = key_list(order)
         half = -(-len(rows) // 2)
-        columns = "".join(_table(part) for part in (rows[:half], rows[half:]))
+        columns = "".join(key_table(part) for part in (rows[:half], rows[half:]))
         modal = self._gui.add_modal("Keys")
         with modal:
             HtmlPanel(self._gui, f"<div class='dialog'>{self._cross}<div class='keys'>{columns}</div></div>")
@@ -37,6 +37,7 @@ class KeysDialog:
             self._close_modal = None
 
 
-def _table(rows: list[tuple[str, str]]) -> str:
+def key_table(rows: list[tuple[str, str]]) -> str:
+    """Markup: keys and what they do."""
     cells = "".join(f"<tr><th>{text(keys)}</th><td>{text(meaning)}</td></tr>" for keys, meaning in rows)
     return f"<table class='words'>{cells}</table>"
