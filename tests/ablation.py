@@ -112,7 +112,7 @@ SETTINGS = (
     Setting("fairing.run.search_step.ROUGH_CELL"),
     Setting("fairing.run.search_step.ROUGH_STEPS"),
     Setting("fairing.run.sweep.POOR_FIT"),
-    Setting("fairing.run.sweep.WELL_SEEN", off=0.0, is_scaled=False),
+    Setting("fairing.run.sweep.WELL_SEEN"),
     Setting("fairing.run.sweep.POINTS_VARIANCE"),
     Setting("fairing.run.sweep.CREASE_PRECISION"),
     Setting("fairing.run.sweep.FIT_ROUNDS"),

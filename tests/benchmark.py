@@ -194,18 +194,20 @@ def surfaces(quick: bool) -> Table:
 def growth(quick: bool) -> Table:
     """One sweep of one step at blur 1.2 on terrains: CPU seconds, and peak memory beside what `fair` says it needs."""
     table = {}
-    cases = (
-        [(1_000, 10), (5_000, 10)] if quick else [*((n, 50) for n in (1_000, 5_000, 20_000, 100_000)), *GROWING_PHOTOS]
-    )
-    for n_vertices, n_photos in cases:
+    for n_vertices, n_photos, width in ((1_000, 10, 1500), (5_000, 10, 1500)) if quick else GROWTH:
         with TemporaryDirectory() as folder:
-            write_terrain(Path(folder) / "terrain", n_vertices, n_photos, (1500, 1000))
-            name = f"{n_vertices} vertices, {n_photos} photos"
+            write_terrain(Path(folder) / "terrain", n_vertices, n_photos, (width, width * 2 // 3))
+            name = f"{n_vertices} vertices, {n_photos} photos of {width}x{width * 2 // 3}"
             table[name] = _in_own_process(_one_sweep, Path(folder) / "terrain")
     return table
 
 
-GROWING_PHOTOS = ((20_000, 10), (20_000, 200), (100_000, 200))
+# Vertices, photos, and the width of these, px: each of the three grows alone.
+GROWTH = (
+    *((n, 50, 1500) for n in (1_000, 5_000, 20_000, 100_000)),
+    *((20_000, n, 1500) for n in (10, 200)),
+    *((20_000, 50, width) for width in (750, 3000)),
+)
 
 
 def cube_accuracy(quick: bool) -> Table:
