@@ -48,16 +48,14 @@ def exposures(
 def _fuse(members, starts, colors, weights, corner, legs, is_turned, gutter, image, log_gain):
     """Fit U and c of every face robustly (alternating weighted least squares from the median); U is written to `image`.
 
-    A texel that no photo sees gets the mean of the photos that it lies behind something in.
+    A texel that no photo sees gets the mean of what lies in front of it in the photos.
     """
     n_slots = weights.shape[1]
     most = 0
     for m in range(members.shape[0]):
         most = max(most, starts[m + 1] - starts[m])
-    planes = np.empty(
-        (n_slots, 3, most), dtype=np.float32
-    )  # the face's colours, one channel of one photo after another
-    seen = np.empty((n_slots, most), dtype=np.float32)  # weights of the photos that see a texel, 0 for the others
+    # Of one face: its colours, and their weights, 0 in the photos that do not see a texel.
+    planes, seen = np.empty((n_slots, 3, most), dtype=np.float32), np.empty((n_slots, most), dtype=np.float32)
     U = np.empty((3, most), dtype=np.float32)
     sums = np.empty((4, most), dtype=np.float32)
     for m in range(members.shape[0]):
