@@ -13,6 +13,7 @@ SELECTED: RGB = (245, 222, 66)
 TRUTH: RGB = (96, 184, 240)
 LOCKED: RGB = (134, 142, 150)
 HAND: RGB = (236, 238, 242)
+FLOW: RGB = (226, 52, 190)  # arrows: on every colour of the scale, and beside the mesh in both themes
 STEPPED: RGB = (80, 150, 255)
 REJECTED: RGB = (204, 121, 167)
 REFERENCE: RGB = (178, 160, 255)

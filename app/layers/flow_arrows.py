@@ -6,7 +6,7 @@ import viser
 from app.debugger.run_state import RunState
 from app.page_state.page_state import NOW_SHAPE, PageState
 from app.page_state.residual_source import ResidualSource
-from app.palette import HAND
+from app.palette import FLOW
 from app.stage import SIZE, Stage
 from app.viser_bridge.line_node import LineNode
 from fairing.judge.face_residuals import FaceResiduals
@@ -79,7 +79,7 @@ class FlowArrowsLayer:
     def __init__(self, client: viser.ClientHandle, stage: Stage, scene: Scene, source: ResidualSource) -> None:
         self._stage, self._source = stage, source
         self._centers = np.array([view.camera.center for view in scene.views])
-        self._lines = LineNode(client, "/flow_arrows", HAND, 2.0)
+        self._lines = LineNode(client, "/flow_arrows", FLOW, 2.0)
 
     def show(self, state: RunState, page_state: PageState) -> None:
         is_shown = page_state.surface == "flow" and page_state.entered is None and page_state.shape == NOW_SHAPE
