@@ -24,9 +24,8 @@ from fairing.errors import InputError
 from fairing.io import read_mesh
 from fairing.mesh import Mesh
 from fairing.options import PRESETS, FairingOptions
-from fairing.run.session import Session
 from fairing.scene import Scene, Truth
-from tests.family import code_digest, errors_of
+from tests.family import code_digest, run_scene
 
 SCENES = ("building:24", "building:34", "building:38", "building:42")
 REFERENCE = "reference_mesh.ply"  # beside a capture's mesh: what the result is compared with
@@ -192,15 +191,11 @@ def run_variant(scene: str, setting: str, value: Any) -> dict[str, Any]:
         set_constant(setting, value)
     elif setting:
         options = with_option(options, setting, value)
-    loaded = scene_with_truth(scene)
-    try:
-        session = Session(loaded, options)
-        session.run()
-    except InputError as error:
-        return {"failed": str(error)}
-    errors = errors_of(loaded, session.vertices)
-    kind = "" if "median" in errors else "surface "
-    return {"median": errors[f"{kind}median"], "rms": errors[f"{kind}rms"], "samples": session.samples}
+    run = run_scene(scene_with_truth(scene), "start", options)
+    if "failed" in run:
+        return run
+    kind = "" if "median" in run["after"] else "surface "
+    return {"median": run["after"][f"{kind}median"], "rms": run["after"][f"{kind}rms"], "samples": run["samples"]}
 
 
 def scene_with_truth(name: str) -> Scene:

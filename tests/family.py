@@ -26,6 +26,7 @@ from demo_scenes.cache import cache_folder, source_digest
 from fairing.errors import InputError
 from fairing.geometry.closest_point import SurfaceTree
 from fairing.judge.metrics import surface_distance, vertex_errors
+from fairing.options import PRESETS, FairingOptions
 from fairing.run.session import Session
 from fairing.scene import Scene
 
@@ -96,10 +97,10 @@ def run_from(seed: int, beginning: str) -> Row:
     return run_scene(SceneSource.typed(f"building:{seed}", None, points="automatic").load(), beginning)
 
 
-def run_scene(scene: Scene, beginning: str) -> Row:
-    """The same for a loaded scene."""
+def run_scene(scene: Scene, beginning: str, options: FairingOptions = PRESETS["accurate"]) -> Row:
+    """The same for a loaded scene, with other options."""
     begun = scene if beginning == "start" else at_truth(scene)
-    began, session = time.process_time(), Session(begun)
+    began, session = time.process_time(), Session(begun, options)
     try:
         session.run()
     except InputError as error:
