@@ -183,6 +183,10 @@ class Visitor:
         )
         return np.array(found.json_value())
 
+    def toast(self, message: str) -> Locator:
+        """The notification that has this text."""
+        return self.page.locator(".mantine-Notification-root", has_text=message)
+
     def close_notifications(self) -> None:
         """Close what covers the view: the viewer warns of rendering without a GPU, and errors of earlier tests may stand."""
         self.page.evaluate(

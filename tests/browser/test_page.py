@@ -208,7 +208,8 @@ def test_another_k_makes_a_branch_from_here(visitor: Visitor):
     entry = visitor.input_of("dimensions")
     entry.fill("none")
     visitor.button("Continue from here").click()
-    visitor.page.get_by_text("option eigenspace.dimensions").first.wait_for()
+    # The panel shows the error while it is typed, the toast once the button's press was handled.
+    visitor.toast("option eigenspace.dimensions").wait_for()
     entry.fill("1")
     visitor.page.get_by_text("Changed: dimensions").wait_for()
     visitor.button("Continue from here").click()
@@ -293,7 +294,7 @@ def test_an_exception_in_a_callback_is_shown_and_the_page_keeps_working(
     with monkeypatch.context() as patch:
         patch.setattr(Session, "step", fail)
         visitor.press("Step one iteration")
-        visitor.page.get_by_text("RuntimeError: <b>the disk is on fire</b>").first.wait_for()
+        visitor.toast("RuntimeError: <b>the disk is on fire</b>").wait_for()
     assert visitor.press("Step one iteration").moment == 1
 
 

@@ -89,7 +89,7 @@ def test_vertices_are_selected_by_number_and_the_field_shows_the_selection(visit
 
     entry.fill("2, 400")
     entry.press("Enter")
-    visitor.page.get_by_text("expected numbers 0 to 6, found 400").first.wait_for()
+    visitor.toast("expected numbers 0 to 6, found 400").wait_for()
     visitor.click_vertex(0)
     wait_for(lambda: entry.input_value() == "0")
 
