@@ -24,7 +24,7 @@ from fairing.run_plan import RunPlan
 from fairing.scene import Scene, SparsePoints
 from fairing.solve.normal_equations import vertex_systems
 from fairing.solve.point_fit import fitted_to_points
-from fairing.solve.point_split import fitting_points, kept_points
+from fairing.solve.point_split import fitting_points, kept_points, observed_fitting_points, observed_kept_points
 from fairing.solve.problem import Problem
 from fairing.trace import SchedulePosition, StepReason, Trace
 from tests.small_scene import FACES, START, VERTICES, corner_scene, photos, small_options, sparse_points
@@ -58,6 +58,17 @@ def test_points_are_halved_and_none_is_in_both_halves():
     assert np.array_equal(fitting_points(scene), positions[[0, 2, 4, 6]])
     assert np.array_equal(kept_points(scene), positions[[1, 3, 5]])
     assert len(fitting_points(corner_scene())) == len(kept_points(corner_scene())) == 0
+
+
+def test_points_at_vertices_of_the_start_are_not_held_out():
+    start = corner_scene().mesh
+    positions = np.repeat(on_the_faces(60), 2, axis=0)
+    positions[[7, 8]] = start.vertices[[2, 3]].astype(np.float32)  # as a mesh file rounds them
+    scene = observed(corner_scene(), positions)
+    twice = scene.sparse_positions
+    assert np.array_equal(kept_points(scene), twice[[p for p in range(1, len(twice), 2) if p not in (15, 17)]])
+    assert len(observed_kept_points(scene)) == len(kept_points(scene))
+    assert len(observed_fitting_points(scene)) == len(fitting_points(scene)) == len(positions)
 
 
 def test_a_displaced_vertex_moves_to_the_corner_of_the_points():
@@ -214,6 +225,16 @@ def test_fewer_points_than_coordinates_are_not_used():
     few, enough = (Session(with_points(on_the_faces(count)), small_options(step=USED)) for count in (18, 24))
     assert not few.make_plan().is_fitted_to_points
     assert enough.make_plan().is_fitted_to_points
+
+
+def test_points_whose_photos_are_known_suffice_with_one_for_each_vertex():
+    start = corner_scene(FAR)
+    sparse = np.random.default_rng(2).permutation(on_the_faces(60))
+    few, enough = (Session(observed(start, sparse[:n]), small_options(step=USED)) for n in (6, 7))
+    assert len(start.mesh.vertices) == 7
+    assert not few.make_plan().is_fitted_to_points
+    assert few.make_plan().start_sigma == 0  # they do not measure the start either
+    assert enough.make_plan().start_sigma > 0
 
 
 def test_energies_of_sweeps_leave_out_what_was_done_to_the_start():

@@ -20,6 +20,8 @@ from fairing.trace import SchedulePosition, StepReason, StepRecord
 GAIN = 0.05  # smallest relative decrease of the mean loss (ledger: smoothing the start, fit to sparse points)
 VERTEX_PASSES = 5
 FIT_ROUNDS = 12
+OBSERVED_PER_VERTEX = 1  # points whose photos are known that a fit needs (ledger: points for a fit)
+POINTS_PER_VERTEX = 3  # other points that a fit needs: one for each coordinate
 
 
 class Preparation(NamedTuple):
@@ -63,7 +65,7 @@ class Preparations:
         Smoothing does so where the vertices are noisy. Such a run also uses the smoothness prior at its levels, which
         determines the vertices no photo sees. Where points were found in the photos, they must accept the smoothing as well:
         a start whose corners are displaced can look noisy to blurred photos (ledger: smoothing judged by points). The fit
-        needs as many points as unlocked coordinates: fewer points would be met with all their noise.
+        needs as many points as unlocked vertices if their photos are known, else as coordinates (`_points_suffice`).
 
         Raises:
             Cancelled: cancellation was requested.
@@ -193,8 +195,14 @@ def points_can_judge(problem: Problem) -> bool:
 
 
 def _points_suffice(problem: Problem) -> bool:
-    """Whether there are at least as many points as coordinates of unlocked vertices."""
-    return len(fitting_points(problem.scene)) >= 3 * (~problem.locked).sum()
+    """Whether there are points enough for a fit: fewer would be met with all their noise.
+
+    The robust fit, to points whose photos are known, has a prior for what they leave undetermined.
+    """
+    n_free, n_observed = int((~problem.locked).sum()), len(problem.observed_points)
+    if n_observed:
+        return n_observed >= OBSERVED_PER_VERTEX * n_free
+    return len(fitting_points(problem.scene)) >= POINTS_PER_VERTEX * n_free
 
 
 def _evaluate(problem: Problem, vertices: np.ndarray) -> Evaluation:
