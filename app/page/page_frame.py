@@ -69,7 +69,7 @@ class PageFrame:
     def finish(self, timeline: viser.PanelHandle, css: str = "") -> None:
         """After all panels have been added: place the timeline, and install the page's style sheet and scripts."""
         TimelinePlacement(self._client.gui, timeline, self.html_events)
-        css = viser_elements.STYLE + STYLE + floating.STYLE + css + OVERLAY_STYLE + self.html_events.style + HIDDEN
+        css = viser_elements.STYLE + STYLE + floating.STYLE + css + OVERLAY_STYLE + HIDDEN
         set_style_sheet(self._client, css)
         release_focus_after_use(self._client)
         update_in_place(self._client)

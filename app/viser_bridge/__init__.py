@@ -16,7 +16,7 @@ Server
 
 Panels
 - `javascript`: viser has a message that runs JavaScript, but no public function for it.
-- `html_events`, `text_field`: events of our own HTML. viser reports none, and of fast changes of a text only the last.
+- `html_events`, `text_field`: events of our own HTML. viser reports none, and of fast changes of its widgets only the last.
 - `in_place`: keeps unchanged elements of HTML panels. viser replaces all of them.
 - `html_panel`, `style_sheet`: content and style are sent only when they change.
 - `viser_elements`: style of viser's own elements, by class names that it does not document.

@@ -1,8 +1,8 @@
 """HTML events: from a click on HTML of our own to a Python callback.
 
-viser 1.1.1 displays any HTML but reports no clicks on it. Its own widgets report their changes, so JavaScript writes an
-event into an invisible text input of viser's, which sends it to the server. (How the input is found in the page is not
-documented; a test covers it.)
+viser 1.1.1 displays any HTML but reports no clicks on it. Its own widgets report their changes, so JavaScript sends an event
+as the change of a text input of viser's that is never displayed. (How the page sends a message is not documented; a test
+covers it.)
 """
 
 import json
@@ -15,25 +15,28 @@ import viser
 from app.viser_bridge.javascript import run_in_page
 from fairing.errors import InputError
 
-# viser sends only the last of several changes within 50 ms, so each carries the last few events.
-EVENTS_SENT_TOGETHER = 16
 MAX_TEXT = 1000  # characters
+# Of all changes of its widgets within 50 ms viser sends the last, afterwards. An event must come after what the user typed
+# before it, so it waits that long after a key. It must not be a change like others: one of the two would be lost.
+_AFTER_TYPING = 60  # ms
 _SCRIPT = """
 {
-  const latest = [];
+  if (!window.ef) {
+    window.addEventListener('input', event => {
+      if (event.target.matches('.mantine-Input-input')) window.efTyped = performance.now();
+    }, true);
+  }
+  const waiting = [];
   let count = 0;
   window.ef = (event, value) => {
-    latest.push([++count, event, value ?? null]);
-    if (latest.length > %d) latest.shift();
+    waiting.push([++count, event, value ?? null]);
     send();
   };
   const send = () => {
-    const label = document.querySelector("label[for='%s']");
-    if (!label) return void setTimeout(send, 50);  // the page is still being built
-    const input = label.closest('.mantine-Flex-root').querySelector('input');
-    const {set} = Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, 'value');
-    set.call(input, JSON.stringify(latest));
-    input.dispatchEvent(new Event('input', {bubbles: true}));
+    const typing = (window.efTyped ?? -Infinity) + %d - performance.now(), page = window.__viserMutable;
+    if (typing > 0 || !page) return void setTimeout(send, page ? typing : 50);  // the page is still being built
+    for (const event of waiting.splice(0))
+      page.sendMessage({type: 'GuiUpdateMessage', uuid: '%s', updates: {value: JSON.stringify(event)}});
   };
 }
 """
@@ -82,17 +85,12 @@ class Events:
 
 
 class HtmlEvents:
-    """The events of one browser.
-
-    Adds an invisible text input to the container that is open. The input has to stay mounted (not inside a tab), but
-    handlers may be added from anywhere.
-    """
+    """The events of one browser."""
 
     def __init__(self, gui: viser.GuiApi, guarded: Guarded) -> None:
         self.guarded, self._gui = guarded, gui
         self._handlers: list[Handler] = []
-        self._handled = 0
-        text_input = gui.add_text("hidden", "")
+        text_input = gui.add_text("events", "", visible=False)
         receive = guarded(self._receive)
 
         @text_input.on_update
@@ -100,10 +98,7 @@ class HtmlEvents:
             if event.client is not None:  # a coroutine: viser awaits coroutines in the order of the messages
                 receive(text_input.value, event.client.client_id)
 
-        uuid = text_input._impl.uuid
-        self.style = f"div:has(> .mantine-Flex-root label[for='{uuid}']) {{ display: none !important }}"
-        """CSS that hides the input."""
-        run_in_page(gui, _SCRIPT % (EVENTS_SENT_TOGETHER, uuid))
+        run_in_page(gui, _SCRIPT % (_AFTER_TYPING, text_input._impl.uuid))
 
     def named(self, handlers: Mapping[str, Handler]) -> Events:
         """Add handlers, and return the JavaScript that triggers each by its name."""
@@ -128,13 +123,11 @@ class HtmlEvents:
         return len(self._handlers) - 1
 
     def _receive(self, sent: object, client_id: int) -> None:
-        """Queue the handlers of the events that were not handled yet; they may take long."""
-        for count, number, value in _parse(sent):
-            if count > self._handled:
-                self._handled = count
-                handler = self._handlers[whole_number(number, 0, len(self._handlers) - 1, "event")]
-                callbacks = self._gui._thread_executor
-                callbacks.submit_for(client_id, handler, value)  # pyright: ignore[reportAttributeAccessIssue]
+        """Queue the handler of an event; it may take long."""
+        number, value = _parse(sent)
+        handler = self._handlers[whole_number(number, 0, len(self._handlers) - 1, "event")]
+        callbacks = self._gui._thread_executor
+        callbacks.submit_for(client_id, handler, value)  # pyright: ignore[reportAttributeAccessIssue]
 
 
 def whole_number(value: object, low: int, high: int, name: str) -> int:
@@ -150,17 +143,17 @@ def whole_number(value: object, low: int, high: int, name: str) -> int:
     return int(value)
 
 
-def _parse(sent: object) -> list[tuple[int, object, object]]:
-    """Count, number and value of each event in what a browser sent.
+def _parse(sent: object) -> tuple[object, object]:
+    """Number and value of an event that a browser sent; its count makes it differ from the one before.
 
     Raises:
         InputError: it is something else.
     """
     try:
-        found = [(count, number, value) for count, number, value in json.loads(str(sent))]
+        _, number, value = json.loads(str(sent))
     except (ValueError, TypeError, RecursionError):
-        raise InputError("event: expected a list of events, found something else") from None
-    return [(whole_number(count, 1, 10**9, "event"), number, value) for count, number, value in found]
+        raise InputError("event: expected a count, a number and a value, found something else") from None
+    return number, value
 
 
 def _text_and_flag(sent: object) -> tuple[str, bool]:

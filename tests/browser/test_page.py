@@ -220,6 +220,29 @@ def test_another_k_makes_a_branch_from_here(visitor: Visitor):
     visitor.page.get_by_role("tab", name="Vertex").click()
 
 
+def test_a_busy_page_loses_neither_what_was_typed_nor_the_press_after_it(visitor: Visitor):
+    """A browser that was busy delivers keys and clicks at once; viser sends the last change of its widgets in 50 ms."""
+    visitor.press("Step one sweep")
+    visitor.page.get_by_role("tab", name="Options").click()
+    entry = visitor.input_of("dimensions")
+    if not entry.is_visible():
+        visitor.page.get_by_text("Eigenspace", exact=True).click()
+    visitor.button("Continue from here").evaluate(
+        """(button, input) => {
+            const {set} = Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, 'value');
+            for (const value of ['4', '3']) {
+                set.call(input, value);
+                input.dispatchEvent(new Event('input', {bubbles: true}));
+            }
+            button.click();
+        }""",
+        arg=entry.element_handle(),
+    )
+    wait_for(lambda: visitor.app.controller.state.options.eigenspace.dimensions == (3,), 30)
+    visitor.app.controller.wait_until_idle()
+    visitor.page.get_by_role("tab", name="Vertex").click()
+
+
 def test_the_key_list_is_shown(visitor: Visitor):
     visitor.page.keyboard.press("Shift+?")
     visitor.page.get_by_text("Look through a camera", exact=True).wait_for()
