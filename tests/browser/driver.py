@@ -81,8 +81,11 @@ class Visitor:
 
     def open(self) -> None:
         """Load the page and wait for it."""
+        before = len(self.troubles)
         self.page.goto(self.app.url)
         self.wait_for_page()
+        # A page that is left stops loading its textures.
+        self.troubles[before:] = [trouble for trouble in self.troubles[before:] if "blob:" not in trouble]
 
     def wait_for_page(self) -> None:
         """Wait until its buttons and its scene are there, its panels have made room for each other, and it has been painted.

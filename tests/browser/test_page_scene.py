@@ -38,11 +38,9 @@ def app(scene):
 
 
 @pytest.fixture
-def visitor(module_visitor: Visitor):
-    module_visitor.app.controller.wait_until_idle()
-    module_visitor.page.get_by_role("tab", name="Layers").click()
-    yield module_visitor
-    assert module_visitor.troubles == []
+def visitor(visitor: Visitor) -> Visitor:
+    visitor.page.get_by_role("tab", name="Layers").click()
+    return visitor
 
 
 # First: with another page open, the browser draws at a lower resolution.
