@@ -53,7 +53,7 @@ def widgets(client: RawClient) -> dict[str, str]:
         for message in client.receive(60):
             if message["type"] == SLIDER:
                 found[message["props"]["label"]] = message["uuid"]
-            if message["type"] == TEXT and message["props"]["label"] == "hidden":
+            if message["type"] == TEXT and message["props"]["label"] == "events":
                 found["events"] = message["uuid"]
     return found
 
@@ -150,7 +150,7 @@ def test_a_flood_of_messages_from_one_client_delays_nobody_else(app: App):
         events = widgets(flooding)["events"]
         quiet = time_of_a_new_page(app)
         for k in range(2500):  # every HTML event of the page in turn: cameras, jumps, branches, nonsense
-            flooding.send(update(events, f"[[{k + 1},{k % 90},{k % 7}]]"))
+            flooding.send(update(events, f"[{k + 1},{k % 90},{k % 7}]"))
         began = time.monotonic()
         other.announce()
         widgets(other)
