@@ -150,9 +150,10 @@ def _parse(sent: object) -> tuple[object, object]:
         InputError: it is something else.
     """
     try:
-        _, number, value = json.loads(str(sent))
+        count, number, value = json.loads(str(sent))
     except (ValueError, TypeError, RecursionError):
         raise InputError("event: expected a count, a number and a value, found something else") from None
+    whole_number(count, 1, 10**9, "event")
     return number, value
 
 

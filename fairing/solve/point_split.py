@@ -16,7 +16,7 @@ SAME = 1e-5  # of the mesh's diagonal: mesh files round positions
 
 def fitting_points(scene: Scene) -> np.ndarray:
     """(p, 3) float, world units: the sparse points used for the fit, every second one."""
-    return scene.sparse_positions[::2]
+    return scene.sparse_positions[~_is_kept(scene)]
 
 
 def observed_fitting_points(scene: Scene) -> FeaturePoints:
@@ -30,12 +30,12 @@ def observed_fitting_points(scene: Scene) -> FeaturePoints:
 
 def observed_kept_points(scene: Scene) -> FeaturePoints:
     """The points kept for evaluation that at least two photos observe, with their observations and covariances."""
-    return _observed(scene, _is_kept(scene) & ~_are_vertices(scene))
+    return _observed(scene, _is_held_out(scene))
 
 
 def kept_points(scene: Scene) -> np.ndarray:
     """(p, 3) float, world units: the sparse points kept for evaluation."""
-    return scene.sparse_positions[_is_kept(scene) & ~_are_vertices(scene)]
+    return scene.sparse_positions[_is_held_out(scene)]
 
 
 def _observed(scene: Scene, taking_part: np.ndarray) -> FeaturePoints:
@@ -51,6 +51,11 @@ def _observed(scene: Scene, taking_part: np.ndarray) -> FeaturePoints:
 def _is_kept(scene: Scene) -> np.ndarray:
     """(p,) bool: the half that no fit uses."""
     return np.arange(len(scene.sparse_positions)) % 2 == 1
+
+
+def _is_held_out(scene: Scene) -> np.ndarray:
+    """(p,) bool: that half without points at vertices of the start."""
+    return _is_kept(scene) & ~_are_vertices(scene)
 
 
 def _are_vertices(scene: Scene) -> np.ndarray:

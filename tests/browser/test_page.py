@@ -237,7 +237,7 @@ def test_a_busy_page_loses_neither_what_was_typed_nor_the_press_after_it(visitor
         }""",
         arg=entry.element_handle(),
     )
-    wait_for(lambda: visitor.app.controller.state.options.eigenspace.dimensions == (3,), 30)
+    wait_for(lambda: visitor.app.controller.state.options.eigenspace.dimensions == (3,))
     visitor.app.controller.wait_until_idle()
     visitor.page.get_by_role("tab", name="Vertex").click()
 
