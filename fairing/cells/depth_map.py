@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 from fairing.camera import Camera, resizing
-from fairing.geometry.rasterize import rasterize
+from fairing.geometry.rasterize import rasterize_inverse
 
 # Depth jumps are measured in pixels' worth of depth (depth / focal length). A crease between faces seen at the smallest
 # allowed angle looks like a jump of up to 1 / tan(min_angle) of them, so a depth edge is a larger jump.
@@ -52,16 +52,15 @@ def depth_map(
             the blurred photo mixes them into their neighbours.
     """
     small = _reduced(camera, reduction)
-    face_id, depth = rasterize(vertices, faces, small)
+    face_id, inverse_depth = rasterize_inverse(vertices, faces, small)
     uv, corner_depth = small.project(vertices)
     focal = float(camera.K[0, 0])
     edges = np.zeros(face_id.shape, dtype=np.uint8)
-    inverse = 1 / np.where(corner_depth > 0, corner_depth, np.inf)[faces]
-    _mark_depth_edges(uv[faces], inverse, face_id, depth, focal / reduction, edges)
+    at_corners = 1 / np.where(corner_depth > 0, corner_depth, np.inf)[faces]
+    _mark_depth_edges(uv[faces], at_corners, face_id, inverse_depth, focal / reduction, edges)
     if mask is not None:
         edges[~mask] = 1
-    with np.errstate(divide="ignore"):
-        return DepthMap((1 / depth).astype(np.float32), edges, focal, reduction, face_id)
+    return DepthMap(inverse_depth.astype(np.float32), edges, focal, reduction, face_id)
 
 
 @lru_cache(maxsize=4096)
@@ -80,18 +79,22 @@ def _disc(radius: float) -> np.ndarray:
 
 
 @njit(cache=True, nogil=True)
-def _plane(uv, inverse_depth, f, x, y):
+def _plane(uv, at_corners, f, x, y):
     """Inverse depth of face f's plane at a pixel."""
     ax, ay, bx, by, cx, cy = uv[f, 0, 0], uv[f, 0, 1], uv[f, 1, 0], uv[f, 1, 1], uv[f, 2, 0], uv[f, 2, 1]
     doubled = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
     alpha = ((bx - x) * (cy - y) - (by - y) * (cx - x)) / doubled
     beta = ((cx - x) * (ay - y) - (cy - y) * (ax - x)) / doubled
-    return alpha * inverse_depth[f, 0] + beta * inverse_depth[f, 1] + (1 - alpha - beta) * inverse_depth[f, 2]
+    return alpha * at_corners[f, 0] + beta * at_corners[f, 1] + (1 - alpha - beta) * at_corners[f, 2]
 
 
 @njit(cache=True, nogil=True)
-def _mark_depth_edges(uv, inverse_depth, face_id, depth, focal, edges):
-    """Mark both pixels of every neighbouring pair that a depth edge separates, in `edges` (h, w) uint8."""
+def _mark_depth_edges(uv, at_corners, face_id, inverse_depth, focal, edges):
+    """Mark both pixels of every neighbouring pair that a depth edge separates, in `edges` (h, w) uint8.
+
+    Args:
+        at_corners: (m, 3) float64: inverse depths of the faces' corners.
+    """
     height, width = face_id.shape
     for y in range(height):
         for x in range(width):
@@ -105,8 +108,8 @@ def _mark_depth_edges(uv, inverse_depth, face_id, depth, focal, edges):
                     continue
                 is_edge = here < 0 or there < 0
                 if not is_edge:
-                    d1, d2 = depth[y, x], depth[y2, x2]
-                    w1, w2 = _plane(uv, inverse_depth, there, x, y), _plane(uv, inverse_depth, here, x2, y2)
+                    d1, d2 = 1 / inverse_depth[y, x], 1 / inverse_depth[y2, x2]
+                    w1, w2 = _plane(uv, at_corners, there, x, y), _plane(uv, at_corners, here, x2, y2)
                     m1 = abs(1 / w1 - d1) if w1 > 0 else np.inf
                     m2 = abs(1 / w2 - d2) if w2 > 0 else np.inf
                     is_edge = min(m1, m2) * focal > DEPTH_EDGE_JUMP * min(d1, d2)

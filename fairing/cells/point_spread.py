@@ -10,6 +10,8 @@ PSF on the face for all its photos, as small as possible, and applies the missin
 
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
+from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 import scipy.fft
@@ -139,7 +141,7 @@ def common_psf_patches(
             stack = np.empty((len(pairs), photos.channels, *shape), dtype=np.float32)
             _cut(photo, photos.grey_levels, down, across, frame[pairs, :2] - border[pairs, None] + reach, stack)
             spectra = np.asarray(scipy.fft.rfft2(stack))
-            spectra *= _transfers(shape, covariance[pairs], cubic)[:, None]
+            _multiply(spectra, _transfers(shape, covariance[pairs], cubic))
             _keep(np.asarray(scipy.fft.irfft2(spectra, shape)), border[pairs], frame[pairs, 2:], base[pairs], pixels)
 
     photos.for_each(pairs_of, fill, pool)
@@ -217,22 +219,59 @@ def _batches(sizes: np.ndarray, channels: int) -> Iterator[tuple[tuple[int, int]
             yield (rows, columns), chosen[first : first + most]
 
 
+class _Axis(NamedTuple):
+    """An axis of a spectrum: its frequencies (n,) float32, radians per px, and the factors (n,) float32 at them."""
+
+    frequencies: np.ndarray
+    factors: np.ndarray
+
+
+@lru_cache(maxsize=2048)
+def _axis(length: int, is_half: bool, cubic: bool) -> _Axis:
+    """The axis of a transform of a length, or of half of it; factors with `cubic` give the coefficients of cubic B-splines."""
+    w = 2 * np.pi * (scipy.fft.rfftfreq(length) if is_half else scipy.fft.fftfreq(length))
+    factors = 3 / (2 + np.cos(w)) if cubic else np.ones_like(w)
+    return _Axis(w.astype(np.float32), factors.astype(np.float32))
+
+
 def _transfers(shape: tuple[int, int], covariances: np.ndarray, cubic: bool) -> np.ndarray:
-    """Transfer functions of Gaussians (b, 2, 2), for `rfft2`; with `cubic` divided by that of the cubic B-spline's samples.
+    """(b, h, w) float32: transfer functions of Gaussians (b, 2, 2), for `rfft2`; with `cubic` divided by that of the cubic
+    B-spline's samples.
 
     For a covariance with a mixed term it jumps at the Nyquist frequency of an axis, where wx or wy is both +pi and -pi: one
     of the two signs is taken.
     """
-    wy = (2 * np.pi * scipy.fft.fftfreq(shape[0])[:, None]).astype(np.float32)
-    wx = (2 * np.pi * scipy.fft.rfftfreq(shape[1])[None]).astype(np.float32)
-    xx, xy, yy = (-covariances[:, a, b, None, None].astype(np.float32) for a, b in ((0, 0), (0, 1), (1, 1)))
-    exponent = xy * (wx * wy)
-    exponent += 0.5 * xx * (wx * wx)
-    exponent += 0.5 * yy * (wy * wy)
-    transfers = np.exp(exponent, out=exponent)
-    if cubic:
-        transfers *= 9 / ((2 + np.cos(wy)) * (2 + np.cos(wx)))
+    rows, columns = _axis(shape[0], False, cubic), _axis(shape[1], True, cubic)
+    transfers = _exponents(rows.frequencies, columns.frequencies, covariances.astype(np.float32))
+    np.exp(transfers, out=transfers)
+    transfers *= rows.factors[:, None] * columns.factors
     return transfers
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _exponents(wy, wx, covariances):
+    """(b, h, w) float32: of the Gaussians with covariances (b, 2, 2) at frequencies (h,) and (w,)."""
+    result = np.empty((len(covariances), len(wy), len(wx)), dtype=np.float32)
+    for b in range(len(covariances)):
+        xx, xy, yy = (
+            np.float32(0.5) * covariances[b, 0, 0],
+            covariances[b, 0, 1],
+            np.float32(0.5) * covariances[b, 1, 1],
+        )
+        for i in range(len(wy)):
+            for j in range(len(wx)):
+                result[b, i, j] = -(xx * wx[j] * wx[j] + xy * wx[j] * wy[i] + yy * wy[i] * wy[i])
+    return result
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _multiply(spectra, transfers):
+    """Multiply spectra (b, channels, h, w) by transfer functions (b, h, w), in place."""
+    for b in range(spectra.shape[0]):
+        for c in range(spectra.shape[1]):
+            for i in range(spectra.shape[2]):
+                for j in range(spectra.shape[3]):
+                    spectra[b, c, i, j] *= transfers[b, i, j]
 
 
 @njit(cache=True, nogil=True)
@@ -241,13 +280,20 @@ def _cut(photo, grey_levels, down, across, corners, stack):
 
     Rows and columns are indices into `down` and `across`, which hold those of the photo.
     """
+    width = stack.shape[3]
     for b in range(stack.shape[0]):
         left, top = corners[b]
+        first = across[left]
+        is_inside = across[left + width - 1] - first == width - 1
         for c in range(stack.shape[1]):
             for i in range(stack.shape[2]):
                 row = down[top + i]
-                for j in range(stack.shape[3]):
-                    stack[b, c, i, j] = np.float32(photo[c, row, across[left + j]]) * grey_levels
+                if is_inside:
+                    for j in range(width):
+                        stack[b, c, i, j] = np.float32(photo[c, row, first + j]) * grey_levels
+                else:
+                    for j in range(width):
+                        stack[b, c, i, j] = np.float32(photo[c, row, across[left + j]]) * grey_levels
 
 
 @njit(cache=True, nogil=True)
@@ -257,7 +303,8 @@ def _keep(stack, borders, sizes, starts, pixels):
         at, edge, width = starts[b], borders[b], sizes[b, 0]
         for c in range(stack.shape[1]):
             for i in range(edge, edge + sizes[b, 1]):
-                pixels[at : at + width] = stack[b, c, i, edge : edge + width]
+                for j in range(width):
+                    pixels[at + j] = stack[b, c, i, edge + j]
                 at += width
 
 

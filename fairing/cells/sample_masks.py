@@ -77,6 +77,7 @@ def mask_views(
     is_candidate = reasons == Visibility.SEEN
     samples = layout.samples
     margin = options.edge_margin * blur + 1.0
+    most = int(samples.max(initial=0))
     P = np.stack([camera.image_from_world for camera in cameras])
 
     def mask_view(v: int) -> ViewMasks:
@@ -91,11 +92,13 @@ def mask_views(
             depths, transparent = occluders.depth_maps[v], occluders.transparent[chosen]
         starts = np.concatenate([[0], np.cumsum(samples[chosen])])
         masks, seen = np.empty(starts[-1], dtype=np.uint8), np.empty(len(chosen), dtype=np.int64)
+        row, column = np.empty((2, most), dtype=np.int32)
         _mask_samples(
             vertices @ P[v, :, :3].T + P[v, :, 3], faces[chosen], layout.face_grid[chosen], layout.grid_start, layout.ramp,
             layout.inset[chosen], depths.inverse_depth, depths.near_edges(margin), depths.face_id, transparent,
             HIDDEN_DEPTH * depths.reduction, depths.focal_length, depths.reduction, 1.0 + blur,
             (cameras[v].width, cameras[v].height), masks, starts[:-1], seen,
+            np.empty(most), row, column, np.empty(most, dtype=bool),
         )  # fmt: skip
         is_partial = seen < samples[chosen]
         reasons[chosen[is_partial], v] = Visibility.PARTLY_SEEN
@@ -110,7 +113,7 @@ def mask_views(
 @njit(cache=True, nogil=True, error_model="numpy")
 def _mask_samples(
     pixels, corners, grids, grid_start, ramp, insets, inverse_depth, near_edges, face_id, transparent, hidden_depth,
-    focal, reduction, border, size, masks, starts, seen,
+    focal, reduction, border, size, masks, starts, seen, depth, row, column, is_inside,
 ):  # fmt: skip
     """Mark the samples of cells that one photo really shows.
 
@@ -128,8 +131,10 @@ def _mask_samples(
         masks: flat uint8, out: the masks one after another; that of a cell seen as a whole is left as it is.
         starts: (c,) int64: where each begins.
         seen: (c,) int64, out: number of samples that the photo shows.
+        depth, row, column, is_inside: (s,) scratch for the samples of a cell: allocated here they would double the compilation.
     """
-    nearer, to_map = 1 - hidden_depth / focal, 1 / reduction  # one division per sample (ledger: sample masks)
+    nearer, to_map = 1 - hidden_depth / focal, 1 / reduction
+    right, bottom = size[0] - 1 - border, size[1] - 1 - border
     for f in range(corners.shape[0]):
         first, last = grid_start[grids[f]], grid_start[grids[f] + 1]
         shrink = 1 - 3 * insets[f]
@@ -142,21 +147,23 @@ def _mask_samples(
         ):  # fmt: skip
             seen[f] = last - first
             continue
-        count = 0
-        for s in range(last - first):
+        for s in range(last - first):  # one division and no branch, so that the loop vectorises (ledger: sample masks)
             a, b = insets[f] + shrink * ramp[0, first + s], insets[f] + shrink * ramp[1, first + s]
             c = 1 - a - b
-            w = a * a2 + b * b2 + c * c2
-            inverse = 1 / w
+            depth[s] = a * a2 + b * b2 + c * c2
+            inverse = 1 / depth[s]
             x, y = (a * a0 + b * b0 + c * c0) * inverse, (a * a1 + b * b1 + c * c1) * inverse
-            is_seen = border <= x <= size[0] - 1 - border and border <= y <= size[1] - 1 - border
-            if is_seen:
-                ix, iy = int((x + 0.5) * to_map), int((y + 0.5) * to_map)
-                front = inverse_depth[iy, ix]
-                is_hidden = front * w * nearer > 1
-                if is_hidden:
-                    is_hidden = face_id[iy, ix] != transparent[f, 0] and face_id[iy, ix] != transparent[f, 1]
-                is_seen = not is_hidden and near_edges[iy, ix] == 0
+            inside = (border <= x) & (x <= right) & (border <= y) & (y <= bottom)
+            is_inside[s] = inside
+            x, y = x if inside else 0.0, y if inside else 0.0
+            column[s], row[s] = np.int32((x + 0.5) * to_map), np.int32((y + 0.5) * to_map)
+        count = 0
+        for s in range(last - first):
+            ix, iy = column[s], row[s]
+            is_hidden = inverse_depth[iy, ix] * depth[s] * nearer > 1
+            if is_hidden:
+                is_hidden = face_id[iy, ix] != transparent[f, 0] and face_id[iy, ix] != transparent[f, 1]
+            is_seen = is_inside[s] & (not is_hidden) & (near_edges[iy, ix] == 0)
             masks[starts[f] + s] = is_seen
             count += is_seen
         seen[f] = count

@@ -13,9 +13,9 @@ from numba import njit
 from fairing.camera import Camera
 from fairing.creases.edges import Creases
 from fairing.geometry.normals import face_normals
-from fairing.geometry.rasterize import rasterize
+from fairing.geometry.rasterize import rasterize_inverse
 
-SMOOTHING = 0.7  # sigma, px, of the photo
+SMOOTHING, SMOOTHING_SIZE = 0.7, 7  # sigma and width of the kernel, px of the photo
 SPACING = 1.5  # px between samples along a crease
 SEGMENT = 14.0  # px
 MARGIN = 3.0  # px left out at both ends of a crease, at most a quarter of it
@@ -25,7 +25,6 @@ MIN_SAMPLES = 4  # of a segment
 MIN_FACING = 0.05  # cosine: one of the two faces is seen at least so obliquely
 HIDDEN = 1.5  # px' worth of depth (depth / focal length) behind the nearest surface
 BORDER = 3.0  # px from a profile to the border of the photo
-BACKGROUND = 1e30  # depth, world units
 STEP = 0.25  # px between samples of a profile
 HALF_STEPS = 2  # the derivative is taken over +- this many steps
 CORRELATION = 2.5  # px along the crease over which residuals of the profiles agree
@@ -75,9 +74,10 @@ def measure_offsets(
     seen = np.flatnonzero(shown)
     if len(seen) == 0:
         return _none()
-    image = cv2.GaussianBlur(photo.astype(np.float32), (0, 0), SMOOTHING)
-    nearest = rasterize(vertices, faces, camera)[1]
-    farthest = cv2.dilate(np.minimum(nearest, BACKGROUND).astype(np.float32), np.ones((3, 3)))
+    kernel = cv2.getGaussianKernel(SMOOTHING_SIZE, SMOOTHING, cv2.CV_32F)
+    image = cv2.sepFilter2D(photo, cv2.CV_32F, kernel, kernel)
+    inverse_depth = rasterize_inverse(vertices, faces, camera)[1]
+    farthest = cv2.erode(inverse_depth.astype(np.float32), np.ones((3, 3)))
     projected = _Projected(camera, vertices, uv, depth)
     batch = np.cumsum(_sample_counts(length[seen])) // BATCH
     batches = np.array_split(seen, np.flatnonzero(np.diff(batch)) + 1)
@@ -134,7 +134,7 @@ def _samples_along(projected: _Projected, ends: np.ndarray, farthest: np.ndarray
     """Samples of creases with these ends (c, 2), where they are visible.
 
     Args:
-        farthest: (height, width) float32: the largest depth of the surface around each pixel.
+        farthest: (height, width) float32: the least inverse depth of the surface around each pixel, 0 beside the surface.
         border: px: samples closer to the border of the photo are left out.
     """
     first, second = ends.T
@@ -156,7 +156,7 @@ def _samples_along(projected: _Projected, ends: np.ndarray, farthest: np.ndarray
     visible = ((pixels > border) & (pixels < [width - 1 - border, height - 1 - border])).all(axis=1)
     x, y = np.rint(pixels[visible]).astype(int).T
     tolerance = HIDDEN / np.linalg.norm(projected.camera.image_from_world[0, :3])
-    visible[visible] = farthest[y, x] * inverse[visible] > 1 - tolerance
+    visible[visible] = inverse[visible] > (1 - tolerance) * farthest[y, x]
     row, segment = row[visible], segment[visible]
     is_first = np.r_[True, (np.diff(row) != 0) | (np.diff(segment) != 0)][: len(row)]
     starts = np.flatnonzero(is_first)

@@ -25,12 +25,18 @@ def rasterize(vertices: np.ndarray, faces: np.ndarray, camera: Camera) -> tuple[
         Face ids (height, width) int32, -1 where there is none, and depths (height, width) float64, world units,
         infinite where there is none. Faces that reach behind the camera are left out.
     """
+    face_id, inverse_depth = rasterize_inverse(vertices, faces, camera)
+    with np.errstate(divide="ignore"):
+        return face_id, 1.0 / inverse_depth
+
+
+def rasterize_inverse(vertices: np.ndarray, faces: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+    """`rasterize` with inverse depths, 1 / world units, 0 where there is no face."""
     face_id = np.full((camera.height, camera.width), -1, dtype=np.int32)
     inverse_depth = np.zeros((camera.height, camera.width))
     uv, depth = camera.project(vertices)
     _fill(uv, depth, np.array(faces), face_id, inverse_depth)  # a copy: for read-only arrays numba would compile again
-    with np.errstate(divide="ignore"):
-        return face_id, 1.0 / inverse_depth
+    return face_id, inverse_depth
 
 
 @numba.njit(cache=True, nogil=True)
@@ -46,6 +52,13 @@ def _row(ax, ay, bx, by, cx, cy, y):
     if left > right:  # the row touches a corner from outside
         return -np.inf, np.inf
     return left - 1, right + 2
+
+
+@numba.njit(cache=True, nogil=True)
+def _covers(alpha_x, alpha_y, beta_x, beta_y, dx, dy):
+    """Whether a triangle covers a pixel at (dx, dy) from its third corner, by the gradients of its barycentric coordinates."""
+    alpha, beta = alpha_x * dx + alpha_y * dy, beta_x * dx + beta_y * dy
+    return alpha >= -EDGE_TOLERANCE and beta >= -EDGE_TOLERANCE and 1 - alpha - beta >= -EDGE_TOLERANCE
 
 
 @numba.njit(cache=True, nogil=True)
@@ -70,13 +83,14 @@ def _fill(uv, depth, faces, face_id, inverse_depth):
         for y in range(y_low, y_high + 1):
             left, right = _row(ax, ay, bx, by, cx, cy, y)
             first, last = max(x_low, int(max(left, x_low))), min(x_high, int(min(right, x_high)))
+            while first <= last and not _covers(alpha_x, alpha_y, beta_x, beta_y, first - cx, y - cy):
+                first += 1
+            while first <= last and not _covers(alpha_x, alpha_y, beta_x, beta_y, last - cx, y - cy):
+                last -= 1
             for x in range(first, last + 1):
                 alpha = alpha_x * (x - cx) + alpha_y * (y - cy)
                 beta = beta_x * (x - cx) + beta_y * (y - cy)
-                gamma = 1 - alpha - beta
-                if alpha < -EDGE_TOLERANCE or beta < -EDGE_TOLERANCE or gamma < -EDGE_TOLERANCE:
-                    continue
-                w = alpha * wa + beta * wb + gamma * wc
+                w = alpha * wa + beta * wb + (1 - alpha - beta) * wc
                 if w > inverse_depth[y, x]:
                     inverse_depth[y, x] = w
                     face_id[y, x] = f
