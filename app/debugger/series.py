@@ -53,7 +53,7 @@ QUANTITIES: dict[str, Quantity] = {
         "energy",
         "energy; for a vertex: of the faces around it. Every sweep of every level measures anew, with cells of its own, so only "
         "points connected by a line compare",
-        "Only connected points compare, within a sweep", "Energy of the faces around the vertex", False,
+        "Only connected points can be compared", "Energy of the faces around the vertex", False,
         lambda record: record.energy_after, _energy_around,
     ),
     "step": Quantity(
