@@ -73,6 +73,19 @@ class FeaturePoints:
     def __len__(self) -> int:
         return len(self.positions)
 
+    def joined(self, other: "FeaturePoints") -> "FeaturePoints":
+        """These points, then those of another set in the same photos."""
+        return FeaturePoints(
+            np.concatenate([self.positions, other.positions]),
+            np.concatenate([self.covariance, other.covariance]),
+            np.concatenate([self.colors, other.colors]),
+            np.concatenate([self.offsets, self.offsets[-1] + other.offsets[1:]]),
+            np.concatenate([self.photos, other.photos]),
+            np.concatenate([self.pixels, other.pixels]),
+            np.concatenate([self.residual, other.residual]),
+            self.keypoint_sigma,
+        )
+
     @property
     def n_views(self) -> np.ndarray:
         """(p,) int: photos that show each point."""

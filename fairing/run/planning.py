@@ -10,6 +10,7 @@ from fairing.solve.problem import Problem
 from fairing.trace import StepReason
 
 LEAST_ERROR = 1.0  # px: Gauss-Newton reaches that far at every level
+FITTED_ERROR = 2.0  # px: a fit to points near the start leaves less of most vertices (ledger: surface sweep)
 MOST_LOSS = 0.03  # per photo px after a fit: above it a search gains little (ledger: search after a fit)
 
 
@@ -32,7 +33,8 @@ def make_plan(problem: Problem, preparations: Preparations) -> RunPlan:
         # Vertices that the points do not determine keep the error that the start had before the fit.
         measured = measured_start_error(problem, prepared[0].after if is_smoothed else problem.start)
         if schedule.first_level == "auto":
-            first = max(first, level_for_error(measured, problem.options))
+            remaining = min(measured, FITTED_ERROR) if is_fitted else measured
+            first = max(first, level_for_error(remaining, problem.options))
         # Where points lie far from a mesh fitted to them, it is too coarse for the surface, and its creases need not be edges.
         after_fit = measured_start_error(problem, prepared[-1].after) if is_fitted else measured
         represents = after_fit < SEARCHED_ERROR

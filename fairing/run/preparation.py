@@ -5,10 +5,11 @@ from typing import NamedTuple
 import numpy as np
 
 from fairing.cells.level_choice import first_fine_level
-from fairing.features.robust_fit import held_back_loss, robust_fit
+from fairing.features.robust_fit import held_back_loss
 from fairing.geometry.normal_filter import smoothed
 from fairing.run.records import Evaluation, moved_record
 from fairing.run.start_error import SEARCHED_ERROR, measured_start_error
+from fairing.run.swept_fit import swept_fit
 from fairing.run_plan import RunPlan
 from fairing.solve.energy import fixed_sigma, robust_scale, robust_sigma
 from fairing.solve.face_loss import loss_of_faces
@@ -135,7 +136,7 @@ def _prepare(problem: Problem, reason: StepReason, vertices: np.ndarray) -> Prep
     """The preparation of vertices (n, 3); of several fits to the sparse points that which has the lowest photo loss.
 
     The robust fit reaches farther and leaves out clutter; a fit to closest points from there is mostly the better one, but
-    not on noisy meshes (ledger: choice of the fit).
+    not on noisy meshes (ledger: choice of the fit). Points near the robust fit go to `Problem.near_points`.
     """
 
     def prepared(after: np.ndarray) -> Preparation:
@@ -146,9 +147,22 @@ def _prepare(problem: Problem, reason: StepReason, vertices: np.ndarray) -> Prep
         return prepared(_smoothed(problem, vertices))
     if len(problem.observed_points) == 0:
         return prepared(fitted_to_points(problem, vertices, FIT_ROUNDS).targets)
-    robust = prepared(_robustly_fitted(problem, vertices))
+    fit = swept_fit(problem, vertices)
+    problem.near_points = fit.points
+    robust = prepared(fit.vertices)
     closest = prepared(fitted_to_points(problem, robust.after, FIT_ROUNDS).targets)
     return min(robust, closest, key=lambda fit: fit.loss)
+
+
+def find_near_points(problem: Problem, plan: RunPlan) -> None:
+    """Find `Problem.near_points` of a planned run anew, if it needs them and does not have them, as in a resumed run.
+
+    Raises:
+        Cancelled: cancellation was requested.
+    """
+    if problem.near_points is None and plan.is_fitted_to_points and len(problem.observed_points):
+        start = _smoothed(problem, problem.start) if plan.is_smoothed else problem.start
+        problem.near_points = swept_fit(problem, start).points
 
 
 def _smoothed(problem: Problem, vertices: np.ndarray) -> np.ndarray:
@@ -156,18 +170,6 @@ def _smoothed(problem: Problem, vertices: np.ndarray) -> np.ndarray:
     problem.raise_if_cancelled()
     ids = np.flatnonzero(~problem.locked)
     moves, _ = problem.unfolded(vertices, ids, (smoothed(problem.scene.mesh, vertices, VERTEX_PASSES) - vertices)[ids])
-    after = vertices.copy()
-    after[ids] += moves
-    return after
-
-
-def _robustly_fitted(problem: Problem, vertices: np.ndarray) -> np.ndarray:
-    """(n, 3) float: vertices (n, 3) after `robust_fit`, except where that would fold a face."""
-    problem.raise_if_cancelled()
-    cameras = [view.camera for view in problem.scene.views]
-    mesh, ids = problem.scene.mesh.moved(vertices), np.flatnonzero(~problem.locked)
-    fitted = robust_fit(mesh, cameras, problem.observed_points, problem.locked, problem.raise_if_cancelled).vertices
-    moves, _ = problem.unfolded(vertices, ids, (fitted - vertices)[ids])
     after = vertices.copy()
     after[ids] += moves
     return after

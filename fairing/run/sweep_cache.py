@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 from fairing.run.phases import Schedule, schedule_of
+from fairing.run.preparation import find_near_points
 from fairing.run.sweep import SweepState, begin_sweep
 from fairing.solve.problem import Problem
 from fairing.trace import SchedulePosition, Trace
@@ -84,6 +85,8 @@ class SweepCache:
     def _begin(self, position: SchedulePosition, moment: int) -> SweepState:
         level = self.schedule.levels[position.level]
         vertices, origin = self._trace.vertices_at(moment), self._trace.origin_at(moment)
+        if level.attraction > 0 and self._trace.plan is not None:
+            find_near_points(self._problem, self._trace.plan)
         return begin_sweep(self._problem, level, level.phase_at(position.sweep), moment, vertices, origin)
 
     def _photo_bytes(self) -> int:

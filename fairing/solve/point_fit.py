@@ -79,12 +79,16 @@ def fitted_to_points(problem: Problem, vertices: np.ndarray, rounds: int) -> Qua
 def _positions(problem: Problem, vertices: np.ndarray) -> np.ndarray:
     """(p, 3) float: the fitting points on the surface with vertices (n, 3), or all of them if their photos are not known.
 
+    Points near the start count like those of the capture (ledger: surface sweep).
+
     Points of the ground and the background lie near the boundary of the mesh too, but their own photos do not see the mesh
     at their place.
     """
     observed = problem.observed_points
     if len(observed) == 0:
         return fitting_points(problem.scene)
+    if problem.near_points is not None:
+        observed = observed.joined(problem.near_points)
     cameras = [view.camera for view in problem.scene.views]
     return observed.positions[points_on_surface(problem.scene.mesh.moved(vertices), cameras, observed)]
 

@@ -5,6 +5,7 @@ import itertools
 import time
 from collections.abc import Callable
 from concurrent.futures import Executor, Future
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -46,6 +47,7 @@ class Problem:
         locked: (n,) bool: vertices that never move, by option or because they belong to a degenerate face.
         orientation: see `fairing.cells.visibility.mesh_orientation`.
         observed_points: see `fairing.solve.point_split.observed_fitting_points`.
+        near_points: points near the fitted start, found by surface sweeps; None before.
         evaluator: computes energies and normal equations.
         warnings: of the scene and of the run so far, a line each.
         seconds: time spent on "photos" and on "visibility", s.
@@ -78,7 +80,10 @@ class Problem:
         self.locked = locked_by_options(scene, options)
         self.locked[scene.mesh.faces[degenerate]] = True
         self.observed_points: FeaturePoints = observed_fitting_points(scene) if like is None else like.observed_points
+        self.near_points: FeaturePoints | None = None
         self.orientation = mesh_orientation(scene, start) if like is None else like.orientation
+        if like is not None and replace(options, threads=like.options.threads) == like.options:
+            self.near_points = like.near_points
         if like is not None and options.cells.color == like.options.cells.color:
             self._photos = like._photos
         if self.orientation < 0:
@@ -239,9 +244,9 @@ class Problem:
     # ------------------------------------------------------------------ photos in memory
 
     def clear(self) -> None:
-        """Free the photos, which are read again when needed, and end the threads."""
+        """Free the photos and the points near the start, which are found again when needed, and end the threads."""
         self.evaluator.clear()
-        self._photos = self._fresh_photos()
+        self._photos, self.near_points = self._fresh_photos(), None
 
     def _fresh_photos(self) -> ScaleSpace:
         def on_photo(done: int, count: int) -> None:

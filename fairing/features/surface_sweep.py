@@ -1,0 +1,343 @@
+"""Surface sweep: points of all textured pixels near a start mesh, by correlating the photos along copies of the mesh.
+
+A plane sweep (Collins, CVPR 1996) whose planes are replaced by the mesh, displaced along the lines of sight of a photo in
+steps of inverse depth: neighbouring photos are warped onto each copy and compared with the photo by normalized cross-correlation
+in small windows. The best copy of a pixel gives its depth; it counts where the depths of other photos agree. Keypoints are
+sparse and need distinct texture; these points cover all textured parts, but only within reach of the start. (ledger:
+surface sweep)
+"""
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from numba import njit
+
+from fairing.camera import Camera, resizing
+from fairing.features.points import FeaturePoints
+from fairing.geometry.rasterize import rasterize_inverse
+from fairing.mesh import Mesh
+from fairing.scene import View
+
+MEGAPIXELS = 0.35
+"""Larger photos are reduced to this size ..."""
+LARGEST_ERROR = 6.0
+"""... and further, until the start error has this many pixels."""
+NEIGHBORS = 4
+"""Photos each photo is compared with, the nearest ones ..."""
+AXIS_ANGLE = 45.0
+"""... whose optical axes lie within this angle of its own, degrees."""
+HALF_WINDOW = 3
+"""px: windows of the correlation have (2 HALF_WINDOW + 1)^2 pixels."""
+REACH = 2.0
+"""Of the start error: displacements of the mesh along lines of sight; these meet most faces obliquely."""
+MAX_STEPS = 24
+"""Copies of the mesh on either side of it, at most."""
+MIDDLE_GREY = 128.0
+"""Subtracted from grey levels, for accuracy: sums of squares are in single precision."""
+NOISE = 4.0
+"""Grey levels^2: added to the variances of a window; windows with less than twice that have no texture."""
+LEAST_CORRELATION = 0.6
+LEAST_MARGIN = 0.05
+"""Of the correlation above that of the best copy elsewhere."""
+SPACING = 3
+"""px between the points of a photo."""
+POINTS_PER_FACE = 75
+"""Of all photos, at most; evenly left out beyond."""
+VIEWS = 3
+"""Photos whose depths agree at a point, at least ..."""
+AGREEMENT = 1.5
+"""... within this many steps."""
+SIGMA = 0.4
+"""Steps: standard deviation of a point along its line of sight."""
+SIGMA_ACROSS = 0.3
+"""px, across it."""
+
+
+class _Reduced(NamedTuple):
+    """A photo of the sweep: camera, grey levels (height, width) float32, and (height, width) bool: pixels that count."""
+
+    camera: Camera
+    grey: np.ndarray
+    counts: np.ndarray
+
+
+class _Depths(NamedTuple):
+    """Attributes:
+    inverse: (height, width) float64, 1 / world units; 0 where unknown.
+    step: 1 / world units: between two copies of the mesh.
+    face: (height, width) int: of the mesh; -1 beside it.
+    """
+
+    inverse: np.ndarray
+    step: float
+    face: np.ndarray
+
+
+class SurfaceSweep:
+    """The photos of a scene, reduced, for sweeps from several states of a mesh.
+
+    Args:
+        executor: runs one task for each photo; the result does not depend on it.
+        check: called before every task; may raise `Cancelled`.
+    """
+
+    def __init__(self, views: Sequence[View], executor: Executor, check: Callable[[], None] = lambda: None) -> None:
+        self._views, self._executor, self._check = views, executor, check
+        self._neighbors = _neighbors([view.camera for view in views])
+
+    def points(self, mesh: Mesh, error: float) -> FeaturePoints:
+        """Points near a mesh whose vertices are about `error` px off; their observations are the centres of pixels.
+
+        Raises:
+            Cancelled: by `check`.
+        """
+
+        photos = list(self._executor.map(lambda view: _reduced(view, error), self._views))
+
+        def depths(number: int) -> _Depths:
+            px = self._views[number].camera.width / photos[number].camera.width
+            return self._depths(photos, number, mesh, error / px)
+
+        every = range(len(photos))
+        found = list(self._executor.map(depths, every))
+        parts = [self._points_of(photos, number, found) for number in every]
+        positions, covariance, photo, faces = (np.concatenate(values) for values in zip(*parts, strict=True))
+        if len(positions) == 0:
+            return FeaturePoints.none("no pixel's depth agrees in enough photos")
+        kept = _spread(faces)
+        positions, covariance, photo, count = positions[kept], covariance[kept], photo[kept], len(kept)
+        return FeaturePoints(
+            positions, covariance, np.zeros((count, 3), np.uint8), np.arange(count + 1), photo,
+            np.zeros((count, 2)), np.zeros(count), SIGMA_ACROSS,
+        )  # fmt: skip
+
+    def _depths(self, photos: list[_Reduced], number: int, mesh: Mesh, error: float) -> _Depths:
+        """Depths of the pixels of a photo; error: of the mesh, px of the reduced photo."""
+        camera, grey, counts = photos[number]
+        unknown = np.zeros((camera.height, camera.width))
+        face, inverse = rasterize_inverse(mesh.vertices, mesh.faces, camera)
+        inverse = _extended(inverse, error)
+        inverse[~counts] = 0
+        rows, columns = np.nonzero(inverse)
+        if len(rows) == 0 or not self._neighbors[number]:
+            return _Depths(unknown, 1.0, face)
+        area = np.s_[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1]
+        inverse, grey = np.ascontiguousarray(inverse[area]), np.ascontiguousarray(grey[area])
+        warps = [_warp(camera, photos[k].camera, area) for k in self._neighbors[number]]
+        typical = float(np.median(inverse[inverse > 0]))
+        middle = np.array([inverse.shape[1] / 2, inverse.shape[0] / 2, 1.0])
+        step = 1 / max(max(_px_per_inverse(A @ middle, b, typical) for A, b in warps), 1e-300)
+        focal = camera.K[0, 0]
+        count = int(np.clip(np.ceil(REACH * error * typical / focal / step), HALF_WINDOW, MAX_STEPS))
+        scores = np.full((2 * count + 1, *grey.shape), -1, np.float32)
+        second, warped = np.empty_like(grey), np.empty_like(grey)
+        for shift, best in zip(step * np.arange(-count, count + 1), scores, strict=True):
+            self._check()
+            second[:] = -1
+            for k, (A, b) in zip(self._neighbors[number], warps, strict=True):
+                _warp_photo(photos[k].grey, inverse, shift, A, b, warped)
+                _correlate(grey, warped, best, second)
+            if len(warps) > 1:
+                best += second  # of the others, those with a worse correlation may see something else
+                best /= 2
+        place = np.empty(grey.shape)
+        _peaks(scores, place)
+        is_known = (place > 0) & (inverse > 0) & _has_texture(grey)
+        unknown[area] = np.where(is_known, inverse + (place - 1 - count) * step, 0.0)
+        return _Depths(unknown, step, face)
+
+    def _points_of(
+        self, photos: list[_Reduced], number: int, depths: list[_Depths]
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Positions (p, 3), covariances (p, 3, 3), photo (p,) and face (p,) of the points of a photo."""
+        camera, (inverse, step, face) = photos[number].camera, depths[number]
+        row, column = np.mgrid[SPACING // 2 : camera.height : SPACING, SPACING // 2 : camera.width : SPACING]
+        row, column = row[inverse[row, column] > 0], column[inverse[row, column] > 0]
+        at = inverse[row, column]
+        rays = np.column_stack([column, row, np.ones(len(row))]) @ np.linalg.inv(camera.image_from_world[:, :3]).T
+        positions = camera.center + rays / at[:, None]
+        agrees = np.zeros((len(positions), len(photos)), dtype=bool)
+        agrees[:, number] = True
+        for k in self._neighbors[number]:
+            other = photos[k].camera
+            uv, depth = other.project(positions)
+            u, v = np.rint(np.nan_to_num(uv, nan=-1.0)).clip(-1, 1 << 20).astype(int).T
+            inside = np.flatnonzero((depth > 0) & (u >= 0) & (v >= 0) & (u < other.width) & (v < other.height))
+            there, its_step = depths[k].inverse[v[inside], u[inside]], depths[k].step
+            near = np.abs(there - 1 / depth[inside]) < AGREEMENT * max(step, its_step)
+            agrees[inside[(there > 0) & near], k] = True
+        kept = agrees.sum(axis=1) >= VIEWS
+        positions, at, face = positions[kept], at[kept], face[row, column][kept]
+        sight = (positions - camera.center) / np.linalg.norm(positions - camera.center, axis=1, keepdims=True)
+        across = (SIGMA_ACROSS / (at * camera.K[0, 0])) ** 2
+        along = (SIGMA * step / at**2) ** 2
+        covariance = across[:, None, None] * np.eye(3) + along[:, None, None] * sight[:, :, None] * sight[:, None, :]
+        return positions, covariance, np.full(len(positions), number), face
+
+
+def _reduced(view: View, error: float) -> _Reduced:
+    size = (view.camera.width, view.camera.height)
+    shrink = min(1.0, (MEGAPIXELS * 1e6 / (size[0] * size[1])) ** 0.5, LARGEST_ERROR / error)
+    reduced = (max(1, round(size[0] * shrink)), max(1, round(size[1] * shrink)))
+    grey = cv2.cvtColor(view.photo.load(), cv2.COLOR_RGB2GRAY)
+    if reduced != size:
+        grey = cv2.resize(grey, reduced, interpolation=cv2.INTER_AREA)
+    grey = grey.astype(np.float32) - np.float32(MIDDLE_GREY)
+    counts = np.ones(grey.shape, dtype=bool)
+    if view.mask is not None:
+        counts = cv2.resize(view.mask.load().astype(np.uint8), reduced, interpolation=cv2.INTER_NEAREST) > 0
+        grey[~counts] = 0
+    camera = Camera(resizing(size, reduced) @ view.camera.image_from_world, *reduced)
+    return _Reduced(camera, grey, counts)
+
+
+def _neighbors(cameras: list[Camera]) -> list[list[int]]:
+    centers = np.array([camera.center for camera in cameras])
+    axes = np.array([camera.image_from_world[2, :3] for camera in cameras])
+    distance = np.linalg.norm(centers[:, None] - centers, axis=2)
+    usable = (distance > 1e-6 * distance.max()) & (axes @ axes.T > np.cos(np.radians(AXIS_ANGLE)))
+    order = np.argsort(distance, axis=1, kind="stable")
+    return [[int(k) for k in order[n] if usable[n, k]][:NEIGHBORS] for n in range(len(cameras))]
+
+
+def _spread(faces: np.ndarray) -> np.ndarray:
+    """Indices, ascending, of points with these faces (p,) int: at most `POINTS_PER_FACE` of a face, evenly chosen."""
+    order = np.argsort(faces, kind="stable")
+    _, first, count = np.unique(faces[order], return_index=True, return_counts=True)
+    rank = np.arange(len(faces)) - np.repeat(first, count)
+    return np.sort(order[rank % np.repeat(-(-count // POINTS_PER_FACE), count) == 0])
+
+
+def _extended(inverse: np.ndarray, margin: float) -> np.ndarray:
+    """Inverse depths (height, width), those beside the surface, within a margin in px, taken from its nearest pixel."""
+    is_empty = inverse == 0
+    if is_empty.all() or not is_empty.any():
+        return inverse
+    distance, label = cv2.distanceTransformWithLabels(
+        is_empty.astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_PIXEL
+    )
+    of_label = np.zeros(int(label.max()) + 1)
+    of_label[label[~is_empty]] = inverse[~is_empty]
+    return np.where(distance <= margin, of_label[label], 0.0)
+
+
+def _warp(camera: Camera, other: Camera, area: tuple[slice, slice]) -> tuple[np.ndarray, np.ndarray]:
+    """A (3, 3) and b (3,): A (x, y, 1) + inverse depth * b is the pixel (x, y) of an area in the other photo, homogeneous."""
+    shift = np.array([[1.0, 0, area[1].start], [0, 1, area[0].start], [0, 0, 1]])
+    P = other.image_from_world
+    A = P[:, :3] @ np.linalg.inv(camera.image_from_world[:, :3]) @ shift
+    return A, P[:, :3] @ camera.center + P[:, 3]
+
+
+def _px_per_inverse(a: np.ndarray, b: np.ndarray, inverse: float) -> float:
+    """Motion in px per change of the inverse depth of a pixel a + inverse * b (3,), homogeneous."""
+    h = a + inverse * b
+    return float(np.linalg.norm(b[:2] - h[:2] / h[2] * b[2]) / abs(h[2]))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _warp_photo(photo, inverse, shift, A, b, result):
+    """Grey levels of a photo (H, W) at the pixels (h, w) with these inverse depths and a shift of them; 0 where unknown."""
+    height, width = photo.shape
+    for y in range(inverse.shape[0]):
+        u0, v0, w0 = A[0, 1] * y + A[0, 2], A[1, 1] * y + A[1, 2], A[2, 1] * y + A[2, 2]
+        for x in range(inverse.shape[1]):
+            result[y, x] = 0
+            if inverse[y, x] <= 0:
+                continue
+            at = inverse[y, x] + shift
+            w = A[2, 0] * x + w0 + at * b[2]
+            if w <= 0:
+                continue
+            scale = 1 / w
+            u, v = (A[0, 0] * x + u0 + at * b[0]) * scale, (A[1, 0] * x + v0 + at * b[1]) * scale
+            if not (0 <= u < width - 1 and 0 <= v < height - 1):
+                continue
+            i, j = np.int32(u), np.int32(v)
+            s, t = np.float32(u - i), np.float32(v - j)
+            top = photo[j, i] + s * (photo[j, i + 1] - photo[j, i])
+            bottom = photo[j + 1, i] + s * (photo[j + 1, i + 1] - photo[j + 1, i])
+            result[y, x] = top + t * (bottom - top)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _correlate(a, b, best, second):
+    """Normalized cross-correlation of the windows of two pictures (h, w) float32, entered among the best two (h, w) so far.
+
+    Windows are cut off at the border of the pictures; what is cut off counts as 0, a mean grey level, in both.
+    """
+    height, width = a.shape
+    size = 2 * HALF_WINDOW + 1
+    count, noise = np.float32(size * size), np.float32(NOISE)
+    sums = np.zeros((5, width + 2 * HALF_WINDOW), np.float32)  # by column: of a, b, a a, b b, a b
+    for y in range(height):
+        sums[:] = 0
+        for row in range(max(0, y - HALF_WINDOW), min(height, y + HALF_WINDOW + 1)):
+            for x in range(width):
+                p, q = a[row, x], b[row, x]
+                sums[0, x + HALF_WINDOW] += p
+                sums[1, x + HALF_WINDOW] += q
+                sums[2, x + HALF_WINDOW] += p * p
+                sums[3, x + HALF_WINDOW] += q * q
+                sums[4, x + HALF_WINDOW] += p * q
+        for x in range(width):
+            A = B = AA = BB = AB = np.float32(0)
+            for k in range(size):
+                A += sums[0, x + k]
+                B += sums[1, x + k]
+                AA += sums[2, x + k]
+                BB += sums[3, x + k]
+                AB += sums[4, x + k]
+            A /= count
+            B /= count
+            variances = (AA / count - A * A + noise) * (BB / count - B * B + noise)
+            value = (AB / count - A * B) / np.sqrt(variances)
+            second[y, x] = max(second[y, x], min(best[y, x], value))
+            best[y, x] = max(best[y, x], value)
+
+
+@njit(cache=True, nogil=True)
+def _has_texture(grey):
+    """(h, w) bool: pixels whose windows have a variance of more than twice `NOISE`."""
+    height, width = grey.shape
+    result = np.zeros((height, width), np.bool_)
+    for y in range(HALF_WINDOW, height - HALF_WINDOW):
+        for x in range(HALF_WINDOW, width - HALF_WINDOW):
+            total = squares = np.float32(0)
+            for row in range(y - HALF_WINDOW, y + HALF_WINDOW + 1):
+                for column in range(x - HALF_WINDOW, x + HALF_WINDOW + 1):
+                    total += grey[row, column]
+                    squares += grey[row, column] * grey[row, column]
+            count = (2 * HALF_WINDOW + 1) ** 2
+            result[y, x] = squares / count - (total / count) ** 2 > 2 * NOISE
+    return result
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _peaks(scores, result):
+    """Place (h, w) of the largest score (k, h, w), by a parabola, counted from 1; 0 where it is not a clear maximum."""
+    count, height, width = scores.shape
+    best, top, other = np.zeros(width, np.int64), np.empty(width, np.float32), np.empty(width, np.float32)
+    for y in range(height):
+        best[:] = 0
+        top[:] = scores[0, y]
+        for k in range(1, count):
+            for x in range(width):
+                if scores[k, y, x] > top[x]:
+                    top[x], best[x] = scores[k, y, x], k
+        other[:] = -1
+        for k in range(count):
+            for x in range(width):
+                if abs(k - best[x]) > 1:
+                    other[x] = max(other[x], scores[k, y, x])
+        for x in range(width):
+            k = best[x]
+            is_peak = 0 < k < count - 1 and top[x] > LEAST_CORRELATION and top[x] - other[x] > LEAST_MARGIN
+            result[y, x] = 0
+            if is_peak:
+                before, after = scores[k - 1, y, x], scores[k + 1, y, x]
+                curvature = before - 2 * top[x] + after
+                result[y, x] = k + 1 + (0.5 * (before - after) / curvature if curvature < 0 else 0.0)

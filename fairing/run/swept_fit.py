@@ -1,0 +1,67 @@
+"""Swept fit: a robust fit of the start to the sparse points, then to the points of surface sweeps from where it ended."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fairing.camera import Camera
+from fairing.features.points import FeaturePoints
+from fairing.features.robust_fit import robust_fit
+from fairing.features.surface_sweep import SurfaceSweep
+from fairing.mesh import Mesh
+from fairing.run.start_error import measured_start_error
+from fairing.solve.problem import Problem
+
+SWEEPS = 2  # each allows for half the error of the one before (ledger: surface sweep)
+LEAST_ERROR = 3.0  # px: that a sweep allows for
+FAR_PART, FAR_PX = (
+    0.25,
+    1.0,
+)  # a start is far off if a fit to the sparse points moves this part of its vertices that far
+
+
+class SweptFit(NamedTuple):
+    """Attributes:
+    vertices: (n, 3) float: fitted positions, world units.
+    points: of the last sweep.
+    """
+
+    vertices: np.ndarray
+    points: FeaturePoints
+
+
+def swept_fit(problem: Problem, vertices: np.ndarray) -> SweptFit:
+    """The fit of vertices (n, 3), which keep their place where it would fold a face.
+
+    A start that the sparse points hardly move is not swept: it is more accurate than single pixels' depths.
+    It depends on the photos, the fitting points, the locked vertices and `vertices` alone.
+
+    Raises:
+        Cancelled: cancellation was requested.
+    """
+    views, check = problem.scene.views, problem.raise_if_cancelled
+    cameras, mesh = [view.camera for view in views], problem.scene.mesh.moved(vertices)
+
+    def fitted_to(points: FeaturePoints) -> Mesh:
+        return mesh.moved(robust_fit(mesh, cameras, points, problem.locked, check).vertices)
+
+    check()
+    sweep = SurfaceSweep(views, problem.evaluator.pool, check)
+    points, near = problem.observed_points, FeaturePoints.none("no sweep was made")
+    error, fitted = measured_start_error(problem, vertices), fitted_to(points)
+    for k in range(SWEEPS if _is_far(mesh, fitted, cameras) else 0):
+        near = sweep.points(fitted, max(error / 2**k, LEAST_ERROR))
+        fitted = fitted_to(points.joined(near))
+    ids, after = np.flatnonzero(~problem.locked), vertices.copy()
+    moves, _ = problem.unfolded(vertices, ids, (fitted.vertices - vertices)[ids])
+    after[ids] += moves
+    return SweptFit(after, near)
+
+
+def _is_far(start: Mesh, fitted: Mesh, cameras: list[Camera]) -> bool:
+    """Whether a fit moved `FAR_PART` of the vertices by `FAR_PX`, as the median photo sees them at a right angle."""
+    depth = np.array([camera.project(start.vertices)[1] for camera in cameras])
+    focal = np.array([camera.K[0, 0] for camera in cameras])
+    px = np.median(focal[:, None] / np.where(depth > 0, depth, np.inf), axis=0)
+    moved = px * np.linalg.norm(fitted.vertices - start.vertices, axis=1)
+    return float(np.quantile(moved, 1 - FAR_PART)) >= FAR_PX
