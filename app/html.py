@@ -57,7 +57,9 @@ STYLE = f"""
 .ef .swatch {{ width: 10px; height: 10px; border-radius: 3px; flex: none; }}
 .ef .layer.off .swatch {{ opacity: .35; }}
 .ef .one {{ white-space: nowrap; overflow: hidden; text-overflow: ellipsis; }}
-.ef .pinned .one, .ef .kind .one {{ contain: inline-size; }}
+.ef .pinned .one, .ef .kind .one, .ef .work-line {{ contain: inline-size; }}
+.ef .work-line {{ display: flex; white-space: pre; overflow: hidden; }} .ef .work-line span {{ flex: none; }}
+.ef .work-line span:first-child {{ flex: 0 1 auto; overflow: hidden; text-overflow: ellipsis; }}
 .ef .strip {{ position: relative; flex: 1; height: 22px; background: var(--well); border-radius: 3px; cursor: pointer; }}
 .ef .strip img {{ width: 100%; height: 100%; image-rendering: pixelated; border-radius: 3px; pointer-events: none; }}
 .ef .strip i {{ position: absolute; top: -2px; bottom: -2px; width: 2px; margin-left: -1px;

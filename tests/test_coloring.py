@@ -79,7 +79,7 @@ def test_colours_follow_the_values_between_the_ends_of_the_scale():
         assert np.abs(read_back(mesh, 3 * face) - color_map()[round(at)]).max() < 3
     assert mesh.legend.unknown == 1
     assert np.array_equal(read_back(mesh, 15), UNKNOWN)
-    assert "1 faces unknown: too few photos" in legend_html(mesh.legend)
+    assert "1 face unknown: too few photos" in legend_html(mesh.legend)
     assert np.array_equal(mesh.vertices.reshape(-1, 3, 3), VERTICES[FACES])
 
 

@@ -32,5 +32,8 @@ def test_every_colour_of_the_vertex_marks_is_explained_and_no_other():
             controller.post(Forward(Extent.ITERATION))
             state = controller.wait_until_idle()
         assert explained() == {"unmoved", "moved", "locked", "selected", "last step"}
+        assert "paths" not in marks_html(state, page_state), "drawn as long as they are"
+        page_state.magnification = 20
+        assert "paths ×20" in marks_html(state, page_state)
     finally:
         controller.close()

@@ -149,10 +149,10 @@ class Interpreter:
         began: SchedulePosition | None = None
         self._stopped = session.vertices
         while not session.finished:
-            is_new = session.moment == len(session.trace)
+            is_new, is_planned = session.moment == len(session.trace), session.trace.plan is not None
             started = time.perf_counter()
             session.step()
-            if is_new:
+            if is_new and is_planned:  # the first step also plans the run
                 self._step_seconds.append(time.perf_counter() - started)
             began = began or session.trace.steps[session.moment - 1].position
             if stops and (stop := self._markers.check(session, self._stopped)):

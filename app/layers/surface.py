@@ -198,7 +198,12 @@ class SurfaceLayer:
             self._draw(wanted, self._answer[1], vertices)
         if self._drawn is not None:
             drawn, _, legend = self._drawn
-            self.legend = legend if drawn.moment == wanted.moment else replace(legend, moment=drawn.moment)
+            self.legend = replace(
+                legend,
+                note=self._note(drawn, page_state.flow_scale),
+                moment=None if drawn.moment == wanted.moment else drawn.moment,
+                awaited="" if drawn.coloring == name else COLORINGS[name].title,
+            )
         return self._colored if self._colored.shown is not None else None
 
     def _query(self, wanted: Wanted) -> None:
@@ -214,17 +219,17 @@ class SurfaceLayer:
         if self._drawn is None or self._drawn[0] != wanted or self._drawn[1] is not vertices:
             points = set_back(vertices, self._scene, self._stage)
             mesh = color_mesh(COLORINGS[wanted.coloring], values, points, self._scene.mesh.faces)
-            self._drawn = (wanted, vertices, replace(mesh.legend, note=self._note(wanted)))
+            self._drawn = (wanted, vertices, mesh.legend)
             self._colored.offer(GlbMesh(write_glb(mesh.vertices, mesh.faces, mesh.uv, mesh.picture, "image/png")))
 
-    def _note(self, wanted: Wanted) -> str:
-        """The photos that the values come from, and what the arrows show."""
+    def _note(self, wanted: Wanted, flow_scale: int) -> str:
+        """The photos that the values come from, and what the arrows show, with the factor by which they are longer."""
         if COLORINGS[wanted.coloring].of_photo is None:
             return ""
         photos, arrows = "All photos", "how far each face is off"
         if wanted.view is not None:
             photos, arrows = f"Photo {self._scene.views[wanted.view].name}", "the flow"
-        return f"{photos}. Arrows: {arrows}." if wanted.coloring == "flow" else photos
+        return f"{photos}. Arrows: {arrows}, ×{flow_scale}." if wanted.coloring == "flow" else photos
 
     def _take(self, wanted: Wanted, found: np.ndarray | Exception) -> None:
         self._answer = (wanted, found)

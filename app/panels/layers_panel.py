@@ -8,6 +8,7 @@ from app.debugger.run_state import RunState
 from app.html import button
 from app.page_state.page_state import LAYERS, MAX_MAGNIFICATION, PageState
 from app.palette import CAMERA, NOW, POINTS, SELECTED, START, TRUTH, solid
+from app.panels.legend import PATH
 from app.viser_bridge.html_events import HtmlEvents, choice_of, press, whole_number
 from app.viser_bridge.html_panel import HtmlPanel
 from app.viser_bridge.synced_widget import on_user_change
@@ -18,7 +19,7 @@ SWATCHES: dict[str, str] = {
     "start": solid(START),
     "truth": solid(TRUTH),
     "vertices": f"linear-gradient(90deg,{solid(START)} 50%,{solid(NOW)} 50%)",
-    "paths": f"linear-gradient(90deg,{solid(START)},{solid(NOW)})",
+    "paths": PATH,
     "certainty": solid(SELECTED),
     "cameras": solid(CAMERA),
     "points": solid(POINTS),

@@ -11,6 +11,7 @@ from app.pictures.coloring import COLORINGS, UNKNOWN, Legend, Scale, color_map
 from app.viser_bridge.view_overlay import ViewOverlay
 
 STOPS = 16
+PATH = f"linear-gradient(90deg,{solid(START)},{solid(NOW)})"
 
 
 class LegendBox:
@@ -63,6 +64,8 @@ def marks_html(state: RunState, page_state: PageState) -> str:
     ]
     if stepped_vertex(state) is not None:
         marks.append(f"<span><i class='ring' style='border-color:{solid(STEPPED)}'></i>last step</span>")
+    if page_state.shows("paths") and page_state.magnification > 1 and state.moment > 0:
+        marks.append(f"<span><i class='path' style='background:{PATH}'></i>paths ×{page_state.magnification:g}</span>")
     return f"<div class='lines marks'>{''.join(marks)}</div>" if marks else ""
 
 
@@ -81,8 +84,11 @@ def legend_html(legend: Legend) -> str:
         parts.append(_entry(_color(0), f"all {whose}", _value(legend.low, legend)))
     if legend.unknown:
         reason = f": {coloring.unknown}" if coloring.unknown else ""
-        parts.append(_entry(UNKNOWN, f"{legend.unknown} {whose} unknown{reason}", ""))
-    if legend.moment is not None:
+        these = whose if legend.unknown > 1 else "face" if coloring.by_face else "vertex"
+        parts.append(_entry(UNKNOWN, f"{legend.unknown} {these} unknown{reason}", ""))
+    if legend.awaited:
+        parts.append(f"<div class='selected'>Computing: {text(legend.awaited)}…</div>")
+    elif legend.moment is not None:
         parts.append(f"<div class='selected'>of moment {legend.moment}; the present one is being computed</div>")
     return "".join(parts) + "</div>"
 

@@ -38,6 +38,9 @@ from app.viser_bridge.html_panel import HtmlPanel
 from fairing.mesh import Mesh
 from fairing.trace import StepRecord
 
+A_WIDTH = 10  # of the mark of A, in units of the plot
+NUMBER_WIDTH = 50  # of the present value
+
 ERROR = "error"
 _ERROR = Quantity(
     ERROR, "distance to the truth along directions the photos determine, % of the diagonal; of the run: RMS",
@@ -205,9 +208,11 @@ class Plot:
         if here:
             value = here[-1].values[np.searchsorted(here[-1].moments, state.moment, side="right") - 1]
             parts.append(f'<circle cx="{x(state.moment):.1f}" cy="{y(value):.1f}" r="4" fill="{css(SELECTED)}"/>')
-            parts.append(
-                f'<text x="{WIDTH - RIGHT - 2}" y="{TOP + 6}" text-anchor="end">{number(float(value), 4)}</text>'
-            )
+            right = WIDTH - RIGHT - 2
+            at_a = 0.0 if compared is None else float(x(min(compared.moment, length)))
+            if at_a > right - NUMBER_WIDTH:  # the mark of A would cover the number
+                right = at_a - A_WIDTH
+            parts.append(f'<text x="{right:.1f}" y="{TOP + 6}" text-anchor="end">{number(float(value), 4)}</text>')
         inner = WIDTH - LEFT - RIGHT
         fraction = f"(event.clientX-r.left)/r.width*{WIDTH}-{LEFT}"
         press = (
@@ -232,6 +237,6 @@ def _mark_of_a(x: float) -> str:
     """Mark of the reference moment A."""
     return (
         f'<line x1="{x:.1f}" x2="{x:.1f}" y1="{TOP}" y2="{HEIGHT - BOTTOM}" stroke="{css(REFERENCE, 0.8)}"/>'
-        f'<rect x="{x - 5:.1f}" y="0" width="10" height="11" rx="2" fill="{css(REFERENCE)}"/>'
+        f'<rect x="{x - A_WIDTH / 2:.1f}" y="0" width="{A_WIDTH}" height="11" rx="2" fill="{css(REFERENCE)}"/>'
         f'<text x="{x:.1f}" y="9" text-anchor="middle" style="fill:#16181c;font-weight:700">A</text>'
     )

@@ -1,5 +1,6 @@
 """Status: the position in the schedule, the outcome of the last step, and the energy."""
 
+import re
 from collections.abc import Callable
 
 import viser
@@ -16,6 +17,8 @@ from app.viser_bridge.html_panel import HtmlPanel
 from fairing.cells.level_choice import level_for_error
 from fairing.run.phases import schedule_of
 from fairing.trace import SchedulePosition
+
+_COUNT = re.compile(r"[,:] (\w+ )?\d+ of \d+$")
 
 
 class Status:
@@ -50,7 +53,7 @@ class Status:
             f"<div class='crumbs row'>{self._crumbs(state)}</div>"
             f"<div class='row'><span class='one grow'>{self._energy(state)}</span>{_blur(state)}</div>"
             f"<div class='dim one' title='{text(last)}'>{text(last)}</div>"
-            f"<div class='row'><span class='{color} one grow' title='{text(line)}'>{text(line)}</span>"
+            f"<div class='row'><span class='{color} grow work-line' title='{text(line)}'>{_work_line(line)}</span>"
             f"<span class='dim' style='flex:none'>{text(left)}</span></div>{bar}</div>"
         )
 
@@ -119,6 +122,13 @@ def _headline(state: RunState, page_state: PageState) -> str:
     return state.activity.value.capitalize()
 
 
+def _work_line(line: str) -> str:
+    """Markup: a line that ends in an ellipsis where it is too long, but keeps the count at its end, such as ", 4 of 15"."""
+    count = _COUNT.search(line)
+    words = line if count is None else line[: count.start()]
+    return f"<span>{text(words)}</span>{'' if count is None else f'<span>{text(count.group())}</span>'}"
+
+
 def _reason(state: RunState, outcome: str) -> str:
     """Why the run stopped; where the outcome of the last step says it already, why the run began at its level."""
     return begin_note(state) if state.reason == outcome else _sentence(state.reason.removeprefix("finished: "))
@@ -136,7 +146,7 @@ def begin_note(state: RunState) -> str:
     elif error > 0 and level_for_error(error, options) == begin:
         why = f"the start is about {number(error, 2)} px off"
     else:
-        why = "its blur suits the size of the faces"
+        why = "its blur suits the face size"
     return f"Begins at level {begin + 1}: {why}"
 
 

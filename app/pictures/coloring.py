@@ -99,7 +99,7 @@ COLORINGS: dict[str, Coloring] = {
         "Energy", "Energy of each face", "", True, Scale.LINEAR, quantities.face_energy, unknown=FEW_PHOTOS
     ),
     "residual": Coloring(
-        *("Residual", "Mean |I − U c|, grey levels", "", True, Scale.LINEAR, _mean_residual),
+        *("Residual", "Mean absolute residual, grey levels", "", True, Scale.LINEAR, _mean_residual),
         unknown=FEW_PHOTOS, of_photo=FaceResiduals.mean_residual,
     ),
     "flow": Coloring(
@@ -135,7 +135,8 @@ class Legend:
         unknown: number of faces or vertices without a value.
         categories: name, colour and count of each category, for `Scale.REASON`.
         moment: the moment of the values, where it is not the present one.
-        note: the photos that the values come from; may be empty.
+        note: the photos that the values come from, and what the arrows show; may be empty.
+        awaited: title of another quantity that was chosen and is being computed; empty: none.
     """
 
     coloring: Coloring
@@ -147,6 +148,7 @@ class Legend:
     categories: tuple[tuple[str, RGB, int], ...] = ()
     moment: int | None = None
     note: str = ""
+    awaited: str = ""
 
 
 @dataclass(frozen=True, eq=False)

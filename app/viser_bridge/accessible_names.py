@@ -1,7 +1,8 @@
 """Accessible names of viser's own widgets.
 
-In viser 1.1.1 sliders, number inputs and the icons of the main panel have no accessible name. A script in the page gives them
-the name that stands beside them, whenever the page has changed.
+In viser 1.1.1 sliders, number inputs, the icons of the main panel and the command palette have no accessible name, and the
+titles of folders cannot be reached by keyboard. A script in the page gives them the name that stands beside them, and makes
+the titles buttons, whenever the page has changed.
 """
 
 import viser
@@ -26,6 +27,23 @@ if (!window.eigenfairingNames) {
       const icon = [...(button.querySelector('svg')?.classList ?? [])].find(name => name.startsWith('tabler-icon-'));
       button.dataset.named = 'yes';
       set(button, icons[icon] ?? (icon ?? 'button').replace('tabler-icon-', '').replaceAll('-', ' '));
+    }
+    for (const palette of document.querySelectorAll('[role=dialog]:has([class*=mantine-Spotlight])')) {
+      set(palette, 'All commands');
+      palette.querySelectorAll('.mantine-ScrollArea-viewport').forEach(list => { list.tabIndex = 0; });
+    }
+    for (const arrow of document.querySelectorAll('.mantine-Paper-root > .mantine-Paper-root > svg[class*=chevron]')) {
+      const title = arrow.parentElement;
+      title.setAttribute('aria-expanded', arrow.classList.contains('tabler-icon-chevron-up'));
+      if (title.role === 'button') continue;
+      title.role = 'button';
+      title.tabIndex = 0;
+      title.addEventListener('keydown', event => {
+        if (event.target !== title || !['Enter', ' '].includes(event.key)) return;
+        event.preventDefault();
+        event.stopPropagation();
+        title.click();
+      });
     }
   };
   let due = 0;

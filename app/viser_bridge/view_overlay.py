@@ -30,6 +30,7 @@ OVERLAY_STYLE = """
 #eigenfairing-overlay .marks i { width: 9px; height: 9px; border-radius: 50%; }
 #eigenfairing-overlay .marks .block { border-radius: 1px; }
 #eigenfairing-overlay .marks .ring { border: 2px solid; }
+#eigenfairing-overlay .marks .path { width: 16px; height: 3px; border-radius: 1px; }
 #eigenfairing-overlay .legend { width: 208px; margin-top: 6px; padding: 5px 8px; gap: 1px; font-size: 12px;
   background: color-mix(in srgb, var(--well) 85%, transparent); border-radius: 4px; }
 """

@@ -1,4 +1,4 @@
-"""Style of viser's own elements, by the names they have in its page: the theme's variables, labels, tabs, dialogs.
+"""Style of viser's own elements, by the names they have in its page: the theme's variables, labels, tabs, palette, dialogs.
 
 Notifications lie below a dialog of ours, whose z-index is 100. Two panels stay visible while the others are scrolled:
 those whose content has the class `pinned`.
@@ -12,9 +12,10 @@ _LIGHT = "[data-mantine-color-scheme=light]"
 
 # On pure white, the bright colours of points and selection would be invisible on the transparent canvas.
 STYLE = f"""
-{variables(".ef, .mantine-Flex-root label, [role=tab]", _LIGHT)}
+{variables(".ef, .mantine-Flex-root label, [role=tab], .mantine-Spotlight-action", _LIGHT)}
 {_LIGHT} canvas[data-engine] {{ background: {solid(GROUND[1])} }}
 .mantine-Flex-root label {{ color: var(--dim); }}
+.mantine-Spotlight-action .mantine-Spotlight-actionDescription {{ color: var(--dim); opacity: 1; }}
 [role=tab][aria-selected=true][role=tab] {{ color: {css(BRAND_TEXT)} !important; }}
 div:has(> .ef > .pinned) {{ position: sticky; top: 0; z-index: 5; background: var(--mantine-color-body);
   padding-top: 10px; margin-top: -10px; }}

@@ -1,5 +1,6 @@
 """The page fits its window, and is accessible: widths, names, contrast, the dialog of keys, the palette, the tab's title."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -8,10 +9,17 @@ import pytest
 from axe_playwright_python.sync_playwright import Axe
 
 from app.debugger.commands import Restart
+from app.debugger.compare import Reference
+from app.debugger.run_state import Activity, RunState
+from app.debugger.watch import parse_watch
+from app.debugger.work_report import WorkReport
+from app.page_state.cells_state import PAGES, CellsView
 from app.page_state.page_state import PlotView
-from app.panels.status import Status
+from app.page_state.selection import Selection
+from app.panels.status import Status, begin_note
 from app.viser_bridge.floating import MARGIN
 from fairing.options import FairingOptions, ScheduleOptions
+from fairing.run_plan import RunPlan
 from fairing.trace import SchedulePosition
 from tests.browser.driver import IN_BROWSER, WINDOW, Visitor
 from tests.waiting import wait_for
@@ -29,6 +37,7 @@ PANELS = (
     ("Breakpoints", "Layers", "Options", "Vertex"),
     ("Runs", "Bookmarks", "Timeline"),
 )
+GROUPS = ".mantine-Paper-root > .mantine-Paper-root:has(> svg[class*=chevron])"  # titles of viser's folders
 TOO_WIDE = """() => {
     const found = [];
     for (const element of document.querySelectorAll('body *')) {
@@ -86,7 +95,7 @@ def too_wide(visitor: Visitor) -> list[str]:
     return visitor.page.evaluate(TOO_WIDE)
 
 
-@pytest.mark.parametrize("order", ["sequential", "independent", "joint"])
+@pytest.mark.parametrize("order", ["sequential", "worst_first", "independent", "joint"])
 def test_no_panel_overflows_or_scrolls_sideways(visitor: Visitor, order: str):
     visitor.app.controller.post(Restart(FairingOptions(schedule=ScheduleOptions(order=order))))
     visitor.app.controller.wait_until_idle()
@@ -101,6 +110,68 @@ def test_no_panel_overflows_or_scrolls_sideways(visitor: Visitor, order: str):
         other = "light" if theme == "dark" else "dark"
         visitor.page.wait_for_selector(f"html[data-mantine-color-scheme={other}]")
     visitor.page.set_viewport_size(WINDOW)
+
+
+@pytest.fixture
+def filled(visitor: Visitor) -> Iterator[Visitor]:
+    """The page with content in every panel: long conditions and notes, runs, A, a photo, a coloured surface."""
+    controller, page = visitor.app.controller, next(iter(visitor.app.pages.values()))
+    controller.post(Restart(OPTIONS))
+    controller.wait_until_idle()
+    visitor.press("Step one iteration")
+    page.interaction.set_selection(Selection((0,)))
+    condition = "outliers(view) > 0.25 and travelled(0) > 1.5 or weakest < 0.001 and displaced(vertex) > 12.5"
+    controller.edit_breakpoints(lambda items: items.added(condition))
+    controller.edit_bookmarks(lambda items: items.added(1, 0, "1:1:1:1", "a long note on what happens here " * 4))
+    state = page.page_state
+    watch = "energy / 1000 + 12.5 * step_px - 3 * damping + accepted / 7 - rejected + moved(vertex)"
+    state.reference, state.watches = Reference(1, 0), (parse_watch(watch, controller.scene),)
+    state.surface, state.residual_view = "flow", 0
+    controller.republish()
+    visitor.page.keyboard.press("3")
+    visitor.button("Leave the camera").wait_for()
+    show(visitor, "Breakpoints")
+    field = visitor.input_of("Stop when")
+    field.fill("energy >> a_name_that_is_not_known_at_all")
+    field.press("Enter")
+    visitor.page.get_by_role("alert").wait_for()
+    show(visitor, "Options")
+    for group in visitor.page.locator(GROUPS).all():
+        group.click()
+    yield visitor
+    show(visitor, "Options")
+    for group in visitor.page.locator(GROUPS).all():
+        group.click()
+    state.reference, state.watches, state.surface = None, (), "textured"
+    state.cells = CellsView()
+    for item in controller.state.breakpoints:
+        controller.edit_breakpoints(lambda items, number=item.number: items.removed(number))
+    for item in controller.state.bookmarks:
+        controller.edit_bookmarks(lambda items, number=item.number: items.removed(number))
+    visitor.page.keyboard.press("0")
+    visitor.button("Leave the camera").wait_for(state="detached")
+
+
+def enlarge_a_cell(visitor: Visitor) -> None:
+    """Open the lens. In a low window it may cover the tabs of the timeline."""
+    show(visitor, "Cells")
+    visitor.page.get_by_role("button", name="Enlarge a cell in cube_00.png", exact=True).first.click()
+    visitor.page.get_by_alt_text("enlarged cell").wait_for()
+
+
+def test_filled_panels_do_not_overflow_either(filled: Visitor):
+    for theme in ("light", "dark"):
+        filled.page.keyboard.press("y")
+        filled.page.wait_for_selector(f"html[data-mantine-color-scheme={theme}]")
+        for size in SIZES:
+            filled.page.set_viewport_size(size)
+            for tab in (tab for group in PANELS for tab in group):
+                show(filled, tab)
+                assert too_wide(filled) == [], f"{theme}, {size}, {tab}"
+    enlarge_a_cell(filled)
+    for size in reversed(SIZES):
+        filled.page.set_viewport_size(size)
+        assert too_wide(filled) == [], f"{size}, lens"
 
 
 @pytest.mark.parametrize("of_vertex", [False, True])
@@ -187,20 +258,111 @@ def test_position_and_energy_fit_in_one_line_each_with_large_numbers(visitor: Vi
         visitor.page.set_viewport_size(WINDOW)
 
 
-@pytest.mark.parametrize("tabs", [("Lessons", "Layers", "Runs"), ("Cells", "Options", "Timeline")])
-def test_axe_has_no_serious_findings_in_either_theme(visitor: Visitor, tabs: tuple[str, ...]):
+NOTES = (
+    RunPlan(0, False, False, 0.0, True),
+    RunPlan(2, False, False, 0.0, False),
+    RunPlan(3, False, True, 0.0, False, start_sigma=1.3),
+)
+"""Plans of runs that begin near the truth, where the faces ask for it, and where the start error does."""
+
+
+def test_the_line_below_the_last_step_is_whole_and_keeps_the_count_of_a_long_work(visitor: Visitor):
+    visitor.app.controller.post(Restart(FairingOptions()))
+    visitor.app.controller.wait_until_idle()
+    page, state = next(iter(visitor.app.pages.values())), visitor.press("Step one iteration")
+    status = next(panel for panel in page.panels._panels if isinstance(panel, Status))
+    show, line = status.show, visitor.page.locator(".ef .work-line")
+
+    def shown(changed: RunState) -> None:
+        status.show = lambda _, page_state: show(changed, page_state)
+        visitor.app.controller.republish()
+
+    try:
+        for size in SIZES:
+            visitor.page.set_viewport_size(size)
+            for plan in NOTES:
+                trace = SimpleNamespace(plan=plan)
+                note = begin_note(SimpleNamespace(trace=trace, options=FairingOptions()))  # pyright: ignore[reportArgumentType]
+                assert note.startswith("Begins at level ")
+                shown(replace(state, reason=note))
+                line.get_by_text(note, exact=True).wait_for()
+                words = line.locator("span").first
+                assert words.evaluate("words => words.scrollWidth <= words.clientWidth"), f"{note} is cut, {size}"
+            work = WorkReport("trying a start fitted to the sparse points of all photos, 10 of 12", 0.8, 125.0)
+            shown(replace(state, activity=Activity.STEPPING, work=work))
+            count = line.get_by_text(", 10 of 12", exact=True)
+            count.wait_for()
+            room, box = visitor.box_of(line), visitor.box_of(count)
+            assert box["x"] + box["width"] <= room["x"] + room["width"] + 0.5, size
+            assert line.locator("span").first.evaluate("words => words.scrollWidth > words.clientWidth")
+    finally:
+        status.show = show
+        visitor.app.controller.republish()
+        visitor.page.set_viewport_size(WINDOW)
+
+
+def serious_findings(visitor: Visitor) -> list[tuple[str, list]]:
+    """What axe finds in the page as it is, of serious or critical impact."""
+    found = Axe().run(visitor.page).response["violations"]
+    serious = [item for item in found if item["impact"] in ("serious", "critical")]
+    return [(item["id"], [(node["html"][:160], node["any"][:1]) for node in item["nodes"][:5]]) for item in serious]
+
+
+@pytest.mark.parametrize(
+    "tabs",
+    [
+        ("Lessons", "Layers", "Runs"),
+        ("Cells", "Options", "Timeline"),
+        ("Experiments", "Breakpoints", "Bookmarks"),
+        ("Cells", "Vertex", "Runs"),
+    ],
+)
+def test_axe_has_no_serious_findings_in_either_theme(filled: Visitor, tabs: tuple[str, ...]):
     for tab in tabs:
-        show(visitor, tab)
+        show(filled, tab)
     for theme in ("light", "dark"):
-        visitor.page.keyboard.press("y")
-        visitor.page.wait_for_selector(f"html[data-mantine-color-scheme={theme}]")
-        visitor.page.wait_for_timeout(500)
-        found = [
-            item for item in Axe().run(visitor.page).response["violations"] if item["impact"] in ("serious", "critical")
-        ]
-        assert min(visitor.page.evaluate(TAB_CONTRASTS)) >= 4.5, theme
-        listed = [(item["id"], [(node["html"][:120], node["any"][:1]) for node in item["nodes"][:5]]) for item in found]
-        assert listed == [], theme
+        filled.page.keyboard.press("y")
+        filled.page.wait_for_selector(f"html[data-mantine-color-scheme={theme}]")
+        filled.page.wait_for_timeout(500)
+        assert min(filled.page.evaluate(TAB_CONTRASTS)) >= 4.5, theme
+        assert serious_findings(filled) == [], theme
+
+
+def test_axe_has_no_serious_findings_in_the_pages_of_the_cells_and_in_the_dialogs(filled: Visitor):
+    page, state = filled.page, next(iter(filled.app.pages.values())).page_state
+    enlarge_a_cell(filled)
+    for theme in ("light", "dark"):
+        page.keyboard.press("y")
+        page.wait_for_selector(f"html[data-mantine-color-scheme={theme}]")
+        for cells in ("In the photos", "Pair", "Cells"):
+            filled.button(f"Page: {cells}").click()
+            wait_for(lambda cells=cells: PAGES[state.cells.page] == cells)
+            page.wait_for_timeout(1000)
+            assert serious_findings(filled) == [], f"{cells}, {theme}"
+        for keys, dialog in (("Shift+?", ".ef .dialog"), ("Control+k", ".mantine-Spotlight-action")):
+            page.keyboard.press(keys)
+            page.locator(dialog).first.wait_for()
+            page.wait_for_timeout(500)  # it fades in
+            assert serious_findings(filled) == [], f"{keys}, {theme}"
+            page.keyboard.press("Escape")
+            page.locator(dialog).first.wait_for(state="detached")
+
+
+def test_every_widget_of_viser_has_the_name_beside_it(filled: Visitor):
+    for tab in (tab for group in PANELS for tab in group):
+        show(filled, tab)
+        filled.page.wait_for_timeout(400)  # names are given a little after a change
+        wrong = filled.page.evaluate(
+            """() => [...document.querySelectorAll('[role=slider], .mantine-Flex-root input')].filter(widget => {
+                const labels = [...(widget.labels ?? [])].map(label => label.textContent.trim());
+                const name = widget.getAttribute('aria-label') ?? labels.find(Boolean);
+                const beside = [];
+                for (let row = widget.parentElement; row && !row.matches('.mantine-Paper-root'); row = row.parentElement)
+                    if (row.matches('.mantine-Flex-root')) beside.push(row.textContent.trim());
+                return widget.offsetParent && (!name || !beside.some(words => words.startsWith(name)));
+            }).map(widget => widget.outerHTML.slice(0, 200))"""
+        )
+        assert wrong == [], tab
 
 
 def test_every_control_has_its_visible_name_and_switches_have_a_state(visitor: Visitor):

@@ -1,5 +1,8 @@
 """The 3D view in a real browser: colourings, shapes, photos behind the mesh, dark and light theme."""
 
+import threading
+from typing import Any
+
 import cv2
 import numpy as np
 import pytest
@@ -7,10 +10,12 @@ from playwright.sync_api import Browser
 
 from app.layers.certainty import PIECES, CertaintyLayer
 from app.page.server import App, start
+from app.page_state import residual_source
 from app.page_state.selection import Selection
 from app.palette import NOW
 from app.viser_bridge.line_node import LineNode
 from demo_scenes import load_demo
+from fairing.judge.face_residuals import FaceResiduals
 from fairing.options import FairingOptions, ScheduleOptions
 from fairing.run.session import Session
 from tests.browser.driver import IN_BROWSER, WINDOW, Visitor
@@ -126,7 +131,7 @@ def test_the_surface_is_coloured_by_a_quantity_with_a_legend(visitor: Visitor):
 def test_residuals_and_flow_are_painted_for_all_photos_or_one(visitor: Visitor):
     page = next(iter(visitor.app.pages.values()))
     visitor.button("Coloured by: Residual").click()
-    visitor.page.get_by_text("Mean |I − U c|, grey levels", exact=True).wait_for()
+    visitor.page.get_by_text("Mean absolute residual, grey levels", exact=True).wait_for()
     wait_for(lambda: drawn_colors(visitor, "/mesh/colored"))
     over_all = page.layers.surface.legend
     visitor.button("Next photo").click()
@@ -138,6 +143,35 @@ def test_residuals_and_flow_are_painted_for_all_photos_or_one(visitor: Visitor):
     visitor.page.get_by_text("All photos", exact=True).first.wait_for()
     visitor.button("Surface: Textured").click()
     visitor.page.wait_for_function("() => !window.__viserMutable.nodeRefFromName['/flow_arrows'].visible")
+
+
+def test_colours_of_another_quantity_say_so_until_the_chosen_one_is_computed(
+    visitor: Visitor, monkeypatch: pytest.MonkeyPatch
+):
+    page, compute, may_compute = visitor.page, residual_source.face_residuals, threading.Event()
+    overlay = page.locator("#eigenfairing-overlay")
+    visitor.button("Coloured by: Residual").click()
+    overlay.get_by_text("Mean absolute residual, grey levels", exact=True).wait_for()
+
+    def when_allowed(*inputs: Any, **options: Any) -> FaceResiduals:
+        assert may_compute.wait(PATIENCE)
+        return compute(*inputs, **options)
+
+    monkeypatch.setattr(residual_source, "face_residuals", when_allowed)
+    try:
+        visitor.button("Coloured by: Image flow").click()
+        overlay.get_by_text("Computing: Image flow of each face…", exact=True).wait_for()
+        assert overlay.get_by_text("Mean absolute residual, grey levels", exact=True).is_visible(), "its colours stay"
+    finally:
+        may_compute.set()
+    overlay.get_by_text("Image flow of each face", exact=True).wait_for()
+    overlay.get_by_text("All photos. Arrows: how far each face is off, ×100.", exact=True).wait_for()
+    assert overlay.get_by_text("Computing").count() == 0
+    visitor.button("Arrows: ×30").click()
+    overlay.get_by_text("All photos. Arrows: how far each face is off, ×30.", exact=True).wait_for()
+    visitor.button("Arrows: ×100").click()
+    visitor.button("Surface: Textured").click()
+    overlay.get_by_text("Image flow of each face", exact=True).wait_for(state="detached")
 
 
 def test_the_surface_is_shown_at_the_start_now_and_at_the_truth_each_with_its_texture(visitor: Visitor, scene):
