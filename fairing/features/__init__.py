@@ -2,6 +2,7 @@
 
 The steps in the order of a run: `keypoints` (SIFT), `pairs` of photos, `matching` along epipolar lines, `tracks`,
 `triangulation`, `points` (the result, with covariances); `find` runs them. `robust_fit` moves a start mesh towards the points.
+`surface_sweep` finds further points near a mesh.
 
 The modules import the shared data of `fairing` (cameras, photos, meshes) and `fairing.geometry`. Files of points:
 `fairing.io.feature_points`.
