@@ -10,6 +10,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -166,6 +167,7 @@ def _compile() -> None:
     """The process: compile, report each function, and end when the input ends."""
     from numba.core import event
 
+    from fairing.features.surface_sweep import SurfaceSweep
     from fairing.geometry.closest_point import SurfaceTree
     from fairing.judge.inspect import face_cells
     from fairing.run.session import Session
@@ -188,6 +190,8 @@ def _compile() -> None:
     print(DONE, flush=True)  # noqa: T201
     textured_model(session.scene, session.vertices)  # the page paints the mesh as soon as the scene is open
     print(PAINTS, flush=True)  # noqa: T201
+    with ThreadPoolExecutor(1) as pool:  # plans of starts that the points move use it
+        SurfaceSweep(session.scene.views, pool).points(session.scene.mesh, 3.0)
     face_cells(session, 0)
     _marker().touch()
 

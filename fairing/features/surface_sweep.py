@@ -77,11 +77,11 @@ class _Depths(NamedTuple):
 
 
 class SurfaceSweep:
-    """The photos of a scene, reduced, for sweeps from several states of a mesh.
+    """Sweeps through the photos of a scene, from several states of a mesh.
 
     Args:
         executor: runs one task for each photo; the result does not depend on it.
-        check: called before every task; may raise `Cancelled`.
+        check: called for every copy of the mesh, from several threads; may raise `Cancelled`.
     """
 
     def __init__(self, views: Sequence[View], executor: Executor, check: Callable[[], None] = lambda: None) -> None:
@@ -89,12 +89,13 @@ class SurfaceSweep:
         self._neighbors = _neighbors([view.camera for view in views])
 
     def points(self, mesh: Mesh, error: float) -> FeaturePoints:
-        """Points near a mesh whose vertices are about `error` px off; their observations are the centres of pixels.
+        """Points near a mesh whose vertices are about `error` px off.
+
+        Each has one observation, by the photo whose depth it is; pixels, residuals and colours are not given.
 
         Raises:
             Cancelled: by `check`.
         """
-
         photos = list(self._executor.map(lambda view: _reduced(view, error), self._views))
 
         def depths(number: int) -> _Depths:

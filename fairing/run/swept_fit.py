@@ -49,9 +49,11 @@ def swept_fit(problem: Problem, vertices: np.ndarray) -> SweptFit:
     sweep = SurfaceSweep(views, problem.evaluator.pool, check)
     points, near = problem.observed_points, FeaturePoints.none("no sweep was made")
     error, fitted = measured_start_error(problem, vertices), fitted_to(points)
-    for k in range(SWEEPS if _is_far(mesh, fitted, cameras) else 0):
-        near = sweep.points(fitted, max(error / 2**k, LEAST_ERROR))
-        fitted = fitted_to(points.joined(near))
+    if _is_far(mesh, fitted, cameras):
+        with problem.work.doing("finding points near the start", SWEEPS) as work:
+            for k in work.each(range(SWEEPS)):
+                near = sweep.points(fitted, max(error / 2**k, LEAST_ERROR))
+                fitted = fitted_to(points.joined(near))
     ids, after = np.flatnonzero(~problem.locked), vertices.copy()
     moves, _ = problem.unfolded(vertices, ids, (fitted.vertices - vertices)[ids])
     after[ids] += moves
