@@ -139,6 +139,8 @@ def filled(visitor: Visitor) -> Iterator[Visitor]:
     for group in visitor.page.locator(GROUPS).all():
         group.click()
     yield visitor
+    show(visitor, "Breakpoints")
+    visitor.input_of("Stop when").fill("")
     show(visitor, "Options")
     for group in visitor.page.locator(GROUPS).all():
         group.click()
