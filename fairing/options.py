@@ -160,7 +160,8 @@ class ScheduleOptions:
     search: tuple[float, ...] = (0.0, 0.0, 1.0, 0.6, 0.0)
     """Radius of the local search before Gauss-Newton, by level, in units of `start_error`. 0: no search. In a run with a search, a
     level with a common point spread (`cells.point_spread`) begins with a restart: vertices above twice the median loss are
-    optimized again together, from the first level with a search."""
+    optimized again together, from the first level with a search. A start fitted to sparse points is only restarted, unless
+    `start_error` is given."""
     start_error: float = -1.0
     """Distance of the start's vertices from their true positions, photo px. Negative: estimated by trial searches. 0: no search."""
     search_gain: float = 0.05
@@ -168,7 +169,7 @@ class ScheduleOptions:
     order: Literal["joint", "independent", "sequential", "worst_first"] = "joint"
     """joint: all vertices in one sparse system. independent: sets of vertices that share no face, one set after another.
     sequential: one vertex at a time, as in the paper. worst_first: one at a time, largest energy first."""
-    max_sweeps: tuple[int, ...] = (12, 5, 3, 3, 4)
+    max_sweeps: tuple[int, ...] = (12, 5, 3, 3, 3)
     """Largest number of Gauss-Newton sweeps, by level; visibility is updated at the beginning of each."""
     sweeps_near_truth: tuple[int, ...] = (1, 1, 1, 1, 2)
     """Largest number of Gauss-Newton sweeps, by level, if the estimated start error is 0 and no sparse points constrain the mesh:

@@ -14,7 +14,7 @@ class RunPlan:
         first_level: coarsest level whose blur suits the size of the faces.
         is_smoothed: whether smoothing the start lowers the photo loss; the first step then smooths it.
         is_fitted_to_points: whether fitting the start to the sparse points lowers the photo loss; a step then fits it.
-        start_error: distance of the vertices from their true positions, px; 0: no search.
+        start_error: distance of the vertices from their true positions, px; 0: no search and no restart.
         is_near_truth: whether trial searches found the unchanged start at its true position.
         start_sigma: standard deviation of the start in the prior to it, px; 0: no such prior.
         edge_reach: distance from a crease within which its image edge is sought, px.

@@ -96,6 +96,22 @@ def test_phases_follow_from_options_and_plan():
     assert searched[2].prior < searched[1].prior == options.step.prior
 
 
+def test_a_start_fitted_to_points_is_restarted_alone_unless_its_error_is_given():
+    schedule = {"blur": [2.0, 1.2, 0.6], "search": [0.0, 0.8, 0.5], "max_sweeps": [5]}
+    fitted = plan(start_error=9.0, is_fitted_to_points=True)
+
+    def phases(start_error: float) -> tuple[list[str], list[int]]:
+        options = small_options(
+            schedule=schedule | {"start_error": start_error}, cells={"point_spread": ["as_seen", "as_seen", "common"]}
+        )
+        levels = schedule_of(options, fitted).levels
+        letters = ["".join(LETTERS[type(phase)] for phase in level.phases) for level in levels]
+        return letters, [level.gauss_newton.max_sweeps for level in levels]
+
+    assert phases(-1.0) == (["G", "G", "RG"], [5, 5, 5])
+    assert phases(9.0) == (["G", "SG", "RSG"], [5, 5, 5 * SWEEPS_AFTER_SEARCH])
+
+
 def test_vertices_stay_within_twice_the_measured_error_or_one_and_a_half_search_radii():
     options = small_options(schedule={"blur": [2.0, 1.2], "search": [0.0, 0.8], "max_sweeps": [5]})
 

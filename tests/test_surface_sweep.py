@@ -90,14 +90,18 @@ def test_the_correlation_is_that_of_the_windows():
     rng = np.random.default_rng(0)
     a, b = (rng.normal(0, 30, (20, 24)).astype(np.float32) for _ in range(2))
     best, second = np.full(a.shape, -1, np.float32), np.full(a.shape, -1, np.float32)
-    surface_sweep._correlate(a, b, best, second)
+    mean, contrast = np.empty_like(a), np.empty_like(a)
+    surface_sweep._window_statistics(a, mean, contrast)
+    surface_sweep._correlate(a, mean, contrast, b, best, second)
     for y, x in ((3, 3), (9, 12), (16, 20)):
         p, q = (values[y - 3 : y + 4, x - 3 : x + 4].astype(float) for values in (a, b))
         covariance = ((p - p.mean()) * (q - q.mean())).mean()
         expected = covariance / np.sqrt((p.var() + surface_sweep.NOISE) * (q.var() + surface_sweep.NOISE))
         assert best[y, x] == pytest.approx(expected, abs=1e-4)
+        assert mean[y, x] == pytest.approx(p.mean(), abs=1e-4)
+        assert contrast[y, x] == pytest.approx((p.var() + surface_sweep.NOISE) ** -0.5, rel=1e-4)
     assert (second == -1).all()
-    surface_sweep._correlate(a, a, best, second)
+    surface_sweep._correlate(a, mean, contrast, a, best, second)
     assert best[9, 12] > 0.98
     assert second[9, 12] < 0.9
 

@@ -188,10 +188,10 @@ def _compile() -> None:
     session.step()
     SurfaceTree(session.scene.mesh).closest(session.vertices)  # the plan fits the mesh to sparse points
     print(DONE, flush=True)  # noqa: T201
+    with ThreadPoolExecutor(1) as pool:  # plans of starts that the points move use it after a fit to the points
+        SurfaceSweep(session.scene.views, pool).points(session.scene.mesh, 3.0)
     textured_model(session.scene, session.vertices)  # the page paints the mesh as soon as the scene is open
     print(PAINTS, flush=True)  # noqa: T201
-    with ThreadPoolExecutor(1) as pool:  # plans of starts that the points move use it
-        SurfaceSweep(session.scene.views, pool).points(session.scene.mesh, 3.0)
     face_cells(session, 0)
     _marker().touch()
 

@@ -34,7 +34,9 @@ BATCH_PIXELS = 1 << 18
 """Patches are transformed in batches of so many pixels, which stay in the processor's cache."""
 _SHAPE_ROUNDS = 30
 _KERNEL_RADIUS = 3.5
-"""Radius of a patch's border in standard deviations of the Gaussian."""
+"""Radius of the Gaussian in standard deviations; with that of the spline, the outer half of a patch's margin and its border."""
+_SPLINE_RADIUS = 3.0
+"""px: of the filter that computes the spline's coefficients."""
 _MIN_PATCH = 8
 """px: least width and height of a patch."""
 
@@ -125,8 +127,8 @@ def common_psf_patches(
     frame = np.concatenate([low, high - low], axis=1)
     base = np.concatenate([[0], np.cumsum(photos.channels * frame[:, 2] * frame[:, 3])])
     pixels = np.empty(base[-1], dtype=np.float32)
-    deviation = np.sqrt(np.trace(covariance, axis1=1, axis2=2))
-    border = np.ceil(_KERNEL_RADIUS * deviation).astype(np.int64) + 3
+    deviation = np.sqrt(np.linalg.eigvalsh(covariance)[:, 1])
+    border = np.maximum(np.ceil(_KERNEL_RADIUS * deviation + _SPLINE_RADIUS - margin / 2), 1).astype(np.int64)
 
     def fill(view: int, photo: np.ndarray) -> None:
         rows = pairs_of[view]

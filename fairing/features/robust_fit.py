@@ -25,6 +25,8 @@ REACH = 3.0
 """Of the gate: points farther from their face's plane take no part."""
 STEPS = 2
 """Gauss-Newton steps at each gate; each assigns the points anew."""
+NEAR_GATE, NEAR_STEPS = 0.6, 1
+"""Largest gate, and steps, of a fit that goes on from an earlier one (ledger: surface sweep: cost)."""
 FARTHEST = 10.0
 """Percent of the diagonal: points farther from the face that their photos see belong to something else."""
 POINT_SIGMA = 0.1
@@ -92,6 +94,7 @@ def robust_fit(
     points: FeaturePoints,
     locked: np.ndarray | None = None,
     check: Callable[[], None] = lambda: None,
+    begin: np.ndarray | None = None,
 ) -> RobustFit:
     """Move the vertices of a mesh towards feature points.
 
@@ -101,15 +104,16 @@ def robust_fit(
         cameras: of the photos that `points.photos` counts.
         locked: (n,) bool: vertices that never move; default: none.
         check: called before the points are assigned anew, some 30 times; may raise `Cancelled`.
+        begin: (n, 3) float: an earlier fit of the mesh, from which this one goes on with the gates from `NEAR_GATE` on.
     """
     start, unit = mesh.vertices, mesh.diagonal / 100
     free = np.ones(len(start), dtype=bool) if locked is None else ~locked
     rays = _Rays(cameras, points, check)
     held_back, everything = held_back_points(points), np.ones(len(points), dtype=bool)
     sigma = _prior_sigma(rays.assign(mesh, FARTHEST * unit, ~held_back), unit)
-    vertices = start
-    for gate in GATES:
-        for _ in range(STEPS):
+    vertices = start if begin is None else begin
+    for gate in GATES if begin is None else [gate for gate in GATES if gate <= NEAR_GATE]:
+        for _ in range(STEPS if begin is None else NEAR_STEPS):
             found = rays.assign(mesh.moved(vertices), REACH * gate * unit, ~held_back)
             vertices = _step(mesh, start, vertices, found, points.covariance, free, gate * unit, sigma, unit)
     vertices = _judged(mesh, _unfolded(mesh, vertices), rays, held_back, sigma, unit)

@@ -38,13 +38,15 @@ MAX_STEPS = 24
 MIDDLE_GREY = 128.0
 """Subtracted from grey levels, for accuracy: sums of squares are in single precision."""
 NOISE = 4.0
-"""Grey levels^2: added to the variances of a window; windows with less than twice that have no texture."""
+"""Grey levels^2: added to the variances of a window ..."""
+LEAST_VARIANCE = 3 * NOISE
+"""... and their least sum for it to have texture."""
 LEAST_CORRELATION = 0.6
 LEAST_MARGIN = 0.05
 """Of the correlation above that of the best copy elsewhere."""
 SPACING = 3
 """px between the points of a photo."""
-POINTS_PER_FACE = 75
+POINTS_PER_FACE = 50
 """Of all photos, at most; evenly left out beyond."""
 VIEWS = 3
 """Photos whose depths agree at a point, at least ..."""
@@ -134,19 +136,21 @@ class SurfaceSweep:
         focal = camera.K[0, 0]
         count = int(np.clip(np.ceil(REACH * error * typical / focal / step), HALF_WINDOW, MAX_STEPS))
         scores = np.full((2 * count + 1, *grey.shape), -1, np.float32)
-        second, warped = np.empty_like(grey), np.empty_like(grey)
+        second, warped, mean, contrast = (np.empty_like(grey) for _ in range(4))
+        _window_statistics(grey, mean, contrast)
+        single = inverse.astype(np.float32)
         for shift, best in zip(step * np.arange(-count, count + 1), scores, strict=True):
             self._check()
             second[:] = -1
             for k, (A, b) in zip(self._neighbors[number], warps, strict=True):
-                _warp_photo(photos[k].grey, inverse, shift, A, b, warped)
-                _correlate(grey, warped, best, second)
+                _warp_photo(photos[k].grey, single, shift, A, b, warped)
+                _correlate(grey, mean, contrast, warped, best, second)
             if len(warps) > 1:
                 best += second  # of the others, those with a worse correlation may see something else
                 best /= 2
         place = np.empty(grey.shape)
         _peaks(scores, place)
-        is_known = (place > 0) & (inverse > 0) & _has_texture(grey)
+        is_known = (place > 0) & (inverse > 0) & _inside(contrast < LEAST_VARIANCE**-0.5)
         unknown[area] = np.where(is_known, inverse + (place - 1 - count) * step, 0.0)
         return _Depths(unknown, step, face)
 
@@ -212,6 +216,14 @@ def _spread(faces: np.ndarray) -> np.ndarray:
     return np.sort(order[rank % np.repeat(-(-count // POINTS_PER_FACE), count) == 0])
 
 
+def _inside(mask: np.ndarray) -> np.ndarray:
+    """A mask (h, w) without the pixels whose windows are cut off at its border."""
+    result = np.zeros_like(mask)
+    inner = np.s_[HALF_WINDOW:-HALF_WINDOW, HALF_WINDOW:-HALF_WINDOW]
+    result[inner] = mask[inner]
+    return result
+
+
 def _extended(inverse: np.ndarray, margin: float) -> np.ndarray:
     """Inverse depths (height, width), those beside the surface, within a margin in px, taken from its nearest pixel."""
     is_empty = inverse == 0
@@ -242,94 +254,101 @@ def _px_per_inverse(a: np.ndarray, b: np.ndarray, inverse: float) -> float:
 @njit(cache=True, nogil=True, error_model="numpy")
 def _warp_photo(photo, inverse, shift, A, b, result):
     """Grey levels of a photo (H, W) at the pixels (h, w) with these inverse depths and a shift of them; 0 where unknown."""
-    height, width = photo.shape
-    for y in range(inverse.shape[0]):
-        u0, v0, w0 = A[0, 1] * y + A[0, 2], A[1, 1] * y + A[1, 2], A[2, 1] * y + A[2, 2]
-        for x in range(inverse.shape[1]):
-            result[y, x] = 0
-            if inverse[y, x] <= 0:
-                continue
-            at = inverse[y, x] + shift
-            w = A[2, 0] * x + w0 + at * b[2]
-            if w <= 0:
-                continue
-            scale = 1 / w
-            u, v = (A[0, 0] * x + u0 + at * b[0]) * scale, (A[1, 0] * x + v0 + at * b[1]) * scale
-            if not (0 <= u < width - 1 and 0 <= v < height - 1):
-                continue
-            i, j = np.int32(u), np.int32(v)
-            s, t = np.float32(u - i), np.float32(v - j)
-            top = photo[j, i] + s * (photo[j, i + 1] - photo[j, i])
-            bottom = photo[j + 1, i] + s * (photo[j + 1, i + 1] - photo[j + 1, i])
-            result[y, x] = top + t * (bottom - top)
+    height, width = inverse.shape
+    right, bottom, tiny = np.float32(photo.shape[1] - 1.001), np.float32(photo.shape[0] - 1.001), np.float32(1e-6)
+    a00, a10, a20 = np.float32(A[0, 0]), np.float32(A[1, 0]), np.float32(A[2, 0])
+    b0, b1, b2, shift = np.float32(b[0]), np.float32(b[1]), np.float32(b[2]), np.float32(shift)
+    u, v, counts = np.empty(width, np.float32), np.empty(width, np.float32), np.empty(width, np.float32)
+    for y in range(height):
+        u0, v0 = np.float32(A[0, 1] * y + A[0, 2]), np.float32(A[1, 1] * y + A[1, 2])
+        w0 = np.float32(A[2, 1] * y + A[2, 2])
+        for x in range(width):  # apart from the loop that reads the photo, so that it vectorises
+            place, at = np.float32(x), inverse[y, x] + shift
+            w = a20 * place + w0 + at * b2
+            scale = np.float32(1) / max(w, tiny)
+            p, q = (a00 * place + u0 + at * b0) * scale, (a10 * place + v0 + at * b1) * scale
+            u[x], v[x] = min(max(p, np.float32(0)), right), min(max(q, np.float32(0)), bottom)
+            is_inside = (inverse[y, x] > 0) & (w > tiny) & (p == u[x]) & (q == v[x])
+            counts[x] = np.float32(1) if is_inside else np.float32(0)
+        for x in range(width):
+            i, j = np.int32(u[x]), np.int32(v[x])
+            s, t = u[x] - np.float32(i), v[x] - np.float32(j)
+            upper = photo[j, i] + s * (photo[j, i + 1] - photo[j, i])
+            lower = photo[j + 1, i] + s * (photo[j + 1, i + 1] - photo[j + 1, i])
+            result[y, x] = counts[x] * (upper + t * (lower - upper))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _correlate(a, b, best, second):
+def _window_statistics(picture, mean, contrast):
+    """Mean of the window of each pixel, and 1 / its standard deviation (h, w) float32, with `NOISE` added to the variance.
+
+    Windows are cut off at the border of the picture; what is cut off counts as 0, a mean grey level.
+    """
+    height, width = picture.shape
+    size = 2 * HALF_WINDOW + 1
+    part, noise = np.float32(1 / (size * size)), np.float32(NOISE)
+    sums = np.zeros((2, width + 2 * HALF_WINDOW), np.float32)  # by column: of grey levels and of their squares
+    for y in range(height):
+        for x in range(width):
+            sums[0, x + HALF_WINDOW] = sums[1, x + HALF_WINDOW] = 0
+        for row in range(max(0, y - HALF_WINDOW), min(height, y + HALF_WINDOW + 1)):
+            for x in range(width):
+                sums[0, x + HALF_WINDOW] += picture[row, x]
+                sums[1, x + HALF_WINDOW] += picture[row, x] * picture[row, x]
+        for x in range(width):
+            total = squares = np.float32(0)
+            for k in range(size):
+                total += sums[0, x + k]
+                squares += sums[1, x + k]
+            mean[y, x] = total * part
+            contrast[y, x] = 1 / np.sqrt(squares * part - mean[y, x] * mean[y, x] + noise)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _correlate(a, mean, contrast, b, best, second):
     """Normalized cross-correlation of the windows of two pictures (h, w) float32, entered among the best two (h, w) so far.
 
-    Windows are cut off at the border of the pictures; what is cut off counts as 0, a mean grey level, in both.
+    Args:
+        mean, contrast: `_window_statistics` of `a`.
     """
     height, width = a.shape
     size = 2 * HALF_WINDOW + 1
-    count, noise = np.float32(size * size), np.float32(NOISE)
-    sums = np.zeros((5, width + 2 * HALF_WINDOW), np.float32)  # by column: of a, b, a a, b b, a b
+    part, noise = np.float32(1 / (size * size)), np.float32(NOISE)
+    sums = np.zeros((3, width + 2 * HALF_WINDOW), np.float32)  # by column: of b, b b, a b
     for y in range(height):
-        sums[:] = 0
+        for x in range(width):
+            sums[0, x + HALF_WINDOW] = sums[1, x + HALF_WINDOW] = sums[2, x + HALF_WINDOW] = 0
         for row in range(max(0, y - HALF_WINDOW), min(height, y + HALF_WINDOW + 1)):
             for x in range(width):
-                p, q = a[row, x], b[row, x]
-                sums[0, x + HALF_WINDOW] += p
-                sums[1, x + HALF_WINDOW] += q
-                sums[2, x + HALF_WINDOW] += p * p
-                sums[3, x + HALF_WINDOW] += q * q
-                sums[4, x + HALF_WINDOW] += p * q
+                q = b[row, x]
+                sums[0, x + HALF_WINDOW] += q
+                sums[1, x + HALF_WINDOW] += q * q
+                sums[2, x + HALF_WINDOW] += a[row, x] * q
         for x in range(width):
-            A = B = AA = BB = AB = np.float32(0)
+            B = BB = AB = np.float32(0)
             for k in range(size):
-                A += sums[0, x + k]
-                B += sums[1, x + k]
-                AA += sums[2, x + k]
-                BB += sums[3, x + k]
-                AB += sums[4, x + k]
-            A /= count
-            B /= count
-            variances = (AA / count - A * A + noise) * (BB / count - B * B + noise)
-            value = (AB / count - A * B) / np.sqrt(variances)
+                B += sums[0, x + k]
+                BB += sums[1, x + k]
+                AB += sums[2, x + k]
+            B *= part
+            variance = BB * part - B * B + noise
+            value = (AB * part - mean[y, x] * B) * contrast[y, x] / np.sqrt(variance)
             second[y, x] = max(second[y, x], min(best[y, x], value))
             best[y, x] = max(best[y, x], value)
-
-
-@njit(cache=True, nogil=True)
-def _has_texture(grey):
-    """(h, w) bool: pixels whose windows have a variance of more than twice `NOISE`."""
-    height, width = grey.shape
-    result = np.zeros((height, width), np.bool_)
-    for y in range(HALF_WINDOW, height - HALF_WINDOW):
-        for x in range(HALF_WINDOW, width - HALF_WINDOW):
-            total = squares = np.float32(0)
-            for row in range(y - HALF_WINDOW, y + HALF_WINDOW + 1):
-                for column in range(x - HALF_WINDOW, x + HALF_WINDOW + 1):
-                    total += grey[row, column]
-                    squares += grey[row, column] * grey[row, column]
-            count = (2 * HALF_WINDOW + 1) ** 2
-            result[y, x] = squares / count - (total / count) ** 2 > 2 * NOISE
-    return result
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _peaks(scores, result):
     """Place (h, w) of the largest score (k, h, w), by a parabola, counted from 1; 0 where it is not a clear maximum."""
     count, height, width = scores.shape
-    best, top, other = np.zeros(width, np.int64), np.empty(width, np.float32), np.empty(width, np.float32)
+    best, top, other = np.empty(width, np.int64), np.empty(width, np.float32), np.empty(width, np.float32)
     for y in range(height):
-        best[:] = 0
-        top[:] = scores[0, y]
+        for x in range(width):
+            best[x], top[x], other[x] = 0, scores[0, y, x], -1
         for k in range(1, count):
             for x in range(width):
                 if scores[k, y, x] > top[x]:
                     top[x], best[x] = scores[k, y, x], k
-        other[:] = -1
         for k in range(count):
             for x in range(width):
                 if abs(k - best[x]) > 1:

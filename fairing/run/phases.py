@@ -157,12 +157,14 @@ def is_sharp(options: FairingOptions, level: int) -> bool:
 def _level(options: FairingOptions, plan: RunPlan, number: int, begin: int) -> Level:
     schedule, step, sharp = options.schedule, options.step, is_sharp(options, number)
     max_displacement = _max_displacement(options, plan)
-    radius = max(by_level(schedule.search, number), 0.0) * plan.start_error
+    # A fit leaves few vertices far off, which the restart optimizes again (ledger: searches after a fit).
+    restarts_only = plan.is_fitted_to_points and schedule.start_error < 0
+    radius = 0.0 if restarts_only else max(by_level(schedule.search, number), 0.0) * plan.start_error
     sweeps, creases = by_level(schedule.max_sweeps, number), by_level(step.creases, number)
     is_after_search = sharp and _widest_search(options, plan) > 0
     if plan.is_near_truth:
         sweeps = min(sweeps, by_level(schedule.sweeps_near_truth, number))
-    elif is_after_search:
+    elif is_after_search and not restarts_only:
         sweeps *= SWEEPS_AFTER_SEARCH
     gauss_newton = GaussNewton(
         sweeps,

@@ -21,6 +21,7 @@ from fairing.trace import SchedulePosition, StepReason, StepRecord
 GAIN = 0.05  # smallest relative decrease of the mean loss (ledger: smoothing the start, fit to sparse points)
 VERTEX_PASSES = 5
 FIT_ROUNDS = 12
+ROUNDS_AFTER_ROBUST_FIT = 4  # (ledger: choice of the fit)
 OBSERVED_PER_VERTEX = 1  # points whose photos are known that a fit needs (ledger: points for a fit)
 POINTS_PER_VERTEX = 3  # other points that a fit needs: one for each coordinate
 
@@ -133,25 +134,20 @@ def preparation_reasons(plan: RunPlan) -> list[StepReason]:
 
 
 def _prepare(problem: Problem, reason: StepReason, vertices: np.ndarray) -> Preparation:
-    """The preparation of vertices (n, 3); of several fits to the sparse points that which has the lowest photo loss.
+    """The preparation of vertices (n, 3).
 
-    The robust fit reaches farther and leaves out clutter; a fit to closest points from there is mostly the better one, but
-    not on noisy meshes (ledger: choice of the fit). Points near the robust fit go to `Problem.near_points`.
+    The robust fit reaches farther and leaves out clutter; a fit to closest points goes on from there (ledger: choice of the
+    fit). Points near the robust fit go to `Problem.near_points`.
     """
-
-    def prepared(after: np.ndarray) -> Preparation:
-        evaluation = _evaluate(problem, after)
-        return Preparation(reason, evaluation, _mean_loss(evaluation))
-
     if reason is StepReason.SMOOTHED:
-        return prepared(_smoothed(problem, vertices))
-    if len(problem.observed_points) == 0:
-        return prepared(fitted_to_points(problem, vertices, FIT_ROUNDS).targets)
-    fit = swept_fit(problem, vertices)
-    problem.near_points = fit.points
-    robust = prepared(fit.vertices)
-    closest = prepared(fitted_to_points(problem, robust.after, FIT_ROUNDS).targets)
-    return min(robust, closest, key=lambda fit: fit.loss)
+        after = _smoothed(problem, vertices)
+    else:
+        rounds = FIT_ROUNDS
+        if len(problem.observed_points):
+            (vertices, problem.near_points), rounds = swept_fit(problem, vertices), ROUNDS_AFTER_ROBUST_FIT
+        after = fitted_to_points(problem, vertices, rounds).targets
+    evaluation = _evaluate(problem, after)
+    return Preparation(reason, evaluation, _mean_loss(evaluation))
 
 
 def find_near_points(problem: Problem, plan: RunPlan) -> None:

@@ -14,10 +14,8 @@ from fairing.solve.problem import Problem
 
 SWEEPS = 2  # each allows for half the error of the one before (ledger: surface sweep)
 LEAST_ERROR = 3.0  # px: that a sweep allows for
-FAR_PART, FAR_PX = (
-    0.25,
-    1.0,
-)  # a start is far off if a fit to the sparse points moves this part of its vertices that far
+# A start is far off if a fit to the sparse points moves this part of its vertices that far (ledger: surface sweep: which starts).
+FAR_PART, FAR_PX = 0.25, 0.9
 
 
 class SweptFit(NamedTuple):
@@ -42,8 +40,8 @@ def swept_fit(problem: Problem, vertices: np.ndarray) -> SweptFit:
     views, check = problem.scene.views, problem.raise_if_cancelled
     cameras, mesh = [view.camera for view in views], problem.scene.mesh.moved(vertices)
 
-    def fitted_to(points: FeaturePoints) -> Mesh:
-        return mesh.moved(robust_fit(mesh, cameras, points, problem.locked, check).vertices)
+    def fitted_to(points: FeaturePoints, begin: np.ndarray | None = None) -> Mesh:
+        return mesh.moved(robust_fit(mesh, cameras, points, problem.locked, check, begin).vertices)
 
     check()
     sweep = SurfaceSweep(views, problem.evaluator.pool, check)
@@ -53,7 +51,7 @@ def swept_fit(problem: Problem, vertices: np.ndarray) -> SweptFit:
         with problem.work.doing("finding points near the start", SWEEPS) as work:
             for k in work.each(range(SWEEPS)):
                 near = sweep.points(fitted, max(error / 2**k, LEAST_ERROR))
-                fitted = fitted_to(points.joined(near))
+                fitted = fitted_to(points.joined(near), fitted.vertices)
     ids, after = np.flatnonzero(~problem.locked), vertices.copy()
     moves, _ = problem.unfolded(vertices, ids, (fitted.vertices - vertices)[ids])
     after[ids] += moves

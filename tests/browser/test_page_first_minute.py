@@ -127,15 +127,13 @@ def test_the_texture_stays_on_the_moving_mesh_and_is_painted_again(visitor: Visi
     try:
         controller.post(Run())
         wait_for(lambda: controller.state.activity is Activity.RUNNING)
-        moment = 0
-        while moment < 7 or not painted:
-            moment += 1
+        for moment in range(1, 6):
             slow_steps.release()
             wait_for(lambda moment=moment: controller.state.moment >= moment)
             visitor.sees_vertices(visitor.app.resources.stage.page_from_world(controller.state.vertices))
             wait_for(texture_lies_on_the_mesh)
-            page.wait_for_timeout(300)  # paintings are some time apart
-            assert controller.state.activity is Activity.RUNNING
+        wait_for(lambda: painted)  # while the next step waits
+        assert controller.state.activity is Activity.RUNNING
     finally:
         texturer._paint = paint
 
