@@ -127,12 +127,14 @@ def test_the_texture_stays_on_the_moving_mesh_and_is_painted_again(visitor: Visi
     try:
         controller.post(Run())
         wait_for(lambda: controller.state.activity is Activity.RUNNING)
-        for moment in range(1, 6):
+        for moment in range(1, 8):
             slow_steps.release()
             wait_for(lambda moment=moment: controller.state.moment >= moment)
             visitor.sees_vertices(visitor.app.resources.stage.page_from_world(controller.state.vertices))
             wait_for(texture_lies_on_the_mesh)
+            assert controller.state.activity is Activity.RUNNING
         wait_for(lambda: painted)  # while the next step waits
+        wait_for(texture_lies_on_the_mesh)
         assert controller.state.activity is Activity.RUNNING
     finally:
         texturer._paint = paint
