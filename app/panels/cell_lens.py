@@ -56,14 +56,12 @@ class CellLens:
             self._source.want(state, page_state)
         found = self._source.newest(state, page_state) if enlarged is not None else None
         visible = found is not None and not isinstance(found[1], Exception) and found[1].cells.takes_part
-        if self._frame.visible != visible:
-            self._frame.visible = visible
-        if not visible or found is None or isinstance(found[1], Exception) or enlarged is None:
-            return
-        key = (found[0], page_state.cells)
-        if key != self._drawn:
-            self._drawn = key
-            self._set(self._content(found[1], *enlarged, page_state), page_state)
+        if visible and found is not None and not isinstance(found[1], Exception) and enlarged is not None:
+            key = (found[0], page_state.cells)
+            if key != self._drawn:
+                self._drawn = key
+                self._set(self._content(found[1], *enlarged, page_state), page_state)
+        self._set_visible(visible)
 
     def _show_photo(self, state: RunState, page_state: PageState, vertex: int, view_id: int, kind: str) -> None:
         """Show a crop of a photo around the vertex, or a picture of the pair."""
@@ -73,43 +71,47 @@ class CellLens:
         key, known = found
         if isinstance(known, Exception):
             return
-        if not self._frame.visible:
-            self._frame.visible = True
         cells_view, face = page_state.cells, chosen_face(self._scene.mesh, page_state)
         if kind == CROP or face is None:
-            self._drawing.request(
-                (key, view_id, kind, cells_view.span, cells_view.arrow_scale),
-                lambda: self._pages.crop(known, view_id, cells_view, SIDE),
-            )
+            wanted = (key, (view_id, kind), cells_view.span, cells_view.arrow_scale)
+            self._drawing.request(wanted, lambda: self._pages.crop(known, view_id, cells_view, SIDE))
         else:
             slot = self._scene.mesh.one_rings[vertex].tolist().index(face)
             affine = state.options.cells.warp == "affine"
+            wanted = (key, (face, kind), cells_view.pair)
             self._drawing.request(
-                (key, face, kind, cells_view.pair),
+                wanted,
                 lambda: self._pages.enlarged_pair(known, face, slot, cells_view, affine, kind, SIDE),
             )
         drawn = self._drawing.latest
-        if drawn is None or (drawn, cells_view.hovered is None) == self._drawn:
-            return
-        self._drawn = (drawn, cells_view.hovered is None)
-        if kind != CROP:
+        if drawn is None or drawn[0][1] != wanted[1]:
+            return  # what is drawn so far is another picture
+        if (drawn, cells_view.hovered is None) != self._drawn:
+            self._drawn = (drawn, cells_view.hovered is None)
             picture = text(drawn[1]) if isinstance(drawn[1], Exception) else drawn[1]
-            self._set(self._pair_content(kind, picture), page_state)
-            return
-        name = self._scene.views[view_id].name
-        close = self._close_button()
-        go = photo_link(view_id, name, self._enter(str(view_id)))
-        picture = text(drawn[1]) if isinstance(drawn[1], Exception) else drawn[1]
-        content = (
-            f"<div class='row'><span class='grow one'>{go} <span class='dim'>vertex {vertex}</span></span>"
-            f"{self._around(known.views, view_id, CROP)}{close}</div><div class='note'>{picture}</div>"
-        )
-        self._set(content, page_state)
+            if kind == CROP:
+                content = self._crop_content(vertex, view_id, known.views, picture)
+            else:
+                content = self._pair_content(kind, picture)
+            self._set(content, page_state)
+        self._set_visible(True)
+
+    def _set_visible(self, visible: bool) -> None:
+        """Show or hide the lens; called after its content is set, so that it never opens on an earlier picture."""
+        if self._frame.visible != visible:
+            self._frame.visible = visible
 
     def _set(self, content: str, page_state: PageState) -> None:
         """Show this content. While the pointer rests on the small picture, clicks pass through the lens."""
         is_preview = page_state.cells.hovered is not None
         self._panel.set(f"<div class='{CLICK_THROUGH}'>{content}</div>" if is_preview else content)
+
+    def _crop_content(self, vertex: int, view_id: int, views: list[int], picture: str) -> str:
+        go = photo_link(view_id, self._scene.views[view_id].name, self._enter(str(view_id)))
+        return (
+            f"<div class='row'><span class='grow one'>{go} <span class='dim'>vertex {vertex}</span></span>"
+            f"{self._around(views, view_id, CROP)}{self._close_button()}</div><div class='note'>{picture}</div>"
+        )
 
     def _pair_content(self, kind: str, picture: str) -> str:
         close = self._close_button()

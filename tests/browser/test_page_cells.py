@@ -89,11 +89,12 @@ def test_a_picture_of_a_pair_is_enlarged_and_changed_for_another(visitor: Visito
     visitor.button("Enlarge average, at the start").click()
     lens = page.locator(".ef", has=page.get_by_role("button", name="Close the lens"))
     lens.locator("img").wait_for()
+    assert lens.locator("img").evaluate("image => image.naturalWidth") == 332, "not the picture it was closed with"
     before = lens.locator("img").get_attribute("src")
     visitor.button("Enlarge: i warped into j").press("Enter")  # the viewer's own notice may lie over it
+    wait_for(lambda: view.cells.enlarged == (0, "start warped"))
     wait_for(lambda: lens.locator("img").get_attribute("src") not in (before, None))
     assert lens.locator("img").evaluate("image => image.naturalWidth") == 332
-    assert view.cells.enlarged == (0, "start warped")
     visitor.button("Close the lens").click()
     wait_for(lambda: view.cells.enlarged is None)
     visitor.button("Page: Cells").click()
