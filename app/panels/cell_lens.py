@@ -55,13 +55,14 @@ class CellLens:
         if enlarged is not None:
             self._source.want(state, page_state)
         found = self._source.newest(state, page_state) if enlarged is not None else None
-        visible = found is not None and not isinstance(found[1], Exception) and found[1].cells.takes_part
-        if visible and found is not None and not isinstance(found[1], Exception) and enlarged is not None:
-            key = (found[0], page_state.cells)
-            if key != self._drawn:
-                self._drawn = key
-                self._set(self._content(found[1], *enlarged, page_state), page_state)
-        self._set_visible(visible)
+        if enlarged is None or found is None or isinstance(found[1], Exception) or not found[1].cells.takes_part:
+            self._set_visible(False)
+            return
+        key = (found[0], page_state.cells)
+        if key != self._drawn:
+            self._drawn = key
+            self._set(self._content(found[1], *enlarged, page_state), page_state)
+        self._set_visible(True)
 
     def _show_photo(self, state: RunState, page_state: PageState, vertex: int, view_id: int, kind: str) -> None:
         """Show a crop of a photo around the vertex, or a picture of the pair."""

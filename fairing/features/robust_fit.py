@@ -111,9 +111,11 @@ def robust_fit(
     rays = _Rays(cameras, points, check)
     held_back, everything = held_back_points(points), np.ones(len(points), dtype=bool)
     sigma = _prior_sigma(rays.assign(mesh, FARTHEST * unit, ~held_back), unit)
-    vertices = start if begin is None else begin
-    for gate in GATES if begin is None else [gate for gate in GATES if gate <= NEAR_GATE]:
-        for _ in range(STEPS if begin is None else NEAR_STEPS):
+    vertices, gates, steps = start, GATES, STEPS
+    if begin is not None:
+        vertices, gates, steps = begin, tuple(gate for gate in GATES if gate <= NEAR_GATE), NEAR_STEPS
+    for gate in gates:
+        for _ in range(steps):
             found = rays.assign(mesh.moved(vertices), REACH * gate * unit, ~held_back)
             vertices = _step(mesh, start, vertices, found, points.covariance, free, gate * unit, sigma, unit)
     vertices = _judged(mesh, _unfolded(mesh, vertices), rays, held_back, sigma, unit)
