@@ -160,8 +160,7 @@ class ScheduleOptions:
     search: tuple[float, ...] = (0.0, 0.0, 1.0, 0.6, 0.0)
     """Radius of the local search before Gauss-Newton, by level, in units of `start_error`. 0: no search. In a run with a search, a
     level with a common point spread (`cells.point_spread`) begins with a restart: vertices above twice the median loss are
-    optimized again together, from the first level with a search. A start fitted to sparse points is only restarted, unless
-    `start_error` is given."""
+    optimized again together, from the first level with a search."""
     start_error: float = -1.0
     """Distance of the start's vertices from their true positions, photo px. Negative: estimated by trial searches. 0: no search."""
     search_gain: float = 0.05

@@ -30,6 +30,11 @@ class RunPlan:
     edge_reach: float = 2.0
     represents_surface: bool = False
 
+    @property
+    def follows_points(self) -> bool:
+        """Whether the start was fitted to sparse points, and its faces can follow the surface."""
+        return self.is_fitted_to_points and self.represents_surface
+
     def to_json(self) -> str:
         """The plan as JSON text; `from_json` returns an equal plan."""
         return json.dumps(asdict(self))

@@ -286,23 +286,19 @@ def test_a_fit_needs_little_photo_gain_where_points_measure_the_start_far_off(
     assert Session(scene, small_options(step=USED)).make_plan().is_fitted_to_points == is_fitted
 
 
-def test_the_start_error_measured_by_points_gives_the_search_and_the_first_level():
+def test_the_points_measure_how_far_off_the_start_is():
     default = PRESETS["accurate"]
     options = replace(default, step=replace(default.step, smoothing=(0.0,)))
-    off = tuple(1.3 * x for x in START)
-    far, near = (Session(observed(corner_scene(at), on_the_faces(600)), options) for at in (off, (0.0, 0.0, 0.0)))
-    for session in (far, near):
-        session.make_plan()
-    assert far.plan is not None
-    assert near.plan is not None
-    moved = max(
-        np.linalg.norm(np.subtract(*camera.project(np.array([far.scene.mesh.vertices[0], VERTICES[0]]))[0]))
-        for camera in (view.camera for view in far.scene.views)
+    far, near = (corner_scene(at) for at in (tuple(1.3 * x for x in START), (0.0, 0.0, 0.0)))
+    sigma_far, sigma_near = (
+        Session(observed(scene, on_the_faces(600)), options).make_plan().start_sigma for scene in (far, near)
     )
-    assert 0.3 * moved < far.plan.start_error < 1.5 * moved
-    assert near.plan.start_error == 0
-    assert near.options.schedule.blur[near.plan.first_level] <= 1.2
-    assert far.plan.first_level <= near.plan.first_level
+    moved = max(
+        np.linalg.norm(np.subtract(*camera.project(np.array([far.mesh.vertices[0], VERTICES[0]]))[0]))
+        for camera in (view.camera for view in far.views)
+    )
+    assert 0.3 * moved < sigma_far < 1.5 * moved
+    assert sigma_near == 1.0
 
 
 def test_points_that_no_fit_used_prefer_the_state_they_lie_on():
@@ -410,17 +406,31 @@ def test_the_prior_to_the_points_fades_at_vertices_around_which_photos_agree(mon
 
 
 def test_the_prior_to_the_start_is_planned_where_points_measure_the_start_and_nothing_is_searched():
-    near, middle, far = (corner_scene(tuple(factor * x for x in START)) for factor in (0.1, 0.6, 1.3))
+    near, far = (corner_scene(tuple(factor * x for x in START)) for factor in (0.1, 1.3))
     options = replace(PRESETS["accurate"], step=replace(PRESETS["accurate"].step, smoothing=(0.0,)))
+    searching = replace(options, schedule=replace(options.schedule, start_error=5.0))
     without = Session(near, options).make_plan()
-    measured, reached, searched = (
-        Session(observed(scene, on_the_faces(600)), options).make_plan() for scene in (near, middle, far)
-    )
+    measured, reached = (Session(observed(scene, on_the_faces(600)), options).make_plan() for scene in (near, far))
+    searched = Session(observed(far, on_the_faces(600)), searching).make_plan()
     assert without.start_sigma == 0
     assert measured.start_error == reached.start_error == 0
-    assert 1 <= measured.start_sigma < reached.start_sigma < SEARCHED_ERROR
-    assert searched.start_error > 0
-    assert searched.start_sigma == 0
+    assert 1 <= measured.start_sigma < SEARCHED_ERROR < reached.start_sigma
+    assert (searched.start_error, searched.start_sigma) == (5.0, 0.0)
+
+
+def test_a_start_near_its_points_begins_at_the_last_level_unless_it_is_to_be_searched_for():
+    off_the_mesh = on_the_faces(600) + np.random.default_rng(3).choice([-0.06, 0.06], (600, 1))
+    options = replace(PRESETS["accurate"], step=replace(PRESETS["accurate"].step, smoothing=(0.0,)))
+    searching = replace(options, schedule=replace(options.schedule, start_error=5.0))
+    near, moved = (corner_scene(tuple(factor * x for x in START)) for factor in (0.1, 1.3))
+    last = options.n_levels - 1
+
+    def first_level(scene: Scene, points: np.ndarray, options: FairingOptions = options) -> int:
+        return Session(observed(scene, points), options).make_plan().first_level
+
+    assert first_level(near, on_the_faces(600)) == first_level(moved, on_the_faces(600)) == last
+    assert first_level(corner_scene(FAR), off_the_mesh) < last
+    assert first_level(moved, on_the_faces(600), searching) < last
 
 
 def test_edges_are_sought_as_far_as_the_start_is_off_where_the_mesh_fits_the_points():
@@ -431,7 +441,7 @@ def test_edges_are_sought_as_far_as_the_start_is_off_where_the_mesh_fits_the_poi
     coarse = Session(observed(corner_scene(FAR), off_the_mesh), options).make_plan()
     assert near.edge_reach == 2
     assert far.is_fitted_to_points
-    assert far.edge_reach == far.start_error > 2
+    assert far.edge_reach == far.start_sigma > 2
     assert coarse.is_fitted_to_points
     assert coarse.start_sigma + coarse.start_error > SEARCHED_ERROR
     assert coarse.edge_reach == 2
@@ -440,7 +450,7 @@ def test_edges_are_sought_as_far_as_the_start_is_off_where_the_mesh_fits_the_poi
 
 def test_the_start_holds_less_at_the_level_with_image_edges_where_the_mesh_represents_the_surface():
     options = PRESETS["accurate"]
-    plan = RunPlan(1, False, True, 0.0, False, start_sigma=2.0)
+    plan = RunPlan(1, False, False, 0.0, False, start_sigma=2.0)
     firm, loose = (
         [level.start_sigma for level in schedule_of(options, replace(plan, represents_surface=represents)).levels]
         for represents in (False, True)

@@ -9,8 +9,8 @@ from fairing.options import FairingOptions, by_level
 from fairing.run_plan import RunPlan
 
 MAX_DISPLACEMENT = 1.5  # in units of the widest search radius of the run
-MAX_DISPLACEMENT_MEASURED = 2.0  # in units of the start's measured error (ledger: bounded displacement)
-PRIOR_AFTER_SEARCH = 0.01  # factor of `StepOptions.prior` at the sharp level (ledger: prior after search)
+MAX_DISPLACEMENT_MEASURED = 1.3  # in units of the start's measured error (ledger: bounded displacement)
+WEAK_PRIOR = 0.01  # factor of `StepOptions.prior` at the sharp level, where the start is not to be held to (ledger: weak prior)
 SWEEPS_AFTER_SEARCH = 2  # factor of the sweeps of the sharp level: no prior to the start holds vertices there
 SIGMA_WITH_EDGES = 1.8  # factor of the standard deviation of the start where image edges hold its creases
 
@@ -157,14 +157,12 @@ def is_sharp(options: FairingOptions, level: int) -> bool:
 def _level(options: FairingOptions, plan: RunPlan, number: int, begin: int) -> Level:
     schedule, step, sharp = options.schedule, options.step, is_sharp(options, number)
     max_displacement = _max_displacement(options, plan)
-    # A fit leaves few vertices far off, which the restart optimizes again (ledger: searches after a fit).
-    restarts_only = plan.is_fitted_to_points and schedule.start_error < 0
-    radius = 0.0 if restarts_only else max(by_level(schedule.search, number), 0.0) * plan.start_error
+    radius = max(by_level(schedule.search, number), 0.0) * plan.start_error
     sweeps, creases = by_level(schedule.max_sweeps, number), by_level(step.creases, number)
     is_after_search = sharp and _widest_search(options, plan) > 0
     if plan.is_near_truth:
         sweeps = min(sweeps, by_level(schedule.sweeps_near_truth, number))
-    elif is_after_search and not restarts_only:
+    elif is_after_search:
         sweeps *= SWEEPS_AFTER_SEARCH
     gauss_newton = GaussNewton(
         sweeps,
@@ -178,10 +176,11 @@ def _level(options: FairingOptions, plan: RunPlan, number: int, begin: int) -> L
     restart_level = _restart_level(options, number, begin) if is_after_search else None
     if restart_level is not None:  # (ledger: searches and restarts)
         phases = (Restart(restart_level), *phases)
+    # The tangential positions of a start that had to be searched for are not reliable; a fit to points changed them already.
+    is_weak = is_after_search or (sharp and plan.follows_points)
     return Level(
         number,
-        # The tangential positions of a start that had to be searched for are not reliable.
-        prior=step.prior * (PRIOR_AFTER_SEARCH if is_after_search else 1.0),
+        prior=step.prior * (WEAK_PRIOR if is_weak else 1.0),
         smoothing=by_level(step.smoothing, number) if plan.is_smoothed else 0.0,
         attraction=by_level(step.points, number) if plan.is_fitted_to_points else 0.0,
         start_sigma=_start_sigma(plan, schedule.blur[number], creases),
@@ -203,7 +202,8 @@ def _widest_search(options: FairingOptions, plan: RunPlan) -> float:
 
 def _start_sigma(plan: RunPlan, blur: float, creases: float) -> float:
     """Standard deviation of the start in the prior to it at a level, px; 0: no such prior. (ledger: prior to the start)"""
-    if blur > NEAR_TRUTH_BLUR:  # at coarse levels the loss is that of the displacement, too
+    # At coarse levels the loss is that of the displacement, too.
+    if blur > NEAR_TRUTH_BLUR or plan.follows_points:
         return 0.0
     holds_less = creases > 0 and plan.represents_surface
     return plan.start_sigma * (SIGMA_WITH_EDGES if holds_less else 1.0)

@@ -2,6 +2,7 @@
 
 from fairing.cells.level_choice import first_level, level_for_error
 from fairing.creases.alignment import STAGES
+from fairing.options import FairingOptions
 from fairing.run.phases import first_searching_level
 from fairing.run.preparation import Preparations, points_can_judge
 from fairing.run.start_error import SEARCHED_ERROR, estimate_start_error, measured_start_error
@@ -11,7 +12,6 @@ from fairing.trace import StepReason
 
 LEAST_ERROR = 1.0  # px: Gauss-Newton reaches that far at every level
 FITTED_ERROR = 2.0  # px: a fit to points near the start leaves less of most vertices (ledger: surface sweep)
-MOST_LOSS = 0.03  # per photo px after a fit: above it a search gains little (ledger: search after a fit)
 
 
 def make_plan(problem: Problem, preparations: Preparations) -> RunPlan:
@@ -28,26 +28,20 @@ def make_plan(problem: Problem, preparations: Preparations) -> RunPlan:
         any(preparation.reason == reason for preparation in prepared)
         for reason in (StepReason.SMOOTHED, StepReason.FITTED_TO_POINTS)
     )
-    measured, represents, has_judges = 0.0, False, points_can_judge(problem)
-    if has_judges:
+    measured, represents = 0.0, False
+    if points_can_judge(problem):
         # Vertices that the points do not determine keep the error that the start had before the fit.
         measured = measured_start_error(problem, prepared[0].after if is_smoothed else problem.start)
-        if schedule.first_level == "auto":
-            remaining = min(measured, FITTED_ERROR) if is_fitted else measured
-            first = max(first, level_for_error(remaining, problem.options))
         # Where points lie far from a mesh fitted to them, it is too coarse for the surface, and its creases need not be edges.
         after_fit = measured_start_error(problem, prepared[-1].after) if is_fitted else measured
         represents = after_fit < SEARCHED_ERROR
+        if schedule.first_level == "auto":
+            first = max(first, _level_by_points(measured, is_fitted, represents, problem.options))
     error = schedule.start_error
     if error < 0:
-        error = 0.0
-        if has_judges and is_fitted:
-            is_searched = searching is not None and measured >= SEARCHED_ERROR and prepared[-1].loss < MOST_LOSS
-            error = measured if is_searched else 0.0
         # If the faces are large enough for levels coarser than the first one with a search, those reduce the error. Smaller
         # faces match wrong places by chance (ledger: start error).
-        elif first == searching and not is_smoothed:
-            error = estimate_start_error(problem, first, prepared[-1].after if prepared else problem.start)
+        error = estimate_start_error(problem, first, problem.start) if first == searching and not prepared else 0.0
     is_estimated = schedule.start_error < 0 and searching is not None and first >= searching
     is_near_truth = is_estimated and schedule.first_level == "auto" and not prepared and error == 0
     return RunPlan(
@@ -61,6 +55,17 @@ def make_plan(problem: Problem, preparations: Preparations) -> RunPlan:
         edge_reach=_edge_reach(measured) if is_fitted and represents else RunPlan.edge_reach,
         represents_surface=represents,
     )
+
+
+def _level_by_points(measured: float, is_fitted: bool, represents: bool, options: FairingOptions) -> int:
+    """The first level of a start whose error was measured, px.
+
+    Where the points show the prepared start near the surface, coarse levels only take vertices away from their true positions
+    (ledger: level at which a start near its points begins), unless they are to be searched for.
+    """
+    if represents and options.schedule.start_error < 0:
+        return options.n_levels - 1
+    return level_for_error(min(measured, FITTED_ERROR) if is_fitted else measured, options)
 
 
 def _edge_reach(measured: float) -> float:
