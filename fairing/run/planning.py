@@ -28,13 +28,17 @@ def make_plan(problem: Problem, preparations: Preparations) -> RunPlan:
         any(preparation.reason == reason for preparation in prepared)
         for reason in (StepReason.SMOOTHED, StepReason.FITTED_TO_POINTS)
     )
-    measured, represents = 0.0, False
+    measured, off, represents = 0.0, 0.0, False
     if points_can_judge(problem):
         # Vertices that the points do not determine keep the error that the start had before the fit.
-        measured = measured_start_error(problem, prepared[0].after if is_smoothed else problem.start)
+        start = prepared[0].after if is_smoothed else problem.start
+        measured = off = measured_start_error(problem, start)
+        left = measured_start_error(problem, preparations.fit(start))
         # Where points lie far from a mesh fitted to them, it is too coarse for the surface, and its creases need not be edges.
-        after_fit = measured_start_error(problem, prepared[-1].after) if is_fitted else measured
-        represents = after_fit < SEARCHED_ERROR
+        represents = (left if is_fitted else measured) < SEARCHED_ERROR
+        if not (is_fitted or represents):
+            # Distances that a fit leaves are not the vertices' own (ledger: start error of coarse meshes).
+            off = max(measured**2 - left**2, 0.0) ** 0.5
         if schedule.first_level == "auto":
             first = max(first, _level_by_points(measured, is_fitted, represents, problem.options))
     error = schedule.start_error
@@ -51,7 +55,7 @@ def make_plan(problem: Problem, preparations: Preparations) -> RunPlan:
         start_error=float(error),
         is_near_truth=is_near_truth,
         # A start that has to be searched for is nothing to hold vertices to (ledger: prior to the start).
-        start_sigma=max(measured, LEAST_ERROR) if measured > 0 and error == 0 else 0.0,
+        start_sigma=max(off, LEAST_ERROR) if measured > 0 and error == 0 else 0.0,
         edge_reach=_edge_reach(measured) if is_fitted and represents else RunPlan.edge_reach,
         represents_surface=represents,
     )

@@ -89,6 +89,14 @@ class Preparations:
                 vertices = preparation.after
         return done
 
+    def fit(self, vertices: np.ndarray) -> np.ndarray:
+        """(n, 3) float: vertices (n, 3) fitted to the sparse points, whether the photos accept it or not.
+
+        Raises:
+            Cancelled: cancellation was requested.
+        """
+        return self._compared(StepReason.FITTED_TO_POINTS, vertices, _TRIED[StepReason.FITTED_TO_POINTS])[1].after
+
     def _is_measured_off(self, fit: Preparation, vertices: np.ndarray) -> bool:
         """Whether the points measure vertices (n, 3) to be off by `SEARCHED_ERROR`, and a fit to them by at most half of it."""
         problem = self._problem
