@@ -24,6 +24,10 @@ def note(plan: RunPlan | None) -> str:
         (RunPlan(3, False, True, 0.0, False, start_sigma=1.3), "Begins at level 4: the start is about 1.3 px off"),
         (RunPlan(2, False, False, 0.0, False), "Begins at level 3: its blur suits the face size"),
         (RunPlan(3, False, False, 0.0, False, start_sigma=4.0), "Begins at level 4: its blur suits the face size"),
+        (
+            RunPlan(4, False, True, 0.0, False, start_sigma=6.0, represents_surface=True),
+            "Begins at level 5: the start is near its points",
+        ),
         (RunPlan(0, False, False, 0.0, True), "Begins at level 4: the start is near the truth"),
     ],
 )

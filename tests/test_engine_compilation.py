@@ -8,7 +8,8 @@ from collections.abc import Iterator
 import pytest
 
 from app.debugger import engine_compilation
-from app.debugger.engine_compilation import DONE, PAINTS, EngineCompilation
+from app.debugger.engine_compilation import EngineCompilation
+from app.debugger.engine_compiler import READY, Part
 from app.debugger.work_report import WorkReport
 from app.pictures.texturer import Texturer
 from app.stage import Stage
@@ -16,17 +17,17 @@ from tests.small_scene import corner_scene
 from tests.waiting import PATIENCE, wait_for
 
 PROCESS = "import sys\nfor line in sys.stdin: print(line, end='', flush=True)"
-"""In place of the process: it reports what it is told."""
+"""In place of a process: it reports what it is told."""
 
 
 class Told:
-    """A compilation whose process reports what a test tells it."""
+    """A compilation whose processes report what a test tells them."""
 
     def __init__(self) -> None:
         self.compilation = EngineCompilation()
 
-    def report(self, line: str) -> None:
-        stdin = self.compilation._process.stdin
+    def report(self, part: Part, line: str) -> None:
+        stdin = self.compilation._processes[part].stdin
         assert stdin is not None
         stdin.write(line + "\n")
         stdin.flush()
@@ -49,19 +50,20 @@ def test_steps_wait_for_the_engine_and_painting_waits_for_what_paints(told: Told
     painting = threading.Thread(target=compilation.wait_for_painting, daemon=True)
     steps.start()
     painting.start()
-    told.report("3 50")
+    told.report(Part.SURFACES, "7 50")
+    told.report(Part.STEPS, "3 50")
     wait_for(lambda: compilation.compiled == (3, 50))
     assert steps.is_alive()
     assert isinstance(compilation.report, WorkReport)
-    told.report(DONE)
+    told.report(Part.STEPS, READY)
     wait_for(lambda: not steps.is_alive())
     assert compilation.report is None
     assert painting.is_alive()
-    told.report(PAINTS)
+    told.report(Part.SURFACES, READY)
     wait_for(lambda: not painting.is_alive())
 
 
-def test_nothing_waits_for_a_process_that_ended(told: Told):
+def test_nothing_waits_for_processes_that_ended(told: Told):
     waiting = [
         threading.Thread(target=told.compilation.wait, args=(lambda: False,), daemon=True),
         threading.Thread(target=told.compilation.wait_for_painting, daemon=True),

@@ -5,7 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fairing.run.phases import SWEEPS_AFTER_SEARCH, WEAK_PRIOR, GaussNewton, Level, LocalSearch, Restart, Schedule, schedule_of
+from fairing.run.phases import (
+    SWEEPS_AFTER_SEARCH,
+    WEAK_PRIOR,
+    GaussNewton,
+    Level,
+    LocalSearch,
+    Restart,
+    Schedule,
+    schedule_of,
+)
 from fairing.run.schedule import fraction_done, most_blocks, next_position
 from fairing.run_plan import RunPlan
 from fairing.trace import SchedulePosition

@@ -57,7 +57,8 @@ def serve(
         page.begin(f"Opening {title}", lambda: "")
         page.show("Loading the engine")
         from app.debugger.actions import ACTIONS
-        from app.debugger.engine_compilation import EngineCompilation, is_compiled
+        from app.debugger.engine_compilation import EngineCompilation
+        from app.debugger.engine_compiler import is_compiled
         from app.page.server import App
 
         def show(line: str, fraction: float | None) -> None:

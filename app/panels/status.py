@@ -143,6 +143,8 @@ def begin_note(state: RunState) -> str:
     error = plan.start_error or plan.start_sigma
     if plan.is_near_truth:
         why = "the start is near the truth"
+    elif plan.represents_surface and begin == options.n_levels - 1:
+        why = "the start is near its points"
     elif error > 0 and level_for_error(error, options) == begin:
         why = f"the start is about {number(error, 2)} px off"
     else:

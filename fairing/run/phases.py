@@ -10,7 +10,9 @@ from fairing.run_plan import RunPlan
 
 MAX_DISPLACEMENT = 1.5  # in units of the widest search radius of the run
 MAX_DISPLACEMENT_MEASURED = 1.3  # in units of the start's measured error (ledger: bounded displacement)
-WEAK_PRIOR = 0.01  # factor of `StepOptions.prior` at the sharp level, where the start is not to be held to (ledger: weak prior)
+WEAK_PRIOR = (
+    0.01  # factor of `StepOptions.prior` at the sharp level, where the start is not to be held to (ledger: weak prior)
+)
 SWEEPS_AFTER_SEARCH = 2  # factor of the sweeps of the sharp level: no prior to the start holds vertices there
 SIGMA_WITH_EDGES = 1.8  # factor of the standard deviation of the start where image edges hold its creases
 
