@@ -498,3 +498,25 @@ def test_of_too_many_paths_the_longest_are_kept_whole(monkeypatch: pytest.Monkey
     for vertex in shown:
         assert (owner == vertex).sum() == (all_owner == vertex).sum()
     assert min(lengths[v] for v in shown) >= max(lengths[v] for v in lengths if v not in shown)
+
+
+def test_a_long_query_is_reported_while_the_engine_is_paused(controller: Controller):
+    may_end, results = threading.Event(), []
+
+    def compute(session: Session) -> int:
+        with session.work.doing("measuring", 4, "face") as work:
+            work.advance()
+            may_end.wait()
+        return 7
+
+    try:
+        controller.query("a test", compute, results.append)
+        wait_for(lambda: controller.state.work is not None)
+        state = controller.state
+        assert state.activity is Activity.PAUSED
+        assert state.work is not None
+        assert (state.work.text, state.work.fraction) == ("measuring: face 2 of 4", 0.25)
+    finally:
+        may_end.set()
+    wait_for(lambda: controller.state.work is None)
+    assert results == [7]

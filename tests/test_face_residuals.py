@@ -134,3 +134,19 @@ def test_it_stops_when_it_is_cancelled(session: Session):
     with pytest.raises(Cancelled):
         face_residuals(session, 0)
     session.cancel_requested = lambda: False
+
+
+def test_it_reports_face_by_face_what_it_does(session: Session):
+    seen: list[tuple[str, int, int]] = []
+
+    def look() -> bool:
+        seen.extend((work.text, work.done, work.count) for work in session.work.current)
+        return False
+
+    session.cancel_requested = look
+    face_residuals(session, 0)
+    session.cancel_requested = lambda: False
+    assert [entry for entry in seen if "flow" in entry[0]] == [
+        ("measuring the image flow", k, len(FACES)) for k in range(len(FACES))
+    ]
+    assert session.work.current == ()

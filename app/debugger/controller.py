@@ -202,7 +202,7 @@ class Controller:
         if command is None:
             return None
         if isinstance(command, Query):
-            self._is_querying = True
+            self._is_querying, self._active_since = True, time.monotonic()
             return partial(self._compute, command)
         self._cancellation.clear()
         self._activity, self._active_since = _activity_of(command), time.monotonic()
@@ -315,13 +315,14 @@ class Controller:
         } | ({"work": None} if self._activity is Activity.PAUSED else {})
 
     def _polled(self) -> dict[str, Any]:
-        """Activity and progress of a command that has been in progress for `SLOW_STEP`, and the commands that wait."""
+        """Activity and progress of a command or query that has taken `SLOW_STEP` already, and the commands that wait."""
         compilation = None if self._compilation is None else self._compilation.report
-        if self._activity is Activity.PAUSED:
+        is_paused = self._activity is Activity.PAUSED
+        if is_paused and not self._is_querying:
             return {"work": compilation}
         if time.monotonic() - self._active_since < SLOW_STEP:
             return {}
-        waiting, command = self._queue.labels, self._command
+        waiting, command = self._queue.labels, None if is_paused else self._command
         if compilation is not None and command is not None:
             waiting = (label_of(command), *waiting)
         fields: dict[str, Any] = {"activity": self._activity, "waiting": waiting}

@@ -50,7 +50,7 @@ class RunState:
         breakpoints: conditions that stop a run.
         bookmarks: of all runs.
         log: hits of breakpoints that only report, the newest last.
-        work: what the engine does at present; None while it is paused, or before a computation has taken noticeable time.
+        work: what the engine does at present; None while it does nothing, or before a computation has taken noticeable time.
         waiting: labels of the commands that wait for the engine, the first first.
     """
 

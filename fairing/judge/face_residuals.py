@@ -73,19 +73,23 @@ def face_residuals(session: Session, moment: int | None = None, *, with_flow: bo
     moment = session.moment if moment is None else moment
     vertices, sweep = session.trace.vertices_at(moment), session.sweep_state(moment)
     faces, views, sums, samples, flows = [], [], [], [], []
-    for face in np.flatnonzero(sweep.context.takes_part).tolist():
-        if session.cancel_requested():
-            raise Cancelled
-        sigma, scale = float(sweep.sigma[face]), float(sweep.scale[face])
-        try:
-            cells = cells_in_context(session, sweep.context, vertices, face, moment, sigma, scale)
-        except InputError:  # a corner lies behind a camera
-            continue
-        faces.append(np.full(len(cells.views), face))
-        views.append(cells.views)
-        sums.append(np.abs(cells.residual).sum(axis=1, where=cells.counts, dtype=float))
-        samples.append(cells.counts.sum(axis=1))
-        flows.append(_flow_in_cell(cells) if with_flow else np.full((len(cells.views), 2), np.nan))
+    ids = np.flatnonzero(sweep.context.takes_part).tolist()
+    with session.work.doing(
+        "measuring the image flow" if with_flow else "measuring residuals", len(ids), "face"
+    ) as work:
+        for face in work.each(ids):
+            if session.cancel_requested():
+                raise Cancelled
+            sigma, scale = float(sweep.sigma[face]), float(sweep.scale[face])
+            try:
+                cells = cells_in_context(session, sweep.context, vertices, face, moment, sigma, scale)
+            except InputError:  # a corner lies behind a camera
+                continue
+            faces.append(np.full(len(cells.views), face))
+            views.append(cells.views)
+            sums.append(np.abs(cells.residual).sum(axis=1, where=cells.counts, dtype=float))
+            samples.append(cells.counts.sum(axis=1))
+            flows.append(_flow_in_cell(cells) if with_flow else np.full((len(cells.views), 2), np.nan))
     face_of, view_of = (np.concatenate([np.zeros(0, dtype=int), *ids]) for ids in (faces, views))
     corners = vertices[session.scene.mesh.faces[face_of]]
     # Columns of the cell run from corner 2 to corner 0, rows from corner 2 to corner 1.
