@@ -147,6 +147,6 @@ def test_it_reports_face_by_face_what_it_does(session: Session):
     face_residuals(session, 0)
     session.cancel_requested = lambda: False
     assert [entry for entry in seen if "flow" in entry[0]] == [
-        ("measuring the image flow", k, len(FACES)) for k in range(len(FACES))
+        ("measuring flow", k, len(FACES)) for k in range(len(FACES))
     ]
     assert session.work.current == ()

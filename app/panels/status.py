@@ -37,7 +37,7 @@ class Status:
         outcome = "no step yet" if record is None else step_outcome(record)
         last, line, color, left = f"Last step: {outcome}", _reason(state, outcome), _reason_color(state), ""
         bar = f"<div class='bar'><div style='width:{100 * state.progress:.1f}%'></div></div>"
-        if state.is_working:
+        if state.is_working or state.work is not None:
             line, color = "\u00a0", "working"
             if state.work is not None:
                 line, left = state.work.sentence, state.work.time

@@ -74,9 +74,7 @@ def face_residuals(session: Session, moment: int | None = None, *, with_flow: bo
     vertices, sweep = session.trace.vertices_at(moment), session.sweep_state(moment)
     faces, views, sums, samples, flows = [], [], [], [], []
     ids = np.flatnonzero(sweep.context.takes_part).tolist()
-    with session.work.doing(
-        "measuring the image flow" if with_flow else "measuring residuals", len(ids), "face"
-    ) as work:
+    with session.work.doing("measuring flow" if with_flow else "measuring residuals", len(ids), "face") as work:
         for face in work.each(ids):
             if session.cancel_requested():
                 raise Cancelled

@@ -153,14 +153,16 @@ def test_colours_of_another_quantity_say_so_until_the_chosen_one_is_computed(
     visitor.button("Coloured by: Residual").click()
     overlay.get_by_text("Mean absolute residual, grey levels", exact=True).wait_for()
 
-    def when_allowed(*inputs: Any, **options: Any) -> FaceResiduals:
-        assert may_compute.wait(PATIENCE)
-        return compute(*inputs, **options)
+    def when_allowed(session: Session, *inputs: Any, **options: Any) -> FaceResiduals:
+        with session.work.doing("measuring flow", 9, "face"):
+            assert may_compute.wait(PATIENCE)
+        return compute(session, *inputs, **options)
 
     monkeypatch.setattr(residual_source, "face_residuals", when_allowed)
     try:
         visitor.button("Coloured by: Image flow").click()
         overlay.get_by_text("Computing: Image flow of each face…", exact=True).wait_for()
+        page.locator(".ef .work-line").filter(has_text="Measuring flow: face 1 of 9").wait_for()
         assert overlay.get_by_text("Mean absolute residual, grey levels", exact=True).is_visible(), "its colours stay"
     finally:
         may_compute.set()
