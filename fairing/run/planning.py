@@ -1,5 +1,9 @@
 """Planning: computes the run plan of a start mesh, see `RunPlan`."""
 
+from typing import NamedTuple
+
+import numpy as np
+
 from fairing.cells.level_choice import first_level, level_for_error
 from fairing.creases.alignment import STAGES
 from fairing.options import FairingOptions
@@ -28,24 +32,16 @@ def make_plan(problem: Problem, preparations: Preparations) -> RunPlan:
         any(preparation.reason == reason for preparation in prepared)
         for reason in (StepReason.SMOOTHED, StepReason.FITTED_TO_POINTS)
     )
-    measured, off, represents = 0.0, 0.0, False
-    if points_can_judge(problem):
-        # Vertices that the points do not determine keep the error that the start had before the fit.
-        start = prepared[0].after if is_smoothed else problem.start
-        measured = off = measured_start_error(problem, start)
-        left = measured_start_error(problem, preparations.fit(start))
-        # Where points lie far from a mesh fitted to them, it is too coarse for the surface, and its creases need not be edges.
-        represents = (left if is_fitted else measured) < SEARCHED_ERROR
-        if not (is_fitted or represents):
-            # Distances that a fit leaves are not the vertices' own (ledger: start error of coarse meshes).
-            off = max(measured**2 - left**2, 0.0) ** 0.5
-        if schedule.first_level == "auto":
-            first = max(first, _level_by_points(measured, is_fitted, represents, problem.options))
+    measured = _measure(problem, preparations, prepared[0].after if is_smoothed else problem.start, is_fitted)
+    if measured is not None and schedule.first_level == "auto":
+        first = max(first, _level_by_points(measured, is_fitted, problem.options))
+    represents = measured is not None and measured.represents_surface
     error = schedule.start_error
     if error < 0:
         # If the faces are large enough for levels coarser than the first one with a search, those reduce the error. Smaller
         # faces match wrong places by chance (ledger: start error).
         error = estimate_start_error(problem, first, problem.start) if first == searching and not prepared else 0.0
+    reach = _edge_reach(measured.error) if measured is not None and represents and is_fitted else RunPlan.edge_reach
     is_estimated = schedule.start_error < 0 and searching is not None and first >= searching
     is_near_truth = is_estimated and schedule.first_level == "auto" and not prepared and error == 0
     return RunPlan(
@@ -55,21 +51,51 @@ def make_plan(problem: Problem, preparations: Preparations) -> RunPlan:
         start_error=float(error),
         is_near_truth=is_near_truth,
         # A start that has to be searched for is nothing to hold vertices to (ledger: prior to the start).
-        start_sigma=max(off, LEAST_ERROR) if measured > 0 and error == 0 else 0.0,
-        edge_reach=_edge_reach(measured) if is_fitted and represents else RunPlan.edge_reach,
+        start_sigma=max(measured.sigma, LEAST_ERROR) if measured is not None and error == 0 else 0.0,
+        edge_reach=reach,
         represents_surface=represents,
     )
 
 
-def _level_by_points(measured: float, is_fitted: bool, represents: bool, options: FairingOptions) -> int:
-    """The first level of a start whose error was measured, px.
+class _Measured(NamedTuple):
+    """What the sparse points show of a start.
 
-    Where the points show the prepared start near the surface, coarse levels only take vertices away from their true positions
+    Attributes:
+        error: distance of the points from its surface, px. Vertices that the points do not determine keep it after a fit.
+        sigma: the part of it that is an error of the vertices, px.
+        represents_surface: see `RunPlan`.
+    """
+
+    error: float
+    sigma: float
+    represents_surface: bool
+
+
+def _measure(problem: Problem, preparations: Preparations, start: np.ndarray, is_fitted: bool) -> _Measured | None:
+    """What the sparse points show of a start (n, 3), smoothed if the run smooths it; None if too few belong to its faces."""
+    if not points_can_judge(problem):
+        return None
+    error, left = (measured_start_error(problem, vertices) for vertices in (start, preparations.fit(start)))
+    if error == 0:
+        return None
+    if is_fitted:
+        # Where points lie far from a mesh fitted to them, it is too coarse for the surface, and its creases need not be edges.
+        return _Measured(error, error, left < SEARCHED_ERROR)
+    if error < SEARCHED_ERROR:
+        return _Measured(error, error, True)
+    # Distances that a fit leaves are not the vertices' own (ledger: start error of coarse meshes).
+    return _Measured(error, max(error**2 - left**2, 0.0) ** 0.5, False)
+
+
+def _level_by_points(measured: _Measured, is_fitted: bool, options: FairingOptions) -> int:
+    """The first level of a start that the points measured.
+
+    Where they show the prepared start near the surface, coarse levels only take vertices away from their true positions
     (ledger: level at which a start near its points begins), unless they are to be searched for.
     """
-    if represents and options.schedule.start_error < 0:
+    if measured.represents_surface and options.schedule.start_error < 0:
         return options.n_levels - 1
-    return level_for_error(min(measured, FITTED_ERROR) if is_fitted else measured, options)
+    return level_for_error(min(measured.error, FITTED_ERROR) if is_fitted else measured.error, options)
 
 
 def _edge_reach(measured: float) -> float:

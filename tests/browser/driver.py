@@ -4,7 +4,7 @@ import shutil
 import tempfile
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -213,6 +213,15 @@ class Visitor:
         canvas = self.canvas_box()
         x, y = self.drawn_at(vertex)
         self.page.mouse.click(canvas["x"] + x, canvas["y"] + y)
+
+    def select_by_click(self, vertex: int) -> None:
+        """Click a vertex until it is selected: the browser drops a click if the node changes between press and release."""
+        selection = next(iter(self.app.pages.values())).page_state
+        for seconds in (20.0, 20.0, PATIENCE):
+            self.click_vertex(vertex)
+            with suppress(AssertionError):
+                return wait_for(lambda: selection.selection.vertices == (vertex,), seconds)
+        raise AssertionError(f"vertex {vertex} was not selected by three clicks")
 
     def canvas_box(self) -> dict[str, float]:
         """Where the 3D view is in the window."""

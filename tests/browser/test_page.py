@@ -159,7 +159,7 @@ def test_a_click_selects_a_vertex_and_shows_its_variables(visitor: Visitor):
     state = visitor.press("Step one sweep")
     visitor.sees_vertices(page_vertices(visitor.app, state.moment))  # what is drawn anew under a click swallows it
     visitor.page.get_by_role("tab", name="Vertex").click()
-    visitor.click_vertex(0)
+    visitor.select_by_click(0)
     visitor.page.get_by_text("moved from the start").wait_for()
     visitor.page.get_by_text("step in the photos").wait_for()
     assert visitor.input_of("Vertices").input_value() == "0"
