@@ -39,8 +39,10 @@ def make_plan(problem: Problem, preparations: Preparations) -> RunPlan:
     error = schedule.start_error
     if error < 0:
         # If the faces are large enough for levels coarser than the first one with a search, those reduce the error. Smaller
-        # faces match wrong places by chance (ledger: start error).
-        error = estimate_start_error(problem, first, problem.start) if first == searching and not prepared else 0.0
+        # faces match wrong places by chance (ledger: start error), and so do faces too coarse for the surface: where points
+        # measure the start, no search is tried (ledger: trial searches where points measure the start).
+        is_tried = first == searching and not prepared and measured is None
+        error = estimate_start_error(problem, first, problem.start) if is_tried else 0.0
     reach = _edge_reach(measured.error) if measured is not None and represents and is_fitted else RunPlan.edge_reach
     is_estimated = schedule.start_error < 0 and searching is not None and first >= searching
     is_near_truth = is_estimated and schedule.first_level == "auto" and not prepared and error == 0
