@@ -155,14 +155,15 @@ class ScheduleOptions:
     blur: tuple[float, ...] = (6.0, 3.6, 2.0, 1.2, 0.5)
     """sigma_smooth, by level, photo pixels."""
     first_level: Literal["auto", "first"] = "auto"
-    """Where the run begins. auto: skip levels whose blur exceeds 1/12 of the median height of the faces' footprints. first: at the
-    first level."""
+    """Where the run begins. auto: skip levels whose blur exceeds 1/12 of the median height of the faces' footprints, and all but
+    the last level if the start is near its sparse points. first: at the first level."""
     search: tuple[float, ...] = (0.0, 0.0, 1.0, 0.6, 0.0)
     """Radius of the local search before Gauss-Newton, by level, in units of `start_error`. 0: no search. In a run with a search, a
     level with a common point spread (`cells.point_spread`) begins with a restart: vertices above twice the median loss are
     optimized again together, from the first level with a search."""
     start_error: float = -1.0
-    """Distance of the start's vertices from their true positions, photo px. Negative: estimated by trial searches. 0: no search."""
+    """Distance of the start's vertices from their true positions, photo px. 0: no search. Negative: estimated by trial
+    searches, unless sparse points measure it."""
     search_gain: float = 0.05
     """A position found by a search is taken if it lowers the mean loss around the vertex by this fraction."""
     order: Literal["joint", "independent", "sequential", "worst_first"] = "joint"

@@ -50,7 +50,6 @@ def test_steps_wait_for_the_engine_and_painting_waits_for_what_paints(told: Told
     painting = threading.Thread(target=compilation.wait_for_painting, daemon=True)
     steps.start()
     painting.start()
-    told.report(Part.SURFACES, "7 50")
     told.report(Part.STEPS, "3 50")
     wait_for(lambda: compilation.compiled == (3, 50))
     assert steps.is_alive()

@@ -78,7 +78,7 @@ class EngineCompilation:
                 done, _, count = line.strip().partition(" ")
                 if done == READY:
                     self._ready[part].set()  # nothing waits for what the process compiles further
-                elif part is Part.STEPS and done.isdigit() and count.isdigit():
+                elif done.isdigit() and count.isdigit():
                     self.compiled = Compiled(int(done), int(count))
             self._ready[part].set()
 

@@ -1,9 +1,10 @@
 """Engine compiler: a process that compiles a part of the engine by using it on a small scene.
 
-It prints a line for each function of a step that it begins, and another once nothing waits for the rest.
+It prints `READY` once nothing waits for the rest; one that compiles a step also prints how many functions it has begun.
 """
 
 import enum
+import functools
 import hashlib
 import os
 import sys
@@ -45,16 +46,21 @@ def is_compiled() -> bool:
 
 def _marker(part: Part) -> Path:
     """The file beside the compiled functions that is written when all of a part are there."""
+    from fairing.kernels.faces import evaluate_faces
+
+    return Path(evaluate_faces._cache.cache_path) / f"engine-{_engine_key()}.{part}"  # pyright: ignore
+
+
+@functools.cache
+def _engine_key() -> str:
+    """Changes with the engine's sources, the compiler and the processor."""
     import numba
     from llvmlite.binding import get_host_cpu_name
 
-    from fairing.kernels.faces import evaluate_faces
-
     sources = sorted(Path(str(fairing.__file__)).parent.rglob("*.py"))
-    parts = [path.read_bytes() for path in sources]
-    parts.append(f"{numba.__version__} {sys.version} {get_host_cpu_name()}".encode())
-    digest = hashlib.sha256(b"".join(parts)).hexdigest()[:16]
-    return Path(evaluate_faces._cache.cache_path) / f"engine-{digest}.{part}"  # pyright: ignore
+    contents = [path.read_bytes() for path in sources]
+    contents.append(f"{numba.__version__} {sys.version} {get_host_cpu_name()}".encode())
+    return hashlib.sha256(b"".join(contents)).hexdigest()[:16]
 
 
 def small_scene() -> Scene:
@@ -101,7 +107,30 @@ def functions_of_a_step() -> set[Callable[..., object]]:
 
 
 def compile_part(part: Part) -> None:
-    """Compile a part of the engine and report it on standard output."""
+    """Compile a part of the engine."""
+    if part is Part.STEPS:
+        _use_steps(small_scene())
+    else:
+        _yield_to_others(LESS_URGENT)
+        _use_surfaces(small_scene())
+    _marker(part).touch()
+
+
+def _use_steps(scene: Scene) -> None:
+    from fairing.judge.inspect import face_cells
+    from fairing.run.session import Session
+
+    _report_functions_of_a_step()
+    session = Session(scene)
+    session.step()
+    print(READY, flush=True)  # noqa: T201
+    session.run()
+    _yield_to_others(NOT_URGENT)
+    face_cells(session, 0)
+
+
+def _report_functions_of_a_step() -> None:
+    """Print from now on, whenever numba begins a function, how many of those of a step it has begun."""
     from numba.core import event
 
     expected, begun = functions_of_a_step(), set()
@@ -115,24 +144,6 @@ def compile_part(part: Part) -> None:
             pass
 
     event.register("numba:compile", Reporter())
-    if part is Part.STEPS:
-        _use_steps(small_scene())
-    else:
-        _yield_to_others(LESS_URGENT)
-        _use_surfaces(small_scene())
-    _marker(part).touch()
-
-
-def _use_steps(scene: Scene) -> None:
-    from fairing.judge.inspect import face_cells
-    from fairing.run.session import Session
-
-    session = Session(scene)
-    session.step()
-    print(READY, flush=True)  # noqa: T201
-    session.run()
-    _yield_to_others(NOT_URGENT)
-    face_cells(session, 0)
 
 
 def _use_surfaces(scene: Scene) -> None:

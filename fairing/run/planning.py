@@ -77,14 +77,15 @@ def _measure(problem: Problem, preparations: Preparations, start: np.ndarray, is
     """What the sparse points show of a start (n, 3), smoothed if the run smooths it; None if too few belong to its faces."""
     if not points_can_judge(problem):
         return None
-    error, left = (measured_start_error(problem, vertices) for vertices in (start, preparations.fit(start)))
+    error = measured_start_error(problem, start)
     if error == 0:
         return None
+    if not is_fitted and error < SEARCHED_ERROR:
+        return _Measured(error, error, True)
+    left = measured_start_error(problem, preparations.fit(start))
     if is_fitted:
         # Where points lie far from a mesh fitted to them, it is too coarse for the surface, and its creases need not be edges.
         return _Measured(error, error, left < SEARCHED_ERROR)
-    if error < SEARCHED_ERROR:
-        return _Measured(error, error, True)
     # Distances that a fit leaves are not the vertices' own (ledger: start error of coarse meshes).
     return _Measured(error, max(error**2 - left**2, 0.0) ** 0.5, False)
 
