@@ -11,7 +11,7 @@ import pytest
 from fairing.errors import Cancelled
 from fairing.features import surface_sweep
 from fairing.features.points import FeaturePoints
-from fairing.features.surface_sweep import SurfaceSweep
+from fairing.features.surface_sweep import HALF_WINDOW, SurfaceSweep
 from fairing.photo import ArrayPhoto, Mask
 from fairing.run import swept_fit as swept
 from fairing.run.session import Session
@@ -94,7 +94,8 @@ def test_the_correlation_is_that_of_the_windows():
     surface_sweep._window_statistics(a, mean, contrast)
     surface_sweep._correlate(a, mean, contrast, b, best, second)
     for y, x in ((3, 3), (9, 12), (16, 20)):
-        p, q = (values[y - 3 : y + 4, x - 3 : x + 4].astype(float) for values in (a, b))
+        window = np.s_[y - HALF_WINDOW : y + HALF_WINDOW + 1, x - HALF_WINDOW : x + HALF_WINDOW + 1]
+        p, q = (values[window].astype(float) for values in (a, b))
         covariance = ((p - p.mean()) * (q - q.mean())).mean()
         expected = covariance / np.sqrt((p.var() + surface_sweep.NOISE) * (q.var() + surface_sweep.NOISE))
         assert best[y, x] == pytest.approx(expected, abs=1e-4)
@@ -104,6 +105,15 @@ def test_the_correlation_is_that_of_the_windows():
     surface_sweep._correlate(a, mean, contrast, a, best, second)
     assert best[9, 12] > 0.98
     assert second[9, 12] < 0.9
+
+
+def test_the_place_of_the_best_score_is_that_of_a_parabola_and_0_where_it_is_at_an_end_or_too_small():
+    places = np.arange(7.0)
+    profiles = [0.9 - 0.05 * (places - 3.3) ** 2, 0.9 - 0.01 * places, 0.3 - 0.05 * (places - 3.3) ** 2]
+    scores = np.array(profiles, np.float32).T[:, None].copy()
+    found = np.empty((1, 3))
+    surface_sweep._peaks(scores, found)
+    assert found[0] == pytest.approx([4.3, 0.0, 0.0], abs=1e-4)
 
 
 def test_a_sweep_can_be_cancelled():

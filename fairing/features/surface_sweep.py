@@ -29,7 +29,7 @@ NEIGHBORS = 4
 """Photos each photo is compared with, the nearest ones ..."""
 AXIS_ANGLE = 45.0
 """... whose optical axes lie within this angle of its own, degrees."""
-HALF_WINDOW = 3
+HALF_WINDOW = 2
 """px: windows of the correlation have (2 HALF_WINDOW + 1)^2 pixels."""
 REACH = 2.0
 """Of the start error: displacements of the mesh along lines of sight; these meet most faces obliquely."""
@@ -39,18 +39,17 @@ MIDDLE_GREY = 128.0
 """Subtracted from grey levels, for accuracy: sums of squares are in single precision."""
 NOISE = 4.0
 """Grey levels^2: added to the variances of a window ..."""
-LEAST_VARIANCE = 3 * NOISE
+LEAST_VARIANCE = 1.5 * NOISE
 """... and their least sum for it to have texture."""
 LEAST_CORRELATION = 0.6
-LEAST_MARGIN = 0.05
-"""Of the correlation above that of the best copy elsewhere."""
+"""Of the best copy."""
 SPACING = 3
 """px between the points of a photo."""
 POINTS_PER_FACE = 50
 """Of all photos, at most; evenly left out beyond."""
-VIEWS = 3
+VIEWS = 2
 """Photos whose depths agree at a point, at least ..."""
-AGREEMENT = 1.5
+AGREEMENT = 1.0
 """... within this many steps."""
 SIGMA = 0.4
 """Steps: standard deviation of a point along its line of sight."""
@@ -339,25 +338,20 @@ def _correlate(a, mean, contrast, b, best, second):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _peaks(scores, result):
-    """Place (h, w) of the largest score (k, h, w), by a parabola, counted from 1; 0 where it is not a clear maximum."""
+    """Place (h, w) of the largest score (k, h, w), by a parabola, counted from 1; 0 at either end and where it is too small."""
     count, height, width = scores.shape
-    best, top, other = np.empty(width, np.int64), np.empty(width, np.float32), np.empty(width, np.float32)
+    best, top = np.empty(width, np.int64), np.empty(width, np.float32)
     for y in range(height):
         for x in range(width):
-            best[x], top[x], other[x] = 0, scores[0, y, x], -1
+            best[x], top[x] = 0, scores[0, y, x]
         for k in range(1, count):
             for x in range(width):
                 if scores[k, y, x] > top[x]:
                     top[x], best[x] = scores[k, y, x], k
-        for k in range(count):
-            for x in range(width):
-                if abs(k - best[x]) > 1:
-                    other[x] = max(other[x], scores[k, y, x])
         for x in range(width):
             k = best[x]
-            is_peak = 0 < k < count - 1 and top[x] > LEAST_CORRELATION and top[x] - other[x] > LEAST_MARGIN
             result[y, x] = 0
-            if is_peak:
+            if 0 < k < count - 1 and top[x] > LEAST_CORRELATION:
                 before, after = scores[k - 1, y, x], scores[k + 1, y, x]
                 curvature = before - 2 * top[x] + after
                 result[y, x] = k + 1 + (0.5 * (before - after) / curvature if curvature < 0 else 0.0)
