@@ -21,11 +21,11 @@ from app.export.picture import picture
 from app.export.run_facts import RunFacts
 from app.lessons.player import Status
 from app.lessons.scenes import load_lesson_scene
-from app.page.server import App, start
+from app.page.server import start
 from demo_scenes import load_demo
 from fairing.options import PRESETS, FairingOptions
 from fairing.run.session import Session
-from tests.browser.driver import WINDOW, Visitor, chromium
+from tests.browser.driver import WINDOW, Visitor, chromium, page_of
 from tests.waiting import wait_for
 
 PICTURES = Path(__file__).parents[1] / "app" / "pictures"
@@ -60,11 +60,6 @@ def main(wanted: list[str]) -> None:
     if not wanted or "before_after" in wanted:
         facts = RunFacts(session, PICTURES)
         save("before_after", picture(facts, None, lambda fraction: None))
-
-
-def page_of(app: App):
-    """What the server knows of the only browser."""
-    return next(iter(app.pages.values()))
 
 
 def begin(visitor: Visitor) -> None:

@@ -2,7 +2,7 @@
 
 A plane sweep (Collins, CVPR 1996) whose planes are replaced by the mesh, displaced along the lines of sight of a photo in
 steps of inverse depth: neighbouring photos are warped onto each copy and compared with the photo by normalized cross-correlation
-in small windows. The best copy of a pixel gives its depth; it counts where the depths of other photos agree. Keypoints are
+in small windows. The best copy of a pixel gives its depth; it counts where that of another photo agrees. Keypoints are
 sparse and need distinct texture; these points cover all textured parts, but only within reach of the start. (ledger:
 surface sweep)
 """

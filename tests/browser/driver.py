@@ -13,6 +13,7 @@ import pytest
 from playwright.sync_api import Browser, Locator, Page, ViewportSize, sync_playwright
 
 from app.debugger.controller import RunState
+from app.page.page import Page as ServedPage
 from app.page.server import App
 from fairing.camera import Camera
 from tests.waiting import PATIENCE, wait_for
@@ -58,6 +59,11 @@ def input_of(page: Page, label: str) -> Locator:
     return page.get_by_text(label, exact=True).locator(
         "xpath=(ancestor::label[@class='line']|ancestor::div[contains(@class,'Flex-root')][1])//input"
     )
+
+
+def page_of(app: App) -> ServedPage:
+    """The server's side of the page, where one browser is connected."""
+    return next(iter(app.pages.values()))
 
 
 class Visitor:
@@ -216,11 +222,11 @@ class Visitor:
 
     def select_by_click(self, vertex: int) -> None:
         """Click a vertex until it is selected: the browser drops a click if the node changes between press and release."""
-        selection = next(iter(self.app.pages.values())).page_state
+        page_state = page_of(self.app).page_state
         for seconds in (20.0, 20.0, PATIENCE):
             self.click_vertex(vertex)
             with suppress(AssertionError):
-                return wait_for(lambda: selection.selection.vertices == (vertex,), seconds)
+                return wait_for(lambda: page_state.selection.vertices == (vertex,), seconds)
         raise AssertionError(f"vertex {vertex} was not selected by three clicks")
 
     def canvas_box(self) -> dict[str, float]:

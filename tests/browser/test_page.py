@@ -14,7 +14,7 @@ from app.page.server import App, start
 from demo_scenes import load_demo
 from fairing.options import FairingOptions, ScheduleOptions
 from fairing.run.session import Session
-from tests.browser.driver import IN_BROWSER, Visitor, letterboxed
+from tests.browser.driver import IN_BROWSER, Visitor, letterboxed, page_of
 from tests.waiting import PATIENCE, wait_for
 
 pytestmark = IN_BROWSER
@@ -166,7 +166,7 @@ def test_a_click_selects_a_vertex_and_shows_its_variables(visitor: Visitor):
 
 
 def test_the_cells_of_the_selected_vertex_are_shown_and_open_their_photo(visitor: Visitor, scene):
-    page = next(iter(visitor.app.pages.values()))
+    page = page_of(visitor.app)
     page.interaction.select(0)
     visitor.press("Step one iteration")
     visitor.button("Cells of face 3").click()
@@ -252,7 +252,7 @@ def test_the_key_list_is_shown(visitor: Visitor):
 @pytest.mark.parametrize("size", [(1280, 720), (1500, 640)])
 def test_through_a_camera_the_mesh_lies_on_its_photo(visitor: Visitor, scene, size):
     visitor.page.set_viewport_size({"width": size[0], "height": size[1]})
-    page = next(iter(visitor.app.pages.values()))
+    page = page_of(visitor.app)
     try:
         visitor.wait_for_page()  # in its new size: Chromium may drop keys before it is painted
         visitor.page.keyboard.press("3")
@@ -292,7 +292,7 @@ def test_two_browsers_share_the_run_but_not_the_selection(browser, visitor: Visi
 
 def test_reload_and_reconnect_keep_the_state(visitor: Visitor):
     state = visitor.press("Step one sweep")
-    page = next(iter(visitor.app.pages.values()))
+    page = page_of(visitor.app)
     page.interaction.select(3)
     visitor.open()
     visitor.sees_vertices(page_vertices(visitor.app, state.moment))
@@ -349,7 +349,7 @@ def test_a_dead_thread_is_one_notification_that_names_the_report_and_the_palette
 
 
 def test_values_that_make_no_sense_change_nothing(visitor: Visitor):
-    page = next(iter(visitor.app.pages.values()))
+    page = page_of(visitor.app)
     length = visitor.app.controller.state.length
     for value in (float("nan"), 1e308, -7, "17", None, {"a": 1}, True):
         page.frame.toasts(page.run_controls.jump)(value)

@@ -9,7 +9,7 @@ from app.page.server import start
 from demo_scenes import load_demo
 from fairing.options import FairingOptions, ScheduleOptions
 from fairing.run.session import Session
-from tests.browser.driver import IN_BROWSER, Visitor
+from tests.browser.driver import IN_BROWSER, Visitor, page_of
 from tests.waiting import wait_for
 
 pytestmark = IN_BROWSER
@@ -33,12 +33,8 @@ def app():
 @pytest.fixture(autouse=True)
 def selected(visitor: Visitor):
     """A vertex whose cells there are to look at."""
-    if _page(visitor).page_state.selected != 0:
-        _page(visitor).interaction.select(0)
-
-
-def _page(visitor: Visitor):
-    return next(iter(visitor.app.pages.values()))
+    if page_of(visitor.app).page_state.selected != 0:
+        page_of(visitor.app).interaction.select(0)
 
 
 def lens_events(visitor: Visitor) -> str:
@@ -48,7 +44,7 @@ def lens_events(visitor: Visitor) -> str:
 
 
 def test_a_cell_is_enlarged_and_says_its_values_under_the_pointer(visitor: Visitor):
-    page, view = visitor.page, _page(visitor).page_state
+    page, view = visitor.page, page_of(visitor.app).page_state
     name = visitor.app.controller.scene.views[2].name
     strip = page.get_by_role("button", name=f"Enlarge a cell in {name}", exact=True)
     strip.wait_for()
@@ -69,7 +65,7 @@ def test_a_cell_is_enlarged_and_says_its_values_under_the_pointer(visitor: Visit
 
 
 def test_a_cell_is_enlarged_as_long_as_the_mouse_rests_on_it(visitor: Visitor):
-    page, view = visitor.page, _page(visitor).page_state
+    page, view = visitor.page, page_of(visitor.app).page_state
     name = visitor.app.controller.scene.views[1].name
     box = visitor.box_of(page.get_by_role("button", name=f"Enlarge a cell in {name}", exact=True))
     page.mouse.move(box["x"] + 3, box["y"] + 5)
@@ -84,7 +80,7 @@ def test_a_cell_is_enlarged_as_long_as_the_mouse_rests_on_it(visitor: Visitor):
 
 
 def test_a_picture_of_a_pair_is_enlarged_and_changed_for_another(visitor: Visitor):
-    page, view = visitor.page, _page(visitor).page_state
+    page, view = visitor.page, page_of(visitor.app).page_state
     visitor.button("Page: Pair").click()
     visitor.button("Enlarge average, at the start").click()
     lens = page.locator(".ef", has=page.get_by_role("button", name="Close the lens"))
@@ -101,7 +97,7 @@ def test_a_picture_of_a_pair_is_enlarged_and_changed_for_another(visitor: Visito
 
 
 def test_columns_are_switched_and_another_k_is_looked_at_without_a_change_of_the_run(visitor: Visitor):
-    page, view = visitor.page, _page(visitor).page_state
+    page, view = visitor.page, page_of(visitor.app).page_state
     before = visitor.app.controller.state
     visitor.button("ρ").click()
     wait_for(lambda: "norm" in view.cells.columns)
@@ -121,7 +117,7 @@ def test_photos_and_pairs_are_shown(visitor: Visitor):
     visitor.button("Page: Pair").click()
     page.get_by_text("i warped into j").first.wait_for()
     visitor.button(f"Photo i: {name}").click()
-    wait_for(lambda: _page(visitor).page_state.cells.pair[0] == 1)
+    wait_for(lambda: page_of(visitor.app).page_state.cells.pair[0] == 1)
     visitor.button("Page: Cells").click()
 
 
@@ -150,7 +146,7 @@ def test_a_recorded_value_leads_to_its_last_change(visitor: Visitor):
 
 
 def test_a_watch_is_added_shows_its_value_and_is_removed(visitor: Visitor):
-    page, view = visitor.page, _page(visitor).page_state
+    page, view = visitor.page, page_of(visitor.app).page_state
     entry = visitor.input_of("Watch")
     entry.fill("energy *")
     entry.press("Enter")

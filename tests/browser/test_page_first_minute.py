@@ -20,7 +20,7 @@ from demo_scenes import load_demo
 from fairing.errors import Cancelled
 from fairing.options import FairingOptions, ScheduleOptions
 from fairing.run.session import Session
-from tests.browser.driver import IN_BROWSER, WINDOW, Visitor, input_of
+from tests.browser.driver import IN_BROWSER, WINDOW, Visitor, input_of, page_of
 from tests.waiting import PATIENCE, wait_for
 
 pytestmark = IN_BROWSER
@@ -58,10 +58,6 @@ TOO_WIDE = """() => {
         if (node.scrollWidth > node.clientWidth + 1 && node.clientWidth) found.push(node.className);
     return found;
 }"""
-
-
-def page_of(visitor: Visitor):
-    return next(iter(visitor.app.pages.values()))
 
 
 @pytest.fixture
@@ -163,7 +159,7 @@ def test_slider_and_strip_have_one_extent(visitor: Visitor):
 
 def test_cells_of_another_moment_carry_its_number(visitor: Visitor, slow_steps: threading.Semaphore):
     controller, page = visitor.app.controller, visitor.page
-    page_of(visitor).interaction.set_selection(Selection((0,)))
+    page_of(visitor.app).interaction.set_selection(Selection((0,)))
     page.get_by_text("Cells by photo").wait_for()
     controller.post(Run())
     wait_for(lambda: controller.state.activity is Activity.RUNNING)
@@ -172,7 +168,7 @@ def test_cells_of_another_moment_carry_its_number(visitor: Visitor, slow_steps: 
     page.keyboard.press("p")
     controller.wait_until_idle(PATIENCE)
     wait_for(lambda: page.locator(".stale").count() == 0)
-    page_of(visitor).interaction.set_selection(Selection())
+    page_of(visitor.app).interaction.set_selection(Selection())
 
 
 class Compilation:

@@ -21,7 +21,7 @@ from app.viser_bridge.floating import MARGIN
 from fairing.options import FairingOptions, ScheduleOptions
 from fairing.run_plan import RunPlan
 from fairing.trace import SchedulePosition
-from tests.browser.driver import IN_BROWSER, WINDOW, Visitor
+from tests.browser.driver import IN_BROWSER, WINDOW, Visitor, page_of
 from tests.waiting import wait_for
 
 pytestmark = [*IN_BROWSER, pytest.mark.slow]
@@ -75,7 +75,7 @@ TAB_CONTRASTS = """() => {
 @pytest.fixture(scope="module", autouse=True)
 def two_steps_and_a_vertex(module_visitor: Visitor):
     module_visitor.press("Step one iteration")
-    next(iter(module_visitor.app.pages.values())).interaction.select(0)
+    page_of(module_visitor.app).interaction.select(0)
     module_visitor.page.get_by_alt_text("cells in cube_00.png").or_(
         module_visitor.page.get_by_text("cube_", exact=False)
     ).first.wait_for()
@@ -115,7 +115,7 @@ def test_no_panel_overflows_or_scrolls_sideways(visitor: Visitor, order: str):
 @pytest.fixture
 def filled(visitor: Visitor) -> Iterator[Visitor]:
     """The page with content in every panel: long conditions and notes, runs, A, a photo, a coloured surface."""
-    controller, page = visitor.app.controller, next(iter(visitor.app.pages.values()))
+    controller, page = visitor.app.controller, page_of(visitor.app)
     controller.post(Restart(OPTIONS))
     controller.wait_until_idle()
     visitor.press("Step one iteration")
@@ -184,7 +184,7 @@ def test_the_note_of_every_plot_is_whole_and_not_there_before_the_first_step(vis
     visitor.page.get_by_text("No steps yet.").wait_for()
     assert note.inner_text() == ""
     visitor.press("Step one iteration")
-    page = next(iter(visitor.app.pages.values()))
+    page = page_of(visitor.app)
     page.page_state.plot = PlotView(of_vertex=of_vertex)
     try:
         for theme in ("light", "dark"):
@@ -224,7 +224,7 @@ def test_the_timeline_lies_along_the_bottom_of_the_window(visitor: Visitor, size
 def test_position_and_energy_fit_in_one_line_each_with_large_numbers(visitor: Visitor, order: str):
     visitor.app.controller.post(Restart(OPTIONS))
     visitor.app.controller.wait_until_idle()
-    page, state = next(iter(visitor.app.pages.values())), visitor.press("Step one iteration")
+    page, state = page_of(visitor.app), visitor.press("Step one iteration")
     assert state.record is not None
     assert len(state.record.faces)
     status = next(panel for panel in page.panels._panels if isinstance(panel, Status))
@@ -272,7 +272,7 @@ NOTES = (
 def test_the_line_below_the_last_step_is_whole_and_keeps_the_count_of_a_long_work(visitor: Visitor):
     visitor.app.controller.post(Restart(FairingOptions()))
     visitor.app.controller.wait_until_idle()
-    page, state = next(iter(visitor.app.pages.values())), visitor.press("Step one iteration")
+    page, state = page_of(visitor.app), visitor.press("Step one iteration")
     status = next(panel for panel in page.panels._panels if isinstance(panel, Status))
     show, line = status.show, visitor.page.locator(".ef .work-line")
 
@@ -334,7 +334,7 @@ def test_axe_has_no_serious_findings_in_either_theme(filled: Visitor, tabs: tupl
 
 
 def test_axe_has_no_serious_findings_in_the_pages_of_the_cells_and_in_the_dialogs(filled: Visitor):
-    page, state = filled.page, next(iter(filled.app.pages.values())).page_state
+    page, state = filled.page, page_of(filled.app).page_state
     enlarge_a_cell(filled)
     for theme in ("light", "dark"):
         page.keyboard.press("y")

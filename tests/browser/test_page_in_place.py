@@ -12,7 +12,7 @@ from app.debugger.run_state import Activity
 from app.page_state.selection import Selection
 from fairing.options import FairingOptions, ScheduleOptions
 from fairing.run.session import Session
-from tests.browser.driver import IN_BROWSER, Visitor
+from tests.browser.driver import IN_BROWSER, Visitor, page_of
 from tests.waiting import PATIENCE, wait_for
 
 pytestmark = IN_BROWSER
@@ -22,10 +22,6 @@ OPTIONS = FairingOptions(
         blur=(3.6, 2.0), order="sequential", max_sweeps=(9,), max_iterations=(9,), first_level="first"
     )
 )
-
-
-def page_of(visitor: Visitor):
-    return next(iter(visitor.app.pages.values()))
 
 
 @dataclass(frozen=True)
@@ -84,7 +80,7 @@ def running(visitor: Visitor, monkeypatch: pytest.MonkeyPatch) -> Iterator[Runni
 
 
 def test_slow_clicks_arrive_while_their_panels_change(running: Running):
-    controller, view = running.visitor.app.controller, page_of(running.visitor).page_state
+    controller, view = running.visitor.app.controller, page_of(running.visitor.app).page_state
     running.press_slowly("Stop the run or only log")
     wait_for(lambda: not controller.state.breakpoints[0].logs)
     running.visitor.button("Stop the run or only log").click()
@@ -123,7 +119,7 @@ def test_a_button_that_changes_its_action_during_a_click_is_not_triggered(runnin
 
 def test_a_quick_enter_sends_the_whole_line_and_the_next_can_be_typed_at_once(visitor: Visitor):
     """Of messages within 50 ms the viewer's own lines tell only the last, and write over what is being typed."""
-    page, view = visitor.page, page_of(visitor).page_state
+    page, view = visitor.page, page_of(visitor.app).page_state
     entry = visitor.input_of("Vertices")
     for line, chosen in (("2, 4-6", (2, 4, 5, 6)), ("1", (1,)), ("0-3", (0, 1, 2, 3))):
         entry.click()
@@ -141,7 +137,7 @@ def test_a_quick_enter_sends_the_whole_line_and_the_next_can_be_typed_at_once(vi
 
 
 def test_text_being_typed_is_not_overwritten(visitor: Visitor):
-    page, hands, entry = visitor.page, page_of(visitor).interaction, visitor.input_of("Vertices")
+    page, hands, entry = visitor.page, page_of(visitor.app).interaction, visitor.input_of("Vertices")
     hands.set_selection(Selection((5,)))
     wait_for(lambda: entry.input_value() == "5")
     entry.click()
@@ -152,7 +148,7 @@ def test_text_being_typed_is_not_overwritten(visitor: Visitor):
     page.keyboard.type(", 4")
     assert entry.input_value() == "2, 4"
     page.keyboard.press("Enter")
-    wait_for(lambda: set(page_of(visitor).page_state.selection.vertices) == {2, 4})
+    wait_for(lambda: set(page_of(visitor.app).page_state.selection.vertices) == {2, 4})
     hands.set_selection(Selection((6,)))
     wait_for(lambda: entry.input_value() == "6")
 

@@ -8,7 +8,7 @@ from app.lessons.reader import lesson_names, load_lesson
 from app.lessons.scenes import load_lesson_scene
 from app.page.server import App, start
 from fairing.run.session import Session
-from tests.browser.driver import IN_BROWSER, Visitor
+from tests.browser.driver import IN_BROWSER, Visitor, page_of
 from tests.waiting import wait_for
 
 pytestmark = [*IN_BROWSER, pytest.mark.usefixtures("remembered_steps")]
@@ -23,10 +23,6 @@ def app():
     app = start(Session(load_lesson_scene("cube")), port=0)
     yield app
     app.stop()
-
-
-def page_of(app: App):
-    return next(iter(app.pages.values()))
 
 
 def player_of(app: App) -> Player:

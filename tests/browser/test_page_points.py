@@ -11,7 +11,7 @@ from demo_scenes import load_demo
 from fairing.options import FairingOptions, ScheduleOptions
 from fairing.run.session import Session
 from fairing.scene import Scene
-from tests.browser.driver import IN_BROWSER, Visitor
+from tests.browser.driver import IN_BROWSER, Visitor, page_of
 from tests.waiting import wait_for
 
 pytestmark = [*IN_BROWSER, pytest.mark.slow]
@@ -37,12 +37,8 @@ def large_archway() -> Scene:
     return Scene.build(scene.name, vertices, faces, scene.views, sparse_points=scene.sparse_points)
 
 
-def page_of(visitor: Visitor):
-    return next(iter(visitor.app.pages.values()))
-
-
 def test_wires_and_start_of_a_large_mesh_are_hidden_until_asked_for(visitor: Visitor):
-    page_state = page_of(visitor).page_state
+    page_state = page_of(visitor.app).page_state
     assert len(visitor.app.controller.scene.mesh.vertices) > 200
     assert not page_state.shows("now")
     assert not page_state.shows("start")
@@ -55,7 +51,7 @@ def test_wires_and_start_of_a_large_mesh_are_hidden_until_asked_for(visitor: Vis
 
 
 def test_a_vertex_chosen_by_number_is_flown_to_and_marked(visitor: Visitor):
-    page, stage = page_of(visitor), visitor.app.resources.stage
+    page, stage = page_of(visitor.app), visitor.app.resources.stage
     visitor.page.get_by_role("tab", name="Vertex", exact=True).click()
     field = visitor.input_of("Vertices")
     field.fill("17")
@@ -68,7 +64,7 @@ def test_a_vertex_chosen_by_number_is_flown_to_and_marked(visitor: Visitor):
 
 
 def test_standard_views_have_keys(visitor: Visitor):
-    camera, stage = page_of(visitor)._client.camera, visitor.app.resources.stage
+    camera, stage = page_of(visitor.app)._client.camera, visitor.app.resources.stage
     for key, eye in (
         ("m", stage.eye),
         ("v", stage.overview()),
@@ -81,9 +77,9 @@ def test_standard_views_have_keys(visitor: Visitor):
 
 def test_no_frustum_with_a_photo_covers_the_mesh(visitor: Visitor):
     visitor.page.keyboard.press("Shift+F")
-    layer = next(layer for layer in page_of(visitor).layers._layers if type(layer).__name__ == "CamerasLayer")
+    layer = next(layer for layer in page_of(visitor.app).layers._layers if type(layer).__name__ == "CamerasLayer")
     stage = visitor.app.resources.stage
-    wait_for(lambda: np.allclose(page_of(visitor)._client.camera.position, stage.frontal(), atol=1e-2))
+    wait_for(lambda: np.allclose(page_of(visitor.app)._client.camera.position, stage.frontal(), atol=1e-2))
     wait_for(lambda: any(outline.visible for outline in layer._outlines))
     for frustum, outline in zip(layer._frusta, layer._outlines, strict=True):
         assert frustum.visible != outline.visible
@@ -100,7 +96,7 @@ def test_the_vertex_being_stepped_is_marked(visitor: Visitor):
     stepped = int(state.record.vertices[0])
     for come_nearer in (False, True):
         if come_nearer:
-            page_of(visitor).camera.fly_to(stepped, vertices)
+            page_of(visitor.app).camera.fly_to(stepped, vertices)
         wait_for(
             lambda: np.abs(np.linalg.norm(ring_drawn(visitor) - visitor.drawn_at(stepped), axis=1) - RING).max() < 1
         )
@@ -127,7 +123,7 @@ def ring_drawn(visitor: Visitor) -> np.ndarray:
 
 
 def test_a_click_on_a_sparse_point_shows_its_track(visitor: Visitor):
-    page, points = page_of(visitor), visitor.app.controller.scene.sparse_points
+    page, points = page_of(visitor.app), visitor.app.controller.scene.sparse_points
     assert points is not None
     page.interaction.set_selection(Selection())
     page.page_state.shown["points"], page.page_state.shown["vertices"] = True, False

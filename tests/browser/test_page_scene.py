@@ -18,7 +18,7 @@ from demo_scenes import load_demo
 from fairing.judge.face_residuals import FaceResiduals
 from fairing.options import FairingOptions, ScheduleOptions
 from fairing.run.session import Session
-from tests.browser.driver import IN_BROWSER, WINDOW, Visitor
+from tests.browser.driver import IN_BROWSER, WINDOW, Visitor, page_of
 from tests.waiting import PATIENCE, wait_for
 
 pytestmark = IN_BROWSER
@@ -97,7 +97,7 @@ def drawn_colors(visitor: Visitor, node: str) -> bool:
 
 
 def test_lines_coloured_at_their_ends_look_like_those_of_one_colour(visitor: Visitor):
-    page = next(iter(visitor.app.pages.values()))
+    page = page_of(visitor.app)
     eye, target = (np.array(place) for place in (page._client.camera.position, page._client.camera.look_at))
     near, across = eye + 0.5 * (target - eye), 0.1 * np.cross(target - eye, visitor.app.resources.stage.up)
     lines = [LineNode(page._client, name, color, 60.0) for name, color in (("/line/one", NOW), ("/line/ends", None))]
@@ -129,7 +129,7 @@ def test_the_surface_is_coloured_by_a_quantity_with_a_legend(visitor: Visitor):
 
 
 def test_residuals_and_flow_are_painted_for_all_photos_or_one(visitor: Visitor):
-    page = next(iter(visitor.app.pages.values()))
+    page = page_of(visitor.app)
     visitor.button("Coloured by: Residual").click()
     visitor.page.get_by_text("Mean absolute residual, grey levels", exact=True).wait_for()
     wait_for(lambda: drawn_colors(visitor, "/mesh/colored"))
@@ -190,7 +190,7 @@ def test_the_surface_is_shown_at_the_start_now_and_at_the_truth_each_with_its_te
 
 
 def test_the_model_is_blended_with_the_photo_of_the_entered_camera(visitor: Visitor, scene):
-    page = next(iter(visitor.app.pages.values()))
+    page = page_of(visitor.app)
     visitor.page.keyboard.press("3")
     wait_for(lambda: page.page_state.entered == 2)
     visitor.page.get_by_text("Photo – model", exact=True).wait_for()
@@ -214,7 +214,7 @@ def test_the_model_is_blended_with_the_photo_of_the_entered_camera(visitor: Visi
 
 
 def test_the_certainty_of_the_selected_vertices_is_drawn_and_listed(visitor: Visitor):
-    page = next(iter(visitor.app.pages.values()))
+    page = page_of(visitor.app)
     page.interaction.set_selection(Selection((1, 0)))
     visitor.button("Show certainty ellipsoids").click()
     visitor.page.wait_for_function("() => window.__viserMutable.nodeRefFromName['/certainty']?.visible")

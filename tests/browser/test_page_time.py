@@ -12,7 +12,7 @@ from app.palette import REFERENCE, css
 from demo_scenes import load_demo
 from fairing.options import FairingOptions, ScheduleOptions
 from fairing.run.session import Session
-from tests.browser.driver import IN_BROWSER, Visitor
+from tests.browser.driver import IN_BROWSER, Visitor, page_of
 from tests.waiting import wait_for
 
 pytestmark = IN_BROWSER
@@ -135,7 +135,7 @@ def test_a_past_moment_can_be_shown_while_the_run_goes_on(visitor: Visitor, monk
         patch.setattr(Session, "step", lambda self: time.sleep(0.3) or step(self))
         controller.post(Run())
         wait_for(lambda: controller.state.activity is Activity.RUNNING)
-        page = next(iter(visitor.app.pages.values()))
+        page = page_of(visitor.app)
         page.frame.toasts(page.run_controls.jump)(2)
         visitor.sees_vertices(stage.page_from_world(controller.state.trace.vertices_at(2)))
         assert controller.state.activity is Activity.RUNNING

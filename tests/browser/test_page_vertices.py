@@ -7,7 +7,7 @@ from app.debugger.commands import JumpTo
 from app.page_state.selection import Selection
 from app.viser_bridge.picking_camera import camera_of
 from fairing.options import FairingOptions, ScheduleOptions
-from tests.browser.driver import IN_BROWSER, Visitor
+from tests.browser.driver import IN_BROWSER, Visitor, page_of
 from tests.waiting import wait_for
 
 pytestmark = IN_BROWSER
@@ -24,7 +24,7 @@ def visitor(visitor: Visitor) -> Visitor:
     """A page at the start of the recorded run, nothing selected."""
     visitor.app.controller.post(JumpTo(0))
     visitor.app.controller.wait_until_idle()
-    interaction, page_state = page_of(visitor).interaction, page_of(visitor).page_state
+    interaction, page_state = page_of(visitor.app).interaction, page_of(visitor.app).page_state
 
     def nothing_is_selected() -> bool:
         if page_state.selection.vertices:  # a click of the test before may still be on its way
@@ -35,20 +35,18 @@ def visitor(visitor: Visitor) -> Visitor:
     return visitor
 
 
-def page_of(visitor: Visitor):
-    return next(iter(visitor.app.pages.values()))
-
-
 def page_vertices(visitor: Visitor, moment: int) -> np.ndarray:
     return visitor.app.resources.stage.page_from_world(visitor.app.controller.state.trace.vertices_at(moment))
 
 
 def selected(visitor: Visitor) -> list[int]:
-    return sorted(page_of(visitor).page_state.selection.vertices)
+    return sorted(page_of(visitor.app).page_state.selection.vertices)
 
 
 def test_a_click_selects_one_vertex_and_with_shift_several(visitor: Visitor):
-    view = page_of(visitor).page_state  # at first the viewer's note on software rendering lies over vertices 2 and 3
+    view = page_of(
+        visitor.app
+    ).page_state  # at first the viewer's note on software rendering lies over vertices 2 and 3
     visitor.click_vertex(0)
     wait_for(lambda: view.selection.vertices == (0,))
     visitor.page.keyboard.down("Shift")
@@ -84,7 +82,7 @@ def test_vertices_are_selected_by_number_and_the_field_shows_the_selection(visit
     entry.fill("2, 4-6")
     entry.press("Enter")
     wait_for(lambda: selected(visitor) == [2, 4, 5, 6])
-    assert page_of(visitor).page_state.selected == 2
+    assert page_of(visitor.app).page_state.selected == 2
 
     entry.fill("2, 400")
     entry.press("Enter")
@@ -95,7 +93,7 @@ def test_vertices_are_selected_by_number_and_the_field_shows_the_selection(visit
 
 def test_a_click_on_a_camera_keeps_the_selection(visitor: Visitor):
     """One click is reported for the node and for the scene; only the first may count."""
-    page = page_of(visitor)
+    page = page_of(visitor.app)
     page.interaction.set_selection(Selection((3,)))
     canvas, place, before = visitor.canvas_box(), page_vertices(visitor, 0), visitor.drawn_at(0)
     visitor.page.keyboard.press("v")
@@ -151,7 +149,7 @@ def test_a_vertex_is_dragged_and_the_move_is_part_of_the_record(visitor: Visitor
 
 
 def test_locked_vertices_are_drawn_as_blocks_and_cannot_be_dragged(visitor: Visitor):
-    page_of(visitor).interaction.set_selection(Selection((2, 4)))
+    page_of(visitor.app).interaction.set_selection(Selection((2, 4)))
     visitor.page.get_by_text("and 1 more selected").wait_for()
     state = visitor.press("Lock")
     assert np.flatnonzero(state.locked).tolist() == [2, 4]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fairing.options import FairingOptions, ScheduleOptions
-from tests.browser.driver import IN_BROWSER, Visitor
+from tests.browser.driver import IN_BROWSER, Visitor, page_of
 from tests.waiting import wait_for
 
 pytestmark = IN_BROWSER
@@ -57,7 +57,7 @@ def sees(visitor: Visitor, name: str) -> np.ndarray:
 
 
 def look_from(visitor: Visitor, view_id: int) -> None:
-    page = next(iter(visitor.app.pages.values()))
+    page = page_of(visitor.app)
     page._client.camera.position = visitor.app.resources.stage.camera_centers[view_id]
 
 
@@ -83,7 +83,7 @@ def test_a_step_shows_the_static_texture_until_the_new_shape_is_painted(visitor:
     before = visitor.app.controller.state.vertices
     assert visitor.press("Step one iteration").vertices is not before
     sees(visitor, "view_dependent")
-    view_dependent = next(iter(visitor.app.pages.values())).layers.surface._view_dependent
+    view_dependent = page_of(visitor.app).layers.surface._view_dependent
     now = visitor.app.controller.state.vertices
     wait_for(lambda: getattr(view_dependent.turns.shown, "vertices", None) is now)
     visitor.button("Texture: Static").click()
