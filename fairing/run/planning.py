@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fairing.cells.level_choice import first_level, level_for_error
+from fairing.cells.level_choice import first_fine_level, first_level, level_for_error
 from fairing.creases.alignment import STAGES
 from fairing.options import FairingOptions
 from fairing.run.phases import first_searching_level
@@ -15,7 +15,6 @@ from fairing.solve.problem import Problem
 from fairing.trace import StepReason
 
 LEAST_ERROR = 1.0  # px: Gauss-Newton reaches that far at every level
-FITTED_ERROR = 2.0  # px: a fit to points near the start leaves less of most vertices (ledger: surface sweep)
 
 
 def make_plan(problem: Problem, preparations: Preparations) -> RunPlan:
@@ -98,7 +97,8 @@ def _level_by_points(measured: _Measured, is_fitted: bool, options: FairingOptio
     """
     if measured.represents_surface and options.schedule.start_error < 0:
         return options.n_levels - 1
-    return level_for_error(min(measured.error, FITTED_ERROR) if is_fitted else measured.error, options)
+    # A fit to the points of surface sweeps leaves most vertices within what a fine level reaches (ledger: level after a fit).
+    return first_fine_level(options) if is_fitted else level_for_error(measured.error, options)
 
 
 def _edge_reach(measured: float) -> float:
