@@ -155,8 +155,8 @@ class ScheduleOptions:
     blur: tuple[float, ...] = (6.0, 3.6, 2.0, 1.2, 0.5)
     """sigma_smooth, by level, photo pixels."""
     first_level: Literal["auto", "first"] = "auto"
-    """Where the run begins. auto: skip levels whose blur exceeds 1/12 of the median height of the faces' footprints, and all but
-    the last level if the start is near its sparse points. first: at the first level."""
+    """Where the run begins. auto: skip levels whose blur exceeds 1/12 of the median height of the faces' footprints, and
+    coarse levels where sparse points measure the start. first: at the first level."""
     search: tuple[float, ...] = (0.0, 0.0, 1.0, 0.6, 0.0)
     """Radius of the local search before Gauss-Newton, by level, in units of `start_error`. 0: no search. In a run with a search, a
     level with a common point spread (`cells.point_spread`) begins with a restart: vertices above twice the median loss are

@@ -14,7 +14,7 @@ from app.debugger.step_text import step_outcome
 from app.html import copy_button, number, text
 from app.page_state.page_state import PageState
 from app.viser_bridge.html_panel import HtmlPanel
-from fairing.cells.level_choice import level_for_error
+from fairing.cells.level_choice import first_fine_level, level_for_error
 from fairing.run.phases import schedule_of
 from fairing.trace import SchedulePosition
 
@@ -145,6 +145,8 @@ def begin_note(state: RunState) -> str:
         why = "the start is near the truth"
     elif plan.represents_surface and begin == options.n_levels - 1:
         why = "the start is near its points"
+    elif plan.is_fitted_to_points and begin == first_fine_level(options):
+        why = "the start fits its points"
     elif error > 0 and level_for_error(error, options) == begin:
         why = f"the start is about {number(error, 2)} px off"
     else:

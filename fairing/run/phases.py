@@ -141,7 +141,7 @@ class Schedule:
 def schedule_of(options: FairingOptions, plan: RunPlan) -> Schedule:
     """The schedule of a run. Pure: it uses neither photos nor mesh."""
     # Near the truth, coarser levels increase the error (ledger: begin level).
-    begin = first_fine_level(options) if plan.is_near_truth else plan.first_level
+    begin = max(first_fine_level(options), plan.first_level) if plan.is_near_truth else plan.first_level
     levels = tuple(_level(options, plan, number, begin) for number in range(options.n_levels))
     return Schedule(levels, plan.first_level, begin)
 

@@ -92,13 +92,14 @@ def _measure(problem: Problem, preparations: Preparations, start: np.ndarray, is
 def _level_by_points(measured: _Measured, is_fitted: bool, options: FairingOptions) -> int:
     """The first level of a start that the points measured.
 
-    Where they show the prepared start near the surface, coarse levels only take vertices away from their true positions
-    (ledger: level at which a start near its points begins), unless they are to be searched for.
+    Where they show the prepared start near the surface, or the photos reject a fit to them, coarse levels only take vertices
+    away from their true positions (ledger: level at which a start near its points begins). A fit leaves most vertices within
+    what a fine level reaches (ledger: level after a fit). Vertices that are to be searched for need coarser levels.
     """
-    if measured.represents_surface and options.schedule.start_error < 0:
-        return options.n_levels - 1
-    # A fit to the points of surface sweeps leaves most vertices within what a fine level reaches (ledger: level after a fit).
-    return first_fine_level(options) if is_fitted else level_for_error(measured.error, options)
+    searching = first_searching_level(options)
+    if options.schedule.start_error > 0 and searching is not None:
+        return searching if is_fitted else level_for_error(measured.error, options)
+    return first_fine_level(options) if is_fitted and not measured.represents_surface else options.n_levels - 1
 
 
 def _edge_reach(measured: float) -> float:
