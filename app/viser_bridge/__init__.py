@@ -26,7 +26,7 @@ Panels
 - `accessible_names`: sliders, number inputs and icons have no accessible name.
 - `tabs`: viser cannot select a tab, scroll to a heading, reload the page or name the browser's tab.
 - `view_overlay`: HTML over the 3D view needs a panel.
-- `floating`, `timeline_placement`: panels can float at a corner, but not span the view; `camera.image_width` counts
+- `floating`, `view_width`: panels can float at a corner, but not span the view; `camera.image_width` counts
   rendered pixels, not those of the page.
 - `synced_widget`: an assignment from Python calls the widget's callbacks, too.
 - `slider_marks`: assignments to `slider.marks` have no effect.
