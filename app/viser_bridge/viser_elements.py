@@ -5,7 +5,7 @@ those whose content has the class `pinned`. In a narrow floating panel, whose co
 of viser's widgets stand above them, so that sliders are as wide as the panel.
 """
 
-from app.palette import BRAND_TEXT, GROUND, css, solid, variables
+from app.palette import BRAND, BRAND_TEXT, GROUND, css, solid, variables
 
 LABELS_ABOVE = "labels-above"
 DEBUG_BAR_HEIGHT = 134  # px; the status panel is pinned below the debug bar
@@ -14,7 +14,10 @@ _LIGHT = "[data-mantine-color-scheme=light]"
 
 # On pure white, the bright colours of points and selection would be invisible on the transparent canvas.
 STYLE = f"""
-{variables(".ef, .mantine-Flex-root label, [role=tab], .mantine-Spotlight-action", _LIGHT)}
+{variables(".ef, .mantine-Flex-root label, [role=tab], .mantine-Spotlight-action, .mantine-Badge-label", _LIGHT)}
+{_LIGHT} .mantine-Button-root {{ --button-bg: {css(BRAND)}; --button-hover: {css(BRAND)}; }}
+{_LIGHT} .mantine-Badge-label {{ color: {css(BRAND_TEXT)}; }}
+[data-scene-node] > [aria-haspopup]:focus-visible {{ opacity: 1; }}
 {_LIGHT} canvas[data-engine] {{ background: {solid(GROUND[1])} }}
 .mantine-Flex-root label {{ color: var(--dim); }}
 .mantine-Spotlight-action .mantine-Spotlight-actionDescription {{ color: var(--dim); opacity: 1; }}

@@ -422,6 +422,33 @@ def test_axe_has_no_serious_findings_in_the_pages_of_the_cells_and_in_the_dialog
             page.locator(dialog).first.wait_for(state="detached")
 
 
+def test_axe_has_no_serious_findings_in_the_viewer_settings(visitor: Visitor):
+    page = visitor.page
+    visitor.button("Viewer settings").click()
+    try:
+        page.get_by_label("Dev Settings").check()
+        page.locator("[data-scene-node='/mesh']").click()
+        page.evaluate("document.activeElement.blur()")
+        for theme in ("light", "dark"):
+            page.keyboard.press("y")
+            page.wait_for_selector(f"html[data-mantine-color-scheme={theme}]")
+            page.wait_for_timeout(500)
+            assert serious_findings(visitor) == [], theme
+            for node in ("/mesh/now", "/paths"):
+                page.get_by_role("button", name=f"Edit props for {node}", exact=True).press("Enter")
+                props = page.locator(f"[data-props-popover-for='{node}']")
+                props.wait_for()
+                page.wait_for_timeout(500)  # it fades in
+                assert serious_findings(visitor) == [], f"{node}, {theme}"
+                page.get_by_role("button", name=f"Edit props for {node}", exact=True).press("Enter")
+                props.wait_for(state="detached")
+            page.evaluate("document.activeElement.blur()")
+        page.get_by_label("Dev Settings").uncheck()
+    finally:
+        visitor.button("arrow back").click()
+        visitor.button("Step one iteration").wait_for()
+
+
 def test_every_widget_of_viser_has_the_name_beside_it(filled: Visitor):
     for tab in (tab for group in PANELS for tab in group):
         show(filled, tab)
