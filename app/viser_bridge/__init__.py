@@ -39,7 +39,8 @@ Scene
 - `mesh_swap`: a GLB node blinks when its file changes, and textures or vertex colors need GLB (#249, #562).
 - `before_frame`: viser has no function that is called before a frame is drawn.
 - `moving_texture`: the vertices of a GLB mesh cannot be moved.
-- `instance_marks`: a node with another number of instances is made anew, and loses clicks meanwhile.
+- `instance_marks`: a node with another number of instances is made anew, and loses clicks meanwhile; levels of detail leave
+  small shapes as they are.
 - `line_node`: a node without line segments is an error in the browser.
 - `linear_colors`: colours of single line ends and instances are drawn too bright.
 - `screen_ring`: shapes have no constant size on the screen.
