@@ -47,6 +47,7 @@ STYLE = f"""
 .ef .layer.off {{ color: var(--off-text); background: var(--off); }}
 .ef .segments {{ display: grid; grid-template-columns: repeat(auto-fit, minmax(84px, 1fr)); gap: 4px;
   margin: 3px 0; }} .ef .segments button {{ white-space: nowrap; }}
+.ef .labels-above .segments {{ grid-template-columns: repeat(auto-fit, minmax(60px, 1fr)); }}
 .ef .legend {{ display: grid; gap: 4px; }}
 .ef .lines {{ display: flex; flex-wrap: wrap; gap: 2px 12px; }}
 .ef .lines + .legend {{ margin-top: 8px; }}
@@ -106,6 +107,7 @@ STYLE = f"""
 .ef button.link {{ background: none; border: none; height: 20px; padding: 0; color: var(--text); }}
 .ef button.link:hover {{ color: var(--strong); text-decoration: underline; background: none; }}
 .ef .tiles {{ position: relative; cursor: zoom-in; }}
+.ef .tiles.square {{ aspect-ratio: 1; max-width: 100%; }}
 .ef .tiles img {{ width: 100%; height: 100%; }} .ef img.pixels {{ image-rendering: pixelated; }}
 .ef svg.over {{ position: absolute; inset: 0; width: 100%; height: 100%; pointer-events: none; }}
 .ef svg.over path {{ fill: none; stroke-width: 1.2; stroke-linecap: round; stroke-linejoin: round; }}
@@ -119,6 +121,8 @@ STYLE = f"""
 .ef .bars .own {{ fill: var(--text); }} .ef .bars .chosen {{ fill: {css(SELECTED)}; }}
 .ef img {{ display: block; }}
 .ef .note {{ margin-top: 4px; }}
+.ef .read-out {{ container-type: inline-size; }}
+@container (max-width: 320px) {{ .ef .read-out div {{ min-height: 2lh; }} }}
 .ef h4 {{ font-size: 12.5px; font-weight: 600; color: var(--strong); margin: 10px 0 2px; }}
 .ef .plot {{ width: 100%; height: auto; background: var(--well); border: 1px solid var(--line); border-radius: 4px;
   cursor: pointer; display: block; }}

@@ -33,6 +33,13 @@ def ball(subdivisions: int = 1) -> Shape:
     return vertices.astype(np.float32), _outward(vertices, faces)
 
 
+def octahedron() -> Shape:
+    """Vertices (6, 3) float32 and faces (8, 3) uint32, on average seen as large as a unit icosahedron."""
+    vertices = 1.18 * np.concatenate([np.eye(3), -np.eye(3)])
+    faces = np.array(list(product((0, 3), (1, 4), (2, 5))))
+    return vertices.astype(np.float32), _outward(vertices, faces)
+
+
 def block() -> Shape:
     """Vertices (8, 3) float32 and faces (12, 3) uint32 of a cube slightly larger than the unit sphere."""
     vertices = np.array(list(product((-1.05, 1.05), repeat=3)))

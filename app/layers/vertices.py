@@ -6,7 +6,7 @@ import numpy as np
 import viser
 
 from app.debugger.run_state import RunState
-from app.layers.marks import ball, block, mark_radius
+from app.layers.marks import ball, block, mark_radius, octahedron
 from app.page_state.page_state import PageState
 from app.page_state.vertex_marks import shown_vertices, stepped_vertex, vertex_colors
 from app.palette import STEPPED
@@ -18,7 +18,6 @@ from fairing.mesh import Mesh
 
 RING = 15.0  # screen px: radius of the ring, so that it surrounds the marks also where they are largest on the screen
 RING_THICKNESS = 3.0  # screen px
-MANY = 1500  # vertices; beyond this, marks have 20 triangles instead of 80 (ledger: vertex mark triangles)
 
 
 class VerticesLayer:
@@ -37,9 +36,9 @@ class VerticesLayer:
         background: BackgroundClicks,
     ) -> None:
         self._stage, self._radius = stage, mark_radius(stage, mesh)
-        sphere, positions = ball(0 if len(mesh.vertices) > MANY else 1), stage.page_from_world(mesh.vertices)
-        self._free = InstanceMarks(client, "/vertices/free", sphere, positions, on_click)
-        self._locked = InstanceMarks(client, "/vertices/locked", block(), positions, on_click)
+        balls, positions = (ball(1), ball(0), octahedron()), stage.page_from_world(mesh.vertices)
+        self._free = InstanceMarks(client, "/vertices/free", balls, positions, on_click)
+        self._locked = InstanceMarks(client, "/vertices/locked", (block(),), positions, on_click)
         for marks in (self._free, self._locked):
             background.ignore_clicks_on(marks.node)
         self._ring = ScreenRing(client, "/vertices/stepped", STEPPED, RING, RING_THICKNESS)

@@ -21,8 +21,8 @@ from app.viser_bridge.keyboard_focus import release_focus_after_use
 from app.viser_bridge.opening_page import HIDDEN
 from app.viser_bridge.style_sheet import set_style_sheet
 from app.viser_bridge.tabs import set_tab_title
-from app.viser_bridge.timeline_placement import TimelinePlacement
 from app.viser_bridge.view_overlay import OVERLAY_STYLE
+from app.viser_bridge.view_width import ViewWidth, span_bottom
 from fairing.scene import Scene
 
 
@@ -46,6 +46,7 @@ class PageFrame:
     """Attributes:
     toasts: wraps callbacks so that their exceptions are shown.
     html_events: events of the HTML panels.
+    view_width: width of the 3D view.
     camera: the browser's camera.
     """
 
@@ -64,11 +65,13 @@ class PageFrame:
         client.gui.set_panel_label(f"EigenFairing · {title}")
         set_tab_title(client, f"EigenFairing - {title}")
         self.html_events = HtmlEvents(client.gui, self.toasts)
+        self.view_width = ViewWidth(self.html_events)
         self.camera = PageCamera(client, stage, scene, self.toasts, on_camera, on_prediction)
 
     def finish(self, timeline: viser.PanelHandle, css: str = "") -> None:
         """After all panels have been added: place the timeline, and install the page's style sheet and scripts."""
-        TimelinePlacement(self._client.gui, timeline, self.html_events)
+        span_bottom(timeline, self.view_width)
+        self.view_width.measure(self._client.gui)
         css = viser_elements.STYLE + STYLE + floating.STYLE + css + OVERLAY_STYLE + HIDDEN
         set_style_sheet(self._client, css)
         release_focus_after_use(self._client)

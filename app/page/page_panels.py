@@ -181,7 +181,7 @@ class PagePanels:
         cells.dock_left()
         cells.set_width(CELLS_WIDTH)
         self._panels += lessons.build(cells)
-        self._panels.append(CellLens(gui, scene, source, pages, background, controls, enter))
+        self._panels.append(CellLens(gui, scene, source, pages, background, controls, enter, self._frame.view_width))
 
     def _add_timeline(self) -> viser.PanelHandle:
         gui, events, resources = self._client.gui, self._frame.html_events, self._resources

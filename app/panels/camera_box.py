@@ -13,9 +13,10 @@ from app.viser_bridge.floating import MARGIN
 from app.viser_bridge.html_events import HtmlEvents, choice_of, press, whole_number
 from app.viser_bridge.html_panel import HtmlPanel
 from app.viser_bridge.synced_widget import SyncedSlider
+from app.viser_bridge.viser_elements import LABELS_ABOVE
 from fairing.scene import Scene
 
-WIDTH = 300
+WIDTH = 250  # px
 LAID = {False: "Blend", True: "Swipe"}
 
 
@@ -67,8 +68,8 @@ class CameraBox:
         overlays = {is_swipe: (label, self._events("lay", k)) for k, (is_swipe, label) in enumerate(LAID.items())}
         lay = choice(overlays, page_state.is_swipe, "Overlay")
         self._panel.set(
-            f"<div class='row'>{icon('eye')}<span class='grow big one'>{text(name)}</span>{back}</div>"
+            f"<div class='{LABELS_ABOVE}'><div class='row'><span class='grow big one'>{text(name)}</span>{back}</div>"
             f"<div class='dim note'>overlay of the model</div>{lay}"
-            f"<div class='dim note'>vertices of the model</div>{choice(self._surface.shapes(), page_state.shape, 'Vertices')}"
+            f"<div class='dim note'>vertices of the model</div>{choice(self._surface.shapes(), page_state.shape, 'Vertices')}</div>"
         )
         self._followed.follow(round(100 * page_state.model_share))

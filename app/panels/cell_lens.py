@@ -1,5 +1,6 @@
 """Lens: one picture of the cells panel enlarged, with its colour scale and the values under the pointer."""
 
+import threading
 from collections.abc import Callable
 
 import viser
@@ -12,21 +13,24 @@ from app.page_state.cells_controls import CellsControls
 from app.page_state.cells_state import ARROW_KINDS, CROP, HEADS, KINDS, PAIR_KINDS, PAIR_PICTURES, PAIR_TIMES
 from app.page_state.page_state import PageState
 from app.palette import css
+from app.panels import camera_box
 from app.panels.cell_source import CellSource, chosen_face
 from app.panels.choice import chip, photo_link
 from app.panels.photo_pages import PhotoPages
 from app.pictures.cell_images import FLOW_COLORS, CellPictures, data_uri
 from app.query_cache import QueryCache
-from app.viser_bridge.floating import CLICK_THROUGH, MARGIN
+from app.viser_bridge.floating import CLICK_THROUGH, GAP, MARGIN
 from app.viser_bridge.html_panel import HtmlPanel
+from app.viser_bridge.view_width import ViewWidth
 from fairing.scene import Scene
 
 SIDE = 332  # px of the picture
 FRAME = 362  # px of the lens
+LEAST_FRAME = 240  # px
 
 
 class CellLens:
-    """Floats beside the cells panel while a picture is enlarged."""
+    """Floats beside the cells panel while a picture is enlarged. In a narrow view it leaves room for the camera box."""
 
     def __init__(
         self,
@@ -37,17 +41,24 @@ class CellLens:
         background: BackgroundWorker,
         controls: CellsControls,
         enter: Callable[[str], str],
+        view_width: ViewWidth,
     ) -> None:
         self._scene, self._source, self._controls, self._enter = scene, source, controls, enter
         self._frame = gui.add_panel(visible=False)
         with self._frame.add_tab("Lens", viser.Icon.ZOOM_IN):
             self._panel = HtmlPanel(gui)
         self._frame.float(x=MARGIN, y=MARGIN, width=FRAME)
+        self._width = self._width_beside_camera_box = FRAME
+        self._has_camera_box = False
+        self._fitting = threading.Lock()  # the width of an older view must not overtake that of the newer one
+        view_width.subscribe(self._make_room)
         self._pages = pages
         self._drawing: QueryCache[tuple, str] = QueryCache(background.post)
         self._drawn: object = None
 
     def show(self, state: RunState, page_state: PageState) -> None:
+        self._has_camera_box = page_state.entered is not None
+        self._fit()
         enlarged = page_state.cells.in_lens
         if enlarged is not None and enlarged[1] in (CROP, *PAIR_KINDS) and page_state.selected is not None:
             self._show_photo(state, page_state, page_state.selected, *enlarged)
@@ -96,6 +107,17 @@ class CellLens:
                 content = self._pair_content(kind, picture)
             self._set(content, page_state)
         self._set_visible(True)
+
+    def _make_room(self, view_width: int) -> None:
+        self._width_beside_camera_box = max(LEAST_FRAME, min(FRAME, view_width - GAP - camera_box.WIDTH))
+        self._fit()
+
+    def _fit(self) -> None:
+        with self._fitting:
+            width = self._width_beside_camera_box if self._has_camera_box else FRAME
+            if width != self._width:
+                self._width = width
+                self._frame.set_width(width)
 
     def _set_visible(self, visible: bool) -> None:
         """Show or hide the lens; called after its content is set, so that it never opens on an earlier picture."""
@@ -167,23 +189,23 @@ class CellLens:
         return (
             f"<div class='row'><span class='grow one'>{go} <span class='dim'>face {cells.face}</span></span>"
             f"{self._around(views, view_id, kind)}{close}</div><div class='row chips'>{kinds}</div>"
-            f"<div class='tiles' style='width:{SIDE}px;height:{SIDE}px;cursor:crosshair' "
+            f"<div class='tiles square' style='width:{SIDE}px;cursor:crosshair' "
             f"data-values='{pictures.values(row)}' onpointermove=\"{text(_read_out(cells.size, pictures))}\">"
             f"<img class='pixels' src='{data_uri(pictures.picture(row, kind))}' alt='enlarged cell'>"
             f"<svg class='over' viewBox='0 0 {SIDE} {SIDE}'>{arrows}</svg></div>"
             f"<div class='note dim'>{text(KINDS[kind])}</div>"
-            f"<div>&nbsp;</div>{pictures.legend(kind)}"
+            f"<div class='read-out'><div>&nbsp;</div></div>{pictures.legend(kind)}"
         )
 
 
 def _read_out(size: int, pictures: CellPictures) -> str:
-    """JavaScript that writes the values of the sample under the pointer into the second element after the picture."""
+    """JavaScript that writes the values of the sample under the pointer into the element of class read-out."""
     return (
         "var t=this,d=t.dataset.values,v=t.d===d?t.v:(t.d=d,t.v=new Int16Array(Uint8Array.from(atob(d),"
         "c=>c.charCodeAt(0)).buffer)),"
         f"n={size},r=t.getBoundingClientRect(),c=Math.floor((event.clientX-r.left)/r.width*n),"
         "l=Math.floor((event.clientY-r.top)/r.height*n),p=v.length/3,k=l*n-l*(l-1)/2+c,"
-        "o=t.nextElementSibling.nextElementSibling;"
+        "o=t.parentElement.querySelector('.read-out > div');"
         "if(c<0||l<0||c+l>=n){o.textContent='\\u00a0'}else{var I=v[k]/64,U=v[p+k]/64,w=v[2*p+k],e=I-U,"
         "s=x=>(x<0?'\\u2212':'+')+Math.abs(x).toFixed(1);"
         "o.textContent=l+', '+c+'\\u2003I '+I.toFixed(1)+'\\u2003U c '+U.toFixed(1)+"

@@ -242,9 +242,9 @@ def _pair_picture(pair: FacePair, when: str, picture: str, side: int) -> str:
 
 
 def framed_picture(pixels: np.ndarray, side: int, drawn: str) -> str:
-    """Markup of a picture `side` px wide with SVG drawn over it."""
+    """Markup of a picture `side` px wide, or as wide as there is room, with SVG drawn over it."""
     return (
-        f"<div class='tiles' style='width:{side}px;height:{side}px;cursor:inherit'>"
+        f"<div class='tiles square' style='width:{side}px;cursor:inherit'>"
         f"<img src='{data_uri(pixels, jpeg=True)}' alt=''>"
         f"<svg class='over' viewBox='0 0 {side} {side}'>{drawn}</svg></div>"
     )

@@ -26,7 +26,7 @@ Panels
 - `accessible_names`: sliders, number inputs and icons have no accessible name.
 - `tabs`: viser cannot select a tab, scroll to a heading, reload the page or name the browser's tab.
 - `view_overlay`: HTML over the 3D view needs a panel.
-- `floating`, `timeline_placement`: panels can float at a corner, but not span the view; `camera.image_width` counts
+- `floating`, `view_width`: panels can float at a corner, but not span the view; `camera.image_width` counts
   rendered pixels, not those of the page.
 - `synced_widget`: an assignment from Python calls the widget's callbacks, too.
 - `slider_marks`: assignments to `slider.marks` have no effect.
@@ -39,7 +39,8 @@ Scene
 - `mesh_swap`: a GLB node blinks when its file changes, and textures or vertex colors need GLB (#249, #562).
 - `before_frame`: viser has no function that is called before a frame is drawn.
 - `moving_texture`: the vertices of a GLB mesh cannot be moved.
-- `instance_marks`: a node with another number of instances is made anew, and loses clicks meanwhile.
+- `instance_marks`: a node with another number of instances is made anew, and loses clicks meanwhile; levels of detail leave
+  small shapes as they are.
 - `line_node`: a node without line segments is an error in the browser.
 - `linear_colors`: colours of single line ends and instances are drawn too bright.
 - `screen_ring`: shapes have no constant size on the screen.

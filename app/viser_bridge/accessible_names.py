@@ -1,8 +1,8 @@
 """Accessible names of viser's own widgets.
 
-In viser 1.1.1 sliders, number inputs, the icons of the main panel and the command palette have no accessible name, and the
-titles of folders cannot be reached by keyboard. A script in the page gives them the name that stands beside them, and makes
-the titles buttons, whenever the page has changed.
+In viser 1.1.1 sliders, number inputs, the icons of the main panel, the command palette, and the inputs of the viewer settings
+have no accessible name; the titles of folders and the pencils of the scene tree cannot be reached by keyboard. A script in the
+page gives them the name that stands beside them, and makes titles and pencils buttons, whenever the page has changed.
 """
 
 import viser
@@ -14,6 +14,17 @@ if (!window.eigenfairingNames) {
   const icons = {'tabler-icon-list-search': 'All commands', 'tabler-icon-adjustments': 'Viewer settings'};
   const set = (element, name) => {
     if (name && element.getAttribute('aria-label') !== name) element.setAttribute('aria-label', name);
+  };
+  const makeButton = (element, press) => {
+    if (element.role === 'button') return;
+    element.role = 'button';
+    element.tabIndex = 0;
+    element.addEventListener('keydown', event => {
+      if (event.target !== element || !['Enter', ' '].includes(event.key)) return;
+      event.preventDefault();
+      event.stopPropagation();
+      press();
+    });
   };
   const label = () => {
     for (const widget of document.querySelectorAll('[role=slider]:not([aria-labelledby]), .mantine-Flex-root input')) {
@@ -35,15 +46,18 @@ if (!window.eigenfairingNames) {
     for (const arrow of document.querySelectorAll('.mantine-Paper-root > .mantine-Paper-root > svg[class*=chevron]')) {
       const title = arrow.parentElement;
       title.setAttribute('aria-expanded', arrow.classList.contains('tabler-icon-chevron-up'));
-      if (title.role === 'button') continue;
-      title.role = 'button';
-      title.tabIndex = 0;
-      title.addEventListener('keydown', event => {
-        if (event.target !== title || !['Enter', ' '].includes(event.key)) return;
-        event.preventDefault();
-        event.stopPropagation();
-        title.click();
-      });
+      makeButton(title, () => title.click());
+    }
+    for (const logo of document.querySelectorAll('.mantine-TextInput-section img')) {
+      logo.alt = '';
+      set(logo.closest('.mantine-TextInput-root').querySelector('input'), 'Server URL');
+    }
+    for (const input of document.querySelectorAll('[data-prop-key] input'))
+      set(input, input.closest('[data-prop-key]').firstElementChild.textContent);
+    for (const pencil of document.querySelectorAll('[data-scene-node] > [aria-haspopup=dialog]')) {
+      const icon = pencil.firstElementChild;
+      set(pencil, icon.getAttribute('aria-label'));
+      makeButton(pencil, () => icon.dispatchEvent(new MouseEvent('click', {bubbles: true})));
     }
   };
   let due = 0;

@@ -7,13 +7,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from axe_playwright_python.sync_playwright import Axe
+from playwright.sync_api import Locator
 
 from app.debugger.commands import Restart
 from app.debugger.compare import Reference
 from app.debugger.run_state import Activity, RunState
 from app.debugger.watch import parse_watch
 from app.debugger.work_report import WorkReport
-from app.page_state.cells_state import PAGES, CellsView
+from app.page_state.cells_state import CROP, PAGES, PAIR_KINDS, CellsView
 from app.page_state.page_state import PlotView
 from app.page_state.selection import Selection
 from app.panels.status import Status, begin_note
@@ -54,6 +55,11 @@ TOO_WIDE = """() => {
     }
     return found;
 }"""
+
+COVERED_BUTTONS = """panel => [...panel.querySelectorAll('button')].filter(button => {
+    const box = button.getBoundingClientRect();
+    return !button.contains(document.elementFromPoint(box.left + box.width / 2, box.top + box.height / 2));
+}).map(button => button.title || button.textContent)"""
 
 # axe leaves the tabs out, since viser draws a line over them.
 TAB_CONTRASTS = """() => {
@@ -174,6 +180,69 @@ def test_filled_panels_do_not_overflow_either(filled: Visitor):
     for size in reversed(SIZES):
         filled.page.set_viewport_size(size)
         assert too_wide(filled) == [], f"{size}, lens"
+
+
+def floating_panel(visitor: Visitor, tab: str) -> Locator:
+    """The floating panel that has this tab."""
+    return visitor.page.locator("[data-floating-window]", has=visitor.page.get_by_role("tab", name=tab, exact=True))
+
+
+def placed(visitor: Visitor, tab: str) -> tuple[float, float, float, float]:
+    """Left, top, right and bottom of a floating panel, px."""
+    panel = floating_panel(visitor, tab)
+    visitor.wait_until_at_rest(panel)
+    box = visitor.box_of(panel)
+    return box["x"], box["y"], box["x"] + box["width"], box["y"] + box["height"]
+
+
+@pytest.mark.parametrize("kind", ["residual", "model", CROP, PAIR_KINDS[0]])
+def test_the_lens_and_the_camera_box_leave_each_other_room(visitor: Visitor, kind: str):
+    state, controller = page_of(visitor.app).page_state, visitor.app.controller
+    visitor.close_notifications()
+    try:
+        state.cells = CellsView(enlarged=(0, kind))
+        controller.republish()
+        visitor.button("Close the lens").wait_for()
+        visitor.page.keyboard.press("3")
+        visitor.button("Leave the camera").wait_for()
+        for theme in ("light", "dark"):
+            visitor.page.keyboard.press("y")
+            visitor.page.wait_for_selector(f"html[data-mantine-color-scheme={theme}]")
+            for size in SIZES:
+                visitor.page.set_viewport_size(size)
+                visitor.page.wait_for_timeout(700)  # a placement that comes too late would be a wrong one
+                lens, camera, timeline = (placed(visitor, tab) for tab in ("Lens", "Camera", "Timeline"))
+                view = visitor.canvas_box()
+                assert view["x"] <= lens[0], size
+                assert lens[2] < camera[0], f"the lens ends at {lens[2]}, the camera box begins at {camera[0]}, {size}"
+                assert camera[2] <= view["x"] + view["width"], size
+                assert max(lens[3], camera[3]) < timeline[1], size
+                for tab in ("Lens", "Camera"):
+                    covered = floating_panel(visitor, tab).evaluate(COVERED_BUTTONS)
+                    assert covered == [], f"{theme}, {size}, {tab}"
+                assert too_wide(visitor) == [], f"{theme}, {size}"
+    finally:
+        state.cells = CellsView()
+        visitor.page.keyboard.press("0")
+        visitor.button("Leave the camera").wait_for(state="detached")
+        visitor.page.set_viewport_size(WINDOW)
+
+
+def test_the_lens_does_not_change_its_height_when_values_are_read_in_it(visitor: Visitor):
+    enlarge_a_cell(visitor)
+    page = visitor.page
+    page.keyboard.press("3")
+    visitor.button("Leave the camera").wait_for()
+    try:
+        bottom = placed(visitor, "Lens")[3]
+        picture = visitor.box_of(page.get_by_alt_text("enlarged cell"))
+        for at in np.linspace(0.02, 0.48, 24) * picture["width"]:
+            page.mouse.move(picture["x"] + at, picture["y"] + at)
+            assert placed(visitor, "Lens")[3] == bottom
+    finally:
+        visitor.button("Close the lens").click()
+        page.keyboard.press("0")
+        visitor.button("Leave the camera").wait_for(state="detached")
 
 
 @pytest.mark.parametrize("of_vertex", [False, True])
@@ -351,6 +420,33 @@ def test_axe_has_no_serious_findings_in_the_pages_of_the_cells_and_in_the_dialog
             assert serious_findings(filled) == [], f"{keys}, {theme}"
             page.keyboard.press("Escape")
             page.locator(dialog).first.wait_for(state="detached")
+
+
+def test_axe_has_no_serious_findings_in_the_viewer_settings(visitor: Visitor):
+    page = visitor.page
+    visitor.button("Viewer settings").click()
+    try:
+        page.get_by_label("Dev Settings").check()
+        page.locator("[data-scene-node='/mesh']").click()
+        page.evaluate("document.activeElement.blur()")
+        for theme in ("light", "dark"):
+            page.keyboard.press("y")
+            page.wait_for_selector(f"html[data-mantine-color-scheme={theme}]")
+            page.wait_for_timeout(500)
+            assert serious_findings(visitor) == [], theme
+            for node in ("/mesh/now", "/paths"):
+                page.get_by_role("button", name=f"Edit props for {node}", exact=True).press("Enter")
+                props = page.locator(f"[data-props-popover-for='{node}']")
+                props.wait_for()
+                page.wait_for_timeout(500)  # it fades in
+                assert serious_findings(visitor) == [], f"{node}, {theme}"
+                page.get_by_role("button", name=f"Edit props for {node}", exact=True).press("Enter")
+                props.wait_for(state="detached")
+            page.evaluate("document.activeElement.blur()")
+        page.get_by_label("Dev Settings").uncheck()
+    finally:
+        visitor.button("arrow back").click()
+        visitor.button("Step one iteration").wait_for()
 
 
 def test_every_widget_of_viser_has_the_name_beside_it(filled: Visitor):

@@ -4,7 +4,10 @@ import numpy as np
 import pytest
 
 from app.debugger.commands import JumpTo
+from app.layers.marks import ball
 from app.page_state.selection import Selection
+from app.page_state.vertex_marks import vertex_colors
+from app.viser_bridge.linear_colors import linear_from_srgb
 from app.viser_bridge.picking_camera import camera_of
 from fairing.options import FairingOptions, ScheduleOptions
 from tests.browser.driver import IN_BROWSER, Visitor, page_of
@@ -59,6 +62,38 @@ def test_a_click_selects_one_vertex_and_with_shift_several(visitor: Visitor):
     visitor.page.get_by_text("and 1 more selected").wait_for()
     visitor.click_vertex(4)
     wait_for(lambda: view.selection.vertices == (4,))
+
+
+MARKS = """() => {
+    let instances = null, mesh = null;
+    window.__viserMutable.nodeRefFromName['/vertices/free'].traverse(part => {
+        if (part.matricesTexture) instances = part;
+        else if (part.isMesh && part.material.vertexColors) mesh = part;
+    });
+    const {position, color} = mesh.geometry.attributes;
+    return [Array.from(position.array), Array.from(color.array), mesh.geometry.index.count / 3,
+            instances.material.visible, mesh.material.visible];
+}"""
+
+
+def test_marks_are_drawn_as_one_mesh_in_place_of_the_instances(visitor: Visitor):
+    state, selection = visitor.app.controller.state, (0, 5)
+    page_of(visitor.app).interaction.set_selection(Selection(selection))
+    n = len(state.vertices)
+    expected = linear_from_srgb(vertex_colors(state, selection)) / 255
+
+    def is_drawn() -> bool:
+        positions, colors, triangles, shows_instances, shows_mesh = visitor.page.evaluate(MARKS)
+        if len(positions) != 3 * n * len(ball(1)[0]) or shows_instances or not shows_mesh:
+            return False
+        by_mark, colors = np.reshape(positions, (n, -1, 3)), np.reshape(colors, (n, -1, 3))
+        return (
+            triangles == 80 * n
+            and np.allclose(by_mark.mean(axis=1), page_vertices(visitor, 0), atol=1e-4)
+            and np.allclose(colors, expected[:, None], atol=1e-6)
+        )
+
+    wait_for(is_drawn)
 
 
 def test_a_rectangle_selects_the_vertices_in_it_and_a_click_on_the_background_deselects(visitor: Visitor):
