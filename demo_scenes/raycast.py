@@ -9,6 +9,7 @@ from numba import njit
 from demo_scenes.surface import PaintedSurface, Stage
 from fairing.camera import Camera
 from fairing.geometry.rasterize import rasterize
+from fairing.util.compiled_only import COMPILED_ONLY
 
 STRIP_ROWS = 48  # photo rows rendered at a time, to bound memory
 SHININESS = 10.0  # exponent of a broad specular lobe
@@ -161,7 +162,7 @@ def _shade(photo, face_id, first_row, samples, weights_from_image, paint, lighti
             photo[y, x, 2] = blue * share
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True, **COMPILED_ONLY)
 def _barycentric(W, u, v):
     """Barycentric weights (a, b, c) at image point (u, v); rays on an edge may miss it by rounding, so they are clamped."""
     a = W[0, 0] * u + W[0, 1] * v + W[0, 2]
@@ -173,7 +174,7 @@ def _barycentric(W, u, v):
     return a / total, b / total, c / total
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True, **COMPILED_ONLY)
 def _unit_normal(normals, f, a, b, c):
     """Unit normal of face f at barycentric weights."""
     nx = a * normals[f, 0, 0] + b * normals[f, 1, 0] + c * normals[f, 2, 0]
@@ -183,7 +184,7 @@ def _unit_normal(normals, f, a, b, c):
     return nx / n, ny / n, nz / n
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True, **COMPILED_ONLY)
 def _specular(corners, f, a, b, c, eye, sun_direction, nx, ny, nz):
     """Specular lobe of Blinn and Phong, 0 to 1, by the half vector between the eye and the sun."""
     hx = eye[0] - a * corners[f, 0, 0] - b * corners[f, 1, 0] - c * corners[f, 2, 0]
@@ -195,7 +196,7 @@ def _specular(corners, f, a, b, c, eye, sun_direction, nx, ny, nz):
     return max((nx * hx + ny * hy + nz * hz) / h, 0.0) ** SHININESS
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True, **COMPILED_ONLY)
 def _look_up(texels, start, height, width, tx, ty, color):
     """Bilinear colour at texel (tx, ty) of a texture that repeats, into `color` (3,)."""
     x, y = floor(tx), floor(ty)
@@ -208,7 +209,7 @@ def _look_up(texels, start, height, width, tx, ty, color):
         color[k] = above * (1 - fy) + below * fy
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True, **COMPILED_ONLY)
 def _interpolate(light, f, b, c, channel):
     """Light of a face at barycentric weights b, c: linear over the triangles of its lattice."""
     steps = light.shape[1] - 1
