@@ -25,7 +25,7 @@ fast = njit(nogil=True, error_model="numpy", fastmath=_FAST, **COMPILED_ONLY)
 # sampler rounded differently in `show_face` than in `evaluate_faces`.
 by_sample = njit(nogil=True, error_model="numpy", fastmath=_FAST - {"reassoc"}, **COMPILED_ONLY)
 # Cached on disk, with all that the function calls; for functions that close over `SOURCE`.
-cached = njit(cache=True, nogil=True, error_model="numpy")
+cached = njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
 
 SOURCE = source_hash(Path(__file__).parent)
 """Changes with any file of this package, see `fairing.util.source_hash`."""
