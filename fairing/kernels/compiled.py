@@ -8,6 +8,7 @@ Cells are float32; sums over pairs of cells, energies and normal equations are a
 """
 
 from pathlib import Path
+from typing import Any
 
 from numba import njit, types
 from numba.extending import intrinsic
@@ -25,7 +26,8 @@ fast = njit(nogil=True, error_model="numpy", fastmath=_FAST, **COMPILED_ONLY)
 # sampler rounded differently in `show_face` than in `evaluate_faces`.
 by_sample = njit(nogil=True, error_model="numpy", fastmath=_FAST - {"reassoc"}, **COMPILED_ONLY)
 # Cached on disk, with all that the function calls; for functions that close over `SOURCE`.
-cached = njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
+_FROM_PYTHON: dict[str, Any] = {"no_cfunc_wrapper": True}
+cached = njit(cache=True, nogil=True, error_model="numpy", **_FROM_PYTHON)
 
 SOURCE = source_hash(Path(__file__).parent)
 """Changes with any file of this package, see `fairing.util.source_hash`."""
