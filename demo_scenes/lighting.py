@@ -23,14 +23,17 @@ def light_lattice(stage: Stage) -> np.ndarray:
     """Light on every face: (m, steps + 1, steps + 1, 2) float, sun visibility and sky visibility, 0 to 1.
 
     Entry [f, i, j] is the point with barycentric weights i / steps on the second corner and j / steps on the third;
-    entries with i + j > steps repeat their face's border. Without shadows (`light_steps` 1) all is 1.
+    entries with i + j = steps + 1 repeat their face's border, and those beyond are not used. Without shadows (`light_steps`
+    1) all is 1.
     """
     steps = stage.light_steps
     surface = stage.surface
     light = np.ones((len(surface.faces), steps + 1, steps + 1, 2))
     if steps == 1:
         return light
-    places, normals = _lattice(surface, steps)
+    i, j = (k.ravel() for k in np.mgrid[0 : steps + 1, 0 : steps + 1])
+    is_used = i + j <= steps + 1
+    places, normals = _lattice(surface, steps, i[is_used], j[is_used])
     low, high = surface.vertices.min(axis=0), surface.vertices.max(axis=0)
     center, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
     lifted = places + LIFT * radius * normals
@@ -43,14 +46,13 @@ def light_lattice(stage: Stage) -> np.ndarray:
         open_sky += np.abs(cosine)
     # Walls see half the sky; light reflected by the ground keeps everything above 0.42.
     sky = 0.42 + 0.58 * np.minimum(sky / (0.55 * open_sky), 1.3)
-    light[..., 0] = (sun / SUN_DIRECTIONS).reshape(light.shape[:3])
-    light[..., 1] = sky.reshape(light.shape[:3])
+    shape = (len(light), np.count_nonzero(is_used))
+    light.reshape(len(light), -1, 2)[:, is_used] = np.stack([sun / SUN_DIRECTIONS, sky], axis=-1).reshape(*shape, 2)
     return light
 
 
-def _lattice(surface: PaintedSurface, steps: int) -> tuple[np.ndarray, np.ndarray]:
-    """Points and normals (m * (steps + 1)^2, 3) of all lattice entries."""
-    i, j = (k.ravel().astype(float) for k in np.mgrid[0 : steps + 1, 0 : steps + 1])
+def _lattice(surface: PaintedSurface, steps: int, i: np.ndarray, j: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Points and normals (m * s, 3) of the lattice entries i, j (s,) of all faces."""
     excess = np.maximum(i + j - steps, 0) / 2
     b, c = (i - excess) / steps, (j - excess) / steps
     weights = np.column_stack([1 - b - c, b, c])
@@ -89,13 +91,14 @@ def _is_lit(
     K = np.array([[focal, 0, MAP_SIZE / 2], [0, focal, MAP_SIZE / 2], [0, 0, 1]])
     light = Camera.from_krt(K, R, -R @ (center + distance * direction), MAP_SIZE, MAP_SIZE)
     depth_map = rasterize(surface.vertices, surface.faces, light)[1]
-    return _compare(depth_map, light.image_from_world, places, 0.5 * LIFT * radius)
+    lit = np.ones(len(places))
+    _compare(depth_map, light.image_from_world, places, 0.5 * LIFT * radius, lit)
+    return lit
 
 
 @njit(cache=True, nogil=True)
-def _compare(depth_map: np.ndarray, P: np.ndarray, places: np.ndarray, margin: float) -> np.ndarray:
+def _compare(depth_map: np.ndarray, P: np.ndarray, places: np.ndarray, margin: float, lit: np.ndarray) -> None:
     height, width = depth_map.shape
-    lit = np.ones(len(places))
     for p in range(len(places)):
         X, Y, Z = places[p]
         depth = P[2, 0] * X + P[2, 1] * Y + P[2, 2] * Z + P[2, 3]
@@ -112,4 +115,3 @@ def _compare(depth_map: np.ndarray, P: np.ndarray, places: np.ndarray, margin: f
             + (1 - fx) * fy * (depth_map[y + 1, x] > near)
             + fx * fy * (depth_map[y + 1, x + 1] > near)
         )
-    return lit

@@ -24,7 +24,7 @@ def brick(n: int, metres: float, seed: int, tint: Color = (150, 84, 62)) -> np.n
     color = _tinted(tint, 14 * tone - 30 * burnt + 12 * _grain(n, metres, 0.05, rng) + 7 * _grain(n, metres, 0.4, rng))
     color[..., 0] += 6 * rng.normal(0, 1, rows * columns)[brick_id]
     mortar = _tinted((186, 176, 160), 9 * _grain(n, metres, 0.06, rng))
-    return _finish(_blend(mortar, color, joint) * _weather(n, metres, rng, 0.13))
+    return _finish(_blend(mortar, color, joint), _weather(n, metres, rng, 0.13))
 
 
 def plaster(n: int, metres: float, seed: int, tint: Color = (206, 190, 158), contrast: float = 1.0) -> np.ndarray:
@@ -38,7 +38,7 @@ def plaster(n: int, metres: float, seed: int, tint: Color = (206, 190, 158), con
     crack = (1 - smoothstep(0.0, 0.022, np.abs(crack_field))) * where
     color = _tinted(tint, contrast * (sand + trowel - 46 * crack))
     color -= contrast * patch[..., None] * np.array([26.0, 30.0, 32.0])
-    return _finish(color * _weather(n, metres, rng, 0.10 * contrast))
+    return _finish(color, _weather(n, metres, rng, 0.10 * contrast))
 
 
 def ashlar(n: int, metres: float, seed: int, tint: Color = (178, 168, 150), block: float = 0.34) -> np.ndarray:
@@ -55,9 +55,8 @@ def ashlar(n: int, metres: float, seed: int, tint: Color = (178, 168, 150), bloc
     relief = 11 * tone + 9 * _grain(n, metres, 0.25, rng) + 7 * _grain(n, metres, 0.04, rng)
     color = _tinted(tint, relief + 15 * vein * tone - 48 * pits - 16 * bevel)
     color[..., 2] -= 4 * rng.normal(0, 1, rows * columns)[stone_id]
-    return _finish(
-        _blend(_tinted((92, 84, 74), 8 * _grain(n, metres, 0.05, rng)), color, joint) * _weather(n, metres, rng, 0.14)
-    )
+    mortar = _tinted((92, 84, 74), 8 * _grain(n, metres, 0.05, rng))
+    return _finish(_blend(mortar, color, joint), _weather(n, metres, rng, 0.14))
 
 
 def rubble(n: int, metres: float, seed: int, tint: Color = (150, 144, 134), stone: float = 0.16) -> np.ndarray:
@@ -75,7 +74,7 @@ def rubble(n: int, metres: float, seed: int, tint: Color = (150, 144, 134), ston
     )
     color += warmth[..., None] * np.array([10.0, 1.0, -10.0])
     mortar = _tinted((110, 103, 92), 9 * _grain(n, metres, 0.03, rng))
-    return _finish(_blend(mortar, color, inside) * _weather(n, metres, rng, 0.10))
+    return _finish(_blend(mortar, color, inside), _weather(n, metres, rng, 0.10))
 
 
 def roof_tiles(n: int, metres: float, seed: int, tint: Color = (158, 82, 56)) -> np.ndarray:
@@ -91,7 +90,8 @@ def roof_tiles(n: int, metres: float, seed: int, tint: Color = (158, 82, 56)) ->
     lichen = smoothstep(1.0, 1.6, _grain(n, metres, 0.3, rng))
     color = _tinted(tint, 20 * tone - 34 * old + 9 * _grain(n, metres, 0.06, rng) + 10 * down)
     color = _blend(color, _tinted((150, 146, 112), 12 * _grain(n, metres, 0.04, rng)), 0.7 * lichen)
-    return _finish(color * (0.35 + 0.65 * gap * lip)[..., None] * _weather(n, metres, rng, 0.18))
+    color *= (0.35 + 0.65 * gap * lip)[..., None]
+    return _finish(color, _weather(n, metres, rng, 0.18))
 
 
 def planks(n: int, metres: float, seed: int, tint: Color = (142, 104, 66)) -> np.ndarray:
@@ -113,9 +113,9 @@ def planks(n: int, metres: float, seed: int, tint: Color = (142, 104, 66)) -> np
     color *= (1 - 0.55 * dark_knot)[..., None]
     joint = smoothstep(0.02, 0.06, np.minimum(inside, 1 - inside))
     nail = _dots(n, boards, _cells(metres, 0.8), 0.05)
-    return _finish(
-        color * (0.25 + 0.75 * joint)[..., None] * (1 - 0.7 * nail)[..., None] * _weather(n, metres, rng, 0.12)
-    )
+    color *= (0.25 + 0.75 * joint)[..., None]
+    color *= (1 - 0.7 * nail)[..., None]
+    return _finish(color, _weather(n, metres, rng, 0.12))
 
 
 def blank(n: int, tint: Color) -> np.ndarray:
@@ -151,7 +151,11 @@ def _tinted(tint: Color, levels: np.ndarray) -> np.ndarray:
 
 
 def _blend(below: np.ndarray, above: np.ndarray, cover: np.ndarray) -> np.ndarray:
-    return below + cover[..., None] * (above - below)
+    """below + cover (above - below), computed in `above`."""
+    above -= below
+    above *= cover[..., None]
+    above += below
+    return above
 
 
 def _courses(n: int, rows: int, columns: int, rng: np.random.Generator, wobble: float) -> tuple[np.ndarray, np.ndarray]:
@@ -179,33 +183,34 @@ def _dots(n: int, columns: int, rows: int, radius: float) -> np.ndarray:
     return 1 - smoothstep(0.7 * radius, 1.3 * radius, np.sqrt(x * x + y * y))
 
 
-def _finish(color: np.ndarray) -> np.ndarray:
-    return smooth(np.clip(color, 4, 250))
+def _finish(color: np.ndarray, weather: np.ndarray) -> np.ndarray:
+    """The smooth texture of a colour (n, n, 3), which is overwritten, times the weather (n, n, 1)."""
+    color *= weather
+    return smooth(np.clip(color, 4, 250, out=color))
+
+
+def smooth(color: np.ndarray) -> np.ndarray:
+    """Binomial low-pass [1 4 6 4 1] / 16 in both directions (deviation 1 texel), periodic; (h, w, 3) float64."""
+    across, out = np.zeros_like(color), np.zeros_like(color)  # from NumPy, see `demo_scenes.noise`
+    _smooth(*(of_rows.reshape(len(color), -1) for of_rows in (color, across, out)))
+    return out
 
 
 @njit(cache=True, nogil=True)
-def smooth(color: np.ndarray) -> np.ndarray:
-    """Binomial low-pass [1 4 6 4 1] / 16 in both directions (deviation 1 texel), periodic; (h, w, 3) float64."""
-    height, width = color.shape[:2]
-    across = np.zeros_like(color)
+def _smooth(color, across, out):
+    """The low-pass of rows (h, 3 w), first along them into `across`, then across them into `out`."""
+    height, count = color.shape
     for y in range(height):
-        for x in range(width):
-            for c in range(3):
-                across[y, x, c] = (
-                    color[y, x - 2, c]
-                    + color[y, (x + 2) % width, c]
-                    + 4 * (color[y, x - 1, c] + color[y, (x + 1) % width, c])
-                    + 6 * color[y, x, c]
-                ) / 16
-    out = np.zeros_like(color)
+        row, result = color[y], across[y]
+        left2, left, here, right, right2, inside = row[:-12], row[3:-9], row[6:-6], row[9:-3], row[12:], result[6:-6]
+        for i in range(inside.shape[0]):
+            inside[i] = (left2[i] + right2[i] + 4 * (left[i] + right[i]) + 6 * here[i]) / 16
+        for k in range(min(12, count)):
+            i = k if k < 6 else count - 1 - (k - 6)
+            near, far = row[i - 3] + row[(i + 3) % count], row[i - 6] + row[(i + 6) % count]
+            result[i] = (far + 4 * near + 6 * row[i]) / 16
     for y in range(height):
-        below, below2 = (y + 1) % height, (y + 2) % height
-        for x in range(width):
-            for c in range(3):
-                out[y, x, c] = (
-                    across[y - 2, x, c]
-                    + across[below2, x, c]
-                    + 4 * (across[y - 1, x, c] + across[below, x, c])
-                    + 6 * across[y, x, c]
-                ) / 16
-    return out
+        above2, above, here, result = across[y - 2], across[y - 1], across[y], out[y]
+        below, below2 = across[(y + 1) % height], across[(y + 2) % height]
+        for i in range(count):
+            result[i] = (above2[i] + below2[i] + 4 * (above[i] + below[i]) + 6 * here[i]) / 16

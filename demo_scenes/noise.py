@@ -1,5 +1,8 @@
 """Seeded random fields that repeat seamlessly, for textures of brick, plaster, stone and wood.
 
+Compiled functions fill arrays from NumPy, which lie in large pages: those that they allocate themselves lie in small ones,
+and to touch them for the first time takes as long as the arithmetic.
+
 All arithmetic is float64 on draws of `numpy.random.Generator(PCG64)`, so a seed gives the same texture on every machine.
 """
 
@@ -22,7 +25,10 @@ def spline_noise(size: tuple[int, int], cells: tuple[int, int], rng: np.random.G
     """
     lattice = rng.standard_normal(cells)
     # The B-spline averages its knots: the variance is 0.23 in each dimension, on average over a cell.
-    return _upsample(lattice, size[0], size[1]) / 0.48
+    noise = np.zeros(size)
+    _upsample(lattice, np.zeros((cells[0], size[1])), noise)
+    noise /= 0.48
+    return noise
 
 
 def fractal_noise(
@@ -41,9 +47,12 @@ def fractal_noise(
         if octave > 0 and (rows * 3 > size[0] or columns * 3 > size[1]):
             break
         strength = persistence**octave
-        total += strength * spline_noise(size, (rows, columns), rng)
+        noise = spline_noise(size, (rows, columns), rng)
+        noise *= strength
+        total += noise
         power += strength**2
-    return total / power**0.5
+    total /= power**0.5
+    return total
 
 
 def worley(size: tuple[int, int], cells: tuple[int, int], rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
@@ -53,7 +62,9 @@ def worley(size: tuple[int, int], cells: tuple[int, int], rng: np.random.Generat
         The stone's number (height, width) int64 and the distance to the stone's border (height, width) in cell sizes.
     """
     jitter = 0.5 + 0.42 * (2 * rng.random((*cells, 2)) - 1)
-    return _worley(jitter, size[0], size[1])
+    stone, border = np.zeros(size, np.int64), np.zeros(size)
+    _worley(jitter, stone, border)
+    return stone, border
 
 
 def smoothstep(low: float | np.ndarray, high: float | np.ndarray, x: np.ndarray) -> np.ndarray:
@@ -63,9 +74,10 @@ def smoothstep(low: float | np.ndarray, high: float | np.ndarray, x: np.ndarray)
 
 
 @njit(cache=True, nogil=True)
-def _upsample(lattice: np.ndarray, height: int, width: int) -> np.ndarray:
+def _upsample(lattice: np.ndarray, wide: np.ndarray, out: np.ndarray) -> None:
+    """The field (height, width) of a lattice (rows, columns); wide: (rows, width) scratch."""
     rows, columns = lattice.shape
-    wide = np.zeros((rows, width))
+    height, width = out.shape
     for x in range(width):
         at = x * columns / width
         cell = floor(at)
@@ -79,7 +91,6 @@ def _upsample(lattice: np.ndarray, height: int, width: int) -> np.ndarray:
                 + w2 * lattice[r, (cell + 1) % columns]
                 + w3 * lattice[r, (cell + 2) % columns]
             )
-    out = np.zeros((height, width))
     for y in range(height):
         at = y * rows / height
         cell = floor(at)
@@ -89,14 +100,12 @@ def _upsample(lattice: np.ndarray, height: int, width: int) -> np.ndarray:
         a, b, c, d = (cell - 1) % rows, cell % rows, (cell + 1) % rows, (cell + 2) % rows
         for x in range(width):
             out[y, x] = w0 * wide[a, x] + w1 * wide[b, x] + w2 * wide[c, x] + w3 * wide[d, x]
-    return out
 
 
 @njit(cache=True, nogil=True)
-def _worley(jitter: np.ndarray, height: int, width: int) -> tuple[np.ndarray, np.ndarray]:
+def _worley(jitter: np.ndarray, stone: np.ndarray, border: np.ndarray) -> None:
     rows, columns = jitter.shape[:2]
-    stone = np.zeros((height, width), np.int64)
-    border = np.zeros((height, width))
+    height, width = stone.shape
     for y in range(height):
         for x in range(width):
             py, px = y * rows / height, x * columns / width
@@ -113,4 +122,3 @@ def _worley(jitter: np.ndarray, height: int, width: int) -> tuple[np.ndarray, np
                     elif d < second:
                         second = d
             border[y, x] = (second - nearest) / 2
-    return stone, border

@@ -3,6 +3,7 @@
 import cv2
 import numpy as np
 import pytest
+from numba import njit
 from scipy.ndimage import map_coordinates
 
 import fairing.solve.energy
@@ -126,6 +127,17 @@ def test_normal_matrices_are_symmetric_and_positive():
     assert np.linalg.eigvalsh(system.H).min() > -1e-6 * system.H.max()
 
 
+# Kernels cannot be called from Python, see `fairing.util.compiled_only`.
+@njit
+def weighed(residual, norm, squared_scale, weights):
+    return weigh(residual, norm, squared_scale, weights)
+
+
+@njit
+def fitted(cells, mask_weight, basis, V, singular_values, residual):
+    fit_face(cells, 1, False, mask_weight, False, basis, V, singular_values, residual)
+
+
 @pytest.mark.parametrize("norm", ["geman_mcclure", "geman_mcclure_printed", "huber", "least_squares"])
 def test_weight_times_residual_is_the_slope_of_the_norm(norm):
     code = {"geman_mcclure": 0, "geman_mcclure_printed": 0, "huber": 1, "least_squares": 2}[norm]
@@ -134,7 +146,7 @@ def test_weight_times_residual_is_the_slope_of_the_norm(norm):
     weight = np.zeros(1, np.float32)
 
     def rho(e: float) -> float:
-        return weigh(np.array([e], np.float32), code, scale, weight)
+        return weighed(np.array([e], np.float32), code, scale, weight)
 
     expected = {
         "geman_mcclure": lambda e: e**2 / (sigma**2 + e**2),
@@ -154,7 +166,7 @@ def test_geman_mcclure_turns_at_sigma_over_root_three_and_the_printed_form_does_
     for norm, turn in (("geman_mcclure", 9 / np.sqrt(3)), ("geman_mcclure_printed", np.sqrt(9 / 3))):
         scale = robust_scale(small_options(robust={"norm": norm}).robust, np.array([9.0]))[0]
         weight = np.zeros_like(e)
-        weigh(e, 0, scale, weight)
+        weighed(e, 0, scale, weight)
         assert e[np.argmax(weight * e)] == pytest.approx(turn, abs=0.02)
 
 
@@ -211,7 +223,7 @@ def test_gains_of_photos_leave_a_perfect_fit_perfect():
     cells = (factors[:, None] * texture).astype(np.float32)
     residual = np.empty_like(cells)
     nothing = np.zeros((1, 1), np.float32)
-    fit_face(cells, 1, False, nothing, False, np.empty((2, p), np.float32), np.zeros((n, 2)), np.empty(n), residual)
+    fitted(cells, nothing, np.empty((2, p), np.float32), np.zeros((n, 2)), np.empty(n), residual)
     assert np.abs(residual).max() < 1e-3
 
 

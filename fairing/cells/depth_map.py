@@ -9,6 +9,7 @@ from numba import njit
 
 from fairing.camera import Camera, resizing
 from fairing.geometry.rasterize import rasterize_inverse
+from fairing.util.compiled_only import COMPILED_ONLY
 
 # Depth jumps are measured in pixels' worth of depth (depth / focal length). A crease between faces seen at the smallest
 # allowed angle looks like a jump of up to 1 / tan(min_angle) of them, so a depth edge is a larger jump.
@@ -78,7 +79,7 @@ def _disc(radius: float) -> np.ndarray:
     return (np.hypot(along[:, None], along) < radius).astype(np.uint8)
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True, **COMPILED_ONLY)
 def _plane(uv, at_corners, f, x, y):
     """Inverse depth of face f's plane at a pixel."""
     ax, ay, bx, by, cx, cy = uv[f, 0, 0], uv[f, 0, 1], uv[f, 1, 0], uv[f, 1, 1], uv[f, 2, 0], uv[f, 2, 1]

@@ -15,6 +15,7 @@ from fairing.cells.scale_space import ScaleSpace
 from fairing.cells.visibility import Visibility
 from fairing.geometry.rasterize import HIDDEN_DEPTH
 from fairing.options import VisibilityOptions
+from fairing.util.compiled_only import COMPILED_ONLY
 
 # By so much more than rounding errors a face is inside the photo, px, and in front of the depth map, as a factor.
 CERTAIN_PX, CERTAIN = 1e-6, 1 + 1e-6
@@ -169,7 +170,7 @@ def _mask_samples(
         seen[f] = count
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy", **COMPILED_ONLY)
 def _is_clear(
     ax, ay, a_inverse, bx, by, b_inverse, cx, cy, c_inverse, inverse_depth, near_edges, nearer, to_map, border, size
 ):

@@ -4,6 +4,7 @@ import numpy as np
 from numba import njit
 
 from fairing.mesh import Mesh
+from fairing.util.compiled_only import COMPILED_ONLY
 
 _LEAF = 4
 """Triangles per leaf."""
@@ -89,7 +90,7 @@ def _search(points, triangles, low, high, distance, face):
         face[i] = best_face
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True, **COMPILED_ONLY)
 def _squared_to_box(x, y, z, low, high, box):
     """Squared distance of a point to an axis-aligned box; 0 inside."""
     dx = max(low[box, 0] - x, x - high[box, 0], 0.0)
@@ -98,7 +99,7 @@ def _squared_to_box(x, y, z, low, high, box):
     return dx * dx + dy * dy + dz * dz
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True, **COMPILED_ONLY)
 def _squared_to_segment(px, py, pz, dx, dy, dz):
     """Squared distance of the point p to the segment from the origin to d."""
     length = dx * dx + dy * dy + dz * dz
@@ -107,7 +108,7 @@ def _squared_to_segment(px, py, pz, dx, dy, dz):
     return x * x + y * y + z * z
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True, **COMPILED_ONLY)
 def _squared_to_triangle(px, py, pz, triangles, t):
     """Squared distance of a point to triangle t: to its plane if the foot of the perpendicular lies inside, else to an edge.
 

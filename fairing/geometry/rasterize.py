@@ -4,6 +4,7 @@ import numba
 import numpy as np
 
 from fairing.camera import Camera
+from fairing.util.compiled_only import COMPILED_ONLY
 
 # An edge belongs to both its faces, so that rounding opens no cracks; the nearer face wins, then the lower id.
 EDGE_TOLERANCE = 1e-9
@@ -39,7 +40,7 @@ def rasterize_inverse(vertices: np.ndarray, faces: np.ndarray, camera: Camera) -
     return face_id, inverse_depth
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(nogil=True, **COMPILED_ONLY)
 def _row(ax, ay, bx, by, cx, cy, y):
     """The part of a row y that a triangle covers, px, and at least a pixel more on both sides; unlimited if that is unclear."""
     left, right = np.inf, -np.inf
@@ -54,7 +55,7 @@ def _row(ax, ay, bx, by, cx, cy, y):
     return left - 1, right + 2
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit(nogil=True, **COMPILED_ONLY)
 def _covers(alpha_x, alpha_y, beta_x, beta_y, dx, dy):
     """Whether a triangle covers a pixel at (dx, dy) from its third corner, by the gradients of its barycentric coordinates."""
     alpha, beta = alpha_x * dx + alpha_y * dy, beta_x * dx + beta_y * dy

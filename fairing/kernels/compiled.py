@@ -8,22 +8,26 @@ Cells are float32; sums over pairs of cells, energies and normal equations are a
 """
 
 from pathlib import Path
+from typing import Any
 
 from numba import njit, types
 from numba.extending import intrinsic
 
+from fairing.util.compiled_only import COMPILED_ONLY
 from fairing.util.source_hash import source_hash
 
 # Reassociation allows sums to vectorise; the compiled code is fixed, so runs repeat to the bit on one kind of processor.
 _FAST = {"contract", "reassoc", "nsz", "arcp", "nnan", "ninf"}
 
-plain = njit(nogil=True, error_model="numpy")
-fast = njit(nogil=True, error_model="numpy", fastmath=_FAST)
+# Called by compiled functions only.
+plain = njit(nogil=True, error_model="numpy", **COMPILED_ONLY)
+fast = njit(nogil=True, error_model="numpy", fastmath=_FAST, **COMPILED_ONLY)
 # For loops without sums. LLVM optimises a function once more where it is linked to another: reassociated again, the cubic
 # sampler rounded differently in `show_face` than in `evaluate_faces`.
-by_sample = njit(nogil=True, error_model="numpy", fastmath=_FAST - {"reassoc"})
+by_sample = njit(nogil=True, error_model="numpy", fastmath=_FAST - {"reassoc"}, **COMPILED_ONLY)
 # Cached on disk, with all that the function calls; for functions that close over `SOURCE`.
-cached = njit(cache=True, nogil=True, error_model="numpy")
+_FROM_PYTHON: dict[str, Any] = {"no_cfunc_wrapper": True}
+cached = njit(cache=True, nogil=True, error_model="numpy", **_FROM_PYTHON)
 
 SOURCE = source_hash(Path(__file__).parent)
 """Changes with any file of this package, see `fairing.util.source_hash`."""

@@ -148,12 +148,14 @@ def _cached_for(source):
         strip = np.empty((5, STRIP), dtype=np.float32)
         taps = np.empty((4, 4 * STRIP), dtype=np.float32)
         index = np.empty(STRIP, dtype=np.int32)
-        if not sample_face(data, vertices, face, -1, False, raw, G, hats, strip, taps, index):
+        # Constants would be types of their own, for which `sample_face` and `apply_masks` would be compiled once more.
+        corner, with_gradient, components = np.int64(-1), np.bool_(False), np.int64(0)
+        if not sample_face(data, vertices, face, corner, with_gradient, raw, G, hats, strip, taps, index):
             return None
         cells = raw.copy()
         mask_weight[:] = 1
         starts = data.pair_mask[data.pair_start[face] : data.pair_start[face + 1]]
-        masked = apply_masks(starts, data.masks, data.channels, mask_weight, G, 0)
+        masked = apply_masks(starts, data.masks, data.channels, mask_weight, G, components)
         if data.remove_bias:
             remove_means(cells, mask_weight, masked)
             bias[:] = raw[:, 0] - cells[:, 0]

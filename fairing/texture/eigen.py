@@ -19,6 +19,7 @@ from fairing.texture.model import UNSEEN
 from fairing.texture.samples import most_texels, sample
 from fairing.texture.texels import SOURCE, columns, place, rows
 from fairing.texture.view_choice import chosen_views, survey
+from fairing.util.compiled_only import COMPILED_ONLY
 
 GUTTER = 2  # texels: the atlas is small, and its image has no mip levels
 IMAGES = 3  # in addition to the first
@@ -118,7 +119,7 @@ def eigen_texture(scene: Scene, vertices: np.ndarray, largest: int = 1024) -> Ei
     return EigenTexture(vertices, scene.mesh.faces, layout, centers, directions, coefficients, starts, basis)
 
 
-@numba.njit(nogil=True)
+@numba.njit(nogil=True, **COMPILED_ONLY)
 def _explain(starts, colors, weights, corner, legs, is_turned, gutter, image, coefficients, basis):
     """The images of every face: U, and the principal components of the residual of U times the gains.
 
@@ -173,7 +174,7 @@ def _explain(starts, colors, weights, corner, legs, is_turned, gutter, image, co
                     basis[start + i, k, 1 + j] = images[j, 3 * i + k]
 
 
-@numba.njit(nogil=True)
+@numba.njit(nogil=True, **COMPILED_ONLY)
 def _compose(coefficients, starts, basis, corner, legs, is_turned, gutter, image):
     """The texture for coefficients (m, 1 + IMAGES), into `image`."""
     for face in range(legs.shape[0]):

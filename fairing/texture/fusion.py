@@ -5,6 +5,7 @@ import numpy as np
 
 from fairing.texture.layout import AtlasLayout
 from fairing.texture.texels import SOURCE, columns, place, rows
+from fairing.util.compiled_only import COMPILED_ONLY
 
 OUTLIER = 20.0  # grey levels, sigma of the Geman-McClure weight
 ROUNDS = 4
@@ -44,7 +45,7 @@ def exposures(
     return np.exp(np.bincount(face, value - exposure[view], len(chosen)) / count), np.exp(exposure)
 
 
-@numba.njit(nogil=True)
+@numba.njit(nogil=True, **COMPILED_ONLY)
 def _fuse(members, starts, colors, weights, corner, legs, is_turned, gutter, image, log_gain):
     """Fit U and c of every face robustly (alternating weighted least squares from the median); U is written to `image`.
 
@@ -94,7 +95,7 @@ def _fuse(members, starts, colors, weights, corner, legs, is_turned, gutter, ima
                 t += 1
 
 
-@numba.njit(nogil=True)
+@numba.njit(nogil=True, **COMPILED_ONLY)
 def _median(planes, seen, n, U):
     """U (3, n): of the photos that see a texel, channel by channel; -1 where none does.
 
@@ -116,7 +117,7 @@ def _median(planes, seen, n, U):
             _add_middle(planes[s, k], seen[s], rank, count, U[k])
 
 
-@numba.njit(nogil=True)
+@numba.njit(nogil=True, **COMPILED_ONLY)
 def _add_smaller(values, than, or_equal, rank):
     """Add 1 to `rank` where values < than, or where they are equal if that counts, too."""
     for t in range(rank.shape[0]):
@@ -124,7 +125,7 @@ def _add_smaller(values, than, or_equal, rank):
         rank[t] += np.float32(values[t] < than[t] or is_equal)
 
 
-@numba.njit(nogil=True)
+@numba.njit(nogil=True, **COMPILED_ONLY)
 def _add_middle(values, seen, rank, count, median):
     """Add half of each value that is the lower, and half of each that is the upper, of the `count` middle ones."""
     half = np.float32(0.5)
@@ -142,7 +143,7 @@ def _trust(weight, r, g, b):
     return weight * inverse * inverse
 
 
-@numba.njit(nogil=True, fastmath=True)
+@numba.njit(nogil=True, fastmath=True, **COMPILED_ONLY)
 def _gain(colors, weight, n, U, gain):
     """The gain of a photo (3, n) on the image U, or as it was if the photo sees no texel."""
     above, below = np.float32(0), np.float32(0)
@@ -157,7 +158,7 @@ def _gain(colors, weight, n, U, gain):
     return min(max(above / below, np.float32(1 / LARGEST_GAIN)), np.float32(LARGEST_GAIN))
 
 
-@numba.njit(nogil=True, fastmath=True)
+@numba.njit(nogil=True, fastmath=True, **COMPILED_ONLY)
 def _add_image(colors, weight, n, U, gain, sums):
     """Add a photo's part of the numerators of U and, last, of their common denominator to `sums` (4, n)."""
     for t in range(n):
@@ -170,7 +171,7 @@ def _add_image(colors, weight, n, U, gain, sums):
         sums[3, t] += trust * gain
 
 
-@numba.njit(nogil=True)
+@numba.njit(nogil=True, **COMPILED_ONLY)
 def _hidden_texel(colors, weights, gain, texel):
     """Fit one texel (3,) to the photos (s, 3) whose faces lie in front of it, if there are any."""
     total = np.float32(0)
@@ -184,7 +185,7 @@ def _hidden_texel(colors, weights, gain, texel):
                     texel[k] += gain[s] * colors[s, k] / total
 
 
-@numba.njit(nogil=True)
+@numba.njit(nogil=True, **COMPILED_ONLY)
 def _multiply(corner, legs, is_turned, gutter, gain, image):
     """Multiply the texels of each face by its gain (m,), in place."""
     for face in range(legs.shape[0]):

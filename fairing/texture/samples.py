@@ -11,6 +11,7 @@ from fairing.scene import Scene, View
 from fairing.texture.layout import AtlasLayout
 from fairing.texture.texels import SOURCE, columns, rows
 from fairing.texture.view_choice import VIEWS_PER_FACE
+from fairing.util.compiled_only import COMPILED_ONLY
 
 
 def most_texels(layout: AtlasLayout) -> np.ndarray:
@@ -87,7 +88,7 @@ def _sample_photo(
     )  # fmt: skip
 
 
-@numba.njit(nogil=True)
+@numba.njit(nogil=True, **COMPILED_ONLY)
 def _look_up(
     slots, starts, corners, strength, legs, is_turned, gutter,
     photo, counts, members, face_id, depth, tolerance, colors, weights,

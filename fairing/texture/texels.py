@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numba
 
+from fairing.util.compiled_only import COMPILED_ONLY
 from fairing.util.source_hash import source_hash
 
 SOURCE = source_hash(Path(__file__).parent)
@@ -20,7 +21,7 @@ def rows(h, gutter):
     return h + 3 * gutter + 1
 
 
-@numba.njit(nogil=True)
+@numba.njit(nogil=True, **COMPILED_ONLY)
 def columns(row, w, h, gutter):
     """Number of texels of a row that the face owns: all up to somewhat beyond its longest side."""
     end, v = 1 + 0.5 * (gutter / w + gutter / h), (row - gutter) / h
