@@ -19,12 +19,22 @@ def first_level(scene: Scene, vertices: np.ndarray, orientation: int, options: F
     """
     if options.schedule.first_level == "first":
         return 0
+    return level_for_footprint(typical_footprint(scene, vertices, orientation, options), options)
+
+
+def typical_footprint(scene: Scene, vertices: np.ndarray, orientation: int, options: FairingOptions) -> float:
+    """Median over the faces of the height of each one's largest footprint, px; 0 if no photo sees a face.
+
+    Args:
+        vertices: (n, 3) float, world units.
+        orientation: see `fairing.cells.visibility.mesh_orientation`.
+    """
     seen = []
     for view in scene.views:
         outline = footprints(vertices, scene.mesh.faces, view.camera, orientation, options.visibility, 0.0)
         seen.append(np.where(outline.reason == Visibility.SEEN, outline.height, np.nan))
     heights = np.nanmax(np.array(seen), axis=0, initial=0.0)
-    return level_for_footprint(float(np.median(heights[heights > 0])) if (heights > 0).any() else 0.0, options)
+    return float(np.median(heights[heights > 0])) if (heights > 0).any() else 0.0
 
 
 def level_for_footprint(typical: float, options: FairingOptions) -> int:

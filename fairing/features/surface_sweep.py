@@ -182,9 +182,14 @@ class SurfaceSweep:
         return positions, covariance, np.full(len(positions), number), face
 
 
+def reduction(camera: Camera, error: float) -> float:
+    """Size of the photo of a sweep that allows for an error, px, over that of the photo of a camera."""
+    return min(1.0, (MEGAPIXELS * 1e6 / (camera.width * camera.height)) ** 0.5, LARGEST_ERROR / error)
+
+
 def _reduced(view: View, error: float) -> _Reduced:
     size = (view.camera.width, view.camera.height)
-    shrink = min(1.0, (MEGAPIXELS * 1e6 / (size[0] * size[1])) ** 0.5, LARGEST_ERROR / error)
+    shrink = reduction(view.camera, error)
     reduced = (max(1, round(size[0] * shrink)), max(1, round(size[1] * shrink)))
     grey = cv2.cvtColor(view.photo.load(), cv2.COLOR_RGB2GRAY)
     if reduced != size:

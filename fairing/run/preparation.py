@@ -8,7 +8,6 @@ from fairing.cells.level_choice import first_fine_level
 from fairing.features.robust_fit import held_back_loss
 from fairing.geometry.normal_filter import smoothed
 from fairing.run.records import Evaluation, moved_record
-from fairing.run.start_error import SEARCHED_ERROR, measured_start_error
 from fairing.run.swept_fit import swept_fit
 from fairing.run_plan import RunPlan
 from fairing.solve.energy import fixed_sigma, robust_scale, robust_sigma
@@ -61,7 +60,7 @@ class Preparations:
     def find(self) -> list[Preparation]:
         """The preparations, in their order, that are enabled and lower the mean loss of the photos by `GAIN`.
 
-        A fit that the points call for need only lower it at all: coarse photos of a start several pixels off discriminate
+        A fit to points of surface sweeps need only lower it at all: coarse photos of a start some pixels off discriminate
         little (ledger: fit that the points call for).
 
         Smoothing does so where the vertices are noisy. Such a run also uses the smoothness prior at its levels, which
@@ -82,9 +81,7 @@ class Preparations:
                 continue
             before, preparation = self._compared(reason, vertices, _TRIED[reason])
             gain = 1 - preparation.loss / max(_mean_loss(before), 1e-300)
-            if gain > GAIN or (
-                gain > 0 and reason is StepReason.FITTED_TO_POINTS and self._is_measured_off(preparation, vertices)
-            ):
+            if gain > GAIN or (gain > 0 and reason is StepReason.FITTED_TO_POINTS and problem.near_points):
                 done.append(preparation)
                 vertices = preparation.after
         return done
@@ -96,14 +93,6 @@ class Preparations:
             Cancelled: cancellation was requested.
         """
         return self._compared(StepReason.FITTED_TO_POINTS, vertices, _TRIED[StepReason.FITTED_TO_POINTS])[1].after
-
-    def _is_measured_off(self, fit: Preparation, vertices: np.ndarray) -> bool:
-        """Whether the points measure vertices (n, 3) to be off by `SEARCHED_ERROR`, and a fit to them by at most half of it."""
-        problem = self._problem
-        if not points_can_judge(problem):
-            return False
-        error = measured_start_error(problem, vertices)
-        return error >= SEARCHED_ERROR and measured_start_error(problem, fit.after) <= error / 2
 
     def step(self, reason: StepReason, position: SchedulePosition, vertices: np.ndarray) -> StepRecord:
         """The step of one preparation; its objective is the mean loss per photo px.

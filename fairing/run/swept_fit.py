@@ -5,9 +5,10 @@ from typing import NamedTuple
 import numpy as np
 
 from fairing.camera import Camera
+from fairing.cells.level_choice import typical_footprint
 from fairing.features.points import FeaturePoints
 from fairing.features.robust_fit import robust_fit
-from fairing.features.surface_sweep import SurfaceSweep
+from fairing.features.surface_sweep import HALF_WINDOW, SurfaceSweep, reduction
 from fairing.mesh import Mesh
 from fairing.run.start_error import measured_start_error
 from fairing.solve.problem import Problem
@@ -16,6 +17,8 @@ SWEEPS = 2  # each allows for half the error of the one before (ledger: surface 
 LEAST_ERROR = 3.0  # px: that a sweep allows for
 # A start is far off if a fit to the sparse points moves this part of its vertices that far (ledger: surface sweep: which starts).
 FAR_PART, FAR_PX = 0.25, 0.9
+# px of the photos of a sweep: height of large faces; windows on smaller ones hold several of them.
+LARGE_FACE = 3 * (2 * HALF_WINDOW + 1)
 
 
 class SweptFit(NamedTuple):
@@ -31,7 +34,7 @@ class SweptFit(NamedTuple):
 def swept_fit(problem: Problem, vertices: np.ndarray) -> SweptFit:
     """The fit of vertices (n, 3), which keep their place where it would fold a face.
 
-    A start that the sparse points hardly move is not swept: it is more accurate than single pixels' depths.
+    A start of small faces that the sparse points hardly move is not swept: it is more accurate than single pixels' depths.
     It depends on the photos, the fitting points, the locked vertices and `vertices` alone.
 
     Raises:
@@ -47,7 +50,7 @@ def swept_fit(problem: Problem, vertices: np.ndarray) -> SweptFit:
     sweep = SurfaceSweep(views, problem.evaluator.pool, check)
     points, near = problem.observed_points, FeaturePoints.none("no sweep was made")
     error, fitted = measured_start_error(problem, vertices), fitted_to(points)
-    if _is_far(mesh, fitted, cameras):
+    if _is_far(mesh, fitted, cameras) or _has_large_faces(problem, vertices, max(error, LEAST_ERROR)):
         with problem.work.doing("finding points near the start", SWEEPS) as work:
             for k in work.each(range(SWEEPS)):
                 near = sweep.points(fitted, max(error / 2**k, LEAST_ERROR))
@@ -65,3 +68,10 @@ def _is_far(start: Mesh, fitted: Mesh, cameras: list[Camera]) -> bool:
     px = np.median(focal[:, None] / np.where(depth > 0, depth, np.inf), axis=0)
     moved = px * np.linalg.norm(fitted.vertices - start.vertices, axis=1)
     return float(np.quantile(moved, 1 - FAR_PART)) >= FAR_PX
+
+
+def _has_large_faces(problem: Problem, vertices: np.ndarray, error: float) -> bool:
+    """Whether most faces are large in the photos of a sweep that allows for an error, px."""
+    scene = problem.scene
+    shrink = float(np.median([reduction(view.camera, error) for view in scene.views]))
+    return shrink * typical_footprint(scene, vertices, problem.orientation, problem.options) >= LARGE_FACE
