@@ -125,8 +125,8 @@ def _use_steps(scene: Scene) -> None:
     session = Session(scene)
     session.step()
     print(READY, flush=True)  # noqa: T201
-    session.run()
     _yield_to_others(NOT_URGENT)
+    session.run()
     face_cells(session, 0)
 
 
