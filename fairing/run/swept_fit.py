@@ -17,7 +17,7 @@ SWEEPS = 2  # each allows for half the error of the one before (ledger: surface 
 LEAST_ERROR = 3.0  # px: that a sweep allows for
 # A start is far off if a fit to the sparse points moves this part of its vertices that far (ledger: surface sweep: which starts).
 FAR_PART, FAR_PX = 0.25, 0.9
-# px of the photos of a sweep: height of large faces; windows on smaller ones hold several of them.
+# px of the photos of a sweep: height of large faces; windows on smaller ones hold several (ledger: surface sweep: which starts).
 LARGE_FACE = 3 * (2 * HALF_WINDOW + 1)
 
 
