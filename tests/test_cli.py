@@ -24,6 +24,7 @@ from fairing.trace import Trace
 from tests.small_scene import VERTICES, write_corner
 
 QUICK = ["--schedule.blur", "2", "1", "--schedule.max-sweeps", "1", "--cells.size", "32"]
+FIRST = ["--schedule.first-level", "first"]
 
 
 @pytest.fixture
@@ -45,7 +46,7 @@ def one_line(capsys) -> str:
 
 def test_fair_writes_a_mesh_in_the_input_s_order_a_report_and_a_trace(scene, tmp_path):
     out = tmp_path / "out"
-    assert fair(scene, out, "--schedule.max-sweeps", "3") == 0
+    assert fair(scene, out, "--schedule.max-sweeps", "3", *FIRST) == 0
     vertices, faces = read_mesh(out / "mesh.ply")
     before, faces_before = read_mesh(scene / "mesh.obj")
     assert np.array_equal(faces, faces_before)
@@ -155,7 +156,7 @@ def test_ctrl_c_saves_everything_and_resume_ends_where_an_unbroken_run_ends(scen
 
 def test_ctrl_c_within_a_step_drops_that_step_alone(scene, tmp_path, monkeypatch):
     whole, broken = tmp_path / "whole", tmp_path / "broken"
-    assert fair(scene, whole) == 0
+    assert fair(scene, whole, *FIRST) == 0
     linearise, step_after, calls, moments = Problem.linearise, Stepper.step_after, [], []
 
     def noted(self, moment):
@@ -171,9 +172,9 @@ def test_ctrl_c_within_a_step_drops_that_step_alone(scene, tmp_path, monkeypatch
     with monkeypatch.context() as patched:
         patched.setattr(Problem, "linearise", interrupted)
         patched.setattr(Stepper, "step_after", noted)
-        assert fair(scene, broken) == 130
+        assert fair(scene, broken, *FIRST) == 130
     assert len(Trace.load(broken / "run.trace")) == moments[-1] > 0
-    assert fair(scene, broken, "--resume") == 0
+    assert fair(scene, broken, *FIRST, "--resume") == 0
     assert (broken / "run.trace").read_bytes() == (whole / "run.trace").read_bytes()
 
 

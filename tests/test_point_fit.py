@@ -8,6 +8,7 @@ import pytest
 import trimesh
 
 import fairing.run.preparation
+import fairing.run.swept_fit
 from fairing.errors import InputError
 from fairing.geometry.normals import face_normals
 from fairing.judge.report import run_report
@@ -275,14 +276,15 @@ def test_observed_points_beside_the_mesh_do_not_pull_it(origin):
 
 
 @pytest.mark.parametrize(
-    ("displaced", "shift", "is_fitted"), [(FAR, 0.0, True), ((0.01, 0, 0), 0.0, False), (FAR, 0.3, False)]
+    ("displaced", "large_face", "is_fitted"), [(FAR, 0.0, True), (FAR, np.inf, False), ((0.0, 0.0, 0.0), 0.0, False)]
 )
-def test_a_fit_needs_little_photo_gain_where_points_measure_the_start_far_off(
-    displaced, shift, is_fitted, monkeypatch: pytest.MonkeyPatch
+def test_a_fit_to_points_of_surface_sweeps_needs_little_photo_gain(
+    displaced, large_face, is_fitted, monkeypatch: pytest.MonkeyPatch
 ):
-    """No fit lowers the loss by 95 %. A start near the truth then stays, and one whose points the photos contradict, too."""
+    """No fit lowers the loss by 95 %. One without sweeps is then refused, and one from the truth, which lowers no loss, too."""
     monkeypatch.setattr(fairing.run.preparation, "GAIN", 0.95)
-    scene = observed(corner_scene(displaced), on_the_faces(600) + shift)
+    monkeypatch.setattr(fairing.run.swept_fit, "LARGE_FACE", large_face)
+    scene = observed(corner_scene(displaced), on_the_faces(600))
     assert Session(scene, small_options(step=USED)).make_plan().is_fitted_to_points == is_fitted
 
 

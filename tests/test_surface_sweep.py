@@ -138,7 +138,7 @@ def test_a_resumed_run_finds_the_points_again_and_ends_with_the_same_bytes(monke
     assert resumed.vertices.tobytes() == whole.vertices.tobytes()
 
 
-def test_a_start_that_the_points_hardly_move_is_not_swept(monkeypatch: pytest.MonkeyPatch):
+def test_a_start_of_small_faces_that_the_points_hardly_move_is_not_swept(monkeypatch: pytest.MonkeyPatch):
     counts = []
 
     def points(self: SurfaceSweep, *arguments: object) -> FeaturePoints:
@@ -148,6 +148,10 @@ def test_a_start_that_the_points_hardly_move_is_not_swept(monkeypatch: pytest.Mo
     monkeypatch.setattr(SurfaceSweep, "points", points)
     options = small_options(step={"points": [0.3]})
     near = Session(observed(corner_scene((0.001, 0.0, 0.0))), options)
+    swept.swept_fit(near._problem, near.vertices)
+    assert len(counts) == swept.SWEEPS
+    counts.clear()
+    monkeypatch.setattr(swept, "LARGE_FACE", np.inf)
     swept.swept_fit(near._problem, near.vertices)
     assert not counts
     monkeypatch.setattr(swept, "FAR_PART", 1 / 7)  # the corner alone

@@ -332,10 +332,12 @@ def test_position_and_energy_fit_in_one_line_each_with_large_numbers(visitor: Vi
 NOTES = (
     RunPlan(0, False, False, 0.0, True),
     RunPlan(2, False, False, 0.0, False),
-    RunPlan(3, False, True, 0.0, False, start_sigma=1.3),
+    RunPlan(3, False, False, 0.0, False, start_sigma=1.3),
+    RunPlan(3, False, True, 0.0, False, start_sigma=19.0),
     RunPlan(4, False, True, 0.0, False, start_sigma=6.0, represents_surface=True),
 )
-"""Plans of runs that begin near the truth, where the faces ask for it, where the start error does, and near sparse points."""
+"""Plans of runs that begin near the truth, where the faces ask for it, where the start error does, after a fit, and near sparse
+points."""
 
 
 def test_the_line_below_the_last_step_is_whole_and_keeps_the_count_of_a_long_work(visitor: Visitor):
