@@ -93,8 +93,9 @@ def _level_by_points(measured: _Measured, is_fitted: bool, options: FairingOptio
     """The first level of a start that the points measured.
 
     Where they show the prepared start near the surface, or the photos reject a fit to them, coarse levels only take vertices
-    away from their true positions (ledger: level at which a start near its points begins). A fit leaves most vertices within
-    what a fine level reaches (ledger: level after a fit). Vertices that are to be searched for need coarser levels.
+    away from their true positions (ledger: level at which a start near its points begins, level of a measured start whose fit
+    the photos reject). A fit leaves most vertices within what a fine level reaches (ledger: level after a fit). Vertices that
+    are to be searched for need coarser levels.
     """
     searching = first_searching_level(options)
     if options.schedule.start_error > 0 and searching is not None:

@@ -47,9 +47,8 @@ def selected(visitor: Visitor) -> list[int]:
 
 
 def test_a_click_selects_one_vertex_and_with_shift_several(visitor: Visitor):
-    view = page_of(
-        visitor.app
-    ).page_state  # at first the viewer's note on software rendering lies over vertices 2 and 3
+    # At first the viewer's note on software rendering lies over vertices 2 and 3.
+    view = page_of(visitor.app).page_state
     visitor.click_vertex(0)
     wait_for(lambda: view.selection.vertices == (0,))
     visitor.page.keyboard.down("Shift")
