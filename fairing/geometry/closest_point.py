@@ -39,7 +39,7 @@ class SurfaceTree:
 
     def closest(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Distances (p,) float, world units, of points (p, 3), world units, and the faces (p,) int of the closest points."""
-        points = np.ascontiguousarray(points, dtype=np.float64)
+        points = np.array(points, dtype=np.float64, order="C")  # a copy: numba compiles again for one that is read-only
         distance, face = np.empty(len(points)), np.empty(len(points), dtype=np.int64)
         _search(points, self._triangles, self._low, self._high, distance, face)
         return distance, self._order[face]
