@@ -6,6 +6,7 @@ import pytest
 
 from fairing.camera import Camera
 from fairing.errors import InputError
+from fairing.geometry.pixel_size import pixel_size
 
 K = np.array([[700.0, 0.3, 320.5], [0, 690.0, 241.0], [0, 0, 1]])
 RVEC = np.array([0.2, -0.4, 0.1])
@@ -52,6 +53,22 @@ def test_jacobian_agrees_with_central_differences(camera: Camera):
         expected = (camera.project(POINTS + step)[0] - camera.project(POINTS - step)[0]) / (2 * h)
         # Truncation of order h^2 and rounding of order eps * 640 / h, both below 1e-7 px a world unit.
         np.testing.assert_allclose(camera.J_image_wrt_point(POINTS)[:, :, axis], expected, atol=1e-6)
+
+
+def test_a_pixel_covers_its_size_at_a_points_depth_in_the_median_photo(camera: Camera):
+    """Oracle: a point moved along the camera's rows by that much moves by a pixel."""
+    farther = Camera.from_krt(np.diag([350.0, 350, 1]), R, T + np.array([0, 0, 3]), 640, 480)
+    away = Camera.from_krt(K, np.diag([1.0, -1, -1]) @ R, -T, 640, 480)
+    points = np.vstack([POINTS, farther.center - 4 * R[2]])
+    size = pixel_size([camera, farther], points)
+    assert np.isnan(size).tolist() == [False] * len(POINTS) + [True], "only the last is behind both cameras"
+    assert np.array_equal(pixel_size([camera, away, farther], POINTS), size[:-1])
+    for point, width in zip(POINTS[:10], size[:10], strict=True):
+        own = []
+        for one in (camera, farther):
+            there = one.project(np.array([point, point + 1e-3 * R[0]]))[0]
+            own.append(1e-3 / np.linalg.norm(there[1] - there[0]))
+        np.testing.assert_allclose(width, np.mean(own), rtol=1e-6)
 
 
 def test_camera_cannot_be_changed_from_outside(camera: Camera):

@@ -1,8 +1,8 @@
 """Accessible names of viser's own widgets.
 
 In viser 1.1.1 sliders, number inputs, the icons of the main panel, the command palette, and the inputs of the viewer settings
-have no accessible name; the titles of folders and the pencils of the scene tree cannot be reached by keyboard. A script in the
-page gives them the name that stands beside them, and makes titles and pencils buttons, whenever the page has changed.
+have no accessible name; the titles of folders and the icons of the scene tree cannot be reached by keyboard. A script in the
+page gives them the name that stands beside them, and makes titles and icons buttons, whenever the page has changed.
 """
 
 import viser
@@ -12,6 +12,10 @@ from app.viser_bridge.javascript import run_in_page
 _SCRIPT = """
 if (!window.eigenfairingNames) {
   const icons = {'tabler-icon-list-search': 'All commands', 'tabler-icon-adjustments': 'Viewer settings'};
+  const treeActions = {
+    'caret-right': 'Expand', 'caret-down': 'Collapse', 'eye': 'Hide', 'eye-off': 'Show', 'eye-x': 'Clear visibility of',
+    'pencil': 'Edit props for',
+  };
   const set = (element, name) => {
     if (name && element.getAttribute('aria-label') !== name) element.setAttribute('aria-label', name);
   };
@@ -54,10 +58,17 @@ if (!window.eigenfairingNames) {
     }
     for (const input of document.querySelectorAll('[data-prop-key] input'))
       set(input, input.closest('[data-prop-key]').firstElementChild.textContent);
-    for (const pencil of document.querySelectorAll('[data-scene-node] > [aria-haspopup=dialog]')) {
-      const icon = pencil.firstElementChild;
-      set(pencil, icon.getAttribute('aria-label'));
-      makeButton(pencil, () => icon.dispatchEvent(new MouseEvent('click', {bubbles: true})));
+    for (const icon of document.querySelectorAll('[data-scene-node] > * > svg')) {
+      const button = icon.parentElement, row = button.parentElement, isOf = kind => icon.matches('.tabler-icon-' + kind);
+      if (isOf('caret-right') && row.style.cursor !== 'pointer') continue;  // without children
+      const does = Object.keys(treeActions).find(isOf);
+      if (!does) continue;
+      set(button, `${treeActions[does]} ${row.dataset.sceneNode}`);
+      const events = isOf('eye') || isOf('eye-off') ? ['mousedown', 'mouseup'] : ['click'];
+      makeButton(button, () => {
+        for (const event of events)
+          button.querySelector('svg').dispatchEvent(new MouseEvent(event, {bubbles: true}));
+      });
     }
   };
   let due = 0;

@@ -17,7 +17,7 @@ STYLE = f"""
 {variables(".ef, .mantine-Flex-root label, [role=tab], .mantine-Spotlight-action, .mantine-Badge-label", _LIGHT)}
 {_LIGHT} .mantine-Button-root {{ --button-bg: {css(BRAND)}; --button-hover: {css(BRAND)}; }}
 {_LIGHT} .mantine-Badge-label {{ color: {css(BRAND_TEXT)}; }}
-[data-scene-node] > [aria-haspopup]:focus-visible {{ opacity: 1; }}
+[data-scene-node] > [role=button]:focus-visible {{ opacity: 1; }}
 {_LIGHT} canvas[data-engine] {{ background: {solid(GROUND[1])} }}
 .mantine-Flex-root label {{ color: var(--dim); }}
 .mantine-Spotlight-action .mantine-Spotlight-actionDescription {{ color: var(--dim); opacity: 1; }}

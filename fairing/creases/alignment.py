@@ -14,6 +14,7 @@ from scipy.sparse.linalg import splu
 from fairing.creases.edges import Creases, find_creases
 from fairing.creases.offsets import Offsets, measure_offsets
 from fairing.geometry.normals import face_normals
+from fairing.geometry.pixel_size import pixel_size
 from fairing.scene import View
 
 # px: largest offset, and scale of the Geman-McClure loss of an offset. Offsets are measured anew in each stage.
@@ -63,7 +64,7 @@ def aligned_to_image_edges(
     """
     creases = find_creases(vertices, faces, orientation)
     information = np.zeros((len(vertices), 3, 3))
-    pixel = _pixel_size(views, vertices)
+    pixel = pixel_size([view.camera for view in views], vertices)
     free = np.flatnonzero(~locked & np.isfinite(pixel))
     if len(creases.ends) == 0 or len(free) == 0:
         return Alignment(vertices, information)
@@ -104,17 +105,6 @@ def aligned_to_image_edges(
 def _geman_mcclure(residual: np.ndarray, scale: float) -> np.ndarray:
     """Weights of iteratively reweighted least squares."""
     return 1 / (1 + (residual / scale) ** 2) ** 2
-
-
-def _pixel_size(views: Sequence[View], vertices: np.ndarray) -> np.ndarray:
-    """(n,) float: size of a pixel at each vertex, world units, median over the photos it is in front of; NaN without one."""
-    depth = np.array([view.camera.project(vertices)[1] for view in views])
-    focal = np.array([view.camera.K[0, 0] for view in views])
-    size = np.where(depth > 0, depth / focal[:, None], np.nan)
-    with_photo = (depth > 0).any(axis=0)
-    result = np.full(len(vertices), np.nan)
-    result[with_photo] = np.nanmedian(size[:, with_photo], axis=0)
-    return result
 
 
 def _planes(vertices: np.ndarray, faces: np.ndarray, pixel: np.ndarray) -> tuple[csc_array, np.ndarray]:

@@ -161,11 +161,7 @@ def find_near_points(problem: Problem, plan: RunPlan) -> None:
 def _smoothed(problem: Problem, vertices: np.ndarray) -> np.ndarray:
     """(n, 3) float: vertices (n, 3) after smoothing, except where that would fold a face."""
     problem.raise_if_cancelled()
-    ids = np.flatnonzero(~problem.locked)
-    moves, _ = problem.unfolded(vertices, ids, (smoothed(problem.scene.mesh, vertices, VERTEX_PASSES) - vertices)[ids])
-    after = vertices.copy()
-    after[ids] += moves
-    return after
+    return problem.moved_to(vertices, smoothed(problem.scene.mesh, vertices, VERTEX_PASSES))
 
 
 def points_accept_smoothing(problem: Problem) -> bool:

@@ -9,6 +9,7 @@ from fairing.cells.level_choice import typical_footprint
 from fairing.features.points import FeaturePoints
 from fairing.features.robust_fit import robust_fit
 from fairing.features.surface_sweep import HALF_WINDOW, SurfaceSweep, reduction
+from fairing.geometry.pixel_size import pixel_size
 from fairing.mesh import Mesh
 from fairing.run.start_error import measured_start_error
 from fairing.solve.problem import Problem
@@ -55,19 +56,13 @@ def swept_fit(problem: Problem, vertices: np.ndarray) -> SweptFit:
             for k in work.each(range(SWEEPS)):
                 near = sweep.points(fitted, max(error / 2**k, LEAST_ERROR))
                 fitted = fitted_to(points.joined(near), fitted.vertices)
-    ids, after = np.flatnonzero(~problem.locked), vertices.copy()
-    moves, _ = problem.unfolded(vertices, ids, (fitted.vertices - vertices)[ids])
-    after[ids] += moves
-    return SweptFit(after, near)
+    return SweptFit(problem.moved_to(vertices, fitted.vertices), near)
 
 
 def _is_far(start: Mesh, fitted: Mesh, cameras: list[Camera]) -> bool:
     """Whether a fit moved `FAR_PART` of the vertices by `FAR_PX`, as the median photo sees them at a right angle."""
-    depth = np.array([camera.project(start.vertices)[1] for camera in cameras])
-    focal = np.array([camera.K[0, 0] for camera in cameras])
-    px = np.median(focal[:, None] / np.where(depth > 0, depth, np.inf), axis=0)
-    moved = px * np.linalg.norm(fitted.vertices - start.vertices, axis=1)
-    return float(np.quantile(moved, 1 - FAR_PART)) >= FAR_PX
+    moved = np.linalg.norm(fitted.vertices - start.vertices, axis=1) / pixel_size(cameras, start.vertices)
+    return float(np.quantile(np.nan_to_num(moved), 1 - FAR_PART)) >= FAR_PX
 
 
 def _has_large_faces(problem: Problem, vertices: np.ndarray, error: float) -> bool:

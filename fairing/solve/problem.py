@@ -231,6 +231,12 @@ class Problem:
         """Steps (u, 3) float shortened until no face folds, world units; and (u,) bool: whose steps were shortened."""
         return unfolded(vertices, ids, steps, self.start, self.scene.mesh.faces, self.options.step)
 
+    def moved_to(self, vertices: np.ndarray, targets: np.ndarray) -> np.ndarray:
+        """Vertices (n, 3) at targets (n, 3), except where they are locked or a face would fold, world units."""
+        ids, after = np.flatnonzero(~self.locked), vertices.copy()
+        after[ids] += self.unfolded(vertices, ids, (targets - vertices)[ids])[0]
+        return after
+
     def under(self, options: FairingOptions) -> "Problem":
         """The same problem under other options of cells, eigenspace, loss or steps.
 

@@ -1,6 +1,6 @@
 """Fixtures of the page tests. A module sets the debugger it visits by its OPTIONS or by a fixture `app` of its own."""
 
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 
 import pytest
 from playwright.sync_api import Browser, Page
@@ -38,6 +38,19 @@ def app(request: pytest.FixtureRequest) -> Iterator[App]:
 @pytest.fixture(scope="module")
 def module_visitor(browser: Browser, app: App) -> Visitor:
     return Visitor(browser, app)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    """A test that fails reports what its page showed."""
+    report = yield
+    visitor = getattr(item, "funcargs", {}).get("module_visitor")
+    if report.when == "call" and report.failed and visitor is not None:
+        try:
+            report.sections.append(("the page", visitor.situation()))
+        except Exception as error:  # the page may be what failed
+            report.sections.append(("the page", f"could not be asked: {error}"))
+    return report
 
 
 @pytest.fixture

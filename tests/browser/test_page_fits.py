@@ -424,13 +424,13 @@ def test_axe_has_no_serious_findings_in_the_pages_of_the_cells_and_in_the_dialog
             page.locator(dialog).first.wait_for(state="detached")
 
 
-def test_axe_has_no_serious_findings_in_the_viewer_settings(visitor: Visitor):
+def test_the_viewer_settings_have_no_serious_findings_of_axe_and_their_tree_obeys_the_keyboard(visitor: Visitor):
     page = visitor.page
     visitor.button("Viewer settings").click()
     try:
         page.get_by_label("Dev Settings").check()
-        page.locator("[data-scene-node='/mesh']").click()
-        page.evaluate("document.activeElement.blur()")
+        page.get_by_role("button", name="Expand /mesh", exact=True).press("Enter")
+        page.get_by_role("button", name="Collapse /mesh", exact=True).wait_for()
         for theme in ("light", "dark"):
             page.keyboard.press("y")
             page.wait_for_selector(f"html[data-mantine-color-scheme={theme}]")
@@ -445,6 +445,12 @@ def test_axe_has_no_serious_findings_in_the_viewer_settings(visitor: Visitor):
                 page.get_by_role("button", name=f"Edit props for {node}", exact=True).press("Enter")
                 props.wait_for(state="detached")
             page.evaluate("document.activeElement.blur()")
+        for name in ("Hide /paths", "Show /paths", "Hide /paths"):
+            page.get_by_role("button", name=name, exact=True).press("Enter")
+        page.get_by_role("button", name="Clear visibility of /paths", exact=True).press("Enter")
+        page.get_by_role("button", name="Hide /paths", exact=True).wait_for()
+        assert page.get_by_role("button", name="Clear visibility of /paths", exact=True).count() == 0
+        page.get_by_role("button", name="Collapse /mesh", exact=True).press("Enter")
         page.get_by_label("Dev Settings").uncheck()
     finally:
         visitor.button("arrow back").click()
