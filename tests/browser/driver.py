@@ -66,6 +66,19 @@ def page_of(app: App) -> ServedPage:
     return next(iter(app.pages.values()))
 
 
+_STILL = """async () => {
+    const places = () => JSON.stringify([...document.querySelectorAll('[data-floating-window], .ef, canvas')].map(
+        element => { const {x, y, width, height} = element.getBoundingClientRect(); return [x, y, width, height]; }));
+    const deadline = performance.now() + 10000;  // ms
+    for (let last = '', same = 0; same < 400 && performance.now() < deadline;) {
+        const now = places(), began = performance.now();
+        await new Promise(done => setTimeout(() => requestAnimationFrame(done), 20));
+        same = now === last ? same + performance.now() - began : 0;
+        last = now;
+    }
+}"""
+
+
 class Visitor:
     """A browser tab on the debugger that collects everything that goes wrong in it."""
 
@@ -111,6 +124,11 @@ class Visitor:
         self.page.evaluate(
             "() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(() => done())))"
         )
+
+    def resize(self, size: ViewportSize) -> None:
+        """Change the window's size and wait until its panels have stopped moving: a click would miss one on its way."""
+        self.page.set_viewport_size(size)
+        self.page.evaluate(_STILL)
 
     def button(self, name: str):
         return button_of(self.page, name)

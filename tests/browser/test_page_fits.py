@@ -107,7 +107,7 @@ def test_no_panel_overflows_or_scrolls_sideways(visitor: Visitor, order: str):
     visitor.app.controller.wait_until_idle()
     for theme in ("dark", "light"):
         for size in SIZES:
-            visitor.page.set_viewport_size(size)
+            visitor.resize(size)
             for tab in (tab for group in PANELS for tab in group):
                 show(visitor, tab)
                 wide = too_wide(visitor)
@@ -115,7 +115,7 @@ def test_no_panel_overflows_or_scrolls_sideways(visitor: Visitor, order: str):
         visitor.page.keyboard.press("y")
         other = "light" if theme == "dark" else "dark"
         visitor.page.wait_for_selector(f"html[data-mantine-color-scheme={other}]")
-    visitor.page.set_viewport_size(WINDOW)
+    visitor.resize(WINDOW)
 
 
 @pytest.fixture
@@ -172,13 +172,13 @@ def test_filled_panels_do_not_overflow_either(filled: Visitor):
         filled.page.keyboard.press("y")
         filled.page.wait_for_selector(f"html[data-mantine-color-scheme={theme}]")
         for size in SIZES:
-            filled.page.set_viewport_size(size)
+            filled.resize(size)
             for tab in (tab for group in PANELS for tab in group):
                 show(filled, tab)
                 assert too_wide(filled) == [], f"{theme}, {size}, {tab}"
     enlarge_a_cell(filled)
     for size in reversed(SIZES):
-        filled.page.set_viewport_size(size)
+        filled.resize(size)
         assert too_wide(filled) == [], f"{size}, lens"
 
 
@@ -209,8 +209,7 @@ def test_the_lens_and_the_camera_box_leave_each_other_room(visitor: Visitor, kin
             visitor.page.keyboard.press("y")
             visitor.page.wait_for_selector(f"html[data-mantine-color-scheme={theme}]")
             for size in SIZES:
-                visitor.page.set_viewport_size(size)
-                visitor.page.wait_for_timeout(700)  # a placement that comes too late would be a wrong one
+                visitor.resize(size)
                 lens, camera, timeline = (placed(visitor, tab) for tab in ("Lens", "Camera", "Timeline"))
                 view = visitor.canvas_box()
                 assert view["x"] <= lens[0], size
@@ -225,7 +224,7 @@ def test_the_lens_and_the_camera_box_leave_each_other_room(visitor: Visitor, kin
         state.cells = CellsView()
         visitor.page.keyboard.press("0")
         visitor.button("Leave the camera").wait_for(state="detached")
-        visitor.page.set_viewport_size(WINDOW)
+        visitor.resize(WINDOW)
 
 
 def test_the_lens_does_not_change_its_height_when_values_are_read_in_it(visitor: Visitor):
@@ -260,7 +259,7 @@ def test_the_note_of_every_plot_is_whole_and_not_there_before_the_first_step(vis
             visitor.page.keyboard.press("y")
             visitor.page.wait_for_selector(f"html[data-mantine-color-scheme={theme}]")
             for size in SIZES:
-                visitor.page.set_viewport_size(size)
+                visitor.resize(size)
                 for title in kinds.all_inner_texts():
                     kinds.get_by_text(title, exact=True).click()
                     visitor.page.get_by_role("img", name=f"{title.capitalize()} plot").wait_for()
@@ -274,14 +273,13 @@ def test_the_note_of_every_plot_is_whole_and_not_there_before_the_first_step(vis
                     assert 0 < text <= room, f"{title}, {theme}, {size}"
     finally:
         page.page_state.plot = PlotView()
-        visitor.page.set_viewport_size(WINDOW)
+        visitor.resize(WINDOW)
 
 
 @pytest.mark.parametrize("size", [(1280, 800), (1280, 640), (1440, 640), (1280, 720)])
 def test_the_timeline_lies_along_the_bottom_of_the_window(visitor: Visitor, size: tuple[int, int]):
     show(visitor, "Timeline")
-    visitor.page.set_viewport_size({"width": size[0], "height": size[1]})
-    visitor.page.wait_for_timeout(700)  # a placement that comes too late would be a wrong one
+    visitor.resize({"width": size[0], "height": size[1]})
     tab = visitor.page.get_by_role("tab", name="Timeline")
     timeline = visitor.box_of(visitor.page.locator("[data-floating-window]", has=tab))
     bottom, width = timeline["y"] + timeline["height"], visitor.canvas_size()[0]
@@ -315,7 +313,7 @@ def test_position_and_energy_fit_in_one_line_each_with_large_numbers(visitor: Vi
         }
         assert " ".join(crumbs.inner_text().split()).startswith(f"level 7/7 › sweep 12 › {words[order]}")
         for size in SIZES:
-            visitor.page.set_viewport_size(size)
+            visitor.resize(size)
             visitor.page.wait_for_function(
                 """() => {
                     const [crumbs, energy] = document.querySelectorAll('.ef .crumbs, .ef .crumbs + .row');
@@ -326,7 +324,7 @@ def test_position_and_energy_fit_in_one_line_each_with_large_numbers(visitor: Vi
     finally:
         status.show, status._energies = show, energies
         visitor.app.controller.republish()
-        visitor.page.set_viewport_size(WINDOW)
+        visitor.resize(WINDOW)
 
 
 NOTES = (
@@ -353,7 +351,7 @@ def test_the_line_below_the_last_step_is_whole_and_keeps_the_count_of_a_long_wor
 
     try:
         for size in SIZES:
-            visitor.page.set_viewport_size(size)
+            visitor.resize(size)
             for plan in NOTES:
                 trace = SimpleNamespace(plan=plan)
                 note = begin_note(SimpleNamespace(trace=trace, options=FairingOptions()))  # pyright: ignore[reportArgumentType]
@@ -374,7 +372,7 @@ def test_the_line_below_the_last_step_is_whole_and_keeps_the_count_of_a_long_wor
     finally:
         status.show = show
         visitor.app.controller.republish()
-        visitor.page.set_viewport_size(WINDOW)
+        visitor.resize(WINDOW)
 
 
 def serious_findings(visitor: Visitor) -> list[tuple[str, list]]:
