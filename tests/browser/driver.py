@@ -1,8 +1,11 @@
 """One Chromium and one page: what a user does and what a user sees."""
 
 import shutil
+import sys
 import tempfile
+import threading
 import time
+import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -151,13 +154,20 @@ class Visitor:
         return self.app.controller.wait_until_idle(PATIENCE)
 
     def situation(self) -> str:
-        """What to know when something does not happen: the page's keys and focus, the state, and what the engine executes."""
+        """What to know when something does not happen: the page's keys and focus, the state, and what the threads execute."""
         page = self.page.evaluate(
             "() => [window.keysReceived.slice(-10), document.activeElement?.outerHTML.slice(0, 200), document.body.innerText]"
         )
         with tempfile.TemporaryDirectory() as folder:
             report = self.app.controller.save_report(Path(folder) / "report.json").read_text()
-        return f"keys received: {page[0]}\nfocus: {page[1]}\npage: {page[2]}\n{report}"
+        frames = sys._current_frames()
+        updates = [
+            "".join(traceback.format_stack(frames[thread.ident]))
+            for thread in threading.enumerate()
+            if thread.name == "page" and thread.ident in frames
+        ]
+        stacks = "\n".join(updates)
+        return f"keys received: {page[0]}\nfocus: {page[1]}\npage: {page[2]}\n{report}\nupdates of pages:\n{stacks}"
 
     def sees_vertices(self, vertices: np.ndarray) -> None:
         """Wait until the mesh in the browser has these positions (n, 3), page units, to the last bit."""
