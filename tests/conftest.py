@@ -4,19 +4,16 @@ import pytest
 
 pytest_plugins = ["tests.remembered_steps"]
 
-WITHOUT_SERVER = "test_page_lesson_files.py"  # a fifth of the time in the browser
-
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Two processes share the tests (pytest-xdist): a module's tests stay together, and so do all tests in the browser but
-    those of `WITHOUT_SERVER`: then both processes end at about the same time.
+    """Two processes share the tests (pytest-xdist): a module's tests stay together, and so do all tests in the browser.
 
     First, because pytest-xdist reads the marker in the same hook.
     """
     for item in items:
-        with_server = item.get_closest_marker("browser") is not None and item.path.name != WITHOUT_SERVER
-        item.add_marker(pytest.mark.xdist_group("browser" if with_server else item.path.name))
+        in_browser = item.get_closest_marker("browser") is not None
+        item.add_marker(pytest.mark.xdist_group("browser" if in_browser else item.path.name))
 
 
 def pytest_collection_finish(session: pytest.Session) -> None:
