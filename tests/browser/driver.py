@@ -1,11 +1,8 @@
 """One Chromium and one page: what a user does and what a user sees."""
 
 import shutil
-import sys
 import tempfile
-import threading
 import time
-import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -160,13 +157,8 @@ class Visitor:
         )
         with tempfile.TemporaryDirectory() as folder:
             report = self.app.controller.save_report(Path(folder) / "report.json").read_text()
-        frames = sys._current_frames()
-        updates = [
-            "".join(traceback.format_stack(frames[thread.ident]))
-            for thread in threading.enumerate()
-            if thread.name == "page" and thread.ident in frames
-        ]
-        stacks = "\n".join(updates)
+        updates = (served._updates for served in self.app.pages.values())
+        stacks = "\n".join(found._worker.stack() for found in updates if found is not None)
         return f"keys received: {page[0]}\nfocus: {page[1]}\npage: {page[2]}\n{report}\nupdates of pages:\n{stacks}"
 
     def sees_vertices(self, vertices: np.ndarray) -> None:

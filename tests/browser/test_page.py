@@ -251,7 +251,7 @@ def test_the_key_list_is_shown(visitor: Visitor):
 
 @pytest.mark.parametrize("size", [(1280, 720), (1500, 640)])
 def test_through_a_camera_the_mesh_lies_on_its_photo(visitor: Visitor, scene, size):
-    visitor.resize({"width": size[0], "height": size[1]})
+    visitor.page.set_viewport_size({"width": size[0], "height": size[1]})
     page = page_of(visitor.app)
     try:
         visitor.wait_for_page()  # in its new size: Chromium may drop keys before it is painted
@@ -271,7 +271,7 @@ def test_through_a_camera_the_mesh_lies_on_its_photo(visitor: Visitor, scene, si
         visitor.page.keyboard.press("0")
         wait_for(lambda: page.page_state.entered is None)
     finally:
-        visitor.resize({"width": 1280, "height": 720})
+        visitor.page.set_viewport_size({"width": 1280, "height": 720})
 
 
 def test_two_browsers_share_the_run_but_not_the_selection(browser, visitor: Visitor):

@@ -209,7 +209,8 @@ def test_the_lens_and_the_camera_box_leave_each_other_room(visitor: Visitor, kin
             visitor.page.keyboard.press("y")
             visitor.page.wait_for_selector(f"html[data-mantine-color-scheme={theme}]")
             for size in SIZES:
-                visitor.resize(size)
+                visitor.page.set_viewport_size(size)
+                visitor.page.wait_for_timeout(700)  # a placement that comes too late would be a wrong one
                 lens, camera, timeline = (placed(visitor, tab) for tab in ("Lens", "Camera", "Timeline"))
                 view = visitor.canvas_box()
                 assert view["x"] <= lens[0], size
@@ -279,7 +280,8 @@ def test_the_note_of_every_plot_is_whole_and_not_there_before_the_first_step(vis
 @pytest.mark.parametrize("size", [(1280, 800), (1280, 640), (1440, 640), (1280, 720)])
 def test_the_timeline_lies_along_the_bottom_of_the_window(visitor: Visitor, size: tuple[int, int]):
     show(visitor, "Timeline")
-    visitor.resize({"width": size[0], "height": size[1]})
+    visitor.page.set_viewport_size({"width": size[0], "height": size[1]})
+    visitor.page.wait_for_timeout(700)  # a placement that comes too late would be a wrong one
     tab = visitor.page.get_by_role("tab", name="Timeline")
     timeline = visitor.box_of(visitor.page.locator("[data-floating-window]", has=tab))
     bottom, width = timeline["y"] + timeline["height"], visitor.canvas_size()[0]

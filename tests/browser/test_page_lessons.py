@@ -38,7 +38,7 @@ def arrive(visitor: Visitor, step: int) -> None:
             lambda: player.lesson is not None and player.step == step and player.status is not Status.AT_WORK, SLOW
         )
     except AssertionError as error:
-        raise AssertionError(f"wanted step {step}, at {player.step}, {player.status}; {visitor.situation()}") from error
+        raise AssertionError(f"wanted step {step}, at {player.step}, {player.status}") from error
     assert player.status is Status.THERE, player.problem
     assert player.lesson is not None
     claims = player.findings[step].claims
