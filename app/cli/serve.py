@@ -59,13 +59,17 @@ def serve(
         from app.debugger.actions import ACTIONS
         from app.debugger.engine_compilation import EngineCompilation
         from app.debugger.engine_compiler import is_compiled
+        from app.debugger.overload_memory import remember_overloads
         from app.page.server import App
 
         def show(line: str, fraction: float | None) -> None:
             page.show(f"{line[:1].upper()}{line[1:]}", fraction, can_skip=line.startswith(FINDING_POINTS))
 
         page.accept_keys((a.label, *key) for a in ACTIONS for key in a.keys)
-        compilation = None if is_compiled() else EngineCompilation()
+        compilation = None
+        if not is_compiled():
+            remember_overloads()  # the renderer of demo scenes is compiled in this process
+            compilation = EngineCompilation()
         page.begin(f"Opening {title}", lambda: _line_of(compilation))
         page.show("Reading the scene")
         try:

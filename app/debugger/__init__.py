@@ -4,7 +4,7 @@
 
 - `command_queue`, `interpreter`, `runs`, `manual_edits`, `playback`, `race`: what the commands do, on the engine thread;
 - `run_state`, `session_snapshot`, `work_report`, `sweep_progress`, `publisher`: the published states;
-- `engine_compilation`, `compile_watch`: the compilation of the engine, at its first start and later;
+- `engine_compilation`, `overload_memory`, `compile_watch`: the compilation of the engine, at its first start and later;
 - `supervisor`, `incidents`, `problem_report`, `cancellation`: failures, and threads that do not respond;
 - `markers` with `breakpoints`, `bookmarks`, `condition`, `quantities`: what stops a run;
 - `history`, `error_history`, `series`, `recorded_values`, `compare`, `watch`: views of a record.

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 import fairing
+from app.debugger.overload_memory import remember_overloads
 from fairing.camera import Camera
 from fairing.photo import ArrayPhoto
 from fairing.scene import Scene, View
@@ -170,6 +171,7 @@ def _end_with_input() -> None:
 
 
 if __name__ == "__main__":
+    remember_overloads()
     gc.disable()  # a tenth of the time to compile; the process is short-lived and grows from 360 to 480 MB
     threading.Thread(target=_end_with_input, daemon=True).start()
     compile_part(Part(sys.argv[1]))
