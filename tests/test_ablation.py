@@ -53,12 +53,18 @@ def test_a_constant_changes_where_it_was_imported_and_no_other_of_its_name_does(
 def test_the_table_shows_factors_of_the_committed_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     rows = {}
     for scene, error in (("a", 0.1), ("b", 0.4)):
-        rows[f"{scene}  as committed"] = {"median": error, "rms": 2 * error, "samples": 100}
-        rows[f"{scene} step.prior off"] = {"median": 2 * error, "rms": 2 * error, "samples": 50}
-        rows[f"{scene} step.prior halved"] = {"median": error, "rms": error, "samples": 100}
+        rows[f"{scene}  as committed"] = {
+            "median": error,
+            "rms": 2 * error,
+            "surface rms": error,
+            "samples": 100,
+        }
+        committed = rows[f"{scene}  as committed"]
+        rows[f"{scene} step.prior off"] = {**committed, "median": 2 * error, "samples": 50}
+        rows[f"{scene} step.prior halved"] = {**committed, "rms": error, "surface rms": 3 * error}
         rows[f"{scene} step.prior doubled"] = {"failed": "no"} if scene == "b" else rows[f"{scene} step.prior halved"]
     table = ablation_table([Setting("step.prior", off=0.0)], ["a", "b"], rows)
-    assert "| `step.prior` | 0.1 | 2.00 / 1.00 / 0.50 | 1.00 / 0.50 / 1.00 | refused on 1 |" in table
+    assert "| `step.prior` | 0.1 | 2.00 / 1.00 / 1.00 / 0.50 | 1.00 / 0.50 / 3.00 / 1.00 | refused on 1 |" in table
     results = tmp_path / "ablation.json"
     results.write_text(json.dumps({key: {"code": code_digest(), **row} for key, row in rows.items()}))
     measure_ablation(["a", "b"], ["step.prior"], results)  # everything is known: nothing runs
