@@ -248,7 +248,7 @@ def ablation_table(settings: Iterable[Setting], scenes: Sequence[str], rows: Map
             cells.append(value + _factors(found, committed))
         lines.append(f"| `{setting.name.removeprefix('fairing.')}` | {_text(setting.value)} | {' | '.join(cells)} |")
     ends = ", ".join(
-        f"{_short(scene)} {row['median']:.3f} / {row['rms']:.3f} / {row['surface rms']:.3f} % and {row['samples'] / 1e9:.2f} G samples"
+        f"{_short(scene)} {' / '.join(f'{row[key]:.3f}' for key in FIGURES[:3])} % and {row['samples'] / 1e9:.2f} G samples"
         for scene, row in zip(scenes, committed, strict=True)
     )
     return "\n".join([*lines, "", f"As committed: {ends}."]) + "\n"
