@@ -13,16 +13,24 @@ ROUNDING = 1e-9
 """Of the largest distance of a camera from the origin: closer ones may be at one place."""
 
 
-def photo_pairs(cameras: Sequence[Camera], options: FeatureOptions) -> np.ndarray:
-    """(q, 2) int: pairs of photos, the lower first: each with its nearest ones that look in a similar direction."""
+def nearest_photos(cameras: Sequence[Camera], count: int, axis_angle: float) -> list[list[int]]:
+    """For each photo its nearest ones that look in a similar direction, the nearest first.
+
+    Args:
+        count: most photos of each.
+        axis_angle: largest angle of the optical axes, degrees.
+    """
     centers = np.array([camera.center for camera in cameras])
     axes = np.array([camera.image_from_world[2, :3] for camera in cameras])  # of length 1, see `Camera`
     distance = np.linalg.norm(centers[:, None] - centers[None], axis=2)
     apart = distance > max(SAME_PLACE * distance.max(), ROUNDING * np.abs(centers).max())
-    usable = apart & (axes @ axes.T >= np.cos(np.radians(options.axis_angle)))
-    pairs = set()
-    for a in range(len(cameras)):
-        others = np.flatnonzero(usable[a])
-        nearest = others[np.argsort(distance[a, others], kind="stable")][: options.neighbors]
-        pairs |= {(min(a, b), max(a, b)) for b in nearest.tolist()}
+    usable = apart & (axes @ axes.T >= np.cos(np.radians(axis_angle)))
+    order = np.argsort(distance, axis=1, kind="stable")
+    return [order[photo][usable[photo, order[photo]]][:count].tolist() for photo in range(len(cameras))]
+
+
+def photo_pairs(cameras: Sequence[Camera], options: FeatureOptions) -> np.ndarray:
+    """(q, 2) int: pairs of photos, the lower first: each with its nearest ones that look in a similar direction."""
+    nearest = nearest_photos(cameras, options.neighbors, options.axis_angle)
+    pairs = {(min(a, b), max(a, b)) for a, others in enumerate(nearest) for b in others}
     return np.array(sorted(pairs), dtype=np.int64).reshape(-1, 2)

@@ -16,6 +16,7 @@ import numpy as np
 from numba import njit
 
 from fairing.camera import Camera, resizing
+from fairing.features.pairs import nearest_photos
 from fairing.features.points import FeaturePoints
 from fairing.geometry.rasterize import rasterize_inverse
 from fairing.mesh import Mesh
@@ -87,7 +88,7 @@ class SurfaceSweep:
 
     def __init__(self, views: Sequence[View], executor: Executor, check: Callable[[], None] = lambda: None) -> None:
         self._views, self._executor, self._check = views, executor, check
-        self._neighbors = _neighbors([view.camera for view in views])
+        self._neighbors = nearest_photos([view.camera for view in views], NEIGHBORS, AXIS_ANGLE)
 
     def points(self, mesh: Mesh, error: float) -> FeaturePoints:
         """Points near a mesh whose vertices are about `error` px off.
@@ -201,15 +202,6 @@ def _reduced(view: View, error: float) -> _Reduced:
         grey[~counts] = 0
     camera = Camera(resizing(size, reduced) @ view.camera.image_from_world, *reduced)
     return _Reduced(camera, grey, counts)
-
-
-def _neighbors(cameras: list[Camera]) -> list[list[int]]:
-    centers = np.array([camera.center for camera in cameras])
-    axes = np.array([camera.image_from_world[2, :3] for camera in cameras])
-    distance = np.linalg.norm(centers[:, None] - centers, axis=2)
-    usable = (distance > 1e-6 * distance.max()) & (axes @ axes.T > np.cos(np.radians(AXIS_ANGLE)))
-    order = np.argsort(distance, axis=1, kind="stable")
-    return [[int(k) for k in order[n] if usable[n, k]][:NEIGHBORS] for n in range(len(cameras))]
 
 
 def _spread(faces: np.ndarray) -> np.ndarray:
