@@ -2,9 +2,9 @@
 
 A plane sweep (Collins, CVPR 1996) whose planes are replaced by the mesh, displaced along the lines of sight of a photo in
 steps of inverse depth: neighbouring photos are warped onto each copy and compared with the photo by normalized cross-correlation
-in small windows. The best copy of a pixel gives its depth; it counts where that of another photo agrees. Keypoints are
-sparse and need distinct texture; these points cover all textured parts, but only within reach of the start. (ledger:
-surface sweep)
+in small windows. The mesh is displaced as it is and smoothed, because windows on faces that are turned the wrong way do not
+correlate. The best copy of a pixel gives its depth; it counts where that of another photo agrees. Keypoints are sparse and need
+distinct texture; these points cover all textured parts, but only within reach of the start. (ledger: surface sweep)
 """
 
 from collections.abc import Callable, Sequence
@@ -36,6 +36,8 @@ REACH = 2.0
 """Of the start error: displacements of the mesh along lines of sight; these meet most faces obliquely."""
 MAX_STEPS = 24
 """Copies of the mesh on either side of it, at most."""
+SMOOTHING = 0.5
+"""Of the start error: standard deviation that inverse depths of the mesh are smoothed with (ledger: surface sweep: smoothed)."""
 MIDDLE_GREY = 128.0
 """Subtracted from grey levels, for accuracy: sums of squares are in single precision."""
 NOISE = 4.0
@@ -129,30 +131,57 @@ class SurfaceSweep:
             return _Depths(unknown, 1.0, face)
         area = np.s_[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1]
         inverse, grey = np.ascontiguousarray(inverse[area]), np.ascontiguousarray(grey[area])
+        others = [photos[k].grey for k in self._neighbors[number]]
         warps = [_warp(camera, photos[k].camera, area) for k in self._neighbors[number]]
         typical = float(np.median(inverse[inverse > 0]))
         middle = np.array([inverse.shape[1] / 2, inverse.shape[0] / 2, 1.0])
         step = 1 / max(max(_px_per_inverse(A @ middle, b, typical) for A, b in warps), 1e-300)
         focal = camera.K[0, 0]
         count = int(np.clip(np.ceil(REACH * error * typical / focal / step), HALF_WINDOW, MAX_STEPS))
-        scores = np.full((2 * count + 1, *grey.shape), -1, np.float32)
-        second, warped, mean, contrast = (np.empty_like(grey) for _ in range(4))
+        shifts = step * np.arange(-count, count + 1)
+        mean, contrast, place, top, best = (np.empty_like(grey) for _ in range(5))
         _window_statistics(grey, mean, contrast)
+        depth = np.zeros(grey.shape)
+        best[:] = -1
+        for displaced in (inverse, _smoothed(inverse, SMOOTHING * error)):
+            scores = self._scores(displaced, shifts, others, warps, (grey, mean, contrast))
+            _peaks(scores, place, top)
+            found = np.where(place > 0, displaced + (place - 1 - count) * step, 0.0)
+            depth = np.where(top > best, found, depth)
+            np.maximum(best, top, out=best)
+        is_known = (inverse > 0) & _inside(contrast < LEAST_VARIANCE**-0.5)
+        unknown[area] = np.where(is_known, depth, 0.0)
+        return _Depths(unknown, step, face)
+
+    def _scores(
+        self,
+        inverse: np.ndarray,
+        shifts: np.ndarray,
+        others: list[np.ndarray],
+        warps: list[tuple[np.ndarray, np.ndarray]],
+        picture: tuple[np.ndarray, np.ndarray, np.ndarray],
+    ) -> np.ndarray:
+        """Correlations (s, h, w) float32 of an area with other photos, for inverse depths (h, w) displaced by shifts (s,).
+
+        Args:
+            others: grey levels of the other photos.
+            warps: into each of these, see `_warp`.
+            picture: grey levels of the area, and their `_window_statistics`.
+        """
+        grey, mean, contrast = picture
+        scores = np.full((len(shifts), *grey.shape), -1, np.float32)
         single = inverse.astype(np.float32)
-        for shift, best in zip(step * np.arange(-count, count + 1), scores, strict=True):
+        second, warped = np.empty_like(grey), np.empty_like(grey)
+        for shift, best in zip(shifts, scores, strict=True):
             self._check()
             second[:] = -1
-            for k, (A, b) in zip(self._neighbors[number], warps, strict=True):
-                _warp_photo(photos[k].grey, single, shift, A, b, warped)
+            for other, (A, b) in zip(others, warps, strict=True):
+                _warp_photo(other, single, shift, A, b, warped)
                 _correlate(grey, mean, contrast, warped, best, second)
             if len(warps) > 1:
                 best += second  # of the others, those with a worse correlation may see something else
                 best /= 2
-        place = np.empty(grey.shape)
-        _peaks(scores, place)
-        is_known = (place > 0) & (inverse > 0) & _inside(contrast < LEAST_VARIANCE**-0.5)
-        unknown[area] = np.where(is_known, inverse + (place - 1 - count) * step, 0.0)
-        return _Depths(unknown, step, face)
+        return scores
 
     def _points_of(
         self, photos: list[_Reduced], number: int, depths: list[_Depths]
@@ -231,6 +260,13 @@ def _extended(inverse: np.ndarray, margin: float) -> np.ndarray:
     of_label = np.zeros(int(label.max()) + 1)
     of_label[label[~is_empty]] = inverse[~is_empty]
     return np.where(distance <= margin, of_label[label], 0.0)
+
+
+def _smoothed(inverse: np.ndarray, sigma: float) -> np.ndarray:
+    """Inverse depths (height, width), those known smoothed by a Gaussian over its known pixels, sigma in px."""
+    known = (inverse > 0).astype(np.float64)
+    total, part = (cv2.GaussianBlur(values, (0, 0), sigma) for values in (inverse, known))
+    return np.where(inverse > 0, total / np.maximum(part, 1e-9), 0.0)
 
 
 def _warp(camera: Camera, other: Camera, area: tuple[slice, slice]) -> tuple[np.ndarray, np.ndarray]:
@@ -334,21 +370,26 @@ def _correlate(a, mean, contrast, b, best, second):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _peaks(scores, result):
-    """Place (h, w) of the largest score (k, h, w), by a parabola, counted from 1; 0 at either end and where it is too small."""
+def _peaks(scores, place, top):
+    """The largest score (h, w) of scores (k, h, w), and its place.
+
+    Args:
+        place: (h, w) float32, out: by a parabola, counted from 1; 0 at either end and where the score is too small.
+        top: (h, w) float32, out: the score.
+    """
     count, height, width = scores.shape
-    best, top = np.empty(width, np.int64), np.empty(width, np.float32)
+    best = np.empty(width, np.int64)
     for y in range(height):
         for x in range(width):
-            best[x], top[x] = 0, scores[0, y, x]
+            best[x], top[y, x] = 0, scores[0, y, x]
         for k in range(1, count):
             for x in range(width):
-                if scores[k, y, x] > top[x]:
-                    top[x], best[x] = scores[k, y, x], k
+                if scores[k, y, x] > top[y, x]:
+                    top[y, x], best[x] = scores[k, y, x], k
         for x in range(width):
             k = best[x]
-            result[y, x] = 0
-            if 0 < k < count - 1 and top[x] > LEAST_CORRELATION:
+            place[y, x] = 0
+            if 0 < k < count - 1 and top[y, x] > LEAST_CORRELATION:
                 before, after = scores[k - 1, y, x], scores[k + 1, y, x]
-                curvature = before - 2 * top[x] + after
-                result[y, x] = k + 1 + (0.5 * (before - after) / curvature if curvature < 0 else 0.0)
+                curvature = before - 2 * top[y, x] + after
+                place[y, x] = k + 1 + (0.5 * (before - after) / curvature if curvature < 0 else 0.0)
