@@ -37,7 +37,7 @@ REACH = 2.0
 MAX_STEPS = 24
 """Copies of the mesh on either side of it, at most."""
 SMOOTHING = 0.5
-"""Of the start error: standard deviation that inverse depths of the mesh are smoothed with (ledger: surface sweep: smoothed)."""
+"""Of the start error: standard deviation of the smoothing of inverse depths (ledger: surface sweep: smoothed copies)."""
 MIDDLE_GREY = 128.0
 """Subtracted from grey levels, for accuracy: sums of squares are in single precision."""
 NOISE = 4.0
@@ -131,7 +131,6 @@ class SurfaceSweep:
             return _Depths(unknown, 1.0, face)
         area = np.s_[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1]
         inverse, grey = np.ascontiguousarray(inverse[area]), np.ascontiguousarray(grey[area])
-        others = [photos[k].grey for k in self._neighbors[number]]
         warps = [_warp(camera, photos[k].camera, area) for k in self._neighbors[number]]
         typical = float(np.median(inverse[inverse > 0]))
         middle = np.array([inverse.shape[1] / 2, inverse.shape[0] / 2, 1.0])
@@ -139,12 +138,13 @@ class SurfaceSweep:
         focal = camera.K[0, 0]
         count = int(np.clip(np.ceil(REACH * error * typical / focal / step), HALF_WINDOW, MAX_STEPS))
         shifts = step * np.arange(-count, count + 1)
+        others = [(photos[k].grey, A, b) for k, (A, b) in zip(self._neighbors[number], warps, strict=True)]
         mean, contrast, place, top, best = (np.empty_like(grey) for _ in range(5))
         _window_statistics(grey, mean, contrast)
-        depth = np.zeros(grey.shape)
+        scores, depth = np.empty((len(shifts), *grey.shape), np.float32), np.zeros(grey.shape)
         best[:] = -1
         for displaced in (inverse, _smoothed(inverse, SMOOTHING * error)):
-            scores = self._scores(displaced, shifts, others, warps, (grey, mean, contrast))
+            self._score(displaced, shifts, others, (grey, mean, contrast), scores)
             _peaks(scores, place, top)
             found = np.where(place > 0, displaced + (place - 1 - count) * step, 0.0)
             depth = np.where(top > best, found, depth)
@@ -153,35 +153,34 @@ class SurfaceSweep:
         unknown[area] = np.where(is_known, depth, 0.0)
         return _Depths(unknown, step, face)
 
-    def _scores(
+    def _score(
         self,
         inverse: np.ndarray,
         shifts: np.ndarray,
-        others: list[np.ndarray],
-        warps: list[tuple[np.ndarray, np.ndarray]],
+        others: list[tuple[np.ndarray, np.ndarray, np.ndarray]],
         picture: tuple[np.ndarray, np.ndarray, np.ndarray],
-    ) -> np.ndarray:
-        """Correlations (s, h, w) float32 of an area with other photos, for inverse depths (h, w) displaced by shifts (s,).
+        scores: np.ndarray,
+    ) -> None:
+        """Correlate an area with other photos, for inverse depths (h, w) displaced by shifts (s,).
 
         Args:
-            others: grey levels of the other photos.
-            warps: into each of these, see `_warp`.
+            others: grey levels of the other photos, and the warp into each, see `_warp`.
             picture: grey levels of the area, and their `_window_statistics`.
+            scores: (s, h, w) float32, out.
         """
         grey, mean, contrast = picture
-        scores = np.full((len(shifts), *grey.shape), -1, np.float32)
+        scores[:] = -1
         single = inverse.astype(np.float32)
         second, warped = np.empty_like(grey), np.empty_like(grey)
         for shift, best in zip(shifts, scores, strict=True):
             self._check()
             second[:] = -1
-            for other, (A, b) in zip(others, warps, strict=True):
+            for other, A, b in others:
                 _warp_photo(other, single, shift, A, b, warped)
                 _correlate(grey, mean, contrast, warped, best, second)
-            if len(warps) > 1:
+            if len(others) > 1:
                 best += second  # of the others, those with a worse correlation may see something else
                 best /= 2
-        return scores
 
     def _points_of(
         self, photos: list[_Reduced], number: int, depths: list[_Depths]
