@@ -11,6 +11,7 @@ from fairing.geometry.normals import face_quality, folded_faces
 from fairing.mesh import Mesh
 from fairing.options import StepOptions
 from fairing.run.session import Session
+from fairing.run.sweep import INERTIA
 from fairing.solve.energy import Evaluator, FaceSystem
 from fairing.solve.normal_equations import (
     Prior,
@@ -22,7 +23,7 @@ from fairing.solve.normal_equations import (
     vertex_systems,
 )
 from tests.cell_cases import ALL_CORNERS, FACE_IDS, prepared, sample_points, sharp_options
-from tests.small_scene import FACES, VERTICES, photos, small_options
+from tests.small_scene import FACES, VERTICES, cameras, corner_scene, photos, small_options
 
 SMOOTH = {"interpolation": ["cubic"], "weighting": "cell", "size": [32], "inset": [0.5]}
 
@@ -267,3 +268,24 @@ def test_a_faded_prior_keeps_its_share_in_every_direction():
     flat = np.diag([1.0, 0.0, 0.0])[None]
     assert faded(flat, 3 * flat) == pytest.approx(flat / 4, abs=1e-6)
     assert not faded(0 * flat, 0 * flat).any()
+
+
+def test_a_vertex_without_texture_around_it_does_not_drift(monkeypatch):
+    """All faces around vertex 2 lie in the side z = 1, which is painted grey; photos have half a grey level of noise."""
+    rng, painted = np.random.default_rng(8), {}
+    for i, (photo, camera) in enumerate(zip(photos(), cameras(), strict=True)):
+        outline = np.rint(camera.project(VERTICES[:4])[0]).astype(np.int32)
+        side = cv2.fillConvexPoly(np.zeros(photo.shape[:2], np.uint8), outline, 1)
+        noisy = np.where(side > 0, 120, photo[..., 0]) + 0.5 * rng.standard_normal(side.shape)
+        painted[i] = np.repeat(np.clip(np.rint(noisy), 0, 255).astype(np.uint8)[..., None], 3, axis=2)
+    moved = []
+    for inertia in (0.0, INERTIA):
+        monkeypatch.setattr("fairing.run.sweep.INERTIA", inertia)
+        session = Session(corner_scene(change=painted), small_options())
+        session.run()
+        places = session.vertices[2], VERTICES[2]
+        moved.append(
+            max(float(np.linalg.norm(np.subtract(*camera.project(np.array(places))[0]))) for camera in cameras())
+        )
+    assert moved[0] > 1.5
+    assert moved[1] < 0.5 * moved[0]

@@ -25,6 +25,7 @@ WELL_SEEN = 0.6  # fraction of the faces around a vertex (ledger: well-seen vert
 POINTS_VARIANCE = 8.0
 # px^2 of the photos: the area over which residuals of what is not on the mesh agree (ledger: prior to the start).
 RESIDUAL_AREA = 10_000.0
+INERTIA = 0.05  # of the prior in undetermined directions at a typical vertex (ledger: inertia)
 CREASE_PRECISION = 4.0  # 1 / px^2: of a vertex aligned with image edges, at most (ledger: prior to image edges)
 FIT_ROUNDS = 2  # of the fit to the sparse points, from the vertices at the beginning of the sweep
 VERTEX_PASSES = 3  # of the filter that gives the targets of the smoothness prior
@@ -114,7 +115,7 @@ def begin_sweep(
         strength = RESIDUAL_AREA * loss * (pixels / level.start_sigma) ** 2
         terms.append(QuadraticPrior(strength[:, None, None] * np.eye(3), origin))
     else:  # nothing else keeps weakly seen directions from diverging (ledger: prior of weak directions)
-        terms.append(QuadraticPrior(weak, vertices))
+        terms.append(QuadraticPrior(weak + _inertia(strength, pixels, options.step.prior), vertices))
     if level.smoothing > 0 and informed.any():
         targets = smoothed(mesh, vertices, VERTEX_PASSES)
         terms.append(QuadraticPrior(np.tile(level.smoothing * typical * np.eye(3), (len(vertices), 1, 1)), targets))
@@ -151,6 +152,21 @@ def begin_sweep(
         mean_loss,
         system if isinstance(phase, GaussNewton) and options.schedule.order == "joint" else None,
     )
+
+
+def _inertia(strength: np.ndarray, pixels: np.ndarray, prior: float) -> np.ndarray:
+    """Hessians (n, 3, 3) float of a prior that resists the same move in a photo equally at all vertices.
+
+    Where there is hardly any texture, vertices would drift on the noise of the photos (ledger: inertia).
+
+    Args:
+        strength: (n,) float: largest eigenvalue of the cells' normal matrix, energy / world unit^2.
+        pixels: (n,) float: largest motion in a photo, px per world unit.
+        prior: see `StepOptions.prior`.
+    """
+    seen = (strength > 0) & (pixels > 0)
+    typical = float(np.median(strength[seen] / pixels[seen] ** 2)) if seen.any() else 0.0
+    return (INERTIA * prior * typical * pixels**2)[:, None, None] * np.eye(3)
 
 
 def _to_image_edges(
