@@ -99,9 +99,9 @@ def begin_sweep(
     everything = np.arange(len(mesh.faces))
     system = problem.linearise(context, vertices, everything, np.full(len(everything), -1), scale)
     H, _ = vertex_systems(mesh, system)
-    strength = np.linalg.eigvalsh(H)[:, 2]
-    informed = strength > 0
-    typical = float(np.median(strength[informed])) if informed.any() else 0.0
+    information = np.linalg.eigvalsh(H)[:, 2]
+    informed = information > 0
+    typical = float(np.median(information[informed])) if informed.any() else 0.0
     tangential, weak = undetermined_directions(vertices, mesh, H, context.takes_part, options.step, level.prior)
     terms = [QuadraticPrior(tangential, origin)]
     pixels = pixels_per_unit(problem.scene.views, context.vertex_views, vertices)
@@ -115,7 +115,7 @@ def begin_sweep(
         strength = RESIDUAL_AREA * loss * (pixels / level.start_sigma) ** 2
         terms.append(QuadraticPrior(strength[:, None, None] * np.eye(3), origin))
     else:  # nothing else keeps weakly seen directions from diverging (ledger: prior of weak directions)
-        terms.append(QuadraticPrior(weak + _inertia(strength, pixels, options.step.prior), vertices))
+        terms.append(QuadraticPrior(weak + _inertia(information, pixels, options.step.prior), vertices))
     if level.smoothing > 0 and informed.any():
         targets = smoothed(mesh, vertices, VERTEX_PASSES)
         terms.append(QuadraticPrior(np.tile(level.smoothing * typical * np.eye(3), (len(vertices), 1, 1)), targets))
@@ -154,18 +154,18 @@ def begin_sweep(
     )
 
 
-def _inertia(strength: np.ndarray, pixels: np.ndarray, prior: float) -> np.ndarray:
+def _inertia(information: np.ndarray, pixels: np.ndarray, prior: float) -> np.ndarray:
     """Hessians (n, 3, 3) float of a prior that resists the same move in a photo equally at all vertices.
 
     Where there is hardly any texture, vertices would drift on the noise of the photos (ledger: inertia).
 
     Args:
-        strength: (n,) float: largest eigenvalue of the cells' normal matrix, energy / world unit^2.
+        information: (n,) float: largest eigenvalue of the cells' normal matrix, energy / world unit^2.
         pixels: (n,) float: largest motion in a photo, px per world unit.
         prior: see `StepOptions.prior`.
     """
-    seen = (strength > 0) & (pixels > 0)
-    typical = float(np.median(strength[seen] / pixels[seen] ** 2)) if seen.any() else 0.0
+    seen = (information > 0) & (pixels > 0)
+    typical = float(np.median(information[seen] / pixels[seen] ** 2)) if seen.any() else 0.0
     return (INERTIA * prior * typical * pixels**2)[:, None, None] * np.eye(3)
 
 
