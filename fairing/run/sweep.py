@@ -115,7 +115,9 @@ def begin_sweep(
         strength = RESIDUAL_AREA * loss * (pixels / level.start_sigma) ** 2
         terms.append(QuadraticPrior(strength[:, None, None] * np.eye(3), origin))
     else:  # nothing else keeps weakly seen directions from diverging (ledger: prior of weak directions)
-        terms.append(QuadraticPrior(weak + _inertia(information, pixels, options.step.prior), vertices))
+        # Near points no vertex has far to go; elsewhere inertia would cost sweeps (ledger: inertia).
+        slowing = weak + _inertia(information, pixels, options.step.prior) if level.attraction > 0 else weak
+        terms.append(QuadraticPrior(slowing, vertices))
     if level.smoothing > 0 and informed.any():
         targets = smoothed(mesh, vertices, VERTEX_PASSES)
         terms.append(QuadraticPrior(np.tile(level.smoothing * typical * np.eye(3), (len(vertices), 1, 1)), targets))

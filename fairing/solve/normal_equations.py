@@ -34,8 +34,9 @@ class Prior:
 
     Tangential directions (in which the surface moves within itself) have their target at the origin of the vertex: the start
     of the run, or its position after a manual edit. Weakly seen directions have theirs at the beginning of the sweep, which
-    slows a diverging vertex without moving the minimum, and so has a slight prior of all directions, which stops vertices
-    without texture around them; a prior to the start replaces both. (ledger: prior of weak directions, inertia)
+    slows a diverging vertex without moving the minimum, and after a fit to points so has a slight prior of all directions,
+    which stops vertices without texture around them; a prior to the start replaces both. (ledger: prior of weak
+    directions, inertia)
     """
 
     terms: tuple[QuadraticPrior, ...]
