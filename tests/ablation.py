@@ -103,6 +103,7 @@ SETTINGS = (
     Setting("fairing.run.phases.MAX_DISPLACEMENT"),
     Setting("fairing.run.phases.MAX_DISPLACEMENT_MEASURED"),
     Setting("fairing.run.phases.WEAK_PRIOR", off=0.0),
+    Setting("fairing.run.phases.INERTIA", off=0.0),
     Setting("fairing.run.phases.SWEEPS_AFTER_SEARCH"),
     Setting("fairing.run.phases.SIGMA_WITH_EDGES"),
     Setting("fairing.run.start_error.SEARCHED_ERROR"),

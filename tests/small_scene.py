@@ -148,3 +148,9 @@ def sparse_points(positions: np.ndarray) -> SparsePoints:
     """Points (n, 3) that no photo is said to see."""
     nothing = np.zeros((0, 2))
     return SparsePoints(positions, np.zeros((len(positions), 3), np.uint8), nothing.astype(int), nothing)
+
+
+def on_the_faces(count: int = 600, seed: int = 0) -> np.ndarray:
+    """Points on the true faces, as many on each."""
+    weights = np.random.default_rng(seed).dirichlet(np.ones(3), (count // len(FACES), len(FACES)))
+    return np.einsum("cfk,fkx->cfx", weights, VERTICES[FACES]).reshape(-1, 3)

@@ -12,8 +12,8 @@ from scipy.optimize import approx_fprime, least_squares
 from fairing.geometry.normals import face_quality, folded_faces
 from fairing.mesh import Mesh
 from fairing.options import StepOptions
+from fairing.run.phases import INERTIA
 from fairing.run.session import Session
-from fairing.run.sweep import INERTIA
 from fairing.run_plan import RunPlan
 from fairing.solve.energy import Evaluator, FaceSystem
 from fairing.solve.normal_equations import (
@@ -26,7 +26,16 @@ from fairing.solve.normal_equations import (
     vertex_systems,
 )
 from tests.cell_cases import ALL_CORNERS, FACE_IDS, prepared, sample_points, sharp_options
-from tests.small_scene import FACES, VERTICES, cameras, corner_scene, photos, small_options, sparse_points
+from tests.small_scene import (
+    FACES,
+    VERTICES,
+    cameras,
+    corner_scene,
+    on_the_faces,
+    photos,
+    small_options,
+    sparse_points,
+)
 
 SMOOTH = {"interpolation": ["cubic"], "weighting": "cell", "size": [32], "inset": [0.5]}
 
@@ -281,13 +290,12 @@ def test_near_points_a_vertex_without_texture_around_it_does_not_drift(monkeypat
         side = cv2.fillConvexPoly(np.zeros(photo.shape[:2], np.uint8), outline, 1)
         noisy = np.where(side > 0, 120, photo[..., 0]) + 0.2 * rng.standard_normal(side.shape)
         painted[i] = np.repeat(np.clip(np.rint(noisy), 0, 255).astype(np.uint8)[..., None], 3, axis=2)
-    weights = rng.dirichlet(np.ones(3), (100, 4))
-    points = np.einsum("cfk,fkx->cfx", weights, VERTICES[FACES[2:]]).reshape(-1, 3)
-    scene = replace(corner_scene(change=painted), sparse_points=sparse_points(points))
+    points = on_the_faces(600)
+    scene = replace(corner_scene(change=painted), sparse_points=sparse_points(points[points[:, 2] < 0.999]))
     plan = RunPlan(1, False, is_fitted_to_points=True, start_error=0.0, is_near_truth=False, represents_surface=True)
     moved = []
     for inertia in (0.0, INERTIA):
-        monkeypatch.setattr("fairing.run.sweep.INERTIA", inertia)
+        monkeypatch.setattr("fairing.run.phases.INERTIA", inertia)
         session = Session(scene, small_options(step={"points": [0.3]}))
         session.trace.plan = plan
         session.run()

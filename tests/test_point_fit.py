@@ -28,16 +28,19 @@ from fairing.solve.point_fit import fitted_to_points
 from fairing.solve.point_split import fitting_points, kept_points, observed_fitting_points, observed_kept_points
 from fairing.solve.problem import Problem
 from fairing.trace import SchedulePosition, StepReason, Trace
-from tests.small_scene import FACES, START, VERTICES, corner_scene, photos, small_options, sparse_points
+from tests.small_scene import (
+    FACES,
+    START,
+    VERTICES,
+    corner_scene,
+    on_the_faces,
+    photos,
+    small_options,
+    sparse_points,
+)
 
 USED = {"points": [0.3]}
 FAR = tuple(2.5 * x for x in START)
-
-
-def on_the_faces(count: int = 600, seed: int = 0) -> np.ndarray:
-    """Points on the true faces, as many on each."""
-    weights = np.random.default_rng(seed).dirichlet(np.ones(3), (count // len(FACES), len(FACES)))
-    return np.einsum("cfk,fkx->cfx", weights, VERTICES[FACES]).reshape(-1, 3)
 
 
 def with_points(points: np.ndarray, displaced: tuple[float, ...] = FAR) -> Scene:

@@ -13,6 +13,7 @@ MAX_DISPLACEMENT_MEASURED = 1.3  # in units of the start's measured error (ledge
 WEAK_PRIOR = (
     0.01  # factor of `StepOptions.prior` at the sharp level, where the start is not to be held to (ledger: weak prior)
 )
+INERTIA = 0.05  # factor of `StepOptions.prior` near points, where no vertex has far to go (ledger: inertia)
 SWEEPS_AFTER_SEARCH = 2  # factor of the sweeps of the sharp level: no prior to the start holds vertices there
 SIGMA_WITH_EDGES = 1.8  # factor of the standard deviation of the start where image edges hold its creases
 
@@ -74,6 +75,7 @@ class Level:
         prior: strength of the prior in undetermined directions, see `StepOptions.prior`.
         smoothing: strength of the smoothness prior, see `StepOptions.smoothing`; 0: none.
         attraction: strength of the prior to the sparse points, see `StepOptions.points`; 0: none.
+        inertia: strength of the prior to where vertices are, relative to the largest eigenvalue of a typical one; 0: none.
         start_sigma: standard deviation of the start in the prior to it, px; 0: no such prior.
         creases: strength of the prior to image edges, see `StepOptions.creases`; 0: none.
         edge_reach: see `RunPlan`.
@@ -84,6 +86,7 @@ class Level:
     prior: float
     smoothing: float = 0.0
     attraction: float = 0.0
+    inertia: float = 0.0
     start_sigma: float = 0.0
     creases: float = 0.0
     edge_reach: float = RunPlan.edge_reach
@@ -180,11 +183,13 @@ def _level(options: FairingOptions, plan: RunPlan, number: int, begin: int) -> L
         phases = (Restart(restart_level), *phases)
     # The tangential positions of a start that had to be searched for are not reliable; a fit to points changed them already.
     is_weak = is_after_search or (sharp and plan.follows_points)
+    attraction = by_level(step.points, number) if plan.is_fitted_to_points else 0.0
     return Level(
         number,
         prior=step.prior * (WEAK_PRIOR if is_weak else 1.0),
         smoothing=by_level(step.smoothing, number) if plan.is_smoothed else 0.0,
-        attraction=by_level(step.points, number) if plan.is_fitted_to_points else 0.0,
+        attraction=attraction,
+        inertia=INERTIA * step.prior if attraction > 0 else 0.0,
         start_sigma=_start_sigma(plan, schedule.blur[number], creases),
         creases=creases,
         edge_reach=plan.edge_reach,

@@ -25,7 +25,6 @@ WELL_SEEN = 0.6  # fraction of the faces around a vertex (ledger: well-seen vert
 POINTS_VARIANCE = 8.0
 # px^2 of the photos: the area over which residuals of what is not on the mesh agree (ledger: prior to the start).
 RESIDUAL_AREA = 10_000.0
-INERTIA = 0.05  # of the prior in undetermined directions at a typical vertex (ledger: inertia)
 CREASE_PRECISION = 4.0  # 1 / px^2: of a vertex aligned with image edges, at most (ledger: prior to image edges)
 FIT_ROUNDS = 2  # of the fit to the sparse points, from the vertices at the beginning of the sweep
 VERTEX_PASSES = 3  # of the filter that gives the targets of the smoothness prior
@@ -115,9 +114,7 @@ def begin_sweep(
         strength = RESIDUAL_AREA * loss * (pixels / level.start_sigma) ** 2
         terms.append(QuadraticPrior(strength[:, None, None] * np.eye(3), origin))
     else:  # nothing else keeps weakly seen directions from diverging (ledger: prior of weak directions)
-        # Near points no vertex has far to go; elsewhere inertia would cost sweeps (ledger: inertia).
-        slowing = weak + _inertia(information, pixels, options.step.prior) if level.attraction > 0 else weak
-        terms.append(QuadraticPrior(slowing, vertices))
+        terms.append(QuadraticPrior(weak + _inertia(information, pixels, level.inertia), vertices))
     if level.smoothing > 0 and informed.any():
         targets = smoothed(mesh, vertices, VERTEX_PASSES)
         terms.append(QuadraticPrior(np.tile(level.smoothing * typical * np.eye(3), (len(vertices), 1, 1)), targets))
@@ -156,7 +153,7 @@ def begin_sweep(
     )
 
 
-def _inertia(information: np.ndarray, pixels: np.ndarray, prior: float) -> np.ndarray:
+def _inertia(information: np.ndarray, pixels: np.ndarray, inertia: float) -> np.ndarray:
     """Hessians (n, 3, 3) float of a prior that resists the same move in a photo equally at all vertices.
 
     Where there is hardly any texture, vertices would drift on the noise of the photos (ledger: inertia).
@@ -164,11 +161,11 @@ def _inertia(information: np.ndarray, pixels: np.ndarray, prior: float) -> np.nd
     Args:
         information: (n,) float: largest eigenvalue of the cells' normal matrix, energy / world unit^2.
         pixels: (n,) float: largest motion in a photo, px per world unit.
-        prior: see `StepOptions.prior`.
+        inertia: see `Level`.
     """
     seen = (information > 0) & (pixels > 0)
     typical = float(np.median(information[seen] / pixels[seen] ** 2)) if seen.any() else 0.0
-    return (INERTIA * prior * typical * pixels**2)[:, None, None] * np.eye(3)
+    return (inertia * typical * pixels**2)[:, None, None] * np.eye(3)
 
 
 def _to_image_edges(
