@@ -1,6 +1,7 @@
 """Alignment of creases with image edges: a robust least squares fit of the vertices to the measured offsets.
 
-Priors hold the faces on their planes and, weakly, the vertices where they are. (ledger: creases)
+Priors hold the faces on their planes, the edges and faces of a building parallel to its axes and, weakly, the vertices where
+they are. (ledger: creases, Manhattan frame)
 """
 
 from collections.abc import Callable, Sequence
@@ -13,6 +14,7 @@ from scipy.sparse.linalg import splu
 
 from fairing.creases.edges import Creases, find_creases
 from fairing.creases.offsets import Offsets, measure_offsets
+from fairing.geometry.manhattan import relations
 from fairing.geometry.normals import face_normals
 from fairing.geometry.pixel_size import pixel_size
 from fairing.scene import View
@@ -32,7 +34,7 @@ POSITION = 0.1  # of the prior to the positions
 class Alignment(NamedTuple):
     """Attributes:
     vertices: (n, 3) float: aligned positions, world units.
-    information: (n, 3, 3) float, 1 / world unit^2: normal matrix of each vertex in its offsets alone, px^2.
+    information: (n, 3, 3) float, 1 / world unit^2: normal matrix of each vertex in its offsets and relations alone, px^2.
     """
 
     vertices: np.ndarray
@@ -49,7 +51,7 @@ def aligned_to_image_edges(
     executor: Executor,
     raise_if_cancelled: Callable[[], None] = lambda: None,
 ) -> Alignment:
-    """Move the creases of a mesh onto image edges nearby.
+    """Move the creases of a mesh onto image edges nearby, with the relations of its Manhattan frame (`fairing.geometry.manhattan`).
 
     Args:
         vertices: (n, 3) float, world units.
@@ -72,6 +74,9 @@ def aligned_to_image_edges(
     planes, strength = _planes(vertices, faces, pixel)
     planes = planes[:, columns]
     position = np.repeat((POSITION / pixel[free]) ** 2, 3)
+    related = relations(vertices, faces, pixel)
+    every_difference = related.matrix(len(vertices))
+    differing, at_start = every_difference[:, columns], every_difference @ vertices.ravel()
     moved = vertices.copy()
     for largest, scale in STAGES:
         if largest > reach:
@@ -84,21 +89,26 @@ def aligned_to_image_edges(
         found = Offsets(*(np.concatenate(part) for part in zip(*executor.map(measured, views), strict=True)))
         J = _rows(found, creases, vertices.size)[:, columns]
         so_far = (moved - vertices).ravel()[columns]
+        differences = at_start + differing @ so_far
         step, residual = np.zeros(len(columns)), found.offset
         for _ in range(ITERATIONS):
             raise_if_cancelled()
             weight = found.weight * _geman_mcclure(residual, scale)
             off_plane = planes @ (so_far + step)
             holds = PRIORS * strength * _geman_mcclure(off_plane, PLANE_SCALE)
+            relates = related.weights(differences + differing @ step)
             H = J.T @ diags_array(weight) @ J + planes.T @ diags_array(holds) @ planes + diags_array(PRIORS * position)
+            H += differing.T @ diags_array(relates) @ differing
             target = J.T @ (weight * found.offset) - planes.T @ (holds * (planes @ so_far)) - PRIORS * position * so_far
-            before, step = step, splu(csc_array(H)).solve(target)
+            target -= differing.T @ (relates * differences)
+            last, step = step, splu(csc_array(H)).solve(target)
             residual = found.offset - J @ step
-            if np.abs((step - before) / np.repeat(pixel[free], 3)).max() < CONVERGED:
+            if np.abs((step - last) / np.repeat(pixel[free], 3)).max() < CONVERGED:
                 break
         moved = moved.copy()
         moved[free] += step.reshape(-1, 3)
         information = _by_vertex(found, creases, found.weight * _geman_mcclure(residual, scale), len(vertices))
+        information += related.hessians(related.weights(differences + differing @ step), len(vertices))
     return Alignment(moved, information)
 
 

@@ -6,7 +6,9 @@ import numpy as np
 
 from fairing.cells.level_choice import first_fine_level
 from fairing.features.robust_fit import held_back_loss
+from fairing.geometry.manhattan import straightened
 from fairing.geometry.normal_filter import smoothed
+from fairing.geometry.pixel_size import pixel_size
 from fairing.run.records import Evaluation, moved_record
 from fairing.run.swept_fit import swept_fit
 from fairing.run_plan import RunPlan
@@ -134,7 +136,8 @@ def _prepare(problem: Problem, reason: StepReason, vertices: np.ndarray) -> Prep
     """The preparation of vertices (n, 3).
 
     The robust fit reaches farther and leaves out clutter; a fit to closest points goes on from there (ledger: choice of the
-    fit). Points near the robust fit go to `Problem.near_points`.
+    fit). Then what follows the axes of a building is straightened (ledger: Manhattan frame). Points near the robust fit go to
+    `Problem.near_points`.
     """
     if reason is StepReason.SMOOTHED:
         after = _smoothed(problem, vertices)
@@ -142,7 +145,7 @@ def _prepare(problem: Problem, reason: StepReason, vertices: np.ndarray) -> Prep
         rounds = FIT_ROUNDS
         if len(problem.observed_points):
             (vertices, problem.near_points), rounds = swept_fit(problem, vertices), ROUNDS_AFTER_ROBUST_FIT
-        after = fitted_to_points(problem, vertices, rounds).targets
+        after = _straightened(problem, fitted_to_points(problem, vertices, rounds).targets)
     evaluation = _evaluate(problem, after)
     return Preparation(reason, evaluation, _mean_loss(evaluation))
 
@@ -162,6 +165,12 @@ def _smoothed(problem: Problem, vertices: np.ndarray) -> np.ndarray:
     """(n, 3) float: vertices (n, 3) after smoothing, except where that would fold a face."""
     problem.raise_if_cancelled()
     return problem.moved_to(vertices, smoothed(problem.scene.mesh, vertices, VERTEX_PASSES))
+
+
+def _straightened(problem: Problem, vertices: np.ndarray) -> np.ndarray:
+    """(n, 3) float: vertices (n, 3) moved onto the axes of a building, except where that would fold a face."""
+    pixel = pixel_size([view.camera for view in problem.scene.views], vertices)
+    return problem.moved_to(vertices, straightened(vertices, problem.scene.mesh.faces, problem.locked, pixel))
 
 
 def points_accept_smoothing(problem: Problem) -> bool:

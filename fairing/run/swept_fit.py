@@ -1,4 +1,7 @@
-"""Swept fit: a robust fit of the start to the sparse points, then to the points of surface sweeps from where it ended."""
+"""Swept fit: a robust fit of the start to the sparse points, then to the points of surface sweeps from where it ended.
+
+After each fit the edges and faces of a building are made parallel to its axes (`fairing.geometry.manhattan`).
+"""
 
 from typing import NamedTuple
 
@@ -9,6 +12,7 @@ from fairing.cells.level_choice import typical_footprint
 from fairing.features.points import FeaturePoints
 from fairing.features.robust_fit import robust_fit
 from fairing.features.surface_sweep import HALF_WINDOW, SurfaceSweep, reduction
+from fairing.geometry.manhattan import straightened
 from fairing.geometry.pixel_size import pixel_size
 from fairing.mesh import Mesh
 from fairing.run.start_error import measured_start_error
@@ -45,7 +49,8 @@ def swept_fit(problem: Problem, vertices: np.ndarray) -> SweptFit:
     cameras, mesh = [view.camera for view in views], problem.scene.mesh.moved(vertices)
 
     def fitted_to(points: FeaturePoints, begin: np.ndarray | None = None) -> Mesh:
-        return mesh.moved(robust_fit(mesh, cameras, points, problem.locked, check, begin).vertices)
+        found = robust_fit(mesh, cameras, points, problem.locked, check, begin).vertices
+        return mesh.moved(straightened(found, mesh.faces, problem.locked, pixel_size(cameras, found)))
 
     check()
     sweep = SurfaceSweep(views, problem.evaluator.pool, check)

@@ -1,0 +1,158 @@
+"""Manhattan frame: the three orthogonal directions that most edges of a building follow (Coughlan, Yuille, ICCV 1999).
+
+Where the edges of a mesh show that it has such axes, edges nearly parallel to one and faces nearly perpendicular to one are
+taken to be exactly so: a prior that helps where photos show little, as at corners that slide along a wall, and that keeps
+neighbouring edges from being aligned with the same line of a photo. Meshes of other things have no such axes, or their edges do
+not follow them: then there are no relations. (ledger: Manhattan frame)
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.sparse import coo_array, csc_array, diags_array
+from scipy.sparse.linalg import splu
+
+from fairing.geometry.normals import face_normals
+
+WALLS = 60  # the largest faces, whose normals are tried as axes
+WALL_ANGLE = 10.0  # degrees: normals of a wall lie within this angle of their mean
+ANGLE = 8.0  # degrees: edges and normals within it of an axis may follow it
+SIGMA = 1.0  # px: standard deviation of the ends of an edge that follows an axis
+LONG = 3.0  # px: shorter edges tell nothing about an axis
+LEAST_EDGES, LEAST_PART = 8, 0.5  # long edges within `ANGLE` of an axis, and the part of them that must follow it
+SCALE = 3.0  # px, of the Geman-McClure loss of the relations
+ITERATIONS = 12  # of reweighting
+
+
+class Relations(NamedTuple):
+    """Pairs of vertices that have the same coordinate along a direction.
+
+    Attributes:
+        pairs: (r, 2) int: vertex ids.
+        directions: (r, 3) float, px per world unit.
+    """
+
+    pairs: np.ndarray
+    directions: np.ndarray
+
+    def matrix(self, n_vertices: int) -> csc_array:
+        """(r, 3 n) matrix from the vertices, world units, to their differences along the directions, px."""
+        columns = 3 * self.pairs[:, :, None] + np.arange(3)
+        values = np.stack([-self.directions, self.directions], axis=1)
+        rows = np.repeat(np.arange(len(self.pairs)), 6)
+        shape = (len(self.pairs), 3 * n_vertices)
+        return coo_array((values.ravel(), (rows, columns.ravel())), shape=shape).tocsc()
+
+    def weights(self, differences: np.ndarray) -> np.ndarray:
+        """(r,) float: weights of iteratively reweighted least squares for differences (r,) float, px."""
+        return 1 / (1 + (differences / SCALE) ** 2) ** 2
+
+    def hessians(self, weights: np.ndarray, n_vertices: int) -> np.ndarray:
+        """(n, 3, 3) float, 1 / world unit^2: normal matrix of each vertex, the others held."""
+        outer = weights[:, None, None] * self.directions[:, :, None] * self.directions[:, None]
+        result = np.zeros((n_vertices, 3, 3))
+        for end in self.pairs.T:
+            np.add.at(result, end, outer)
+        return result
+
+
+def relations(vertices: np.ndarray, faces: np.ndarray, pixel: np.ndarray) -> Relations:
+    """The relations between the ends of edges that follow an axis and the corners of faces perpendicular to one.
+
+    Args:
+        vertices: (n, 3) float, world units.
+        faces: (m, 3) int.
+        pixel: (n,) float: size of a pixel, world units; NaN for vertices that take no part.
+    """
+    faces = faces[np.isfinite(pixel[faces]).all(axis=1)]
+    pairs, directions = [np.zeros((0, 2), dtype=int)], [np.zeros((0, 3))]
+    edges = np.unique(np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0)
+    edge_pixel, face_pixel = pixel[edges].mean(axis=1), pixel[faces].mean(axis=1)
+    across = (vertices[edges[:, 1]] - vertices[edges[:, 0]]) / edge_pixel[:, None]
+    normals, _ = _normals(vertices, faces)
+    frame = _frame(vertices, faces)
+    for k, axis in enumerate(frame):
+        if not _is_followed(across, axis):
+            continue
+        along = _is_near(across, axis)
+        for other in np.delete(frame, k, axis=0):
+            pairs.append(edges[along])
+            directions.append(other / edge_pixel[along, None])
+        facing = _is_near(normals, axis)
+        for side in ([0, 1], [1, 2], [2, 0]):
+            pairs.append(faces[facing][:, side])
+            directions.append(axis / face_pixel[facing, None])
+    return Relations(np.concatenate(pairs), np.concatenate(directions))
+
+
+def straightened(vertices: np.ndarray, faces: np.ndarray, locked: np.ndarray, pixel: np.ndarray) -> np.ndarray:
+    """(n, 3) float: vertices moved until their relations hold; a pixel of a move weighs as much as one of a difference.
+
+    Args:
+        vertices: (n, 3) float, world units.
+        faces: (m, 3) int.
+        locked: (n,) bool: vertices that stay.
+        pixel: (n,) float, see `relations`.
+    """
+    found, free = relations(vertices, faces, pixel), np.flatnonzero(~locked & np.isfinite(pixel))
+    if len(found.pairs) == 0 or len(free) == 0:
+        return vertices
+    matrix = found.matrix(len(vertices))
+    differences, J = matrix @ vertices.ravel(), matrix[:, (3 * free[:, None] + np.arange(3)).ravel()]
+    position, step = diags_array(np.repeat(pixel[free] ** -2.0, 3)), np.zeros(3 * len(free))
+    for _ in range(ITERATIONS):
+        weights = found.weights(differences + J @ step)
+        step = splu(csc_array(J.T @ diags_array(weights) @ J + position)).solve(-J.T @ (weights * differences))
+    moved = vertices.copy()
+    moved[free] += step.reshape(-1, 3)
+    return moved
+
+
+def _frame(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """(3, 3) float: orthogonal unit vectors as rows, from the walls with the largest areas; (0, 3) where all face one way."""
+    normals, area = _normals(vertices, faces)
+    walls = normals[np.argsort(-area, kind="stable")[:WALLS]]
+    part = np.zeros((len(walls), len(faces)))
+    for _ in range(ITERATIONS):
+        cosine = walls @ normals.T
+        part = area * (np.abs(cosine) > np.cos(np.radians(WALL_ANGLE)))
+        walls = (part * np.sign(cosine)) @ normals
+        walls /= np.maximum(np.linalg.norm(walls, axis=1, keepdims=True), 1e-300)
+    walls = walls[np.argsort(-part.sum(axis=1), kind="stable")]
+    first = walls[:1]
+    beside = walls[(np.abs(walls @ first.T) < np.sin(np.radians(ANGLE))).all(axis=1)]
+    if len(beside) == 0:
+        return np.zeros((0, 3))
+    first, second = first[0], beside[0] - (beside[0] @ first[0]) * first[0]
+    second /= np.linalg.norm(second)
+    return np.stack([first, second, np.cross(first, second)])
+
+
+def _normals(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Unit normals (m, 3) and doubled areas (m,)."""
+    normals = face_normals(vertices, faces)
+    area = np.linalg.norm(normals, axis=1)
+    return normals / np.maximum(area, 1e-300)[:, None], area
+
+
+def _is_near(vectors: np.ndarray, axis: np.ndarray) -> np.ndarray:
+    """(k,) bool: vectors (k, 3) within `ANGLE` of an axis, in either direction."""
+    return np.abs(vectors @ axis) > np.cos(np.radians(ANGLE)) * np.linalg.norm(vectors, axis=1)
+
+
+def _is_followed(edges: np.ndarray, axis: np.ndarray) -> bool:
+    """Whether most long edges (e, 3), px, near an axis follow it.
+
+    Those that do deviate by the errors of their ends, others by anything within `ANGLE`: the part of the former is
+    estimated by expectation maximization.
+    """
+    near = edges[_is_near(edges, axis) & (np.linalg.norm(edges, axis=1) > LONG)]
+    if len(near) < LEAST_EDGES:
+        return False
+    length = np.linalg.norm(near, axis=1)
+    deviation, widest = length**2 - (near @ axis) ** 2, (length * np.sin(np.radians(ANGLE))) ** 2  # px^2
+    follows = np.exp(-deviation / (2 * SIGMA**2)) / (2 * SIGMA**2 * (1 - np.exp(-widest / (2 * SIGMA**2))))
+    other, part = 1 / widest, 0.5
+    for _ in range(ITERATIONS):
+        part = float((part * follows / (part * follows + (1 - part) * other)).mean())
+    return part >= LEAST_PART
