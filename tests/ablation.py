@@ -125,6 +125,8 @@ SETTINGS = (
     Setting("fairing.features.robust_fit.PRIOR_SIGMA"),
     Setting("fairing.features.robust_fit.POINT_SIGMA"),
     Setting("fairing.features.robust_fit.GAIN", off=0.0),
+    Setting("fairing.geometry.manhattan.LEAST_PART", off=2.0),
+    Setting("fairing.geometry.manhattan.SCALE"),
 )
 
 

@@ -35,10 +35,12 @@ class Alignment(NamedTuple):
     """Attributes:
     vertices: (n, 3) float: aligned positions, world units.
     information: (n, 3, 3) float, 1 / world unit^2: normal matrix of each vertex in its offsets and relations alone, px^2.
+    is_building: whether the mesh has a Manhattan frame, so that offsets of parallel creases confirm each other.
     """
 
     vertices: np.ndarray
     information: np.ndarray
+    is_building: bool
 
 
 def aligned_to_image_edges(
@@ -69,7 +71,7 @@ def aligned_to_image_edges(
     pixel = pixel_size([view.camera for view in views], vertices)
     free = np.flatnonzero(~locked & np.isfinite(pixel))
     if len(creases.ends) == 0 or len(free) == 0:
-        return Alignment(vertices, information)
+        return Alignment(vertices, information, False)
     columns = (3 * free[:, None] + np.arange(3)).ravel()
     planes, strength = _planes(vertices, faces, pixel)
     planes = planes[:, columns]
@@ -109,7 +111,7 @@ def aligned_to_image_edges(
         moved[free] += step.reshape(-1, 3)
         information = _by_vertex(found, creases, found.weight * _geman_mcclure(residual, scale), len(vertices))
         information += related.hessians(related.weights(differences + differing @ step), len(vertices))
-    return Alignment(moved, information)
+    return Alignment(moved, information, len(related.pairs) > 0)
 
 
 def _geman_mcclure(residual: np.ndarray, scale: float) -> np.ndarray:

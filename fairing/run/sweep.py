@@ -26,6 +26,7 @@ POINTS_VARIANCE = 8.0
 # px^2 of the photos: the area over which residuals of what is not on the mesh agree (ledger: prior to the start).
 RESIDUAL_AREA = 10_000.0
 CREASE_PRECISION = 4.0  # 1 / px^2: of a vertex aligned with image edges, at most (ledger: prior to image edges)
+BUILDING = 2.0  # factor of the strength of image edges where the mesh has a Manhattan frame (ledger: Manhattan frame)
 FIT_ROUNDS = 2  # of the fit to the sparse points, from the vertices at the beginning of the sweep
 VERTEX_PASSES = 3  # of the filter that gives the targets of the smoothness prior
 
@@ -193,7 +194,7 @@ def _to_image_edges(
     # Offsets of one vertex err together, so that more of them add nothing beyond a limit.
     largest = np.linalg.eigvalsh(aligned.information)[:, 2]
     limited = np.minimum(1.0, CREASE_PRECISION * pixels**2 / np.maximum(largest, 1e-300))
-    edges = (strength * limited)[:, None, None] * aligned.information
+    edges = (strength * limited * (BUILDING if aligned.is_building else 1.0))[:, None, None] * aligned.information
     # Offsets are less accurate than vertices that the cells determine well (ledger: prior to image edges).
     return QuadraticPrior(faded(edges, H), aligned.vertices)
 
