@@ -167,7 +167,8 @@ def test_hessians_are_second_derivatives_of_the_differences(tower):
 
 
 def test_large_differences_count_for_little(tower):
-    found = relations(*tower, pixels(tower[0]))
+    vertices, faces = tower
+    found = relations(vertices, faces, pixels(vertices))
     weights = found.weights(np.array([0.0, SCALE, 10 * SCALE]))
     assert weights[0] == 1
     assert weights[1] == 0.25
