@@ -78,7 +78,7 @@ def test_relations_are_all_edges_and_faces_along_the_axes(tower):
     assert result == expected
 
 
-def test_straightening_halves_the_noise_of_a_building(tower):
+def test_straightening_removes_noise_of_a_building(tower):
     vertices, faces = tower
     start = noisy(vertices, 0.6)
     result = straightened(start, faces, unlocked(vertices), pixels(vertices))

@@ -14,6 +14,7 @@ from scipy.sparse.linalg import splu
 
 from fairing.creases.edges import Creases, find_creases
 from fairing.creases.offsets import Offsets, measure_offsets
+from fairing.geometry.geman_mcclure import geman_mcclure_weights
 from fairing.geometry.manhattan import relations
 from fairing.geometry.normals import face_normals
 from fairing.geometry.pixel_size import pixel_size
@@ -95,9 +96,9 @@ def aligned_to_image_edges(
         step, residual = np.zeros(len(columns)), found.offset
         for _ in range(ITERATIONS):
             raise_if_cancelled()
-            weight = found.weight * _geman_mcclure(residual, scale)
+            weight = found.weight * geman_mcclure_weights(residual, scale)
             off_plane = planes @ (so_far + step)
-            holds = PRIORS * strength * _geman_mcclure(off_plane, PLANE_SCALE)
+            holds = PRIORS * strength * geman_mcclure_weights(off_plane, PLANE_SCALE)
             relates = related.weights(differences + differing @ step)
             H = J.T @ diags_array(weight) @ J + planes.T @ diags_array(holds) @ planes + diags_array(PRIORS * position)
             H += differing.T @ diags_array(relates) @ differing
@@ -109,14 +110,9 @@ def aligned_to_image_edges(
                 break
         moved = moved.copy()
         moved[free] += step.reshape(-1, 3)
-        information = _by_vertex(found, creases, found.weight * _geman_mcclure(residual, scale), len(vertices))
+        information = _by_vertex(found, creases, found.weight * geman_mcclure_weights(residual, scale), len(vertices))
         information += related.hessians(related.weights(differences + differing @ step), len(vertices))
     return Alignment(moved, information, len(related.pairs) > 0)
-
-
-def _geman_mcclure(residual: np.ndarray, scale: float) -> np.ndarray:
-    """Weights of iteratively reweighted least squares."""
-    return 1 / (1 + (residual / scale) ** 2) ** 2
 
 
 def _planes(vertices: np.ndarray, faces: np.ndarray, pixel: np.ndarray) -> tuple[csc_array, np.ndarray]:

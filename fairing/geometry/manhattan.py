@@ -12,6 +12,7 @@ import numpy as np
 from scipy.sparse import coo_array, csc_array, diags_array
 from scipy.sparse.linalg import splu
 
+from fairing.geometry.geman_mcclure import geman_mcclure_weights
 from fairing.geometry.normals import face_normals
 
 WALLS = 60  # the largest faces, whose normals are tried as axes
@@ -45,7 +46,7 @@ class Relations(NamedTuple):
 
     def weights(self, differences: np.ndarray) -> np.ndarray:
         """(r,) float: weights of iteratively reweighted least squares for differences (r,) float, px."""
-        return 1 / (1 + (differences / SCALE) ** 2) ** 2
+        return geman_mcclure_weights(differences, SCALE)
 
     def hessians(self, weights: np.ndarray, n_vertices: int) -> np.ndarray:
         """(n, 3, 3) float, 1 / world unit^2: normal matrix of each vertex, the others held."""
@@ -69,8 +70,8 @@ def relations(vertices: np.ndarray, faces: np.ndarray, pixel: np.ndarray) -> Rel
     edges = np.unique(np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0)
     edge_pixel, face_pixel = pixel[edges].mean(axis=1), pixel[faces].mean(axis=1)
     across = (vertices[edges[:, 1]] - vertices[edges[:, 0]]) / edge_pixel[:, None]
-    normals, _ = _normals(vertices, faces)
-    frame = _frame(vertices, faces)
+    normals, area = _normals(vertices, faces)
+    frame = _frame(normals, area)
     for k, axis in enumerate(frame):
         if not _is_followed(across, axis):
             continue
@@ -108,11 +109,15 @@ def straightened(vertices: np.ndarray, faces: np.ndarray, locked: np.ndarray, pi
     return moved
 
 
-def _frame(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """(3, 3) float: orthogonal unit vectors as rows, from the walls with the largest areas; (0, 3) where all face one way."""
-    normals, area = _normals(vertices, faces)
+def _frame(normals: np.ndarray, area: np.ndarray) -> np.ndarray:
+    """(3, 3) float: orthogonal unit vectors as rows, from the walls with the largest areas; (0, 3) where all face one way.
+
+    Args:
+        normals: (m, 3) float: unit normals of the faces.
+        area: (m,) float: their areas, in any unit.
+    """
     walls = normals[np.argsort(-area, kind="stable")[:WALLS]]
-    part = np.zeros((len(walls), len(faces)))
+    part = np.zeros((len(walls), len(normals)))
     for _ in range(ITERATIONS):
         cosine = walls @ normals.T
         part = area * (np.abs(cosine) > np.cos(np.radians(WALL_ANGLE)))
