@@ -3,6 +3,7 @@
 import numpy as np
 
 from app.stage import SIZE, Stage
+from fairing.geometry.normals import face_normals
 from fairing.scene import Scene
 
 OFFSET = 0.0015 * SIZE  # page units
@@ -15,10 +16,10 @@ def set_back(vertices: np.ndarray, scene: Scene, stage: Stage) -> np.ndarray:
         vertices: (n, 3) float, world units.
     """
     points = stage.page_from_world(vertices).astype(np.float64)
-    face_normals = _face_normals(points[scene.mesh.faces])
+    doubled = face_normals(points, scene.mesh.faces)
     normals = np.zeros_like(points)
     for k in range(3):
-        np.add.at(normals, scene.mesh.faces[:, k], face_normals)
+        np.add.at(normals, scene.mesh.faces[:, k], doubled)
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
     return points - offset_along_normals(vertices, scene, stage) * normals
 
@@ -29,11 +30,6 @@ def offset_along_normals(vertices: np.ndarray, scene: Scene, stage: Stage) -> fl
     Args:
         vertices: (n, 3) float, world units.
     """
-    corners = stage.page_from_world(vertices).astype(np.float64)[scene.mesh.faces]
-    sight = stage.camera_centers.mean(0) - corners.mean(1)
-    return OFFSET * float(np.sign(np.median(np.einsum("mc,mc->m", _face_normals(corners), sight))))
-
-
-def _face_normals(corners: np.ndarray) -> np.ndarray:
-    """(m, 3) float: normals of faces with corners (m, 3, 3), as long as twice the area."""
-    return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    points, faces = stage.page_from_world(vertices).astype(np.float64), scene.mesh.faces
+    sight = stage.camera_centers.mean(0) - points[faces].mean(1)
+    return OFFSET * float(np.sign(np.median(np.einsum("mc,mc->m", face_normals(points, faces), sight))))

@@ -16,7 +16,7 @@ from fairing.creases.edges import Creases, find_creases
 from fairing.creases.offsets import Offsets, measure_offsets
 from fairing.geometry.geman_mcclure import geman_mcclure_weights
 from fairing.geometry.manhattan import relations
-from fairing.geometry.normals import face_normals
+from fairing.geometry.normals import unit_normals
 from fairing.geometry.pixel_size import pixel_size
 from fairing.scene import View
 
@@ -124,10 +124,9 @@ def _planes(vertices: np.ndarray, faces: np.ndarray, pixel: np.ndarray) -> tuple
     Returns:
         (3 m, 3 n) matrix from moves, world units, to distances, px; (3 m,) float.
     """
-    normals = face_normals(vertices, faces)
-    doubled = np.linalg.norm(normals, axis=1)
+    normals, doubled = unit_normals(vertices, faces)
     size = np.nan_to_num(pixel[faces], nan=np.inf)
-    rows = (normals / np.maximum(doubled, 1e-300)[:, None])[:, None] / size[:, :, None]
+    rows = normals[:, None] / size[:, :, None]
     side = np.sqrt(0.5 * doubled) / size.mean(axis=1)
     columns = (3 * faces[:, :, None] + np.arange(3)).ravel()
     index = np.repeat(np.arange(3 * len(faces)), 3)

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 import trimesh
 
-from fairing.geometry.normals import face_normals
+from fairing.geometry.normals import unit_normals
 
 MIN_ANGLE = 15.0  # degrees between the normals
 
@@ -33,8 +33,7 @@ def find_creases(vertices: np.ndarray, faces: np.ndarray, orientation: int) -> C
     both, ends = trimesh.graph.face_adjacency(faces, return_edges=True)
     order = np.lexsort(ends.T[::-1])
     both, ends = both[order], ends[order]
-    normals = face_normals(vertices, faces)
-    normals = orientation * normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+    normals = orientation * unit_normals(vertices, faces)[0]
     is_crease = (normals[both[:, 0]] * normals[both[:, 1]]).sum(axis=1) < np.cos(np.radians(MIN_ANGLE))
     ends, both = ends[is_crease], both[is_crease]
     apex = faces[both[:, 1]].sum(axis=1) - ends.sum(axis=1)  # the corner of the second face that is not on the edge

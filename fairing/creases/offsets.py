@@ -12,7 +12,7 @@ from numba import njit
 
 from fairing.camera import Camera
 from fairing.creases.edges import Creases
-from fairing.geometry.normals import face_normals
+from fairing.geometry.normals import unit_normals
 from fairing.geometry.rasterize import rasterize_inverse
 
 SMOOTHING, SMOOTHING_SIZE = 0.7, 7  # sigma and width of the kernel, px of the photo
@@ -118,8 +118,7 @@ class _Samples(NamedTuple):
 
 def _facing(camera: Camera, vertices: np.ndarray, faces: np.ndarray, creases: Creases) -> np.ndarray:
     """(e,) float: the larger cosine between the line of sight and the normals of the two faces, by magnitude."""
-    normals = face_normals(vertices, faces)
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+    normals, _ = unit_normals(vertices, faces)
     sight = camera.center - vertices[creases.ends].mean(axis=1)
     sight /= np.maximum(np.linalg.norm(sight, axis=1, keepdims=True), 1e-300)
     return np.abs((normals[creases.faces] * sight[:, None]).sum(axis=2)).max(axis=1)

@@ -16,7 +16,7 @@ from scipy.sparse.linalg import splu
 
 from fairing.camera import Camera
 from fairing.features.points import FeaturePoints
-from fairing.geometry.normals import face_normals
+from fairing.geometry.normals import face_normals, unit_normals
 from fairing.mesh import Mesh
 
 GATES = (2.0, 1.5, 1.0, 0.8, 0.6, 0.4, 0.3, 0.2, 0.15, 0.1)
@@ -220,8 +220,7 @@ class _Rays:
         enough = votes >= VOTES * self._n_views[point]
         point, face, votes = point[enough], face[enough], votes[enough]
         corners = mesh.vertices[mesh.faces[face]]
-        normals = face_normals(mesh.vertices, mesh.faces)[face]
-        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+        normals = unit_normals(mesh.vertices, mesh.faces)[0][face]
         distances = ((self._positions[point] - corners[:, 0]) * normals).sum(axis=1)
         feet = self._positions[point] - distances[:, None] * normals
         weights = trimesh.triangles.points_to_barycentric(corners, feet)

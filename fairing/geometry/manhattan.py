@@ -13,7 +13,7 @@ from scipy.sparse import coo_array, csc_array, diags_array
 from scipy.sparse.linalg import splu
 
 from fairing.geometry.geman_mcclure import geman_mcclure_weights
-from fairing.geometry.normals import face_normals
+from fairing.geometry.normals import unit_normals
 
 WALLS = 60  # the largest faces, whose normals are tried as axes
 WALL_ANGLE = 10.0  # degrees: normals of a wall lie within this angle of their mean
@@ -70,7 +70,7 @@ def relations(vertices: np.ndarray, faces: np.ndarray, pixel: np.ndarray) -> Rel
     edges = np.unique(np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0)
     edge_pixel, face_pixel = pixel[edges].mean(axis=1), pixel[faces].mean(axis=1)
     across = (vertices[edges[:, 1]] - vertices[edges[:, 0]]) / edge_pixel[:, None]
-    normals, area = _normals(vertices, faces)
+    normals, area = unit_normals(vertices, faces)
     frame = _frame(normals, area)
     for k, axis in enumerate(frame):
         if not _is_followed(across, axis):
@@ -131,13 +131,6 @@ def _frame(normals: np.ndarray, area: np.ndarray) -> np.ndarray:
     first, second = first[0], beside[0] - (beside[0] @ first[0]) * first[0]
     second /= np.linalg.norm(second)
     return np.stack([first, second, np.cross(first, second)])
-
-
-def _normals(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Unit normals (m, 3) and doubled areas (m,)."""
-    normals = face_normals(vertices, faces)
-    area = np.linalg.norm(normals, axis=1)
-    return normals / np.maximum(area, 1e-300)[:, None], area
 
 
 def _is_near(vectors: np.ndarray, axis: np.ndarray) -> np.ndarray:

@@ -10,7 +10,7 @@ of coarse meshes (ledger: normal filter).
 import numpy as np
 from scipy.sparse import coo_array
 
-from fairing.geometry.normals import face_normals
+from fairing.geometry.normals import unit_normals
 from fairing.mesh import Mesh
 
 NORMAL_SIGMA = 0.2  # scale of the similarity of unit normals, by the length of their difference; beyond it is a crease
@@ -28,9 +28,7 @@ def smoothed(mesh: Mesh, vertices: np.ndarray, vertex_passes: int) -> np.ndarray
         (n, 3) float, world units.
     """
     faces, places = mesh.faces, vertices.copy()
-    doubled = face_normals(vertices, faces)
-    area = np.linalg.norm(doubled, axis=1)
-    normals = doubled / np.maximum(area, 1e-300)[:, None]
+    normals, area = unit_normals(vertices, faces)
     here, there = _neighbours(faces, len(vertices))
     for _ in range(NORMAL_PASSES):
         difference = ((normals[here] - normals[there]) ** 2).sum(axis=1)

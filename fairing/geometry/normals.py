@@ -11,6 +11,13 @@ def face_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
 
 
+def unit_normals(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(m, 3) and (m,) float: the faces' unit normals, zero for a collapsed face, and twice their areas."""
+    normals = face_normals(vertices, faces)
+    doubled = np.linalg.norm(normals, axis=1)
+    return normals / np.maximum(doubled, 1e-300)[:, None], doubled
+
+
 def face_quality(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """(m,) float: height over longest edge, from vertices (n, 3) float and faces (m, 3) int.
 

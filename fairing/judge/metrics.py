@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from fairing.geometry.closest_point import SurfaceTree
-from fairing.geometry.normals import face_normals
+from fairing.geometry.normals import face_normals, unit_normals
 from fairing.geometry.rasterize import rasterize
 from fairing.mesh import Mesh
 from fairing.run.session import Session
@@ -120,7 +120,7 @@ def seen_part(scene: Scene, error: np.ndarray) -> np.ndarray:
         (n, 3) float, world units.
     """
     vertices, faces = _true_vertices(scene), scene.mesh.faces
-    normals = face_normals(vertices, faces)
+    normals, _ = unit_normals(vertices, faces)
     photos = np.zeros(len(faces), dtype=int)
     for view in scene.views:
         shown = rasterize(vertices, faces, view.camera)[0]
@@ -130,13 +130,12 @@ def seen_part(scene: Scene, error: np.ndarray) -> np.ndarray:
         area = 0.5 * np.abs((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
         front = (normals * (view.camera.center - vertices[faces[:, 0]])).sum(axis=1) > 0
         photos += front & (depth[faces] > 0).all(axis=1) & (pixels >= np.maximum(SEEN_FRACTION * area, SEEN_PIXELS))
-    unit = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
     result = np.zeros_like(error)
     for v, ring in enumerate(scene.mesh.one_rings):
         seen = ring[photos[ring] >= 3]
         if len(seen) == 0:
             continue
-        _, strength, directions = np.linalg.svd(unit[seen], full_matrices=False)
+        _, strength, directions = np.linalg.svd(normals[seen], full_matrices=False)
         basis = directions[strength > SPAN_TOLERANCE * strength[0]]
         result[v] = basis.T @ (basis @ error[v])
     return result

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.linalg import splu
 
-from fairing.geometry.normals import face_normals
+from fairing.geometry.normals import unit_normals
 from fairing.mesh import Mesh
 from fairing.options import StepOptions
 from fairing.solve.energy import FaceSystem
@@ -91,14 +91,12 @@ def undetermined_directions(
         usable: (m,) bool: faces that take part.
         strength: of the penalties, relative to the largest eigenvalue of each normal matrix.
     """
-    normals = face_normals(vertices, mesh.faces)
-    area = np.linalg.norm(normals, axis=1, keepdims=True)
-    unit = normals / np.maximum(area, 1e-300)
+    normals, area = unit_normals(vertices, mesh.faces)
     spread = np.zeros((len(vertices), 3, 3))
     total = np.zeros(len(vertices))
-    weight = area[:, 0] * usable
+    weight = area * usable
     for j in range(3):
-        np.add.at(spread, mesh.faces[:, j], weight[:, None, None] * unit[:, :, None] * unit[:, None, :])
+        np.add.at(spread, mesh.faces[:, j], weight[:, None, None] * normals[:, :, None] * normals[:, None, :])
         np.add.at(total, mesh.faces[:, j], weight)
     spread /= np.maximum(total, 1e-300)[:, None, None]
     values, vectors = np.linalg.eigh(H)

@@ -13,7 +13,7 @@ from scipy.sparse.linalg import splu
 
 from fairing.features.robust_fit import points_on_surface
 from fairing.geometry.closest_point import SurfaceTree
-from fairing.geometry.normals import face_normals
+from fairing.geometry.normals import unit_normals
 from fairing.mesh import Mesh
 from fairing.solve.normal_equations import QuadraticPrior
 from fairing.solve.point_split import fitting_points
@@ -105,8 +105,7 @@ def _residuals(mesh: Mesh, points: np.ndarray, max_distance: np.ndarray) -> tupl
     distance, target, corners = distance[near, None], points[near], mesh.faces[face[near]]
     triangles = mesh.vertices[corners]
     foot = trimesh.triangles.closest_point(triangles, target)
-    normals = face_normals(mesh.vertices, corners)
-    normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-300)[:, None]
+    normals, _ = unit_normals(mesh.vertices, corners)
     # Beside an edge the direction to the point is no face's normal, and the same for both faces at the edge.
     to_point = (target - foot) / np.maximum(distance, 1e-300)
     direction = np.where(distance > ROUNDING * max_distance.max(initial=0), to_point, normals)

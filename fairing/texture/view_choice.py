@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from fairing.geometry.normals import unit_normals
 from fairing.geometry.rasterize import rasterize
 from fairing.scene import Scene
 
@@ -25,8 +26,7 @@ def survey(scene: Scene, vertices: np.ndarray, on_progress: Callable[[float], No
     """
     faces = scene.mesh.faces
     corners = vertices[faces]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+    normals, _ = unit_normals(vertices, faces)
     scores = np.zeros((len(faces), len(scene.views)), dtype=np.float32)
     edges = np.zeros((len(faces), 3))
     best = np.zeros(len(faces))

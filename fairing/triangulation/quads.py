@@ -5,7 +5,7 @@ from enum import IntEnum
 
 import numpy as np
 
-from fairing.geometry.normals import face_normals, face_quality
+from fairing.geometry.normals import face_normals, face_quality, unit_normals
 
 MIN_QUALITY = 0.05
 """Least height over longest edge of a new face; thinner faces are made only in place of still thinner ones."""
@@ -137,8 +137,7 @@ def _sharpest(
     quads: Quads, faces: np.ndarray, vertices: np.ndarray, new: tuple[np.ndarray, np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray]:
     """(Q,) and (Q,) float: smallest cosine between normals across the five edges of a quad, before and after."""
-    normals = face_normals(vertices, faces)
-    normals = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+    normals, _ = unit_normals(vertices, faces)
     new_one, new_two = (n / np.maximum(np.linalg.norm(n, axis=1, keepdims=True), 1e-300) for n in new)
     # The neighbour across a directed edge contains the reversed edge; -1 where there is none.
     size = int(faces.max()) + 1
