@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+import trimesh
 
 from fairing.errors import InputError
 from fairing.geometry.mesh_check import inspect_mesh
+from fairing.geometry.normals import unit_normals
 from fairing.mesh import Mesh, weld
 from tests.synthetic_capture import CUBE_FACES, CUBE_VERTICES
 
@@ -28,6 +30,16 @@ def test_unusable_mesh_is_refused(vertices: np.ndarray, faces: np.ndarray, said:
     with pytest.raises(InputError, match=said) as error:
         Mesh(vertices, faces)
     assert "\n" not in str(error.value)
+
+
+def test_unit_normals_point_outwards_and_are_zero_for_a_collapsed_face():
+    line = np.array([[0, 1, 1]])
+    normals, doubled = unit_normals(CUBE_VERTICES, np.concatenate([CUBE_FACES, line]))
+    triangles = trimesh.triangles.normals(CUBE_VERTICES[CUBE_FACES])[0]
+    np.testing.assert_allclose(normals[:-1], triangles, atol=1e-12)
+    np.testing.assert_allclose(doubled[:-1], 2 * trimesh.triangles.area(CUBE_VERTICES[CUBE_FACES]))
+    assert (normals[-1] == 0).all()
+    assert doubled[-1] == 0
 
 
 def test_neighbourhoods_agree_with_a_slow_loop():
