@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fairing.geometry.normals import face_normals
 from fairing.scene import Scene
 
 SIZE = 4.0  # diagonal of the mesh in page units
@@ -124,8 +125,7 @@ def _first_direction(scene: Scene, towards: np.ndarray, up: np.ndarray) -> np.nd
         up: (3,) float: unit vector; the direction is never along it, since the camera's roll would be undefined.
     """
     vertices, faces = scene.mesh.vertices, scene.mesh.faces
-    corners = vertices[faces]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])  # as long as twice the area
+    normals = face_normals(vertices, faces)  # as long as twice the area
     facing = normals @ towards.T
     outward = np.sign(np.median(facing.sum(axis=1))) or 1.0
     weight = np.ones(len(faces))

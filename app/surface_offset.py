@@ -15,13 +15,13 @@ def set_back(vertices: np.ndarray, scene: Scene, stage: Stage) -> np.ndarray:
     Args:
         vertices: (n, 3) float, world units.
     """
-    points = stage.page_from_world(vertices).astype(np.float64)
-    doubled = face_normals(points, scene.mesh.faces)
+    points, faces = stage.page_from_world(vertices).astype(np.float64), scene.mesh.faces
+    doubled = face_normals(points, faces)
     normals = np.zeros_like(points)
     for k in range(3):
-        np.add.at(normals, scene.mesh.faces[:, k], doubled)
+        np.add.at(normals, faces[:, k], doubled)
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
-    return points - offset_along_normals(vertices, scene, stage) * normals
+    return points - _offset(points[faces], doubled, stage) * normals
 
 
 def offset_along_normals(vertices: np.ndarray, scene: Scene, stage: Stage) -> float:
@@ -31,5 +31,10 @@ def offset_along_normals(vertices: np.ndarray, scene: Scene, stage: Stage) -> fl
         vertices: (n, 3) float, world units.
     """
     points, faces = stage.page_from_world(vertices).astype(np.float64), scene.mesh.faces
-    sight = stage.camera_centers.mean(0) - points[faces].mean(1)
-    return OFFSET * float(np.sign(np.median(np.einsum("mc,mc->m", face_normals(points, faces), sight))))
+    return _offset(points[faces], face_normals(points, faces), stage)
+
+
+def _offset(corners: np.ndarray, normals: np.ndarray, stage: Stage) -> float:
+    """See `offset_along_normals`; corners (m, 3, 3) and normals (m, 3) of the faces, page units."""
+    sight = stage.camera_centers.mean(0) - corners.mean(1)
+    return OFFSET * float(np.sign(np.median(np.einsum("mc,mc->m", normals, sight))))

@@ -9,6 +9,7 @@ import numpy as np
 
 from fairing.camera import Camera
 from fairing.cells.depth_map import depth_map
+from fairing.geometry.normals import face_normals
 from fairing.options import VisibilityOptions
 from fairing.scene import Scene
 
@@ -77,7 +78,7 @@ def footprints(
         longest = np.sqrt((edges**2).sum(-1).max(-1))
         height = 2 * area / np.maximum(longest, 1e-12)
     points = vertices[faces]
-    normal = orientation * np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])
+    normal = orientation * face_normals(vertices, faces)
     sight = camera.center - points.mean(1)
     norms = np.linalg.norm(normal, axis=1) * np.linalg.norm(sight, axis=1)
     sine = (normal * sight).sum(1) / np.maximum(norms, 1e-300)
@@ -151,8 +152,7 @@ def mesh_orientation(scene: Scene, vertices: np.ndarray) -> int:
     """
     balance = 0
     faces = scene.mesh.faces
-    points = vertices[faces]
-    normal = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])
+    points, normal = vertices[faces], face_normals(vertices, faces)
     for view in scene.views[:: max(1, len(scene.views) // ORIENTATION_VIEWS)]:
         face_id = depth_map(vertices, faces, view.camera, reduction=ORIENTATION_REDUCTION).face_id
         counts = np.bincount(face_id[face_id >= 0], minlength=len(faces))

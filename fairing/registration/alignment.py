@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from fairing.errors import InputError
 from fairing.geometry.closest_point import SurfaceTree
+from fairing.geometry.normals import unit_normals
 from fairing.mesh import Mesh
 from fairing.scene import View
 
@@ -223,8 +224,7 @@ def _closest_on(scan: Mesh | np.ndarray):
     if isinstance(scan, Mesh):
         tree = SurfaceTree(scan)
         triangles = scan.vertices[scan.faces]
-        normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+        normals, _ = unit_normals(scan.vertices, scan.faces)
 
         def on_surface(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             face = tree.closest(points)[1]
