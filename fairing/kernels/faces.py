@@ -92,14 +92,14 @@ def _cached_for(source):
                 pair_energy[first + i] = data.pair_weight[first + i] * rho
                 energy[at] += pair_energy[first + i]
             if with_system:
-                used = k
-                if data.centered:
-                    V[:, k] = 1 / np.sqrt(n)
-                    basis[k, :] = 0
-                    used = k + 1
+                # One more column of V projects out the mean cell, one more row of the basis each cell's mean.
+                V[:, k] = 1 / np.sqrt(n) if data.centered and task == VARIABLE_PROJECTION else 0.0
+                basis[k, :] = 1 / np.sqrt(pc) if data.remove_bias else 0.0
+                low = 0 if task == VARIABLE_PROJECTION else k
+                high = k + 1 if low == k or data.centered or data.remove_bias else k
                 normal_equations(
-                    G, hats, corner, data.remove_bias, task == VARIABLE_PROJECTION, basis[:used], V[:, :used], residual,
-                    weights, data.pair_weight[first : first + n], H[at], g[at],
+                    G, hats, corner, basis[low:high], V[:, low:high], residual, weights,
+                    data.pair_weight[first : first + n], H[at], g[at],
                 )  # fmt: skip
             elif task == STATISTICS:
                 residual_statistics(residual, mask_weight, masked, index, statistics[at])

@@ -10,29 +10,27 @@ from fairing.kernels.rows import (
     aligned,
     dot_three,
     dot_three_by_three,
-    subtract,
-    sum_of,
     times,
 )
 
 
 @plain
-def normal_equations(G, hats, corner, remove_bias, project, basis, V, residual, weights, pair_weight, H, g):
+def normal_equations(G, hats, corner, basis, V, residual, weights, pair_weight, H, g):
     """Add one face's H (9, 9) and g (9,): sum of w D_a D_b and w e D_a over views and samples.
 
-    D is the derivative of the residual: hat * G for the alternating solver; with `project`, variable projection,
-    (I - U U^T) J (I - V V^T), because the refitted U and c depend on the vertex (Golub and Pereyra 1973, Kaufman 1975).
+    D is the derivative of the residual, (I - U U^T) (hat * G) (I - V V^T): what is fitted anew depends on the vertex (variable
+    projection; Golub and Pereyra 1973, Kaufman 1975). Rows of U or columns of V that are zero project nothing.
 
-    A first pass over the blocks projects the views and computes the columns' means and coefficients along the basis; a second
-    pass subtracts these and sums. V^T acts on views and U^T on samples, so their order does not matter.
+    A first pass over the blocks projects the views and computes the coefficients along the basis; a second pass subtracts
+    these and sums. V^T acts on views and U^T on samples, so their order does not matter.
 
     Args:
         G: (3 or 9, n, p) float32: image gradient times J_image_wrt_point, by world axis (by corner and axis if affine);
             modified.
         hats: (3, p) float32: barycentric weights of the corners.
         corner: the corner that moves, -1 for all three.
-        basis: (k, p) float32, rows orthonormal.
-        V: (n, k) float64: right singular vectors.
+        basis: (k, p) float32: U^T, rows orthonormal or zero, at least one.
+        V: (n, k) float64, columns orthonormal or zero.
         residual, weights: (n, p) float32: e in grey levels and rho'(e) / e.
         pair_weight: (n,) float64.
         H, g: (9, 9), (9,) float64, out.
@@ -42,52 +40,29 @@ def normal_equations(G, hats, corner, remove_bias, project, basis, V, residual, 
     first, rows = (0, 9) if corner < 0 else (3 * corner, 3)
     corner = max(corner, 0)
     columns = aligned(rows * BLOCK).reshape(rows, BLOCK)
-    scaled = aligned(k * BLOCK).reshape(k, BLOCK)
-    means = np.zeros((n, rows))
+    scaled, projected = aligned(k * BLOCK).reshape(k, BLOCK), aligned(k * BLOCK).reshape(k, BLOCK)
+    forth, back = np.empty((k, n), dtype=np.float32), np.empty((n, k), dtype=np.float32)
+    for i in range(n):
+        for m in range(k):
+            forth[m, i] = V[i, m]
+            back[i, m] = -V[i, m]
     along = np.zeros((n, rows, k))
-    basis_sums = np.zeros(k)
-    if project or remove_bias:
-        projected = aligned(k * BLOCK).reshape(k, BLOCK)
-        forth, back = np.empty((k, n), dtype=np.float32), np.empty((n, k), dtype=np.float32)
-        for i in range(n):
+    for start in range(0, p, BLOCK):
+        stop = min(start + BLOCK, p)
+        for c in range(G.shape[0]):
+            _project_views(G[c], start, stop, forth, back, projected)
+        for a in range(0, rows, 3):
+            # The hat multiplies the basis, once for all views.
             for m in range(k):
-                forth[m, i] = V[i, m]
-                back[i, m] = -V[i, m]
-        for start in range(0, p, BLOCK):
-            stop = min(start + BLOCK, p)
-            if project:
-                for c in range(G.shape[0]):
-                    _project_views(G[c], start, stop, forth, back, projected)
-            if remove_bias:
-                for m in range(k):
-                    basis_sums[m] += sum_of(basis[m, start:stop])
-            for a in range(0, rows, 3):
-                hat = hats[corner + a // 3, start:stop]
-                axes = G[a : a + 3] if G.shape[0] == 9 else G[:3]
-                if remove_bias:
-                    for i in range(n):
-                        sums_of_axes = dot_three(
-                            hat, axes[0, i, start:stop], axes[1, i, start:stop], axes[2, i, start:stop]
-                        )
-                        for b in range(3):
-                            means[i, a + b] += sums_of_axes[b]
-                if project:
-                    # The hat multiplies the basis, once for all views.
-                    for m in range(k):
-                        times(hat, basis[m, start:stop], scaled[m, : stop - start])
-                    for i in range(n):
-                        _add_products(axes, i, start, scaled, stop - start, along[i, a : a + 3])
-        for i in range(n):
-            for a in range(rows):
-                means[i, a] /= p
-                for m in range(k):
-                    along[i, a, m] -= means[i, a] * basis_sums[m]
-    subtracted = np.zeros((n, rows, k), dtype=np.float32)
-    if project:
-        for i in range(n):
-            for a in range(rows):
-                for m in range(k):
-                    subtracted[i, a, m] = -along[i, a, m]
+                times(hats[corner + a // 3, start:stop], basis[m, start:stop], scaled[m, : stop - start])
+            axes = G[a : a + 3] if G.shape[0] == 9 else G[:3]
+            for i in range(n):
+                _add_products(axes, i, start, scaled, stop - start, along[i, a : a + 3])
+    subtracted = np.empty((n, rows, k), dtype=np.float32)
+    for i in range(n):
+        for a in range(rows):
+            for m in range(k):
+                subtracted[i, a, m] = -along[i, a, m]
     sums, slope = np.zeros((n, rows, rows)), np.zeros((n, rows))
     for start in range(0, p, BLOCK):
         stop = min(start + BLOCK, p)
@@ -96,9 +71,6 @@ def normal_equations(G, hats, corner, remove_bias, project, basis, V, residual, 
                 axes = G[a : a + 3] if G.shape[0] == 9 else G[:3]
                 hat = hats[corner + a // 3, start:stop]
                 _columns(hat, axes, i, subtracted[i, a : a + 3], basis, start, columns[a : a + 3])
-                if remove_bias:
-                    for b in range(3):
-                        subtract(columns[a + b, : stop - start], np.float32(means[i, a + b]))
             _add_system(columns, stop - start, weights[i, start:stop], residual[i, start:stop], sums[i], slope[i])
     for i in range(n):
         for a in range(rows):

@@ -39,22 +39,6 @@ def times(a, b, out):
 
 
 @fast
-def subtract(a, number):
-    """a -= number."""
-    for t in range(a.shape[0]):
-        a[t] -= number
-
-
-@fast
-def sum_of(a):
-    """Sum, float32."""
-    total = np.float32(0)
-    for t in range(a.shape[0]):
-        total += a[t]
-    return total
-
-
-@fast
 def dot(a, b):
     """Inner product, float32."""
     total = np.float32(0)
