@@ -92,7 +92,8 @@ def _cached_for(source):
                 pair_energy[first + i] = data.pair_weight[first + i] * rho
                 energy[at] += pair_energy[first + i]
             if with_system:
-                # One more column of V projects out the mean cell, one more row of the basis each cell's mean.
+                # Column k of V projects out the mean cell and row k of the basis each cell's mean. The alternating solver
+                # keeps the eigenspace and its coefficients: only the means remain.
                 V[:, k] = 1 / np.sqrt(n) if data.centered and task == VARIABLE_PROJECTION else 0.0
                 basis[k, :] = 1 / np.sqrt(pc) if data.remove_bias else 0.0
                 low = 0 if task == VARIABLE_PROJECTION else k

@@ -86,7 +86,7 @@ def normal_equations(G, hats, corner, basis, V, residual, weights, pair_weight, 
 def _project_views(G, start, stop, forth, back, projected):
     """G (n, p) becomes (I - V V^T) G in a block of samples; forth: V^T, back: -V; projected: (k, BLOCK) scratch."""
     for m in range(forth.shape[0]):
-        projected[m, :] = 0
+        projected[m, : stop - start] = 0
     add_rows_to_all(projected, np.int64(0), stop - start, forth, G, start)
     add_rows_to_all(G, start, stop - start, back, projected, np.int64(0))
 
