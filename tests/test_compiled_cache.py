@@ -1,6 +1,9 @@
 """numba's cache on disk: no compiled function is reused after a change of code that it depends on."""
 
 import ast
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -18,6 +21,14 @@ FILES = [
     for path in sorted(Path(str(package.__file__)).parent.rglob("*.py"))
     if "njit" in path.read_text()
 ]
+
+RUN = """
+from fairing.run.session import Session
+from tests.small_scene import corner_scene, small_options
+session = Session(corner_scene(), small_options())
+session.run()
+print(session.vertices.tobytes().hex())
+"""
 
 
 def is_cached(function: ast.FunctionDef) -> bool:
@@ -67,3 +78,17 @@ def test_the_source_hash_changes_with_any_python_file(tmp_path: Path):
     assert source_hash(tmp_path) == before
     (tmp_path / "two.py").write_text("B = 3\n")
     assert source_hash(tmp_path) != before
+
+
+def test_a_process_that_compiles_and_one_that_loads_end_alike_to_the_bit(tmp_path: Path):
+    """LLVM optimises a function again where it is linked to another, and may then round sums differently."""
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
+    root = Path(__file__).parents[1]
+    compiling, loading = (
+        subprocess.run(
+            [sys.executable, "-c", RUN], env=environment, cwd=root, capture_output=True, text=True, check=True
+        )
+        for _ in range(2)
+    )
+    assert compiling.stdout
+    assert compiling.stdout == loading.stdout
