@@ -10,7 +10,9 @@ import fairing.solve.energy
 from fairing.errors import Cancelled
 from fairing.judge.inspect import face_cells
 from fairing.kernels.eigenspace import fit_face
+from fairing.kernels.normal_equations import normal_equations
 from fairing.kernels.robust import HISTOGRAM_STEP, weigh
+from fairing.kernels.rows import BLOCK
 from fairing.run.session import SweepState
 from fairing.solve.energy import Evaluator, robust_scale
 from tests.blurred_photo import blurred
@@ -127,15 +129,58 @@ def test_normal_matrices_are_symmetric_and_positive():
     assert np.linalg.eigvalsh(system.H).min() > -1e-6 * system.H.max()
 
 
+@pytest.mark.parametrize("components", [3, 9])
+@pytest.mark.parametrize("corner", [-1, 1])
+@pytest.mark.parametrize(("n", "k"), [(3, 1), (6, 2), (7, 3), (8, 4)])
+def test_normal_equations_are_the_sums_over_views_and_samples(components, corner, n, k):
+    """Derivatives of several blocks of samples, with whole and broken groups of three views and three dimensions."""
+    rng, p = np.random.default_rng(7), 2 * BLOCK + 40
+    axes = components if corner < 0 else 3
+    G = rng.normal(size=(axes, n, p)).astype(np.float32)
+    hats = rng.dirichlet(np.ones(3), p).T.astype(np.float32)
+    basis, V = np.linalg.qr(rng.normal(size=(p, k)))[0].T.astype(np.float32), np.linalg.qr(rng.normal(size=(n, k)))[0]
+    residual, weights = rng.normal(size=(2, n, p)).astype(np.float32) ** 2
+    pair_weight = rng.uniform(1, 2, n)
+    derivatives = np.zeros((9, n, p))
+    for a in range(9) if corner < 0 else range(3 * corner, 3 * corner + 3):
+        D = G[a if len(G) == 9 else a % 3].astype(float)
+        D = hats[a // 3] * (D - V @ (V.T @ D))
+        derivatives[a] = D - (D @ basis.T) @ basis
+    expected_H = np.einsum("i,aip,ip,bip->ab", pair_weight, derivatives, weights, derivatives, optimize=True)
+    expected_g = np.einsum("i,aip,ip,ip->a", pair_weight, derivatives, weights, residual, optimize=True)
+    H, g = np.zeros((9, 9)), np.zeros(9)
+    equations_of(G, hats, corner, basis, V, residual, weights, pair_weight, H, g)
+    assert pytest.approx(expected_H, abs=1e-5 * expected_H.max()) == H
+    assert pytest.approx(expected_g, abs=1e-4 * np.abs(expected_g).max()) == g
+
+
+@pytest.mark.parametrize(("n", "k"), [(3, 1), (7, 3), (8, 5)])
+def test_the_eigenspace_of_several_blocks_is_the_singular_value_decomposition(n, k):
+    rng, p = np.random.default_rng(3), 2 * BLOCK + 40
+    cells = (rng.normal(size=(n, n)) * 3.0 ** -np.arange(n) @ rng.normal(size=(n, p))).astype(np.float32)
+    U, s, Vt = np.linalg.svd(cells.astype(float), full_matrices=False)
+    basis, V, found, residual = (np.empty((k + 1, p), np.float32), np.empty((n, k)), np.empty(n), np.empty_like(cells))
+    fitted(cells, k, np.zeros((1, 1), np.float32), basis, V, found, residual)
+    assert found[:k] == pytest.approx(s[:k], rel=1e-4)
+    assert np.abs((V * U[:, :k]).sum(axis=0)) == pytest.approx(np.ones(k), abs=1e-5)
+    assert np.abs((basis[:k] * Vt[:k]).sum(axis=1)) == pytest.approx(np.ones(k), abs=1e-5)
+    assert np.abs(residual - (cells - (U[:, :k] * s[:k]) @ Vt[:k])).max() < 1e-4 * np.abs(cells).max()
+
+
 # Kernels cannot be called from Python, see `fairing.util.compiled_only`.
+@njit
+def equations_of(G, hats, corner, basis, V, residual, weights, pair_weight, H, g):
+    normal_equations(G, hats, corner, basis, V, residual, weights, pair_weight, H, g)
+
+
 @njit
 def weighed(residual, norm, squared_scale, weights):
     return weigh(residual, norm, squared_scale, weights)
 
 
 @njit
-def fitted(cells, mask_weight, basis, V, singular_values, residual):
-    fit_face(cells, 1, False, mask_weight, False, basis, V, singular_values, residual)
+def fitted(cells, k, mask_weight, basis, V, singular_values, residual):
+    fit_face(cells, k, False, mask_weight, False, basis, V, singular_values, residual)
 
 
 @pytest.mark.parametrize("norm", ["geman_mcclure", "geman_mcclure_printed", "huber", "least_squares"])
@@ -223,7 +268,7 @@ def test_gains_of_photos_leave_a_perfect_fit_perfect():
     cells = (factors[:, None] * texture).astype(np.float32)
     residual = np.empty_like(cells)
     nothing = np.zeros((1, 1), np.float32)
-    fitted(cells, nothing, np.empty((2, p), np.float32), np.zeros((n, 2)), np.empty(n), residual)
+    fitted(cells, 1, nothing, np.empty((2, p), np.float32), np.zeros((n, 2)), np.empty(n), residual)
     assert np.abs(residual).max() < 1e-3
 
 

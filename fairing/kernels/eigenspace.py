@@ -3,9 +3,10 @@
 import numpy as np
 
 from fairing.kernels.compiled import fast, never_inline, plain
-from fairing.kernels.rows import BLOCK, add_rows, copy_row, dot, dot_three
+from fairing.kernels.rows import BLOCK, add_rows, add_rows_to_all, copy_row, dot, dot_three_by_three
 
 FILL_ITERATIONS = 3
+GRAM_BLOCK = 352  # samples summed in single precision (ledger: Gram matrix)
 
 
 @plain
@@ -42,10 +43,10 @@ def fit_face(cells, k, centered, mask_weight, masked, basis, V, singular_values,
             stop = min(start + BLOCK, p)
             for m in range(k):
                 basis[m, start:stop] = 0
-                add_rows(basis[m, start:stop], factors[m], cells, start)
+            add_rows_to_all(basis, start, stop - start, factors, cells, start)
             for i in range(n):
                 copy_row(cells[i, start:stop], residual[i, start:stop])
-                add_rows(residual[i, start:stop], back[i], basis, start)
+            add_rows_to_all(residual, start, stop - start, back, basis, start)
         if masked:
             _fill_with_reconstruction(cells, mask_weight, residual)
 
@@ -82,21 +83,21 @@ def _decompose(cells, k, V, singular_values):
 
 @plain
 def _gram_matrix(cells, gram):
-    """gram (n, n) float64 = cells cells^T, block by block of samples."""
+    """gram (n, n) float64 = cells cells^T; short blocks, because residuals at large k lose what single precision loses."""
     n, p = cells.shape
     gram[:] = 0
-    for start in range(0, p, BLOCK):
-        stop = min(start + BLOCK, p)
-        for i in range(n):
-            cell, j = cells[i, start:stop], 0
-            while j + 2 <= i:
-                products = dot_three(cell, cells[j, start:stop], cells[j + 1, start:stop], cells[j + 2, start:stop])
-                for b in range(3):
-                    gram[i, j + b] += products[b]
-                j += 3
-            while j <= i:
-                gram[i, j] += dot(cell, cells[j, start:stop])
-                j += 1
+    for start in range(0, p, GRAM_BLOCK):
+        stop = min(start + GRAM_BLOCK, p)
+        for i in range(0, n - n % 3, 3):
+            a0, a1, a2 = cells[i, start:stop], cells[i + 1, start:stop], cells[i + 2, start:stop]
+            for j in range(0, i + 1, 3):
+                b0, b1, b2 = cells[j, start:stop], cells[j + 1, start:stop], cells[j + 2, start:stop]
+                products = dot_three_by_three(a0, a1, a2, b0, b1, b2)
+                for c in range(9):
+                    gram[i + c // 3, j + c % 3] += products[c]
+        for i in range(n - n % 3, n):
+            for j in range(i + 1):
+                gram[i, j] += dot(cells[i, start:stop], cells[j, start:stop])
     for i in range(n):
         for j in range(i):
             gram[j, i] = gram[i, j]

@@ -11,7 +11,7 @@ from fairing.kernels.data import ALTERNATING, STATISTICS, VARIABLE_PROJECTION
 from fairing.kernels.eigenspace import fit_face, remove_means
 from fairing.kernels.normal_equations import normal_equations
 from fairing.kernels.robust import residual_statistics, weigh
-from fairing.kernels.rows import STRIP
+from fairing.kernels.rows import STRIP, aligned
 from fairing.kernels.sampling import apply_masks, sample_face
 
 
@@ -45,15 +45,15 @@ def _cached_for(source):
                 all_components = 9
         p_most *= data.channels
         with_system = task >= ALTERNATING
-        cells_buffer = np.empty(n_most * p_most, dtype=np.float32)
-        residual_buffer = np.empty(n_most * p_most, dtype=np.float32)
-        weights_buffer = np.empty(n_most * p_most, dtype=np.float32)
-        mask_buffer = np.empty(n_most * p_most if data.masks.shape[0] > 0 else 1, dtype=np.float32)
-        G_buffer = np.empty(all_components * n_most * p_most if with_system else 1, dtype=np.float32)
-        hats_buffer = np.empty(3 * p_most, dtype=np.float32)
-        basis_buffer = np.empty(k_most * p_most, dtype=np.float32)
-        strip = np.empty((5, STRIP), dtype=np.float32)
-        taps = np.empty((4, 4 * STRIP), dtype=np.float32)
+        cells_buffer = aligned(n_most * p_most)
+        residual_buffer = aligned(n_most * p_most)
+        weights_buffer = aligned(n_most * p_most)
+        mask_buffer = aligned(n_most * p_most if data.masks.shape[0] > 0 else 1)
+        G_buffer = aligned(all_components * n_most * p_most if with_system else 1)
+        hats_buffer = aligned(3 * p_most)
+        basis_buffer = aligned(k_most * p_most)
+        strip = aligned(5 * STRIP).reshape(5, STRIP)
+        taps = aligned(16 * STRIP).reshape(4, 4 * STRIP)
         index = np.empty(STRIP, dtype=np.int32)
         singular_values = np.empty(n_most)
         for at in range(todo.shape[0]):
@@ -92,14 +92,15 @@ def _cached_for(source):
                 pair_energy[first + i] = data.pair_weight[first + i] * rho
                 energy[at] += pair_energy[first + i]
             if with_system:
-                used = k
-                if data.centered:
-                    V[:, k] = 1 / np.sqrt(n)
-                    basis[k, :] = 0
-                    used = k + 1
+                # Column k of V projects out the mean cell and row k of the basis each cell's mean. The alternating solver
+                # keeps the eigenspace and its coefficients: only the means remain.
+                V[:, k] = 1 / np.sqrt(n) if data.centered and task == VARIABLE_PROJECTION else 0.0
+                basis[k, :] = 1 / np.sqrt(pc) if data.remove_bias else 0.0
+                low = 0 if task == VARIABLE_PROJECTION else k
+                high = k + 1 if low == k or data.centered or data.remove_bias else k
                 normal_equations(
-                    G, hats, corner, data.remove_bias, task == VARIABLE_PROJECTION, basis[:used], V[:, :used], residual,
-                    weights, data.pair_weight[first : first + n], H[at], g[at],
+                    G, hats, corner, basis[low:high], V[:, low:high], residual, weights,
+                    data.pair_weight[first : first + n], H[at], g[at],
                 )  # fmt: skip
             elif task == STATISTICS:
                 residual_statistics(residual, mask_weight, masked, index, statistics[at])
