@@ -19,6 +19,7 @@ class RunPlan:
         start_sigma: standard deviation of the start in the prior to it, px; 0: no such prior.
         edge_reach: distance from a crease within which its image edge is sought, px.
         represents_surface: whether the sparse points lie so near the prepared start that its faces can follow the surface.
+        has_second_fit: whether the last level ends with a second fit to the sparse points, see `fairing.run.phases.SecondFit`.
     """
 
     first_level: int
@@ -29,6 +30,7 @@ class RunPlan:
     start_sigma: float = 0.0
     edge_reach: float = 2.0
     represents_surface: bool = False
+    has_second_fit: bool = False
 
     @property
     def follows_points(self) -> bool:

@@ -54,6 +54,8 @@ class StepReason(IntEnum):
     SMOOTHED = 12
     FITTED_TO_POINTS = 13
     FOUND_TOGETHER = 14
+    FITTED_AGAIN = 15
+    REJECTED_FIT = 16
 
     @property
     def text(self) -> str:
@@ -76,8 +78,11 @@ _REASON_TEXTS = {
     StepReason.RESET_MANUALLY: "put back to its start by hand",
     StepReason.SMOOTHED: "smoothed: the photos agree better with the start's noise filtered out",
     StepReason.FITTED_TO_POINTS: "fitted to the sparse points: half of them are used, and the photos agree",
+    StepReason.FITTED_AGAIN: "fitted again: to the sparse points, from where the photos had taken the mesh, and the photos agree",
+    StepReason.REJECTED_FIT: "not fitted again: the photos do not agree with a second fit to the sparse points",
 }
 PREPARING = (StepReason.SMOOTHED, StepReason.FITTED_TO_POINTS)
+SECOND_FIT = (StepReason.FITTED_AGAIN, StepReason.REJECTED_FIT)
 MANUAL_REASONS = (StepReason.MOVED_MANUALLY, StepReason.RESET_MANUALLY)
 
 
@@ -152,6 +157,11 @@ class StepRecord:
     def is_preparing(self) -> bool:
         """Whether this step was done to the start, before the first level."""
         return len(self.reasons) > 0 and int(self.reasons[0]) in PREPARING
+
+    @property
+    def is_second_fit(self) -> bool:
+        """Whether this step fitted the mesh to the sparse points once more, or tried to."""
+        return len(self.reasons) > 0 and int(self.reasons[0]) in SECOND_FIT
 
     def applied_to(self, vertices: np.ndarray) -> np.ndarray:
         """(n, 3) float: vertices (n, 3) after this step."""
@@ -235,10 +245,15 @@ class Trace:
         """The preparations of the start before the first level, one step each."""
         return [StepReason(step.reasons[0]) for step in itertools.takewhile(lambda step: step.is_preparing, self.steps)]
 
+    def second_fit_before(self, moment: int) -> int:
+        """The moment after the second fit to the sparse points that led to a moment; 0 if there was none."""
+        steps = self.steps
+        return next((k for k in range(moment, 0, -1) if steps[k - 1].is_second_fit and steps[k - 1].accepted), 0)
+
     def origin_at(self, moment: int) -> np.ndarray:
-        """(n, 3) float, world units: where the engine began to move each vertex, at the prepared start or after its last
-        manual edit."""
-        origin = self.vertices_at(min(moment, len(self.preparations)))
+        """(n, 3) float, world units: where the engine began to move each vertex: at the prepared start, after a second fit to
+        the sparse points, or after its last manual edit."""
+        origin = self.vertices_at(self.second_fit_before(moment) or min(moment, len(self.preparations)))
         for made in self.manual_moments:
             if made <= moment:
                 record = self.steps[made - 1]

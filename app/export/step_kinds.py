@@ -42,9 +42,14 @@ KINDS: tuple[Kind, ...] = (
         "photos agree; the others are held out to evaluate the result. A weak prior on the points remains.",
     ),
     Kind(
-        "Return to the start",
-        "At the finest level, the energy was lower at the start positions of these vertices, so they were moved back. "
-        "A run never ends with a higher energy than it began with.",
+        "Return",
+        "At the finest level, the mesh was better at the start or before its second fit to the sparse points, by its energy "
+        "or by held-out points, so all vertices were moved back. A run never ends worse than it began.",
+    ),
+    Kind(
+        "Second fit to sparse points",
+        "The photos have taken the mesh nearer to the surface. From there it is fitted to the sparse points once more, and the "
+        "sweeps of this level are repeated. Where the photos do not agree with the fit, the vertices stay and the run ends.",
     ),
     Kind("Manual edit", "These vertices were moved manually. A new sweep begins from there."),
     Kind(
@@ -59,8 +64,10 @@ _OF_REASON = {
     StepReason.SMOOTHED: 2,
     StepReason.FITTED_TO_POINTS: 3,
     StepReason.RETURNED: 4,
-    StepReason.MOVED_MANUALLY: 5,
-    StepReason.RESET_MANUALLY: 5,
+    StepReason.FITTED_AGAIN: 5,
+    StepReason.REJECTED_FIT: 5,
+    StepReason.MOVED_MANUALLY: 6,
+    StepReason.RESET_MANUALLY: 6,
 }
 
 

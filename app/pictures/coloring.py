@@ -32,13 +32,15 @@ REASON_COLORS: dict[StepReason, tuple[str, RGB]] = {
     StepReason.FOUND_PLACE: ("moved by local search", (0, 114, 178)),
     StepReason.FOUND_TOGETHER: ("moved by restart", (86, 180, 233)),
     StepReason.NO_BETTER_PLACE: ("search found no better position", REFERENCE),
-    StepReason.RETURNED: ("returned to the start", (240, 228, 66)),
+    StepReason.RETURNED: ("returned: was better before", (240, 228, 66)),
     StepReason.UNSEEN: ("seen by fewer than 3 photos", (60, 60, 60)),
     StepReason.LOCKED: ("locked", LOCKED),
     StepReason.MOVED_MANUALLY: ("moved manually", SELECTED),
     StepReason.RESET_MANUALLY: ("reset manually", (150, 120, 20)),
     StepReason.SMOOTHED: ("smoothed", (170, 210, 170)),
     StepReason.FITTED_TO_POINTS: ("fitted to sparse points", (110, 180, 200)),
+    StepReason.FITTED_AGAIN: ("fitted to sparse points again", (60, 130, 160)),
+    StepReason.REJECTED_FIT: ("second fit rejected", (140, 140, 150)),
 }
 
 

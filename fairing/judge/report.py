@@ -50,6 +50,8 @@ class EnergyTally:
 
     def add(self, record: StepRecord) -> SweepEnergy:
         """Add one step; returns the current energies of its sweep."""
+        if record.is_second_fit and self.sweeps:  # it uses other cells than the sweeps
+            return self.sweeps[-1]
         level, sweep = record.position[:2]
         if self._is_preparing:  # preparations of the start used other cells than the first sweep
             self.sweeps.pop()

@@ -1,6 +1,6 @@
 """Levels and phases: what a run does at each level, as a function of its options and its plan."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -63,7 +63,18 @@ class Restart:
     max_iterations: int = 1
 
 
-Phase = LocalSearch | GaussNewton | Restart
+@dataclass(frozen=True)
+class SecondFit:
+    """One sweep with a step that fits the mesh to the sparse points once more, from where the photos have taken it.
+
+    The run ends with it if the photos reject the fit. (ledger: second fit)
+    """
+
+    max_sweeps: int = 1
+    max_iterations: int = 1
+
+
+Phase = LocalSearch | GaussNewton | Restart | SecondFit
 
 
 @dataclass(frozen=True)
@@ -80,6 +91,7 @@ class Level:
         creases: strength of the prior to image edges, see `StepOptions.creases`; 0: none.
         edge_reach: see `RunPlan`.
         phases: in their order.
+        after_fit: the level of its sweeps after a `SecondFit`, which come last; None without one.
     """
 
     number: int
@@ -91,6 +103,7 @@ class Level:
     creases: float = 0.0
     edge_reach: float = RunPlan.edge_reach
     phases: tuple[Phase, ...] = ()
+    after_fit: "Level | None" = None
 
     @property
     def n_sweeps(self) -> int:
@@ -105,6 +118,12 @@ class Level:
             if sweep < end:
                 return phase
         return self.phases[-1]
+
+    def at(self, sweep: int) -> "Level":
+        """The level whose strengths hold in a sweep."""
+        if self.after_fit is None or sweep < self.n_sweeps - self.after_fit.n_sweeps:
+            return self
+        return self.after_fit
 
     def end_of_phase(self, sweep: int) -> int:
         """The first sweep after the phase of a sweep."""
@@ -145,8 +164,15 @@ def schedule_of(options: FairingOptions, plan: RunPlan) -> Schedule:
     """The schedule of a run. Pure: it uses neither photos nor mesh."""
     # Near the truth, coarser levels increase the error (ledger: begin level).
     begin = max(first_fine_level(options), plan.first_level) if plan.is_near_truth else plan.first_level
-    levels = tuple(_level(options, plan, number, begin) for number in range(options.n_levels))
-    return Schedule(levels, plan.first_level, begin)
+    levels = [_level(options, plan, number, begin) for number in range(options.n_levels)]
+    if plan.has_second_fit:
+        # A fit that the photos accept is followed as one of the start is; vertices are no longer far from their image edges.
+        again = replace(plan, is_fitted_to_points=True, is_near_truth=False, edge_reach=RunPlan.edge_reach)
+        after_fit = _level(options, again, options.n_levels - 1, begin)
+        levels[-1] = replace(
+            levels[-1], phases=(*levels[-1].phases, SecondFit(), *after_fit.phases), after_fit=after_fit
+        )
+    return Schedule(tuple(levels), plan.first_level, begin)
 
 
 def first_searching_level(options: FairingOptions) -> int | None:

@@ -6,6 +6,8 @@ import numpy as np
 
 from fairing.cells.level_choice import first_fine_level, first_level, level_for_error
 from fairing.creases.alignment import STAGES
+from fairing.geometry.manhattan import relations
+from fairing.geometry.pixel_size import pixel_size
 from fairing.options import FairingOptions
 from fairing.run.phases import first_searching_level
 from fairing.run.preparation import Preparations, points_can_judge
@@ -55,6 +57,7 @@ def make_plan(problem: Problem, preparations: Preparations) -> RunPlan:
         start_sigma=max(measured.sigma, LEAST_ERROR) if measured is not None and error == 0 else 0.0,
         edge_reach=reach,
         represents_surface=represents,
+        has_second_fit=represents and _is_building(problem, prepared[-1].after if prepared else problem.start),
     )
 
 
@@ -87,6 +90,12 @@ def _measure(problem: Problem, preparations: Preparations, start: np.ndarray, is
         return _Measured(error, error, left < SEARCHED_ERROR)
     # Distances that a fit leaves are not the vertices' own (ledger: start error of coarse meshes).
     return _Measured(error, max(error**2 - left**2, 0.0) ** 0.5, False)
+
+
+def _is_building(problem: Problem, vertices: np.ndarray) -> bool:
+    """Whether a mesh with these vertices (n, 3) has a Manhattan frame; others gain nothing by a second fit (ledger: second fit)."""
+    pixel = pixel_size([view.camera for view in problem.scene.views], vertices)
+    return len(relations(vertices, problem.scene.mesh.faces, pixel).pairs) > 0
 
 
 def _level_by_points(measured: _Measured, is_fitted: bool, options: FairingOptions) -> int:

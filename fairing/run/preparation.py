@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fairing.cells.level_choice import first_fine_level
+from fairing.features.points import FeaturePoints
 from fairing.features.robust_fit import held_back_loss
 from fairing.geometry.manhattan import straightened
 from fairing.geometry.normal_filter import smoothed
@@ -34,11 +35,13 @@ class Preparation(NamedTuple):
         reason: SMOOTHED or FITTED_TO_POINTS.
         evaluation: energies afterwards.
         loss: mean loss per photo px afterwards.
+        is_swept: whether it is a fit to points of surface sweeps, too.
     """
 
     reason: StepReason
     evaluation: Evaluation
     loss: float
+    is_swept: bool
 
     @property
     def after(self) -> np.ndarray:
@@ -60,10 +63,7 @@ class Preparations:
         self._prepared.clear()
 
     def find(self) -> list[Preparation]:
-        """The preparations, in their order, that are enabled and lower the mean loss of the photos by `GAIN`.
-
-        A fit to points of surface sweeps need only lower it at all: coarse photos of a start some pixels off discriminate
-        little (ledger: fit that the points call for).
+        """The preparations, in their order, that are enabled and that the photos accept.
 
         Smoothing does so where the vertices are noisy. Such a run also uses the smoothness prior at its levels, which
         determines the vertices no photo sees. Where points were found in the photos, they must accept the smoothing as well:
@@ -82,8 +82,7 @@ class Preparations:
             if not is_enabled:
                 continue
             before, preparation = self._compared(reason, vertices, _TRIED[reason])
-            gain = 1 - preparation.loss / max(_mean_loss(before), 1e-300)
-            if gain > GAIN or (gain > 0 and reason is StepReason.FITTED_TO_POINTS and problem.near_points):
+            if _is_accepted(before, preparation):
                 done.append(preparation)
                 vertices = preparation.after
         return done
@@ -112,6 +111,25 @@ class Preparations:
         losses = _mean_loss(before), preparation.loss
         return moved_record(self._problem, position, 0, ids, before, preparation.evaluation, reason, objectives=losses)
 
+    def second_fit(self, position: SchedulePosition, moment: int, vertices: np.ndarray) -> StepRecord:
+        """The step of a second fit to the sparse points, see `fairing.run.phases.SecondFit`; vertices stay if the photos reject it.
+
+        Args:
+            position: of the step, and of the following one.
+            moment: before it.
+            vertices: (n, 3) float: positions then, world units.
+
+        Raises:
+            Cancelled: cancellation was requested.
+        """
+        before, fitted = self._compared(StepReason.FITTED_TO_POINTS, vertices, "fitting to the sparse points once more")
+        self.clear()
+        ids = np.flatnonzero((fitted.after != vertices).any(axis=1))
+        losses, after, reason = (_mean_loss(before), fitted.loss), fitted.evaluation, StepReason.FITTED_AGAIN
+        if not _is_accepted(before, fitted):
+            after, reason = before, StepReason.REJECTED_FIT
+        return moved_record(self._problem, position, moment, ids, before, after, reason, objectives=losses)
+
     def _compared(self, reason: StepReason, vertices: np.ndarray, doing: str) -> tuple[Evaluation, Preparation]:
         """Energies at vertices (n, 3), and their preparation."""
         key = vertices.tobytes()
@@ -136,29 +154,45 @@ def _prepare(problem: Problem, reason: StepReason, vertices: np.ndarray) -> Prep
     """The preparation of vertices (n, 3).
 
     The robust fit reaches farther and leaves out clutter; a fit to closest points goes on from there (ledger: choice of the
-    fit). Then what follows the axes of a building is straightened (ledger: Manhattan frame). Points near the robust fit go to
-    `Problem.near_points`.
+    fit). Then what follows the axes of a building is straightened (ledger: Manhattan frame).
     """
+    near, rounds = None, FIT_ROUNDS
     if reason is StepReason.SMOOTHED:
         after = _smoothed(problem, vertices)
     else:
-        rounds = FIT_ROUNDS
         if len(problem.observed_points):
-            (vertices, problem.near_points), rounds = swept_fit(problem, vertices), ROUNDS_AFTER_ROBUST_FIT
-        after = _straightened(problem, fitted_to_points(problem, vertices, rounds).targets)
+            (vertices, near), rounds = swept_fit(problem, vertices), ROUNDS_AFTER_ROBUST_FIT
+        after = _straightened(problem, fitted_to_points(problem, vertices, rounds, near).targets)
     evaluation = _evaluate(problem, after)
-    return Preparation(reason, evaluation, _mean_loss(evaluation))
+    return Preparation(reason, evaluation, _mean_loss(evaluation), is_swept=near is not None and len(near) > 0)
 
 
-def find_near_points(problem: Problem, plan: RunPlan) -> None:
-    """Find `Problem.near_points` of a planned run anew, if it needs them and does not have them, as in a resumed run.
+def _is_accepted(before: Evaluation, preparation: Preparation) -> bool:
+    """Whether a preparation lowers the mean loss of the photos by `GAIN`.
+
+    A fit to points of surface sweeps need only lower it at all: coarse photos of a start some pixels off discriminate
+    little (ledger: fit that the points call for).
+    """
+    gain = 1 - preparation.loss / max(_mean_loss(before), 1e-300)
+    return gain > (0.0 if preparation.is_swept else GAIN)
+
+
+def near_points(problem: Problem, plan: RunPlan, begun_again: np.ndarray | None) -> FeaturePoints | None:
+    """The points of the surface sweeps of the last fit; found anew where `Problem.near_points` lacks them, as in a resumed run.
+
+    Args:
+        begun_again: (n, 3) float: the vertices before a second fit, world units; None before one.
 
     Raises:
         Cancelled: cancellation was requested.
     """
-    if problem.near_points is None and plan.is_fitted_to_points and len(problem.observed_points):
-        start = _smoothed(problem, problem.start) if plan.is_smoothed else problem.start
-        problem.near_points = swept_fit(problem, start).points
+    if len(problem.observed_points) == 0 or (begun_again is None and not plan.is_fitted_to_points):
+        return None
+    begun = begun_again
+    if begun is None:
+        begun = _smoothed(problem, problem.start) if plan.is_smoothed else problem.start
+    kept = problem.near_points.get(begun.tobytes())
+    return swept_fit(problem, begun).points if kept is None else kept
 
 
 def _smoothed(problem: Problem, vertices: np.ndarray) -> np.ndarray:

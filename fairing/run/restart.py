@@ -89,7 +89,7 @@ def _searched(
     if level.search is None:
         return places
     plain = replace(level, smoothing=0.0, attraction=0.0)
-    sweep = begin_sweep(problem, plain, level.search, 0, vertices, parent.origin, among)
+    sweep = begin_sweep(problem, plain, level.search, 0, vertices, parent.origin, among, parent.near_points)
     for block in sweep.blocks:
         places[block.vertices] = search_around(problem, sweep, block, places, level.search).after
     return places
@@ -101,7 +101,7 @@ def _refined(
     """(n, 3) float: vertices (n, 3) after Gauss-Newton sweeps at a level by those of a mask (n,) alone."""
     places, level = vertices, replace(level, smoothing=0.0)
     for _ in range(phase.max_sweeps):
-        sweep = begin_sweep(problem, level, phase, 0, places, parent.origin, among)
+        sweep = begin_sweep(problem, level, phase, 0, places, parent.origin, among, parent.near_points)
         for block in sweep.blocks:
             previous, system = None, None
             for iteration in range(phase.max_iterations):

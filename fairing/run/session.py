@@ -115,11 +115,13 @@ class Session:
         if not self.finished:
             return "not finished"
         steps, n_vertices = self.trace.steps[: self.moment], len(self.trace.start)
-        if not any(len(record.vertices) for record in steps):
+        moving = [record for record in steps if len(record.vertices) and not record.is_second_fit]
+        if not moving:
             return f"finished: no vertex could move ({int(self.locked.sum())} of {n_vertices} vertices are locked)"
-        last = steps[-1]
-        if len(last.reasons) and (last.reasons == StepReason.RETURNED).all():
+        if (moving[-1].reasons == StepReason.RETURNED).all():
             when = "after the last manual edit" if self.trace.manual_moments else "at the start"
+            if self.trace.second_fit_before(self.moment):
+                when = "before the second fit to the sparse points"
             return (
                 f"finished: the mesh was better {when}, by its energy or by held-out points; every vertex was returned"
             )

@@ -7,7 +7,7 @@ import numpy as np
 
 from fairing.errors import InputError
 from fairing.run.gauss_newton_step import gauss_newton_step
-from fairing.run.phases import GaussNewton, Restart
+from fairing.run.phases import GaussNewton, Restart, SecondFit
 from fairing.run.preparation import Preparations, preparation_reasons
 from fairing.run.records import empty_record, returned_if_worse
 from fairing.run.restart import restart
@@ -53,7 +53,10 @@ class Stepper:
         if n_manual == moment and position.level < schedule.begin_level:
             begin = SchedulePosition(schedule.begin_level, 0, 0, 0)
             return empty_record(problem, position, self._sweeps.begun_at(moment), begin)
-        sweep, vertices = self._sweeps.at(moment), trace.vertices_at(moment)
+        vertices = trace.vertices_at(moment)
+        if self._is_second_fit(position):
+            return self._second_fit(position, moment, vertices)
+        sweep = self._sweeps.at(moment)
         if not sweep.blocks:
             following = SchedulePosition(position.level + 1, 0, 0, 0)
             if not isinstance(sweep.phase, GaussNewton):
@@ -87,6 +90,17 @@ class Stepper:
         """Remove the normal equations kept for the next step; they are computed again when needed."""
         self._carried = None
 
+    def _is_second_fit(self, position: SchedulePosition) -> bool:
+        return isinstance(self._sweeps.schedule.levels[position.level].phase_at(position.sweep), SecondFit)
+
+    def _second_fit(self, position: SchedulePosition, moment: int, vertices: np.ndarray) -> StepRecord:
+        """The step of a `SecondFit`; vertices (n, 3) are the positions at the moment. Manual edits would be lost by it."""
+        end = SchedulePosition(position.level + 1, 0, 0, 0)
+        if self._trace.manual_moments:
+            return empty_record(self._problem, position, moment, end)
+        fit = self._preparations.second_fit(position, moment, vertices)
+        return replace(fit, next_position=position._replace(sweep=position.sweep + 1) if fit.accepted else end)
+
     def _carried_system(self, moment: int, block: Block) -> FaceSystem | None:
         carried = self._carried
         if carried is None or carried.moment != moment or carried.block is not block:
@@ -94,11 +108,15 @@ class Stepper:
         return carried.system
 
     def _returned_if_worse(self, record: StepRecord, sweep: SweepState, moment: int) -> StepRecord:
-        """The step after a moment; for the last step of a run see `fairing.run.records.returned_if_worse`."""
-        if record.next_position.level < self._problem.options.n_levels:
+        """The step after a moment; for the last step before a second fit and after it, or of a run, see
+        `fairing.run.records.returned_if_worse`."""
+        following = record.next_position
+        if following.level < self._problem.options.n_levels and not self._is_second_fit(following):
             return record
-        edits = (made for made in self._trace.manual_moments if made <= moment)
-        begun, vertices = self._trace.vertices_at(max(edits, default=0)), self._trace.vertices_at(moment)
+        trace = self._trace
+        edits = (made for made in trace.manual_moments if made <= moment)
+        begun = trace.vertices_at(max(trace.second_fit_before(moment) - 1, *edits, 0))
+        vertices = trace.vertices_at(moment)
         return returned_if_worse(self._problem, sweep, record, vertices, record.applied_to(vertices), begun)
 
     def _continued(

@@ -6,10 +6,11 @@ import numpy as np
 
 from fairing.cells.context import CellContext
 from fairing.creases.alignment import aligned_to_image_edges
+from fairing.features.points import FeaturePoints
 from fairing.geometry.normal_filter import smoothed
 from fairing.mesh import Mesh
 from fairing.options import by_level
-from fairing.run.phases import GaussNewton, Level, LocalSearch, Phase, Restart
+from fairing.run.phases import GaussNewton, Level, LocalSearch, Phase, Restart, SecondFit
 from fairing.scene import Scene
 from fairing.solve.blocks import Block, plan_blocks, restart_block
 from fairing.solve.energy import FaceSystem, fixed_sigma, robust_scale, robust_sigma
@@ -47,6 +48,7 @@ class SweepState:
         blocks: in their order.
         pixels_per_unit: (n,) float: largest motion of a vertex in a photo, px per world unit; 0 where unseen.
         mean_loss: of the mesh, per photo px.
+        near_points: of the surface sweeps of the last fit; None without any.
         system: normal equations of all faces at the beginning, by all corners, for a first step of all vertices at once; else None.
     """
 
@@ -61,6 +63,7 @@ class SweepState:
     blocks: list[Block]
     pixels_per_unit: np.ndarray
     mean_loss: float
+    near_points: FeaturePoints | None
     system: FaceSystem | None
 
     def longest_move(self, scene: Scene, vertices: np.ndarray) -> float:
@@ -78,6 +81,7 @@ def begin_sweep(
     vertices: np.ndarray,
     origin: np.ndarray,
     among: np.ndarray | None = None,
+    near_points: FeaturePoints | None = None,
 ) -> SweepState:
     """Compute visibility, robust scale, priors and blocks.
 
@@ -88,6 +92,7 @@ def begin_sweep(
         vertices: (n, 3) float: positions then, world units.
         origin: (n, 3) float, see `SweepState`.
         among: (n,) bool: only these vertices may move, and only the faces around them are evaluated; default: all.
+        near_points: see `SweepState`.
 
     Raises:
         InputError: no photo sees any face well enough at the last level.
@@ -123,7 +128,7 @@ def begin_sweep(
     area = float((context.footprint_area * context.n_views)[context.takes_part].sum())
     mean_loss = float(system.energy.sum()) / area if area > 0 else 0.0
     if level.attraction > 0:
-        to_points = fitted_to_points(problem, vertices, FIT_ROUNDS)
+        to_points = fitted_to_points(problem, vertices, FIT_ROUNDS, near_points)
         variance = _vertex_losses(mesh, context, system, sigma**2)
         variance[variance == 0] = np.inf  # where no photo sees the mesh, the points alone count
         strength = level.attraction * typical * np.minimum(1.0, variance / POINTS_VARIANCE)
@@ -136,7 +141,7 @@ def begin_sweep(
             blocks = plan_blocks(mesh, movable, options.schedule.order, system.energy)
         case LocalSearch():
             blocks = plan_blocks(mesh, movable & _well_seen(mesh, context.takes_part), "independent", system.energy)
-        case Restart():
+        case Restart() | SecondFit():
             blocks = [restart_block(mesh, np.flatnonzero(free))] if free.any() else []
     return SweepState(
         moment,
@@ -150,6 +155,7 @@ def begin_sweep(
         blocks,
         pixels,
         mean_loss,
+        near_points,
         system if isinstance(phase, GaussNewton) and options.schedule.order == "joint" else None,
     )
 

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from fairing.run.phases import Schedule, schedule_of
-from fairing.run.preparation import find_near_points
+from fairing.run.preparation import near_points
 from fairing.run.sweep import SweepState, begin_sweep
 from fairing.solve.problem import Problem
 from fairing.trace import SchedulePosition, Trace
@@ -84,10 +84,19 @@ class SweepCache:
 
     def _begin(self, position: SchedulePosition, moment: int) -> SweepState:
         level = self.schedule.levels[position.level]
-        vertices, origin = self._trace.vertices_at(moment), self._trace.origin_at(moment)
-        if level.attraction > 0 and self._trace.plan is not None:
-            find_near_points(self._problem, self._trace.plan)
-        return begin_sweep(self._problem, level, level.phase_at(position.sweep), moment, vertices, origin)
+        trace, strengths, near = self._trace, level.at(position.sweep), None
+        if strengths.attraction > 0 and trace.plan is not None:
+            fit = trace.second_fit_before(moment)
+            near = near_points(self._problem, trace.plan, trace.vertices_at(fit - 1) if fit else None)
+        return begin_sweep(
+            self._problem,
+            strengths,
+            level.phase_at(position.sweep),
+            moment,
+            trace.vertices_at(moment),
+            trace.origin_at(moment),
+            near_points=near,
+        )
 
     def _photo_bytes(self) -> int:
         planes = {id(pixels): pixels.nbytes for pixels in (sweep.context.kernel.pixels for sweep in self._sweeps)}

@@ -39,8 +39,9 @@ class SweptFit(NamedTuple):
 def swept_fit(problem: Problem, vertices: np.ndarray) -> SweptFit:
     """The fit of vertices (n, 3), which keep their place where it would fold a face.
 
-    A start of small faces that the sparse points hardly move is not swept: it is more accurate than single pixels' depths.
-    It depends on the photos, the fitting points, the locked vertices and `vertices` alone.
+    `Problem.near_points` keeps the points of the last sweep. A start of small faces that the sparse points hardly move is not
+    swept: it is more accurate than single pixels' depths. The fit depends on the photos, the fitting points, the locked vertices
+    and `vertices` alone.
 
     Raises:
         Cancelled: cancellation was requested.
@@ -57,10 +58,11 @@ def swept_fit(problem: Problem, vertices: np.ndarray) -> SweptFit:
     points, near = problem.observed_points, FeaturePoints.none("no sweep was made")
     error, fitted = measured_start_error(problem, vertices), fitted_to(points)
     if _is_far(mesh, fitted, cameras) or _has_large_faces(problem, vertices, max(error, LEAST_ERROR)):
-        with problem.work.doing("finding points near the start", SWEEPS) as work:
+        with problem.work.doing("finding points near the surface", SWEEPS) as work:
             for k in work.each(range(SWEEPS)):
                 near = sweep.points(fitted, max(error / 2**k, LEAST_ERROR))
                 fitted = fitted_to(points.joined(near), fitted.vertices)
+    problem.near_points[vertices.tobytes()] = near
     return SweptFit(problem.moved_to(vertices, fitted.vertices), near)
 
 

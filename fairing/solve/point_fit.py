@@ -11,6 +11,7 @@ import trimesh
 from scipy.sparse import coo_array, diags_array, eye_array
 from scipy.sparse.linalg import splu
 
+from fairing.features.points import FeaturePoints
 from fairing.features.robust_fit import points_on_surface
 from fairing.geometry.closest_point import SurfaceTree
 from fairing.geometry.normals import unit_normals
@@ -29,12 +30,15 @@ REGULARIZATION = (
 )
 
 
-def fitted_to_points(problem: Problem, vertices: np.ndarray, rounds: int) -> QuadraticPrior:
+def fitted_to_points(
+    problem: Problem, vertices: np.ndarray, rounds: int, near: FeaturePoints | None = None
+) -> QuadraticPrior:
     """Fit of the vertices to every second point: iterative closest points with Huber's loss of point-to-plane distances.
 
     Args:
         vertices: (n, 3) float: positions, world units; a vertex without points nearby keeps its own.
         rounds: number of iterations; each assigns every point to its closest face.
+        near: points of surface sweeps, which count like those of the capture (ledger: surface sweep).
 
     Returns:
         Prior with the fitted positions as targets. Its Hessians are the normal matrices of the points, relative to the mean
@@ -43,7 +47,7 @@ def fitted_to_points(problem: Problem, vertices: np.ndarray, rounds: int) -> Qua
     Raises:
         Cancelled: cancellation was requested.
     """
-    mesh, points = problem.scene.mesh, _positions(problem, vertices)
+    mesh, points = problem.scene.mesh, _positions(problem, vertices, near)
     ids = np.flatnonzero(~problem.locked)
     columns = (3 * ids[:, None] + np.arange(3)).ravel()
     edges = vertices[np.roll(mesh.faces, -1, axis=1)] - vertices[mesh.faces]
@@ -76,10 +80,8 @@ def fitted_to_points(problem: Problem, vertices: np.ndarray, rounds: int) -> Qua
     return QuadraticPrior(hessians / max(average, 1e-300), places)
 
 
-def _positions(problem: Problem, vertices: np.ndarray) -> np.ndarray:
+def _positions(problem: Problem, vertices: np.ndarray, near: FeaturePoints | None) -> np.ndarray:
     """(p, 3) float: the fitting points on the surface with vertices (n, 3), or all of them if their photos are not known.
-
-    Points near the start count like those of the capture (ledger: surface sweep).
 
     Points of the ground and the background lie near the boundary of the mesh too, but their own photos do not see the mesh
     at their place.
@@ -87,8 +89,8 @@ def _positions(problem: Problem, vertices: np.ndarray) -> np.ndarray:
     observed = problem.observed_points
     if len(observed) == 0:
         return fitting_points(problem.scene)
-    if problem.near_points is not None:
-        observed = observed.joined(problem.near_points)
+    if near is not None:
+        observed = observed.joined(near)
     cameras = [view.camera for view in problem.scene.views]
     return observed.positions[points_on_surface(problem.scene.mesh.moved(vertices), cameras, observed)]
 

@@ -47,7 +47,7 @@ class Problem:
         locked: (n,) bool: vertices that never move, by option or because they belong to a degenerate face.
         orientation: see `fairing.cells.visibility.mesh_orientation`.
         observed_points: see `fairing.solve.point_split.observed_fitting_points`.
-        near_points: points near the fitted start, found by surface sweeps; None before.
+        near_points: points of surface sweeps, by the bytes of the vertices (n, 3) whose fit found them.
         evaluator: computes energies and normal equations.
         warnings: of the scene and of the run so far, a line each.
         seconds: time spent on "photos" and on "visibility", s.
@@ -80,7 +80,7 @@ class Problem:
         self.locked = locked_by_options(scene, options)
         self.locked[scene.mesh.faces[degenerate]] = True
         self.observed_points: FeaturePoints = observed_fitting_points(scene) if like is None else like.observed_points
-        self.near_points: FeaturePoints | None = None
+        self.near_points: dict[bytes, FeaturePoints] = {}
         self.orientation = mesh_orientation(scene, start) if like is None else like.orientation
         if like is not None and replace(options, threads=like.options.threads) == like.options:
             self.near_points = like.near_points
@@ -250,9 +250,9 @@ class Problem:
     # ------------------------------------------------------------------ photos in memory
 
     def clear(self) -> None:
-        """Free the photos and the points near the start, which are found again when needed, and end the threads."""
+        """Free the photos and the points of surface sweeps, which are found again when needed, and end the threads."""
         self.evaluator.clear()
-        self._photos, self.near_points = self._fresh_photos(), None
+        self._photos, self.near_points = self._fresh_photos(), {}
 
     def _fresh_photos(self) -> ScaleSpace:
         def on_photo(done: int, count: int) -> None:
