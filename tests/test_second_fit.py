@@ -16,7 +16,7 @@ from fairing.scene import Scene
 from fairing.solve.energy import robust_scale
 from fairing.trace import StepReason, Trace
 from tests.small_scene import corner_scene, small_options
-from tests.test_point_fit import FAR, USED, observed, on_the_faces
+from tests.test_point_fit import USED, observed, on_the_faces
 from tests.test_small_building import small_building
 
 # By the error of the start, px: the photos accept the fit and the mesh is better after it; not better; they reject the fit.
@@ -120,11 +120,15 @@ def test_the_points_of_a_sweep_are_those_of_the_fit_before_it(kept):
 
 
 @pytest.mark.slow
-def test_a_run_with_manual_edits_is_not_fitted_again(kept):
-    session = Session(kept.scene, trace=kept.trace.cut(4))
+@pytest.mark.parametrize("before", [4, 0])
+def test_a_run_with_manual_edits_is_not_fitted_again(kept, before):
+    """Made `before` steps ahead of the second fit; the sweeps of the last level go on from there."""
+    session = Session(kept.scene, trace=kept.trace.cut(second_fit(kept) - before))
     session.place(np.array([5]), session.vertices[[5]] + 1e-3)
+    placed = session.vertices
     session.run()
     assert session.finished
+    assert (session.vertices != placed).any()
     assert not any(record.is_second_fit for record in session.trace.steps)
 
 
@@ -150,7 +154,7 @@ def test_a_second_fit_is_followed_by_the_sweeps_of_a_fitted_start():
 
 
 def test_a_mesh_without_the_axes_of_a_building_or_without_points_has_no_second_fit():
-    plan = Session(observed(corner_scene(FAR), on_the_faces(600)), small_options(step=USED)).make_plan()
+    plan = Session(observed(corner_scene((0.3, -0.2, 0.25)), on_the_faces(600)), small_options(step=USED)).make_plan()
     assert plan.represents_surface
     assert not plan.has_second_fit
     assert not Session(replace(building(REJECTED), sparse_points=None)).make_plan().has_second_fit

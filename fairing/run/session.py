@@ -16,7 +16,7 @@ from fairing.cells.point_spread import PATCH_MARGIN
 from fairing.option_check import check_options
 from fairing.options import FairingOptions, options_from_dict, options_to_dict
 from fairing.run.manual_edits import manual_step
-from fairing.run.phases import Phase
+from fairing.run.phases import Phase, SecondFit
 from fairing.run.planning import make_plan
 from fairing.run.preparation import Preparations
 from fairing.run.schedule import fraction_done, most_blocks
@@ -290,7 +290,8 @@ class Session:
     ) -> StepRecord:
         """Move vertices manually, as a step after the last one; the present sweep begins anew.
 
-        The new positions become the origin of these vertices. A finished run continues at its last level.
+        The new positions become the origin of these vertices. A finished run continues at its last level, and so does one that
+        waits for its second fit to the sparse points, which runs with manual edits do not make.
 
         Args:
             vertices: (u,) int, ids.
@@ -306,7 +307,9 @@ class Session:
         sweep, position = self.sweep_state(), self.position
         following = position._replace(block=0, iteration=0)
         if self.finished and self.moment:
-            position, following = self.trace.steps[-1].position, SchedulePosition(self.options.n_levels - 1, 0, 0, 0)
+            position = self.trace.steps[-1].position
+        if (self.finished and self.moment) or isinstance(sweep.phase, SecondFit):
+            following = SchedulePosition(self.options.n_levels - 1, 0, 0, 0)
         record = manual_step(self._problem, sweep, position, self.vertices, vertices, positions, reason)
         record = replace(record, next_position=following)
         self.trace.append(record)
