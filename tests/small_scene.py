@@ -3,8 +3,10 @@
 Six triangles meet in vertex 0. Photos are ray cast through 4 x 4 points a pixel with numpy alone.
 """
 
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from PIL import Image
@@ -154,3 +156,12 @@ def on_the_faces(count: int = 600, seed: int = 0) -> np.ndarray:
     """Points on the true faces, as many on each."""
     weights = np.random.default_rng(seed).dirichlet(np.ones(3), (count // len(FACES), len(FACES)))
     return np.einsum("cfk,fkx->cfx", weights, VERTICES[FACES]).reshape(-1, 3)
+
+
+def observed(scene: Scene, positions: np.ndarray, origin: Literal["given", "own"] = "own") -> Scene:
+    """The scene with points (n, 3) that each photo observes without error, each both for the fit and held out."""
+    positions = np.repeat(positions, 2, axis=0)
+    seen = [(p, v) for p in range(len(positions)) for v in range(len(scene.views))]
+    pixels = np.array([scene.views[v].camera.project(positions[p])[0] for p, v in seen])
+    points = SparsePoints(positions, np.zeros((len(positions), 3), np.uint8), np.array(seen), pixels, origin)
+    return replace(scene, sparse_points=points)

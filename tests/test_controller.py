@@ -296,7 +296,7 @@ def test_pause_does_not_wait_for_a_long_step(controller: Controller, monkeypatch
     began = threading.Event()
     begin = fairing.run.sweep_cache.begin_sweep
 
-    def endless(problem: Problem, *args):
+    def endless(problem: Problem, *args, **named):
         began.set()
         while True:
             problem.raise_if_cancelled()

@@ -1,7 +1,6 @@
 """Fit of a mesh to sparse points, and runs with sparse points."""
 
 from dataclasses import replace
-from typing import Literal
 
 import numpy as np
 import pytest
@@ -22,7 +21,7 @@ from fairing.run.session import Session
 from fairing.run.start_error import SEARCHED_ERROR
 from fairing.run.sweep import RESIDUAL_AREA, SweepState, begin_sweep
 from fairing.run_plan import RunPlan
-from fairing.scene import Scene, SparsePoints
+from fairing.scene import Scene
 from fairing.solve.normal_equations import vertex_systems
 from fairing.solve.point_fit import fitted_to_points
 from fairing.solve.point_split import fitting_points, kept_points, observed_fitting_points, observed_kept_points
@@ -33,6 +32,7 @@ from tests.small_scene import (
     START,
     VERTICES,
     corner_scene,
+    observed,
     on_the_faces,
     photos,
     small_options,
@@ -250,15 +250,6 @@ def test_energies_of_sweeps_leave_out_what_was_done_to_the_start():
     steps = [record for record in session.trace.steps[1:] if record.position[:2] == (first["level"], first["sweep"])]
     assert first["steps"] == len(steps)
     assert first["before"] == pytest.approx(steps[0].face_energy_before.sum())
-
-
-def observed(scene: Scene, positions: np.ndarray, origin: Literal["given", "own"] = "own") -> Scene:
-    """The scene with points (n, 3) that each photo observes without error, each both for the fit and held out."""
-    positions = np.repeat(positions, 2, axis=0)
-    seen = [(p, v) for p in range(len(positions)) for v in range(len(scene.views))]
-    pixels = np.array([scene.views[v].camera.project(positions[p])[0] for p, v in seen])
-    points = SparsePoints(positions, np.zeros((len(positions), 3), np.uint8), np.array(seen), pixels, origin)
-    return replace(scene, sparse_points=points)
 
 
 @pytest.mark.parametrize("origin", ["given", "own"])

@@ -15,9 +15,8 @@ from fairing.run_plan import RunPlan
 from fairing.scene import Scene
 from fairing.solve.energy import robust_scale
 from fairing.trace import StepReason, Trace
-from tests.small_scene import corner_scene, small_options
-from tests.test_point_fit import USED, observed, on_the_faces
-from tests.test_small_building import small_building
+from tests.small_building import small_building
+from tests.small_scene import corner_scene, observed, on_the_faces, small_options
 
 # By the error of the start, px: the photos accept the fit and the mesh is better after it; not better; they reject the fit.
 KEPT, TAKEN_BACK, REJECTED = 2.5, 4.0, 3.0
@@ -154,7 +153,9 @@ def test_a_second_fit_is_followed_by_the_sweeps_of_a_fitted_start():
 
 
 def test_a_mesh_without_the_axes_of_a_building_or_without_points_has_no_second_fit():
-    plan = Session(observed(corner_scene((0.3, -0.2, 0.25)), on_the_faces(600)), small_options(step=USED)).make_plan()
+    plan = Session(
+        observed(corner_scene((0.3, -0.2, 0.25)), on_the_faces(600)), small_options(step={"points": [0.3]})
+    ).make_plan()
     assert plan.represents_surface
     assert not plan.has_second_fit
     assert not Session(replace(building(REJECTED), sparse_points=None)).make_plan().has_second_fit

@@ -4,9 +4,6 @@ from dataclasses import replace
 
 import pytest
 
-from demo_scenes import Photography
-from demo_scenes.building.cameras import Shoot
-from demo_scenes.building.plan import Plan, draw_plan
 from demo_scenes.building.scene import scene_of_plan
 from fairing import fair
 from fairing.options import PRESETS
@@ -14,23 +11,7 @@ from fairing.run.session import Session
 from fairing.scene import Scene
 from fairing.trace import StepReason
 from tests.family import at_truth, errors_of
-
-
-def small_building() -> Plan:
-    """Two bays of one storey with a projecting block, a pilaster and a window; 9 photos of 0.12 Mpx, noise 1."""
-    plan = draw_plan(20)
-    shoot = Shoot("arc", 9, (400, 300), focal=1.0, fill=0.9)
-    px_per_metre = shoot.focal_px / shoot.distance(*plan.frame.extent)
-    return replace(
-        plan,
-        shoot=shoot,
-        photography=Photography(noise=1.0, exposure=0.05, seed=20),
-        px_per_metre=px_per_metre,
-        start="noise",
-        start_px=4.0,
-        has_points=False,
-        trees=1,
-    )
+from tests.small_building import small_building
 
 
 @pytest.fixture(scope="module")
