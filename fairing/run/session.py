@@ -119,8 +119,10 @@ class Session:
         if not moving:
             return f"finished: no vertex could move ({int(self.locked.sum())} of {n_vertices} vertices are locked)"
         if (moving[-1].reasons == StepReason.RETURNED).all():
-            when = "after the last manual edit" if self.trace.manual_moments else "at the start"
-            if self.trace.second_fit_before(self.moment):
+            when = "at the start"
+            if self.trace.manual_moments:
+                when = "after the last manual edit"
+            elif self.trace.second_fit_before(self.moment):
                 when = "before the second fit to the sparse points"
             return (
                 f"finished: the mesh was better {when}, by its energy or by held-out points; every vertex was returned"
