@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from demo_scenes.building.scene import scene_of_plan
-from fairing.judge.report import sweep_energies
+from fairing.judge.report import run_report, sweep_energies
 from fairing.options import PRESETS
 from fairing.run.phases import GaussNewton, SecondFit, schedule_of
 from fairing.run.session import Session
@@ -137,6 +137,14 @@ def test_energies_of_sweeps_leave_the_second_fit_out(kept):
     energies = sweep_energies(kept.trace)
     assert (position.level, position.sweep) not in {(sweep.level, sweep.sweep) for sweep in energies}
     assert {sweep.sweep for sweep in energies} > {position.sweep - 1, position.sweep + 1}
+
+
+@pytest.mark.slow
+def test_the_report_names_the_outcome(kept, rejected):
+    assert run_report(kept, "accurate", {}, {})["second_fit"] == "fitted_again"
+    assert run_report(rejected, "accurate", {}, {})["second_fit"] == "rejected_fit"
+    before = Session(kept.scene, trace=kept.trace.cut(second_fit(kept)))
+    assert run_report(before, "accurate", {}, {})["second_fit"] is None
 
 
 def test_a_second_fit_is_followed_by_the_sweeps_of_a_fitted_start():

@@ -103,6 +103,7 @@ def run_report(session: Session, preset: str, seconds: dict[str, float], quality
         "versions": versions(),
         "scene": _scene_facts(session),
         "preparations": [reason.name.lower() for reason in session.trace.preparations],
+        "second_fit": _second_fit(session.trace),
         "stop_reason": session.stop_reason,
         "finished": session.finished,
         "seconds": {"total": sum(stages.values())} | stages,
@@ -130,6 +131,12 @@ def _version(package: str) -> str | None:
         return version(package)
     except PackageNotFoundError:
         return None
+
+
+def _second_fit(trace: Trace) -> str | None:
+    """The outcome of the second fit to the sparse points; None if the run made none."""
+    reasons = (StepReason(record.reasons[0]) for record in trace.steps if record.is_second_fit)
+    return next((reason.name.lower() for reason in reasons), None)
 
 
 def _scene_facts(session: Session) -> dict[str, Any]:
