@@ -3,15 +3,7 @@
 import numpy as np
 
 from fairing.kernels.compiled import fast, plain
-from fairing.kernels.rows import (
-    BLOCK,
-    add_rows,
-    add_rows_to_all,
-    aligned,
-    dot_three,
-    dot_three_by_three,
-    times,
-)
+from fairing.kernels.rows import BLOCK, add_rows, add_rows_to_all, aligned, dot_three, dot_three_by_three, times
 
 
 @plain

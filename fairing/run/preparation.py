@@ -186,11 +186,14 @@ def near_points(problem: Problem, plan: RunPlan, begun_again: np.ndarray | None)
     Raises:
         Cancelled: cancellation was requested.
     """
-    if len(problem.observed_points) == 0 or (begun_again is None and not plan.is_fitted_to_points):
+    if len(problem.observed_points) == 0:
         return None
-    begun = begun_again
-    if begun is None:
+    if begun_again is not None:
+        begun = begun_again
+    elif plan.is_fitted_to_points:
         begun = _smoothed(problem, problem.start) if plan.is_smoothed else problem.start
+    else:
+        return None
     kept = problem.near_points.get(begun.tobytes())
     return swept_fit(problem, begun).points if kept is None else kept
 

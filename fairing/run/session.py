@@ -308,9 +308,10 @@ class Session:
         assert self.moment == len(self.trace), "a record only grows at its end; branch first"
         sweep, position = self.sweep_state(), self.position
         following = position._replace(block=0, iteration=0)
-        if self.finished and self.moment:
+        is_over = self.finished and self.moment > 0
+        if is_over:
             position = self.trace.steps[-1].position
-        if (self.finished and self.moment) or isinstance(sweep.phase, SecondFit):
+        if is_over or isinstance(sweep.phase, SecondFit):
             following = SchedulePosition(self.options.n_levels - 1, 0, 0, 0)
         record = manual_step(self._problem, sweep, position, self.vertices, vertices, positions, reason)
         record = replace(record, next_position=following)
