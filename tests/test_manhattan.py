@@ -3,8 +3,19 @@
 import numpy as np
 import pytest
 import trimesh
+from scipy.optimize import minimize
 
-from fairing.geometry.manhattan import ANGLE, SCALE, relations, straightened
+from fairing.geometry.manhattan import (
+    ANGLE,
+    FAR_INFORMATION,
+    FAR_SCALE,
+    SCALE,
+    STAGES,
+    START_PART,
+    relations,
+    straightened,
+    straightened_from_afar,
+)
 
 PIXEL = 0.05  # world units: an edge of a cube has 20 px
 TURN = trimesh.transformations.rotation_matrix(0.7, [1, 2, 3])[:3, :3]
@@ -106,6 +117,71 @@ def test_edges_that_follow_no_axis_keep_their_direction(tower):
     assert np.abs(result - sheared).max() < 0.05 * PIXEL
 
 
+def half_determined(tower, px: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The tower's vertices with noise on every second one, (n,) bool those, and (n, 3, 3) float: what points tell of the others."""
+    vertices, _ = tower
+    is_off = np.arange(len(vertices)) % 2 == 0
+    start = np.where(is_off[:, None], noisy(vertices, px, 3), vertices)
+    return start, is_off, np.where(is_off[:, None, None], 0.0, np.eye(3))
+
+
+def test_vertices_without_points_go_back_from_afar(tower):
+    vertices, faces = tower
+    start, is_off, information = half_determined(tower, 4.0)
+    result = straightened_from_afar(start, faces, unlocked(vertices), pixels(vertices), information, 8.0)
+    near_alone = straightened(start, faces, unlocked(vertices), pixels(vertices))
+    before = px_off(start[is_off], vertices[is_off])
+    assert px_off(result[is_off], vertices[is_off]) < 0.3 * before
+    assert px_off(near_alone[is_off], vertices[is_off]) > 0.5 * before
+    assert px_off(result[~is_off], vertices[~is_off]) < 0.5
+
+
+def test_from_afar_is_where_the_energy_of_relations_and_positions_is_least(tower):
+    vertices, faces = tower
+    error = 4.0
+    start, is_off, information = half_determined(tower, 2.0)
+    result = straightened_from_afar(start, faces, unlocked(vertices), pixels(vertices), information, error)
+    found = relations(result, faces, pixels(vertices), error / 2 ** (STAGES - 1))
+    matrix, precision = found.matrix(len(vertices)), FAR_INFORMATION * ~is_off + (1 / (START_PART * error)) ** 2
+
+    def energy(px: np.ndarray) -> tuple[float, np.ndarray]:
+        """Of moves (3 n,) from the start, px, and its gradient: Geman-McClure losses of the relations, squares of the moves."""
+        residual = matrix @ (start.ravel() + PIXEL * px)
+        loss, slope = residual**2 / (1 + (residual / FAR_SCALE) ** 2), residual / (1 + (residual / FAR_SCALE) ** 2) ** 2
+        weight, own = (SCALE / FAR_SCALE) ** 2, np.repeat(precision, 3)
+        return float(weight * loss.sum() + (own * px**2).sum()) / 2, weight * PIXEL * (matrix.T @ slope) + own * px
+
+    px = ((result - start) / PIXEL).ravel()
+    best = minimize(energy, px, jac=True, method="L-BFGS-B", options={"maxiter": 2000, "ftol": 1e-14, "gtol": 1e-9})
+    assert np.abs(best.x - px).max() < 0.05
+    assert energy(px)[0] < 0.1 * energy(np.zeros_like(px))[0]
+
+
+def test_points_hold_what_follows_no_axis(tower):
+    vertices, faces = tower
+    sheared = vertices.copy()
+    roof = (vertices @ TURN)[:, 0] > 5.5
+    sheared[roof] += 0.4 * TURN[:, 0] * (vertices @ TURN)[roof, 1:2]  # a slope of 22 degrees
+    known, unknown = np.tile(np.eye(3), (len(vertices), 1, 1)), np.zeros((len(vertices), 3, 3))
+    held, free, near = (
+        straightened_from_afar(sheared, faces, unlocked(vertices), pixels(vertices), information, error)
+        for information, error in ((known, 6.0), (unknown, 6.0), (unknown, 0.0))
+    )
+    assert px_off(held, sheared) < 0.2 * px_off(free, sheared)
+    assert np.abs(near - sheared).max() < 0.05 * PIXEL
+
+
+def test_from_afar_locked_vertices_and_those_without_a_pixel_stay(tower):
+    vertices, faces = tower
+    start, pixel, locked = noisy(vertices, 0.6), pixels(vertices), unlocked(vertices)
+    locked[::7] = True
+    pixel[1::7] = np.nan
+    result = straightened_from_afar(start, faces, locked, pixel, np.zeros((len(vertices), 3, 3)), 6.0)
+    stays = locked | np.isnan(pixel)
+    assert (result[stays] == start[stays]).all()
+    assert (result[~stays] != start[~stays]).any(axis=1).mean() > 0.9
+
+
 @pytest.mark.parametrize("shape", ["sphere", "noise", "terrain", "cylinder"])
 def test_other_shapes_have_no_relations(shape):
     random = np.random.default_rng(1)
@@ -121,6 +197,11 @@ def test_other_shapes_have_no_relations(shape):
     vertices = np.asarray(mesh.vertices)
     assert len(relations(vertices, np.asarray(mesh.faces), pixels(vertices)).pairs) == 0
     result = straightened(vertices, np.asarray(mesh.faces), unlocked(vertices), pixels(vertices))
+    assert (result == vertices).all()
+    nothing = np.zeros((len(vertices), 3, 3))
+    result = straightened_from_afar(
+        vertices, np.asarray(mesh.faces), unlocked(vertices), pixels(vertices), nothing, 8.0
+    )
     assert (result == vertices).all()
 
 

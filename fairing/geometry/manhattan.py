@@ -23,6 +23,13 @@ LONG = 3.0  # px: shorter edges tell nothing about an axis
 LEAST_EDGES, LEAST_PART = 8, 0.5  # long edges within `ANGLE` of an axis, and the part of them that must follow it
 SCALE = 3.0  # px, of the Geman-McClure loss of the relations
 ITERATIONS = 12  # of reweighting
+# Of vertices that are far off: relations within an error, and within half of it in each further stage. (ledger: broad relations)
+STAGES = 4
+FAR_ANGLE = 45.0  # degrees: edges and normals within it of an axis may follow it,
+FAR_DEVIATION = 2.0  # where their deviation is at most this, in errors
+FAR_SCALE = 2.0  # px: least scale of the loss; relations weigh (`SCALE` / scale)^2
+FAR_INFORMATION = 5.0  # 1 / px^2: of points that determine a direction as well as an average one
+START_PART = 0.5  # standard deviation of a vertex without points, in errors; at least 1 px
 
 
 class Relations(NamedTuple):
@@ -44,9 +51,9 @@ class Relations(NamedTuple):
         shape = (len(self.pairs), 3 * n_vertices)
         return coo_array((values.ravel(), (rows, columns.ravel())), shape=shape).tocsc()
 
-    def weights(self, differences: np.ndarray) -> np.ndarray:
-        """(r,) float: weights of iteratively reweighted least squares for differences (r,) float, px."""
-        return geman_mcclure_weights(differences, SCALE)
+    def weights(self, differences: np.ndarray, scale: float = SCALE) -> np.ndarray:
+        """(r,) float: weights of iteratively reweighted least squares for differences (r,) float, px; 1 at most for `SCALE`."""
+        return (SCALE / scale) ** 2 * geman_mcclure_weights(differences, scale)
 
     def hessians(self, weights: np.ndarray, n_vertices: int) -> np.ndarray:
         """(n, 3, 3) float, 1 / world unit^2: normal matrix of each vertex, the others held."""
@@ -57,13 +64,14 @@ class Relations(NamedTuple):
         return result
 
 
-def relations(vertices: np.ndarray, faces: np.ndarray, pixel: np.ndarray) -> Relations:
+def relations(vertices: np.ndarray, faces: np.ndarray, pixel: np.ndarray, error: float = 0.0) -> Relations:
     """The relations between the ends of edges that follow an axis and the corners of faces perpendicular to one.
 
     Args:
         vertices: (n, 3) float, world units.
         faces: (m, 3) int.
         pixel: (n,) float: size of a pixel, world units; NaN for vertices that take no part.
+        error: px: how far vertices may be off; short edges and small faces may deviate from an axis accordingly.
     """
     faces = faces[np.isfinite(pixel[faces]).all(axis=1)]
     pairs, directions = [np.zeros((0, 2), dtype=int)], [np.zeros((0, 3))]
@@ -71,15 +79,16 @@ def relations(vertices: np.ndarray, faces: np.ndarray, pixel: np.ndarray) -> Rel
     edge_pixel, face_pixel = pixel[edges].mean(axis=1), pixel[faces].mean(axis=1)
     across = (vertices[edges[:, 1]] - vertices[edges[:, 0]]) / edge_pixel[:, None]
     normals, area = unit_normals(vertices, faces)
+    sized = normals * (np.sqrt(area) / face_pixel)[:, None]
     frame = _frame(normals, area)
     for k, axis in enumerate(frame):
         if not _is_followed(across, axis):
             continue
-        along = _is_near(across, axis)
+        along = _is_near(across, axis, error)
         for other in np.delete(frame, k, axis=0):
             pairs.append(edges[along])
             directions.append(other / edge_pixel[along, None])
-        facing = _is_near(normals, axis)
+        facing = _is_near(sized, axis, error)
         for side in ([0, 1], [1, 2], [2, 0]):
             pairs.append(faces[facing][:, side])
             directions.append(axis / face_pixel[facing, None])
@@ -98,12 +107,62 @@ def straightened(vertices: np.ndarray, faces: np.ndarray, locked: np.ndarray, pi
     found, free = relations(vertices, faces, pixel), np.flatnonzero(~locked & np.isfinite(pixel))
     if len(found.pairs) == 0 or len(free) == 0:
         return vertices
+    precision = pixel[:, None, None] ** -2.0 * np.eye(3)
+    return _related(vertices, found, free, precision, vertices, SCALE)
+
+
+def straightened_from_afar(
+    vertices: np.ndarray,
+    faces: np.ndarray,
+    locked: np.ndarray,
+    pixel: np.ndarray,
+    information: np.ndarray,
+    error: float,
+) -> np.ndarray:
+    """(n, 3) float: vertices moved until their relations hold, those that points determine the least.
+
+    Photos and points show no more than some of the vertices. The others are as far off as they began, and edges and faces that
+    follow an axis deviate from it accordingly: relations are sought within the error, which falls by half from stage to stage.
+    (ledger: broad relations)
+
+    Args:
+        vertices: (n, 3) float, world units: fitted to points.
+        faces: (m, 3) int.
+        locked: (n,) bool: vertices that stay.
+        pixel: (n,) float, see `relations`.
+        information: (n, 3, 3) float: what the points determine, 1 in a direction that they determine as well as an average one.
+        error: px: distance of the vertices from their true positions before they were fitted; 0 if it is not known.
+    """
+    free = np.flatnonzero(~locked & np.isfinite(pixel))
+    if len(relations(vertices, faces, pixel).pairs) == 0 or len(free) == 0:
+        return vertices
+    own = FAR_INFORMATION * information + np.eye(3) / max(START_PART * error, 1.0) ** 2
+    precision, moved = own / pixel[:, None, None] ** 2, vertices
+    for within in error * 0.5 ** np.arange(STAGES):
+        found = relations(moved, faces, pixel, within)
+        moved = _related(vertices, found, free, precision, moved, max(within, FAR_SCALE))
+    return moved
+
+
+def _related(
+    vertices: np.ndarray, found: Relations, free: np.ndarray, precision: np.ndarray, begin: np.ndarray, scale: float
+) -> np.ndarray:
+    """(n, 3) float: vertices (n, 3) after those of `free` (f,) int have moved towards their relations, by reweighted least squares.
+
+    Args:
+        precision: (n, 3, 3) float, 1 / world unit^2: of each vertex's position; relations weigh 1 / px^2.
+        begin: (n, 3) float: where the first weights are taken.
+        scale: px, of the loss.
+    """
+    n, coordinates = len(free), np.arange(3 * len(free)).reshape(-1, 3)
+    rows, columns = np.broadcast_arrays(coordinates[:, :, None], coordinates[:, None])
+    holds = coo_array((precision[free].ravel(), (rows.ravel(), columns.ravel())), shape=(3 * n, 3 * n)).tocsc()
     matrix = found.matrix(len(vertices))
     differences, J = matrix @ vertices.ravel(), matrix[:, (3 * free[:, None] + np.arange(3)).ravel()]
-    position, step = diags_array(np.repeat(pixel[free] ** -2.0, 3)), np.zeros(3 * len(free))
+    step = (begin - vertices)[free].ravel()
     for _ in range(ITERATIONS):
-        weights = found.weights(differences + J @ step)
-        step = splu(csc_array(J.T @ diags_array(weights) @ J + position)).solve(-J.T @ (weights * differences))
+        weights = found.weights(differences + J @ step, scale)
+        step = splu(csc_array(J.T @ diags_array(weights) @ J + holds)).solve(-J.T @ (weights * differences))
     moved = vertices.copy()
     moved[free] += step.reshape(-1, 3)
     return moved
@@ -133,9 +192,12 @@ def _frame(normals: np.ndarray, area: np.ndarray) -> np.ndarray:
     return np.stack([first, second, np.cross(first, second)])
 
 
-def _is_near(vectors: np.ndarray, axis: np.ndarray) -> np.ndarray:
-    """(k,) bool: vectors (k, 3) within `ANGLE` of an axis, in either direction."""
-    return np.abs(vectors @ axis) > np.cos(np.radians(ANGLE)) * np.linalg.norm(vectors, axis=1)
+def _is_near(vectors: np.ndarray, axis: np.ndarray, error: float = 0.0) -> np.ndarray:
+    """(k,) bool: vectors (k, 3), px, within `ANGLE` of an axis, in either direction, or as near as an error, px, lets them be."""
+    length, along = np.linalg.norm(vectors, axis=1), np.abs(vectors @ axis)
+    deviation = np.sqrt(np.maximum(length**2 - along**2, 0))
+    is_far = (along > np.cos(np.radians(FAR_ANGLE)) * length) & (deviation < FAR_DEVIATION * error)
+    return is_far | (along > np.cos(np.radians(ANGLE)) * length)
 
 
 def _is_followed(edges: np.ndarray, axis: np.ndarray) -> bool:

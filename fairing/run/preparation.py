@@ -7,14 +7,16 @@ import numpy as np
 from fairing.cells.level_choice import first_fine_level
 from fairing.features.points import FeaturePoints
 from fairing.features.robust_fit import held_back_loss
-from fairing.geometry.manhattan import straightened
+from fairing.geometry.manhattan import straightened_from_afar
 from fairing.geometry.normal_filter import smoothed
 from fairing.geometry.pixel_size import pixel_size
 from fairing.run.records import Evaluation, moved_record
+from fairing.run.start_error import measured_start_error
 from fairing.run.swept_fit import swept_fit
 from fairing.run_plan import RunPlan
 from fairing.solve.energy import fixed_sigma, robust_scale, robust_sigma
 from fairing.solve.face_loss import loss_of_faces
+from fairing.solve.normal_equations import QuadraticPrior
 from fairing.solve.point_fit import fitted_to_points
 from fairing.solve.point_split import fitting_points
 from fairing.solve.problem import Problem
@@ -24,6 +26,7 @@ GAIN = 0.05  # smallest relative decrease of the mean loss (ledger: smoothing th
 VERTEX_PASSES = 5
 FIT_ROUNDS = 12
 ROUNDS_AFTER_ROBUST_FIT = 4  # (ledger: choice of the fit)
+ROUNDS_AFTER_STRAIGHTENING = 1  # (ledger: broad relations)
 OBSERVED_PER_VERTEX = 1  # points whose photos are known that a fit needs (ledger: points for a fit)
 POINTS_PER_VERTEX = 3  # other points that a fit needs: one for each coordinate
 
@@ -154,15 +157,21 @@ def _prepare(problem: Problem, reason: StepReason, vertices: np.ndarray) -> Prep
     """The preparation of vertices (n, 3).
 
     The robust fit reaches farther and leaves out clutter; a fit to closest points goes on from there (ledger: choice of the
-    fit). Then what follows the axes of a building is straightened (ledger: Manhattan frame).
+    fit). Then what follows the axes of a building is straightened, which brings points to faces they could not belong to before
+    (ledger: broad relations).
     """
     near, rounds = None, FIT_ROUNDS
     if reason is StepReason.SMOOTHED:
         after = _smoothed(problem, vertices)
     else:
+        error = measured_start_error(problem, vertices)
         if len(problem.observed_points):
             (vertices, near), rounds = swept_fit(problem, vertices), ROUNDS_AFTER_ROBUST_FIT
-        after = _straightened(problem, fitted_to_points(problem, vertices, rounds, near).targets)
+        to_points = fitted_to_points(problem, vertices, rounds, near)
+        after = _straightened(problem, to_points, error)
+        if (after != to_points.targets).any():
+            to_points = fitted_to_points(problem, after, ROUNDS_AFTER_STRAIGHTENING, near)
+            after = _straightened(problem, to_points, error)
     evaluation = _evaluate(problem, after)
     return Preparation(reason, evaluation, _mean_loss(evaluation), is_swept=near is not None and len(near) > 0)
 
@@ -204,10 +213,16 @@ def _smoothed(problem: Problem, vertices: np.ndarray) -> np.ndarray:
     return problem.moved_to(vertices, smoothed(problem.scene.mesh, vertices, VERTEX_PASSES))
 
 
-def _straightened(problem: Problem, vertices: np.ndarray) -> np.ndarray:
-    """(n, 3) float: vertices (n, 3) moved onto the axes of a building, except where that would fold a face."""
+def _straightened(problem: Problem, to_points: QuadraticPrior, error: float) -> np.ndarray:
+    """(n, 3) float: vertices fitted to points moved onto the axes of a building, except where that would fold a face.
+
+    Args:
+        error: px: distance of the vertices from their true positions before the fit; 0 if it is not known.
+    """
+    vertices, faces = to_points.targets, problem.scene.mesh.faces
     pixel = pixel_size([view.camera for view in problem.scene.views], vertices)
-    return problem.moved_to(vertices, straightened(vertices, problem.scene.mesh.faces, problem.locked, pixel))
+    straight = straightened_from_afar(vertices, faces, problem.locked, pixel, to_points.hessians, error)
+    return problem.moved_to(vertices, straight)
 
 
 def points_accept_smoothing(problem: Problem) -> bool:
