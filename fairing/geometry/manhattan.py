@@ -25,7 +25,7 @@ SCALE = 3.0  # px, of the Geman-McClure loss of the relations
 ITERATIONS = 12  # of reweighting
 # Of vertices that are far off: relations within an error, and within half of it in each further stage. (ledger: broad relations)
 STAGES = 4
-FAR_ANGLE = 45.0  # degrees: edges and normals within it of an axis may follow it,
+FAR_ANGLE = 45.0  # degrees: edges within it of an axis may follow it,
 FAR_DEVIATION = 2.0  # where their deviation is at most this, in errors
 FAR_SCALE = 2.0  # px: least scale of the loss; relations weigh (`SCALE` / scale)^2
 FAR_INFORMATION = 5.0  # 1 / px^2: of points that determine a direction as well as an average one
@@ -71,7 +71,7 @@ def relations(vertices: np.ndarray, faces: np.ndarray, pixel: np.ndarray, error:
         vertices: (n, 3) float, world units.
         faces: (m, 3) int.
         pixel: (n,) float: size of a pixel, world units; NaN for vertices that take no part.
-        error: px: how far vertices may be off; short edges and small faces may deviate from an axis accordingly.
+        error: px: how far vertices may be off; short edges may deviate from an axis accordingly.
     """
     faces = faces[np.isfinite(pixel[faces]).all(axis=1)]
     pairs, directions = [np.zeros((0, 2), dtype=int)], [np.zeros((0, 3))]
@@ -79,7 +79,6 @@ def relations(vertices: np.ndarray, faces: np.ndarray, pixel: np.ndarray, error:
     edge_pixel, face_pixel = pixel[edges].mean(axis=1), pixel[faces].mean(axis=1)
     across = (vertices[edges[:, 1]] - vertices[edges[:, 0]]) / edge_pixel[:, None]
     normals, area = unit_normals(vertices, faces)
-    sized = normals * (np.sqrt(area) / face_pixel)[:, None]
     frame = _frame(normals, area)
     for k, axis in enumerate(frame):
         if not _is_followed(across, axis):
@@ -88,7 +87,7 @@ def relations(vertices: np.ndarray, faces: np.ndarray, pixel: np.ndarray, error:
         for other in np.delete(frame, k, axis=0):
             pairs.append(edges[along])
             directions.append(other / edge_pixel[along, None])
-        facing = _is_near(sized, axis, error)
+        facing = _is_near(normals, axis)
         for side in ([0, 1], [1, 2], [2, 0]):
             pairs.append(faces[facing][:, side])
             directions.append(axis / face_pixel[facing, None])
@@ -121,9 +120,9 @@ def straightened_from_afar(
 ) -> np.ndarray:
     """(n, 3) float: vertices moved until their relations hold, those that points determine the least.
 
-    Photos and points show no more than some of the vertices. The others are as far off as they began, and edges and faces that
-    follow an axis deviate from it accordingly: relations are sought within the error, which falls by half from stage to stage.
-    (ledger: broad relations)
+    Points determine no more than some of the vertices. The others are as far off as they began, and edges that follow an axis
+    deviate from it accordingly: relations are sought within the error, which falls by half from stage to stage. (ledger: broad
+    relations)
 
     Args:
         vertices: (n, 3) float, world units: fitted to points.
@@ -193,7 +192,7 @@ def _frame(normals: np.ndarray, area: np.ndarray) -> np.ndarray:
 
 
 def _is_near(vectors: np.ndarray, axis: np.ndarray, error: float = 0.0) -> np.ndarray:
-    """(k,) bool: vectors (k, 3), px, within `ANGLE` of an axis, in either direction, or as near as an error, px, lets them be."""
+    """(k,) bool: vectors (k, 3) within `ANGLE` of an axis, in either direction, or as near as an error lets them be."""
     length, along = np.linalg.norm(vectors, axis=1), np.abs(vectors @ axis)
     deviation = np.sqrt(np.maximum(length**2 - along**2, 0))
     is_far = (along > np.cos(np.radians(FAR_ANGLE)) * length) & (deviation < FAR_DEVIATION * error)
