@@ -11,7 +11,6 @@ from fairing.geometry.manhattan import straightened_from_afar
 from fairing.geometry.normal_filter import smoothed
 from fairing.geometry.pixel_size import pixel_size
 from fairing.run.records import Evaluation, moved_record
-from fairing.run.start_error import measured_start_error
 from fairing.run.swept_fit import swept_fit
 from fairing.run_plan import RunPlan
 from fairing.solve.energy import fixed_sigma, robust_scale, robust_sigma
@@ -160,13 +159,12 @@ def _prepare(problem: Problem, reason: StepReason, vertices: np.ndarray) -> Prep
     fit). Then what follows the axes of a building is straightened, which brings points to faces they could not belong to before
     (ledger: broad relations).
     """
-    near, rounds = None, FIT_ROUNDS
+    near, rounds, error = None, FIT_ROUNDS, 0.0
     if reason is StepReason.SMOOTHED:
         after = _smoothed(problem, vertices)
     else:
-        error = measured_start_error(problem, vertices)
         if len(problem.observed_points):
-            (vertices, near), rounds = swept_fit(problem, vertices), ROUNDS_AFTER_ROBUST_FIT
+            (vertices, near, error), rounds = swept_fit(problem, vertices), ROUNDS_AFTER_ROBUST_FIT
         to_points = fitted_to_points(problem, vertices, rounds, near)
         after = _straightened(problem, to_points, error)
         if (after != to_points.targets).any():

@@ -30,10 +30,12 @@ class SweptFit(NamedTuple):
     """Attributes:
     vertices: (n, 3) float: fitted positions, world units.
     points: of the last sweep.
+    start_error: measured distance of the vertices from their true positions before the fit, px.
     """
 
     vertices: np.ndarray
     points: FeaturePoints
+    start_error: float
 
 
 def swept_fit(problem: Problem, vertices: np.ndarray) -> SweptFit:
@@ -63,7 +65,7 @@ def swept_fit(problem: Problem, vertices: np.ndarray) -> SweptFit:
                 near = sweep.points(fitted, max(error / 2**k, LEAST_ERROR))
                 fitted = fitted_to(points.joined(near), fitted.vertices)
     problem.near_points[vertices.tobytes()] = near
-    return SweptFit(problem.moved_to(vertices, fitted.vertices), near)
+    return SweptFit(problem.moved_to(vertices, fitted.vertices), near, error)
 
 
 def _is_far(start: Mesh, fitted: Mesh, cameras: list[Camera]) -> bool:
