@@ -9,7 +9,7 @@ not follow them: then there are no relations. (ledger: Manhattan frame)
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import coo_array, csc_array, diags_array
+from scipy.sparse import bsr_array, coo_array, csc_array, diags_array
 from scipy.sparse.linalg import splu
 
 from fairing.geometry.geman_mcclure import geman_mcclure_weights
@@ -153,9 +153,7 @@ def _related(
         begin: (n, 3) float: where the first weights are taken.
         scale: px, of the loss.
     """
-    n, coordinates = len(free), np.arange(3 * len(free)).reshape(-1, 3)
-    rows, columns = np.broadcast_arrays(coordinates[:, :, None], coordinates[:, None])
-    holds = coo_array((precision[free].ravel(), (rows.ravel(), columns.ravel())), shape=(3 * n, 3 * n)).tocsc()
+    holds = bsr_array((precision[free], np.arange(len(free)), np.arange(len(free) + 1))).tocsc()
     matrix = found.matrix(len(vertices))
     differences, J = matrix @ vertices.ravel(), matrix[:, (3 * free[:, None] + np.arange(3)).ravel()]
     step = (begin - vertices)[free].ravel()
