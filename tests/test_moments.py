@@ -2,6 +2,8 @@
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -21,7 +23,7 @@ from fairing.errors import InputError
 from fairing.options import PRESETS, FairingOptions, ScheduleOptions
 from fairing.run.session import Session
 from fairing.scene import Scene
-from fairing.trace import SchedulePosition, Trace
+from fairing.trace import SchedulePosition, StepReason, StepRecord, Trace
 from tests.commands import do
 from tests.small_scene import write_corner
 
@@ -157,6 +159,39 @@ def test_an_energy_counts_as_measured_once_a_step_has_faces(scene: Scene):
         assert energies.is_measured
     finally:
         controller.close()
+
+
+class Recording(NamedTuple):
+    """A record of steps alone."""
+
+    trace: Any
+    length: int
+    run_id: int = 1
+
+
+def test_energies_of_fits_do_not_mix_with_those_of_sweeps(finished: Session):
+    steps = [step for step in finished.trace.steps if step.sweep_moment == 0]
+
+    def fit(moment: int, reason: StepReason) -> StepRecord:
+        record = replace(steps[0], reasons=np.full_like(steps[0].reasons, reason), sweep_moment=moment)
+        return replace(record, face_energy_before=1e9 + record.faces, face_energy_after=1e8 + record.faces)
+
+    end = 1 + len(steps)
+    swept = [replace(step, sweep_moment=1) for step in steps]
+    recorded = [fit(0, StepReason.FITTED_TO_POINTS), *swept, fit(end, StepReason.FITTED_AGAIN)]
+    energies, alone = (EnergyHistory(len(finished.scene.mesh.faces)) for _ in range(2))
+    for length in (3, end + 1):  # read in two parts
+        energies.update(Recording(SimpleNamespace(steps=recorded), length))
+    alone.update(Recording(SimpleNamespace(steps=steps), len(steps)))
+
+    (line,) = energies.lines(end + 1)
+    np.testing.assert_array_equal(line.moments, np.arange(1, end + 1))
+    np.testing.assert_allclose(line.values, [alone.before[0], *alone.after], rtol=1e-12)
+    for moment in (0, end):
+        assert energies.before[moment] == recorded[moment].face_energy_before.sum()
+        assert energies.after[moment] == recorded[moment].face_energy_after.sum()
+    (begun,) = energies.lines(1)
+    np.testing.assert_array_equal(begun.values, [energies.before[0], energies.after[0]])
 
 
 def test_options_are_told_by_their_preset_and_what_differs():

@@ -27,16 +27,25 @@ PATH_SEGMENTS = 6000
 
 
 class EnergyCurves(NamedTuple):
-    """Energies, levels and sweeps of all steps read so far, see `EnergyHistory`."""
+    """Energies, levels and sweeps of all steps read so far, and whether they fit the whole mesh, see `EnergyHistory`."""
 
     before: np.ndarray
     after: np.ndarray
     levels: np.ndarray
     sweeps: np.ndarray
+    is_fit: np.ndarray
 
 
 def _no_curves() -> EnergyCurves:
-    return EnergyCurves(np.zeros(0), np.zeros(0), np.zeros(0, dtype=int), np.zeros(0, dtype=int))
+    none = np.zeros(0, dtype=int)
+    return EnergyCurves(np.zeros(0), np.zeros(0), none, none, none.astype(bool))
+
+
+class EnergyLine(NamedTuple):
+    """Comparable energies: moments (n,) int, n > 1, and energies (n,) float of the whole mesh at them."""
+
+    moments: np.ndarray
+    values: np.ndarray
 
 
 class EnergyHistory:
@@ -44,7 +53,8 @@ class EnergyHistory:
 
     A step records the energy of the faces around its unit; all other faces keep their last recorded energy. Before its
     first recorded energy, a face is counted with that energy. Energies of different sweeps are not comparable, because
-    each sweep has its own cells.
+    each sweep has its own cells. Preparations and second fits are judged by all photos on coarser cells: their energies
+    stand for themselves.
     """
 
     def __init__(self, n_faces: int) -> None:
@@ -67,29 +77,40 @@ class EnergyHistory:
         new = state.length - known
         if new <= 0:
             return
-        old = self.curves
-        old_before, old_after = old.before.copy(), old.after.copy()
-        before, after = np.zeros(new), np.zeros(new)
-        levels, sweeps = np.zeros(new, dtype=int), np.zeros(new, dtype=int)
-        for k, record in enumerate(state.trace.steps[known : state.length]):
+        curves = EnergyCurves(*(np.concatenate([old, np.zeros(new, old.dtype)]) for old in self.curves))
+        for k, record in enumerate(state.trace.steps[known : state.length], start=known):
+            curves.levels[k], curves.sweeps[k] = record.position.level, record.sweep_moment
+            curves.is_fit[k] = record.is_preparing or record.is_second_fit
+            if curves.is_fit[k]:
+                curves.before[k], curves.after[k] = record.energy_before, record.energy_after
+                continue
             unknown = np.isnan(self._faces[record.faces])
             if unknown.any():
+                earlier = np.flatnonzero(~curves.is_fit[:k])
                 late = float(record.face_energy_before[unknown].sum())
-                old_before += late
-                old_after += late
-                before[:k] += late
-                after[:k] += late
+                curves.before[earlier] += late
+                curves.after[earlier] += late
             self._faces[record.faces] = record.face_energy_before
-            before[k] = np.nansum(self._faces)
+            curves.before[k] = np.nansum(self._faces)
             self._faces[record.faces] = record.face_energy_after
-            after[k] = np.nansum(self._faces)
-            levels[k], sweeps[k] = record.position.level, record.sweep_moment
-        self.curves = EnergyCurves(
-            np.concatenate([old_before, before]),
-            np.concatenate([old_after, after]),
-            np.concatenate([old.levels, levels]),
-            np.concatenate([old.sweeps, sweeps]),
-        )
+            curves.after[k] = np.nansum(self._faces)
+        self.curves = curves
+
+    def lines(self, length: int) -> list[EnergyLine]:
+        """The energies of each sweep within the first `length` steps; none where no step measured any.
+
+        Preparations and second fits, whose energies can be several times as high as a sweep's, have lines only until there
+        is a sweep.
+        """
+        if not self.is_measured:
+            return []
+        curves = EnergyCurves(*(curve[:length] for curve in self.curves))
+        starts = np.flatnonzero(np.diff(curves.sweeps, prepend=-1)).tolist()
+        sweeps, fits = [], []
+        for first, end in zip(starts, [*starts[1:], len(curves.sweeps)][: len(starts)], strict=True):
+            values = np.concatenate([curves.before[first : first + 1], curves.after[first:end]])
+            (fits if curves.is_fit[first] else sweeps).append(EnergyLine(np.arange(first, end + 1), values))
+        return sweeps or fits
 
     @property
     def is_measured(self) -> bool:

@@ -23,9 +23,9 @@ class Caption:
         self._fonts = [ImageFont.load_default(size=round(part * height)) for part in (0.24, 0.19)]
         self._empty = Image.new("RGB", self._size, GROUND)
         self._curve = (0.45 * width, 0.34 * height, width - 0.3 * height, 0.86 * height)
-        self._values = np.array([facts.energy_at(m) for m in range(facts.length + 1)])
-        self._has_curve = with_curve and facts.length > 1 and facts.energies.is_measured
+        self._has_curve = with_curve and facts.length > 1 and len(facts.energy_lines) > 0
         if self._has_curve:
+            self._highest = max(float(line.values.max()) for line in facts.energy_lines) or 1.0
             self._draw_curve()
 
     def strip(self, lines: list[str], moment: float | None = None) -> np.ndarray:
@@ -47,7 +47,8 @@ class Caption:
             draw.text((0.25 * height, y), line, TEXT if i == 0 else DIM, font=font)
             y += (0.31, 0.26)[min(i, 1)] * height
         if self._has_curve and moment is not None:
-            x, y = self._place(moment, float(np.interp(moment, np.arange(len(self._values)), self._values)))
+            moments, values = (np.concatenate(part) for part in zip(*self._facts.energy_lines, strict=True))
+            x, y = self._place(moment, float(np.interp(moment, moments, values)))
             radius = 0.055 * height
             draw.line([(x, 0.2 * height), (x, self._curve[3])], fill=DIM)
             draw.ellipse([x - radius, y - radius, x + radius, y + radius], fill=SELECTED)
@@ -65,10 +66,8 @@ class Caption:
 
     def _place(self, moment: float, value: float) -> tuple[float, float]:
         left, top, right, bottom = self._curve
-        low, high = 0.0, float(max(self._values.max(), self._facts.energies.before.max())) or 1.0
-        return left + (right - left) * moment / self._facts.length, bottom - (bottom - top) * (value - low) / (
-            high - low
-        )
+        x = left + (right - left) * moment / self._facts.length
+        return x, bottom - (bottom - top) * value / self._highest
 
 
 def moment_words(facts: RunFacts, moment: int) -> list[str]:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from app.debugger.history import EnergyHistory
+from app.debugger.history import EnergyHistory, EnergyLine
 from app.debugger.runs import run_title
 from app.files.run_files import REPORT
 from app.stage import Stage
@@ -75,19 +75,9 @@ class RunFacts:
         return float(found.energy.sum())
 
     @cached_property
-    def energy_lines(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Moments (n,) int and energies (n,) float of each sweep; energies of different sweeps are not comparable.
-
-        Empty in a record that measured no energy.
-        """
-        if not self.energies.is_measured:
-            return []
-        before, after, sweeps = self.energies.before, self.energies.after, self.energies.sweeps
-        starts = np.flatnonzero(np.diff(sweeps, prepend=-1)).tolist()
-        return [
-            (np.arange(first, end + 1), np.array([before[first], *after[first:end]], dtype=float))
-            for first, end in zip(starts, [*starts[1:], self.length][: len(starts)], strict=True)
-        ]
+    def energy_lines(self) -> list[EnergyLine]:
+        """The energies of each sweep; energies of different sweeps are not comparable. Empty where none was measured."""
+        return self.energies.lines(self.length)
 
     @cached_property
     def errors(self) -> np.ndarray | None:

@@ -123,13 +123,7 @@ class Plot:
 
     def _lines(self, run: Recorded, energies: EnergyHistory, name: str, vertex: int | None, role: str) -> list[Line]:
         if name == "energy" and vertex is None:
-            if not energies.is_measured:
-                return []
-            before, after = energies.before[: run.length], energies.after[: run.length]
-            return [
-                Line(np.arange(first, end + 1), np.concatenate([[before[first]], after[first:end]]))
-                for first, end in intervals(energies.sweeps[: run.length])
-            ]
+            return [Line(*line) for line in energies.lines(run.length)]
         if name == ERROR and vertex is None:
             assert self._run_errors is not None
             values = self._run_errors.values_of(run)

@@ -138,8 +138,8 @@ class RunsPanel:
             enabled=len(state.runs) > 1,
         )
         fork = "" if run.parent is None else f"from run {run.parent} at moment {run.forked_at}: "
-        energies = self._energies.of(run)
-        energy = number(float(energies.after[-1]), 5) if energies.is_measured else "–"
+        lines = self._energies.of(run).lines(run.length)
+        energy = number(float(lines[-1].values[-1]), 5) if lines else "–"
         error = f"<td class='n'>{self._error(run, state)}</td>" if knows_truth else ""
         return (
             f"<tr class='{'current' if is_current else ''}'><td>{name}</td>"

@@ -95,10 +95,10 @@ class Plot {
     this.bar.setAttribute("x1", x);
     this.bar.setAttribute("x2", x);
     this.dot.setAttribute("visibility", value === null ? "hidden" : "visible");
+    this.reading.textContent = value === null ? "" : `${brief(value, 3)}${this.unit}`;
     if (value === null) return;
     this.dot.setAttribute("cx", x);
     this.dot.setAttribute("cy", this.y(value));
-    this.reading.textContent = `${brief(value, 3)}${this.unit}`;
   }
 }
 
