@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from demo_scenes.surface import face_normals
+from fairing.geometry.normals import face_normals, unit_normals
 from fairing.geometry.rasterize import rasterize
 from fairing.mesh import Mesh
 from fairing.scene import SparsePoints, Truth, View
@@ -17,8 +17,7 @@ def slide_off_corners(
     within `distances` (world units). Positions that flip or collapse a face are drawn again, up to 200 times; then the
     best of them is used.
     """
-    normals = face_normals(vertices, faces)
-    areas = _doubled_areas(vertices, faces)
+    normals, doubled = unit_normals(vertices, faces)
     start = vertices.copy()
     for v in rng.permutation(len(vertices)):
         ring = np.flatnonzero((faces == v).any(axis=1))
@@ -28,9 +27,9 @@ def slide_off_corners(
             if candidate is None:
                 continue
             start[v] = candidate
-            cross = _crosses(start, faces[ring])
+            cross = face_normals(start, faces[ring])
             # Area left of each face, seen along its true normal, and how little it has turned.
-            left = (cross * normals[ring]).sum(axis=1) / areas[ring]
+            left = (cross * normals[ring]).sum(axis=1) / doubled[ring]
             turned = (cross * normals[ring]).sum(axis=1) / np.linalg.norm(cross, axis=1)
             score = min(left.min() / 0.4, turned.min() / 0.6)
             if score > best_score:
@@ -52,12 +51,11 @@ def determined_normals(vertices: np.ndarray, faces: np.ndarray, least_angle: flo
     A normal counts when it leaves the span of those before it by `least_angle` radians; the face that spans most comes
     first, so a vertex inside a plane has one, on an edge two, in a corner three.
     """
-    normals = face_normals(vertices, faces)
-    areas = _doubled_areas(vertices, faces)
+    normals, doubled = unit_normals(vertices, faces)
     found = []
     for v in range(len(vertices)):
         ring = np.flatnonzero((faces == v).any(axis=1))
-        chosen = [normals[ring[np.argmax(areas[ring])]]]
+        chosen = [normals[ring[np.argmax(doubled[ring])]]]
         while len(chosen) < 3:
             basis = np.linalg.qr(np.array(chosen).T)[0]
             rest = normals[ring] - normals[ring] @ basis @ basis.T
@@ -73,14 +71,14 @@ def displaced_at_random(
     vertices: np.ndarray, faces: np.ndarray, distances: tuple[float, float], rng: np.random.Generator
 ) -> np.ndarray:
     """Vertices (n, 3), each moved by a length within `distances`, at random but turning no face by 60 degrees."""
-    normals = face_normals(vertices, faces)
+    normals, _ = unit_normals(vertices, faces)
     start = vertices.copy()
     for v in rng.permutation(len(vertices)):
         ring = np.flatnonzero((faces == v).any(axis=1))
         for _ in range(200):
             direction = rng.standard_normal(3)
             start[v] = vertices[v] + rng.uniform(*distances) * direction / np.linalg.norm(direction)
-            if (face_normals(start, faces[ring]) * normals[ring]).sum(axis=1).min() > 0.5:
+            if (unit_normals(start, faces[ring])[0] * normals[ring]).sum(axis=1).min() > 0.5:
                 break
     return start
 
@@ -95,7 +93,7 @@ def observed_points(
         error: standard deviation of a point's coordinates, world units.
         pixel_error: standard deviation of the observed pixel coordinates.
     """
-    areas = _doubled_areas(truth.vertices, truth.faces)
+    _, areas = unit_normals(truth.vertices, truth.faces)
     face = rng.choice(len(areas), count, p=areas / areas.sum())
     a, b = np.sort(rng.random((count, 2)), axis=1).T
     weights = np.column_stack([a, b - a, 1 - b])
@@ -145,12 +143,3 @@ def _on_surface_near(
     sides = np.roll(corners, -1, axis=1) - corners
     inward = np.cross(normals[coplanar][:, None], sides)
     return point if ((inward * (point - corners)).sum(axis=2) >= -1e-9).all(axis=1).any() else None
-
-
-def _crosses(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    a, b, c = (vertices[faces[:, k]] for k in range(3))
-    return np.cross(b - a, c - a)
-
-
-def _doubled_areas(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    return np.linalg.norm(_crosses(vertices, faces), axis=1)

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fairing.geometry.normals import unit_normals
+
 
 @dataclass(frozen=True, eq=False)
 class PaintedSurface:
@@ -38,7 +40,7 @@ class PaintedSurface:
         textures: Sequence[np.ndarray],
     ) -> "PaintedSurface":
         """A surface of plane faces: every corner has its face's normal."""
-        normals = np.repeat(face_normals(vertices, faces)[:, None], 3, axis=1)
+        normals = np.repeat(unit_normals(vertices, faces)[0][:, None], 3, axis=1)
         return cls(vertices, faces, texture_of_face, texel, tuple(textures), normals)
 
     def joined(self, other: "PaintedSurface") -> "PaintedSurface":
@@ -75,13 +77,6 @@ class Stage:
     up: np.ndarray
     light_steps: int = 1
     gloss: float = 0.0
-
-
-def face_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """(m, 3) float: unit normals of triangles that are counter-clockwise seen from outside."""
-    a, b, c = (vertices[faces[:, k]] for k in range(3))
-    normals = np.cross(b - a, c - a)
-    return normals / np.linalg.norm(normals, axis=1, keepdims=True)
 
 
 def painted(texture: np.ndarray) -> np.ndarray:

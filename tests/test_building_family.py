@@ -15,9 +15,9 @@ from demo_scenes.building.decimate import decimate
 from demo_scenes.building.plan import FACES, PHOTOS, STARTS, Plan, draw_plan
 from demo_scenes.building.scene import scene_of_plan
 from demo_scenes.building.surroundings import build_surroundings, joined
-from demo_scenes.surface import face_normals
 from fairing.errors import InputError
 from fairing.geometry.closest_point import SurfaceTree
+from fairing.geometry.normals import face_normals
 from fairing.geometry.rasterize import rasterize
 from fairing.judge.metrics import vertex_errors
 from fairing.mesh import Mesh

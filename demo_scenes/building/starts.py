@@ -15,7 +15,7 @@ from demo_scenes.building.walls import build_walls
 from demo_scenes.noise import seeded
 from demo_scenes.sheet import Sheet
 from demo_scenes.start import displaced_at_random, slide_off_corners
-from demo_scenes.surface import face_normals
+from fairing.geometry.normals import unit_normals
 from fairing.mesh import Mesh
 from fairing.scene import SparsePoints, Truth, View
 
@@ -60,7 +60,7 @@ def true_normals(vertices: np.ndarray, surface: Mesh) -> list[np.ndarray]:
 
     Facets that differ by less than 0.17 rad are one curved surface; its normal is their mean.
     """
-    normals = face_normals(surface.vertices, surface.faces)
+    normals, _ = unit_normals(surface.vertices, surface.faces)
     corners = surface.vertices[surface.faces]
     result = []
     for vertex in vertices:
@@ -95,9 +95,10 @@ def _decimated(plan: Plan, rng: np.random.Generator) -> tuple[np.ndarray, np.nda
     """A dense mesh with errors along its normals, rough and wavy, decimated to the plan's number of faces."""
     # Curved parts keep the mesh's own facets: finer ones are slivers, on which decimation would spend its faces.
     dense = build_walls(plan.frame, plan.seed, DENSE * plan.spacing)
+    of_faces, _ = unit_normals(dense.vertices, dense.faces)
     normals = np.zeros_like(dense.vertices)
-    for k in range(3):
-        np.add.at(normals, dense.faces[:, k], face_normals(dense.vertices, dense.faces))
+    for corner in dense.faces.T:
+        np.add.at(normals, corner, of_faces)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     waves = 2 * np.pi / rng.uniform(1.5, 5.0, (3, 1)) * _unit(rng.standard_normal((3, 3)))
     wavy = np.sin(dense.vertices @ waves.T + rng.uniform(0, 2 * np.pi, 3)).sum(axis=1) / np.sqrt(1.5)
