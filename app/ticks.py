@@ -17,10 +17,15 @@ def ticks(low: float, high: float) -> np.ndarray:
 
 
 def log_ticks(low: float, high: float) -> np.ndarray:
-    """At most five powers of ten within an interval of exponents; round numbers if it contains fewer than two powers."""
+    """At most five powers of ten within an interval of exponents; if it contains fewer than two, their multiples by 1, 2
+    and 5, or round numbers."""
     powers = np.arange(np.ceil(low), np.floor(high) + 1)
     if len(powers) >= 2:
         return 10.0 ** powers[:: -(-len(powers) // 5)]
+    multiples = np.outer(10.0 ** np.arange(np.floor(low), np.ceil(high)), [1, 2, 5]).ravel()
+    within = multiples[(multiples >= 10.0**low) & (multiples <= 10.0**high)]
+    if len(within) >= 2:
+        return within
     found = ticks(10.0**low, 10.0**high)
     return found[found > 0]
 

@@ -1,5 +1,6 @@
 """Labels of an axis fit beside it and tell its ticks apart."""
 
+import numpy as np
 import pytest
 
 from app.ticks import log_ticks, tick_labels, ticks
@@ -31,3 +32,15 @@ def test_labels_of_powers_of_ten_are_short_and_stand_for_them(high):
     labels = tick_labels(values)
     assert max(map(len, labels)) <= 7
     assert [read(label) for label in labels] == pytest.approx(values.tolist())
+
+
+@pytest.mark.parametrize(
+    ("lowest", "highest", "expected"),
+    [(0.03, 0.8, [0.05, 0.1, 0.2, 0.5]), (0.9, 7, [1, 2, 5]), (3, 30, [5, 10, 20]), (0.01, 10, [0.01, 0.1, 1, 10])],
+)
+def test_a_log_scale_of_less_than_two_powers_has_marks_all_along_it(lowest, highest, expected):
+    assert log_ticks(np.log10(lowest), np.log10(highest)) == pytest.approx(expected)
+    close = log_ticks(np.log10(2.1), np.log10(4.9))
+    assert len(close) >= 2
+    assert (np.diff(close) > 0).all()
+    assert 2.1 <= close[0] <= close[-1] <= 4.9

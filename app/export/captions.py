@@ -25,7 +25,8 @@ class Caption:
         self._curve = (0.45 * width, 0.34 * height, width - 0.3 * height, 0.86 * height)
         self._has_curve = with_curve and facts.length > 1 and len(facts.energy_lines) > 0
         if self._has_curve:
-            self._highest = max(float(line.values.max()) for line in facts.energy_lines) or 1.0
+            energies = np.concatenate([line.values for line in facts.energy_lines])
+            self._lowest, self._range = float(energies.min()), float(np.ptp(energies)) or 1.0
             self._draw_curve()
 
     def strip(self, lines: list[str], moment: float | None = None) -> np.ndarray:
@@ -67,7 +68,7 @@ class Caption:
     def _place(self, moment: float, value: float) -> tuple[float, float]:
         left, top, right, bottom = self._curve
         x = left + (right - left) * moment / self._facts.length
-        return x, bottom - (bottom - top) * value / self._highest
+        return x, bottom - (bottom - top) * (value - self._lowest) / self._range
 
 
 def moment_words(facts: RunFacts, moment: int) -> list[str]:

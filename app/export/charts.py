@@ -39,9 +39,8 @@ def curve_chart(
         return np.log10(np.maximum(value, floor)) if is_log else value
 
     low, high = float(scaled(values).min()), float(scaled(values).max())
-    low = low if is_log else min(0.0, low)
     margin = 0.06 * (high - low) or 1.0
-    low, high = (low - margin if is_log else low), high + margin
+    low, high = (low - margin if is_log or low < 0 else max(0.0, low - margin)), high + margin
 
     def x(moment: np.ndarray | float) -> np.ndarray:
         return LEFT + (WIDTH - LEFT - RIGHT) * np.asarray(moment, dtype=float) / max(1, length)

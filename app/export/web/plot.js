@@ -19,11 +19,9 @@ class Plot {
     const values = [...lines, ...others].flatMap((line) => line.values).filter((value) => Number.isFinite(value) && (!isLog || value > 0));
     this.floor = Math.min(...values);
     const scaled = values.map((value) => this.scaled(value));
-    this.low = isLog ? Math.min(...scaled) : Math.min(0, ...scaled);
-    this.high = Math.max(...scaled);
-    const margin = 0.08 * (this.high - this.low) || 1;
-    this.high += margin;
-    if (isLog) this.low -= margin;
+    const low = Math.min(...scaled), high = Math.max(...scaled), margin = 0.08 * (high - low) || 1;
+    this.low = isLog || low < 0 ? low - margin : Math.max(0, low - margin);
+    this.high = high + margin;
     this.build();
     const jump = (event) => {
       const box = this.svg.getBoundingClientRect();
