@@ -7,6 +7,7 @@ import numpy as np
 
 from app.debugger.run_state import RunState
 from app.debugger.step_text import slot_of
+from app.plot_line import Line, intervals
 from fairing.trace import StepReason, StepRecord, Trace
 
 
@@ -39,13 +40,6 @@ class EnergyCurves(NamedTuple):
 def _no_curves() -> EnergyCurves:
     none = np.zeros(0, dtype=int)
     return EnergyCurves(np.zeros(0), np.zeros(0), none, none, none.astype(bool))
-
-
-class EnergyLine(NamedTuple):
-    """Comparable energies: moments (n,) int, n > 1, and energies (n,) float of the whole mesh at them."""
-
-    moments: np.ndarray
-    values: np.ndarray
 
 
 class EnergyHistory:
@@ -96,7 +90,7 @@ class EnergyHistory:
             curves.after[k] = np.nansum(self._faces)
         self.curves = curves
 
-    def lines(self, length: int) -> list[EnergyLine]:
+    def lines(self, length: int) -> list[Line]:
         """The energies of each sweep within the first `length` steps; none where no step measured any.
 
         Preparations and second fits, whose energies can be several times as high as a sweep's, have lines only until there
@@ -105,11 +99,10 @@ class EnergyHistory:
         if not self.is_measured:
             return []
         curves = EnergyCurves(*(curve[:length] for curve in self.curves))
-        starts = np.flatnonzero(np.diff(curves.sweeps, prepend=-1)).tolist()
         sweeps, fits = [], []
-        for first, end in zip(starts, [*starts[1:], len(curves.sweeps)][: len(starts)], strict=True):
+        for first, end in intervals(curves.sweeps):
             values = np.concatenate([curves.before[first : first + 1], curves.after[first:end]])
-            (fits if curves.is_fit[first] else sweeps).append(EnergyLine(np.arange(first, end + 1), values))
+            (fits if curves.is_fit[first] else sweeps).append(Line(np.arange(first, end + 1), values))
         return sweeps or fits
 
     @property

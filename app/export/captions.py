@@ -25,8 +25,8 @@ class Caption:
         self._curve = (0.45 * width, 0.34 * height, width - 0.3 * height, 0.86 * height)
         self._has_curve = with_curve and facts.length > 1 and len(facts.energy_lines) > 0
         if self._has_curve:
-            energies = np.concatenate([line.values for line in facts.energy_lines])
-            self._lowest, self._range = float(energies.min()), float(np.ptp(energies)) or 1.0
+            self._moments, self._values = (np.concatenate(part) for part in zip(*facts.energy_lines, strict=True))
+            self._lowest, self._range = float(self._values.min()), float(np.ptp(self._values)) or 1.0
             self._draw_curve()
 
     def strip(self, lines: list[str], moment: float | None = None) -> np.ndarray:
@@ -48,8 +48,7 @@ class Caption:
             draw.text((0.25 * height, y), line, TEXT if i == 0 else DIM, font=font)
             y += (0.31, 0.26)[min(i, 1)] * height
         if self._has_curve and moment is not None:
-            moments, values = (np.concatenate(part) for part in zip(*self._facts.energy_lines, strict=True))
-            x, y = self._place(moment, float(np.interp(moment, moments, values)))
+            x, y = self._place(moment, float(np.interp(moment, self._moments, self._values)))
             radius = 0.055 * height
             draw.line([(x, 0.2 * height), (x, self._curve[3])], fill=DIM)
             draw.ellipse([x - radius, y - radius, x + radius, y + radius], fill=SELECTED)

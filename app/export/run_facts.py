@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from app.debugger.history import EnergyHistory, EnergyLine
+from app.debugger.history import EnergyHistory
 from app.debugger.runs import run_title
 from app.files.run_files import REPORT
+from app.plot_line import Line
 from app.stage import Stage
 from fairing.errors import InputError
 from fairing.judge.metrics import determined_part, quality_report
@@ -75,7 +76,7 @@ class RunFacts:
         return float(found.energy.sum())
 
     @cached_property
-    def energy_lines(self) -> list[EnergyLine]:
+    def energy_lines(self) -> list[Line]:
         """The energies of each sweep; energies of different sweeps are not comparable. Empty where none was measured."""
         return self.energies.lines(self.length)
 

@@ -6,8 +6,9 @@ from app.flips.film import FlipFilm
 from app.flips.scene_layers import MEANINGS
 from app.html import button, icon, number, table, text
 from app.palette import BACKGROUND, NOW, SELECTED, START, css, solid
-from app.panels.plot_drawing import BOTTOM, HEIGHT, LEFT, RIGHT, TOP, WIDTH, Line, frame, line_at
+from app.panels.plot_drawing import BOTTOM, HEIGHT, LEFT, RIGHT, TOP, WIDTH, frame, line_at
 from app.pictures.cell_images import data_uri
+from app.plot_line import Line
 from app.ticks import ticks
 from app.viser_bridge.html_events import Events
 

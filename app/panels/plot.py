@@ -26,13 +26,12 @@ from app.panels.plot_drawing import (
     RIGHT,
     TOP,
     WIDTH,
-    Line,
     band,
     frame,
-    intervals,
     line_at,
     value_scale,
 )
+from app.plot_line import Line, intervals
 from app.viser_bridge.html_events import Handler, HtmlEvents, choice_of, press
 from app.viser_bridge.html_panel import HtmlPanel
 from fairing.mesh import Mesh
@@ -123,7 +122,7 @@ class Plot:
 
     def _lines(self, run: Recorded, energies: EnergyHistory, name: str, vertex: int | None, role: str) -> list[Line]:
         if name == "energy" and vertex is None:
-            return [Line(*line) for line in energies.lines(run.length)]
+            return energies.lines(run.length)
         if name == ERROR and vertex is None:
             assert self._run_errors is not None
             values = self._run_errors.values_of(run)

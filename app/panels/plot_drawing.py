@@ -8,20 +8,13 @@ import numpy as np
 from app.debugger.series import thinned
 from app.html import text
 from app.palette import RGB, css
+from app.plot_line import Line
 from app.ticks import log_ticks, tick_labels, ticks
 
 WIDTH, HEIGHT = 312, 132
 LEFT, RIGHT, TOP, BOTTOM = 46, 6, 8, 18
 MARGIN = 0.05  # of the range of values, above and below them
 ZERO_BELOW = 0.15  # of the height: room for the label of zero
-
-
-@dataclass(frozen=True, eq=False)
-class Line:
-    """One line of a plot: moments and values (n,)."""
-
-    moments: np.ndarray
-    values: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,12 +60,6 @@ def value_scale(values: np.ndarray, is_log: bool) -> Scale:
         return Scale(True, low, high, marks, -np.inf)
     zero = low - ZERO_BELOW * (high - low)
     return Scale(True, zero, high, np.append(0.0, marks), zero)
-
-
-def intervals(values: np.ndarray) -> list[tuple[int, int]]:
-    """First index and end of every run of equal values (n,), n > 0."""
-    first = np.flatnonzero(np.diff(values, prepend=values[0] - 1)).tolist()
-    return list(zip(first, [*first[1:], len(values)], strict=True))
 
 
 def frame(values: np.ndarray, y: Callable[[float], np.ndarray]) -> str:

@@ -15,6 +15,7 @@ from app.page_state.page_state import PageState
 from app.page_state.run_controls import RunControls
 from app.pictures.cell_images import data_uri
 from app.pictures.strip import KINDS, StepHistory
+from app.plot_line import begins
 from app.viser_bridge.html_events import HtmlEvents, choice_of, press
 from app.viser_bridge.html_panel import HtmlPanel
 from app.viser_bridge.slider_marks import set_slider_marks
@@ -199,8 +200,8 @@ class Timeline:
 
     def _ticks(self, state: RunState) -> str:
         """Long ticks at the beginning of levels; short ticks at sweeps, unless there are more than `MAX_TICKS`."""
-        levels = _begins(self._energies.levels[: state.length])
-        sweeps = np.setdiff1d(_begins(self._energies.sweeps[: state.length]), levels)
+        levels = begins(self._energies.levels[: state.length])
+        sweeps = np.setdiff1d(begins(self._energies.sweeps[: state.length]), levels)
         ticks = [(moment, "level") for moment in levels]
         if len(sweeps) <= MAX_TICKS:
             ticks += [(moment, "sweep") for moment in sweeps]
@@ -211,16 +212,11 @@ class Timeline:
         )
 
 
-def _begins(values: np.ndarray) -> np.ndarray:
-    """Indices at which runs of equal values begin."""
-    return np.flatnonzero(np.diff(values, prepend=values[:1] - 1))
-
-
 def _level_marks(levels: np.ndarray) -> list[tuple[float, str | None]]:
     """A mark at the beginning of each level, with its name if there is room."""
     marks: list[tuple[float, str | None]] = []
     named = -1.0
-    for moment in _begins(levels):
+    for moment in begins(levels):
         has_room = moment >= named + MARKS_APART * len(levels)
         named = float(moment) if has_room or not marks else named
         marks.append((float(moment), f"L{levels[moment] + 1}" if named == moment else None))
