@@ -25,7 +25,7 @@ STYLE = f"""
 .ef td, .ef th {{ padding: 2px 0; text-align: left; font-weight: 400; vertical-align: top; }}
 .ef td.n {{ text-align: right; white-space: nowrap; }}
 .ef th {{ color: var(--dim); }}
-.ef .grid {{ display: grid; grid-template-columns: 60px repeat(4, 1fr); gap: 4px; align-items: center; }}
+.ef .grid {{ display: grid; grid-template-columns: 50px repeat(5, 1fr); gap: 4px; align-items: center; }}
 .ef .grid span {{ text-align: center; font-size: 11.5px; color: var(--dim); }}
 .ef .grid span.left {{ text-align: left; }}
 .ef .grid button {{ padding: 0; }}
@@ -56,6 +56,11 @@ STYLE = f"""
 .ef .scale {{ height: 12px; border-radius: 2px; }}
 .ef .ends {{ display: flex; justify-content: space-between; }}
 .ef .swatch {{ width: 10px; height: 10px; border-radius: 3px; flex: none; }}
+.ef .kind .swatch {{ display: inline-block; margin-right: 3px; }}
+.ef .pulls .swatch {{ display: inline-block; margin-right: 6px; }} .ef .pulls th.n {{ text-align: right; }}
+.ef .pulls th {{ white-space: nowrap; }} .ef .pulls tr > * {{ padding: 1px 0; }}
+.ef .pulls th.title {{ white-space: normal; font-weight: 600; color: var(--strong); }} .ef .pulls th.n {{ vertical-align: bottom; }}
+ .ef .pulls tr:last-child > * {{ border-top: 1px solid var(--line); }}
 .ef .layer.off .swatch {{ opacity: .35; }}
 .ef .one {{ white-space: nowrap; overflow: hidden; text-overflow: ellipsis; }}
 .ef .pinned .one, .ef .kind .one, .ef .work-line {{ contain: inline-size; }}
@@ -65,10 +70,23 @@ STYLE = f"""
 .ef .strip img {{ width: 100%; height: 100%; image-rendering: pixelated; border-radius: 3px; pointer-events: none; }}
 .ef .strip i {{ position: absolute; top: -2px; bottom: -2px; width: 2px; margin-left: -1px;
   background: {css(SELECTED)}; }}
-.ef .tools + .strip {{ margin-top: 6px; }} .ef .tools + .extent {{ margin: 6px 51px 0 0; gap: 0; }}
+.ef .tools + .strip {{ margin-top: 6px; }} .ef .tools ~ .extent {{ margin: 3px 51px 0 0; gap: 0; }}
+.ef .tools + .extent {{ margin-top: 6px; }}
 .ef .extent > span {{ width: 110px; flex: none; color: var(--dim); font-size: 13px; }}
 .ef .strip s {{ position: absolute; bottom: 0; width: 1px; background: #f1f3f5; pointer-events: none; }}
 .ef .strip s.level {{ height: 100%; opacity: .75; }} .ef .strip s.sweep {{ height: 28%; opacity: .5; }}
+.ef .stages {{ position: relative; flex: 1; height: 18px; background: var(--well); border-radius: 3px; }}
+.ef .stage {{ position: absolute; top: 0; height: 18px; min-width: 3px; border-top: 3px solid; display: flex; flex-wrap: wrap;
+  justify-content: center; overflow: hidden; text-overflow: ellipsis; cursor: pointer; container-type: inline-size; }}
+.ef .stage + .stage {{ box-shadow: inset 1px 0 var(--line); }}
+.ef .stage::before {{ content: ""; width: 0; height: 15px; }}
+.ef .stage span {{ height: 15px; padding: 0 3px; font-size: 11px; line-height: 14px; color: var(--text); }}
+.ef .stage span.short {{ display: none; }}
+@container (max-width: 62px) {{ .ef .stage span.long {{ display: none; }} .ef .stage span.short {{ display: inline; }} }}
+.ef .stage.now span {{ color: var(--strong); }}
+.ef .stage.now {{ outline: 1px solid {css(SELECTED)}; outline-offset: -1px; }}
+.ef button.in-stage {{ height: 20px; min-width: 0; padding: 0 4px; justify-content: flex-start; background: none;
+  border-color: transparent; }} .ef button.in-stage .one {{ flex: 1; text-align: left; }}
 .ef .crumbs {{ gap: 1px; margin: 0 0 1px -3px; white-space: nowrap; }}
 .ef .crumbs button {{ height: auto; padding: 0 2px; background: none; border-color: transparent; gap: 4px; }}
 .ef .crumbs .part {{ padding: 0 2px; }}
@@ -116,6 +134,16 @@ STYLE = f"""
 .ef button.value:hover {{ text-decoration: underline dotted; background: none; }}
 .ef b.value {{ min-width: 58px; text-align: right; font-weight: 600; }}
 .ef .crops {{ display: grid; grid-template-columns: 158px 158px; gap: 6px 10px; margin-top: 6px; }}
+.ef .parts {{ display: grid; gap: 6px 8px; margin-top: 4px; }}
+.ef .listing {{ background: var(--well); border: 1px solid var(--line); border-radius: 4px; padding: 4px 8px; margin: 8px 0;
+  box-shadow: inset 2px 0 {css(SELECTED)}; }}
+.ef .listing span {{ color: var(--dim); font-size: 11px; }}
+.ef .listing code {{ display: block; padding: 0 0 0 calc(var(--indent) + 2ch); text-indent: -2ch; font-size: 11px;
+  line-height: 1.45; white-space: pre-wrap; overflow-wrap: anywhere; color: var(--strong); background: none; }}
+.ef .matrix {{ width: auto; margin: 4px 0; border: 1px solid var(--edge); border-width: 0 1px; border-radius: 4px; }}
+.ef .matrix td {{ padding: 1px 8px; }}
+.ef svg.ellipse {{ width: 100px; height: 100px; }} .ef .ellipse line {{ stroke: var(--line); }}
+.ef .ellipse ellipse {{ fill: none; stroke: {css(SELECTED)}; stroke-width: 1.6; }}
 .ef .charts {{ display: grid; grid-template-columns: 1fr 1fr; gap: 10px; margin-top: 4px; }}
 .ef .bars .value {{ fill: var(--dim); }} .ef .bars .on {{ fill: var(--text); }}
 .ef .bars .own {{ fill: var(--text); }} .ef .bars .chosen {{ fill: {css(SELECTED)}; }}
@@ -236,10 +264,12 @@ _SHAPES = {
     "one": '<path d="M5.5 3v10l6-5z"/>',
     "two": '<path d="M2.5 3v10l5.5-5zM8.5 3v10l5.5-5z"/>',
     "bar": '<path d="M3.5 3v10l6-5zM10.5 3h2v10h-2z"/>',
+    "bars_two": '<path d="M1.5 3v10l5-5zM6.5 3v10l5-5zM12 3h2v4.4h-2zM12 8.6h2v4.4h-2z"/>',
     "bars": '<path d="M1.5 3v10l5-5zM6.5 3v10l5-5zM12 3h2v10h-2z"/>',
     "restart": '<path d="M8 2.6a5.4 5.4 0 1 1-5.2 3.9l1.5.4a3.9 3.9 0 1 0 3.7-2.8v2.1l-3.6-2.8 3.6-2.9z"/>',
     "start": '<path d="M13 3v10l-6-5zM3.5 3h2v10h-2z"/>',
     "end": '<path d="M3 3v10l6-5zM10.5 3h2v10h-2z"/>',
+    "into": '<path d="M6.8 1.5h2.4v5H12L8 11 4 6.5h2.8zM5.8 13.2a2.2 2.2 0 1 0 4.4 0z" transform="translate(0 .3)"/>',
     "go": '<path d="M2 7h7V3.5L14 8l-5 4.5V9H2z"/>',
     "eye": (
         '<path d="M8 3.5C4.6 3.5 2 6 1 8c1 2 3.6 4.5 7 4.5S14 10 15 8c-1-2-3.6-4.5-7-4.5z'

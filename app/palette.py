@@ -28,6 +28,23 @@ CURVES: tuple[RGB, ...] = (
     (62, 104, 176),
 )  # fmt: skip
 
+# Terms of the objective, in the order of `fairing.terms.names.TERMS`. With any colour vision, any two of them are 25 apart in
+# CIELAB or more, and all are 40 from both grounds of the 3D view.
+TERM_COLORS: tuple[RGB, ...] = (
+    (60, 128, 235), (234, 148, 19), (164, 41, 61), (230, 147, 220), (39, 199, 150), (120, 63, 150),
+)  # fmt: skip
+
+# Kinds of stages, in the order of `fairing.stage_kind.StageKind`; those of a term have its colour. They are told apart by names
+# and patterns, too (`app.pictures.stage_colors`).
+STAGE_COLORS: tuple[RGB, ...] = (
+    TERM_COLORS[0], TERM_COLORS[4], TERM_COLORS[1], (240, 200, 110), TERM_COLORS[3], (186, 130, 50), (150, 158, 168), HAND,
+    (222, 128, 64),
+)  # fmt: skip
+
+# Edges that are parallel to the three axes of a building.
+AXIS_COLORS: tuple[RGB, ...] = ((234, 148, 19), (230, 147, 220), (80, 150, 255))
+SEEN: RGB = (245, 222, 66)  # faces that the entered photo sees
+
 BACKGROUND: RGB = (24, 26, 30)
 BRAND: RGB = (42, 108, 190)
 BRAND_TEXT: RGB = (112, 170, 240)  # of the active tab; darker on the light theme
@@ -45,6 +62,8 @@ _ON_LIGHT: dict[RGB, tuple[str, RGB]] = {
     REJECTED: ("rejected", (164, 72, 122)),
     REFERENCE: ("reference", (104, 80, 206)),
     POINTS: ("points", (112, 120, 130)),
+    STAGE_COLORS[6]: ("judge", (112, 120, 130)),
+    HAND: ("hand", (58, 64, 72)),
     CURVES[0]: ("curve-1", (20, 80, 186)),
     CURVES[1]: ("curve-2", (92, 146, 222)),
     CURVES[2]: ("curve-3", (118, 125, 134)),

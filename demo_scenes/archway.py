@@ -34,7 +34,7 @@ def archway_scene(
     low, high = (fraction * diagonal for fraction in START_ERROR)
     start = displaced_at_random(sheet.vertices, sheet.faces, (low, high), seeded(start_seed, 32))
     points = observed_points(truth.surface, views, SPARSE_POINTS, SPARSE_ERROR * diagonal, seeded(start_seed, 33))
-    return Scene.build("archway", start, sheet.faces, views, truth=truth, sparse_points=points)
+    return Scene.build("archway", start, sheet.faces, views, truth=truth, sparse_points=points, points_choice="given")
 
 
 def archway_cameras() -> list[Camera]:

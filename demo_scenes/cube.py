@@ -52,7 +52,7 @@ def cube_scene(
     )
     start = VERTICES.copy()
     start[0] += displacement
-    return Scene.build("cube", start, FACES, views, truth=faceted_truth(VERTICES, FACES))
+    return Scene.build("cube", start, FACES, views, truth=faceted_truth(VERTICES, FACES), points_choice="given")
 
 
 def cube_cameras() -> list[Camera]:

@@ -40,7 +40,9 @@ def dome_scene(photography: Photography | None = None, progress: Progress | None
     off = rng.choice([-1.0, 1.0], n) * rng.uniform(*START_ERROR, n) * coarse.diagonal
     normals = [vertex[None] for vertex in coarse.vertices]
     start = coarse.vertices * (1 + off)[:, None]
-    return Scene.build("dome", start, coarse.faces, views, truth=Truth(fine, coarse.vertices, normals))
+    return Scene.build(
+        "dome", start, coarse.faces, views, truth=Truth(fine, coarse.vertices, normals), points_choice="given"
+    )
 
 
 def sphere_cap(rings: int) -> Mesh:

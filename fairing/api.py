@@ -16,6 +16,8 @@ def fair(
 ) -> Session:
     """Fair the mesh of a scene: move its vertices to the positions where the photos agree.
 
+    Sparse points are found in the photos first where `Scene.points_choice` requires it, see `Session.find_points`.
+
     Args:
         options: default: the preset `accurate`.
         should_stop: called before every step; True ends the run.

@@ -67,6 +67,21 @@ class Camera:
         object.__setattr__(self, "image_from_world", P)
 
     @classmethod
+    def recorded(cls, image_from_world: np.ndarray, width: int, height: int) -> "Camera":
+        """The camera whose matrix (3, 4) was recorded, to the bit: normalising it again would round it.
+
+        Raises:
+            InputError: as of the constructor.
+        """
+        camera = cls(image_from_world, width, height)
+        exact = np.array(image_from_world, dtype=np.float64)
+        if not np.allclose(exact, camera.image_from_world, rtol=1e-12, atol=0):
+            return camera
+        exact.setflags(write=False)
+        object.__setattr__(camera, "image_from_world", exact)
+        return camera
+
+    @classmethod
     def from_krt(cls, K: np.ndarray, R: np.ndarray, t: np.ndarray, width: int, height: int) -> "Camera":
         """Camera from intrinsics K (3, 3), world-to-camera rotation R (3, 3) and translation t (3,): P = K [R | t].
 

@@ -1,4 +1,4 @@
-"""Triangle meshes with their edges, boundary and one-rings, and vertex welding."""
+"""Triangle meshes with their edges, boundary and one-rings."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -81,21 +81,3 @@ class Mesh:
     def diagonal(self) -> float:
         """Length of the bounding box's diagonal, world units."""
         return float(np.linalg.norm(np.ptp(self.vertices[np.unique(self.faces)], axis=0)))
-
-
-def weld(vertices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Merge vertices that share their coordinates exactly, keeping the order of first appearance.
-
-    Args:
-        vertices: (n, 3) float.
-
-    Returns:
-        The distinct vertices (w, 3) and for each input vertex its index among them (n,) int.
-    """
-    order = np.lexsort(vertices.T)  # stable: equal vertices keep their order of appearance
-    is_new = np.ones(len(order), dtype=bool)
-    is_new[1:] = (vertices[order[1:]] != vertices[order[:-1]]).any(axis=1)
-    first = np.empty(len(order), dtype=np.int64)
-    first[order] = order[is_new][np.cumsum(is_new) - 1]
-    kept, welded_from_input = np.unique(first, return_inverse=True)
-    return vertices[kept], welded_from_input

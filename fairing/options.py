@@ -6,19 +6,26 @@ are tuples; the last value holds for all further levels. The measurements behind
 """
 
 from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
-from typing import Any, Literal, TypeVar
+from typing import Any, Literal
 
 from fairing.errors import InputError
 
-T = TypeVar("T")
+FINE_BLUR = 1.2  # px: levels up to this blur are fine enough to judge vertices near the truth
 
 FORMER_NAMES = {"options.schedule.start": "first_level"}
 """New names of renamed options, by their former path; traces and reports may hold the former ones."""
-
-
-def by_level(values: tuple[T, ...], level: int) -> T:
-    """The value for a level: the level's own, or the last one given."""
-    return values[min(level, len(values) - 1)]
+FORMER_OPTIONS: dict[str, str] = {
+    **dict.fromkeys(
+        ("schedule.search", "schedule.start_error", "schedule.search_gain", "schedule.sweeps_near_truth"),
+        "runs make no local searches",
+    ),
+    **dict.fromkeys(
+        ("step.prior_threshold", "step.normal_spread"),
+        "the prior to the start (step.prior) holds vertices within planes and along edges",
+    ),
+    "eigenspace.significance": "every face keeps the eigenspace dimensions of its level",
+}
+"""Options of mechanisms that runs no longer have: accepted where they are read, without effect. Values: what runs do instead."""
 
 
 @dataclass(frozen=True)
@@ -61,9 +68,6 @@ class EigenspaceOptions:
 
     dimensions: tuple[int, ...] = (3, 3, 1, 1, 2)
     """k, by level, at most views - 2. To first order a misalignment spans three dimensions, so a large k absorbs it."""
-    significance: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 6.0)
-    """By level: the k-th dimension of a face is dropped if its squared singular value is less than this many times the mean of
-    the later ones, because it would fit noise. 0: never."""
     centered: bool = False
     """Subtract the mean cell first (PCA). The paper does not."""
 
@@ -107,12 +111,9 @@ class StepOptions:
     tolerance: float = 0.001
     """A vertex has converged when a step moves it by less than this in every photo, px."""
     prior: float = 0.1
-    """Strength of the prior to the start in directions that the photos do not determine, relative to the largest eigenvalue.
-    0: none."""
-    prior_threshold: float = 0.15
-    """A direction is undetermined when its eigenvalue is below this fraction of the largest."""
-    normal_spread: float = 0.01
-    """A direction is also undetermined when the variance of the incident face normals along it is below this."""
+    """Strength of the prior to the start, unless points measure how far it is off. Without points it acts where the surface moves
+    within itself (within a plane, along an edge), relative to the largest eigenvalue of the vertex's normal matrix; after a fit to
+    points in all directions, relative to a start that is 2 px off. 0: none."""
     smoothing: tuple[float, ...] = (0.1, 0.1, 0.1, 0.1, 0.0)
     """Strength of the smoothness prior, by level, for a start whose smoothed version fits the photos better; relative to the median
     of the vertices' largest eigenvalues. 0 on all levels: smooth nothing, not even the start."""
@@ -150,34 +151,41 @@ class VisibilityOptions:
 
 @dataclass(frozen=True)
 class ScheduleOptions:
-    """Coarse-to-fine levels, local search, and the order in which vertices move."""
+    """Coarse-to-fine levels, and the order in which vertices move."""
 
     blur: tuple[float, ...] = (6.0, 3.6, 2.0, 1.2, 0.5)
     """sigma_smooth, by level, photo pixels."""
     first_level: Literal["auto", "first"] = "auto"
     """Where the run begins. auto: skip levels whose blur exceeds 1/12 of the median height of the faces' footprints, and
     coarse levels where sparse points measure the start. first: at the first level."""
-    search: tuple[float, ...] = (0.0, 0.0, 1.0, 0.6, 0.0)
-    """Radius of the local search before Gauss-Newton, by level, in units of `start_error`. 0: no search. In a run with a search, a
-    level with a common point spread (`cells.point_spread`) begins with a restart: vertices above twice the median loss are
-    optimized again together, from the first level with a search."""
-    start_error: float = -1.0
-    """Distance of the start's vertices from their true positions, photo px. 0: no search. Negative: estimated by trial
-    searches, unless sparse points measure it."""
-    search_gain: float = 0.05
-    """A position found by a search is taken if it lowers the mean loss around the vertex by this fraction."""
     order: Literal["joint", "independent", "sequential", "worst_first"] = "joint"
     """joint: all vertices in one sparse system. independent: sets of vertices that share no face, one set after another.
     sequential: one vertex at a time, as in the paper. worst_first: one at a time, largest energy first."""
-    max_sweeps: tuple[int, ...] = (12, 5, 3, 3, 3)
+    max_sweeps: tuple[int, ...] = (12, 5, 3, 3, 5)
     """Largest number of Gauss-Newton sweeps, by level; visibility is updated at the beginning of each."""
-    sweeps_near_truth: tuple[int, ...] = (1, 1, 1, 1, 2)
-    """Largest number of Gauss-Newton sweeps, by level, if the estimated start error is 0 and no sparse points constrain the mesh:
-    vertices drift in directions that the photos barely determine."""
     max_iterations: tuple[int, ...] = (4, 4, 3)
     """Largest number of Gauss-Newton iterations of a block of vertices within a sweep, by level."""
     sweep_tolerance: float = 0.02
     """A level ends when no vertex moved more than this in a sweep, in units of the blur of the level."""
+
+
+@dataclass(frozen=True)
+class LevelOptions:
+    """The options of one level, from those that are given by level under the same names."""
+
+    blur: float
+    size: int
+    spacing: float
+    inset: float
+    interpolation: str
+    point_spread: str
+    dimensions: int
+    sigma_rule: str
+    smoothing: float
+    points: float
+    creases: float
+    max_sweeps: int
+    max_iterations: int
 
 
 @dataclass(frozen=True)
@@ -205,6 +213,13 @@ class FairingOptions:
     def n_levels(self) -> int:
         return len(self.schedule.blur)
 
+    def level(self, number: int) -> LevelOptions:
+        """The options of a level, from 0. Where a list of values is shorter than the levels, its last value holds for the rest."""
+        groups = (self.cells, self.eigenspace, self.robust, self.step, self.schedule)
+        values = {name: value for group in groups for name, value in vars(group).items() if isinstance(value, tuple)}
+        chosen = {field.name: values[field.name] for field in fields(LevelOptions)}
+        return LevelOptions(**{name: each[min(number, len(each) - 1)] for name, each in chosen.items()})
+
 
 PRESETS: dict[str, FairingOptions] = {
     "accurate": FairingOptions(),
@@ -218,13 +233,12 @@ PRESETS: dict[str, FairingOptions] = {
             point_spread=("as_seen",),
             weighting="cell",
         ),
-        eigenspace=EigenspaceOptions(dimensions=(5,), significance=(0.0,)),
+        eigenspace=EigenspaceOptions(dimensions=(5,)),
         robust=RobustOptions(sigma_rule=("paper",)),
         step=StepOptions(solver="alternating", prior=0.0, smoothing=(0.0,), points=(0.0,), creases=(0.0,)),
         schedule=ScheduleOptions(
             blur=(6.0, 4.8, 3.6, 2.4, 1.2),
             first_level="first",
-            search=(0.0,),
             order="sequential",
             max_sweeps=(10,),
             max_iterations=(20,),
@@ -239,7 +253,7 @@ def options_to_dict(options: FairingOptions) -> dict[str, Any]:
 
 
 def options_from_dict(values: dict[str, Any]) -> FairingOptions:
-    """The inverse of `options_to_dict`; former names (`FORMER_NAMES`) are accepted.
+    """The inverse of `options_to_dict`; former names (`FORMER_NAMES`, `FORMER_OPTIONS`) are accepted.
 
     Raises:
         InputError: unknown name, or a value of the wrong kind.
@@ -251,7 +265,11 @@ def _from_dict(default: Any, values: dict[str, Any], where: str) -> Any:
     if not isinstance(values, dict):
         raise InputError(f"{where}: expected options by name, found {values!r:.60}")
     known = {f.name for f in fields(default)}
-    values = {FORMER_NAMES.get(f"{where}.{name}", name): value for name, value in values.items()}
+    values = {
+        FORMER_NAMES.get(f"{where}.{name}", name): value
+        for name, value in values.items()
+        if f"{where}.{name}".removeprefix("options.") not in FORMER_OPTIONS
+    }
     unknown = set(values) - known
     if unknown:
         raise InputError(f"{where}: unknown option {min(unknown)}; known are {', '.join(sorted(known))}")

@@ -1,19 +1,24 @@
 """Photos and masks, decoded on demand."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
 import cv2
 import numpy as np
-from PIL import Image, UnidentifiedImageError
 
-from fairing.errors import InputError
+from fairing.image_file import PER_GREY_LEVEL, decode_image, read_header, read_other_orientation
 from fairing.lens import Lens
 from fairing.util.bounded_cache import BoundedCache
-from fairing.util.guards import check_regular_file
+from fairing.util.orientation import AS_STORED, INVERSE, turned, turned_size
+
+MASK_THRESHOLD = 1
+"""Least sample of a mask's pixel that is used, 0 to 255, as in COLMAP."""
+LOSSY_THRESHOLD = 128
+"""The same of a JPEG, whose compression turns black into almost black."""
+OPAQUE = 128
+"""Least alpha of a photo's pixel that is used, 0 to 255: a lossy compression leaves few pixels at exactly 0 or 255."""
 
 
 class Photo(Protocol):
@@ -27,6 +32,15 @@ class Photo(Protocol):
     def load(self) -> np.ndarray:
         """(height, width, 3) uint8, RGB."""
         ...
+
+    def full_depth(self) -> np.ndarray:
+        """(height, width, 3) RGB as in the file: uint8, or uint16 with 257 units per grey level; see `grey_levels`."""
+        ...
+
+
+def grey_levels(pixels: np.ndarray) -> np.ndarray:
+    """Grey levels, 0 to 255, of pixels at full depth: uint8 as they are, uint16 as float32."""
+    return pixels if pixels.dtype == np.uint8 else pixels * np.float32(1 / PER_GREY_LEVEL)
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,47 +56,62 @@ class ArrayPhoto:
     def load(self) -> np.ndarray:
         return self.pixels
 
+    def full_depth(self) -> np.ndarray:
+        return self.pixels
+
+
+LOADED_BYTES = 500_000_000
+"""Decoded photos kept in memory."""
+# The most recently used photos: a photo is loaded several times in a run (engine, image edges, textures, report).
+# There is no cache on disk; `eigenfairing convert` writes undistorted photos (ledger: cache of undistorted photos).
+_LOADED: BoundedCache[Photo] = BoundedCache(max_bytes=LOADED_BYTES)
+
+
+def _kept(photo: Photo, make: Callable[[], np.ndarray]) -> np.ndarray:
+    """The pixels of a photo from the cache, else as made, read-only."""
+
+    def read_only() -> tuple[np.ndarray]:
+        pixels = make()
+        pixels.setflags(write=False)
+        return (pixels,)
+
+    return _LOADED.get(photo, read_only)[0]
+
 
 @dataclass(frozen=True, eq=False)
 class FilePhoto:
-    """A photo file; `load` keeps decoded photos in a bounded cache.
+    """A photo file; decoded photos are kept in a bounded cache.
 
     Attributes:
-        lens: the distortion of the photo, which `load` removes; None for a pinhole camera.
+        lens: the distortion of the upright photo, which `load` removes; None for a pinhole camera.
+        orientation: how `load` turns the decoded pixels, see `fairing.util.orientation`; by default not at all.
     """
 
     path: Path
     lens: Lens | None = None
+    orientation: int = AS_STORED
 
     @property
     def size(self) -> tuple[int, int]:
-        with _naming_failures(self.path), Image.open(self.path) as image:
-            return image.size
+        return turned_size(read_header(self.path).size, self.orientation)
+
+    @property
+    def other_orientation(self) -> int:
+        """The orientation in which the photo may be meant instead, by the file's tag; `AS_STORED` if it has none."""
+        return read_other_orientation(self.path)
 
     def load(self) -> np.ndarray:
-        return _LOADED.get(self, self._loaded)[0]
+        return _of_8_bits(self.full_depth())
 
-    def _loaded(self) -> tuple[np.ndarray]:
-        pixels = self._decode()
-        if self.lens is not None:
-            pixels = self.lens.undistort_photo(pixels)
-        pixels.setflags(write=False)
-        return (pixels,)
+    def full_depth(self) -> np.ndarray:
+        return _kept(self, self.decode)
 
-    def _decode(self) -> np.ndarray:
-        with _naming_failures(self.path), Image.open(self.path) as image:
-            if image.mode[0] in "IF":
-                raise InputError(
-                    f"photo {self.path}: expected 8 bits a channel, found {image.mode}; convert it to 8 bits"
-                )
-            return np.asarray(image.convert("RGB"))
-
-
-LOADED_BYTES = 500_000_000
-"""Decoded photo files kept in memory."""
-# The most recently used photos: a photo is loaded several times in a run (engine, image edges, textures, report).
-# There is no cache on disk; `eigenfairing convert` writes undistorted photos (ledger: cache of undistorted photos).
-_LOADED: BoundedCache[FilePhoto] = BoundedCache(max_bytes=LOADED_BYTES)
+    def decode(self) -> np.ndarray:
+        """As `full_depth`, without the cache."""
+        pixels = turned(decode_image(self.path).pixels, self.orientation)
+        if pixels.ndim == 2:
+            pixels = np.repeat(pixels[..., None], 3, axis=2)
+        return pixels if self.lens is None else self.lens.undistort_photo(pixels)
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,31 +122,56 @@ class ResizedPhoto:
     size: tuple[int, int]
 
     def load(self) -> np.ndarray:
-        return cv2.resize(self.whole.load(), self.size, interpolation=cv2.INTER_AREA)
+        return _of_8_bits(self.full_depth())
+
+    def full_depth(self) -> np.ndarray:
+        return _kept(self, self._resized)
+
+    def _resized(self) -> np.ndarray:
+        # The cache holds the reduced photo alone: the whole one may be larger than all of the cache.
+        whole = self.whole.decode() if isinstance(self.whole, FilePhoto) else self.whole.full_depth()
+        return cv2.resize(whole, self.size, interpolation=cv2.INTER_AREA)
 
 
 @dataclass(frozen=True, eq=False)
 class Mask:
-    """An image of the photo's size: black pixels (0) are ignored, as in COLMAP.
+    """The part of a photo that is used, from an image of the photo's size, the photo's own alpha channel, or both.
 
     Attributes:
+        path: an image whose black pixels are ignored, as in COLMAP; None for none.
         lens: the distortion of the photo and the mask; None for a pinhole camera.
         resized: (width, height) in pixels that photo and mask are used at; None for the file's.
+        alpha: the photo file, whose transparent pixels are ignored; None to use them.
+        orientation: how the image at `path` is turned, see `mask_orientation`.
+        alpha_orientation: how the photo file is turned.
     """
 
-    path: Path
+    path: Path | None
     lens: Lens | None = None
     resized: tuple[int, int] | None = None
+    alpha: Path | None = None
+    orientation: int = AS_STORED
+    alpha_orientation: int = AS_STORED
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """The files that the mask is read from."""
+        return tuple(path for path in (self.path, self.alpha) if path is not None)
 
     @property
     def size(self) -> tuple[int, int]:
         """(width, height) in pixels, without decoding the mask."""
-        return self.resized or FilePhoto(self.path).size
+        if self.resized is not None:
+            return self.resized
+        stored = read_header(self.files[0]).size
+        return turned_size(stored, self.alpha_orientation if self.path is None else self.orientation)
 
     def load(self) -> np.ndarray:
         """(height, width) bool: True where the photo is used."""
-        with _naming_failures(self.path), Image.open(self.path) as image:
-            counts = (np.asarray(image.convert("L")) > 0).astype(np.uint8)
+        parts = [] if self.path is None else [turned(_not_black(self.path), self.orientation)]
+        if self.alpha is not None:
+            parts.append(turned(opaque_part(self.alpha), self.alpha_orientation))
+        counts = np.logical_and.reduce(parts).astype(np.uint8)
         if self.lens is not None:
             counts = self.lens.undistort_mask(counts)
         if self.resized is not None:  # a pixel is used if all of its area is
@@ -125,20 +179,41 @@ class Mask:
         return counts > 0
 
 
-@contextmanager
-def _naming_failures(path: Path) -> Iterator[None]:
-    """Raises every failure of Pillow as InputError about this photo; refuses pipes and devices."""
-    check_regular_file(path, "an image file")
-    try:
-        yield
-    except InputError:
-        raise
-    except FileNotFoundError:
-        raise InputError(f"photo {path}: expected an image file, found none; check the image folder") from None
-    except PermissionError:
-        raise InputError(f"photo {path}: cannot be read (permission denied); make it readable") from None
-    except UnidentifiedImageError:
-        raise InputError(f"photo {path}: is not an image file (or a damaged one); replace or remove it") from None
-    except Exception as error:  # Pillow's decoders raise whatever the damaged bytes make their parsers raise
-        reason = str(error) or type(error).__name__
-        raise InputError(f"photo {path}: cannot be decoded ({reason}); replace or remove it") from None
+def mask_orientation(path: Path, photo: FilePhoto) -> int:
+    """How a mask image is turned to fit its photo: masks are made of the stored pixels or of the upright picture.
+
+    Its size decides; where both fit, it is turned with the photo if its file has the same orientation tag.
+
+    Raises:
+        InputError: photo or mask cannot be read.
+    """
+    is_turned = photo.orientation != AS_STORED
+    needed = photo.orientation if is_turned else INVERSE[photo.other_orientation]
+    if needed == AS_STORED:
+        return AS_STORED
+    size, expected = read_header(path).size, photo.size
+    fits = size == expected
+    if turned_size(size, needed) != expected or (fits and not is_turned):
+        return AS_STORED
+    return needed if not fits or read_other_orientation(path) == needed else AS_STORED
+
+
+def opaque_part(path: Path) -> np.ndarray:
+    """(height, width) bool: the pixels of an image file that are not transparent.
+
+    Raises:
+        InputError: the file cannot be decoded.
+    """
+    pixels, alpha = decode_image(path)
+    return np.ones(pixels.shape[:2], dtype=bool) if alpha is None else alpha >= OPAQUE
+
+
+def _not_black(path: Path) -> np.ndarray:
+    pixels = decode_image(path).pixels
+    largest = pixels if pixels.ndim == 2 else pixels.max(axis=2)
+    unit = 1 if pixels.dtype == np.uint8 else PER_GREY_LEVEL
+    return largest >= (LOSSY_THRESHOLD * unit if path.suffix.lower() in (".jpg", ".jpeg") else MASK_THRESHOLD)
+
+
+def _of_8_bits(pixels: np.ndarray) -> np.ndarray:
+    return pixels if pixels.dtype == np.uint8 else cv2.convertScaleAbs(pixels, alpha=1 / PER_GREY_LEVEL)

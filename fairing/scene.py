@@ -1,15 +1,25 @@
 """Scenes: a mesh, its calibrated photos, sparse points and, for synthetic scenes, the true surface."""
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
 from fairing.camera import Camera
 from fairing.errors import InputError
-from fairing.mesh import Mesh, weld
+from fairing.mesh import Mesh
 from fairing.photo import Mask, Photo, ResizedPhoto
 from fairing.util.guards import check_coordinates, check_name
+from fairing.weld import Welded, welded
+
+PointsChoice = Literal["automatic", "given", "own", "both", "none"]
+"""Sparse points of a run: "given" with the capture; "own", found in its photos with its cameras; "both"; "none".
+"automatic": the given ones if they are enough, else its own (`fairing.io.scene_points`)."""
+
+WEIGHTS = (1e-6, 1e6)
+"""Smallest and largest weight of a photo: beyond them the others do not count, and squares of sums lose their digits."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,10 +28,10 @@ class View:
 
     Attributes:
         mask: the part of the photo that is used; None for all of it.
-        weight: weight of the photo relative to the others, positive.
+        weight: weight of the photo relative to the others, within `WEIGHTS`.
 
     Raises:
-        InputError: photo or mask cannot be read, a size contradicts the camera's, the weight is not positive, or the
+        InputError: photo or mask cannot be read, a size contradicts the camera's, the weight is not within `WEIGHTS`, or the
             name cannot be written to a file.
     """
 
@@ -37,11 +47,13 @@ class View:
         if self.mask is not None and self.mask.size != expected:
             width, height = self.mask.size
             raise InputError(
-                f"mask {self.mask.path}: expected the photo's {expected[0]}x{expected[1]} pixels, found {width}x{height}"
+                f"mask {self.mask.files[0]}: expected the photo's {expected[0]}x{expected[1]} pixels, found {width}x{height}"
             )
-        if not 0 < self.weight < float("inf"):
+        low, high = WEIGHTS
+        if not low <= self.weight <= high:
             raise InputError(
-                f"photo {self.name}: expected a weight of more than 0, found {self.weight:g}; to ignore it, leave it out"
+                f"photo {self.name}: expected a weight of {low:g} to {high:g}, found {self.weight:g}; to ignore the photo, "
+                "leave it out"
             )
         if expected != found:
             raise InputError(
@@ -81,6 +93,11 @@ class SparsePoints:
         check_coordinates(self.positions, "sparse points")
         check_coordinates(self.pixels, "observations of sparse points")
 
+    @property
+    def n_observed(self) -> int:
+        """The number of points that at least two photos observe; the others take no part (some formats have positions only)."""
+        return int((np.bincount(self.observations[:, 0], minlength=1) > 1).sum())
+
 
 @dataclass(frozen=True, eq=False)
 class Truth:
@@ -102,8 +119,16 @@ class Truth:
 class Scene:
     """A mesh and its photos.
 
-    `mesh` is welded: input vertices with equal coordinates are merged, so that their faces move together.
-    `original_from_welded` maps back to the input's vertices and their order (`unweld`).
+    `mesh` is the surface of the input (`fairing.weld`): the copies of a vertex are merged, so that their faces move together,
+    and faces without area are left out, so that they neither take part nor hold vertices back.
+
+    Attributes:
+        original_from_welded: (n_input,) int: for each vertex of the input its index in `mesh`; `unweld` maps back.
+        original_faces: (m_input, 3) int: all faces of the input, as indices of its vertices.
+        input_faces: (m,) int: for each face of `mesh` its index in the input.
+
+    `points_choice` is the choice of sparse points that a run still has to make: `Session.find_points` makes it, and its scene has
+    the chosen points as "given" ones. Without it the sparse points are used as they are.
 
     Raises:
         InputError: there are fewer than three views, or two views share a name.
@@ -114,11 +139,17 @@ class Scene:
     views: tuple[View, ...]
     original_from_welded: np.ndarray
     original_faces: np.ndarray
+    input_faces: np.ndarray
     truth: Truth | None = None
     sparse_points: SparsePoints | None = None
     warnings: tuple[str, ...] = field(default=())
     triangulated: bool = False
     """Whether the mesh was triangulated from the sparse points instead of read from a file."""
+    mesh_file: Path | None = None
+    """The file that the mesh was read from: the mesh is written with its attributes, see `fairing.write_mesh`."""
+    points_choice: PointsChoice = "automatic"
+    cameras_origin: Literal["given", "corrected"] = "given"
+    """"corrected": by `fairing.cameras.refine`; a run records such cameras."""
 
     def __post_init__(self) -> None:
         if len(self.views) < 3:
@@ -138,23 +169,50 @@ class Scene:
         truth: Truth | None = None,
         sparse_points: SparsePoints | None = None,
         warnings: tuple[str, ...] = (),
+        points_choice: PointsChoice = "automatic",
     ) -> "Scene":
         """A scene from vertices (n, 3), world units, and faces (m, 3) as read; the mesh is validated and welded.
 
         Raises:
-            InputError: the mesh is invalid, there are too few views, or two views share a name.
+            InputError: the mesh is invalid or has no face with area, there are too few views, or two views share a name.
         """
-        original = Mesh(vertices, faces)
-        welded, original_from_welded = weld(original.vertices)
-        faces = original_from_welded[original.faces]
+        surface = welded(Mesh(vertices, faces))
+        return cls.of_surface(name, surface, views, truth, sparse_points, warnings, points_choice)
+
+    @classmethod
+    def of_surface(
+        cls,
+        name: str,
+        surface: Welded,
+        views: tuple[View, ...],
+        truth: Truth | None = None,
+        sparse_points: SparsePoints | None = None,
+        warnings: tuple[str, ...] = (),
+        points_choice: PointsChoice = "automatic",
+    ) -> "Scene":
+        """A scene from the surface of a mesh as read.
+
+        Raises:
+            InputError: there are too few views, or two views share a name.
+        """
         return cls(
-            name, Mesh(welded, faces), views, original_from_welded, original.faces, truth, sparse_points, warnings
-        )
+            name, surface.mesh, views, surface.vertex_of_input, surface.original.faces, surface.input_faces, truth,
+            sparse_points, warnings, points_choice=points_choice,
+        )  # fmt: skip
 
     @property
     def sparse_positions(self) -> np.ndarray:
         """(p, 3) float, world units: positions of the sparse points; p = 0 without sparse points."""
         return np.zeros((0, 3)) if self.sparse_points is None else self.sparse_points.positions
+
+    @cached_property
+    def connected_mesh(self) -> Mesh:
+        """`mesh` with the faces without area that connect others: their three corners differ.
+
+        Its boundary is that of the surface where an edge of one face meets the split edge of its neighbours.
+        """
+        faces = self.original_from_welded[self.original_faces]
+        return Mesh(self.mesh.vertices, faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)])
 
     def unweld(self, vertices: np.ndarray) -> np.ndarray:
         """Positions (n_input, 3) in the input's order from welded positions (n, 3)."""

@@ -8,7 +8,7 @@ On disk it is a `fairing.util.block_file`: a truncated step is dropped on readin
 
 import itertools
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
 from enum import IntEnum
@@ -20,6 +20,7 @@ import numpy as np
 from fairing.errors import InputError
 from fairing.mesh import Mesh
 from fairing.run_plan import RunPlan
+from fairing.stage_kind import StageKind
 from fairing.trace_check import (
     Field,
     check_counts,
@@ -30,7 +31,7 @@ from fairing.trace_check import (
     naming_block,
     read_header,
 )
-from fairing.util.block_file import BlockFile, pack, read_blocks, unpack
+from fairing.util.block_file import BlockFile, blocks_budget, pack, read_blocks, unpack
 
 MAGIC = b"EIGENFAIRING TRACE 1\n"
 KEYFRAME_EVERY = 64
@@ -70,7 +71,7 @@ _REASON_TEXTS = {
     StepReason.UNSEEN: "not moved: fewer than three photos see its faces",
     StepReason.LOCKED: "not moved: locked",
     StepReason.RESTING: "rests: its steps were rejected too often in this sweep",
-    StepReason.RETURNED: "returned: the fine-level energy had been lower",
+    StepReason.RETURNED: "returned: its earlier position agrees better with points or photos",
     StepReason.FOUND_PLACE: "searched: a better place was found nearby",
     StepReason.FOUND_TOGETHER: "restarted from the start with its neighbours: a better place was found",
     StepReason.NO_BETTER_PLACE: "searched: no place nearby is better",
@@ -79,10 +80,8 @@ _REASON_TEXTS = {
     StepReason.SMOOTHED: "smoothed: the photos agree better with the start's noise filtered out",
     StepReason.FITTED_TO_POINTS: "fitted to the sparse points: half of them are used, and the photos agree",
     StepReason.FITTED_AGAIN: "fitted again: to the sparse points, from where the photos had taken the mesh, and the photos agree",
-    StepReason.REJECTED_FIT: "not fitted again: the photos do not agree with a second fit to the sparse points",
+    StepReason.REJECTED_FIT: "returned: the photos do not agree with the smoothing or the fit",
 }
-PREPARING = (StepReason.SMOOTHED, StepReason.FITTED_TO_POINTS)
-SECOND_FIT = (StepReason.FITTED_AGAIN, StepReason.REJECTED_FIT)
 MANUAL_REASONS = (StepReason.MOVED_MANUALLY, StepReason.RESET_MANUALLY)
 
 
@@ -120,6 +119,7 @@ class StepRecord:
         face_energy_before, face_energy_after: (F,) float; after equals before where the step was rejected.
         view_energy_before, view_energy_after: (V,) float.
         damping_next, rejections: (u,): solver state for the next iteration.
+        stage: kind of the stage the step belongs to.
     """
 
     position: SchedulePosition
@@ -142,6 +142,7 @@ class StepRecord:
     view_energy_after: np.ndarray
     damping_next: np.ndarray
     rejections: np.ndarray
+    stage: StageKind = StageKind.PHOTOS
 
     @property
     def accepted(self) -> bool:
@@ -152,16 +153,6 @@ class StepRecord:
     def is_manual(self) -> bool:
         """Whether a user made this step."""
         return len(self.reasons) > 0 and int(self.reasons[0]) in MANUAL_REASONS
-
-    @property
-    def is_preparing(self) -> bool:
-        """Whether this step was done to the start, before the first level."""
-        return len(self.reasons) > 0 and int(self.reasons[0]) in PREPARING
-
-    @property
-    def is_second_fit(self) -> bool:
-        """Whether this step fitted the mesh to the sparse points once more, or tried to."""
-        return len(self.reasons) > 0 and int(self.reasons[0]) in SECOND_FIT
 
     def applied_to(self, vertices: np.ndarray) -> np.ndarray:
         """(n, 3) float: vertices (n, 3) after this step."""
@@ -205,6 +196,16 @@ class Trace:
     def __len__(self) -> int:
         return len(self.steps)
 
+    def record_points(self, points: dict[str, Any] | None) -> None:
+        """Set the header's note of the sparse points; an attached file is written anew.
+
+        Raises:
+            InputError: the disk is full.
+        """
+        self.header["sparse_points"] = points
+        if self._file is not None:
+            self.attach(self._file.path)
+
     def record_plan(self, plan: RunPlan) -> None:
         """Set the plan, and write it to the file if one is attached.
 
@@ -212,7 +213,7 @@ class Trace:
             InputError: the disk is full. The plan is kept in memory; the next call of `append` tries to write it.
         """
         self.plan = plan
-        self._write(_pack_plan(plan))
+        self._write(lambda: _pack_plan(plan))
 
     def append(self, record: StepRecord) -> None:
         """Add a step and write it to the attached file, if any.
@@ -221,7 +222,7 @@ class Trace:
             InputError: the disk is full. The step is kept in memory; the next call writes all steps again.
         """
         self._index(record)
-        self._write(_pack_record(record))
+        self._write(lambda: _pack_record(record))
 
     def vertices_at(self, moment: int) -> np.ndarray:
         """(n, 3) float, world units: positions at a moment, a copy.
@@ -239,26 +240,6 @@ class Trace:
         for record in self.steps[key:moment]:
             vertices[record.vertices] = record.after
         return vertices
-
-    @property
-    def preparations(self) -> list[StepReason]:
-        """The preparations of the start before the first level, one step each."""
-        return [StepReason(step.reasons[0]) for step in itertools.takewhile(lambda step: step.is_preparing, self.steps)]
-
-    def second_fit_before(self, moment: int) -> int:
-        """The moment after the second fit to the sparse points that led to a moment; 0 if there was none."""
-        steps = self.steps
-        return next((k for k in range(moment, 0, -1) if steps[k - 1].is_second_fit and steps[k - 1].accepted), 0)
-
-    def origin_at(self, moment: int) -> np.ndarray:
-        """(n, 3) float, world units: where the engine began to move each vertex: at the prepared start, after a second fit to
-        the sparse points, or after its last manual edit."""
-        origin = self.vertices_at(self.second_fit_before(moment) or min(moment, len(self.preparations)))
-        for made in self.manual_moments:
-            if made <= moment:
-                record = self.steps[made - 1]
-                origin[record.vertices] = record.after
-        return origin
 
     def attach(self, path: Path) -> None:
         """Write the trace to `path`, replacing an existing file, and append further steps to it.
@@ -296,13 +277,13 @@ class Trace:
             self._file.close()
             self._file = None
 
-    def _write(self, block: bytes) -> None:
+    def _write(self, packed: Callable[[], bytes]) -> None:
         """Append a block to the file if one is attached; after a failure write the whole trace again."""
         if self._unwritten is not None:
             self.attach(self._unwritten)
         elif self._file is not None:
             with self._giving_up_file():
-                self._file.append(block)
+                self._file.append(packed())
 
     @contextmanager
     def _giving_up_file(self) -> Iterator[None]:
@@ -335,8 +316,9 @@ class Trace:
             InputError: the file is missing, no trace, or holds a header or a step that no run can have written.
         """
         blocks = read_blocks(path, MAGIC, "trace")
+        budget = blocks_budget(blocks)
         with naming_block(f"trace {path}"):
-            texts, arrays = unpack(blocks[0])
+            texts, arrays = unpack(blocks[0], budget)
             header = read_header(texts)
             check_run_header(header)
             check_fields(arrays, _MESH_FIELDS, {})
@@ -344,7 +326,7 @@ class Trace:
         trace = cls(header, mesh.vertices, mesh.faces)
         for block in blocks[1:]:
             with naming_block(f"trace {path}: step {len(trace) + 1}"):
-                texts, values = unpack(block)
+                texts, values = unpack(block, budget)
                 if "plan" in texts:
                     trace.plan = RunPlan.from_json(texts["plan"])
                 else:
@@ -357,6 +339,10 @@ class Trace:
         Raises:
             InputError: a field is missing, unknown, of another shape or type, or out of range.
         """
+        if "stage" not in values:  # a former version recorded the step
+            values = values | {
+                "stage": np.asarray(int(stage_of_reasons(values.get("reasons", np.zeros(0, dtype=int)))))
+            }
         check_fields(values, _STEP_FIELDS, {"V": len(self.header["views"])})
         for name in ("position", "next_position", "rejections"):
             check_counts(values[name], name)
@@ -364,6 +350,7 @@ class Trace:
         check_ids(values["vertices"], len(self.start), "vertices")
         check_ids(values["faces"], len(self.faces), "faces")
         check_ids(values["reasons"], len(StepReason), "reasons")
+        check_ids(values["stage"], len(StageKind), "stage")
         for name in ("before", "after"):
             check_positions(values[name], name)
         return StepRecord(
@@ -374,6 +361,7 @@ class Trace:
                 "sweep_moment": int(values["sweep_moment"]),
                 "objective_before": float(values["objective_before"]),
                 "objective_after": float(values["objective_after"]),
+                "stage": StageKind(int(values["stage"])),
             }
         )
 
@@ -418,4 +406,20 @@ _STEP_FIELDS = {
     "view_energy_after": Field("f", ("V",), is_finite=True),
     "damping_next": Field("f", ("u",)),
     "rejections": Field("iu", ("u",)),
+    "stage": Field("iu"),
 }
+_STAGES = {
+    StepReason.SMOOTHED: StageKind.SMOOTHNESS,
+    StepReason.FITTED_TO_POINTS: StageKind.FIT,
+    StepReason.FITTED_AGAIN: StageKind.FIT,
+    StepReason.REJECTED_FIT: StageKind.FIT,
+    StepReason.RETURNED: StageKind.JUDGE,
+    StepReason.MOVED_MANUALLY: StageKind.MANUAL,
+    StepReason.RESET_MANUALLY: StageKind.MANUAL,
+}
+
+
+def stage_of_reasons(reasons: np.ndarray) -> StageKind:
+    """The kind of stage of a step that was recorded without one, by the reasons (u,) of its vertices."""
+    known = {int(reason): kind for reason, kind in _STAGES.items()}
+    return known.get(int(reasons.flat[0]), StageKind.PHOTOS) if reasons.size else StageKind.PHOTOS

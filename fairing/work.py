@@ -19,14 +19,14 @@ class Work:
         text: a participle with its object, such as "searching 81 vertices".
         count: number of parts.
         part: what a part is, such as "direction"; empty where the object says it.
-        done: number of finished parts.
+        done: number of finished parts; of a single one the finished fraction, if it is known.
         began: `time.monotonic` at the beginning, s.
     """
 
     text: str
     count: int = 1
     part: str = ""
-    done: int = 0
+    done: float = 0
     began: float = field(default_factory=time.monotonic)
     _lock: threading.Lock = field(default_factory=threading.Lock, repr=False)
 
@@ -90,8 +90,3 @@ def fraction_done(works: Iterable[Work]) -> float:
         done += part * work.done / work.count
         part /= work.count
     return min(done, 1.0)
-
-
-def number_of(count: int, one: str, several: str) -> str:
-    """A number with its noun: 1 vertex, 81 vertices."""
-    return f"{count} {one if count == 1 else several}"

@@ -36,7 +36,7 @@ ALTERNATIVES = ("off", "halved", "doubled")
 
 @dataclass(frozen=True)
 class Setting:
-    """An option such as "step.prior", or a constant such as "fairing.run.sweep.POOR_FIT".
+    """An option such as "step.max_step", or a constant such as "fairing.run.fits.PRIOR_ROUNDS".
 
     Attributes:
         name: path of the option within `FairingOptions`, or of the constant.
@@ -74,7 +74,6 @@ SETTINGS = (
     Setting("cells.point_spread", off=("as_seen",), is_scaled=False),
     Setting("cells.weighting", off="cell", is_scaled=False),
     Setting("eigenspace.dimensions"),
-    Setting("eigenspace.significance", off=(0.0,)),
     Setting("robust.norm", off="least_squares", is_scaled=False),
     Setting("robust.sigma_rule", off=("paper",), is_scaled=False),
     Setting("robust.sigma"),
@@ -82,8 +81,6 @@ SETTINGS = (
     Setting("step.solver", off="alternating", is_scaled=False),
     Setting("step.max_step"),
     Setting("step.prior", off=0.0),
-    Setting("step.prior_threshold"),
-    Setting("step.normal_spread"),
     Setting("step.smoothing", off=(0.0,)),
     Setting("step.points", off=(0.0,)),
     Setting("step.creases", off=(0.0,)),
@@ -93,40 +90,24 @@ SETTINGS = (
     Setting("visibility.min_samples", off=0.0),
     Setting("visibility.reduction"),
     Setting("visibility.max_views"),
-    Setting("schedule.search", off=(0.0,)),
-    Setting("schedule.search_gain", off=0.0),
     Setting("schedule.max_sweeps"),
-    Setting("schedule.sweeps_near_truth"),
     Setting("schedule.max_iterations"),
     Setting("schedule.sweep_tolerance", off=0.0),
-    Setting("fairing.run.preparation.GAIN", off=0.0),
+    Setting("fairing.run.stepper.GAIN", off=0.0),
     Setting("fairing.run.phases.MAX_DISPLACEMENT"),
-    Setting("fairing.run.phases.MAX_DISPLACEMENT_MEASURED"),
-    Setting("fairing.run.phases.WEAK_PRIOR", off=0.0),
-    Setting("fairing.run.phases.INERTIA", off=0.0),
-    Setting("fairing.run.phases.SWEEPS_AFTER_SEARCH"),
     Setting("fairing.run.phases.SIGMA_WITH_EDGES"),
-    Setting("fairing.run.start_error.SEARCHED_ERROR"),
+    Setting("fairing.run.planning.FAR_ERROR"),
     Setting("fairing.run.planning.LEAST_ERROR"),
-    Setting("fairing.run.search_step.ROUGH_SPACING"),
-    Setting("fairing.run.search_step.ROUGH_CELL"),
-    Setting("fairing.run.search_step.ROUGH_STEPS"),
-    Setting("fairing.run.sweep.POOR_FIT"),
-    Setting("fairing.run.sweep.WELL_SEEN"),
     Setting("fairing.run.sweep.POINTS_VARIANCE"),
     Setting("fairing.run.sweep.CREASE_PRECISION"),
-    Setting("fairing.run.sweep.FIT_ROUNDS"),
-    Setting("fairing.run.restart.SHARP_SWEEPS"),
-    Setting("fairing.run.restart.SHARP_SPACING"),
-    Setting("fairing.run.restart.SHARP_CELL"),
-    Setting("fairing.run.fusion.EXCHANGES", off=0),
+    Setting("fairing.run.fits.PRIOR_ROUNDS"),
     Setting("fairing.cells.level_choice.FOOTPRINT_PER_BLUR"),
-    Setting("fairing.cells.level_choice.NEAR_TRUTH_BLUR"),
-    Setting("fairing.features.robust_fit.PRIOR_SIGMA"),
-    Setting("fairing.features.robust_fit.POINT_SIGMA"),
-    Setting("fairing.features.robust_fit.GAIN", off=0.0),
-    Setting("fairing.geometry.manhattan.LEAST_PART", off=2.0),
-    Setting("fairing.geometry.manhattan.SCALE"),
+    Setting("fairing.options.FINE_BLUR"),
+    Setting("fairing.terms.points.PRIOR_SIGMA"),
+    Setting("fairing.terms.points.POINT_SIGMA"),
+    Setting("fairing.terms.point_judge.GAIN", off=0.0),
+    Setting("fairing.terms.axes.LEAST_PART", off=2.0),
+    Setting("fairing.terms.axes.SCALE"),
 )
 
 

@@ -1,5 +1,6 @@
 """Speed, memory and accuracy: `python -m tests.benchmark [--quick] [--json FILE] [--only PART ...]`.
 
+`--readme` prints the tables of the README anew (`tests/readme_tables.py`).
 `--family 12 [--odd]` measures the default engine on seeds of the family `building:SEED` instead (`tests/family.py`), and
 `--ablate` what each of its options and constants contributes (`tests/ablation.py`).
 
@@ -15,6 +16,7 @@ import time
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from multiprocessing import get_context
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -27,12 +29,14 @@ from skimage import data as photographs
 
 from app.files.scene_source import SceneSource
 from demo_scenes import DEMOS, load_demo
+from fairing import paper
 from fairing.check.memory import memory_needed
 from fairing.experiments.noise import noisy_views
 from fairing.io import load_scene
 from fairing.judge.cramer_rao import cramer_rao_bound, luma_noise
 from fairing.judge.metrics import quality_report, surface_distance
 from fairing.judge.report import run_report
+from fairing.kernels.data import KernelData
 from fairing.options import PRESETS, FairingOptions
 from fairing.run.session import Session
 from fairing.scene import Scene
@@ -41,7 +45,7 @@ from tests import ablation
 from tests.best_mesh import best_mesh
 from tests.family import default_results, family_seeds, measure_family
 from tests.large_capture import write_terrain
-from tests.numpy_twin import TwinPhotos, evaluate_face, reads
+from tests.readme_tables import GROUPS, print_tables
 
 Table = dict[str, Any]
 ACCURATE = PRESETS["accurate"]
@@ -70,62 +74,55 @@ def one_level(options: FairingOptions, blur: float, size: int) -> FairingOptions
     return replace(
         options,
         cells=replace(options.cells, adaptive=False, size=(size,)),
-        schedule=replace(options.schedule, blur=(blur,), search=(0.0,), first_level="first"),
+        schedule=replace(options.schedule, blur=(blur,), first_level="first"),
     )
 
 
 def kernel(quick: bool) -> Table:
-    """The fused kernel against cv2.remap and numpy: 6 faces, 12 photos, one moving corner each, one thread."""
-    scene, table = load_demo("cube"), {}
-    for size in (64, 128):
-        session = Session(scene, one_level(ACCURATE, 1.2, size))
-        sweep = session.sweep_state()
-        data, vertices = sweep.context.kernel, session.vertices
-        masks = data.pair_mask.copy()
-        evaluator = Evaluator(1)
+    """The fused kernel against bare cv2.remap, and the paper's step in NumPy: 6 faces, one moving corner each, one thread."""
+    scene, table, repetitions = load_demo("cube"), {}, 2 if quick else 8
+    for preset, size in (("accurate", 64), ("accurate", 128), ("paper", paper.CELL_SIZE)):
+        options = one_level(PRESETS[preset], 1.2, size)
+        session = Session(scene, options)
+        sweep, vertices = session.sweep_state(), session.vertices
+        data, evaluator = sweep.context.kernel, Evaluator(1)
 
-        def fused(context=sweep.context, scale=sweep.scale, vertices=vertices, evaluator=evaluator):
+        def fused(context=sweep.context, scale=sweep.scale, vertices=vertices, evaluator=evaluator, options=options):
             corners = np.zeros(6, np.int64)
-            return evaluator.linearise(context, vertices, np.arange(6), corners, scale, "variable_projection")
+            return evaluator.linearise(context, vertices, np.arange(6), corners, scale, options.step.solver)
 
-        repetitions = 2 if quick else 8
         masked = least_seconds(fused, ROUNDS * repetitions)
         data.pair_mask[:] = -1
-        photos = TwinPhotos.of(data)
+        read = _read_samples(data, scene, vertices)
+
+        def bare(read=read):
+            return [cv2.remap(photo, x, y, cv2.INTER_LINEAR) for photo, x, y in read]
+
+        works: list[Callable[[], object]] = [fused, bare]
+        if preset == "paper":  # its cells are large enough for all faces to read a view's photo with the same blur
+            photos = {int(view): photo for view, (photo, _, _) in zip(data.pair_view, read, strict=True)}
+            by_the_paper = paper.begin_sweep(scene, [photos[v] for v in sorted(photos)], vertices, 1.2)
+            by_the_paper = by_the_paper._replace(sigma=sweep.sigma)
+            works.append(lambda sweep=by_the_paper, vertices=vertices: paper.fairing_step(sweep, vertices, 0))
         cv2.setNumThreads(1)
-
-        def twin(data=data, photos=photos, scale=sweep.scale, vertices=vertices):
-            return [evaluate_face(data, photos, vertices, f, 0, scale[f]) for f in range(6)]
-
-        everything = reads(data, photos, vertices)
-
-        def bare(everything=everything):
-            return [cv2.remap(photo, x, y, cv2.INTER_LINEAR) for photo, x, y in everything]
-
-        seconds, twin_seconds, bare_seconds = least_seconds_of_each([fused, twin, bare], repetitions)
+        seconds, bare_seconds, *numpy_seconds = least_seconds_of_each(works, repetitions)
         cv2.setNumThreads(-1)
-        system, expected = fused(), twin()
-        off = max(
-            max(
-                abs(system.energy[f] / energy - 1),
-                np.abs(system.H[f, :3, :3] - H).max() / np.abs(H).max(),
-                np.abs(system.g[f, :3] - g).max() / np.abs(g).max(),
-            )
-            for f, (energy, H, g) in enumerate(expected)
-        )
-        # cv2.remap rounds places to 1/32 px.
-        assert off < 0.02, f"kernel and twin differ by {100 * off:.2f} %"
-        data.pair_mask[:] = masks
-        samples = 6 * 12 * size * (size + 1) // 2
-        table[f"{size}x{size}"] = {
-            "kernel ms": 1e3 * seconds,
-            "kernel with masks ms": 1e3 * masked,
-            "twin ms": 1e3 * twin_seconds,
-            "speed-up": twin_seconds / seconds,
+        row = table[f"{preset}, {size}x{size}"] = {
+            "ms": 1e3 * seconds,
+            "with masks ms": 1e3 * masked,
             "of bare remap": bare_seconds / seconds,
-            "M samples/s": samples / seconds / 1e6,
-            "differs by %": 100 * off,
+            "M samples/s": sum(x.size for _, x, _ in read) / seconds / 1e6,
         }
+        if preset == "paper":
+            system, expected = fused(), works[2]()
+            step = paper.solve(system.H[:, :3, :3].sum(axis=0), system.g[:, :3].sum(axis=0))
+            off = float(np.linalg.norm(step - expected) / np.linalg.norm(expected))
+            assert off < 0.02, f"the kernel's step and the paper's differ by {100 * off:.2f} %"
+            row |= {
+                "in NumPy ms": 1e3 * numpy_seconds[0],
+                "speed-up": numpy_seconds[0] / seconds,
+                "differs by %": 100 * off,
+            }
     return table
 
 
@@ -328,6 +325,22 @@ def _in_own_process(work: Callable[..., Table], *arguments: object) -> Table:
     return row
 
 
+def _read_samples(
+    data: KernelData, scene: Scene, vertices: np.ndarray
+) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """What the pairs of face and view read: a photo and the coordinates x, y (1, p) of the samples, for `cv2.remap`."""
+    found = []
+    for face, (first, last) in enumerate(pairwise(data.pair_start)):
+        grid = data.face_grid[face]
+        a, b = data.ramp[:, data.grid_start[grid] : data.grid_start[grid + 1]]
+        for pair in range(first, last):
+            base, (_, _, width, height) = data.pair_base[pair], data.pair_frame[pair]
+            corners = scene.views[data.pair_view[pair]].camera.project(vertices[data.faces[face]])[0]
+            x, y = np.float32(corners.T @ np.stack([a, b, 1 - a - b]))
+            found.append((data.pixels[base : base + width * height].reshape(height, width), x[None], y[None]))
+    return found
+
+
 def _whole_run(name: str, options: FairingOptions) -> Table:
     scene = SceneSource.typed(name, None, points="automatic").load()
     began = time.perf_counter()
@@ -361,9 +374,7 @@ def _surface_run(name: str) -> Table:
 
 
 def _one_sweep(folder: Path) -> Table:
-    schedule = replace(
-        ACCURATE.schedule, blur=(1.2,), search=(0.0,), first_level="first", max_sweeps=(1,), max_iterations=(1,)
-    )
+    schedule = replace(ACCURATE.schedule, blur=(1.2,), first_level="first", max_sweeps=(1,), max_iterations=(1,))
     options = replace(ACCURATE, schedule=schedule, step=replace(ACCURATE.step, smoothing=(0.0,)))
     began = time.process_time()
     scene = load_scene(folder)
@@ -420,7 +431,13 @@ class Arguments:
     """Fewer repetitions and cases: about a minute."""
     json: Path | None = None
     """Write the figures to this file, too (of family and ablation: default in the cache folder; the table goes beside it)."""
-    only: Annotated[tuple[str, ...], tyro.conf.arg(help=f"Some of: {', '.join(PARTS)}.")] = ()
+    only: Annotated[
+        tuple[str, ...], tyro.conf.arg(help=f"Some of: {', '.join(PARTS)}; with --readme of: {', '.join(GROUPS)}.")
+    ] = ()
+    readme: bool = False
+    """Print the tables of the README anew instead: an hour, a third of it for the buildings."""
+    buildings: int = 0
+    """With --readme: only so many of the generated buildings."""
     family: int = 0
     """Measure so many seeds of the family instead: 0, 2, 4, ... Runs of the same code in the results file are not repeated."""
     odd: bool = False
@@ -430,7 +447,7 @@ class Arguments:
     ablate: bool = False
     """Run every option and constant turned off, halved and doubled instead: hours. Runs in the results file are not repeated."""
     settings: tuple[str, ...] = ()
-    """With --ablate: these options (step.prior) and constants (fairing.run.sweep.POOR_FIT) alone."""
+    """With --ablate: these options (step.max_step) and constants (fairing.run.sweep.FIT_ROUNDS) alone."""
     scenes: tuple[str, ...] = ablation.SCENES
     """With --ablate: demos, or mesh files in folders of captures that hold a `reference_mesh.ply`."""
 
@@ -438,6 +455,9 @@ class Arguments:
 def main() -> None:
     """Run the parts asked for and print a table of each."""
     arguments = tyro.cli(Arguments)
+    if arguments.readme:
+        print_tables(arguments.only, arguments.buildings)
+        return
     if seeds := arguments.seeds or family_seeds(arguments.family, arguments.odd):
         measure_family(seeds, arguments.json or default_results())
         return

@@ -389,7 +389,7 @@ _COMMANDS: list[tuple[str, Make]] = [
 
 
 def small_variants() -> list[FairingOptions]:
-    """Options for the small corner: every order, both solvers, with and without search, preparations and priors."""
+    """Options for the small corner: every order, both solvers, with and without preparations and priors."""
     options = small_options()
     return [
         options,
@@ -397,8 +397,6 @@ def small_variants() -> list[FairingOptions]:
         small_options(schedule={"order": "sequential", "max_iterations": [2]}),
         small_options("paper"),
         small_options(step={"smoothing": [0.1, 0.03, 0.01]}),
-        small_options(schedule={"search": [1.0], "start_error": 3.0}),
-        small_options(schedule={"search": [1.0], "start_error": -1.0}),
         replace(options, lock_boundary=True),
     ]
 

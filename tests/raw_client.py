@@ -1,6 +1,7 @@
 """A websocket client without a browser: connects to a page's server, reads its messages and sends messages of its own."""
 
 import http.client
+import socket
 from collections.abc import Callable
 from typing import Any
 
@@ -65,6 +66,14 @@ def http_status(port: int, path: str = "/", headers: dict[str, str] | None = Non
     answer.read()
     connection.close()
     return answer.status, dict(answer.getheaders())
+
+
+def raw_status(port: int, *lines: str) -> int:
+    """Status of the answer to a GET request with exactly these header lines; 0 for none."""
+    with socket.create_connection(("127.0.0.1", port), timeout=60) as connection:
+        connection.sendall("\r\n".join(("GET / HTTP/1.1", *lines, "", "")).encode("latin-1"))
+        answer = connection.makefile("rb").readline().split()
+    return int(answer[1]) if len(answer) > 1 else 0
 
 
 def upgrade_status(port: int, headers: dict[str, str]) -> int:

@@ -11,7 +11,7 @@ import pytest
 from fairing.run.stepper import Stepper
 from fairing.trace import StepRecord
 
-_known: dict[tuple[str, str, int], StepRecord] = {}
+_known: dict[tuple[str, str, str, int], StepRecord] = {}
 
 
 @pytest.fixture(scope="module")
@@ -23,7 +23,7 @@ def remembered_steps() -> Iterator[None]:
         before = hash(
             (trace.start.tobytes(), *((s.vertices.tobytes(), s.after.tobytes()) for s in trace.steps[:moment]))
         )
-        key = (problem.scene.name, repr(problem.options), before)
+        key = (problem.scene.name, repr(problem.options), repr(trace.plan), before)
         if key not in _known:
             _known[key] = compute(self, moment)
         return _known[key]

@@ -75,7 +75,7 @@ def views_of(photos: tuple[np.ndarray, ...]) -> tuple[View, ...]:
 def roof_scene(truth: str, start: str) -> Scene:
     """The roof as it is (`truth`, "AB" or "CD": where its ridge runs), with the mesh folded along `start`."""
     faces = counter_clockwise({"AB": RIDGE_AB, "CD": RIDGE_CD}[start], VERTICES)
-    return Scene.build("roof", VERTICES, faces, views_of(_photos(truth)))
+    return Scene.build("roof", VERTICES, faces, views_of(_photos(truth)), points_choice="given")
 
 
 PLANE_SIDE = 5

@@ -35,7 +35,7 @@ def small_options(preset: str = "accurate", **changes) -> FairingOptions:
     for stage in ("cells", "eigenspace", "robust", "schedule"):
         for name, value in values[stage].items():
             values[stage][name] = value[-3:] if isinstance(value, tuple) else value
-    values["schedule"] |= {"blur": [2.0, 1.2, 0.6], "search": [0.0]}
+    values["schedule"] |= {"blur": [2.0, 1.2, 0.6]}
     values["step"] |= {"smoothing": [0.0], "points": [0.0]}
     for name, value in changes.items():
         values[name] = values[name] | value if isinstance(value, dict) else value
@@ -128,7 +128,7 @@ def corner_scene(
     faces = FACES if face_order is None else FACES[face_order]
     return Scene.build(
         "corner", vertices, faces, tuple(views if order is None else [views[i] for i in order]),
-        truth=Truth(Mesh(truth, FACES), truth, NORMALS),
+        truth=Truth(Mesh(truth, FACES), truth, NORMALS), points_choice="given",
     )  # fmt: skip
 
 

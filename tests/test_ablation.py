@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from fairing.cells import level_choice
+from fairing import options
 from fairing.errors import InputError
 from fairing.options import PRESETS
-from fairing.run import phases, preparation, sweep
+from fairing.run import fits, phases, planning
 from tests import ablation
 from tests.ablation import SETTINGS, Setting, ablation_table, measure_ablation, scaled, set_constant, with_option
 from tests.family import code_digest
@@ -32,22 +32,22 @@ def test_halves_and_doubles_keep_whole_numbers_whole():
 
 
 def test_a_constant_changes_where_it_was_imported_and_no_other_of_its_name_does():
-    home, constant, rounds = (
-        "fairing.cells.level_choice.NEAR_TRUTH_BLUR",
-        level_choice.NEAR_TRUTH_BLUR,
-        sweep.FIT_ROUNDS,
+    home, constant, least = (
+        "fairing.options.FINE_BLUR",
+        options.FINE_BLUR,
+        fits.LEAST_ERROR,
     )
-    others = preparation.FIT_ROUNDS
-    assert constant == phases.NEAR_TRUTH_BLUR
+    others = planning.LEAST_ERROR
+    assert constant == phases.FINE_BLUR
     try:
         set_constant(home, 7.5)
-        set_constant("fairing.run.sweep.FIT_ROUNDS", 5)
-        assert level_choice.NEAR_TRUTH_BLUR == phases.NEAR_TRUTH_BLUR == 7.5
-        assert sweep.FIT_ROUNDS == 5
-        assert others == preparation.FIT_ROUNDS
+        set_constant("fairing.run.fits.LEAST_ERROR", 5)
+        assert options.FINE_BLUR == phases.FINE_BLUR == 7.5
+        assert fits.LEAST_ERROR == 5
+        assert others == planning.LEAST_ERROR
     finally:
         set_constant(home, constant)
-        set_constant("fairing.run.sweep.FIT_ROUNDS", rounds)
+        set_constant("fairing.run.fits.LEAST_ERROR", least)
 
 
 def test_the_table_shows_factors_of_the_committed_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]):

@@ -9,7 +9,7 @@ from fairing.options import FairingOptions
 from fairing.run_plan import RunPlan
 
 OPTIONS = FairingOptions()
-BEGINNING = RunPlan(0, False, False, 0.0, False)
+BEGINNING = RunPlan(0, False, False)
 
 
 def note(plan: RunPlan | None) -> str:
@@ -21,16 +21,13 @@ def note(plan: RunPlan | None) -> str:
     [
         (None, "\u00a0"),
         (BEGINNING, "\u00a0"),
-        (RunPlan(3, False, False, 0.0, False, start_sigma=1.3), "Begins at level 4: the start is about 1.3 px off"),
-        (RunPlan(3, False, True, 0.0, False, start_sigma=19.0), "Begins at level 4: the start fits its points"),
-        (RunPlan(4, False, False, 0.0, True, start_sigma=3.0), "Begins at level 5: the start is near the truth"),
-        (RunPlan(2, False, False, 0.0, False), "Begins at level 3: its blur suits the face size"),
-        (RunPlan(3, False, False, 0.0, False, start_sigma=4.0), "Begins at level 4: its blur suits the face size"),
+        (RunPlan(3, False, True, start_sigma=19.0), "Begins at level 4: the start fits its points"),
+        (RunPlan(2, False, False), "Begins at level 3: its blur suits the face size"),
+        (RunPlan(3, False, False, start_sigma=4.0), "Begins at level 4: its blur suits the face size"),
         (
-            RunPlan(4, False, True, 0.0, False, start_sigma=6.0, represents_surface=True),
+            RunPlan(4, False, True, start_sigma=6.0, represents_surface=True),
             "Begins at level 5: the start is near its points",
         ),
-        (RunPlan(0, False, False, 0.0, True), "Begins at level 4: the start is near the truth"),
     ],
 )
 def test_the_note_names_the_level_and_what_decided(plan: RunPlan | None, expected: str):

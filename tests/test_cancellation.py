@@ -9,6 +9,7 @@ import sys
 import threading
 from collections import defaultdict
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -18,17 +19,17 @@ import scipy.fft
 import fairing.cells.sample_masks
 import fairing.cells.visibility
 import fairing.geometry.closest_point
+import fairing.optimize.iteration
 import fairing.run.sweep
 import fairing.solve.energy
 from demo_scenes import load_demo
 from fairing.camera import Camera
 from fairing.cells.scale_space import ScaleSpace
-from fairing.features import robust_fit
 from fairing.options import PRESETS, FairingOptions
 from fairing.run.session import Session
 from fairing.scene import Scene
-from fairing.trace import StepReason
-from tests.search_scene import SHARP_AT_LAST, rough_scene, searching
+from fairing.terms.point_rays import PointRays
+from tests.rough_scene import SHARP_AT_LAST, rough_options, rough_scene
 from tests.small_scene import corner_scene, small_options
 
 LIMIT = 0.3  # s between two checks in a thread
@@ -103,8 +104,8 @@ def meter(monkeypatch: pytest.MonkeyPatch) -> Iterator[Meter]:
     wrap(ScaleSpace, "_decode", "photo px", lambda self, view: self._pixels_at(view, 0.0, 0.0))
     wrap(scipy.fft, "rfft2", "patch px", lambda stack: stack.size)
     wrap(fairing.geometry.closest_point, "_search", "points", lambda points, *_: len(points))
-    wrap(robust_fit._Rays, "assign", "rays", lambda self, mesh, reach, part: len(self._point))
-    wrap(robust_fit, "splu", "coordinates", lambda matrix: matrix.shape[0])
+    wrap(PointRays, "assign", "rays", lambda self, mesh, reach, part: len(self._point))
+    wrap(fairing.optimize.iteration, "splu", "coordinates", lambda matrix: matrix.shape[0])
     threading.setprofile(meter.calls)
     yield meter
     threading.setprofile(None)
@@ -130,8 +131,7 @@ SMALL = {
     "paper": lambda: (corner_scene(), small_options("paper")),
     "joint": lambda: (corner_scene(), small_options(schedule={"order": "joint", "max_sweeps": [2]})),
     "smoothed": lambda: (rough_scene(), small_options(step={"smoothing": [0.1, 0.03, 0.01]})),
-    "searched": lambda: (rough_scene(), searching(-1.0)),
-    "sharp": lambda: (rough_scene(), searching(4.0, **SHARP_AT_LAST)),
+    "sharp": lambda: (rough_scene(), rough_options(**SHARP_AT_LAST)),
 }
 
 
@@ -146,21 +146,10 @@ def test_whole_runs_check_the_flag_often(meter: Meter, name: str):
 
 
 @pytest.mark.slow
-def test_a_restart_checks_the_flag_often(meter: Meter, monkeypatch: pytest.MonkeyPatch):
-    # All faces of this scene meet at vertex 0, so no vertex has twice the median loss.
-    monkeypatch.setattr(fairing.run.sweep, "POOR_FIT", 0.5)
-    quick = {"max_sweeps": [1], "max_iterations": [1]}
-    session = run(meter, rough_scene(), searching(10.0, schedule=quick, **SHARP_AT_LAST))
-    assert any((record.reasons == StepReason.FOUND_TOGETHER).any() for record in session.trace.steps)
-    assert meter.longest[0] < LIMIT, meter.longest
-
-
-@pytest.mark.slow
-def test_plan_and_search_of_a_large_demo_scene_check_the_flag_often(meter: Meter):
-    """facade: the start error is estimated by searches, and the first level begins with one."""
-    session = run(meter, load_demo("facade"), PRESETS["accurate"], steps=2)
+def test_plan_and_first_steps_of_a_large_demo_scene_check_the_flag_often(meter: Meter):
+    session = run(meter, replace(load_demo("facade"), points_choice="given"), PRESETS["accurate"], steps=2)
     assert session.plan is not None
-    assert meter.total["samples"] > 10 * RATES["samples"] * LIMIT, "far more work than may lie between two checks"
+    assert meter.total["samples"] > RATES["samples"] * LIMIT, "more work than may lie between two checks"
     assert meter.longest[0] < LIMIT, meter.longest
 
 

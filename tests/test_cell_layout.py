@@ -5,7 +5,7 @@ import pytest
 
 from fairing.cells import layout
 from fairing.cells.layout import GRID_SIZES, LEAST_LARGEST, MAX_SAMPLES, plan_cells
-from fairing.options import CellOptions
+from fairing.options import CellOptions, FairingOptions, ScheduleOptions
 
 OPTIONS = CellOptions(size=(256,), spacing=(1.0,))
 
@@ -14,7 +14,8 @@ def planned(longest: np.ndarray, n_photos: int, options: CellOptions = OPTIONS) 
     """Size of each face's cells (m,), and the samples of all cells together, for faces seen in as many photos each."""
     seen = np.ones((len(longest), n_photos), dtype=bool)
     edges = np.repeat(longest[:, None], n_photos, axis=1)
-    found = plan_cells(options, 0, 1.0, edges, 0.8 * edges, seen)
+    options_of_run = FairingOptions(cells=options, schedule=ScheduleOptions(blur=(1.0,)))
+    found = plan_cells(options_of_run, 0, edges, 0.8 * edges, seen)
     return found.grid_sizes[found.face_grid], int(found.samples.sum()) * n_photos
 
 

@@ -17,7 +17,10 @@ def corner_with_middle(scale: float = 1.0) -> Session:
     """The true corner of the cube, with one of its three sides divided at a vertex in its middle."""
     vertices = scale * np.vstack([VERTICES, [[0.5, 0.5, 1]]])
     faces = np.vstack([[[0, 1, MIDDLE], [1, 2, MIDDLE], [2, 3, MIDDLE], [3, 0, MIDDLE]], FACES[2:]])
-    return Session(Scene.build("corner", vertices, faces, corner_scene((0, 0, 0), scale=scale).views), FINEST)
+    return Session(
+        Scene.build("corner", vertices, faces, corner_scene((0, 0, 0), scale=scale).views, points_choice="given"),
+        FINEST,
+    )
 
 
 def test_long_within_a_plane_and_nearly_round_at_a_corner():

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from app.cli import fair as headless
+from app.cli.arguments import with_current_flags
 from app.cli.main import run
 from app.files.scene_source import SceneSource
 from fairing.cells.context import build_context
@@ -55,13 +56,15 @@ def test_fair_writes_a_mesh_in_the_input_s_order_a_report_and_a_trace(scene, tmp
     assert np.linalg.norm(vertices[0] - VERTICES[0]) < 0.5 * np.linalg.norm(before[0] - VERTICES[0])
     trace = Trace.load(out / "run.trace")
     assert np.array_equal(trace.vertices_at(len(trace)), vertices[:7])
+    assert np.array_equal(read_mesh(out / "mesh.obj")[0], vertices)  # the start mesh's format
 
 
 def test_fair_with_everything_locked_says_that_nothing_could_move(scene, tmp_path, capsys):
     every = [str(vertex) for vertex in range(8)]
-    assert fair(scene, tmp_path / "out", "--preset", "paper", "--locked-vertices", *every) == 0
-    (end,) = (line for line in capsys.readouterr().err.splitlines() if line.startswith("finished"))
-    assert end.startswith("finished: no vertex could move (7 of 7 vertices are locked); wrote ")
+    assert fair(scene, tmp_path / "out", "--preset", "paper", "--locked-vertices", *every) == 1
+    (end,) = (line for line in capsys.readouterr().err.splitlines() if "could move" in line)
+    assert end.startswith("eigenfairing: ")
+    assert "corner: no vertex could move: 7 of 7 vertices are locked; unlock some; " in end
     assert np.array_equal(read_mesh(tmp_path / "out" / "mesh.ply")[0], read_mesh(scene / "mesh.obj")[0])
 
 
@@ -346,3 +349,30 @@ def test_a_scene_that_cannot_be_opened_is_one_line_after_the_address(tmp_path, c
     said = capsys.readouterr()
     assert "http://127.0.0.1:" in said.out
     assert len(said.err.splitlines()) == 1
+
+
+def test_flags_of_options_that_runs_no_longer_have_are_noted_and_without_effect():
+    typed = [
+        "fair",
+        "--schedule.start-error",
+        "-1",
+        "cube",
+        "--schedule.search=0",
+        "--schedule.sweeps-near-truth",
+        "1",
+        "2",
+        "--step.prior-threshold=0.3",
+        "--eigenspace.significance",
+        "0.0",
+        "6.0",
+    ]
+    arguments, notes = with_current_flags([*typed, "--out", "3", "--schedule.start", "first"])
+    assert arguments == ["fair", "cube", "--out", "3", "--schedule.first-level", "first"]
+    assert [note.split()[0] for note in notes] == [
+        "--schedule.start-error",
+        "--schedule.search",
+        "--schedule.sweeps-near-truth",
+        "--step.prior-threshold",
+        "--eigenspace.significance",
+    ]
+    assert "step.prior" in notes[3]

@@ -4,7 +4,15 @@ import pytest
 
 from app.debugger.breakpoints import Breakpoints
 from app.debugger.condition import ANY, Quantities, parse_condition
-from app.debugger.quantities import FUNCTIONS, PREDICATES, VALUES, limits_of, parse_step_condition
+from app.debugger.quantities import (
+    FUNCTIONS,
+    OF_PULLS,
+    PREDICATES,
+    STAGE_WORDS,
+    VALUES,
+    limits_of,
+    parse_step_condition,
+)
 from app.debugger.watch import COMPUTED, parse_watch
 from app.page_state.page_state import PageState
 from app.page_state.selection import Selection
@@ -162,7 +170,9 @@ def test_every_word_that_is_offered_is_understood():
 
     for name in VALUES:
         parse_step_condition(f"{name} > 0")
-    for name in FUNCTIONS:
+    for kind in STAGE_WORDS:
+        parse_step_condition(f"stage({kind}) and accepted > 0")
+    for name in FUNCTIONS.keys() - OF_PULLS - {"stage"}:
         parse_step_condition(f"{name}(change) > 0" if name not in PREDICATES else f"{name}(1)")
     for condition in ready_made(PageState(Selection((3,)), entered=2)).values():
         parse_step_condition(condition)

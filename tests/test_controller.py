@@ -35,7 +35,8 @@ from fairing.options import FairingOptions, ScheduleOptions
 from fairing.run.session import Session
 from fairing.scene import Scene
 from fairing.solve.problem import Problem
-from fairing.trace import StepReason, Trace
+from fairing.stage_kind import StageKind
+from fairing.trace import Trace
 from tests.commands import do
 from tests.small_scene import corner_scene, small_options
 from tests.waiting import wait_for
@@ -90,11 +91,15 @@ def test_back_goes_to_the_beginning_of_the_last_extent(controller: Controller):
 
 def test_what_is_done_to_the_start_is_stepped_by_itself():
     controller = Controller(Session(corner_scene(), small_options(step={"smoothing": [0.1, 0.03, 0.01]})))
-    for moment, is_preparing in ((1, True), (2, False)):
+    stages: list[StageKind] = []
+    while StageKind.PHOTOS not in stages:
         state = do(controller, Forward(Extent.ITERATION))
-        assert state.moment == moment
-        assert (state.trace.steps[moment - 1].reasons == StepReason.SMOOTHED).all() == is_preparing
-    for moment in (1, 0):
+        stages.append(state.trace.steps[state.moment - 1].stage)
+        assert state.moment == len(stages)
+    n_passes = len(stages) - 2
+    assert n_passes > 1
+    assert stages == [StageKind.SMOOTHNESS] * n_passes + [StageKind.JUDGE, StageKind.PHOTOS]
+    for moment in reversed(range(len(stages))):
         assert do(controller, Back(Extent.ITERATION)).moment == moment
     controller.close()
 

@@ -10,6 +10,7 @@ import pytest
 
 from fairing.errors import InputError
 from fairing.run.session import Session
+from fairing.stage_kind import StageKind
 from fairing.trace import StepRecord, Trace
 from fairing.triangulation import FlipTrace
 from tests.record_files import flip, raw_block, run_header, step, write_flips, write_trace
@@ -36,7 +37,10 @@ def refused(load: Any, path: Path, said: str) -> None:
 def test_a_trace_of_version_1_loads(tmp_path: Path):
     trace = Trace.load(write_trace(tmp_path / "run.trace", steps=[step(), step(before=VERTICES[[0]] + 0.01)]))
     assert len(trace) == 2
-    assert {field.name for field in fields(StepRecord)} == step().keys()
+    assert {field.name for field in fields(StepRecord)} == step().keys() | {"stage"}, (
+        "which this version did not record"
+    )
+    assert trace.steps[0].stage is StageKind.PHOTOS
     np.testing.assert_array_equal(trace.vertices_at(1)[0], VERTICES[0] + 0.01)
     np.testing.assert_array_equal(trace.faces, FACES)
     assert trace.steps[0].position == (0, 0, 0, 0)

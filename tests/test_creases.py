@@ -14,6 +14,8 @@ from fairing.errors import Cancelled
 from fairing.photo import ArrayPhoto
 from fairing.scene import View
 
+pytestmark = pytest.mark.compiled
+
 SIZE = (200, 160)
 K = np.array([[400.0, 0, 99.5], [0, 400.0, 79.5], [0, 0, 1]])
 FINENESS = 8

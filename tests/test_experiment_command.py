@@ -29,7 +29,7 @@ pytestmark = pytest.mark.slow
 
 ONE_LEVEL = small_options(schedule={"blur": [1.2], "max_sweeps": [3]}, cells={"size": [32]})
 FLAGS = ["--starts", "4", "8", "--directions", "2", "--schedule.blur", "1.2", "--schedule.max-sweeps", "2"]
-FLAGS += ["--schedule.search", "0", "--cells.size", "32", "--step.smoothing", "0"]
+FLAGS += ["--cells.size", "32", "--step.smoothing", "0"]
 EXPERIMENT = CaptureRange(starts=(4.0, 8.0), directions=3)
 
 

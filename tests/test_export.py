@@ -23,7 +23,7 @@ from fairing.run.session import Session
 from fairing.texture import Drawing
 from tests.small_scene import corner_scene, small_options, write_corner
 
-QUICK = ["--schedule.blur", "2", "1", "--schedule.max-sweeps", "1", "--cells.size", "32", "--schedule.search", "0"]
+QUICK = ["--schedule.blur", "2", "1", "--schedule.max-sweeps", "1", "--cells.size", "32"]
 NAME = "a <b>corner & more"
 
 

@@ -113,6 +113,7 @@ def test_flows_of_all_photos_become_one_arrow_a_face_to_where_the_rays_meet(sess
     assert heads == pytest.approx(np.linalg.norm(shaft, axis=1)[:, None] * HEAD * np.hypot(1, 0.5) * np.ones((1, 2)))
 
 
+@pytest.mark.slow
 def test_on_the_facade_the_arrows_point_to_the_truth():
     scene = load_demo("facade")
     found = face_residuals(Session(scene), 0)

@@ -11,6 +11,8 @@ from fairing.features.pairs import photo_pairs
 from fairing.features.tracks import join_tracks
 from tests.speckled_corner import camera_at
 
+pytestmark = pytest.mark.compiled
+
 OPTIONS = FeatureOptions()
 
 PAIRS = {

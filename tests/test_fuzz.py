@@ -51,6 +51,8 @@ REGRESSIONS = {
     "K of infinity after its scale": ("Middlebury", replaced("small_par.txt", " 1.0 ", " 1e-320 ")),
     "a color that is no number": ("Meshroom", replaced("cameras.sfm", '"color": ["0"', '"color": ["nan"')),
     "a sighting at 1e31 px": ("matches", replaced("matches.txt", "a.png ", "a.png 4.5e31 1 b.png 3e31 ")),
+    "a camera without numbers": ("VisualSFM", replaced("scene.nvm", "\t110.0", "\t")),
+    "a shift of 1e200": ("Metashape", replaced("cameras.xml", "<scale>1.0", "<scale>1e200")),
     "a world point at 1e90": ("matches", replaced("matches.txt", "-0.3", "8e90")),
 }
 

@@ -12,8 +12,10 @@ from scipy.optimize import approx_fprime, least_squares
 from fairing.geometry.normals import face_quality, folded_faces
 from fairing.mesh import Mesh
 from fairing.options import StepOptions
-from fairing.run.phases import INERTIA
+from fairing.run.phases import Level
 from fairing.run.session import Session
+from fairing.run.stages import Photos
+from fairing.run.sweep import begin_sweep
 from fairing.run_plan import RunPlan
 from fairing.solve.energy import Evaluator, FaceSystem
 from fairing.solve.normal_equations import (
@@ -22,9 +24,10 @@ from fairing.solve.normal_equations import (
     faded,
     solve_jointly,
     solve_vertices,
-    undetermined_directions,
     vertex_systems,
 )
+from fairing.solve.problem import Problem
+from fairing.stage_kind import StageKind
 from tests.cell_cases import ALL_CORNERS, FACE_IDS, prepared, sample_points, sharp_options
 from tests.small_scene import (
     FACES,
@@ -37,6 +40,8 @@ from tests.small_scene import (
     sparse_points,
 )
 
+pytestmark = pytest.mark.compiled
+
 SMOOTH = {"interpolation": ["cubic"], "weighting": "cell", "size": [32], "inset": [0.5]}
 
 
@@ -45,7 +50,7 @@ def random_systems(rng: np.random.Generator) -> FaceSystem:
     root = rng.normal(size=(6, 9, 12))
     H, g = root @ root.transpose(0, 2, 1), rng.normal(size=(6, 9))
     nothing = np.zeros(6)
-    return FaceSystem(FACE_IDS, nothing, nothing, H, g, nothing, nothing, nothing)
+    return FaceSystem(FACE_IDS, nothing, nothing, H, g, nothing, nothing)
 
 
 def dense(system: FaceSystem) -> tuple[np.ndarray, np.ndarray]:
@@ -119,8 +124,8 @@ def test_damping_shortens_the_joint_step():
 def test_prior_gradient_is_the_slope_of_its_energy():
     rng = np.random.default_rng(4)
     roots = rng.normal(size=(2, 7, 3, 3))
-    sliding, weak = roots @ roots.transpose(0, 1, 3, 2)
-    prior = Prior((QuadraticPrior(sliding, VERTICES + 0.1), QuadraticPrior(weak, VERTICES - 0.2)))
+    one, other = roots @ roots.transpose(0, 1, 3, 2)
+    prior = Prior((QuadraticPrior(one, VERTICES + 0.1, "points"), QuadraticPrior(other, VERTICES - 0.2, "start")))
     ids = np.array([1, 4, 6])
     vertices = VERTICES + rng.normal(size=(7, 3))
 
@@ -133,23 +138,18 @@ def test_prior_gradient_is_the_slope_of_its_energy():
     assert prior.gradient(vertices, ids).reshape(-1) == pytest.approx(slope, rel=1e-4)
 
 
-def test_sliding_directions_are_the_plane_and_the_edge():
+def test_without_points_the_prior_to_the_start_acts_in_the_plane_and_along_the_edge():
     """Vertex 1 lies on the edge along x, vertex 2 inside the plane z = 1, vertex 0 in the corner."""
-    H = np.tile(np.eye(3), (7, 1, 1))
-    sliding, weak = undetermined_directions(VERTICES, Mesh(VERTICES, FACES), H, np.ones(6, bool), StepOptions(), 0.1)
-    assert np.linalg.matrix_rank(sliding[0]) == 0
-    assert np.linalg.matrix_rank(sliding[1]) == 1
-    assert np.linalg.norm(sliding[1] @ [1, 0, 0]) == pytest.approx(np.trace(sliding[1]))
-    assert np.linalg.matrix_rank(sliding[2]) == 2
-    assert np.linalg.norm(sliding[2] @ [0, 0, 1]) < 1e-12
-    assert not weak.any()
-
-
-def test_weak_directions_are_the_small_eigenvalues():
-    H = np.tile(np.diag([100.0, 1.0, 50.0]), (7, 1, 1))
-    _, weak = undetermined_directions(VERTICES, Mesh(VERTICES, FACES), H, np.ones(6, bool), StepOptions(), 0.1)
-    assert np.linalg.norm(weak[0] @ [1, 0, 1]) < 1e-12
-    assert weak[0, 1, 1] == pytest.approx(0.1 * 100)
+    problem, start = Problem(corner_scene(), small_options(), VERTICES), VERTICES + 0.01
+    sweep = begin_sweep(problem, Level(0, prior=0.1), Photos(StageKind.PHOTOS, 1, 1), 0, VERTICES, start)
+    (term,) = sweep.prior.terms
+    assert np.array_equal(term.targets, start)
+    assert sweep.system is not None
+    strength = 0.1 * np.linalg.eigvalsh(vertex_systems(problem.scene.mesh, sweep.system)[0])[:, 2]
+    x, y, _ = np.eye(3)
+    expected = {0: np.zeros((3, 3)), 1: np.outer(x, x), 2: np.outer(x, x) + np.outer(y, y)}
+    for vertex, directions in expected.items():
+        assert term.hessians[vertex] == pytest.approx(strength[vertex] * directions, abs=1e-6 * strength[vertex])
 
 
 def test_flips_folds_and_collapses_are_found():
@@ -282,7 +282,7 @@ def test_a_faded_prior_keeps_its_share_in_every_direction():
     assert not faded(0 * flat, 0 * flat).any()
 
 
-def test_near_points_a_vertex_without_texture_around_it_does_not_drift(monkeypatch):
+def test_near_points_a_vertex_without_texture_around_it_does_not_drift():
     """All faces around vertex 2 lie in the side z = 1, painted grey and without points; photos have noise."""
     rng, painted = np.random.default_rng(8), {}
     for i, (photo, camera) in enumerate(zip(photos(), cameras(), strict=True)):
@@ -292,11 +292,10 @@ def test_near_points_a_vertex_without_texture_around_it_does_not_drift(monkeypat
         painted[i] = np.repeat(np.clip(np.rint(noisy), 0, 255).astype(np.uint8)[..., None], 3, axis=2)
     points = on_the_faces(600)
     scene = replace(corner_scene(change=painted), sparse_points=sparse_points(points[points[:, 2] < 0.999]))
-    plan = RunPlan(1, False, is_fitted_to_points=True, start_error=0.0, is_near_truth=False, represents_surface=True)
+    plan = RunPlan(1, False, is_fitted_to_points=True, represents_surface=True)
     moved = []
-    for inertia in (0.0, INERTIA):
-        monkeypatch.setattr("fairing.run.phases.INERTIA", inertia)
-        session = Session(scene, small_options(step={"points": [0.3]}))
+    for prior in (0.0, StepOptions().prior):
+        session = Session(scene, small_options(step={"points": [0.3], "prior": prior}))
         session.trace.plan = plan
         session.run()
         places = np.array([session.vertices[2], VERTICES[2]])

@@ -12,12 +12,12 @@ from PIL import Image
 from fairing.errors import InputError
 from fairing.io import load_scene, read_capture
 from fairing.io.capture import Capture
+from fairing.io.photo_choice import PhotoChoice
 from tests.synthetic_capture import (
     CENTER,
     CUBE_VERTICES,
     HEIGHT,
     LENSES,
-    MODEL_NUMBERS,
     WIDTH,
     SyntheticCapture,
     write_colmap_capture,
@@ -39,6 +39,13 @@ def reprojection_errors(capture: Capture) -> np.ndarray:
     return errors
 
 
+def undistorted_by_opencv(pixels: np.ndarray, K: np.ndarray, distortion: np.ndarray, new_K: np.ndarray) -> np.ndarray:
+    """Pixels (n, 1, 2) of a camera new_K without distortion. OpenCV 4 takes the criteria in a function of its own."""
+    criteria = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 500, 1e-14)
+    undistort = getattr(cv2, "undistortPointsIter", cv2.undistortPoints)
+    return undistort(pixels, K, distortion, R=np.eye(3), P=new_K, criteria=criteria)
+
+
 @pytest.mark.parametrize("binary", [False, True])
 @pytest.mark.parametrize("model", LENSES)
 def test_observations_and_cameras_agree_for_every_lens(tmp_path: Path, model: str, binary: bool):
@@ -50,12 +57,11 @@ def test_observations_and_cameras_agree_for_every_lens(tmp_path: Path, model: st
     points = capture.sparse_points
     assert points is not None
     for i, view in enumerate(capture.views):
-        expected = cv2.undistortPoints(
+        expected = undistorted_by_opencv(
             truth.pixels[i][:, None],
             truth.K,
             np.array(LENSES[model], float),
-            P=view.camera.K,
-            criteria=(cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 500, 1e-14),
+            view.camera.K,
         )[:, 0]
         of_view = points.observations[:, 1] == i
         np.testing.assert_allclose(points.pixels[of_view], expected, atol=1e-6)
@@ -80,8 +86,7 @@ def test_undistorted_photo_shows_what_the_pinhole_camera_sees(tmp_path: Path, mo
 
     truth = write_colmap_capture(tmp_path, SyntheticCapture(model))
     grid = np.stack(np.meshgrid(np.arange(float(WIDTH)), np.arange(float(HEIGHT))), axis=-1)
-    criteria = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 500, 1e-14)
-    rays = cv2.undistortPoints(grid.reshape(-1, 1, 2), truth.K, np.array(LENSES[model]), criteria=criteria)
+    rays = undistorted_by_opencv(grid.reshape(-1, 1, 2), truth.K, np.array(LENSES[model]), np.eye(3))
     taken = np.rint(pattern(rays.reshape(HEIGHT, WIDTH, 2))).astype(np.uint8)
     Image.fromarray(taken).save(tmp_path / "images" / "a.png")
     view = read_capture(tmp_path).views[0]
@@ -166,12 +171,47 @@ def test_photos_without_a_camera_are_left_out_and_counted(tmp_path: Path):
     assert any("no camera of them: 1 (late.png)" in warning for warning in scene.warnings)
 
 
-def test_further_models_are_mentioned(tmp_path: Path):
-    capture = SyntheticCapture()
-    capture.write_photos(tmp_path / "images")
-    capture.write_text(tmp_path / "sparse" / "0")
-    capture.write_text(tmp_path / "sparse" / "1")
-    assert any("holds more models (1)" in warning for warning in read_capture(tmp_path).warnings)
+@pytest.mark.parametrize("binary", [False, True])
+def test_the_largest_of_several_models_is_read_and_the_others_are_mentioned(tmp_path: Path, binary: bool):
+    names = ("a.png", "b.png", "c.png", "d.png", "e.png")
+    for model, count in (("0", 3), ("1", 5), ("2", 4), ("10", 5)):
+        capture = SyntheticCapture(names=names[:count])
+        capture.write_photos(tmp_path / "images")
+        (capture.write_binary if binary else capture.write_text)(tmp_path / "sparse" / model)
+    for path in (tmp_path, tmp_path / "sparse"):
+        capture = read_capture(path)
+        assert len(capture.views) == 5
+        (note,) = [warning for warning in capture.warnings if "more models" in warning]
+        assert "(0 with 3 photos, 2 with 4 photos, 10 with 5 photos); 1 with 5 photos is read" in note
+    assert len(read_capture(tmp_path / "sparse" / "2").views) == 4
+
+
+def test_photos_smaller_than_calibrated_scale_their_cameras(tmp_path: Path):
+    capture = write_colmap_capture(tmp_path, SyntheticCapture("RADIAL"))
+    whole = read_capture(tmp_path)
+    for name in capture.names:
+        with Image.open(tmp_path / "images" / name) as photo:
+            photo.resize((WIDTH // 2, HEIGHT // 2)).save(tmp_path / "images" / name)
+    half = read_capture(tmp_path)
+    assert any("another size than calibrated, cameras scaled with them: 4" in warning for warning in half.warnings)
+    assert whole.sparse_points is not None
+    assert half.sparse_points is not None
+    np.testing.assert_allclose((half.sparse_points.pixels + 0.5) * 2 - 0.5, whole.sparse_points.pixels, atol=1e-6)
+    for view, twin in zip(half.views, whole.views, strict=True):
+        assert view.photo.size == (WIDTH // 2, HEIGHT // 2)
+        pixels, expected = (camera.project(capture.points)[0] for camera in (view.camera, twin.camera))
+        np.testing.assert_allclose((pixels + 0.5) * 2 - 0.5, expected, atol=1e-9)
+
+
+def test_missing_photos_can_be_left_out(tmp_path: Path):
+    write_colmap_capture(tmp_path)
+    (tmp_path / "images" / "b.png").unlink()
+    with pytest.raises(InputError, match=r"^photo b\.png: expected an image file, found none .*--leave-out b\.png$"):
+        read_capture(tmp_path)
+    capture = read_capture(tmp_path, PhotoChoice(leave_out=("b.png",)))
+    assert [view.name for view in capture.views] == ["a.png", "c.png", "d.png"]
+    assert capture.sparse_points is not None
+    assert len(capture.sparse_points.observations) == 3 * 40
 
 
 def test_model_without_points_has_views_only(tmp_path: Path):
@@ -221,7 +261,7 @@ DAMAGE = {
         replaced("cameras.txt", "PINHOLE", "SPHERE"),
         r"line 2: camera 7: camera model SPHERE .*undistorter",
     ),
-    "fisheye": (replaced("cameras.txt", "PINHOLE", "OPENCV_FISHEYE"), "OPENCV_FISHEYE is not supported"),
+    "panorama": (replaced("cameras.txt", "PINHOLE", "EQUIRECTANGULAR"), "EQUIRECTANGULAR is not supported"),
     "too few parameters": (replaced("cameras.txt", "PINHOLE", "OPENCV"), r"cameras\.txt: line 2: expected CAMERA_ID"),
     "size is no number": (replaced("cameras.txt", str(WIDTH), "wide"), r"cameras\.txt: line 2: expected"),
     "size contradicts photo": (replaced("cameras.txt", f"{WIDTH} ", "100 "), r"photo a\.png: .*100x72.*96x72"),
@@ -248,7 +288,6 @@ DAMAGE = {
     "NaN point": (replaced("points3D.txt", "3 ", "3 nan "), r"points3D"),
     "no images file": (deleted("sparse/images.txt"), "expected one of: COLMAP"),
     "missing photo": (deleted("images/b.png"), r"photo .*b\.png: expected an image file, found none"),
-    "missing mesh": (deleted("mesh.obj"), "expected a mesh .*--mesh"),
     "empty model": (lambda f: (f / "sparse/images.txt").write_text("# none\n"), "expected photos in the COLMAP model"),
     "not UTF-8": (lambda f: (f / "sparse/images.txt").write_bytes(b"1\n2 \xff"), r"images\.txt: line 2: .*UTF-8.*0xff"),
     "photo is text": (lambda f: (f / "images/c.png").write_text("hello"), r"photo .*c\.png: is not an image"),
@@ -262,6 +301,14 @@ def test_damaged_text_model_is_one_clear_line(tmp_path: Path, what: str):
     damage(tmp_path)
     with pytest.raises(InputError, match=said) as error:
         load_scene(tmp_path)
+    assert "\n" not in str(error.value)
+
+
+def test_a_missing_mesh_without_points_to_triangulate_is_one_clear_line(tmp_path: Path):
+    write_colmap_capture(tmp_path)
+    (tmp_path / "mesh.obj").unlink()
+    with pytest.raises(InputError, match=r"expected a mesh .*--mesh") as error:
+        load_scene(tmp_path, points="none")
     assert "\n" not in str(error.value)
 
 
@@ -310,7 +357,9 @@ def test_binary_with_random_bytes_never_fails_otherwise(tmp_path: Path, file: st
     assert not any("\n" in line for line in said)
 
 
-@pytest.mark.parametrize(("number", "said"), [(MODEL_NUMBERS["OPENCV_FISHEYE"], "OPENCV_FISHEYE"), (99, "number 99")])
+@pytest.mark.parametrize(
+    ("number", "said"), [(10, "THIN_PRISM_FISHEYE"), (16, "EUCM"), (17, "EQUIRECTANGULAR"), (99, "number 99")]
+)
 def test_binary_camera_model_is_refused_by_name(tmp_path: Path, number: int, said: str):
     write_colmap_capture(tmp_path, binary=True)
     path = tmp_path / "sparse" / "cameras.bin"

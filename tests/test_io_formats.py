@@ -146,7 +146,10 @@ JSON_DAMAGE = {
     "NaN": (changed("views", 1, "image_from_world", 0, 0, to=float("nan")), r"views\[1\]: camera matrix: .*NaN"),
     "mirrored": (changed("views", 2, "R", to=[[1, 0, 0], [0, -1, 0], [0, 0, 1]]), r"views\[2\]: camera: R is mirrored"),
     "K lower": (changed("views", 2, "K", 2, 0, to=1), r"views\[2\]\.K: expected an upper triangular"),
-    "photo missing": (changed("views", 2, "photo", to="images/z.png"), r"views\[2\]: photo .*z\.png"),
+    "photo missing": (
+        changed("views", 2, "photo", to="images/z.png"),
+        r"^photo images/z\.png: expected an image file, found none",
+    ),
     "zero byte": (changed("views", 2, "photo", to="\0"), r"views\[2\]\.photo .*without NUL"),
     "zero byte in mesh": (changed("mesh", to="\0.ply"), "mesh .*without NUL"),
     "name twice": (changed("views", 2, "name", to="second"), "two photos are named second"),

@@ -4,6 +4,7 @@ import errno
 import json
 import os
 import resource
+import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -15,6 +16,7 @@ import trimesh
 from fairing.errors import InputError
 from fairing.io import read_mesh, write_atomically, write_mesh
 from fairing.io.scan_file import read_scan
+from fairing.util.budget import FREE_BYTES, RATIO
 from tests.synthetic_capture import CUBE_FACES, CUBE_VERTICES
 
 RNG = np.random.default_rng(0)
@@ -114,11 +116,11 @@ def test_quads_become_triangles(tmp_path: Path):
         ("m.ply", PLY_HEADER.format(extra="") + "end_header\n" + PLY_POINTS, "found no faces"),
         ("m.obj", "v 0 0 0\nv 1 0 0\n", "found no faces"),
         ("m.obj", "", "found no faces"),
-        ("m.ply", "", "cannot be read"),
+        ("m.ply", "", "expected a PLY header"),
         ("m.glb", "hello", "cannot be read"),
         ("m.gltf", json.dumps({"asset": {"version": "2.0"}}), r"m\.gltf: expected a"),
-        ("m.stl", "solid\n", r"m\.stl: expected a"),
-        ("m.off", "OFF\n3 1 0\n0 0", "cannot be read"),
+        ("m.stl", "solid\n", r"m\.stl: expected three vertices for each facet up to `endsolid`"),
+        ("m.off", "OFF\n3 1 0\n0 0", "expected 3 vertices and 1 faces as declared, one line each, found 1 lines"),
         ("m.obj", "v 0 0\n", "line 1: expected `v x y z`"),
         ("m.obj", "v 0 0 0\nf 1 2\n", "line 2: expected"),
         ("m.obj", "v 0 0 0\nf 0 1 1\n", "line 2: expected"),
@@ -282,11 +284,19 @@ def test_materials_are_not_read(tmp_path: Path):
 def test_references_to_too_much_data_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     path = write_gltf(tmp_path)
     size = sum(data.stat().st_size for data in tmp_path.glob("*.bin"))
-    monkeypatch.setattr("fairing.io.trimesh_file.MAX_BYTES", 3 * size)
+    monkeypatch.setattr("fairing.io.neighbours.MAX_BYTES", 3 * size)
     assert len(read_mesh(path)[0]) == len(CUBE_VERTICES)
 
     def repeat(header: dict[str, Any]) -> None:
-        header["buffers"] *= 4
+        """Primitives whose indices lie in further buffers, all in one file."""
+        primitives, accessors = header["meshes"][0]["primitives"], header["accessors"]
+        indices = accessors[primitives[0]["indices"]]
+        view = header["bufferViews"][indices["bufferView"]]
+        for _ in range(8):
+            header["buffers"].append(header["buffers"][view["buffer"]])
+            header["bufferViews"].append(view | {"buffer": len(header["buffers"]) - 1})
+            accessors.append(indices | {"bufferView": len(header["bufferViews"]) - 1})
+            primitives.append(primitives[0] | {"indices": len(accessors) - 1})
 
     refused(write_gltf(tmp_path, repeat), "expected references to at most")
 
@@ -306,6 +316,7 @@ def endless_nodes(header: dict[str, Any]) -> None:
     """A node that holds 100,000 instances of each node."""
     nodes = header["nodes"]
     nodes.append({"children": list(range(len(nodes))) * 10**5})
+    header["scenes"][0]["nodes"] = [len(nodes) - 1]
 
 
 def zeros(header: dict[str, Any]) -> None:
@@ -313,26 +324,44 @@ def zeros(header: dict[str, Any]) -> None:
     del header["accessors"][0]["bufferView"]
 
 
-def repeated_primitives(header: dict[str, Any]) -> None:
-    header["meshes"][0]["primitives"] *= 10**5
+def sparse_zeros(header: dict[str, Any]) -> None:
+    zeros(header)
+    at = {"bufferView": 0, "componentType": 5125}
+    header["accessors"][0] |= {"count": 1 << 26, "sparse": {"count": 1, "indices": at, "values": {"bufferView": 1}}}
+
+
+def many_instances(header: dict[str, Any]) -> None:
+    """40 bytes for each further copy of the mesh, which has 480 bytes as arrays: one hundred times as many are no mesh."""
+    primitives = header["meshes"][0]["primitives"]
+    primitives *= 100
+    for primitive in primitives:
+        primitive["attributes"] = dict(primitive["attributes"])
+    header["nodes"] = [{"mesh": 0}] * 20_000
+    header["scenes"][0]["nodes"] = list(range(20_000))
 
 
 @pytest.mark.parametrize(
-    "change",
+    ("change", "said"),
     [
-        zeros,
-        declared("bufferViews", byteLength=1 << 50),
-        declared("accessors", count=1 << 60),
-        endless_nodes,
-        repeated_primitives,
+        (zeros, r"expected data \(a bufferView\), found none"),
+        (sparse_zeros, "MiB of data from .* bytes, found declarations of"),
+        (declared("bufferViews", byteLength=1 << 50), "expected .* values in"),
+        (declared("accessors", count=1 << 60), "expected 1152921504606846976 values in"),
+        (endless_nodes, "expected one place in the scene, found two"),
+        (many_instances, "MiB of data from .* bytes, found declarations of"),
     ],
-    ids=["zeros", "view", "accessor", "nodes", "primitives"],
+    ids=["zeros", "sparse zeros", "view", "accessor", "nodes", "instances"],
 )
-def test_a_gltf_that_declares_too_much_is_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, change: Callable[[dict[str, Any]], object]
+def test_a_gltf_that_declares_more_than_it_holds_is_refused_before_it_is_made(
+    tmp_path: Path, change: Callable[[dict[str, Any]], object], said: str
 ):
-    monkeypatch.setattr("fairing.io.trimesh_file.MAX_BYTES", 1 << 22)
-    refused(write_gltf(tmp_path, change), "expected at most 4 MiB of declared data, found")
+    path = write_gltf(tmp_path, change)
+    tracemalloc.start()
+    refused(path, said)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    # The JSON as objects takes some tens of times its text.
+    assert peak < FREE_BYTES + (RATIO + 80) * path.stat().st_size, f"{peak / 2**20:.0f} MiB"
 
 
 @pytest.mark.parametrize(
@@ -342,4 +371,4 @@ def test_a_gltf_that_declares_too_much_is_refused(
 def test_a_gltf_with_declarations_of_another_kind_is_refused(
     tmp_path: Path, change: Callable[[dict[str, Any]], object]
 ):
-    refused(write_gltf(tmp_path, change), "cannot be read")
+    refused(write_gltf(tmp_path, change), r"mesh\.gltf: [\w.\[\]]+: expected")

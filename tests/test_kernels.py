@@ -1,15 +1,16 @@
-"""The compiled loops against independent oracles: numpy, scipy, OpenCV and finite differences."""
+"""The compiled loops against independent oracles: the paper's equations in NumPy, SciPy, OpenCV and finite differences."""
 
-import cv2
 import numpy as np
 import pytest
 from numba import njit
 from scipy.ndimage import map_coordinates
 
 import fairing.solve.energy
+from fairing import paper
+from fairing.camera import Camera
 from fairing.errors import Cancelled
 from fairing.judge.inspect import face_cells
-from fairing.kernels.eigenspace import fit_face
+from fairing.kernels.eigenspace import GRAM_BLOCK, fit_face
 from fairing.kernels.normal_equations import normal_equations
 from fairing.kernels.robust import HISTOGRAM_STEP, weigh
 from fairing.kernels.rows import BLOCK
@@ -17,8 +18,10 @@ from fairing.run.session import SweepState
 from fairing.solve.energy import Evaluator, robust_scale
 from tests.blurred_photo import blurred
 from tests.cell_cases import ALL_CORNERS, FACE_IDS, prepared, sample_points, sharp_options
-from tests.numpy_twin import TwinPhotos, evaluate_face
+from tests.rounding import EigenspaceTolerance, FaceTolerance, SystemTolerance, few, of_sum
 from tests.small_scene import FACES, HEIGHT, WIDTH, corner_scene, photos, small_options
+
+pytestmark = pytest.mark.compiled
 
 
 @pytest.mark.parametrize(("interpolation", "order"), [("bilinear", 1), ("cubic", 3)])
@@ -31,16 +34,13 @@ def test_cells_are_the_photo_at_the_samples_positions(interpolation, order, warp
         bary = sample_points(session, sweep, face)
         for view, observed in zip(cells.views, cells.observed, strict=True):
             camera = session.scene.views[view].camera
-            corners = vertices[FACES[face]]
-            if warp == "homography":
-                uv, _ = camera.project(bary @ corners)
-            else:
-                photo_triangle = camera.project(corners)[0].astype(np.float32)
-                unit = np.array([[1, 0], [0, 1], [0, 0]], np.float32)
-                uv = cv2.transform(bary[None, :, :2], cv2.getAffineTransform(unit, photo_triangle))[0]
+            pixels, depths = camera.project(vertices[FACES[face]])
+            weights = bary * depths if warp == "homography" else bary
+            uv = weights @ pixels / weights.sum(axis=1, keepdims=True)
             expected = map_coordinates(blurred(view, 1.0), [uv[:, 1], uv[:, 0]], order=order, mode="mirror")
-            # Places are exact to 1e-5 px in float32, OpenCV's affine to 3e-5; grey levels change by up to 60 a pixel.
-            assert np.abs(observed - expected).max() < 0.02
+            # Places within a cell of at most 64 px take eight operations, and grey levels change by up to 60 a pixel; blur and
+            # interpolation take at most forty of grey levels.
+            assert np.abs(observed - expected).max() < 60 * few(8) * 64 + few(40) * 255
 
 
 @pytest.mark.parametrize("centered", [False, True])
@@ -52,9 +52,13 @@ def test_eigenspace_is_the_truncated_singular_value_decomposition(centered):
         mean = observed.mean(axis=0) if centered else np.zeros(observed.shape[1])
         U, s, Vt = np.linalg.svd(observed - mean, full_matrices=False)
         expected = (U[:, :3] * s[:3]) @ Vt[:3] + mean
-        assert np.abs(cells.singular_values[: len(s)] / s - 1)[:4].max() < 1e-3
-        assert np.abs(cells.reconstruction - expected).max() < 0.05
-        assert np.abs(np.abs(np.sum(cells.basis * Vt[:3], axis=1)) - 1).max() < 1e-3
+        allowed = EigenspaceTolerance.of(observed - mean, 3, GRAM_BLOCK)
+        # Subtracting the mean rounds n + 1 times, at the size of the cells.
+        centring = few(len(observed) + 1) * np.abs(observed).max() if centered else 0.0
+        grown = centring * np.sqrt(observed.size)  # largest change of a singular value (Weyl)
+        assert (np.abs(cells.singular_values[:3] - s[:3]) <= allowed.values + grown).all()
+        assert (np.abs(np.abs(np.sum(cells.basis * Vt[:3], axis=1)) - 1) <= allowed.basis + grown / s[:3]).all()
+        assert (np.abs(cells.reconstruction - expected) <= allowed.residual + 2 * centring).all()
 
 
 def energy(sweep: SweepState, vertices: np.ndarray) -> float:
@@ -76,14 +80,22 @@ def test_gradient_is_the_slope_of_the_energy(solver, warp, extra):
     gradient = np.zeros((7, 3))
     for f in range(6):
         np.add.at(gradient, FACES[f], system.g[f].reshape(3, 3))
-    step = 3e-4  # 0.02 px: rounding of the energy and third derivatives balance
+    step = 6e-4  # 0.03 px
+
+    # An energy is the sum of cells' energies, each a sum over samples in float32.
+    found = Evaluator(1).measure(sweep.context, vertices, FACE_IDS, sweep.scale)
+    rounding = of_sum(BLOCK) * np.sqrt((found.pair_energy**2).sum())
     for vertex, axis in [(0, 0), (0, 1), (0, 2), (3, 2), (5, 0)]:
-        ahead, behind = vertices.copy(), vertices.copy()
-        ahead[vertex, axis] += step
-        behind[vertex, axis] -= step
-        slope = (energy(sweep, ahead) - energy(sweep, behind)) / (2 * step)
-        # Found at most 1.3e-4.
-        assert gradient[vertex, axis] == pytest.approx(slope, abs=5e-4 * np.abs(gradient).max())
+
+        def slope(step: float, vertex: int = vertex, axis: int = axis) -> float:
+            ahead, behind = vertices.copy(), vertices.copy()
+            ahead[vertex, axis] += step
+            behind[vertex, axis] -= step
+            return (energy(sweep, ahead) - energy(sweep, behind)) / (2 * step)
+
+        # A central difference over twice the step errs four times as much.
+        truncation = np.abs(slope(2 * step) - slope(step))
+        assert gradient[vertex, axis] == pytest.approx(slope(step), abs=rounding / step + truncation)
 
 
 @pytest.mark.parametrize("warp", ["homography", "affine"])
@@ -96,28 +108,91 @@ def test_systems_of_one_corner_are_blocks_of_those_of_all(warp, solver):
         block = slice(3 * corner, 3 * corner + 3)
         one = evaluator.linearise(sweep.context, session.vertices, FACE_IDS, np.full(6, corner), sweep.scale, solver)
         assert np.array_equal(one.energy, whole.energy)
-        assert np.allclose(one.H[:, block, block], whole.H[:, block, block], rtol=1e-5, atol=1e-6 * whole.H.max())
-        assert np.allclose(one.g[:, block], whole.g[:, block], rtol=1e-5, atol=1e-6 * np.abs(whole.g).max())
+        # Twice the same sums, of at most BLOCK terms. By Cauchy and Schwarz the sizes add up to at most the root of both
+        # diagonal entries, or of one and twice the energy.
+        diagonal = np.diagonal(whole.H, axis1=1, axis2=2)[:, block]
+        sizes_H = np.sqrt(diagonal[:, :, None] * diagonal[:, None])
+        sizes_g = np.sqrt(diagonal * 2 * whole.energy[:, None])
+        assert (np.abs(one.H[:, block, block] - whole.H[:, block, block]) <= 2 * of_sum(BLOCK) * sizes_H).all()
+        assert (np.abs(one.g[:, block] - whole.g[:, block]) <= 2 * of_sum(BLOCK) * sizes_g).all()
         outside = np.delete(one.H, np.arange(9)[block], axis=1)
         assert not outside.any()
 
 
-@pytest.mark.parametrize("corner", [0, 1, 2])
-def test_the_fused_kernel_agrees_with_its_numpy_twin(corner):
-    session, sweep = prepared(small_options(eigenspace={"dimensions": [3]}))
-    photos_of_twin = TwinPhotos.of(sweep.context.kernel)
-    system = Evaluator(1).linearise(
-        sweep.context, session.vertices, FACE_IDS, np.full(6, corner), sweep.scale, "variable_projection"
-    )
-    block = slice(3 * corner, 3 * corner + 3)
+PLACE = few(8) * 64
+"""Largest error of a sample's place, px: eight operations within a cell of at most 64 px."""
+
+
+def cell_of_the_paper(
+    photo: np.ndarray, camera: Camera, triangle: np.ndarray, warp: str
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """A face's cell (p,) and its derivatives (3, p, 3) by the corners; then the largest changes of both within `PLACE`.
+
+    The paper has the affine warp. Through a homography each point of the face is seen at its own projection, and it moves as a
+    corner does, times its barycentric coordinate.
+    """
+    hats = paper.cell_pixels()
+    if warp == "affine":
+        cell = paper.warp_to_cell(photo, camera, triangle)
+        pixels = hats @ camera.project(triangle)[0]
+        image, slopes = cell.image, paper.interpolate(photo, pixels)[1]
+        at_corners = np.array([paper.pixel_displacement(camera, corner) for corner in triangle])
+        J = hats.T[..., None, None] * at_corners[:, None]
+        derivatives = np.array([paper.residual_derivative(cell, camera, triangle[c], c) for c in range(3)])
+    else:
+        points = hats @ triangle
+        pixels = camera.project(points)[0]
+        image, slopes = paper.interpolate(photo, pixels)
+        J = hats.T[..., None, None] * np.array([paper.pixel_displacement(camera, point) for point in points])
+        derivatives = np.einsum("pa,cpak->cpk", slopes, J)
+    offsets = PLACE * np.array([(1, 1), (1, -1), (-1, 1), (-1, -1)])
+    nearby = [paper.interpolate(photo, pixels + offset)[1] for offset in offsets]
+    turned = np.abs(np.array(nearby) - slopes).max(axis=0)  # slopes jump between pixels
+    return image, derivatives, PLACE * np.abs(slopes).sum(axis=1), np.einsum("pa,cpak->cpk", turned, np.abs(J))
+
+
+@pytest.mark.parametrize("warp", ["homography", "affine"])
+def test_a_face_has_the_energy_and_the_normal_equations_of_the_paper(warp, monkeypatch: pytest.MonkeyPatch):
+    """With U and c held fixed, and with what they would explain projected out of the derivatives (variable projection)."""
+    size, k = 32, 3
+    monkeypatch.setattr(paper, "CELL_SIZE", size)
+    monkeypatch.setattr(paper, "DIMENSIONS", k)
+    cells = {"warp": warp, "adaptive": False, "size": [size], "inset": [0.0], "interpolation": ["bilinear"]}
+    session, sweep = prepared(small_options(eigenspace={"dimensions": [k]}, cells=cells))
+    data, vertices = sweep.context.kernel, session.vertices
+    cases = [(solver, corner) for solver in ("alternating", "variable_projection") for corner in range(3)]
+    systems = [
+        Evaluator(1).linearise(sweep.context, vertices, FACE_IDS, np.full(6, corner), sweep.scale, solver)
+        for solver, corner in cases
+    ]
     for face in range(6):
-        energy, H, g = evaluate_face(
-            sweep.context.kernel, photos_of_twin, session.vertices, face, corner, sweep.scale[face]
-        )
-        # cv2.remap may round places to 1/32 px.
-        assert system.energy[face] == pytest.approx(energy, rel=0.01)
-        assert system.H[face, block, block] == pytest.approx(H, rel=0.01, abs=0.01 * H.max())
-        assert system.g[face, block] == pytest.approx(g, rel=0.01, abs=0.01 * np.abs(g).max())
+        pairs, sigma = slice(*data.pair_start[face : face + 2]), float(np.sqrt(sweep.scale[face]))
+        weights, found = data.pair_weight[pairs], []
+        for view, base in zip(data.pair_view[pairs], data.pair_base[pairs], strict=True):
+            photo = data.pixels[base : base + HEIGHT * WIDTH].reshape(HEIGHT, WIDTH)
+            camera = session.scene.views[view].camera
+            found.append(cell_of_the_paper(photo, camera, vertices[FACES[face]], warp))
+        images, derivatives, images_moved, derivatives_moved = (np.array(parts) for parts in zip(*found, strict=True))
+        e = paper.residual(images)
+        W, _, Z = np.linalg.svd(images, full_matrices=False)
+        energy = weights @ paper.rho(e, sigma).sum(axis=1)
+        for (solver, corner), system in zip(cases, systems, strict=True):
+            de, projects = derivatives[:, corner], solver == "variable_projection"
+            if projects:
+                de = de - np.einsum("ik,jk,jpa->ipa", W[:, :k], W[:, :k], de, optimize=True)
+                de = de - np.einsum("kp,kq,iqa->ipa", Z[:k], Z[:k], de, optimize=True)
+            by_view = [paper.gauss_newton(e[[i]], de[[i]], sigma) for i in range(len(e))]
+            H = sum(weight * H_view for weight, (H_view, _) in zip(weights, by_view, strict=True))
+            g = sum(weight * g_view for weight, (_, g_view) in zip(weights, by_view, strict=True))
+            hat_G, hat_G_moved = (np.moveaxis(x[:, corner], -1, 0) for x in (derivatives, derivatives_moved))
+            allowed = FaceTolerance.of(
+                images, images_moved, hat_G, hat_G_moved, k, projects, weights, sigma, BLOCK, GRAM_BLOCK
+            )
+            block, case = slice(3 * corner, 3 * corner + 3), (face, solver, corner)
+            # Terms of g cancel, so that its tolerance can exceed 1 % of it.
+            assert abs(system.energy[face] - energy) <= min(allowed.energy, 0.01 * energy), case
+            assert (np.abs(system.H[face, block, block] - H) <= np.minimum(allowed.H, 0.01 * H.max())).all(), case
+            assert (np.abs(system.g[face, block] - g) <= np.minimum(allowed.g, 0.01 * np.abs(g).max())).all(), case
 
 
 def test_normal_matrices_are_symmetric_and_positive():
@@ -126,7 +201,9 @@ def test_normal_matrices_are_symmetric_and_positive():
         sweep.context, session.vertices, FACE_IDS, ALL_CORNERS, sweep.scale, "variable_projection"
     )
     assert np.array_equal(system.H, system.H.transpose(0, 2, 1))
-    assert np.linalg.eigvalsh(system.H).min() > -1e-6 * system.H.max()
+    # An entry errs by at most `of_sum` of the root of its diagonal entries, so all nine by nine by that of the trace.
+    lowest, trace = np.linalg.eigvalsh(system.H)[:, 0], np.trace(system.H, axis1=1, axis2=2)
+    assert (lowest >= -of_sum(BLOCK) * trace).all()
 
 
 @pytest.mark.parametrize("components", [3, 9])
@@ -141,17 +218,20 @@ def test_normal_equations_are_the_sums_over_views_and_samples(components, corner
     basis, V = np.linalg.qr(rng.normal(size=(p, k)))[0].T.astype(np.float32), np.linalg.qr(rng.normal(size=(n, k)))[0]
     residual, weights = rng.normal(size=(2, n, p)).astype(np.float32) ** 2
     pair_weight = rng.uniform(1, 2, n)
-    derivatives = np.zeros((9, n, p))
-    for a in range(9) if corner < 0 else range(3 * corner, 3 * corner + 3):
-        D = G[a if len(G) == 9 else a % 3].astype(float)
-        D = hats[a // 3] * (D - V @ (V.T @ D))
+    moving = range(9) if corner < 0 else range(3 * corner, 3 * corner + 3)
+    hat_G, derivatives = np.zeros((2, 9, n, p))
+    for a in moving:
+        hat_G[a] = hats[a // 3].astype(float) * G[a if len(G) == 9 else a % 3]
+        D = hat_G[a] - V @ (V.T @ hat_G[a])
         derivatives[a] = D - (D @ basis.T) @ basis
-    expected_H = np.einsum("i,aip,ip,bip->ab", pair_weight, derivatives, weights, derivatives, optimize=True)
-    expected_g = np.einsum("i,aip,ip,ip->a", pair_weight, derivatives, weights, residual, optimize=True)
+    all_weights = pair_weight[:, None] * weights
+    expected_H = np.einsum("aip,ip,bip->ab", derivatives, all_weights, derivatives, optimize=True)
+    expected_g = np.einsum("aip,ip,ip->a", derivatives, all_weights, residual, optimize=True)
     H, g = np.zeros((9, 9)), np.zeros(9)
+    allowed = SystemTolerance.of(hat_G, V, basis.astype(float), derivatives, residual, all_weights, BLOCK)
     equations_of(G, hats, corner, basis, V, residual, weights, pair_weight, H, g)
-    assert pytest.approx(expected_H, abs=1e-5 * expected_H.max()) == H
-    assert pytest.approx(expected_g, abs=1e-4 * np.abs(expected_g).max()) == g
+    assert (np.abs(H - expected_H) <= allowed.H).all(), np.nanmax(np.abs(H - expected_H) / allowed.H)
+    assert (np.abs(g - expected_g) <= allowed.g).all(), np.nanmax(np.abs(g - expected_g) / allowed.g)
 
 
 @pytest.mark.parametrize(("n", "k"), [(3, 1), (7, 3), (8, 5)])
@@ -161,10 +241,11 @@ def test_the_eigenspace_of_several_blocks_is_the_singular_value_decomposition(n,
     U, s, Vt = np.linalg.svd(cells.astype(float), full_matrices=False)
     basis, V, found, residual = (np.empty((k + 1, p), np.float32), np.empty((n, k)), np.empty(n), np.empty_like(cells))
     fitted(cells, k, np.zeros((1, 1), np.float32), basis, V, found, residual)
-    assert found[:k] == pytest.approx(s[:k], rel=1e-4)
-    assert np.abs((V * U[:, :k]).sum(axis=0)) == pytest.approx(np.ones(k), abs=1e-5)
-    assert np.abs((basis[:k] * Vt[:k]).sum(axis=1)) == pytest.approx(np.ones(k), abs=1e-5)
-    assert np.abs(residual - (cells - (U[:, :k] * s[:k]) @ Vt[:k])).max() < 1e-4 * np.abs(cells).max()
+    allowed = EigenspaceTolerance.of(cells.astype(float), k, GRAM_BLOCK)
+    assert (np.abs(found[:k] - s[:k]) <= allowed.values).all()
+    assert (np.abs(np.abs((V * U[:, :k]).sum(axis=0)) - 1) <= allowed.cosines).all()
+    assert (np.abs(np.abs((basis[:k] * Vt[:k]).sum(axis=1)) - 1) <= allowed.basis).all()
+    assert (np.abs(residual - (cells - (U[:, :k] * s[:k]) @ Vt[:k])) <= allowed.residual).all()
 
 
 # Kernels cannot be called from Python, see `fairing.util.compiled_only`.
@@ -194,16 +275,19 @@ def test_weight_times_residual_is_the_slope_of_the_norm(norm):
         return weighed(np.array([e], np.float32), code, scale, weight)
 
     expected = {
-        "geman_mcclure": lambda e: e**2 / (sigma**2 + e**2),
+        "geman_mcclure": lambda e: paper.rho(e, sigma),
         "geman_mcclure_printed": lambda e: e**2 / (sigma + e**2),
         "huber": lambda e: e**2 / sigma**2 if abs(e) <= sigma else (2 * abs(e) * sigma - sigma**2) / sigma**2,
         "least_squares": lambda e: e**2 / sigma**2,
     }[norm]
     for e in (-40.0, -6.5, -0.3, 0.0, 0.8, 3.0, 7.5, 90.0):
-        assert rho(e) == pytest.approx(expected(e), rel=1e-5, abs=1e-7)
-        slope = (expected(e + 1e-4) - expected(e - 1e-4)) / 2e-4
-        rho(e)
-        assert weight[0] * e == pytest.approx(slope, rel=1e-4, abs=1e-6)
+        # At most ten operations: the residual is rounded twice into its square, the norm takes up to six.
+        assert rho(e) == pytest.approx(expected(e), rel=few(10), abs=0)
+        step = 1e-4  # the difference errs by its square times the third derivative, which is below 1 / sigma^3 or, printed, 1
+        slope = (expected(e + step) - expected(e - step)) / (2 * step)
+        assert weight[0] * e == pytest.approx(slope, rel=few(10), abs=step**2)
+        if norm == "geman_mcclure":
+            assert weight[0] == pytest.approx(paper.secant(e, sigma), rel=few(10), abs=0)
 
 
 def test_geman_mcclure_turns_at_sigma_over_root_three_and_the_printed_form_does_not():
@@ -212,6 +296,7 @@ def test_geman_mcclure_turns_at_sigma_over_root_three_and_the_printed_form_does_
         scale = robust_scale(small_options(robust={"norm": norm}).robust, np.array([9.0]))[0]
         weight = np.zeros_like(e)
         weighed(e, 0, scale, weight)
+        # Steps of 0.01, and near its largest value the influence is flat: it changes by its rounding within 0.005.
         assert e[np.argmax(weight * e)] == pytest.approx(turn, abs=0.02)
 
 
@@ -269,7 +354,8 @@ def test_gains_of_photos_leave_a_perfect_fit_perfect():
     residual = np.empty_like(cells)
     nothing = np.zeros((1, 1), np.float32)
     fitted(cells, 1, nothing, np.empty((2, p), np.float32), np.zeros((n, 2)), np.empty(n), residual)
-    assert np.abs(residual).max() < 1e-3
+    allowed = EigenspaceTolerance.of(cells.astype(float), 1, GRAM_BLOCK).residual + few(1) * cells
+    assert (np.abs(residual) <= allowed).all()
 
 
 def test_a_corner_behind_a_camera_makes_the_energy_infinite_and_nothing_else():
@@ -319,14 +405,3 @@ def test_statistics_are_the_largest_and_the_median_residual():
         size = np.abs(cells.residual[cells.counts])
         assert found.largest[face] == pytest.approx(size.max())
         assert found.median[face] == pytest.approx(np.median(size), abs=HISTOGRAM_STEP)
-
-
-def test_a_dimension_that_only_fits_noise_is_dropped():
-    session, sweep = prepared(small_options(eigenspace={"dimensions": [2], "significance": [0.0]}), masks=True)
-    found = Evaluator(1).measure(sweep.context, session.vertices, FACE_IDS, sweep.scale)
-    squared = [face_cells(session, face).singular_values ** 2 for face in range(6)]
-    expected = np.array([values[1] / values[2:].mean() for values in squared])
-    assert np.allclose(found.singular_value_ratio, expected, rtol=1e-4)
-    least = float(np.median(expected))
-    k = sweep.context.with_reduced_dimensions(found.singular_value_ratio, least).kernel.face_dimensions
-    assert np.array_equal(k[FACE_IDS], np.where(expected < least, 1, 2))

@@ -10,7 +10,7 @@ import pytest
 from app.debugger.commands import DeleteRun, JumpTo, Pause, Restart, Run
 from app.debugger.controller import Controller
 from app.files.scene_source import SceneSource
-from app.lessons.facts import FUNCTIONS, VALUES, facts_of
+from app.lessons.facts import FUNCTIONS, VALUES, facts_of, values_used
 from app.lessons.lesson import ANY_SCENE, Lesson
 from app.lessons.opening import scene_of_lesson
 from app.lessons.player import Player, Status
@@ -22,7 +22,7 @@ from app.page_state.page_state import PageState
 from app.page_state.selection import Selection
 from fairing.errors import InputError
 from fairing.run.session import Session
-from tests.small_scene import corner_scene
+from tests.small_scene import corner_scene, small_options
 
 pytestmark = pytest.mark.usefixtures("remembered_steps")
 
@@ -77,6 +77,101 @@ def test_every_claim_of_every_lesson_holds(name: str):
             assert not player.has_strayed(controller.state, _led(player))
     finally:
         controller.close()
+
+
+SWITCHES = """
+
+```switch
+step one iteration: off(0)
+robust loss: robust.norm=least_squares
+damping: step.damping_always=on step.initial_damping=1
+```
+"""
+
+
+@pytest.fixture
+def switching() -> Lesson:
+    head = "---\ntitle: t\nabout: a\nscene: cube\n---\n"
+    locked = "locked_vertices=1,2,3,4,5,6 step.smoothing=0 schedule.blur=6,2"
+    first = f"# One\n\n```do\nstart accurate as main: {locked}\nstep one iteration\n```\n\nText.{SWITCHES}\n"
+    return read_lesson("switching", head + first + "".join(f"# {n}\n\nText.\n\n" for n in range(5)))
+
+
+def test_a_check_box_compares_a_branch_without_with_one_with_all(player: Player, switching: Lesson):
+    controller = player._controller
+    player.open(switching)
+    arrive(player)
+    start = controller.state.run_id
+    assert player.measured == {}
+    player.switch(1)
+    arrive(player)
+    everything, damped = player.measured[0, frozenset()], player.measured[0, frozenset({1})]
+    state = controller.state
+    assert state.options.step.damping_always
+    assert state.moment == 2
+    assert not player.has_strayed(state, _led(player)), "a branch of the check boxes belongs to the step"
+    # A damped step is shorter, so that more of the error is left.
+    assert damped > everything > 0
+    player.switch(0)
+    arrive(player)
+    assert set(player.measured) == {(0, frozenset()), (0, frozenset({1})), (0, frozenset({0, 1}))}
+    count = len(controller.state.runs)
+    player.switch(0)
+    arrive(player)
+    assert len(controller.state.runs) == count, "a branch that was made is not made again"
+    assert controller.state.run_id == state.run_id
+    player.switch(1)
+    arrive(player)
+    assert controller.state.options == next(run for run in controller.state.runs if run.run_id == start).options
+    player.go_on()
+    arrive(player)
+    assert (controller.state.run_id, controller.state.moment) == (start, 1), "the lesson goes on where the step ended"
+    assert not player.has_strayed(controller.state, _led(player))
+
+
+def test_a_check_box_that_is_not_there_is_refused(player: Player, switching: Lesson):
+    player.open(switching)
+    arrive(player)
+    with pytest.raises(InputError, match="no such check box"):
+        player.switch(2)
+    player.next()
+    arrive(player)
+    with pytest.raises(InputError, match="no such check box"):
+        player.switch(0)
+
+
+@pytest.mark.parametrize(
+    ("block", "named"),
+    [
+        ("look at mesh: off(0)\nloss: robust.norm=huber", "expected a line such as"),
+        ("step one sweep: off(0)", "expected a line such as"),
+        ("step one sweep: off(0)\nloss", "expected `label: options`"),
+        ("step one sweep: off(0)\nloss: robust.nrom=huber", "option"),
+    ],
+)
+def test_mistakes_in_a_block_of_switches_are_named(block: str, named: str):
+    head = "---\ntitle: t\nabout: a\nscene: cube\n---\n"
+    steps = "".join(f"# {n}\n\nText.\n\n" for n in range(6))
+    with pytest.raises(InputError, match=named):
+        read_lesson("wrong", f"{head}{steps}# Last\n\n```switch\n{block}\n```\n\nText.\n")
+
+
+def test_a_lesson_knows_the_pull_of_a_term_at_a_vertex():
+    session = Session(corner_scene(), small_options())
+    session.step()
+    text = next(iter(_expressions("pull(photos, 0)")))
+    facts = facts_of(session, None, {})
+    expected = next(pull for pull in session.pulls() if pull.name == "photos").step_px[0]
+    assert text.evaluate(facts) == pytest.approx(expected)
+    failing = next(iter(_expressions("pull(photos, 0) < 0")))
+    assert list(values_used(failing, facts).values()) == [pytest.approx(expected)]
+
+
+def _expressions(*texts: str):
+    head = "---\ntitle: t\nabout: a\nscene: cube\n---\n"
+    steps = "".join(f"# {n}\n\nText.\n\n" for n in range(6))
+    for text in texts:
+        yield read_lesson("one", f"{head}{steps}# Last\n\n```claim\n{text}\n```\n\nText.\n").steps[-1].claims[0]
 
 
 def _led(player: Player) -> PageState:

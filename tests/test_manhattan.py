@@ -1,21 +1,16 @@
 """Manhattan frame: relations of what follows the axes of a building, none for other shapes, and straightening by them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import trimesh
 from scipy.optimize import minimize
 
-from fairing.geometry.manhattan import (
-    ANGLE,
-    FAR_INFORMATION,
-    FAR_SCALE,
-    SCALE,
-    STAGES,
-    START_PART,
-    relations,
-    straightened,
-    straightened_from_afar,
-)
+from fairing.optimize.loss import Square
+from fairing.run.stages import BROAD_SWEEPS
+from fairing.terms.axes import ANGLE, FAR_INFORMATION, FAR_SCALE, SCALE, START_PART, related, relations
+from tests.fit_of_points import straightened, straightened_from_afar
 
 PIXEL = 0.05  # world units: an edge of a cube has 20 px
 TURN = trimesh.transformations.rotation_matrix(0.7, [1, 2, 3])[:3, :3]
@@ -141,8 +136,11 @@ def test_from_afar_is_where_the_energy_of_relations_and_positions_is_least(tower
     error = 4.0
     start, is_off, information = half_determined(tower, 2.0)
     result = straightened_from_afar(start, faces, unlocked(vertices), pixels(vertices), information, error)
-    found = relations(result, faces, pixels(vertices), error / 2 ** (STAGES - 1))
-    matrix, precision = found.matrix(len(vertices)), FAR_INFORMATION * ~is_off + (1 / (START_PART * error)) ** 2
+    found = relations(result, faces, pixels(vertices), error / 2 ** (BROAD_SWEEPS - 1))
+    matrix, precision = (
+        related(found, start).matrix(len(vertices)),
+        FAR_INFORMATION * ~is_off + (1 / (START_PART * error)) ** 2,
+    )
 
     def energy(px: np.ndarray) -> tuple[float, np.ndarray]:
         """Of moves (3 n,) from the start, px, and its gradient: Geman-McClure losses of the relations, squares of the moves."""
@@ -227,12 +225,13 @@ def test_hessians_are_second_derivatives_of_the_differences(tower):
     vertices, faces = tower
     found = relations(noisy(vertices, 0.3), faces, pixels(vertices))
     weights = np.random.default_rng(2).uniform(size=len(found.pairs))
-    matrix = found.matrix(len(vertices))
+    rows = replace(related(found, vertices), information=weights, loss=Square())
+    matrix = rows.matrix(len(vertices))
 
     def energy(places: np.ndarray) -> float:
         return float(0.5 * (weights * (matrix @ places.ravel()) ** 2).sum())
 
-    H, step = found.hessians(weights, len(vertices)), 1e-3
+    H, step = rows.hessians(vertices), 1e-3
     for vertex in (0, 17, 40):
         for i in range(3):
             for j in range(3):
@@ -249,8 +248,9 @@ def test_hessians_are_second_derivatives_of_the_differences(tower):
 
 def test_large_differences_count_for_little(tower):
     vertices, faces = tower
-    found = relations(vertices, faces, pixels(vertices))
-    weights = found.weights(np.array([0.0, SCALE, 10 * SCALE]))
+    rows = related(relations(vertices, faces, pixels(vertices)), vertices)
+    assert (rows.information == 1).all()
+    weights = rows.loss.weight(np.array([0.0, SCALE, 10 * SCALE]))
     assert weights[0] == 1
     assert weights[1] == 0.25
     assert weights[2] < 2e-4

@@ -5,7 +5,9 @@ import pytest
 
 from fairing.errors import InputError
 from fairing.options import FairingOptions
+from fairing.run.history import History
 from fairing.run.manual_edits import with_locks
+from fairing.run.phases import schedule_of
 from fairing.run.session import Session
 from fairing.scene import Scene
 from fairing.trace import StepReason, Trace
@@ -29,6 +31,12 @@ def session_after(steps: int, options: FairingOptions | None = None) -> Session:
 
 def shifted(session: Session, by: tuple[float, float, float]) -> np.ndarray:
     return session.vertices[CORNER] + np.array(by)
+
+
+def origin_at(session: Session, moment: int) -> np.ndarray:
+    """(n, 3) float: where the engine began to move each vertex of a planned run."""
+    assert session.plan is not None
+    return History(session.trace, schedule_of(session.options, session.plan)).origin_at(moment)
 
 
 def written(session: Session, folder) -> bytes:
@@ -130,7 +138,7 @@ def test_reset_puts_vertices_back_to_their_start():
     record = session.reset(np.array([0, 2]))
     assert record.reasons.tolist() == [StepReason.RESET_MANUALLY] * 2
     assert np.array_equal(session.vertices[[0, 2]], session.trace.start[[0, 2]])
-    assert np.array_equal(session.trace.origin_at(session.moment), session.trace.start)
+    assert np.array_equal(origin_at(session, session.moment), session.trace.start)
 
 
 def test_the_origin_of_a_vertex_is_its_last_manual_position():
@@ -139,10 +147,10 @@ def test_the_origin_of_a_vertex_is_its_last_manual_position():
     session.place(CORNER, first)
     session.step()
     session.place(CORNER, second)
-    origins = [session.trace.origin_at(moment)[0] for moment in range(5)]
+    origins = [origin_at(session, moment)[0] for moment in range(5)]
     expected = [session.trace.start[0], session.trace.start[0], first[0], first[0], second[0]]
     assert np.array_equal(origins[:5], expected)
-    assert np.array_equal(session.trace.origin_at(4)[1:], session.trace.start[1:])
+    assert np.array_equal(origin_at(session, 4)[1:], session.trace.start[1:])
 
 
 @pytest.mark.parametrize("target", [(-0.5, -0.5, -0.5), (0.0, 0.5, 1.0)])
@@ -182,7 +190,7 @@ def test_locks_are_options_in_the_numbers_of_the_input():
 def test_all_copies_of_a_welded_vertex_are_locked():
     plain = corner_scene()
     split = plain.mesh.vertices[plain.mesh.faces].reshape(-1, 3)  # every face with corners of its own
-    scene = Scene.build("split", split, np.arange(len(split)).reshape(-1, 3), plain.views)
+    scene = Scene.build("split", split, np.arange(len(split)).reshape(-1, 3), plain.views, points_choice="given")
     middle = int(np.argmin(np.linalg.norm(scene.mesh.vertices - plain.mesh.vertices[0], axis=1)))
     options = with_locks(quick(), scene, np.array([middle]), locked=True)
     assert options.locked_vertices == tuple(3 * face for face in range(6))

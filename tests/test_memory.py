@@ -2,6 +2,7 @@
 
 import time
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,9 +14,12 @@ from fairing.check import memory
 from fairing.check.memory import memory_needed, memory_warning
 from fairing.check.scene_check import check_scene
 from fairing.errors import Cancelled
+from fairing.image_file import decode_image
 from fairing.options import PRESETS
+from fairing.photo import FilePhoto, ResizedPhoto
 from fairing.run.session import Session
 from fairing.solve.problem import TOO_MANY_PARTS, Problem
+from fairing.util.bounded_cache import BoundedCache
 from tests.small_scene import HEIGHT, VERTICES, WIDTH, corner_scene, small_options, write_corner
 
 GIGABYTE = 10**9
@@ -195,6 +199,27 @@ def test_more_and_larger_photos_and_faces_need_more_memory():
     assert needed > 6 * pixels
     assert memory_needed(scene, options, scale=2) - needed >= 3 * 6 * pixels
     assert memory_needed(scene, options, scale=0.5) < needed
+
+
+def test_a_reduced_photo_is_decoded_once_and_kept_without_the_whole_one(tmp_path, monkeypatch: pytest.MonkeyPatch):
+    decoded = []
+    monkeypatch.setattr("fairing.photo.decode_image", lambda path: decoded.append(path) or decode_image(path))
+    monkeypatch.setattr("fairing.photo._LOADED", BoundedCache(max_bytes=3 * WIDTH * HEIGHT - 1))
+    write_corner(tmp_path / "corner")
+    photo = ResizedPhoto(FilePhoto(tmp_path / "corner" / "images" / "photo0.png"), (WIDTH // 2, HEIGHT // 2))
+    np.testing.assert_array_equal(photo.load(), photo.load())
+    assert len(decoded) == 1
+
+
+def test_reduced_photos_need_the_memory_to_decode_the_whole_ones(monkeypatch: pytest.MonkeyPatch):
+    """`--photo-scale` saves the work on photos, not their decoding."""
+    scene, options = corner_scene(), small_options()
+    tiny = replace(scene, views=tuple(view.resized(8, 6) for view in scene.views))
+    pixels = memory.MAX_CONCURRENT_PHOTOS * WIDTH * HEIGHT
+    monkeypatch.setattr("os.cpu_count", lambda: 8)
+    monkeypatch.setattr(memory, "PROGRAM", 0)
+    monkeypatch.setattr(memory, "PER_FACE", 0)
+    assert memory_needed(tiny, options) > memory.PER_PIXEL_DECODED * pixels
 
 
 @pytest.mark.parametrize(("total", "free", "code"), [(GIGABYTE // 10, GIGABYTE // 10, 1), (8 * GIGABYTE, 10_000, 0)])

@@ -1,4 +1,4 @@
-"""Mesh: validation, neighbourhoods against slow loops, welding, and the findings of inspect_mesh."""
+"""Mesh: validation, neighbourhoods against slow loops, and the findings of inspect_mesh."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ import trimesh
 from fairing.errors import InputError
 from fairing.geometry.mesh_check import inspect_mesh
 from fairing.geometry.normals import unit_normals
-from fairing.mesh import Mesh, weld
+from fairing.mesh import Mesh
 from tests.synthetic_capture import CUBE_FACES, CUBE_VERTICES
 
 SQUARE = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
@@ -67,23 +67,6 @@ def test_mesh_keeps_its_own_copy():
 
 def test_diagonal_ignores_unused_vertices():
     assert Mesh(np.vstack([SQUARE, [[100, 0, 0]]]), SQUARE_FACES).diagonal == pytest.approx(np.sqrt(2))
-
-
-def test_weld_keeps_first_occurrences_and_maps_back():
-    distinct = np.random.default_rng(0).normal(size=(30, 3))
-    distinct[3] = [0.0, 1, 2]
-    picks = np.concatenate([np.arange(30), np.random.default_rng(1).integers(0, 30, 200)])
-    vertices = distinct[picks]
-    vertices[picks == 3] *= np.array([-1.0, 1, 1])  # -0.0 is the same place as 0.0
-    welded, original_from_welded = weld(vertices)
-    np.testing.assert_array_equal(welded, vertices[:30])
-    np.testing.assert_array_equal(original_from_welded, picks)
-    np.testing.assert_array_equal(welded[original_from_welded], vertices)
-
-
-def test_weld_leaves_close_vertices_apart():
-    vertices = np.array([[1.0, 0, 0], [np.nextafter(1, 2), 0, 0]])
-    assert len(weld(vertices)[0]) == 2
 
 
 def test_a_closed_cube_has_no_findings():

@@ -18,10 +18,10 @@ from fairing.judge.metrics import (
     determined_part,
     energy_summary,
     flipped_faces,
+    held_out_distances,
     quality_report,
     reprojection_error,
     sample_surface,
-    sparse_point_distance,
     surface_distance,
     vertex_errors,
 )
@@ -30,7 +30,9 @@ from fairing.mesh import Mesh
 from fairing.photo import ArrayPhoto, Mask
 from fairing.run.session import Session
 from fairing.scene import Scene, View
-from tests.small_scene import FACES, START, VERTICES, corner_scene, small_options, sparse_points
+from tests.small_scene import FACES, START, VERTICES, corner_scene, observed, on_the_faces, small_options, sparse_points
+
+pytestmark = pytest.mark.compiled
 
 
 @pytest.mark.parametrize("count", [1, 3, 4, 5, 300])
@@ -122,17 +124,44 @@ def test_flips_are_counted_against_the_start():
     assert len(flipped_faces(VERTICES, VERTICES, FACES)) == 0
 
 
-def test_held_out_sparse_points_are_measured_to_the_moved_mesh():
+def test_held_out_sparse_points_are_measured_to_both_meshes():
     scene = corner_scene()
-    assert sparse_point_distance(scene, VERTICES) is None
+    assert held_out_distances(scene, VERTICES, VERTICES) is None
     kept = np.array([[0.5, 0.5, 1.02], [1.01, 0.5, 0.5], [0.5, 1.05, 0.5]])
     points = sparse_points(np.repeat(kept, 2, axis=0) + np.tile([[9.0], [0.0]], (3, 1)))
-    found = sparse_point_distance(replace(scene, sparse_points=points), VERTICES)
+    found = held_out_distances(replace(scene, sparse_points=points), VERTICES, VERTICES + np.array([0, 0, 0.02]))
     assert found is not None
-    assert found.values == pytest.approx([0.02, 0.01, 0.05])
-    moved = sparse_point_distance(replace(scene, sparse_points=points), VERTICES + np.array([0, 0, 0.02]))
-    assert moved is not None
-    assert moved.values[0] == pytest.approx(0)
+    assert found.before.values == pytest.approx([0.02, 0.01, 0.05])
+    assert found.after.values[0] == pytest.approx(0)
+    assert (found.held_out, len(found.after.values)) == (3, 3)
+
+
+GROUND = np.random.default_rng(3).uniform([1.05, -2, -0.05], [3, 3, -0.05], (400, 3))
+
+
+@pytest.mark.parametrize("photos_are_known", [True, False])
+def test_points_of_the_ground_do_not_count_as_points_of_the_surface(photos_are_known: bool):
+    scene, positions = corner_scene(), np.concatenate([on_the_faces(120), GROUND])
+    if photos_are_known:
+        scene = observed(scene, positions)
+    else:
+        scene = replace(scene, sparse_points=sparse_points(np.repeat(positions, 2, axis=0)))
+    found = quality_report(scene, scene.mesh.vertices, VERTICES)["sparse_points_to_surface"]
+    assert found["held_out"] == 520
+    # Points of the ground beside the cube lie within a tenth of the diagonal of it; only their photos tell them apart.
+    nearby = 0 if photos_are_known else int((_distance_to_corner(GROUND) < 0.1 * scene.mesh.diagonal).sum())
+    assert found["on_surface"] == 120 + nearby
+    assert found["after"]["median_percent"] < 1e-9
+    assert found["before"]["median_percent"] > 0.1
+
+
+def test_without_points_on_the_surface_the_report_has_numbers_only():
+    scene = observed(corner_scene(), GROUND)
+    assert quality_report(scene, VERTICES, VERTICES)["sparse_points_to_surface"] == {"held_out": 400, "on_surface": 0}
+
+
+def _distance_to_corner(points: np.ndarray) -> np.ndarray:
+    return SurfaceTree(Mesh(VERTICES, FACES)).distance(points)
 
 
 def test_energy_summary_equals_the_recorded_energies():
@@ -203,7 +232,7 @@ def layered_scene() -> Scene:
         face_id, _ = rasterize(vertices, faces, camera)
         grey = np.where(face_id >= 2, 220, 90).astype(np.uint8)
         views.append(View(f"{i}", camera, ArrayPhoto(np.repeat(grey[..., None], 3, axis=2))))
-    return Scene.build("layers", vertices, faces, tuple(views))
+    return Scene.build("layers", vertices, faces, tuple(views), points_choice="given")
 
 
 def test_occluders_do_not_contribute_colours_to_hidden_surfaces():

@@ -23,7 +23,7 @@ from fairing.errors import InputError
 from fairing.options import PRESETS, FairingOptions, ScheduleOptions
 from fairing.run.session import Session
 from fairing.scene import Scene
-from fairing.trace import SchedulePosition, StepReason, StepRecord, Trace
+from fairing.trace import SchedulePosition, StepReason, StepRecord, Trace, stage_of_reasons
 from tests.commands import do
 from tests.small_scene import write_corner
 
@@ -173,7 +173,8 @@ def test_energies_of_fits_do_not_mix_with_those_of_sweeps(finished: Session):
     steps = [step for step in finished.trace.steps if step.sweep_moment == 0]
 
     def fit(moment: int, reason: StepReason) -> StepRecord:
-        record = replace(steps[0], reasons=np.full_like(steps[0].reasons, reason), sweep_moment=moment)
+        reasons = np.full_like(steps[0].reasons, reason)
+        record = replace(steps[0], reasons=reasons, sweep_moment=moment, stage=stage_of_reasons(reasons))
         return replace(record, face_energy_before=1e9 + record.faces, face_energy_after=1e8 + record.faces)
 
     end = 1 + len(steps)

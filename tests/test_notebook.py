@@ -19,7 +19,7 @@ from fairing.options import ScheduleOptions
 from tests.small_scene import corner_scene
 
 NOTEBOOKS = sorted((Path(__file__).parents[1] / "demo_scenes" / "notebooks").glob("*.ipynb"))
-QUICK = FairingOptions(schedule=ScheduleOptions(blur=(2.0, 1.0), search=(0.0,), max_sweeps=(1,)))
+QUICK = FairingOptions(schedule=ScheduleOptions(blur=(2.0, 1.0), max_sweeps=(1,)))
 BLOCKED = ("IPython", "ipykernel", "nbclient", "nbformat", "jupyter_client", "jupyter_core", "ipywidgets", "tqdm")
 
 
@@ -73,7 +73,7 @@ def test_folders_of_runs_and_experiments_are_shown(tmp_path, capsys):
     from app.cli.main import run
 
     folder = tmp_path / "run"
-    flags = ["--schedule.blur", "6", "--schedule.max-sweeps", "1", "--cells.size", "16", "--schedule.search", "0"]
+    flags = ["--schedule.blur", "6", "--schedule.max-sweeps", "1", "--cells.size", "16"]
     assert run(["fair", "cube", "--out", str(folder), *flags]) == 0
     shown = show(folder)
     assert "cube" in repr(shown)

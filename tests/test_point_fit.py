@@ -6,27 +6,27 @@ import numpy as np
 import pytest
 import trimesh
 
-import fairing.run.preparation
-import fairing.run.swept_fit
 from fairing.errors import InputError
 from fairing.geometry.normals import face_normals
 from fairing.judge.report import run_report
 from fairing.mesh import Mesh
 from fairing.options import PRESETS, FairingOptions
+from fairing.run.fits import points_prior
 from fairing.run.gauss_newton_step import gauss_newton_step
-from fairing.run.phases import GaussNewton, Level, schedule_of
-from fairing.run.preparation import points_accept_smoothing
+from fairing.run.phases import FITTED_SIGMA, Level, schedule_of
+from fairing.run.planning import FAR_ERROR, points_accept_smoothing
 from fairing.run.records import _points_prefer
 from fairing.run.session import Session
-from fairing.run.start_error import SEARCHED_ERROR
+from fairing.run.stages import Photos
 from fairing.run.sweep import RESIDUAL_AREA, SweepState, begin_sweep
 from fairing.run_plan import RunPlan
 from fairing.scene import Scene
 from fairing.solve.normal_equations import vertex_systems
-from fairing.solve.point_fit import fitted_to_points
 from fairing.solve.point_split import fitting_points, kept_points, observed_fitting_points, observed_kept_points
 from fairing.solve.problem import Problem
+from fairing.stage_kind import StageKind
 from fairing.trace import SchedulePosition, StepReason, Trace
+from tests.fit_of_points import closest_fit
 from tests.small_scene import (
     FACES,
     START,
@@ -77,7 +77,7 @@ def test_points_at_vertices_of_the_start_are_not_held_out():
 
 def test_a_displaced_vertex_moves_to_the_corner_of_the_points():
     scene = with_points(on_the_faces())
-    found = fitted_to_points(problem_of(scene), scene.mesh.vertices, 12).targets
+    found = closest_fit(problem_of(scene), scene.mesh.vertices, 12).targets
     # The regularization keeps some of the error.
     assert error_of(found) < 0.1 * error_of(scene.mesh.vertices)
 
@@ -87,7 +87,7 @@ def test_outliers_among_the_points_hardly_matter():
     wrong = np.random.default_rng(2).random(len(points)) < 0.15
     points[wrong] += np.random.default_rng(3).uniform(-0.4, 0.4, (wrong.sum(), 3))
     scene = with_points(points)
-    found = fitted_to_points(problem_of(scene), scene.mesh.vertices, 12).targets
+    found = closest_fit(problem_of(scene), scene.mesh.vertices, 12).targets
     assert error_of(found) < 0.2 * error_of(scene.mesh.vertices)
 
 
@@ -96,12 +96,12 @@ def test_vertices_without_points_and_locked_vertices_stay():
     # Only of the two faces in z = 1, well inside: vertices 4, 5 and 6 are corners of neither.
     points = points[(points[:, 2] > 0.999) & (points[:, :2].max(axis=1) < 0.8)]
     scene = with_points(points)
-    found = fitted_to_points(problem_of(scene), scene.mesh.vertices, 4)
+    found = closest_fit(problem_of(scene), scene.mesh.vertices, 4)
     assert np.array_equal(found.targets[[4, 5, 6]], scene.mesh.vertices[[4, 5, 6]])
     assert not found.hessians[[4, 5, 6]].any()
     assert not np.array_equal(found.targets[0], scene.mesh.vertices[0])
     locked = problem_of(scene, replace(small_options(), locked_vertices=(0,)))
-    assert np.array_equal(fitted_to_points(locked, scene.mesh.vertices, 4).targets[0], scene.mesh.vertices[0])
+    assert np.array_equal(closest_fit(locked, scene.mesh.vertices, 4).targets[0], scene.mesh.vertices[0])
 
 
 def test_the_hessians_are_the_sum_of_the_normal_equations_of_the_points():
@@ -118,7 +118,7 @@ def test_the_hessians_are_the_sum_of_the_normal_equations_of_the_points():
             row[3 * corner : 3 * corner + 3] = weight * normals[f]
         H += np.outer(row, row)
     average = np.diag(H)[np.diag(H) > 0].mean()
-    found = fitted_to_points(problem_of(scene), VERTICES, 1)
+    found = closest_fit(problem_of(scene), VERTICES, 1)
     for v in range(7):
         assert found.hessians[v] == pytest.approx(H[3 * v : 3 * v + 3, 3 * v : 3 * v + 3] / average, abs=1e-9)
 
@@ -126,20 +126,24 @@ def test_the_hessians_are_the_sum_of_the_normal_equations_of_the_points():
 def test_no_face_folds_however_the_points_lie():
     heap = np.random.default_rng(4).uniform(-0.5, 1.5, (400, 3))
     scene = with_points(heap)
-    found = fitted_to_points(problem_of(scene), scene.mesh.vertices, 12).targets
+    found = closest_fit(problem_of(scene), scene.mesh.vertices, 12).targets
     start = face_normals(scene.mesh.vertices, FACES)
     assert ((start * face_normals(found, FACES)).sum(axis=1) > 0).all()
 
 
 def test_a_run_begins_at_the_points_where_the_photos_agree():
     session = Session(with_points(on_the_faces()), small_options(step=USED))
-    record = session.step()
-    assert record is not None
-    assert (record.reasons == StepReason.FITTED_TO_POINTS).all()
-    assert record.objective_after < record.objective_before
-    assert np.array_equal(session.trace.origin_at(1), session.vertices)
     session.run()
-    assert not any((later.reasons == StepReason.FITTED_TO_POINTS).any() for later in session.trace.steps[1:])
+    kinds = [step.stage for step in session.trace.steps]
+    fitted = kinds.index(StageKind.JUDGE)
+    assert fitted > 0
+    assert kinds[:fitted] == fitted * [StageKind.CLOSEST_POINTS], "the photos of these points are not known"
+    verdict = session.trace.steps[fitted]
+    assert not (verdict.reasons == StepReason.REJECTED_FIT).any()
+    assert verdict.objective_after < verdict.objective_before
+    first = session.sweep_state(fitted + 1)
+    assert np.array_equal(first.origin, session.trace.vertices_at(fitted + 1))
+    assert not any(kind.is_fit for kind in kinds[fitted:])
     assert error_of(session.vertices) < 0.05 * error_of(session.trace.start)
 
 
@@ -200,28 +204,33 @@ def test_a_noisy_start_is_smoothed_before_it_is_fitted_to_the_points():
     plan = session.make_plan()
     assert plan.is_smoothed
     assert plan.is_fitted_to_points
-    reasons = [StepReason.SMOOTHED, StepReason.FITTED_TO_POINTS]
-    for reason in reasons:
-        record = session.step()
-        assert record is not None
-        assert (record.reasons == reason).all()
-    assert np.array_equal(session.trace.origin_at(2), session.vertices)
+    order = []
+    while session.step() is not None and (kind := session.trace.steps[-1].stage) is not StageKind.PHOTOS:
+        order += [kind] if order[-1:] != [kind] else []
+    assert order == [StageKind.SMOOTHNESS, StageKind.JUDGE, StageKind.CLOSEST_POINTS, StageKind.JUDGE]
+    moment = len(session.trace) - 1
+    assert np.array_equal(session.sweep_state(moment).origin, session.trace.vertices_at(moment))
 
 
 def test_a_mesh_far_from_all_points_stays():
     scene = with_points(on_the_faces() + 10.0)
-    found = fitted_to_points(problem_of(scene), scene.mesh.vertices, 3)
+    found = closest_fit(problem_of(scene), scene.mesh.vertices, 3)
     assert np.array_equal(found.targets, scene.mesh.vertices)
     assert not found.hessians.any()
+
+
+def test_a_run_with_points_far_from_the_mesh_does_without_them():
+    session = Session(with_points(on_the_faces() + 10.0), small_options(step=USED))
+    assert not session.make_plan().is_fitted_to_points
 
 
 def test_the_fit_is_free_of_units():
     points = on_the_faces() + 0.01 * np.random.default_rng(5).standard_normal((600, 3))
     scene = with_points(points)
-    expected = fitted_to_points(problem_of(scene), scene.mesh.vertices, 6).targets
+    expected = closest_fit(problem_of(scene), scene.mesh.vertices, 6).targets
     mesh, far = Mesh(1000 * scene.mesh.vertices + 5e4, FACES), sparse_points(np.repeat(1000 * points + 5e4, 2, axis=0))
     large = replace(scene, mesh=mesh, sparse_points=far)
-    found = fitted_to_points(problem_of(large), mesh.vertices, 6).targets
+    found = closest_fit(problem_of(large), mesh.vertices, 6).targets
     assert found == pytest.approx(1000 * expected + 5e4, abs=1e-5)
 
 
@@ -245,9 +254,10 @@ def test_energies_of_sweeps_leave_out_what_was_done_to_the_start():
     session = Session(with_points(on_the_faces()), small_options(step=USED))
     session.run()
     report = run_report(session, "accurate", {}, {})
-    assert report["preparations"] == ["fitted_to_points"]
+    assert [stage["kind"] for stage in report["stages"]][:3] == ["closest_points", "judge", "photos"]
     first = report["sweeps"][0]
-    steps = [record for record in session.trace.steps[1:] if record.position[:2] == (first["level"], first["sweep"])]
+    steps = [record for record in session.trace.steps if record.position[:2] == (first["level"], first["sweep"])]
+    assert all(record.stage is StageKind.PHOTOS for record in steps)
     assert first["steps"] == len(steps)
     assert first["before"] == pytest.approx(steps[0].face_energy_before.sum())
 
@@ -261,7 +271,8 @@ def test_observed_points_beside_the_mesh_do_not_pull_it(origin):
     for points in (on_the_faces(300), np.concatenate([on_the_faces(300), beside])):
         session = Session(observed(start, points, origin), small_options(step=USED))
         session.make_plan()
-        session.step()
+        while session.next_stage is not StageKind.PHOTOS:
+            session.step()
         runs.append(session)
     assert all(session.plan is not None and session.plan.is_fitted_to_points for session in runs)
     clean, cluttered = (session.vertices for session in runs)
@@ -276,8 +287,8 @@ def test_a_fit_to_points_of_surface_sweeps_needs_little_photo_gain(
     displaced, large_face, is_fitted, monkeypatch: pytest.MonkeyPatch
 ):
     """No fit lowers the loss by 95 %. One without sweeps is then refused, and one from the truth, which lowers no loss, too."""
-    monkeypatch.setattr(fairing.run.preparation, "GAIN", 0.95)
-    monkeypatch.setattr(fairing.run.swept_fit, "LARGE_FACE", large_face)
+    monkeypatch.setattr("fairing.run.stepper.GAIN", 0.95)
+    monkeypatch.setattr("fairing.run.fits.LARGE_FACE", large_face)
     scene = observed(corner_scene(displaced), on_the_faces(600))
     assert Session(scene, small_options(step=USED)).make_plan().is_fitted_to_points == is_fitted
 
@@ -319,7 +330,7 @@ def test_a_vertex_goes_no_farther_from_its_origin_than_the_phase_allows():
     problem, start = problem_of(scene), scene.mesh.vertices
     moved = []
     for allowed in (np.inf, most):
-        phase, vertices = GaussNewton(1, 1, max_displacement=allowed), start
+        phase, vertices = Photos(StageKind.PHOTOS, 1, 1, max_displacement=allowed), start
         for _ in range(4):
             sweep = begin_sweep(problem, Level(1, 0.1), phase, 0, vertices, start)
             for block in sweep.blocks:
@@ -336,7 +347,7 @@ def subdivided(scene: Scene) -> Scene:
     vertices, faces = scene.mesh.vertices, scene.mesh.faces
     for _ in range(2):
         vertices, faces = trimesh.remesh.subdivide(vertices, faces)
-    return Scene.build(scene.name, vertices, faces, scene.views)
+    return Scene.build(scene.name, vertices, faces, scene.views, points_choice="given")
 
 
 def covered(side: int = 40) -> dict[int, np.ndarray]:
@@ -358,16 +369,16 @@ def test_the_prior_to_the_start_grows_with_the_loss_and_falls_with_the_variance_
         problem = problem_of(corner_scene(change=change))
         vertices = problem.start + 0.01 * np.random.default_rng(7).standard_normal(problem.start.shape)
         plain, held = (
-            begin_sweep(problem, level, GaussNewton(1, 1), 0, vertices, problem.start)
-            for level in (Level(1, 0.1), Level(1, 0.1, start_sigma=sigma))
+            begin_sweep(problem, level, Photos(StageKind.PHOTOS, 1, 1), 0, vertices, problem.start)
+            for level in (Level(1, 0.1), Level(1, 0.1, start_sigma=sigma, prior=0.5))
         )
-        (tangential, to_start), (same, weak) = held.prior.terms, plain.prior.terms
-        assert np.array_equal(tangential.hessians, same.hessians)
-        assert np.array_equal(weak.targets, vertices), "a prior to the start takes the place of this one"
+        (to_start, smooth), (none, same) = held.prior.terms, plain.prior.terms
+        assert np.array_equal(smooth.hessians, same.hessians)
+        assert not none.hessians.any(), "without a standard deviation the prior has no strength"
         assert np.array_equal(to_start.targets, problem.start)
         losses = losses_around(problem, held, vertices)
         for found, loss, px_per_unit in zip(to_start.hessians, losses, held.pixels_per_unit, strict=True):
-            expected = RESIDUAL_AREA * loss * (px_per_unit / sigma) ** 2
+            expected = 0.5 * RESIDUAL_AREA * loss * (px_per_unit / sigma) ** 2
             assert found == pytest.approx(expected * np.eye(3), rel=0.05, abs=1e-6 * expected)
 
 
@@ -386,14 +397,16 @@ def losses_around(problem: Problem, sweep: SweepState, vertices: np.ndarray) -> 
 
 def test_the_prior_to_the_points_fades_at_vertices_around_which_photos_agree(monkeypatch):
     problem = problem_of(observed(corner_scene(change=covered()), on_the_faces(600)))
-    plain = begin_sweep(problem, Level(1, 0.1), GaussNewton(1, 1), 0, VERTICES, problem.start)
+    plain = begin_sweep(problem, Level(1, 0.1), Photos(StageKind.PHOTOS, 1, 1), 0, VERTICES, problem.start)
     variance = np.array(losses_around(problem, plain, VERTICES)) * plain.sigma[0] ** 2
     full = 2 * float(np.median(variance))
     monkeypatch.setattr("fairing.run.sweep.POINTS_VARIANCE", full)
-    drawn = begin_sweep(problem, Level(1, 0.1, attraction=0.3), GaussNewton(1, 1), 0, VERTICES, problem.start)
+    drawn = begin_sweep(
+        problem, Level(1, 0.1, attraction=0.3), Photos(StageKind.PHOTOS, 1, 1), 0, VERTICES, problem.start
+    )
     assert plain.system is not None
     typical = np.median(np.linalg.eigvalsh(vertex_systems(problem.scene.mesh, plain.system)[0])[:, 2])
-    fitted, found = fitted_to_points(problem, VERTICES, 3), drawn.prior.terms[-1]
+    fitted, found = points_prior(problem, VERTICES, None), drawn.prior.terms[-1]
     assert found.targets == pytest.approx(fitted.targets)
     assert variance.max() > 1.15 * variance.min(), "one factor for all vertices would not do"
     for v in range(len(VERTICES)):
@@ -401,23 +414,18 @@ def test_the_prior_to_the_points_fades_at_vertices_around_which_photos_agree(mon
         assert found.hessians[v] == pytest.approx(wanted, rel=0.05, abs=1e-6 * typical)
 
 
-def test_the_prior_to_the_start_is_planned_where_points_measure_the_start_and_nothing_is_searched():
+def test_the_prior_to_the_start_is_planned_where_points_measure_the_start():
     near, far = (corner_scene(tuple(factor * x for x in START)) for factor in (0.1, 1.3))
     options = replace(PRESETS["accurate"], step=replace(PRESETS["accurate"].step, smoothing=(0.0,)))
-    searching = replace(options, schedule=replace(options.schedule, start_error=5.0))
     without = Session(near, options).make_plan()
     measured, reached = (Session(observed(scene, on_the_faces(600)), options).make_plan() for scene in (near, far))
-    searched = Session(observed(far, on_the_faces(600)), searching).make_plan()
     assert without.start_sigma == 0
-    assert measured.start_error == reached.start_error == 0
-    assert 1 <= measured.start_sigma < SEARCHED_ERROR < reached.start_sigma
-    assert (searched.start_error, searched.start_sigma) == (5.0, 0.0)
+    assert 1 <= measured.start_sigma < FAR_ERROR < reached.start_sigma
 
 
-def test_a_start_near_its_points_begins_at_the_last_level_unless_it_is_to_be_searched_for():
+def test_a_start_near_its_points_begins_at_the_last_level():
     off_the_mesh = on_the_faces(600) + np.random.default_rng(3).choice([-0.06, 0.06], (600, 1))
     options = replace(PRESETS["accurate"], step=replace(PRESETS["accurate"].step, smoothing=(0.0,)))
-    searching = replace(options, schedule=replace(options.schedule, start_error=5.0))
     near, moved = (corner_scene(tuple(factor * x for x in START)) for factor in (0.1, 1.3))
     last = options.n_levels - 1
 
@@ -426,7 +434,6 @@ def test_a_start_near_its_points_begins_at_the_last_level_unless_it_is_to_be_sea
 
     assert first_level(near, on_the_faces(600)) == first_level(moved, on_the_faces(600)) == last
     assert first_level(corner_scene(FAR), off_the_mesh) < last
-    assert first_level(moved, on_the_faces(600), searching) < last
 
 
 def test_edges_are_sought_as_far_as_the_start_is_off_where_the_mesh_fits_the_points():
@@ -439,19 +446,19 @@ def test_edges_are_sought_as_far_as_the_start_is_off_where_the_mesh_fits_the_poi
     assert far.is_fitted_to_points
     assert far.edge_reach == far.start_sigma > 2
     assert coarse.is_fitted_to_points
-    assert coarse.start_sigma + coarse.start_error > SEARCHED_ERROR
+    assert coarse.start_sigma > FAR_ERROR
     assert coarse.edge_reach == 2
     assert (near.represents_surface, far.represents_surface, coarse.represents_surface) == (True, True, False)
 
 
 def test_the_start_holds_less_at_the_level_with_image_edges_where_the_mesh_represents_the_surface():
     options = PRESETS["accurate"]
-    plan = RunPlan(1, False, False, 0.0, False, start_sigma=2.0)
+    plan = RunPlan(1, False, False, start_sigma=2.0)
     firm, loose = (
         [level.start_sigma for level in schedule_of(options, replace(plan, represents_surface=represents)).levels]
         for represents in (False, True)
     )
-    assert set(firm) == {0.0, 2.0}
+    assert set(firm) == {FITTED_SIGMA, 2.0}
     assert loose[:-1] == firm[:-1]
     assert loose[-1] > firm[-1] == 2.0
 
@@ -460,7 +467,7 @@ def test_a_good_start_is_kept_where_photos_show_other_things_in_front():
     scene = observed(corner_scene(tuple(0.2 * x for x in START), change=covered(24)), on_the_faces(600))
     ends = []
     for sigma in (0.0, 1.0):
-        session = Session(scene, small_options(step=USED))
+        session = Session(scene, small_options(step={**USED, "prior": 0.0}))
         session.trace.plan = replace(session.make_plan(), start_sigma=sigma)
         session.run()
         before_the_last_step = session.trace.vertices_at(len(session.trace) - 1)

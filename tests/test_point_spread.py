@@ -14,6 +14,8 @@ from fairing.photo import ArrayPhoto
 from fairing.scene import Scene, View
 from tests.small_scene import FACES, VERTICES, corner_scene
 
+pytestmark = pytest.mark.compiled
+
 POOL = ThreadPoolExecutor(2)
 FACE = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
 SIZE = 160

@@ -16,21 +16,22 @@ from rich.console import Console
 from app.cli.loading import SHOW_EVERY, load_with_bar
 from app.cli.main import run
 from app.files.scene_source import SceneSource
-from demo_scenes import DEMOS
+from demo_scenes import load_demo
 from fairing.camera import Camera
 from fairing.features import find_points
 from fairing.io import feature_points, read_capture, write_mesh
 from fairing.io.convert import write_capture
 from fairing.io.points_choice import are_enough
+from fairing.io.scene_points import with_points
 from fairing.mesh import Mesh
 from fairing.photo import ArrayPhoto
 from fairing.run.session import Session
-from fairing.scene import SparsePoints, View
+from fairing.scene import PointsChoice, Scene, SparsePoints, View
 from fairing.trace import Trace
 from tests.speckled_corner import distance_to_surface, views
 
 QUICK = (
-    *("--schedule.blur", "1.2", "--schedule.search", "0"),
+    *("--schedule.blur", "1.2"),
     *("--schedule.max-sweeps", "1", "--schedule.max-iterations", "1"),
 )
 CORNER = Mesh(
@@ -68,6 +69,11 @@ def capture(folder: Path, points: SparsePoints | None = None, mesh: Mesh | None 
     return folder
 
 
+def scene_of_run(folder: str, choice: PointsChoice = "automatic") -> Scene:
+    """The scene of a run of the capture, which has the chosen points."""
+    return with_points(SceneSource.typed(folder, None, points=choice).load())
+
+
 def files_of(folder: Path) -> set[str]:
     return {path.relative_to(folder).as_posix() for path in folder.rglob("*")}
 
@@ -86,7 +92,7 @@ def test_a_choice_gives_its_points(tmp_path):
     found = find_points(read_capture(folder).views)
 
     def loaded(choice) -> SparsePoints | None:
-        return SceneSource.typed(folder, None, points=choice).load().sparse_points
+        return scene_of_run(folder, choice).sparse_points
 
     own, both, kept = loaded("own"), loaded("both"), loaded("given")
     assert own is not None
@@ -107,7 +113,7 @@ def test_a_choice_gives_its_points(tmp_path):
 def test_automatic_replaces_points_that_are_not_enough(tmp_path):
     for count, origin in ((12, "own"), (30, "given")):
         folder = capture(tmp_path / str(count), given(count), CORNER)
-        scene = SceneSource.typed(str(folder), None, points="automatic").load()
+        scene = scene_of_run(str(folder))
         assert scene.sparse_points is not None
         assert scene.sparse_points.origin == origin
         assert any("found in the photos" in line for line in scene.warnings) == (origin == "own")
@@ -116,11 +122,11 @@ def test_automatic_replaces_points_that_are_not_enough(tmp_path):
 def test_photos_without_texture_leave_the_given_points(tmp_path):
     blank = tuple(replace(view, photo=replace_pixels(view)) for view in views())
     folder = str(capture(tmp_path / "capture", given(12), CORNER, blank))
-    scene = SceneSource.typed(folder, None, points="automatic").load()
+    scene = scene_of_run(folder)
     assert scene.sparse_points is not None
     assert len(scene.sparse_points.positions) == 12
     assert any("no points were found in the photos: the photos show no keypoints" in line for line in scene.warnings)
-    assert SceneSource.typed(folder, None, points="own").load().sparse_points is None
+    assert scene_of_run(folder, "own").sparse_points is None
 
 
 def replace_pixels(view: View):
@@ -129,20 +135,19 @@ def replace_pixels(view: View):
 
 def test_a_demo_keeps_its_points_unless_its_own_are_chosen(monkeypatch, tmp_path):
     folder = capture(tmp_path / "capture", given(12), CORNER)
-    demo = SceneSource.typed(str(folder), None).load()
+    demo = replace(SceneSource.typed(str(folder), None).load(), points_choice="given")
     monkeypatch.setattr("app.files.scene_source.load_demo", lambda *_, **__: demo)
-    assert SceneSource.typed("cube", None, points="automatic").load() is not None
-    choices = {name: SceneSource.typed(name, None, points="automatic").points for name in (*DEMOS, "building:2")}
-    assert choices == {
-        "cube": "given",
-        "facade": "automatic",
-        "archway": "given",
-        "dome": "given",
-        "building:2": "automatic",
-    }
-    own = SceneSource.typed("cube", None, points="own").load().sparse_points
+    assert with_points(SceneSource.typed("cube", None, points="automatic").load()).sparse_points is demo.sparse_points
+    own = with_points(SceneSource.typed("cube", None, points="own").load()).sparse_points
     assert own is not None
     assert own.origin == "own"
+
+
+@pytest.mark.slow
+def test_runs_of_demos_with_points_or_few_faces_do_not_search(monkeypatch):
+    monkeypatch.undo()  # the cache of the user, with the photos of the demos
+    choices = {name: load_demo(name).points_choice for name in ("cube", "archway", "dome", "facade")}
+    assert choices == {"cube": "given", "archway": "given", "dome": "given", "facade": "automatic"}
 
 
 def test_photos_and_cameras_alone_become_a_mesh(tmp_path, capsys):
@@ -170,7 +175,7 @@ def test_a_run_records_its_points_and_opens_with_them(tmp_path, monkeypatch):
     shutil.rmtree(tmp_path / "cache")
     monkeypatch.setattr(feature_points, "find_points", lambda *_: pytest.fail("points are found again"))
     scene = recorded.load()
-    Session(scene, trace=trace)
+    Session(scene, trace=trace).find_points()
     assert scene.sparse_points is not None
     assert scene.sparse_points.origin == "own"
     moved = tmp_path / "moved"
@@ -191,10 +196,10 @@ def test_a_run_without_the_note_has_the_given_points(tmp_path):
 
 def test_points_are_found_once(tmp_path, cache, monkeypatch):
     folder = str(capture(tmp_path / "capture", None, CORNER))
-    first = SceneSource.typed(folder, None, points="automatic").load().sparse_points
+    first = scene_of_run(folder).sparse_points
     assert len(list(cache.glob("points/*.npz"))) == 1
     monkeypatch.setattr(feature_points, "find_points", lambda *_: pytest.fail("points are found again"))
-    second = SceneSource.typed(folder, None, points="automatic").load().sparse_points
+    second = scene_of_run(folder).sparse_points
     assert first is not None
     assert second is not None
     np.testing.assert_array_equal(first.positions, second.positions)
@@ -204,7 +209,7 @@ def test_a_cache_that_cannot_be_written_is_no_error(tmp_path, monkeypatch):
     (tmp_path / "file").write_text("no folder")
     monkeypatch.setenv("EIGENFAIRING_CACHE", str(tmp_path / "file"))
     folder = str(capture(tmp_path / "capture", None, CORNER))
-    assert SceneSource.typed(folder, None, points="own").load().sparse_points is not None
+    assert scene_of_run(folder, "own").sparse_points is not None
 
 
 @pytest.mark.slow
@@ -232,7 +237,9 @@ def test_ctrl_c_while_points_are_found_is_one_line(tmp_path, monkeypatch, capsys
 def test_progress_names_the_photo(tmp_path):
     shown: list[tuple[float, str]] = []
     folder = str(capture(tmp_path / "capture", None, CORNER))
-    SceneSource.typed(folder, None, points="own").load(lambda fraction, line: shown.append((fraction, line)))
+    with_points(
+        SceneSource.typed(folder, None, points="own").load(), lambda fraction, line: shown.append((fraction, line))
+    )
     assert shown[0] == (0, f"finding points: photo 1 of {len(views())}")
     assert shown[1][1] == f"finding points: photo 2 of {len(views())}"
     assert shown[-1][1] == "finding points: matching photos"

@@ -16,6 +16,7 @@ from fairing.judge.inspect import face_cells
 from fairing.options import FairingOptions, RobustOptions, ScheduleOptions
 from fairing.run.session import Session
 from fairing.scene import Scene
+from fairing.stage_kind import StageKind
 
 OPTIONS = FairingOptions(
     robust=RobustOptions(sigma_rule=("fixed",), sigma=3),
@@ -88,7 +89,9 @@ def test_quantities_around_a_step_are_those_of_the_engine(scene: Scene, session:
 
 
 def test_changes_of_visibility_are_counted_where_a_sweep_begins(session: Session, monkeypatch: pytest.MonkeyPatch):
-    begins = [moment for moment, record in enumerate(session.trace.steps, 1) if record.position[2:] == (0, 0)]
+    steps = session.trace.steps
+    of_photos = [moment for moment, record in enumerate(steps, 1) if record.stage is StageKind.PHOTOS]
+    begins = [moment for moment in of_photos if steps[moment - 1].position[2:] == (0, 0)]
     assert len(begins) == 4
 
     def sweep_state(moment: int) -> SimpleNamespace:

@@ -78,7 +78,7 @@ def test_closest_points_converge_from_a_rough_start(kind):
 def test_closest_points_estimate_the_scale_of_a_closed_surface_and_keep_that_of_a_corner():
     whole = trimesh.creation.icosphere(subdivisions=2).apply_scale([1, 1.5, 2])
     scan = Mesh(TRUE.undo(whole.vertices), whole.faces)
-    targets = whole.sample(600, seed=5)
+    targets = trimesh.sample.sample_surface(whole, 600, seed=5)[0]
     rough = Similarity(1.04 * TRUE.scale, TRUE.rotation, TRUE.translation + 0.03)
     found = refine_by_closest_points(scan, rough, targets).world_from_scan
     assert found.scale == pytest.approx(TRUE.scale, rel=2e-3)

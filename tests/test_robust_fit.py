@@ -5,16 +5,12 @@ import pytest
 import trimesh
 
 from fairing.features import FeaturePoints
-from fairing.features.robust_fit import (
-    PRIOR_SIGMA,
-    distances_px,
-    held_back_loss,
-    points_on_surface,
-    points_prefer,
-    robust_fit,
-)
 from fairing.mesh import Mesh
 from fairing.scene import SparsePoints
+from fairing.terms.point_judge import held_back_loss, points_prefer
+from fairing.terms.point_rays import distances_px, points_on_surface
+from fairing.terms.points import PRIOR_SIGMA
+from tests.fit_of_points import fit_of_points
 from tests.small_scene import FACES, VERTICES
 from tests.speckled_corner import cameras
 
@@ -67,7 +63,7 @@ def rms(values: np.ndarray) -> float:
 
 def test_vertices_move_to_the_surface():
     mesh = start()
-    fit = robust_fit(mesh, cameras(), points_at(on_sides(4000)))
+    fit = fit_of_points(mesh, cameras(), points_at(on_sides(4000)))
     before, after = off_surface(mesh, mesh.vertices), off_surface(mesh, fit.vertices)
     assert rms(after) < 0.2 * rms(before)
     assert np.median(np.abs(after[after != 0])) < 0.05
@@ -76,13 +72,12 @@ def test_vertices_move_to_the_surface():
     assert fit.start_error == pytest.approx(0.007 * mesh.diagonal, rel=0.4)
 
 
-def test_a_start_that_the_points_find_nearly_right_is_held_more_firmly(monkeypatch: pytest.MonkeyPatch):
+def test_a_start_that_the_points_find_nearly_right_is_held_more_firmly():
     """By as much as they measure: with a fixed prior, few and noisy points would spoil it."""
     mesh, rng = start(0.1), np.random.default_rng(8)
     noisy = points_at(on_sides(250) + rng.normal(0, 0.0015 * mesh.diagonal, (250, 3)))
-    held = robust_fit(mesh, cameras(), noisy).vertices
-    monkeypatch.setattr("fairing.features.robust_fit._prior_sigma", lambda found, unit: PRIOR_SIGMA * unit)
-    free = robust_fit(mesh, cameras(), noisy).vertices
+    held = fit_of_points(mesh, cameras(), noisy).vertices
+    free = fit_of_points(mesh, cameras(), noisy, sigma=PRIOR_SIGMA * mesh.diagonal / 100).vertices
     assert not np.array_equal(free, mesh.vertices)
     assert rms(off_surface(mesh, held)) < 0.95 * rms(off_surface(mesh, free))
 
@@ -94,14 +89,14 @@ def test_ground_and_background_and_what_stands_in_front_change_nothing():
     background = points[:800] + away * rng.uniform(0.3, 2, (800, 1)) + rng.normal(0, 0.5, (800, 3))
     ground = np.column_stack([rng.uniform(-1.5, 2.5, (1500, 2)), np.full(1500, -0.02)])  # just below the rim
     in_front = 1.3 + rng.normal(0, 0.05, (400, 3))
-    clean = robust_fit(mesh, cameras(), points_at(points))
-    fit = robust_fit(mesh, cameras(), points_at(np.concatenate([points, background, ground, in_front])))
+    clean = fit_of_points(mesh, cameras(), points_at(points))
+    fit = fit_of_points(mesh, cameras(), points_at(np.concatenate([points, background, ground, in_front])))
     assert rms(off_surface(mesh, fit.vertices)) < 1.3 * rms(off_surface(mesh, clean.vertices))
 
 
 def test_a_start_at_the_truth_stays_there():
     mesh = truth()
-    fit = robust_fit(mesh, cameras(), points_at(on_sides(3000)))
+    fit = fit_of_points(mesh, cameras(), points_at(on_sides(3000)))
     assert rms(off_surface(mesh, fit.vertices)) < 100 * SIGMA / mesh.diagonal
     assert fit.start_error < 2 * SIGMA
 
@@ -110,7 +105,7 @@ def test_a_start_at_the_truth_stays_there():
 def test_false_points_never_make_the_start_worse(seed: int):
     mesh, rng = start(0.3, seed), np.random.default_rng(seed)
     false = on_sides(1500) + rng.uniform(-0.2, 0.2, (1500, 3))
-    fit = robust_fit(mesh, cameras(), points_at(false))
+    fit = fit_of_points(mesh, cameras(), points_at(false))
     assert rms(off_surface(mesh, fit.vertices)) <= rms(off_surface(mesh, mesh.vertices))
     assert not fit.loss[1] > fit.loss[0]
 
@@ -118,14 +113,14 @@ def test_false_points_never_make_the_start_worse(seed: int):
 def test_no_points_leave_the_start_as_it_is():
     mesh = start()
     for points in (FeaturePoints.none("no texture"), points_at(on_sides(30) - 5)):
-        fit = robust_fit(mesh, cameras(), points)
+        fit = fit_of_points(mesh, cameras(), points)
         np.testing.assert_array_equal(fit.vertices, mesh.vertices)
         assert (fit.assigned, fit.start_error) == (0, 0.0)
 
 
 def test_no_face_folds_over():
     mesh = start(2.0, seed=5)
-    fit = robust_fit(mesh, cameras(), points_at(on_sides(4000)))
+    fit = fit_of_points(mesh, cameras(), points_at(on_sides(4000)))
     before, after = (Mesh(v, mesh.faces).vertices[mesh.faces] for v in (mesh.vertices, fit.vertices))
     normals = [np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]) for t in (before, after)]
     assert ((normals[0] * normals[1]).sum(axis=1) >= 0).all()
@@ -133,14 +128,14 @@ def test_no_face_folds_over():
 
 def test_the_same_points_give_the_same_vertices():
     mesh, points = start(), points_at(on_sides(1500))
-    first, second = (robust_fit(mesh, cameras(), points).vertices for _ in range(2))
+    first, second = (fit_of_points(mesh, cameras(), points).vertices for _ in range(2))
     assert first.tobytes() == second.tobytes()
 
 
 def test_locked_vertices_stay():
     mesh = start()
     locked = np.arange(len(mesh.vertices)) % 3 == 0
-    fit = robust_fit(mesh, cameras(), points_at(on_sides(3000)), locked)
+    fit = fit_of_points(mesh, cameras(), points_at(on_sides(3000)), locked)
     np.testing.assert_array_equal(fit.vertices[locked], mesh.vertices[locked])
     assert (fit.vertices[~locked] != mesh.vertices[~locked]).any()
 

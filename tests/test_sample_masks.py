@@ -13,8 +13,10 @@ from fairing.cells.layout import plan_cells
 from fairing.cells.sample_masks import mask_views
 from fairing.cells.visibility import Visibility, footprints_in_views
 from fairing.geometry.rasterize import HIDDEN_DEPTH, rasterize
-from fairing.options import CellOptions, VisibilityOptions
+from fairing.options import FairingOptions, ScheduleOptions, VisibilityOptions
 from tests.terrain_scene import pinhole
+
+pytestmark = pytest.mark.compiled
 
 SMALL = Camera(np.diag([0.125, 0.125, 1]) @ pinhole([1.0, -2.0, 3.0], [0, 0, 0]).image_from_world, 80, 60)
 
@@ -73,7 +75,13 @@ def test_a_mask_has_the_samples_that_the_photo_shows(blur: float, reduction: int
         outlines = footprints_in_views(vertices, faces, cameras, 1, options, blur, pool)
         reasons = outlines.reason
         is_candidate = reasons == Visibility.SEEN
-        layout = plan_cells(CellOptions(), 0, blur, outlines.longest_edge, outlines.height, is_candidate)
+        layout = plan_cells(
+            FairingOptions(schedule=ScheduleOptions(blur=(blur,))),
+            0,
+            outlines.longest_edge,
+            outlines.height,
+            is_candidate,
+        )
         found = mask_views(
             vertices, faces, cameras, photos, layout, options, blur, reasons, None, pool, lambda: None  # pyright: ignore[reportArgumentType]
         )  # fmt: skip

@@ -96,9 +96,3 @@ def test_truncated_photo_is_one_line_at_any_length(tmp_path: Path, suffix: str):
         with pytest.raises(InputError, match="p." + suffix) as error:
             FilePhoto(path).load()
         assert "\n" not in str(error.value)
-
-
-def test_photo_of_16_bits_is_refused(tmp_path: Path):
-    Image.fromarray(np.full((4, 6), 7, np.uint16)).save(tmp_path / "p.png")
-    with pytest.raises(InputError, match="8 bits"):
-        FilePhoto(tmp_path / "p.png").load()

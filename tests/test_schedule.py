@@ -1,43 +1,43 @@
-"""Order of sweeps within a level: local search, Gauss-Newton, restarts; and progress as a pure function of the position."""
+"""Order of stages and sweeps within a level: smoothing, fits, photos and judges; progress as a function of the position."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from fairing.run.phases import (
-    SWEEPS_AFTER_SEARCH,
-    WEAK_PRIOR,
-    GaussNewton,
-    Level,
-    LocalSearch,
-    Restart,
-    Schedule,
-    schedule_of,
-)
+from fairing.options import PRESETS, FairingOptions
+from fairing.run.phases import FITTED_SIGMA, Level, Schedule, schedule_of
 from fairing.run.schedule import fraction_done, most_blocks, next_position
+from fairing.run.stages import Judge, Photos, PointGates, Stage, fit_stages, numbered
 from fairing.run_plan import RunPlan
+from fairing.stage_kind import StageKind
 from fairing.trace import SchedulePosition
 from tests.small_scene import small_options
 
 LEVEL = 2
-SEARCH = LocalSearch(radius=3.0, max_displacement=4.5)
-LETTERS = {LocalSearch: "S", GaussNewton: "G", Restart: "R"}
+FIT = PointGates(StageKind.POINTS, gates=(5.0,))
+END = Judge(StageKind.JUDGE, by="end")
+LETTERS = {
+    StageKind.PHOTOS: "G", StageKind.SMOOTHNESS: "S", StageKind.POINTS: "P", StageKind.SURFACE_POINTS: "U",
+    StageKind.AXES: "A", StageKind.CLOSEST_POINTS: "C", StageKind.JUDGE: "J",
+}  # fmt: skip
+# Points, then twice points near the mesh, each with its judge and the axes; closest points and broad relations; photos judge.
+FITTED = "PJA" + 2 * "UJA" + "CACA" + "J"
 
 
-def gauss_newton(max_sweeps: int, max_iterations: int = 1) -> GaussNewton:
-    return GaussNewton(max_sweeps, max_iterations, tolerance=0.1)
+def gauss_newton(max_sweeps: int, max_iterations: int = 1) -> Photos:
+    return Photos(StageKind.PHOTOS, max_sweeps, max_iterations, tolerance=0.1)
 
 
-def level_of(*phases) -> Level:
-    return Level(LEVEL, prior=0.1, phases=phases)
+def level_of(*stages: Stage) -> Level:
+    return Level(LEVEL, stages=numbered(stages, 0))
 
 
 def walk(level: Level, longest_move: float) -> tuple[str, SchedulePosition]:
-    """The phases of the sweeps of a level in their order, and the position after it."""
+    """The stages of the sweeps of a level in their order, and the position after it."""
     position, letters = SchedulePosition(LEVEL, 0, 0, 0), ""
     while position.level == LEVEL:
-        letters += LETTERS[type(level.phase_at(position.sweep))]
+        letters += LETTERS[level.stage_at(position.sweep).kind]
         position = next_position(level, position, True, 1, lambda: longest_move)
     return letters, position
 
@@ -46,19 +46,20 @@ def walk(level: Level, longest_move: float) -> tuple[str, SchedulePosition]:
     ("level", "moving", "resting"),
     [
         (level_of(gauss_newton(3)), "GGG", "G"),
-        (level_of(SEARCH, gauss_newton(3)), "SGGG", "SG"),
-        (level_of(Restart(0), SEARCH, gauss_newton(4)), "RSGGGG", "RSG"),
+        (level_of(gauss_newton(3), END), "GGGJ", "GJ"),
+        (level_of(FIT, gauss_newton(3)), "PGGG", "PG"),
+        (level_of(gauss_newton(2), FIT, gauss_newton(4)), "GGPGGGG", "GPG"),
     ],
 )
-def test_sweeps_continue_while_vertices_move_and_no_phase_is_skipped(level: Level, moving: str, resting: str):
+def test_sweeps_continue_while_vertices_move_and_no_stage_is_skipped(level: Level, moving: str, resting: str):
     after = SchedulePosition(LEVEL + 1, 0, 0, 0)
     assert walk(level, 0.11) == (moving, after)
     assert walk(level, 0.09) == (resting, after)
-    assert level.n_sweeps == len(moving)
+    assert sum(stage.max_sweeps for stage in level.stages) == len(moving)
 
 
 def test_within_a_sweep_iterations_come_first_then_blocks():
-    level = Level(0, prior=0.1, phases=(gauss_newton(2, max_iterations=3),))
+    level = Level(0, stages=(gauss_newton(2, max_iterations=3),))
     position, seen = SchedulePosition(0, 0, 0, 0), []
     while position.level == 0:
         seen.append(tuple(position[1:]))
@@ -68,11 +69,17 @@ def test_within_a_sweep_iterations_come_first_then_blocks():
     ]
 
 
-def test_a_sweep_beyond_the_last_phase_ends_the_level():
+def test_a_sweep_beyond_the_last_stage_ends_the_level():
     """A branch with fewer sweeps than the run it comes from."""
-    level = level_of(SEARCH, gauss_newton(2))
-    assert level.phase_at(7) == gauss_newton(2)
+    level = level_of(FIT, gauss_newton(2))
+    assert level.stage_at(7) == level.stages[-1]
     assert next_position(level, SchedulePosition(LEVEL, 7, 0, 0), True, 1, lambda: 9.0) == (LEVEL + 1, 0, 0, 0)
+
+
+def test_a_sweep_that_no_stage_has_is_one_of_photos_and_the_judge_of_the_end_follows():
+    level = level_of(FIT, gauss_newton(2), END)
+    assert level.stage_at(7) == level.stages[1]
+    assert next_position(level, SchedulePosition(LEVEL, 7, 0, 0), True, 1, lambda: 9.0) == (LEVEL, 3, 0, 0)
 
 
 def plan(**changes) -> RunPlan:
@@ -80,78 +87,125 @@ def plan(**changes) -> RunPlan:
         "first_level": 0,
         "is_smoothed": False,
         "is_fitted_to_points": False,
-        "start_error": 0.0,
-        "is_near_truth": False,
+        "records_fit": True,
     }
     return RunPlan(**values | changes)
 
 
-def test_phases_follow_from_options_and_plan():
-    schedule = {"blur": [2.0, 1.2, 0.6], "search": [0.0, 0.8, 0.5], "max_sweeps": [5], "sweeps_near_truth": [1]}
-    options = small_options(schedule=schedule, cells={"point_spread": ["as_seen", "as_seen", "common"]})
+def letters_of(options: FairingOptions, plan: RunPlan) -> list[str]:
+    """The stages of each level."""
+    return ["".join(LETTERS[stage.kind] for stage in level.stages) for level in schedule_of(options, plan).levels]
 
-    def letters(plan: RunPlan) -> list[str]:
-        levels = schedule_of(options, plan).levels
-        return ["".join(LETTERS[type(phase)] for phase in level.phases) for level in levels]
 
-    assert letters(plan()) == ["G", "G", "G"]
-    assert letters(plan(start_error=9.0)) == ["G", "SG", "RSG"]
-    assert [level.gauss_newton.max_sweeps for level in schedule_of(options, plan(is_near_truth=True)).levels] == [
-        1,
-        1,
-        1,
+def test_smoothing_and_the_fit_of_the_start_come_first_at_the_first_level_alone():
+    options = small_options(schedule={"blur": [2.0, 1.2, 0.6]}, step={"points": [0.3], "smoothing": [0.1]})
+    start = plan(first_level=1, is_smoothed=True, is_fitted_to_points=True)
+    assert letters_of(options, start) == ["G", "SJCACAJG", "GJ"]
+    assert letters_of(options, replace(start, has_photos_of_points=True)) == ["G", f"SJ{FITTED}G", "GJ"]
+    assert letters_of(options, replace(start, is_smoothed=False)) == ["G", "CACAJG", "GJ"]
+    assert letters_of(options, replace(start, records_fit=False)) == ["G", "G", "GJ"], "recorded as one step each"
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+def test_no_two_stages_of_a_level_share_a_sweep_and_photos_have_the_first_ones_under_every_plan(preset: str):
+    plans = [
+        plan(is_smoothed=smoothed, is_fitted_to_points=fitted, has_photos_of_points=True)
+        for smoothed in (False, True)
+        for fitted in (False, True)
     ]
-    searched = schedule_of(options, plan(start_error=9.0)).levels
-    assert [level.search.radius for level in searched[1:]] == [0.8 * 9.0, 0.5 * 9.0]
-    assert [level.gauss_newton.max_sweeps for level in searched] == [5, 5, 5 * SWEEPS_AFTER_SEARCH]
-    assert searched[2].prior < searched[1].prior == options.step.prior
+    numbers: dict[tuple, set[int]] = {}
+    for each in plans:
+        for level in schedule_of(PRESETS[preset], each).levels:
+            sweeps = [
+                sweep
+                for stage in level.stages
+                for sweep in range(stage.first_sweep, stage.first_sweep + stage.max_sweeps)
+            ]
+            assert len(sweeps) == len(set(sweeps))
+            assert level.photos.first_sweep == 0
+            for stage in level.stages:
+                assert all(level.stage_at(stage.first_sweep + k) == stage for k in range(stage.max_sweeps))
+            if each.is_smoothed and level.number == 0:
+                numbers.setdefault(("smoothing", level.number), set()).add(level.stages[0].first_sweep)
+    assert all(len(first) == 1 for first in numbers.values()), "branches keep their numbers"
 
 
-def test_a_start_whose_faces_can_follow_its_points_is_not_held_to_at_the_sharp_level():
-    schedule = {"blur": [2.0, 0.6], "search": [0.0], "max_sweeps": [5]}
-    options = small_options(schedule=schedule, cells={"point_spread": ["as_seen", "common"]})
+def test_a_smoothing_or_fit_is_the_part_of_each_of_its_stages():
+    options = small_options(schedule={"blur": [0.6]}, step={"points": [0.3], "smoothing": [0.1]})
+    level = schedule_of(options, plan(is_smoothed=True, is_fitted_to_points=True, has_photos_of_points=True)).levels[0]
+    fit, stages = len(fit_stages(has_photos_of_points=True)), level.stages
+    parts = [stages[:2], stages[2 : 2 + fit], (), ()]
+    for part, length in zip(parts, [2, fit, 1, 1], strict=True):
+        for stage in stages[:length]:
+            assert level.part_of(stage) == part
+        stages = stages[length:]
+    assert not stages
+
+
+def test_the_measured_error_of_a_start_holds_at_fine_levels_unless_it_has_been_fitted():
+    schedule = {"blur": [3.6, 0.6], "max_sweeps": [5]}
+    options = small_options(schedule=schedule, step={"prior": 0.3})
+
+    def sigmas(plan: RunPlan) -> list[tuple[float, float]]:
+        return [(level.start_sigma, level.prior) for level in schedule_of(options, plan).levels]
+
     fitted = plan(start_sigma=4.0, is_fitted_to_points=True)
-    follows, holds = (
-        schedule_of(options, replace(fitted, represents_surface=represents)).levels for represents in (True, False)
-    )
-    assert follows[0].prior == holds[0].prior == holds[1].prior == options.step.prior
-    assert follows[1].prior == WEAK_PRIOR * options.step.prior
-    assert (follows[1].start_sigma, holds[1].start_sigma) == (0.0, 4.0)
+    weak = (FITTED_SIGMA, 0.3)
+    assert sigmas(plan()) == 2 * [(0.0, 0.3)]
+    assert sigmas(fitted) == [weak, (4.0, 1.0)]
+    assert sigmas(replace(fitted, represents_surface=True)) == [weak, weak]
 
 
-def test_vertices_stay_within_1_3_times_the_measured_error_or_one_and_a_half_search_radii():
-    options = small_options(schedule={"blur": [2.0, 1.2], "search": [0.0, 0.8], "max_sweeps": [5]})
+def test_vertices_stay_within_1_3_times_the_measured_error():
+    options = small_options(schedule={"blur": [2.0, 1.2], "max_sweeps": [5]})
 
     def farthest(plan: RunPlan) -> list[float]:
-        return [level.gauss_newton.max_displacement for level in schedule_of(options, plan).levels]
+        return [level.photos.max_displacement for level in schedule_of(options, plan).levels]
 
     assert farthest(plan()) == [np.inf, np.inf]
     assert farthest(plan(start_sigma=4.0)) == pytest.approx([1.3 * 4.0] * 2)
-    assert farthest(plan(start_error=9.0)) == pytest.approx([1.5 * 0.8 * 9.0] * 2)
 
 
 def test_progress_rises_from_0_to_1_along_the_schedule():
     levels = (
-        Level(0, 0.1, phases=(gauss_newton(2, 3),)),
-        Level(1, 0.1, phases=(SEARCH, gauss_newton(2, 3), Restart(0), gauss_newton(1, 3))),
+        Level(0, stages=numbered((gauss_newton(2, 3),), 0)),
+        Level(1, stages=(*numbered((FIT,), 9), gauss_newton(2, 3), *numbered((END,), 8))),
     )
-    schedule, position, fractions = Schedule(levels, 0, 0), SchedulePosition(0, 0, 0, 0), []
+    schedule, position, fractions, of_photos = Schedule(levels, 0), SchedulePosition(0, 0, 0, 0), [], []
     while position.level < 2:
-        fractions.append(fraction_done(schedule, position, lambda phase: 3))
-        position = next_position(levels[position.level], position, False, 3, lambda: 9.0)
-    fractions.append(fraction_done(schedule, position, lambda phase: 3))
+        fractions.append(fraction_done(schedule, position, lambda stage: 3))
+        if isinstance(levels[position.level].stage_at(position.sweep), Photos):
+            of_photos.append(fractions[-1])
+        n_blocks = 3 if isinstance(levels[position.level].stage_at(position.sweep), Photos) else 1
+        position = next_position(levels[position.level], position, False, n_blocks, lambda: 9.0)
+    fractions.append(fraction_done(schedule, position, lambda stage: 3))
     assert fractions == sorted(fractions)
     assert (fractions[0], fractions[-1]) == (0.0, 1.0)
-    assert len(set(fractions)) == len(fractions)
+    assert len(of_photos) == 2 * 3 * 3 + 2 * 3 * 3
+    assert len(set(of_photos)) == len(of_photos), "fits are fast and count for nothing; photos always do"
 
 
 def test_a_sweep_without_blocks_has_a_progress():
-    schedule = Schedule((Level(0, 0.1, phases=(gauss_newton(2, 3),)),), 0, 0)
-    assert 0 <= fraction_done(schedule, SchedulePosition(0, 0, 0, 1), lambda phase: 0) < 1
+    schedule = Schedule((Level(0, stages=(gauss_newton(2, 3),)),), 0)
+    assert 0 <= fraction_done(schedule, SchedulePosition(0, 0, 0, 1), lambda stage: 0) < 1
 
 
 def test_the_number_of_blocks_is_bounded_by_the_order():
-    phase = gauss_newton(1)
-    assert [most_blocks(phase, order, 50, 6) for order in ("joint", "independent", "sequential")] == [1, 7, 50]
-    assert most_blocks(SEARCH, "joint", 50, 6) == 7
-    assert most_blocks(Restart(0), "sequential", 50, 6) == 1
+    assert [most_blocks(order, 50, 6) for order in ("joint", "independent", "sequential")] == [1, 7, 50]
+
+
+def test_positions_are_ordered_by_execution():
+    options = PRESETS["accurate"]
+    plan = RunPlan(3, True, True, has_photos_of_points=True, records_fit=True)
+    schedule = schedule_of(options, plan)
+    executed = [
+        SchedulePosition(level.number, stage.first_sweep + sweep, 0, iteration)
+        for level in schedule.levels[plan.first_level :]
+        for stage in level.stages
+        for sweep in range(stage.max_sweeps)
+        for iteration in range(stage.max_iterations)
+    ]
+    assert executed != sorted(executed), "numbers of sweeps alone do not order them"
+    assert executed == sorted(executed, key=schedule.order_of)
+    assert schedule.order_of(SchedulePosition(options.n_levels, 0, 0, 0)) > schedule.order_of(executed[-1])
+    assert schedule.order_of(SchedulePosition(-1, 0, 0, 0)) < schedule.order_of(executed[0])

@@ -1,12 +1,14 @@
 """The server without a browser: who may connect, and what a client that misbehaves can do to others."""
 
 import asyncio
+import gc
 import socket
 import threading
 import time
 from collections.abc import Iterator
 from typing import Any
 
+import msgspec
 import pytest
 import viser
 from websockets.exceptions import ConnectionClosed
@@ -22,7 +24,7 @@ from app.viser_bridge.server import ViewerServer, check_address, start_viewer
 from fairing.errors import InputError
 from fairing.run.session import Session
 from tests.commands import do
-from tests.raw_client import RawClient, http_status, upgrade_status
+from tests.raw_client import CAMERA, RawClient, http_status, raw_status, upgrade_status
 from tests.small_scene import corner_scene
 from tests.waiting import wait_for
 
@@ -79,6 +81,27 @@ def test_a_foreign_name_for_this_machine_is_refused(app: App):
     name = f"evil.example:{app.port}"
     assert upgrade_status(app.port, {"Host": name, "Origin": f"http://{name}"}) == 403
     assert http_status(app.port, headers={"Host": name})[0] == 403
+
+
+@pytest.mark.parametrize("is_websocket", [False, True])
+@pytest.mark.parametrize("header", ["Host", "Origin", "Authorization", "Upgrade"])
+def test_a_header_given_twice_is_refused(app: App, header: str, is_websocket: bool):
+    name = f"127.0.0.1:{app.port}"
+    given = {"Host": name, "Origin": f"http://{name}", "Authorization": "Bearer a", "Upgrade": "websocket"}
+    lines = [f"Host: {name}"]
+    if is_websocket:
+        lines += [
+            "Connection: Upgrade", "Upgrade: websocket", "Sec-WebSocket-Version: 13",
+            "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==", f"Sec-WebSocket-Protocol: viser-v{viser.__version__}",
+        ]  # fmt: skip
+    assert raw_status(app.port, *lines) == (101 if is_websocket else 200)
+    for second in (given[header], "evil.example"):
+        others = [line for line in lines if not line.startswith(header)]
+        assert raw_status(app.port, *others, f"{header}: {given[header]}", f"{header}: {second}") == 403
+
+
+def test_a_request_without_host_is_refused(app: App):
+    assert raw_status(app.port) == 403
 
 
 def test_programs_on_this_machine_need_no_origin(app: App):
@@ -179,6 +202,81 @@ def test_the_last_of_many_messages_takes_effect(app: App):
         client.send(update(slider, 50))
         wait_for(lambda: any(page.page_state.magnification == 50 for page in app.pages.values()), 60)
         assert known <= set(app.pages) or not known
+
+
+MALFORMED = {
+    "no msgpack": b"\xc1\xff\x00",
+    "empty": b"",
+    "a number": b"\x07",
+    "no type": msgspec.msgpack.encode({"a": 1}),
+    "unknown type": msgspec.msgpack.encode({"type": "NoSuchMessage"}),
+    "type of another kind": msgspec.msgpack.encode({"type": [1]}),
+    "missing fields": msgspec.msgpack.encode({"type": "GuiUpdateMessage"}),
+    "surplus fields": msgspec.msgpack.encode(CAMERA | {"more": 1}),
+    "text": "hello",
+    "deeply nested": b"\x91" * 100_000 + b"\x01",
+}
+
+
+@pytest.mark.parametrize("case", MALFORMED)
+def test_a_malformed_message_is_one_line_and_ends_its_connection(
+    app: App, case: str, caplog: pytest.LogCaptureFixture, capfd: pytest.CaptureFixture[str]
+):
+    with RawClient(app.port) as client:
+        client.socket.send(MALFORMED[case])
+        with pytest.raises(ConnectionClosed) as closed:
+            client.wait_for(lambda message: False, 30)
+    assert closed.value.rcvd is not None
+    assert closed.value.rcvd.code == CloseCode.INVALID_DATA
+    (record,) = [record for record in caplog.records if record.levelname in ("WARNING", "ERROR")]
+    assert record.exc_info is None
+    assert "closed after a malformed message" in record.getMessage()
+    assert "\n" not in record.getMessage()
+    assert "Traceback" not in "".join(capfd.readouterr())
+    with RawClient(app.port) as other:  # the server goes on
+        other.announce()
+        other.receive(30)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"type": "GuiUpdateMessage", "uuid": 5, "updates": 7},
+        {"type": "GuiUpdateMessage", "uuid": "no such element", "updates": {"value": 1}},
+        CAMERA | {"position": "nowhere", "wxyz": None},
+    ],
+)
+def test_a_message_with_wrong_values_leaves_no_traceback(
+    app: App, wrong: dict[str, Any], caplog: pytest.LogCaptureFixture, capfd: pytest.CaptureFixture[str]
+):
+    with RawClient(app.port) as client:
+        client.announce()
+        widgets(client)
+        client.send(wrong)
+        client.send(wrong)
+        client.announce()
+        time.sleep(0.5)
+    with RawClient(app.port) as other:
+        other.announce()
+        other.receive(30)
+    gc.collect()  # asyncio reports errors of tasks when they are freed
+    assert all(record.exc_info is None for record in caplog.records if record.levelname in ("WARNING", "ERROR"))
+    assert "Traceback" not in "".join(capfd.readouterr())
+
+
+def test_requests_that_are_not_http_leave_nothing_in_the_terminal(
+    caplog: pytest.LogCaptureFixture, capfd: pytest.CaptureFixture[str]
+):
+    server = start_viewer("127.0.0.1", 0)
+    for content in (b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03", b"hello\r\n\r\n", b"GET / HTTP/9\r\n\r\n", b""):
+        with socket.create_connection(("127.0.0.1", server.get_port()), timeout=30) as connection:
+            connection.sendall(content)
+            connection.shutdown(socket.SHUT_WR)
+            connection.recv(1000)
+    assert http_status(server.get_port())[0] == 200
+    server.close()
+    assert [record for record in caplog.records if record.levelname in ("WARNING", "ERROR")] == []
+    assert "Traceback" not in "".join(capfd.readouterr())
 
 
 def test_a_client_that_sends_a_huge_message_is_disconnected(app: App):

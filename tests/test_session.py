@@ -9,6 +9,7 @@ from fairing.errors import InputError
 from fairing.geometry.normals import face_normals
 from fairing.options import FairingOptions, options_to_dict
 from fairing.run.session import Session
+from fairing.stage_kind import StageKind
 from fairing.trace import StepReason, Trace
 from tests.small_scene import FACES, START, VERTICES, corner_scene, photos, small_options
 
@@ -240,7 +241,9 @@ def test_a_branch_with_fewer_levels_or_other_locks_runs_to_its_end():
 
 def test_stepping_back_and_forth_uses_the_cached_sweeps():
     session = finished(quick("independent"))
-    moments = [m for m in range(1, len(session.trace)) if session.trace.steps[m].position[2:] == (0, 0)][-2:]
+    steps = session.trace.steps
+    begins = [m for m, step in enumerate(steps) if step.stage is StageKind.PHOTOS and step.position[2:] == (0, 0)]
+    moments = begins[-2:]
     states = [session.sweep_state(moment) for moment in moments]
     assert states[0] is not states[1]
     for moment, state in zip(moments, states, strict=True):

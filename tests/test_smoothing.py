@@ -6,6 +6,8 @@ import pytest
 from fairing.geometry.normal_filter import smoothed
 from fairing.mesh import Mesh
 from fairing.run.session import Session
+from fairing.run.stages import PASSES
+from fairing.stage_kind import StageKind
 from fairing.trace import StepReason, Trace
 from tests.small_scene import FACES, VERTICES, corner_scene, small_options
 
@@ -62,15 +64,29 @@ def noisy_session(**changes) -> Session:
 def test_a_noisy_start_is_smoothed_first_and_the_photos_agree():
     session = noisy_session()
     assert session.make_plan().is_smoothed
-    record = session.step()
-    assert record is not None
-    assert (record.reasons == StepReason.SMOOTHED).all()
-    assert record.objective_after < 0.95 * record.objective_before
-    assert np.array_equal(session.trace.origin_at(1), session.vertices)
     session.run()
-    assert not any((later.reasons == StepReason.SMOOTHED).any() for later in session.trace.steps[1:])
+    steps = session.trace.steps
+    kinds = [step.stage for step in steps]
+    passes = kinds.index(StageKind.JUDGE)
+    assert 1 <= passes <= PASSES
+    assert kinds[:passes] == passes * [StageKind.SMOOTHNESS]
+    verdict = steps[passes]
+    assert not (verdict.reasons == StepReason.REJECTED_FIT).any()
+    assert verdict.objective_after < 0.95 * verdict.objective_before
+    np.testing.assert_array_equal(session.sweep_state(passes + 1).origin, session.trace.vertices_at(passes + 1))
+    assert StageKind.SMOOTHNESS not in kinds[passes:]
     before, after = (np.linalg.norm(v[0] - VERTICES[0]) for v in (session.trace.start, session.vertices))
     assert after < 0.3 * before
+
+
+def test_the_passes_of_a_run_are_those_of_the_filter():
+    session = noisy_session()
+    session.make_plan()
+    mesh, passes = session.scene.mesh, 0
+    while session.step() is not None and session.trace.steps[-1].stage is StageKind.SMOOTHNESS:
+        passes += 1
+        np.testing.assert_allclose(session.vertices, smoothed(mesh, mesh.vertices, passes), atol=1e-12)
+    assert passes > 0
 
 
 def test_a_start_at_its_place_is_not_smoothed():
@@ -78,7 +94,7 @@ def test_a_start_at_its_place_is_not_smoothed():
     assert not session.make_plan().is_smoothed
     record = session.step()
     assert record is not None
-    assert not (record.reasons == StepReason.SMOOTHED).any()
+    assert record.stage is StageKind.PHOTOS
 
 
 def test_locked_vertices_are_not_smoothed():

@@ -269,7 +269,7 @@ def test_the_report_command_writes_beside_the_record(tmp_path: Path):
 
 def test_a_pause_while_a_new_branch_is_prepared_ends_nothing():
     """With other options a branch prepares its start anew, which a pause cancels."""
-    options = small_options(schedule={"start_error": -1.0, "search": [1.0]}, step={"smoothing": [0.1]})
+    options = small_options(step={"smoothing": [0.1]})
     for delay in (0.0, 0.005, 0.02, 0.05, 0.1):
         controller = Controller(Session(corner_scene(), small_options()))
         try:

@@ -9,13 +9,10 @@ from app.debugger.sweep_progress import SweepProgress
 from app.debugger.work_report import WorkReport
 from fairing.options import FairingOptions
 from fairing.run.session import Session
-from fairing.work import Work
-from tests.search_scene import rough_scene, searching
 from tests.small_scene import corner_scene, small_options
 
 SWEEP = Forward(Extent.SWEEP)
 SEQUENTIAL = small_options(schedule={"order": "sequential", "max_iterations": [1], "first_level": "first"})
-SEARCHED = searching(4.0)
 
 
 class Clock:
@@ -32,12 +29,11 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
 
 
 def session_of(options: FairingOptions) -> Session:
-    scene = corner_scene() if options is SEQUENTIAL else rough_scene()
-    return Session(scene, options)
+    return Session(corner_scene(), options)
 
 
-def report_of(progress: SweepProgress, session: Session, command: Command, works: tuple[Work, ...] = ()) -> WorkReport:
-    report = progress.report(session, command, 100.0, works)
+def report_of(progress: SweepProgress, session: Session, command: Command) -> WorkReport:
+    report = progress.report(session, command, 100.0)
     assert report is not None
     return report
 
@@ -63,7 +59,7 @@ def test_a_run_counts_the_vertices_without_a_time_and_shorter_steps_count_nothin
         clock.now += 9.0
         assert report_of(progress, session, command) == WorkReport(f"vertex 2 of {n_blocks}")
     for extent in (Extent.BLOCK, Extent.ITERATION):
-        assert progress.report(session, Forward(extent), 100.0, ()) is None
+        assert progress.report(session, Forward(extent), 100.0) is None
 
 
 def test_nothing_is_counted_where_the_record_is_repeated_or_all_vertices_move_at_once():
@@ -71,25 +67,10 @@ def test_nothing_is_counted_where_the_record_is_repeated_or_all_vertices_move_at
     session.step()
     session.step()
     session.go_to(1)
-    assert progress.report(session, SWEEP, 100.0, ()) is None
+    assert progress.report(session, SWEEP, 100.0) is None
     joint = Session(session.scene, replace(SEQUENTIAL, schedule=replace(SEQUENTIAL.schedule, order="joint")))
     joint.step()
-    assert progress.report(joint, SWEEP, 100.0, ()) is None
-
-
-@pytest.mark.parametrize("command", [SWEEP, Run()])
-def test_the_time_left_of_a_search_is_that_of_all_its_sets(clock: Clock, command: Command):
-    session, progress = session_of(SEARCHED), SweepProgress()
-    sizes = [len(block.vertices) for block in session.sweep_state().blocks]
-    assert len(sizes) > 1
-    work = Work(f"searching {sizes[0]} vertices", 15, "direction")
-    report_of(progress, session, command, (work,))
-    work.done, clock.now = 5, 110.0
-    report = report_of(progress, session, command, (work,))
-    done = sizes[0] * 5 / 15 / sum(sizes)
-    assert report.fraction == pytest.approx(done)
-    assert report.text == f"searching {sizes[0]} vertices: direction 6 of 15"
-    assert report.seconds_left == round(10 * (1 - done) / done)
+    assert progress.report(joint, SWEEP, 100.0) is None
 
 
 def test_a_command_that_continues_a_sweep_measures_its_own_time(clock: Clock):
@@ -97,9 +78,9 @@ def test_a_command_that_continues_a_sweep_measures_its_own_time(clock: Clock):
     session.step()
     report_of(progress, session, SWEEP)
     clock.now += 1000.0
-    assert progress.report(session, SWEEP, 1100.0, ()) is not None
+    assert progress.report(session, SWEEP, 1100.0) is not None
     session.step()
     clock.now += 5.0
-    report = progress.report(session, SWEEP, 1100.0, ())
+    report = progress.report(session, SWEEP, 1100.0)
     assert report is not None
     assert report.seconds_left == 5 * (len(session.sweep_state().blocks) - 2)

@@ -3,15 +3,16 @@
 import contextlib
 import io
 import re
+import textwrap
 from pathlib import Path
 
 import pytest
 
 import app.lessons
 from app.lessons import facts, vocabulary
-from app.lessons.pseudo_code import LINES
 from app.lessons.reader import lesson_names, load_lesson
 from app.lessons.vocabulary import understand_action
+from app.pictures.paper_code import LINES
 
 PAGE = (Path(app.lessons.__file__).parent / "for_teachers.md").read_text(encoding="utf-8")
 EXERCISES = re.findall(r"### (\d+\. [^\n]+)\n.*?```python\n(.*?)```\n\n```text\n(.*?)```", PAGE, re.DOTALL)
@@ -66,9 +67,18 @@ def test_the_numbers_of_the_tables_exist_and_all_those_of_lessons_are_listed():
     assert {name for name, _ in listed} >= set(facts.OF_ONE)
 
 
-def test_the_names_of_lines_of_pseudo_code_are_listed():
-    text = PAGE.partition("the name of the line of pseudo-code to highlight:")[2].partition("- `keep`")[0]
+def test_the_names_of_lines_of_the_algorithm_are_listed():
+    text = PAGE.partition("the algorithm of the paper in NumPy:")[2].partition("- `keep`")[0]
     assert re.findall(r"`(\w+)`", text) == list(LINES)
+
+
+@pytest.mark.parametrize("name", LINES)
+def test_lines_of_the_algorithm_are_whole_and_stand_in_a_function_with_their_equations(name):
+    lines = LINES[name]
+    # A complete block of statements, as the body of a loop in a function.
+    compile("def f():\n for _ in ():\n" + textwrap.indent("\n".join(lines.lines), "  "), name, "exec")
+    for number in lines.equations:
+        assert re.search(rf"Eq\. {number}\b", lines.function.__doc__ or ""), lines.title
 
 
 @pytest.mark.slow

@@ -20,8 +20,6 @@ from tests.terrain_scene import seen_points, terrain
 QUICK = (
     "--schedule.blur",
     "1.2",
-    "--schedule.search",
-    "0",
     "--schedule.max-sweeps",
     "1",
     "--schedule.max-iterations",

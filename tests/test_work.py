@@ -9,7 +9,7 @@ from fairing.errors import Cancelled
 from fairing.options import PRESETS
 from fairing.run.session import Session
 from fairing.work import Work, WorkLog, fraction_done
-from tests.search_scene import rough_scene, searching
+from tests.rough_scene import rough_options, rough_scene
 from tests.small_scene import corner_scene
 
 
@@ -57,8 +57,8 @@ def test_durations_are_rounded_to_two_units():
     assert [duration(s) for s in (0.4, 12.2, 200, 3900)] == ["0 s", "12 s", "3 min 20 s", "1 h 5 min"]
 
 
-def test_a_session_reports_its_searches_photo_by_photo_and_place_by_place():
-    session = Session(rough_scene(), searching(4.0))
+def test_a_session_reports_its_plan_and_its_sweeps_photo_by_photo():
+    session = Session(rough_scene(), rough_options())
     seen: dict[str, list[tuple[int, int]]] = {}
 
     def look() -> bool:
@@ -69,13 +69,12 @@ def test_a_session_reports_its_searches_photo_by_photo_and_place_by_place():
     session.cancel_requested = look
     session.step_sweep()
     assert session.work.current == ()
-    searches = [text for text in seen if text.startswith("searching")]
-    assert searches
-    for text in searches:
-        done = np.array(seen[text])
-        assert (done[:, 1] == 9).all()
-        assert done[-1, 0] > done[0, 0]
-    assert "finding the photos that see each face" in seen
+    assert session.plan is not None
+    assert session.plan.is_smoothed
+    assert "trying a smoothed start" in seen
+    done = np.array(seen["finding the photos that see each face"])
+    assert (done[:, 1] == len(session.scene.views)).all()
+    assert done[-1, 0] > done[0, 0]
 
 
 def test_a_cancelled_step_leaves_no_work_behind():

@@ -10,7 +10,7 @@ import tyro
 from fairing.io import PhotoChoice
 from fairing.io.photo_choice import SceneFormat
 from fairing.io.points_choice import PointsChoice
-from fairing.options import PRESETS, FairingOptions
+from fairing.options import FORMER_OPTIONS, PRESETS, FairingOptions
 
 
 @dataclass(frozen=True)
@@ -55,6 +55,15 @@ PointsArgument = Annotated[
         help="Sparse points: those given with the capture, its own (found in its photos), both, or none. Automatic: the "
         "given ones if they are enough (3 for each vertex of the mesh; without a mesh 500), otherwise its own; for the "
         "demos cube, archway and dome the given ones.",
+    ),
+]
+CamerasChoice = Literal["refine", "given"]
+CamerasArgument = Annotated[
+    CamerasChoice,
+    tyro.conf.arg(
+        help="Cameras: as given, or with their poses corrected by bundle adjustment over points found in the photos. "
+        "Corrected poses are used where held-out points are clearly better with them, and written to the folder cameras "
+        "as a COLMAP model.",
     ),
 ]
 RunArgument = Annotated[
@@ -116,10 +125,29 @@ def chosen_preset(arguments: Sequence[str]) -> FairingOptions:
 FORMER_FLAGS = {"--schedule.start": "--schedule.first-level"}
 
 
-def with_current_flags(arguments: Sequence[str]) -> list[str]:
-    """The arguments with former names of flags replaced by the current ones."""
-    current = []
+def with_current_flags(arguments: Sequence[str]) -> tuple[list[str], list[str]]:
+    """The arguments with former names of flags replaced by the current ones, without flags of options that runs no longer have.
+
+    Returns:
+        The arguments, and a note for each flag left out.
+    """
+    current, notes, is_value_of_former = [], [], False
     for argument in arguments:
         name, separator, value = argument.partition("=")
-        current.append(FORMER_FLAGS.get(name, name) + separator + value)
-    return current
+        if is_value_of_former and _is_number(argument):
+            continue
+        instead = FORMER_OPTIONS.get(name.replace("-", "_").removeprefix("__"))
+        is_value_of_former = instead is not None
+        if instead is not None:
+            notes.append(f"{name} has no effect any more: {instead}")
+        else:
+            current.append(FORMER_FLAGS.get(name, name) + separator + value)
+    return current, notes
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True

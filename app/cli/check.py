@@ -1,5 +1,6 @@
 """`check`: findings about a scene on the terminal, and as a page with the mesh drawn over every photo."""
 
+from contextlib import nullcontext
 from pathlib import Path
 from urllib.parse import quote
 
@@ -9,15 +10,15 @@ from rich.console import Console
 from rich.table import Table
 
 from app.cli.arguments import ALL_PHOTOS, MeshArgument, PhotosArgument, PointsArgument, SceneArgument
-from app.cli.lines import print_line
-from app.cli.loading import load_with_progress
+from app.cli.lines import note_outside_photos, print_line
+from app.cli.loading import load_with_points
 from app.files.check_page import VERDICTS, check_page
 from app.files.json_file import write_json
 from app.files.scene_source import SceneSource
 from app.pictures.check_pictures import THUMBNAIL, contact_sheet, overlay
 from fairing.check.result import SceneCheck
 from fairing.check.scene_check import check_scene
-from fairing.io import prepare_output_folder, write_atomically
+from fairing.io import locked_output_folder, write_atomically
 from fairing.io.capture import listed
 from fairing.scene import Scene
 
@@ -45,14 +46,14 @@ def check_to_console(source: SceneSource, out: Path | None, console: Console) ->
     Returns:
         Exit code: 1 if the input cannot be used.
     """
-    scene = load_with_progress(source, console)
-    if out is not None:
-        prepare_output_folder(out)
-    findings = check_scene(scene)
-    _print(scene, findings, console)
-    if out is not None:
-        _write(scene, findings, out)
-        print_line(console, f"wrote {out / PAGE}, {DATA}, {SHEET} and {len(scene.views)} overlays")
+    with nullcontext() if out is None else locked_output_folder(out):
+        scene = load_with_points(source, console)
+        findings = check_scene(scene)
+        _print(scene, findings, console)
+        if out is not None:
+            note_outside_photos(console, source.scene, scene.views)
+            _write(scene, findings, out)
+            print_line(console, f"wrote {out / PAGE}, {DATA}, {SHEET} and {len(scene.views)} overlays")
     return 1 if findings.verdict == "unusable" else 0
 
 
@@ -103,6 +104,8 @@ def _print(scene: Scene, check: SceneCheck, console: Console) -> None:
     if check.parallax is not None:
         lines.append(f"angle between the lines of sight to a face: {check.parallax:.0f} degrees (median)")
     lines.append("pairs of face and photo: " + ", ".join(f"{name} {n}" for name, n in check.reasons.items()))
+    if check.placement.verdict != "elsewhere":  # then a hint says so
+        lines.append(f"place of the mesh: {check.placement.line}")
     lines.append(f"memory of a run: about {check.memory / 1e9:.1f} GB")
     lines += [f"note: {warning}" for warning in check.warnings]
     lines += [f"hint: {hint}" for hint in check.hints]

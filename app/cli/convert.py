@@ -5,14 +5,16 @@ from pathlib import Path
 from rich.console import Console
 
 from app.cli.arguments import ALL_CONVERTED_PHOTOS, ConvertedPhotosArgument, MeshArgument, SceneArgument
-from app.cli.lines import print_line
+from app.cli.lines import note_outside_photos, print_line
 from app.cli.loading import load_with_progress
 from app.files.scene_source import SceneSource
 from demo_scenes import is_demo
 from fairing.errors import InputError
-from fairing.io import prepare_output_folder, read_mesh
+from fairing.io import locked_output_folder, read_mesh
 from fairing.io.convert import Format, write_capture
 from fairing.io.load import only_mesh, read_capture
+from fairing.io.mesh_place import in_frame_of_mesh
+from fairing.mesh import Mesh
 
 
 def convert(
@@ -40,14 +42,18 @@ def convert_to_folder(source: SceneSource, out: Path, format: Format, console: C
     if is_demo(source.scene):
         scene = load_with_progress(source, console)
         views, sparse, warnings = scene.views, scene.sparse_points, scene.warnings
-        mesh = scene.unweld(scene.mesh.vertices), scene.original_faces
+        mesh, mesh_file = (scene.unweld(scene.mesh.vertices), scene.original_faces), None
     else:
         capture = read_capture(source.scene, source.choice)
+        given = Path(source.mesh) if source.mesh is not None else capture.mesh
+        mesh_file = given or _mesh_beside(Path(source.scene))
+        mesh = None if mesh_file is None else read_mesh(mesh_file)
+        if mesh is not None:
+            capture = in_frame_of_mesh(capture, Mesh(*mesh))
         views, sparse, warnings = capture.views, capture.sparse_points, capture.warnings
-        path = Path(source.mesh) if source.mesh is not None else capture.mesh or _mesh_beside(Path(source.scene))
-        mesh = None if path is None else read_mesh(path)
-    prepare_output_folder(out)
-    notes = write_capture(out, format, views, sparse, mesh)
+    with locked_output_folder(out):
+        note_outside_photos(console, source.scene, views)
+        notes = write_capture(out, format, views, sparse, mesh, mesh_file)
     for note in (*warnings, *notes):
         print_line(console, f"note: {note}")
     n_points = 0 if sparse is None else len(sparse.positions)

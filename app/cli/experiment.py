@@ -13,7 +13,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from app.cli.arguments import Preset, SceneArgument, chosen_preset
 from app.cli.interrupt import Interrupt
 from app.cli.lines import print_line
-from app.cli.loading import load_with_progress
+from app.cli.loading import load_with_points
 from app.experiments.record import Record
 from app.experiments.workers import MOST_WORKERS, measure_all
 from app.files.scene_source import SceneSource
@@ -21,7 +21,7 @@ from demo_scenes import DEMO_NAMES, is_demo
 from fairing.errors import InputError
 from fairing.experiments import EXPERIMENTS, Experiment, Row, Setting
 from fairing.experiments.experiment import open_cases
-from fairing.io import prepare_output_folder
+from fairing.io import locked_output_folder
 from fairing.option_check import check_options
 from fairing.options import FairingOptions
 
@@ -70,7 +70,7 @@ def _command(kind: type[Experiment], default: FairingOptions) -> Callable[..., i
                 f"{scene}: expected a demo ({DEMO_NAMES}), found another scene; experiments measure errors against "
                 "the truth, which is known for demos only"
             )
-        source = SceneSource.typed(scene, None)
+        source = SceneSource.typed(scene, None, points="automatic")
         return experiment_to_folder(experiment, source, out, vertex, options, resume, Console(stderr=True))
 
     command.__doc__ = f"{kind.question}\n\n{command.__doc__}"
@@ -92,10 +92,22 @@ def experiment_to_folder(
         Exit code: 0, or 130 if it was interrupted.
     """
     check_options(options)
-    scene = load_with_progress(source, console)
+    with locked_output_folder(out):
+        return _experiment(experiment, source, out, vertex, options, resume, console)
+
+
+def _experiment(
+    experiment: Experiment,
+    source: SceneSource,
+    out: Path,
+    vertex: int | None,
+    options: FairingOptions,
+    resume: bool,
+    console: Console,
+) -> int:
+    scene = load_with_points(source, console)
     setting = Setting.of(scene, options, vertex)
     record = Record(experiment, setting, source.scene, experiment.cases(setting))
-    prepare_output_folder(out)
     rows: list[Row] = record.earlier_rows(out) if resume else []
     interrupt, saved = Interrupt(), 0.0
     with interrupt.listening(), _bar(console) as bar:

@@ -7,8 +7,8 @@ from rich.console import Console
 
 from app.cli.arguments import ALL_PHOTOS, PhotosArgument, RecordedMeshArgument, RecordedSceneArgument, RunArgument
 from app.cli.export_lesson import export_lesson, export_lessons
-from app.cli.lines import print_line
-from app.cli.loading import load_with_progress
+from app.cli.lines import note_outside_photos, print_line
+from app.cli.loading import open_session
 from app.cli.progress_bar import progress_bar
 from app.debugger.moment_id import find_moment, parse_moment_id
 from app.export.page import write_page
@@ -20,7 +20,6 @@ from app.files.recorded_run import find_run
 from app.files.scene_source import SceneSource
 from fairing.errors import InputError
 from fairing.options import options_from_dict
-from fairing.run.session import Session
 from fairing.trace import Trace
 
 PAGE, PICTURE, VIDEOS = ".html", ".png", (".mp4", ".webm", ".gif")
@@ -57,7 +56,7 @@ def export(
     if at is not None or report:
         raise InputError("--at, --report: apply to a RUN; leave them out with --lesson and --lessons")
     if lesson is not None:
-        source = None if scene is None else SceneSource.typed(scene, mesh, photos)
+        source = None if scene is None else SceneSource.typed(scene, mesh, photos, "automatic")
         return export_lesson(lesson, source, out, console)
     if (scene, mesh, photos) != (None, None, ALL_PHOTOS):
         raise InputError(
@@ -86,7 +85,8 @@ def export_to_file(
     _check(out, ending, at, report)
     trace, source, path = find_run()
     wanted = None if at is None else parse_moment_id(at, options_from_dict(trace.header["options"]).n_levels)
-    session = Session(load_with_progress(source, console), trace=trace)
+    session = open_session(source, console, trace=trace)
+    note_outside_photos(console, source.scene, session.scene.views)
     moment = None if wanted is None else find_moment(trace, wanted)
     facts = RunFacts(session, path.parent)
     thinned = ""

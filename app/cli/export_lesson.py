@@ -1,16 +1,18 @@
 """`export --lesson` and `--lessons`: lessons as pages, with a progress bar."""
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
 from rich.console import Console
 
-from app.cli.lines import print_line
+from app.cli.lines import note_outside_photos, print_line
 from app.cli.progress_bar import progress_bar
 from app.files.scene_source import SceneSource
 from fairing.errors import InputError
-from fairing.io import prepare_output_folder
+from fairing.io import locked_output_folder
+from fairing.scene import Scene
 
 PAGE = ".html"
 _Written = TypeVar("_Written")
@@ -38,8 +40,14 @@ def export_lesson(name: str, source: SceneSource | None, out: Path, console: Con
         raise InputError(f"--out {out}: there is no folder {out.parent}; create it first")
     if source is not None and load_lesson(name).scene != ANY_SCENE:
         raise InputError(f"lesson {name}: has a scene of its own; leave --scene out")
-    load = None if source is None else source.load
-    claims = _with_bar(console, lambda show: write_lesson(name, out, show, load_scene=load))
+
+    def load(chosen: SceneSource, progress: Callable[[float, str], None]) -> Scene:
+        scene = chosen.load(progress)
+        note_outside_photos(console, chosen.scene, scene.views)
+        return scene
+
+    load_scene = None if source is None else partial(load, source)
+    claims = _with_bar(console, lambda show: write_lesson(name, out, show, load_scene=load_scene))
     print_line(console, f"wrote {out} ({_size(out)}; {claims} claims verified)")
     return 0
 
@@ -56,8 +64,8 @@ def export_lessons(folder: Path, console: Console) -> int:
     from app.lesson_pages.page import INDEX, write_lessons
     from app.lessons.reader import lesson_names
 
-    prepare_output_folder(folder)
-    claims = _with_bar(console, lambda show: write_lessons(lesson_names(), folder, show))
+    with locked_output_folder(folder):
+        claims = _with_bar(console, lambda show: write_lessons(lesson_names(), folder, show))
     for name, count in claims.items():
         print_line(console, f"{name:14}{_size(folder / f'{name}{PAGE}')}, {count} claims verified")
     print_line(console, f"wrote {folder / INDEX}")

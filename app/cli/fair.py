@@ -10,20 +10,32 @@ from typing import Annotated, Any
 import tyro
 from rich.console import Console
 
-from app.cli.arguments import ALL_PHOTOS, MeshArgument, PhotosArgument, PointsArgument, Preset, SceneArgument
+from app.cli.arguments import (
+    ALL_PHOTOS,
+    CamerasArgument,
+    CamerasChoice,
+    MeshArgument,
+    PhotosArgument,
+    PointsArgument,
+    Preset,
+    SceneArgument,
+)
 from app.cli.interrupt import Interrupt
-from app.cli.lines import print_line
-from app.cli.loading import load_with_progress
+from app.cli.lines import note_outside_photos, print_line
+from app.cli.loading import open_session
+from app.cli.refined_cameras import open_session_with_refined_cameras, write_cameras
 from app.cli.run_extras import RunExtras, predict_left_out, write_models
 from app.cli.run_progress import RunProgress
 from app.files.json_file import write_json
-from app.files.run_files import MESH, REPORT, TRACE
+from app.files.run_files import CAMERAS, MESH, REPORT, TRACE
 from app.files.scene_source import SceneSource, write_points_of_run
 from fairing.check.memory import memory_warning
 from fairing.errors import Cancelled, InputError
-from fairing.io import prepare_output_folder, write_mesh
+from fairing.io import locked_output_folder, write_mesh
+from fairing.io.refined_mesh import write_refined_mesh
 from fairing.judge.metrics import quality_report
-from fairing.judge.report import run_report
+from fairing.judge.report import REFINEMENT, run_report
+from fairing.mesh import Mesh
 from fairing.option_check import check_options
 from fairing.options import FairingOptions, options_from_dict
 from fairing.run.session import Session
@@ -45,17 +57,20 @@ def fair_command(default: FairingOptions) -> Callable[..., int]:
         extras: Annotated[RunExtras, tyro.conf.arg(name="")] = NO_EXTRAS,
         points: PointsArgument = "automatic",
         photos: PhotosArgument = ALL_PHOTOS,
+        cameras: CamerasArgument = "given",
         options: Annotated[FairingOptions, tyro.conf.arg(name="")] = default,
     ) -> int:
         """Refine the mesh of a scene without a browser. Writes mesh.ply, report.json and run.trace.
 
+        A start mesh of another format than PLY is also written in its format, with materials, groups and textures.
+
         Args:
             out: Folder for the results: new, empty, or of an earlier run.
             preset: Options to start from; further flags change single ones.
-            resume: Continue the run in `out`, which was recorded on the same scene with the same options.
+            resume: Continue the run in `out`, which was recorded on the same scene with the same options. Its cameras are used.
         """
         source = SceneSource.typed(scene, mesh, photos, points)
-        return fair_to_folder(source, out, preset, options, resume, extras, Console(stderr=True))
+        return fair_to_folder(source, out, preset, options, resume, extras, Console(stderr=True), cameras)
 
     return fair
 
@@ -68,25 +83,49 @@ def fair_to_folder(
     resume: bool,
     extras: RunExtras,
     console: Console,
+    cameras: CamerasChoice = "given",
 ) -> int:
     """Run to the end or to Ctrl-C and write mesh, report and trace; after the end also the extras.
 
     Returns:
         Exit code: 0, or 130 if it was interrupted.
+
+    Raises:
+        InputError: the scene or an option is wrong, or no vertex could move; mesh, report and trace are written in that case.
     """
     check_options(options)
     beside = extras.other_mesh()
+    with locked_output_folder(out):
+        return _fair(source, out, preset, options, resume, extras, beside, console, cameras)
+
+
+def _fair(
+    source: SceneSource,
+    out: Path,
+    preset: str,
+    options: FairingOptions,
+    resume: bool,
+    extras: RunExtras,
+    beside: Mesh | None,
+    console: Console,
+    cameras: CamerasChoice,
+) -> int:
     began = time.perf_counter()
     trace = _earlier_run(out / TRACE, options) if resume else None
     if resume and source.mesh is None and (out / START_MESH).exists():
         source = replace(source, mesh=str((out / START_MESH).resolve()))
     if trace is not None:
         source = source.resumed(trace.header, out / TRACE)
-    scene = load_with_progress(source, console)
+    if trace is not None and cameras == "refine" and REFINEMENT not in trace.header:
+        raise InputError(f"{out / TRACE}: was recorded with the given cameras; continue without --cameras refine")
+    if trace is None and cameras == "refine":
+        session = open_session_with_refined_cameras(source, console, options)
+    else:
+        session = open_session(source, console, options, trace)
+    scene = session.scene
     low_memory = memory_warning(scene, options)
     if low_memory and low_memory.is_too_much:
         raise InputError(f"{source.scene}: {low_memory.line}")
-    prepare_output_folder(out)
     if scene.triangulated:  # kept, so that opening the run needs no triangulation
         write_mesh(out / START_MESH, scene.unweld(scene.mesh.vertices), scene.original_faces)
         source = replace(source, mesh=str((out / START_MESH).resolve()))
@@ -94,7 +133,7 @@ def fair_to_folder(
         (out / START_MESH).unlink(missing_ok=True)  # of an earlier run
     if low_memory:
         print_line(console, f"note: {low_memory.line}")
-    session = Session(scene, options, trace)
+    write_cameras(scene, out / CAMERAS, console)
     source.resolved(scene.sparse_points).note_in(session.trace.header)
     write_points_of_run(scene.sparse_points, out / TRACE)
     session.trace.attach(out / TRACE)
@@ -104,23 +143,27 @@ def fair_to_folder(
     try:
         with interrupt.listening(), RunProgress(console, session) as progress, suppress(Cancelled):
             session.run(should_stop=lambda: interrupt.requested, on_step=progress.show)
-    except BaseException:
-        _save(session, out, preset, loading)
+    except BaseException as error:
+        if session.moment or not isinstance(error, InputError):  # an input that is refused has no results
+            _save(session, out, preset, loading, console)
         raise
     session.cancel_requested = lambda: False
-    report = _save(session, out, preset, loading)
+    report = _save(session, out, preset, loading, console)
     session.forget_computed()
     for warning in session.warnings:
         print_line(console, f"note: {warning}")
+    if session.could_move_nothing:
+        reason = session.stop_reason.removeprefix("finished: ")
+        raise InputError(f"{source.scene}: {reason}; {out / MESH} holds the mesh as it was")
     stopped = interrupt.requested and not session.finished
     reason = f"interrupted; continue with --resume --out {out}" if stopped else session.stop_reason
     print_line(console, f"{reason}; wrote {out / MESH}, {REPORT}, {TRACE}")
     if stopped:
         return 130
     if points := report["quality"].get("sparse_points_to_surface"):
-        before, after = (f"{points[state]['median_percent']:.3g}" for state in ("before", "after"))
-        line = f"held-out sparse points: median distance to the surface {before} -> {after} % of the diagonal"
-        print_line(console, line)
+        print_line(console, _held_out_line(points))
+    if extras.any:
+        note_outside_photos(console, source.scene, scene.views)
     write_models(scene, session.trace.start, session.vertices, extras, out, console)
     if extras.left_out:
         report["left_out"] = predict_left_out(scene, session.trace.start, session.vertices, beside, out, console)
@@ -128,7 +171,16 @@ def fair_to_folder(
     return 0
 
 
-def _save(session: Session, out: Path, preset: str, loading: float) -> dict[str, Any]:
+def _held_out_line(points: dict[str, Any]) -> str:
+    """The line about the held-out points of `quality_report`."""
+    line = f"held-out sparse points: {points['on_surface']} of {points['held_out']} belong to the surface"
+    if points["on_surface"] == 0:
+        return line
+    before, after = (f"{points[state]['median_percent']:.3g}" for state in ("before", "after"))
+    return f"{line}, median distance {before} -> {after} % of the diagonal"
+
+
+def _save(session: Session, out: Path, preset: str, loading: float, console: Console) -> dict[str, Any]:
     """Write mesh, trace and report. One that fails does not keep the others from being written.
 
     Returns:
@@ -137,12 +189,19 @@ def _save(session: Session, out: Path, preset: str, loading: float) -> dict[str,
     report: dict[str, Any] = {}
     failures = []
 
+    def save_mesh() -> None:
+        written = write_refined_mesh(out / MESH, session.scene, session.vertices)
+        for note in written.notes:
+            print_line(console, f"note: {note}")
+        if others := written.files[1:]:
+            print_line(console, f"with all attributes of the start mesh: {', '.join(str(file) for file in others)}")
+
     def save_report() -> None:
         report.update(_report(session, preset, loading))
         write_json(out / REPORT, report)
 
     for write in (
-        lambda: write_mesh(out / MESH, session.scene.unweld(session.vertices), session.scene.original_faces),
+        save_mesh,
         session.trace.detach,
         save_report,
     ):

@@ -1,20 +1,27 @@
-"""Loading a scene with a progress bar."""
+"""Loading a scene and opening a run with a progress bar."""
 
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TypeVar
+from functools import partial
+from typing import TYPE_CHECKING, TypeVar
 
 from rich.console import Console
 
 from app.cli.progress_bar import progress_bar
 from app.files.scene_source import SceneSource
 from app.html import duration
+from fairing.options import FairingOptions
 from fairing.scene import Scene
+
+if TYPE_CHECKING:
+    from fairing.run.session import Session
+    from fairing.trace import Trace
 
 ShowProgress = Callable[[str, float | None], None]
 """Called with a line and the finished fraction, 0 to 1, or None."""
 SHOW_EVERY = 0.25  # seconds between lines
+FINDING_POINTS = "finding points"  # lines of progress begin with it while points are found in the photos
 
 
 @dataclass(frozen=True)
@@ -34,8 +41,48 @@ _Loaded = TypeVar("_Loaded")
 
 
 def load_with_progress(source: SceneSource, console: Console) -> Scene:
-    """The scene of a source. The bar shows rendering of a demo's photos, finding and triangulation of sparse points."""
+    """The scene of a source. The bar shows rendering of a demo's photos, and finding and triangulation of points without a mesh."""
     return load_with_bar(source.scene, source.load, console)
+
+
+def load_with_points(source: SceneSource, console: Console) -> Scene:
+    """The scene of a source with the sparse points that a run of it has. The bar also shows how they are found."""
+    from fairing.io.scene_points import (
+        with_points,
+    )  # imported on first use: the page is served before the engine is loaded
+
+    return load_with_bar(source.scene, lambda progress: with_points(source.load(progress), progress), console)
+
+
+def open_session(
+    source: SceneSource,
+    console: Console,
+    options: FairingOptions | None = None,
+    trace: "Trace | None" = None,
+    opening: OpeningProgress | None = None,
+    load: Callable[[Callable[[float, str], None]], Scene] | None = None,
+) -> "Session":
+    """A session on the scene of a source, with its sparse points. The bar shows what `load_with_points` does.
+
+    Args:
+        options, trace: of the run, see `Session`.
+        opening: what is shown of it elsewhere.
+        load: loads the scene; default: that of the source.
+
+    Raises:
+        InputError: the scene, an option or the trace cannot be used.
+    """
+    opening = opening or OpeningProgress()
+    load = load or partial(source.load, skip_points=opening.skip_points)
+
+    def opened(progress: Callable[[float, str], None]) -> "Session":
+        from fairing.run.session import Session  # imported on first use: the page is served before the engine is loaded
+
+        session = Session(load(progress), options, trace)
+        session.find_points(progress, opening.skip_points)
+        return session
+
+    return load_with_bar(source.scene, opened, console, opening.show)
 
 
 def load_with_bar(

@@ -6,11 +6,11 @@ The debugger's commands are here. They import as little as possible before the p
 commands take a second to import, during which a browser can already load the viewer.
 """
 
+import io
 import os
 import sys
 import threading
 from collections.abc import Callable, Sequence
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -31,7 +31,7 @@ from app.cli.arguments import (
     SceneArgument,
     with_current_flags,
 )
-from app.cli.loading import OpeningProgress, load_with_bar
+from app.cli.loading import OpeningProgress, open_session
 from app.debugger.moment_id import START, find_moment, parse_moment_id
 from app.files.recorded_run import find_run
 from app.files.run_files import FLIPS
@@ -78,11 +78,8 @@ def view(
 
         load = scene_of_lesson(lesson, source)
 
-    def open_session(opening: OpeningProgress) -> "Session":
-        from fairing.run.session import Session
-
-        chosen = load or partial(source.load, skip_points=opening.skip_points)
-        session = Session(load_with_bar(source.scene, chosen, console, opening.show), PRESETS[preset])
+    def open_run(opening: OpeningProgress) -> "Session":
+        session = open_session(source, console, PRESETS[preset], opening=opening, load=load)
         if lesson is None or session.scene.name == source.scene:  # a lesson's own scene has no name to find it by
             source.resolved(session.scene.sparse_points).note_in(session.trace.header)
         if save_to is not None:
@@ -90,10 +87,10 @@ def view(
         return session
 
     if at.strip() == START:
-        return _serve(open_session, page, title=source.title, save_to=save_to, lesson=lesson)
+        return _serve(open_run, page, title=source.title, save_to=save_to, lesson=lesson)
     from app.cli.run_progress import run_to
 
-    session = open_session(OpeningProgress())
+    session = open_run(OpeningProgress())
     run_to(session, wanted, console)
     return _serve(lambda _: session, page, title=source.title, save_to=save_to, page_first=False, lesson=lesson)
 
@@ -123,15 +120,12 @@ def replay(
     trace, source, path = find_run(run, scene, mesh, photos)
     wanted = parse_moment_id(at, options_from_dict(trace.header["options"]).n_levels)
 
-    def open_session(opening: OpeningProgress) -> "Session":
-        from fairing.run.session import Session
-
-        load = partial(source.load, skip_points=opening.skip_points)
-        session = Session(load_with_bar(source.scene, load, Console(stderr=True), opening.show), trace=trace)
+    def open_run(opening: OpeningProgress) -> "Session":
+        session = open_session(source, Console(stderr=True), trace=trace, opening=opening)
         session.go_to(find_moment(trace, wanted))
         return session
 
-    return _serve(open_session, page, title=source.title, recorded_in=path)
+    return _serve(open_run, page, title=source.title, recorded_in=path)
 
 
 def _replay_flips(run: Path, scene: str | None, page: PageAddress, photos: PhotoChoice) -> int:
@@ -146,10 +140,10 @@ def _replay_flips(run: Path, scene: str | None, page: PageAddress, photos: Photo
     return 0
 
 
-def _serve(open_session: Callable[[OpeningProgress], "Session"], page: PageAddress, **how: Any) -> int:
+def _serve(open_run: Callable[[OpeningProgress], "Session"], page: PageAddress, **how: Any) -> int:
     from app.cli.serve import serve
 
-    serve(open_session, address=page, **how)
+    serve(open_run, address=page, **how)
     return 0
 
 
@@ -161,7 +155,9 @@ def run(arguments: Sequence[str]) -> int:
     """
     if not arguments or (arguments[0].startswith("-") and arguments[0] not in ("-h", "--help")):
         arguments = ["view", "cube", *arguments]
-    arguments = with_current_flags(arguments)
+    arguments, notes = with_current_flags(arguments)
+    for note in notes:
+        sys.stderr.write(f"note: {note}\n")
     commands: dict[str, Callable[..., int]] = {"view": view, "replay": replay}
     prog, description = "eigenfairing", DESCRIPTION
     if arguments[0] == "experiment" and len(arguments) > 1:
@@ -193,6 +189,8 @@ def _fail(line: str) -> int:
 
 def main() -> None:
     """The entry point of the command `eigenfairing`."""
+    if isinstance(sys.stdout, io.TextIOWrapper):  # escapes what its encoding lacks, as stderr does
+        sys.stdout.reconfigure(errors="backslashreplace")
     code = run(sys.argv[1:])
     # The interpreter aborts if it exits while a daemon thread is inside compiled code, for example while it computes the
     # texture of a large mesh. Everything is saved and closed at this point.

@@ -15,7 +15,7 @@ from demo_scenes import is_demo
 from fairing.errors import Cancelled, InputError
 from fairing.features import FeaturePoints
 from fairing.features.find import progress_line
-from fairing.io import prepare_output_folder, read_capture
+from fairing.io import locked_output_folder, read_capture
 from fairing.io.colmap_write import check_cameras
 from fairing.io.convert import write_capture
 from fairing.io.feature_points import find_points_once
@@ -50,16 +50,16 @@ def points_to_folder(source: SceneSource, out: Path, console: Console) -> int:
         capture = read_capture(source.scene, source.choice)
         views, warnings = capture.views, capture.warnings
     check_cameras(views)
-    prepare_output_folder(out)
-    try:
-        found = _find(views, out / STORED, console)
-    except Cancelled:
-        print_line(console, "cancelled; no points written")
-        return 130
-    if len(found) == 0:
-        raise InputError(f"{source.scene}: no points found: {found.reason}")
-    notes = write_capture(out, "colmap", views, found.sparse_points())
-    write_point_cloud(out / CLOUD, found)
+    with locked_output_folder(out):
+        try:
+            found = _find(views, out / STORED, console)
+        except Cancelled:
+            print_line(console, "cancelled; no points written")
+            return 130
+        if len(found) == 0:
+            raise InputError(f"{source.scene}: no points found: {found.reason}")
+        notes = write_capture(out, "colmap", views, found.sparse_points())
+        write_point_cloud(out / CLOUD, found)
     for note in (*warnings, *notes):
         print_line(console, f"note: {note}")
     print_line(console, f"{summary_line(found, len(views))}; wrote {out / 'sparse'}, images, {CLOUD}, {STORED}")

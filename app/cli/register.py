@@ -88,7 +88,7 @@ def register_to_file(
     faces = scan.faces if isinstance(scan, Mesh) else None
     moved = out.with_suffix(SCAN_SUFFIX)
     if faces is not None:
-        write_mesh(moved, points, faces)
+        write_mesh(moved, points, faces, like=scan_file)
     else:
         write_scan(moved, points)
     for line in [*summary_lines(done), f"wrote {out}, {moved.name}"]:

@@ -8,6 +8,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, Ti
 
 from app.cli.lines import print_line
 from fairing.judge.report import EnergyTally
+from fairing.run.phases import schedule_of
 from fairing.run.session import Session
 from fairing.trace import SchedulePosition, StepRecord
 
@@ -16,7 +17,7 @@ SPEED_OVER = 3600.0  # seconds over which the remaining time is estimated: a ste
 
 
 class RunProgress:
-    """Shows level, sweep, energy, the share done and the remaining time while the `with` block runs."""
+    """Shows level, sweep and energy or the fit, the share done and the remaining time while the `with` block runs."""
 
     def __init__(self, console: Console, session: Session) -> None:
         self._console = console
@@ -52,8 +53,9 @@ class RunProgress:
         sweep = self._tally.add(record)
         levels = self._session.options.n_levels
         self._bar.update(self._task, completed=self._session.progress)
+        what = record.stage.label if sweep is None else f"sweep {sweep.sweep + 1} energy {sweep.after:.5g}"
         self._update(
-            f"level {record.position.level + 1}/{levels} sweep {sweep.sweep + 1} energy {sweep.after:.5g}",
+            f"level {record.position.level + 1}/{levels} {what}",
             is_due=record.next_position.level != record.position.level,
         )
 
@@ -73,8 +75,9 @@ class RunProgress:
 def run_to(session: Session, wanted: SchedulePosition, console: Console) -> None:
     """Run up to a position of the schedule, or to the first moment after it where the run does not stop there."""
     with RunProgress(console, session) as progress:
-        session.make_plan()  # the position at the start depends on it
-        while not session.finished and session.position < wanted:
+        schedule = schedule_of(session.options, session.make_plan())  # the position at the start depends on the plan
+        end = schedule.order_of(wanted)
+        while not session.finished and schedule.order_of(session.position) < end:
             record = session.step()
             if record is not None:
                 progress.show(record)

@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING
 
 from app.cli.arguments import PageAddress
 from app.cli.browser import open_page
-from app.cli.loading import OpeningProgress
-from app.files.scene_source import FINDING_POINTS
+from app.cli.loading import FINDING_POINTS, OpeningProgress
 from app.viser_bridge.server import ViewerServer, start_viewer
 from fairing.errors import InputError
 

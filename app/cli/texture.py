@@ -6,7 +6,7 @@ import numpy as np
 from rich.console import Console
 
 from app.cli.arguments import ALL_PHOTOS, MeshArgument, PhotosArgument, SceneArgument
-from app.cli.lines import print_line
+from app.cli.lines import note_outside_photos, print_line
 from app.cli.loading import load_with_progress
 from app.cli.progress_bar import progress_bar
 from app.files.scene_source import SceneSource
@@ -47,6 +47,7 @@ def texture_to_file(source: SceneSource, out: Path, size: int, console: Console)
     if not SMALLEST_TEXTURE <= size <= LARGEST_TEXTURE:
         raise InputError(f"--size: expected {SMALLEST_TEXTURE} to {LARGEST_TEXTURE} texels, found {size}")
     scene = load_with_progress(source, console)
+    note_outside_photos(console, source.scene, scene.views)
     model = paint_with_progress(scene, scene.mesh.vertices, size, console)
     written = write_textured(out, model)
     height, width = model.image.shape[:2]
@@ -67,4 +68,6 @@ def paint_with_progress(scene: Scene, vertices: np.ndarray, size: int, console: 
             model = textured_model(scene, vertices, size, lambda fraction: bar.update(task, completed=fraction))
         except ValueError as error:
             raise InputError(f"{error}; give a larger --size") from None
-    return TexturedModel(scene.unweld(model.vertices), scene.original_faces, model.uv, model.image)
+    uv = np.zeros((len(scene.original_faces), 3, 2))  # faces without area show nothing of the texture
+    uv[scene.input_faces] = model.uv
+    return TexturedModel(scene.unweld(model.vertices), scene.original_faces, uv, model.image)

@@ -11,8 +11,10 @@ from fairing.run.session import Session
 
 
 class Extent(IntEnum):
-    """Length of a step. The value is the number of leading fields of `SchedulePosition` that stay equal within it."""
+    """Length of a step. The value is the number of leading fields of `SchedulePosition` that stay equal within it; within a
+    stage its kind and the level do, see `app.debugger.schedule_extents`."""
 
+    STAGE = 0
     LEVEL = 1
     SWEEP = 2
     BLOCK = 3
@@ -21,7 +23,7 @@ class Extent(IntEnum):
 
 @dataclass(frozen=True)
 class Forward:
-    """Step to the end of the present iteration, block, sweep or level.
+    """Step to the end of the present iteration, block, sweep, stage or level.
 
     Attributes:
         passes_breakpoints: breakpoints are not checked.
@@ -33,7 +35,7 @@ class Forward:
 
 @dataclass(frozen=True)
 class Back:
-    """Step back to the beginning of the iteration, block, sweep or level that the last step belongs to."""
+    """Step back to the beginning of the iteration, block, sweep, stage or level that the last step belongs to."""
 
     extent: Extent
 
@@ -69,7 +71,7 @@ class JumpTo:
 
 @dataclass(frozen=True)
 class ToBeginning:
-    """Go to the beginning of the block, sweep or level that the next step belongs to."""
+    """Go to the beginning of the block, sweep, stage or level that the next step belongs to."""
 
     extent: Extent
 

@@ -1,12 +1,14 @@
 """Conditions over the quantities of a step, such as `rejected > 0 and level == 2`.
 
 Grammar: or, and, not; comparisons; + - * /; numbers, names and functions of one number. A function of a vertex or view also
-takes the word `vertex` or `view`: `outliers(view) > 0.2` holds if it holds for any view. Nothing is evaluated as Python.
+takes the word `vertex` or `view`: `outliers(view) > 0.2` holds if it holds for any view. A function of a term takes its name
+and, after a comma, a vertex: `pull(points, 17) > 1`. A predicate of a stage takes its name alone: `stage(points)`.
+Nothing is evaluated as Python.
 """
 
 import math
 import re
-from collections.abc import Callable, Mapping, Set
+from collections.abc import Callable, Mapping, Sequence, Set
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import NamedTuple
@@ -18,7 +20,7 @@ MAX_DEPTH = 40
 ANY = math.inf  # argument of a function whose largest value over all vertices or views is meant
 FIRST = {"view": 1}  # number of the first item; 0 for others. Photos are counted from 1, as on the keyboard
 _TOKEN = re.compile(
-    r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)|(?P<name>[A-Za-z_]\w*)|(?P<sign><=|>=|==|!=|[-+*/()<>]))"
+    r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)|(?P<name>[A-Za-z_]\w*)|(?P<sign><=|>=|==|!=|[-+*/(),<>]))"
 )
 
 
@@ -26,7 +28,7 @@ class Quantities(NamedTuple):
     """The names that a condition may use, and how to compute them for one step."""
 
     values: Mapping[str, Callable[[], float]]
-    functions: Mapping[str, Callable[[float], float]]
+    functions: Mapping[str, Callable[..., float]]
 
 
 Evaluate = Callable[[Quantities], float]
@@ -40,13 +42,18 @@ class Condition:
         text: as it was typed.
         evaluate: computes its value from the quantities of a step; any value but 0 and NaN is true.
         is_truth: whether it is true or false rather than a number.
-        is_constant: whether no quantity occurs in it.
+        names: of the quantities that occur in it.
     """
 
     text: str
     evaluate: Evaluate
     is_truth: bool = True
-    is_constant: bool = False
+    names: frozenset[str] = frozenset()
+
+    @property
+    def is_constant(self) -> bool:
+        """Whether no quantity occurs in it."""
+        return not self.names
 
     def holds(self, quantities: Quantities) -> bool:
         value = self.evaluate(quantities)
@@ -62,6 +69,7 @@ def parse_condition(
     items: Mapping[str, str] = MappingProxyType({}),
     predicates: Set[str] = frozenset(),
     elsewhere: Set[str] = frozenset(),
+    words: Mapping[str, Sequence[str]] = MappingProxyType({}),
 ) -> Condition:
     """Parse a condition.
 
@@ -72,15 +80,17 @@ def parse_condition(
         items: what the argument of a function selects, "vertex" or "view".
         predicates: functions that are true or false.
         elsewhere: names known in breakpoints only.
+        words: the items that are chosen by a word, by what the argument selects: such a function gets the place of the word and,
+            unless it is a predicate, of a vertex if one follows after a comma.
 
     Raises:
         InputError: it cannot be parsed; the message shows the position.
     """
     if len(text) > MAX_LENGTH:
         raise InputError(f"{called}: expected at most {MAX_LENGTH} characters, found {len(text)}")
-    parser = _Parser(text, values, functions, limits, called, items, predicates, elsewhere)
+    parser = _Parser(text, values, functions, limits, called, items, predicates, elsewhere, words)
     part = parser.parse()
-    return Condition(text.strip(), part.evaluate, part.is_truth, not parser.uses_quantities)
+    return Condition(text.strip(), part.evaluate, part.is_truth, frozenset(parser.names))
 
 
 class _Part(NamedTuple):
@@ -101,11 +111,12 @@ class _Parser:
 
     def __init__(
         self, text: str, values: set[str], functions: set[str], limits: Mapping[str, int], called: str,
-        items: Mapping[str, str], predicates: Set[str], elsewhere: Set[str],
+        items: Mapping[str, str], predicates: Set[str], elsewhere: Set[str], words: Mapping[str, Sequence[str]],
     ) -> None:  # fmt: skip
         self._text, self._values, self._functions, self._limits = text, values, functions, limits
         self._called, self._items, self._predicates, self._elsewhere = called, items, predicates, elsewhere
-        self.uses_quantities = False
+        self._words = words
+        self.names: set[str] = set()
         self._tokens = self._split()
         self._at = 0
         self._depth = 0
@@ -205,16 +216,21 @@ class _Parser:
             return inner
         if token.kind == "name" and token.text in self._functions:
             self._at += 1
-            self.uses_quantities = True
+            self.names.add(token.text)
             if not self._take("("):
                 raise self._error(f"expected ( after {token.text}")
+            if self._items.get(token.text) in self._words:
+                arguments = self._word_and_vertex(token.text)
+                self._close()
+                evaluate = lambda q: q.functions[token.text](*(argument(q) for argument in arguments))  # noqa: E731
+                return _Part(evaluate, token.text in self._predicates)
             self._check_limit(token.text)
             argument = self._argument(token.text)
             self._close()
             return _Part(lambda q: q.functions[token.text](argument(q)), token.text in self._predicates)
         if token.kind == "name" and token.text in self._values:
             self._at += 1
-            self.uses_quantities = True
+            self.names.add(token.text)
             return _Part(lambda q: q.values[token.text]())
         if token.kind == "name" and token.text in self._elsewhere:
             raise self._error(f"{token.text} is computed only where a breakpoint is checked; it cannot be watched")
@@ -230,6 +246,19 @@ class _Parser:
             self._at += 1
             return lambda q: ANY
         return self._either().evaluate
+
+    def _word_and_vertex(self, function: str) -> list[Evaluate]:
+        """The place of one of the function's words, and the vertex after a comma, if one is given."""
+        item = self._items[function]
+        words = self._words[item]
+        if self._now.text not in words:
+            raise self._error(f"{function}() expects a {item}: {', '.join(words)}")
+        place = float(words.index(self._now.text))
+        self._at += 1
+        if function in self._predicates or not self._take(","):
+            return [lambda q: place]
+        self._check_limit(function)
+        return [lambda q: place, self._either().evaluate]
 
     def _check_limit(self, function: str) -> None:
         """Check an argument that is a plain number; a computed argument may have any value."""

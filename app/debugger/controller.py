@@ -330,7 +330,7 @@ class Controller:
             self._work_due = time.monotonic() + WORK_EVERY
             session = self._runs.session
             works = session.work.current
-            report = self._sweep_progress.report(session, command, self._active_since, works) or report_of(works)
+            report = self._sweep_progress.report(session, command, self._active_since) or report_of(works)
             fields["work"] = compilation or compiling() or report
         return fields
 

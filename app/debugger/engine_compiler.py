@@ -81,7 +81,7 @@ def small_scene() -> Scene:
         R = np.stack([right, np.cross(z, right), z])
         photo = np.kron(rng.integers(0, 255, (SIDE // 8, SIDE // 8, 3), dtype=np.uint8), np.ones((8, 8, 1), np.uint8))
         views.append(View(f"photo{k}", Camera.from_krt(K, R, -R @ eye, SIDE, SIDE), ArrayPhoto(photo)))
-    return Scene.build("small", np.vstack([[0.05, 0.05, 0.05], rim]), faces, tuple(views))
+    return Scene.build("small", np.vstack([[0.05, 0.05, 0.05], rim]), faces, tuple(views), points_choice="given")
 
 
 def functions_of_a_step() -> set[Callable[..., object]]:

@@ -8,6 +8,8 @@ import numpy as np
 from app.debugger.run_state import RunState
 from app.debugger.step_text import slot_of
 from app.plot_line import Line, intervals
+from fairing.run.recorded_stages import RecordedStage
+from fairing.stage_kind import StageKind
 from fairing.trace import StepReason, StepRecord, Trace
 
 
@@ -28,18 +30,35 @@ PATH_SEGMENTS = 6000
 
 
 class EnergyCurves(NamedTuple):
-    """Energies, levels and sweeps of all steps read so far, and whether they fit the whole mesh, see `EnergyHistory`."""
+    """Of all steps read so far: energies, levels, moments at which their sweeps began and numbers of the sweeps, kinds of
+    their stages, and whether their energies stand for themselves, see `EnergyHistory`."""
 
     before: np.ndarray
     after: np.ndarray
     levels: np.ndarray
     sweeps: np.ndarray
-    is_fit: np.ndarray
+    sweep_numbers: np.ndarray
+    kinds: np.ndarray
+    stands_alone: np.ndarray
 
 
 def _no_curves() -> EnergyCurves:
     none = np.zeros(0, dtype=int)
-    return EnergyCurves(np.zeros(0), np.zeros(0), none, none, none.astype(bool))
+    return EnergyCurves(np.zeros(0), np.zeros(0), none, none, none, none, none.astype(bool))
+
+
+class StageProgress(NamedTuple):
+    """Where a step is in its stage.
+
+    Attributes:
+        stage: up to the end of the record.
+        sweep: number of the step's sweep within the stage, from 1.
+        n_sweeps: of the whole stage; None while it may get more.
+    """
+
+    stage: RecordedStage
+    sweep: int
+    n_sweeps: int | None
 
 
 class EnergyHistory:
@@ -47,8 +66,8 @@ class EnergyHistory:
 
     A step records the energy of the faces around its unit; all other faces keep their last recorded energy. Before its
     first recorded energy, a face is counted with that energy. Energies of different sweeps are not comparable, because
-    each sweep has its own cells. Preparations and second fits are judged by all photos on coarser cells: their energies
-    stand for themselves.
+    each sweep has its own cells. Fits use no photos; if photos judge them, by other cells than those of the sweeps: such
+    energies stand for themselves. They are NaN where a fit or a judge read no photo.
     """
 
     def __init__(self, n_faces: int) -> None:
@@ -74,13 +93,18 @@ class EnergyHistory:
         curves = EnergyCurves(*(np.concatenate([old, np.zeros(new, old.dtype)]) for old in self.curves))
         for k, record in enumerate(state.trace.steps[known : state.length], start=known):
             curves.levels[k], curves.sweeps[k] = record.position.level, record.sweep_moment
-            curves.is_fit[k] = record.is_preparing or record.is_second_fit
-            if curves.is_fit[k]:
-                curves.before[k], curves.after[k] = record.energy_before, record.energy_after
+            curves.sweep_numbers[k], curves.kinds[k] = record.position.sweep, record.stage
+            is_in_sweep = k > 0 and record.sweep_moment == curves.sweeps[k - 1] and not curves.stands_alone[k - 1]
+            is_judge = record.stage is StageKind.JUDGE
+            curves.stands_alone[k] = _is_any_fit(record) or (is_judge and not is_in_sweep)
+            if curves.stands_alone[k]:
+                measured = len(record.faces) > 0
+                curves.before[k] = record.energy_before if measured else np.nan
+                curves.after[k] = record.energy_after if measured else np.nan
                 continue
             unknown = np.isnan(self._faces[record.faces])
             if unknown.any():
-                earlier = np.flatnonzero(~curves.is_fit[:k])
+                earlier = np.flatnonzero(~curves.stands_alone[:k])
                 late = float(record.face_energy_before[unknown].sum())
                 curves.before[earlier] += late
                 curves.after[earlier] += late
@@ -93,22 +117,44 @@ class EnergyHistory:
     def lines(self, length: int) -> list[Line]:
         """The energies of each sweep within the first `length` steps; none where no step measured any.
 
-        Preparations and second fits, whose energies can be several times as high as a sweep's, have lines only until there
-        is a sweep.
+        Energies that stand for themselves can be several times as high as a sweep's: they have lines only until there is a
+        sweep.
         """
         if not self.is_measured:
             return []
         curves = EnergyCurves(*(curve[:length] for curve in self.curves))
-        sweeps, fits = [], []
-        for first, end in intervals(curves.sweeps):
+        sweeps, others = [], []
+        for first, end in intervals(2 * curves.sweeps + curves.stands_alone):
             values = np.concatenate([curves.before[first : first + 1], curves.after[first:end]])
-            (fits if curves.is_fit[first] else sweeps).append(Line(np.arange(first, end + 1), values))
-        return sweeps or fits
+            if np.isfinite(values).all():
+                (others if curves.stands_alone[first] else sweeps).append(Line(np.arange(first, end + 1), values))
+        return sweeps or others
+
+    def stages(self, length: int) -> list[RecordedStage]:
+        """The stages of the first `length` steps, in their order."""
+        kinds, levels = self.curves.kinds[:length], self.curves.levels[:length]
+        return [
+            RecordedStage(StageKind(int(kinds[begin])), int(levels[begin]), begin, end)
+            for begin, end in intervals(levels * len(StageKind) + kinds)
+        ]
+
+    def stage_progress(self, step: int, length: int) -> StageProgress:
+        """Where a step is in its stage.
+
+        Args:
+            step: its index, below `length`.
+            length: number of recorded steps.
+        """
+        stage = next(stage for stage in self.stages(length) if step < stage.end)
+        numbers = self.curves.sweep_numbers[stage.begin : stage.end]
+        changes = np.cumsum(np.diff(numbers, prepend=numbers[:1]) != 0)
+        is_over = stage.end < length
+        return StageProgress(stage, int(changes[step - stage.begin]) + 1, int(changes[-1]) + 1 if is_over else None)
 
     @property
     def is_measured(self) -> bool:
         """Whether a step has measured an energy; a step that concerns no face counts as 0 until one has."""
-        return bool(self.curves.after.any())
+        return bool(np.nan_to_num(self.curves.after).any())
 
     @property
     def after(self) -> np.ndarray:
@@ -129,6 +175,11 @@ class EnergyHistory:
     def sweeps(self) -> np.ndarray:
         """(steps,) int: the moment at which the sweep of each step began."""
         return self.curves.sweeps
+
+
+def _is_any_fit(record: StepRecord) -> bool:
+    """Whether a step fits the mesh by something else than the photos, in whichever way its version recorded it."""
+    return record.stage.is_fit or record.stage is StageKind.FIT
 
 
 @dataclass

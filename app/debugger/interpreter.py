@@ -36,12 +36,11 @@ from app.debugger.playback import play
 from app.debugger.quantities import StepContext, quantities_of
 from app.debugger.race import race
 from app.debugger.runs import Runs
-from app.debugger.schedule_extents import beginning_of, boundary_before
+from app.debugger.schedule_extents import Group, beginning_of, boundary_before, group_of_next_step, group_of_step
 from app.debugger.step_text import step_outcome
 from fairing.errors import Cancelled
 from fairing.options import FairingOptions
 from fairing.run.session import Session
-from fairing.trace import SchedulePosition
 
 STEPS_TIMED = 8  # recent steps in the mean computing time
 
@@ -103,7 +102,8 @@ class Interpreter:
                 _go_to(session, moment)
                 return f"jumped to moment {session.moment}"
             case ToBeginning(extent):
-                session.go_to(beginning_of(session.trace.steps, session.moment, session.position, extent))
+                group = group_of_next_step(session, extent)
+                session.go_to(beginning_of(session.trace.steps, session.moment, group, extent))
                 return f"at the beginning of the {_name_of(extent, session)}"
             case Play(rate):
                 return play(session, rate, self._cancellation, self._publish)
@@ -146,7 +146,7 @@ class Interpreter:
         session = self._session
         if session.finished:
             return session.stop_reason
-        began: SchedulePosition | None = None
+        began: Group | None = None
         self._stopped = session.vertices
         while not session.finished:
             is_new, is_planned = session.moment == len(session.trace), session.trace.plan is not None
@@ -154,13 +154,14 @@ class Interpreter:
             session.step()
             if is_new and is_planned:  # the first step also plans the run
                 self._step_seconds.append(time.perf_counter() - started)
-            began = began or session.trace.steps[session.moment - 1].position
+            if extent is not None:
+                began = began or group_of_step(session.trace.steps[session.moment - 1], extent)
             if stops and (stop := self._markers.check(session, self._stopped)):
                 return stop
             if until is not None and self._holds(until):
                 return f"stopped where {until.text}"
             # What is done to the start is a step of its own, at the position of the first iteration.
-            if extent is Extent.ITERATION or (extent is not None and session.position[:extent] != began[:extent]):
+            if extent is Extent.ITERATION or (extent is not None and group_of_next_step(session, extent) != began):
                 break
             if self._cancellation.requested():
                 return "paused"

@@ -79,9 +79,7 @@ def lock_manually(runs: Runs, ids: np.ndarray, locked: bool, add: AddRun) -> str
     branch = session.branch(with_locks(session.options, session.scene, ids, locked))
     held = ids[branch.locked[ids]]
     if not locked and len(held):
-        raise InputError(
-            f"vertex {held[0]}: stays locked; an option (lock boundary, locked boxes, region) or a degenerate face locks it"
-        )
+        raise InputError(f"vertex {held[0]}: stays locked; an option (lock boundary, locked boxes, region) locks it")
     done = f"{vertex_list(ids)} {'locked' if locked else 'unlocked'}"
     if session.moment < len(session.trace):
         add(branch, session.moment, done)

@@ -1,11 +1,13 @@
 """Moment ids: `level:sweep:vertex:iteration` of the step after a moment, counted from 1; or `start`; or `end`."""
 
 import re
+from collections.abc import Callable
 
 from fairing.errors import InputError
 from fairing.trace import SchedulePosition, Trace
 
 START, END = "start", "end"
+BEFORE_ALL = SchedulePosition(-1, 0, 0, 0)
 _ID = re.compile(r"([1-9]\d{0,8}):([1-9]\d{0,8}):([1-9]\d{0,8}):([1-9]\d{0,8})")
 
 
@@ -17,14 +19,14 @@ def moment_id(position: SchedulePosition, moment: int, n_levels: int) -> str:
 
 
 def parse_moment_id(text: str, n_levels: int) -> SchedulePosition:
-    """The position that a moment id denotes; for `end` the one after the last level.
+    """The position that a moment id denotes; `BEFORE_ALL` for `start`, the one after the last level for `end`.
 
     Raises:
         InputError: the text is not a moment id, or there is no such level.
     """
     found = _ID.fullmatch(text.strip())
     if text.strip() == START:
-        return SchedulePosition(0, 0, 0, 0)
+        return BEFORE_ALL
     if text.strip() == END:
         return SchedulePosition(n_levels, 0, 0, 0)
     if found is None:
@@ -42,11 +44,21 @@ def find_moment(trace: Trace, wanted: SchedulePosition) -> int:
 
     A branch may pass a position twice; the first time counts.
     """
-    if wanted == SchedulePosition(0, 0, 0, 0):
+    if wanted == BEFORE_ALL or not trace.steps:
         return 0
-    positions = [record.next_position for record in trace.steps]
-    if trace.steps and trace.steps[0].position == wanted:
-        return 0
+    positions = [trace.steps[0].position, *(record.next_position for record in trace.steps)]
     if wanted in positions:
-        return positions.index(wanted) + 1
-    return next((moment for moment, position in enumerate(positions, 1) if position > wanted), len(positions))
+        return positions.index(wanted)
+    order = _order(trace)
+    reached = (moment for moment, position in enumerate(positions) if order(position) > order(wanted))
+    return next(reached, len(trace.steps))
+
+
+def _order(trace: Trace) -> Callable[[SchedulePosition], tuple[int, ...]]:
+    """Sorts positions by when they are executed; by themselves in a record without a plan."""
+    if trace.plan is None:
+        return tuple
+    from fairing.options import options_from_dict  # the engine is imported after the page is served
+    from fairing.run.phases import schedule_of
+
+    return schedule_of(options_from_dict(trace.header["options"]), trace.plan).order_of

@@ -1,18 +1,22 @@
 """Step quantities: the names and functions that conditions and watch expressions may use."""
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cache
 from types import MappingProxyType
 
 import numpy as np
 
 from app.debugger.condition import ANY, Condition, Quantities, parse_condition
+from app.debugger.moment_pulls import WORDS, MomentPulls, moment_pulls
 from app.debugger.step_text import short_reason, slot_of
 from fairing.cells.visibility import Visibility
 from fairing.errors import Cancelled, InputError
 from fairing.judge.inspect import face_cells
 from fairing.run.session import Session, SweepState
 from fairing.scene import Scene
+from fairing.stage_kind import StageKind
 from fairing.trace import StepReason, StepRecord
 
 MAX_FACES = 60  # whose cells are computed for one value of `outliers`
@@ -23,7 +27,7 @@ VALUES: dict[str, str] = {
     "sweep": "sweep within the level, from 1",
     "unit": "place of the vertex or set within the sweep, from 1",
     "iteration": "iteration of the vertex or set, from 1",
-    "energy": "energy of the faces around the stepped vertices, after the step",
+    "energy": "energy of the faces around the stepped vertices, after the step; undefined in a fit",
     "change": "change of that energy by the step",
     "percent": "change of that energy in percent",
     "step_px": "longest step tried, pixels in a photo",
@@ -40,6 +44,9 @@ FUNCTIONS: dict[str, str] = {
     "displaced": "distance of this vertex from its start, pixels in a photo",
     "view": "change of the energy in this view; views are counted from 1, as on the keyboard",
     "outliers": "fraction of the step's samples in this view that are outliers, 0 to 1; slow",
+    "pull": "part of a term in the next step, pixels in a photo: of a vertex, or the longest of any vertex",
+    "share": "share of a term in the information along the next step, 0 to 1: of a vertex, or of all together",
+    "stage": "1 if the step belongs to a stage of this kind",
     "abs": "absolute value",
 }
 ITEMS: dict[str, str] = {
@@ -49,9 +56,17 @@ ITEMS: dict[str, str] = {
     "displaced": "vertex",
     "view": "view",
     "outliers": "view",
+    "pull": "term",
+    "share": "term",
+    "stage": "stage",
 }
-"""What the argument of a function selects. The word itself as argument selects the largest value: `outliers(view)`."""
-PREDICATES = {"about"}
+"""What the argument of a function selects. The word itself as argument selects the largest value: `outliers(view)`. After a
+term a vertex may follow: `pull(points, 17)`."""
+OF_PULLS = frozenset({"pull", "share"})
+PREDICATES = {"about", "stage"}
+STAGE_WORDS: dict[str, StageKind] = {kind.label.replace(" ", "_"): kind for kind in StageKind}
+"""Kinds of stages by the word that names them in conditions."""
+ITEM_WORDS: dict[str, tuple[str, ...]] = {"term": tuple(WORDS), "stage": tuple(STAGE_WORDS)}
 
 
 def parse_step_condition(text: str, limits: Mapping[str, int] = MappingProxyType({})) -> Condition:
@@ -64,7 +79,9 @@ def parse_step_condition(text: str, limits: Mapping[str, int] = MappingProxyType
         InputError: it cannot be parsed, names a vertex or view that does not exist, is a number without a comparison, or a
             constant.
     """
-    condition = parse_condition(text, set(VALUES), set(FUNCTIONS), limits, items=ITEMS, predicates=PREDICATES)
+    condition = parse_condition(
+        text, set(VALUES), set(FUNCTIONS), limits, items=ITEMS, predicates=PREDICATES, words=ITEM_WORDS
+    )
     if condition.is_constant:
         raise InputError(
             f"condition, column 1: it is constant; expected a quantity such as rejected > 0 (at: ⟨here⟩{text})"
@@ -94,10 +111,18 @@ class StepContext:
     stopped: np.ndarray
 
 
-def quantities_of(record: StepRecord, moment: int, context: StepContext | None = None) -> Quantities:
-    """The quantities of a step, computed on demand; NaN where a quantity is not defined."""
+def quantities_of(
+    record: StepRecord, moment: int, context: StepContext | None = None, pulls: MomentPulls | None = None
+) -> Quantities:
+    """The quantities of a step, computed on demand; NaN where a quantity is not defined.
+
+    Args:
+        moment: after the step.
+        pulls: at that moment, if they are known; else they are computed with the context.
+    """
     names = [short_reason(StepReason(int(reason))) for reason in record.reasons]
-    before, after = record.energy_before, record.energy_after
+    measured = len(record.faces) > 0 or not record.stage.is_fit
+    before, after = (record.energy_before, record.energy_after) if measured else (float("nan"), float("nan"))
 
     def weakest() -> float:
         known = record.eigenvalues[record.eigenvalues[:, 2] > 0]
@@ -137,6 +162,23 @@ def quantities_of(record: StepRecord, moment: int, context: StepContext | None =
             return float(np.nanmax(shares)) if np.isfinite(shares).any() else float("nan")
         return float(shares[int(number) - 1])
 
+    @cache
+    def known_pulls() -> MomentPulls | None:
+        return pulls if pulls is not None or context is None else moment_pulls(context.session, moment)
+
+    def pull(term: float, vertex: float = ANY) -> float:
+        found = known_pulls()
+        return float("nan") if found is None else _of_any(found.px_of(_TERMS[int(term)]), vertex)
+
+    def share(term: float, vertex: float = ANY) -> float:
+        found = known_pulls()
+        if found is None:
+            return float("nan")
+        k = found.index_of(_TERMS[int(term)])
+        if k is None:
+            return 0.0
+        return float(found.shares_of_all[k]) if vertex == ANY else _of_vertex(found.shares[k], vertex)
+
     values: dict[str, Callable[[], float]] = {
         "moment": lambda: float(moment),
         "level": lambda: record.position.level + 1.0,
@@ -153,16 +195,33 @@ def quantities_of(record: StepRecord, moment: int, context: StepContext | None =
         "weakest": weakest,
         "seen_changes": seen_changes,
     }
-    functions: dict[str, Callable[[float], float]] = {
+    functions: dict[str, Callable[..., float]] = {
         "about": lambda vertex: float(vertex == ANY or (record.vertices == vertex).any()),
         "moved": moved,
         "travelled": travelled,
         "displaced": displaced,
         "view": view,
         "outliers": outliers,
-        "abs": abs,
+        "pull": pull,
+        "share": share,
+        "stage": lambda kind: float(record.stage is _STAGES[int(kind)]),
+        "abs": math.fabs,
     }
     return Quantities(values, functions)
+
+
+_TERMS = tuple(WORDS.values())
+_STAGES = tuple(STAGE_WORDS.values())
+
+
+def _of_any(values: np.ndarray, vertex: float) -> float:
+    """The value (n,) of a vertex, or the largest of any."""
+    return float(values.max()) if vertex == ANY else _of_vertex(values, vertex)
+
+
+def _of_vertex(values: np.ndarray, vertex: float) -> float:
+    """The value (n,) of a vertex; NaN if there is no such vertex."""
+    return float(values[int(vertex)]) if 0 <= vertex < len(values) else float("nan")
 
 
 def _seen(sweep: SweepState) -> np.ndarray:
@@ -200,6 +259,6 @@ def _outlier_shares(session: Session, record: StepRecord, moment: int) -> np.nda
 
 
 def limits_of(scene: Scene) -> dict[str, int]:
-    """Number of vertices or views that a function's argument may name, by function."""
-    counts = {"vertex": len(scene.mesh.vertices), "view": len(scene.views)}
-    return {function: counts[item] for function, item in ITEMS.items()}
+    """Number of vertices or views that a function's argument may name, for terms the one after the comma, by function."""
+    counts = {"vertex": len(scene.mesh.vertices), "view": len(scene.views), "term": len(scene.mesh.vertices)}
+    return {function: counts[item] for function, item in ITEMS.items() if item in counts}

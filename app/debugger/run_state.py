@@ -11,6 +11,7 @@ from app.debugger.incidents import Incident
 from app.debugger.runs import RunInfo
 from app.debugger.work_report import WorkReport
 from fairing.options import FairingOptions
+from fairing.stage_kind import StageKind
 from fairing.trace import SchedulePosition, StepRecord, Trace
 
 
@@ -38,6 +39,7 @@ class RunState:
         vertices: (n, 3) float, positions at `moment`, world units.
         locked: (n,) bool: vertices that are never moved.
         position: where the next step belongs.
+        next_stage: kind of stage of the next step; None if there is none, or before the plan.
         options: of this run.
         activity: what the engine thread is doing.
         finished: whether the schedule is completed at `moment`.
@@ -64,6 +66,7 @@ class RunState:
     vertices: np.ndarray
     locked: np.ndarray
     position: SchedulePosition
+    next_stage: StageKind | None
     options: FairingOptions
     activity: Activity
     finished: bool

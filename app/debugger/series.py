@@ -35,7 +35,8 @@ class Quantity:
 
 
 def _energy_around(record: StepRecord, slot: int, ring: np.ndarray) -> float:
-    return float(record.face_energy_after[np.isin(record.faces, ring)].sum())
+    around = np.isin(record.faces, ring)
+    return float(record.face_energy_after[around].sum()) if around.any() else NAN
 
 
 def _ratio(eigenvalues: np.ndarray) -> float:
@@ -53,7 +54,7 @@ QUANTITIES: dict[str, Quantity] = {
         "energy",
         "energy; for a vertex: of the faces around it. Every sweep of every level measures anew, with cells of its own, so only "
         "points connected by a line compare",
-        "Only connected points can be compared", "Energy of the faces around the vertex", False,
+        "Only connected points compare", "Energy of the faces around the vertex", False,
         lambda record: record.energy_after, _energy_around,
     ),
     "step": Quantity(

@@ -8,6 +8,7 @@ import numpy as np
 from fairing.errors import Cancelled
 from fairing.options import FairingOptions
 from fairing.run.session import Session
+from fairing.stage_kind import StageKind
 from fairing.trace import SchedulePosition, Trace
 
 T = TypeVar("T")
@@ -26,6 +27,7 @@ class SessionSnapshot(NamedTuple):
     options: FairingOptions
     finished: bool
     progress: float
+    next_stage: StageKind | None
 
 
 def snapshot_of(session: Session, on_failure: OnFailure) -> SessionSnapshot:
@@ -50,6 +52,7 @@ def snapshot_of(session: Session, on_failure: OnFailure) -> SessionSnapshot:
         options=session.options,
         finished=is_finished,
         progress=_read("progress", lambda: session.progress, lambda: min(1.0, position.level / n_levels), on_failure),
+        next_stage=_read("next_stage", lambda: session.next_stage, lambda: None, on_failure),
     )
 
 

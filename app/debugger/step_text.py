@@ -4,13 +4,14 @@ from collections import Counter
 
 import numpy as np
 
+from fairing.stage_kind import StageKind
 from fairing.trace import StepReason, StepRecord
 
 
 def step_outcome(record: StepRecord) -> str:
     """The reason of a single vertex, or the number of vertices for each reason."""
     if len(record.vertices) == 0:
-        return "no vertex to move on this level"
+        return "no vertex goes back" if record.stage is StageKind.JUDGE else "no vertex to move on this level"
     if len(record.vertices) == 1:
         return f"vertex {int(record.vertices[0])} {StepReason(int(record.reasons[0])).text}"
     counts = Counter(short_reason(StepReason(int(reason))) for reason in record.reasons)

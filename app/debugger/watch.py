@@ -1,10 +1,21 @@
 """Watch expressions: formulas over the recorded quantities of a step, shown for every step."""
 
 from app.debugger.condition import Condition, parse_condition
-from app.debugger.quantities import FUNCTIONS, ITEMS, PREDICATES, VALUES, limits_of, quantities_of
+from app.debugger.moment_pulls import MomentPulls
+from app.debugger.quantities import (
+    FUNCTIONS,
+    ITEM_WORDS,
+    ITEMS,
+    OF_PULLS,
+    PREDICATES,
+    VALUES,
+    limits_of,
+    quantities_of,
+)
 from app.debugger.series import Series
 from fairing.errors import InputError
 from fairing.scene import Scene
+from fairing.trace import StepRecord
 
 MAX_WATCHES = 12
 # Quantities that are computed and not recorded: for breakpoints only, since a watch is evaluated at every moment.
@@ -21,7 +32,7 @@ def parse_watch(expression: str, scene: Scene) -> Condition:
         raise InputError("watch: expected an expression such as energy / 1000 or moved(0)")
     names, functions = set(VALUES) - COMPUTED, set(FUNCTIONS) - COMPUTED
     watch = parse_condition(
-        expression, names, functions, limits_of(scene), "watch", ITEMS, PREDICATES, elsewhere=COMPUTED
+        expression, names, functions, limits_of(scene), "watch", ITEMS, PREDICATES, COMPUTED, ITEM_WORDS
     )
     if watch.is_constant:
         raise InputError(
@@ -41,6 +52,16 @@ def with_watch(watches: tuple[Condition, ...], new: Condition) -> tuple[Conditio
     if len(watches) >= MAX_WATCHES:
         raise InputError(f"expected at most {MAX_WATCHES} watch expressions; remove some first")
     return (*watches, new)
+
+
+def needs_pulls(watch: Condition) -> bool:
+    """Whether the expression uses pulls, which are computed for the moment shown alone and not for every step."""
+    return bool(watch.names & OF_PULLS)
+
+
+def value_with_pulls(watch: Condition, record: StepRecord, moment: int, pulls: MomentPulls) -> float:
+    """The value of an expression on pulls at the moment after a step."""
+    return watch.evaluate(quantities_of(record, moment, pulls=pulls))
 
 
 def watch_series(watch: Condition) -> Series:

@@ -55,7 +55,7 @@ def report_of(works: Sequence[Work]) -> WorkReport | None:
     if not works or time.monotonic() - works[0].began < NOTICEABLE:
         return None
     seconds = time.monotonic() - works[0].began
-    fraction = None if all(work.count == 1 for work in works) else fraction_done(works)
+    fraction = None if all(work.count == 1 and work.done == 0 for work in works) else fraction_done(works)
     left = seconds_left(seconds, fraction or 0.0)
     return WorkReport(text_of(works[0]), fraction, left, float(round(seconds)) if seconds >= COUNTED_AFTER else None)
 

@@ -71,12 +71,14 @@ class Caption:
 
 
 def moment_words(facts: RunFacts, moment: int) -> list[str]:
-    """Two or three lines about a moment: its number, the level, energy and error."""
+    """Two or three lines about a moment: its number, the level or the fit, energy and error."""
     where = "the start"
     if moment:
-        level = facts.trace.steps[moment - 1].position.level
-        where = f"level {level + 1} of {facts.options.n_levels}, photos blurred by {facts.options.schedule.blur[level]:g} px"
-    figures = [f"energy {facts.energy_at(moment):,.0f}"] if facts.energies.is_measured else []
+        stage, level = facts.trace.steps[moment - 1].stage, facts.trace.steps[moment - 1].position.level
+        blurred = f"photos blurred by {facts.options.schedule.blur[level]:g} px"
+        where = f"level {level + 1} of {facts.options.n_levels}, {f'fit: {stage.label}' if stage.is_fit else blurred}"
+    energy = facts.energy_at(moment)
+    figures = [f"energy {energy:,.0f}"] if np.isfinite(energy) else []
     if facts.errors is not None:
         figures.append(f"error {error_words(float(facts.errors[moment]))}")
     return [f"Moment {moment} of {facts.length}", where, *([", ".join(figures)] if figures else [])]

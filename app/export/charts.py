@@ -24,7 +24,7 @@ def curve_chart(
 
     Args:
         lines: moments and values, (n,) each.
-        bands: first and last moment of every level, and its name.
+        bands: first and last moment of every stage, and its name.
         length: the last moment.
         title: accessible name.
         is_log: whether the values have a logarithmic scale.

@@ -20,7 +20,6 @@ from fairing.cells.point_spread import missing_blur
 from fairing.cells.scale_space import ScaleSpace
 from fairing.errors import InputError
 from fairing.judge.inspect import FaceCells, face_cells
-from fairing.options import by_level
 from fairing.run.sweep import SweepState
 
 ALL_FACES = 24  # a mesh with at most this many faces has the cells of all of them in the file
@@ -161,9 +160,7 @@ def _choices(facts: RunFacts, key: tuple[int, int], state: SweepState, faces: li
     for row, of_face in enumerate(pairs):
         samples = sizes[row] * (sizes[row] + 1) // 2
         masks += [_bits(data.masks, start, samples) for start in data.pair_mask[of_face].tolist()]
-    is_common = (
-        by_level(facts.options.cells.point_spread, context.level) == "common" and not context.point_spread_fallback
-    )
+    is_common = facts.options.level(context.level).point_spread == "common" and not context.point_spread_fallback
     of_pairs = np.repeat(sizes, np.diff(starts))
     return _Sweep(
         key=key,
@@ -290,7 +287,7 @@ def _packed_sweeps(facts: RunFacts, sweeps: list[_Sweep], rows: list[int]) -> di
     options = facts.options
     return {
         "level": levels,
-        "cubic": [by_level(options.cells.interpolation, level) == "cubic" for level in levels],
+        "cubic": [options.level(level).interpolation == "cubic" for level in levels],
         "common": [sweep.is_common for sweep in sweeps],
         "k": of_faces("k", np.uint8),
         "size": of_faces("size", np.uint16),

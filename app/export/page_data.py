@@ -11,15 +11,18 @@ from typing import Any
 import cv2
 import numpy as np
 
+from app.debugger.stage_text import stage_hint, stage_line, stage_name
 from app.debugger.step_text import step_outcome
 from app.export.frame import first_eye
 from app.export.packing import packed
 from app.export.page_cells import cells_of_run, chosen_vertices
+from app.export.page_pulls import pulls_of_run
 from app.export.run_facts import RunFacts
 from app.export.step_kinds import INTRO, KINDS, kind_of, level_text
 from app.export.texture_keyframes import TextureKeyframe, texture_keyframes
-from app.palette import CAMERA, NOW, SELECTED, START, TRUTH, solid
-from fairing.trace import StepReason
+from app.palette import CAMERA, NOW, SELECTED, START, TRUTH, css, solid
+from app.pictures.stage_colors import COLOR_OF_STAGE, stage_ground
+from fairing.trace import StepReason, StepRecord
 
 KEYFRAMES = 8
 TEXELS = 1024
@@ -37,7 +40,8 @@ def page_data(facts: RunFacts, at: int, on_progress: Callable[[float], None]) ->
     keyframes = texture_keyframes(
         facts, facts.key_moments(KEYFRAMES), TEXELS, lambda fraction: on_progress(0.5 * fraction)
     )
-    cells = cells_of_run(facts, lambda fraction: on_progress(0.5 + 0.5 * fraction))
+    cells = cells_of_run(facts, lambda fraction: on_progress(0.5 + 0.4 * fraction))
+    pulls = pulls_of_run(facts, lambda fraction: on_progress(0.9 + 0.1 * fraction))
     return {
         "at": at,
         **scene_data(facts),
@@ -47,6 +51,7 @@ def page_data(facts: RunFacts, at: int, on_progress: Callable[[float], None]) ->
         "intro": INTRO,
         "reasons": {int(reason): reason.text for reason in StepReason},
         "cells": cells,
+        "pulls": pulls,
         "chosen": _first_vertex(facts, cells),
     }
 
@@ -88,6 +93,7 @@ def run_data(facts: RunFacts) -> dict[str, Any]:
         "energy": [{"moments": m.tolist(), "values": values.tolist()} for m, values in facts.energy_lines],
         "errors": None if facts.errors is None else facts.errors.tolist(),
         "levels": _levels(facts),
+        "stages": _stages(facts),
     }
 
 
@@ -141,23 +147,40 @@ def _joined(parts: list[np.ndarray]) -> np.ndarray:
 
 
 def _steps(facts: RunFacts) -> list[dict[str, Any]]:
-    energies = facts.energies
-    before, after = (
-        values.tolist() if energies.is_measured else [None] * facts.length
-        for values in (energies.before, energies.after)
-    )
     return [
         {
             "level": record.position.level + 1,
-            "sweep": record.position.sweep + 1,
-            "iteration": record.position.iteration + 1,
+            "where": stage_line(record, facts.energies.stage_progress(step, facts.length), facts.options),
             "kind": kind_of(record),
-            "before": before[step],
-            "after": after[step],
+            **_measured(facts, step, record),
             "longest": float(record.step_px.max(initial=0)),
             "outcome": step_outcome(record),
         }
         for step, record in enumerate(facts.trace.steps)
+    ]
+
+
+def _measured(facts: RunFacts, step: int, record: StepRecord) -> dict[str, Any]:
+    """What a step changed: the energy of the mesh, or of a fit its objective; None where it measured neither."""
+    before, after = (float(curve[step]) for curve in (facts.energies.before, facts.energies.after))
+    if record.stage.is_fit and not np.isfinite(after):
+        return {"measure": "objective", "before": record.objective_before, "after": record.objective_after}
+    is_known = facts.energies.is_measured and np.isfinite([before, after]).all()
+    return {"measure": "energy", "before": before if is_known else None, "after": after if is_known else None}
+
+
+def _stages(facts: RunFacts) -> list[dict[str, Any]]:
+    return [
+        {
+            "name": stage_name(stage.kind, stage.level, facts.options),
+            "hint": stage_hint(stage, facts.options),
+            "first": stage.begin,
+            "end": stage.end,
+            "color": css(COLOR_OF_STAGE[stage.kind]),
+            "ground": stage_ground(stage.kind),
+            "is_fit": stage.kind.is_fit,
+        }
+        for stage in facts.energies.stages(facts.length)
     ]
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from app.export.charts import curve_chart
 from app.export.picture import TEXELS, framed
-from app.export.report_tables import left_out_table, levels_table, seconds_table, vertices_table
+from app.export.report_tables import left_out_table, levels_table, seconds_table, stages_table, vertices_table
 from app.export.run_facts import RunFacts
 from app.export.run_tables import figure_rows, machine_rows, options_list, table
 from app.export.texture_keyframes import KeyframeRenderer, texture_keyframes
@@ -22,6 +22,7 @@ from app.files.run_files import LEFT_OUT
 from app.html import number, text
 from app.palette import BACKGROUND, BRAND, NOW, SELECTED, START, TRUTH, css
 from fairing.io import write_atomically
+from fairing.stage_kind import StageKind
 
 PICTURE = 600  # px
 STYLE = f"""
@@ -60,6 +61,7 @@ def _sections(facts: RunFacts, on_progress: Callable[[float], None]) -> list[str
         _tiles(facts, report),
         _pictures(facts, on_progress),
         _curves(facts),
+        stages_table(report),
         levels_table(report),
         f"<h2>Figures</h2><div class='plain'>{table(figure_rows(report))}</div>"
         "<p class='dim'>% of the mesh's diagonal, before → after.</p>",
@@ -117,12 +119,11 @@ def _pictures(facts: RunFacts, on_progress: Callable[[float], None]) -> str:
 def _curves(facts: RunFacts) -> str:
     if facts.length == 0:
         return ""
-    energies = facts.energies
-    bands = []
-    for level, blur in enumerate(facts.options.schedule.blur):
-        steps = np.flatnonzero(energies.levels == level)
-        if len(steps):
-            bands.append((int(steps[0]), int(steps[-1]) + 1, f"σ {blur:g}"))
+    blur = facts.options.schedule.blur
+    bands = [
+        (stage.begin, stage.end, f"σ {blur[stage.level]:g}" if stage.kind is StageKind.PHOTOS else stage.kind.label)
+        for stage in facts.energies.stages(facts.length)
+    ]
     title = "Energy by moment, one line per sweep. Sweeps have different cells, so their energies are not comparable"
     charts = []
     if facts.energy_lines:

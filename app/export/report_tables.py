@@ -9,7 +9,8 @@ import cv2
 
 from app.files.document import jpeg_uri
 from app.html import number, text
-from fairing.errors import InputError
+from fairing.photo import FilePhoto
+from fairing.stage_kind import StageKind
 
 LEFT_OUT_WIDTH = 1280  # px at most
 MOST_ROWS = 20
@@ -45,6 +46,21 @@ def levels_table(report: dict[str, Any]) -> str:
         "energy, last sweep",
     )
     return _table("Levels", names, rows)
+
+
+def stages_table(report: dict[str, Any]) -> str:
+    """Markup of a table with a row per stage; empty for reports of versions that did not list them."""
+    stages = report.get("stages", [])
+    rows = [
+        _row(
+            text(StageKind[stage["kind"].upper()].label),
+            str(stage["level"] + 1),
+            str(stage["steps"]),
+            f"{number(100 * stage['objective_left'], 3)} %" if "objective_left" in stage else "–",
+        )
+        for stage in stages
+    ]
+    return _table("Stages", ("stage", "level", "steps", "objective left by the fit"), rows)
 
 
 def left_out_table(report: dict[str, Any], picture: Path | None) -> str:
@@ -123,11 +139,7 @@ def _or_dash(value: float | None, digits: int) -> str:
 
 
 def _sheet(path: Path) -> str:
-    image = cv2.imread(str(path), cv2.IMREAD_COLOR)
-    if image is None:
-        raise InputError(f"{path}: expected the picture of the held-out photos, found no image")
+    image = FilePhoto(path).load()
     scale = min(1.0, LEFT_OUT_WIDTH / image.shape[1])
     small = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
-    return (
-        f"<img class='whole' alt='Errors of the held-out photos, before and after' src='{jpeg_uri(small[..., ::-1])}'>"
-    )
+    return f"<img class='whole' alt='Errors of the held-out photos, before and after' src='{jpeg_uri(small)}'>"

@@ -62,7 +62,7 @@ class RunFacts:
         return history
 
     def energy_at(self, moment: int) -> float:
-        """Energy of the whole mesh with the cells of the sweep that led to the moment; NaN in a record that measured none."""
+        """Energy of the whole mesh with the cells of the sweep that led to the moment; NaN where none was measured."""
         if not self.energies.is_measured:
             return float("nan")
         return float(self.energies.after[moment - 1] if moment else self.energies.before[0])

@@ -17,10 +17,10 @@ def figure_rows(report: dict[str, Any]) -> Rows:
         ("vertices to truth, rms, along directions the photos determine", "vertices_determined", "%"),
         ("vertices to truth, rms", "vertices_total", "%"),
         ("surface to true surface, mean", "surface_to_truth", "%"),
-        ("held-out sparse points to surface, median", "sparse_points_to_surface", "%"),
+        (f"held-out sparse points to surface{_share(report)}, median", "sparse_points_to_surface", "%"),
     ):
         found = report.get("quality", {}).get(key)
-        if found:
+        if found and "before" in found:
             which = "rms_percent" if "rms" in name else "median_percent" if "median" in name else "mean_percent"
             rows.append(
                 (name, f"{number(found['before'][which], 3)} → <b>{number(found['after'][which], 3)}</b> {unit}")
@@ -43,6 +43,12 @@ def figure_rows(report: dict[str, Any]) -> Rows:
         )
         rows.append(("held-out photos, SSIM", f"{left_out['ssim_before']:.4f} → <b>{left_out['ssim_after']:.4f}</b>"))
     return rows
+
+
+def _share(report: dict[str, Any]) -> str:
+    """How many of the held-out points belong to the surface; empty in reports without the numbers."""
+    found = report.get("quality", {}).get("sparse_points_to_surface", {})
+    return f" ({found['on_surface']} of {found['held_out']} belong to it)" if "on_surface" in found else ""
 
 
 def machine_rows(report: dict[str, Any]) -> Rows:

@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 from fairing.options import FairingOptions
+from fairing.stage_kind import StageKind
 from fairing.trace import StepReason, StepRecord
 
 INTRO = (
@@ -42,11 +43,6 @@ KINDS: tuple[Kind, ...] = (
         "photos agree; the others are held out to evaluate the result. A weak prior on the points remains.",
     ),
     Kind(
-        "Return",
-        "At the finest level, the mesh was better at the start or before its second fit to the sparse points, by its energy "
-        "or by held-out points, so all vertices were moved back. A run never ends worse than it began.",
-    ),
-    Kind(
         "Second fit to sparse points",
         "The photos have taken the mesh nearer to the surface. From there it is fitted to the sparse points once more, and the "
         "sweeps of this level are repeated. Where the photos do not agree with the fit, the vertices stay and the run ends.",
@@ -56,25 +52,30 @@ KINDS: tuple[Kind, ...] = (
         "No vertex to move",
         "No vertex can move on this level: faces are too small for its blur, or too few photos see them.",
     ),
+    *(Kind(kind.label.capitalize(), kind.text) for kind in StageKind),
 )
+NOTHING_MOVES = next(k for k, kind in enumerate(KINDS) if kind.title == "No vertex to move")
 _OF_REASON = {
     StepReason.FOUND_PLACE: 1,
     StepReason.FOUND_TOGETHER: 1,
     StepReason.NO_BETTER_PLACE: 1,
     StepReason.SMOOTHED: 2,
     StepReason.FITTED_TO_POINTS: 3,
-    StepReason.RETURNED: 4,
-    StepReason.FITTED_AGAIN: 5,
-    StepReason.REJECTED_FIT: 5,
-    StepReason.MOVED_MANUALLY: 6,
-    StepReason.RESET_MANUALLY: 6,
+    StepReason.FITTED_AGAIN: 4,
+    StepReason.REJECTED_FIT: 4,
+    StepReason.MOVED_MANUALLY: 5,
+    StepReason.RESET_MANUALLY: 5,
 }
 
 
 def kind_of(record: StepRecord) -> int:
     """Index into `KINDS`."""
+    if record.stage is StageKind.JUDGE or (
+        record.stage.is_fit and not set(record.reasons.tolist()) & _OF_REASON.keys()
+    ):
+        return NOTHING_MOVES + 1 + record.stage
     if len(record.reasons) == 0:
-        return len(KINDS) - 1
+        return NOTHING_MOVES
     return max(_OF_REASON.get(StepReason(reason), 0) for reason in set(record.reasons.tolist()))
 
 

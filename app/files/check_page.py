@@ -9,12 +9,13 @@ from app.html import text
 from app.palette import BRAND, NOW, REJECTED, SELECTED, START, css
 from app.pictures.check_pictures import HELD_BACK, IN_PART, OUT
 from fairing.check.result import BLANK_TEXTURE, SceneCheck, ViewCheck
+from fairing.placement.judge import Placement
 from fairing.scene import Scene
 
 VERDICTS = {
     "good": ("Good", "This input is suitable."),
     "doubtful": ("Doubtful", "A run is possible; see the problems below."),
-    "unusable": ("Unusable", "No face is seen by three photos."),
+    "unusable": ("Unusable", "No face is seen by three photos, or the mesh lies elsewhere."),
 }
 _COLORS = {"good": START, "doubtful": SELECTED, "unusable": NOW}
 _BINS = 24
@@ -62,6 +63,7 @@ def _faces(check: SceneCheck) -> str:
         tile(f"{check.faces_in_part} of {check.n_faces}", f"faces used ({np.floor(share):.0f} %){others}"),
         tile(str(int(faces.is_blank.sum())), "of them are blank: no texture to align"),
         tile(str(int(faces.is_striped.sum())), "of them are striped: they can slide in one direction"),
+        _place(check.placement),
         tile(parallax, "largest angle between lines of sight to a face (median)"),
         _histogram("photos per face", faces.n_views, "", whole=True),
         _histogram("size of a face in the photos, px", faces.footprint[part], " px"),
@@ -71,6 +73,13 @@ def _faces(check: SceneCheck) -> str:
     lists |= {"are blank": np.flatnonzero(faces.is_blank), "are striped": np.flatnonzero(faces.is_striped)}
     details = "".join(_ids(name, ids) for name, ids in lists.items() if len(ids))
     return f"<h2>Faces</h2><div class='tiles'>{''.join(tiles)}</div>{details}"
+
+
+def _place(placement: Placement) -> str:
+    if placement.verdict == "unknown":
+        return tile("–", "points confirm the place of the mesh: too few points with photos")
+    near, judged = placement.support.near, placement.support.judged
+    return tile(f"{near} of {judged}", "sparse points have the mesh at their place, of those whose photos look at it")
 
 
 def _ids(name: str, ids: np.ndarray) -> str:

@@ -2,6 +2,8 @@
 
 MESH, REPORT, TRACE = "mesh.ply", "report.json", "run.trace"
 MODEL, MODEL_BEFORE, LEFT_OUT = "model.glb", "model_before.glb", "left_out.png"
+CAMERAS = "cameras"
+"""Folder of the corrected cameras, a COLMAP model in text."""
 FLIPS = ".flips"
 """Suffix of the record of flips that `triangulate` writes beside its mesh."""
 POINTS = ".points.npz"

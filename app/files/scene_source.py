@@ -1,7 +1,7 @@
 """Scene sources: a demo's name or paths as typed, recorded in a run so that its scene can be opened again."""
 
-import hashlib
-from collections.abc import Callable
+import os
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,14 +12,12 @@ from fairing.errors import InputError
 from fairing.io import PhotoChoice
 from fairing.io.photo_choice import check_format
 from fairing.io.points_choice import PointsChoice, check_points_choice
-from fairing.util.cache_folder import cache_folder
 
 if TYPE_CHECKING:
     from fairing.io.capture import Capture
-    from fairing.scene import Scene, SparsePoints
+    from fairing.scene import Scene, SparsePoints, View
 
 Progress = Callable[[float, str], None]
-FINDING_POINTS = "finding points"  # lines of progress begin with it while points are found in the photos
 
 _KEY = "source"
 _ALL_PHOTOS = PhotoChoice()
@@ -33,7 +31,7 @@ class SceneSource:
         scene: name of a demo, else an absolute path.
         mesh: absolute path of a mesh file, or None for the scene's own.
         choice: photos left out, masks (an absolute path), weights, scale and format.
-        points: sparse points. "automatic" is "given" for a demo that finds none in its photos.
+        points: sparse points. A demo has a choice of its own in place of "automatic".
         points_file: file of a run with the points it was recorded with; where it exists they are not found again.
     """
 
@@ -47,23 +45,26 @@ class SceneSource:
     def typed(
         cls, scene: str, mesh: Path | None, choice: PhotoChoice = _ALL_PHOTOS, points: PointsChoice = "given"
     ) -> "SceneSource":
-        """From the command line. A demo's name takes precedence over a folder of that name (`./cube` is the folder)."""
-        if is_demo(scene):
-            demo = find_demo(scene)
-            name = demo.name
-            if mesh is not None:
-                raise InputError(f"--mesh {mesh}: the demo {scene} has its own mesh; leave --mesh out")
-            if choice != _ALL_PHOTOS:
-                raise InputError(
-                    f"the demo {scene} takes all its photos; leave --leave-out, --masks, --photo-weights, "
-                    "--photo-scale and --format out"
-                )
-            return cls(name, points="given" if points == "automatic" and not demo.finds_points else points)
+        """From the command line. A folder of a demo's name is the folder if it holds a capture."""
+        if is_demo(scene) and not _holds_capture(scene):
+            return cls._demo(scene, mesh, choice, points)
         if not Path(scene).exists():
             raise InputError(f"{scene}: expected a demo ({DEMO_NAMES}) or a path, found no such file or folder")
         if choice.masks is not None:
             choice = replace(choice, masks=choice.masks.resolve())
         return cls(str(Path(scene).resolve()), None if mesh is None else str(mesh.resolve()), choice, points)
+
+    @classmethod
+    def _demo(cls, scene: str, mesh: Path | None, choice: PhotoChoice, points: PointsChoice) -> "SceneSource":
+        name = find_demo(scene).name
+        if mesh is not None:
+            raise InputError(f"--mesh {mesh}: the demo {scene} has its own mesh; leave --mesh out")
+        if choice != _ALL_PHOTOS:
+            raise InputError(
+                f"the demo {scene} takes all its photos; leave --leave-out, --masks, --photo-weights, "
+                "--photo-scale, --mesh-axes, --mesh-scale and --format out"
+            )
+        return cls(name, points=points)
 
     @property
     def title(self) -> str:
@@ -97,7 +98,9 @@ class SceneSource:
             None if masks is None else Path(masks),
             texts("weights"),
             photos["scale"].number() if "scale" in photos else 1.0,
-            check_format(path(photos, "format"), where),
+            format=check_format(path(photos, "format"), where),
+            mesh_axes=path(photos, "mesh_axes") or PhotoChoice.mesh_axes,
+            mesh_scale=photos["mesh_scale"].number() if "mesh_scale" in photos else PhotoChoice.mesh_scale,
         )
         points = check_points_choice(path(source, "points") or "given", where)
         file = where.with_suffix(POINTS)
@@ -114,9 +117,11 @@ class SceneSource:
         """
         recorded = None if scene is not None and _KEY not in header else cls.of_run(header, where)
         if recorded is None:
-            return cls.typed(scene or "", mesh, choice)
-        if scene is not None and is_demo(scene):
-            return cls.typed(scene, mesh, choice, recorded.points)._with_points_of(recorded)
+            return cls.typed(scene or "", mesh, choice, "automatic")  # `Session` uses the given ones if the run did
+        if scene is None and is_demo(recorded.scene):  # also where the run is opened beside a folder of that name
+            return cls._demo(recorded.scene, mesh, choice, recorded.points)._with_points_of(recorded)
+        if scene is not None and is_demo(scene) and not _holds_capture(scene):
+            return cls._demo(scene, mesh, choice, recorded.points)._with_points_of(recorded)
         choice = recorded.choice if choice == _ALL_PHOTOS else choice
         if scene is None and mesh is None and recorded.mesh is not None:
             mesh = Path(recorded.mesh)
@@ -150,10 +155,13 @@ class SceneSource:
         }
         if self.choice.format is not None:
             photos["format"] = self.choice.format
+        for name in ("mesh_axes", "mesh_scale"):
+            if getattr(self.choice, name) != getattr(_ALL_PHOTOS, name):
+                photos[name] = getattr(self.choice, name)
         header[_KEY] = {"scene": self.scene, "mesh": self.mesh, "photos": photos, "points": self.points}
 
     def load(self, progress: Progress | None = None, skip_points: Callable[[], bool] = lambda: False) -> "Scene":
-        """The scene; sparse points are triangulated where there is no mesh.
+        """The scene; its run finds the sparse points, see `Session.find_points`. Without a mesh they are triangulated here.
 
         Args:
             progress: called with the fraction done and a line while photos are rendered, points found or triangulated.
@@ -162,59 +170,49 @@ class SceneSource:
         Raises:
             InputError: the scene cannot be used.
         """
-        tell = progress or (lambda fraction, line: None)
+        from fairing.io import load_scene  # imported on first use: the page is served before the engine is loaded
+
+        tell, recorded = progress or (lambda fraction, line: None), self._recorded_points()
         if is_demo(self.scene):
             scene = load_demo(self.scene, progress=progress)
-            capture = self._with_chosen_points(_capture_of(scene), len(scene.mesh.vertices), tell, skip_points)
-            return replace(scene, sparse_points=capture.sparse_points, warnings=capture.warnings)
-
-        from fairing.io import load_scene  # imported on first use: the page is served before the engine is loaded
-        from fairing.triangulation import flip_progress, triangulate
-
-        def without_mesh(name: str, capture: "Capture") -> "Scene":
-            def show(flips: int, open_edges: int, _: float) -> None:
-                tell(flip_progress(flips, open_edges), f"triangulating sparse points: {flips} flips")
-
-            return triangulate(name, capture.views, capture.sparse_points, on_progress=show).result()
-
-        def choose(capture: "Capture", n_vertices: int | None) -> "Capture":
-            return self._with_chosen_points(capture, n_vertices, tell, skip_points)
-
-        return load_scene(self.scene, self.mesh, self.choice, without_mesh, choose)
+            scene = replace(scene, points_choice=self._choice(scene))
+            if recorded is not None:
+                scene = replace(scene, sparse_points=self._read_points(recorded, scene.views), points_choice="given")
+            return scene
+        scene = load_scene(self.scene, self.mesh, self.choice, self.points, recorded, tell, skip_points)
+        if recorded is None or scene.sparse_points is None:
+            return scene
+        return replace(scene, sparse_points=replace(scene.sparse_points, origin=self.points))
 
     def load_capture(self, progress: Progress | None = None) -> "Capture":
-        """The photos, cameras and sparse points, without a mesh. Arguments and exceptions as of `load`."""
+        """The photos, cameras and chosen sparse points, without a mesh. Arguments and exceptions as of `load`."""
         from fairing.io import read_capture
-
-        tell = progress or (lambda fraction, line: None)
-        if is_demo(self.scene):
-            capture = _capture_of(load_demo(self.scene, progress=progress))
-        else:
-            capture = read_capture(self.scene, self.choice)
-        return self._with_chosen_points(capture, None, tell)
-
-    def _with_chosen_points(
-        self,
-        capture: "Capture",
-        n_vertices: int | None,
-        progress: Progress,
-        skip: Callable[[], bool] = lambda: False,
-    ) -> "Capture":
-        if self.points in ("own", "both") and self.points_file is not None and self.points_file.exists():
-            from fairing.io.points_file import read_points
-
-            points = read_points(self.points_file, len(capture.views))
-            return capture._replace(sparse_points=replace(points, origin=self.points))
-        if self.points == "given":
-            return capture
+        from fairing.io.capture import Capture
         from fairing.io.scene_points import choose_points
 
-        return choose_points(capture, n_vertices, self.points, self._points_cache(), progress, skip)
+        tell, recorded, choice = progress or (lambda fraction, line: None), self._recorded_points(), self.points
+        if is_demo(self.scene):
+            scene = load_demo(self.scene, progress=progress)
+            capture, choice = Capture(scene.views, scene.sparse_points, scene.warnings), self._choice(scene)
+        else:
+            capture = read_capture(self.scene, self.choice)
+        if recorded is not None:
+            return capture._replace(sparse_points=self._read_points(recorded, capture.views))
+        points, warnings = choose_points(self.title, capture.views, capture.sparse_points, choice, None, tell)
+        return capture._replace(sparse_points=points, warnings=(*capture.warnings, *warnings))
 
-    def _points_cache(self) -> Path:
-        """File in the user's cache folder for the points found in these photos."""
-        photos = hashlib.sha256(repr((self.scene, self.choice)).encode()).hexdigest()[:16]
-        return cache_folder() / "points" / f"{Path(self.scene).name.replace(':', '-')}-{photos}.npz"
+    def _choice(self, demo: "Scene") -> PointsChoice:
+        return demo.points_choice if self.points == "automatic" else self.points
+
+    def _recorded_points(self) -> Path | None:
+        """The file of the points of a recorded run; None where they are given, or there is no file."""
+        file = self.points_file if self.points in ("own", "both") else None
+        return file if file is not None and file.exists() else None
+
+    def _read_points(self, file: Path, views: "Sequence[View]") -> "SparsePoints":
+        from fairing.io.points_file import read_points
+
+        return replace(read_points(file, len(views)), origin=self.points)
 
 
 def write_points_of_run(points: "SparsePoints | None", record: Path) -> None:
@@ -230,7 +228,10 @@ def write_points_of_run(points: "SparsePoints | None", record: Path) -> None:
     write_points(record.with_suffix(POINTS), points)
 
 
-def _capture_of(scene: "Scene") -> "Capture":
-    from fairing.io.capture import Capture
+def _holds_capture(path: str) -> bool:
+    """Whether there is a folder or file with cameras in some format."""
+    if not os.path.exists(path):
+        return False
+    from fairing.io.load import is_capture  # imported on first use: the page is served before the engine is loaded
 
-    return Capture(scene.views, scene.sparse_points, scene.warnings)
+    return is_capture(Path(path))

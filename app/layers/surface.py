@@ -15,9 +15,10 @@ from app.debugger.controller import Controller
 from app.debugger.run_state import Activity, RunState
 from app.layers.view_dependent_texture import ViewDependentTexture
 from app.page_state.page_state import NOW_SHAPE, START_SHAPE, TRUE_SHAPE, PageState
+from app.page_state.pull_source import PullSource
 from app.page_state.residual_source import ResidualSource
 from app.palette import SURFACE
-from app.pictures.coloring import COLORINGS, DIFFERENCE, Legend, color_mesh
+from app.pictures.coloring import COLORINGS, DIFFERENCE, PULL, Legend, color_mesh
 from app.pictures.texturer import MOST_FACES, MOST_FACES_VIEW_DEPENDENT, Texturer
 from app.stage import Stage
 from app.surface_offset import offset_along_normals, set_back
@@ -35,13 +36,14 @@ REPAINT_SHARE = 0.25
 
 @dataclass(frozen=True)
 class Wanted:
-    """Key of a surface colouring: run, moment, quantity, the reference (run, moment) it is compared with, and the photo."""
+    """Key of a surface colouring: run, moment, quantity, the reference (run, moment) it is compared with, photo and term."""
 
     run_id: int
     moment: int
     coloring: str
     reference: tuple[int, int] | None
     view: int | None = None
+    term: str | None = None
 
 
 class SurfaceLayer:
@@ -58,8 +60,10 @@ class SurfaceLayer:
         texturer: Texturer,
         controller: Controller,
         residuals: ResidualSource,
+        pulls: PullSource,
     ) -> None:
-        self._client, self._stage, self._scene, self._residuals = client, stage, scene, residuals
+        self._client, self._stage, self._scene = client, stage, scene
+        self._residuals, self._pulls = residuals, pulls
         self._texturer, self._controller = texturer, controller
         self._plain = client.scene.add_mesh_simple(
             "/mesh/now",
@@ -180,14 +184,20 @@ class SurfaceLayer:
         name = page_state.surface
         compared = look_up(page_state.reference, state) if name == DIFFERENCE else None
         reference = None if compared is None else (compared.run.run_id, compared.moment)
-        of_photo = COLORINGS[name].of_photo
+        of_photo, of_pulls = COLORINGS[name].of_photo, COLORINGS[name].of_pulls
         view = page_state.residual_view if of_photo is not None else None
-        wanted = Wanted(state.run_id, state.moment, name, reference, view)
+        term = page_state.pull_term if name == PULL else None
+        wanted = Wanted(state.run_id, state.moment, name, reference, view, term)
         if of_photo is not None:
             found = self._residuals.at(state, page_state)
             if found is not None and wanted != self._wanted:
                 self._wanted = wanted
                 self._take(wanted, of_photo(found, view))
+        elif of_pulls is not None:
+            pulls = self._pulls.at(state)
+            if pulls is not None and wanted != self._wanted:
+                self._wanted = wanted
+                self._take(wanted, pulls if isinstance(pulls, Exception) else of_pulls(pulls, page_state.pull_term))
         elif resting and wanted != self._wanted:
             self._wanted = wanted
             if compared is not None:
@@ -223,7 +233,9 @@ class SurfaceLayer:
             self._colored.offer(GlbMesh(write_glb(mesh.vertices, mesh.faces, mesh.uv, mesh.picture, "image/png")))
 
     def _note(self, wanted: Wanted, flow_scale: int) -> str:
-        """The photos that the values come from, and what the arrows show, with the factor by which they are longer."""
+        """The photos or the term that the values come from, and what arrows show, with the factor by which they are longer."""
+        if wanted.term is not None:
+            return f"Term: {wanted.term}"
         if COLORINGS[wanted.coloring].of_photo is None:
             return ""
         photos, arrows = "All photos", "how far each face is off"

@@ -14,13 +14,14 @@ from app.html import icon, text
 from app.lesson_pages.measured import experiment_of, measured_experiment
 from app.lesson_pages.page_data import lesson_data
 from app.lesson_pages.playing import play_lesson
-from app.lesson_pages.texts import listing
+from app.lesson_pages.texts import all_lines
 from app.lessons.lesson import ANY_SCENE, Lesson
 from app.lessons.reader import load_lesson
 from app.lessons.scenes import load_lesson_scene
 from app.page_state.cells_state import PAGES, SPANS
 from app.palette import REFERENCE, solid
 from fairing.io import write_atomically
+from fairing.io.scene_points import with_points
 from fairing.scene import Scene
 
 INDEX = "index.html"
@@ -61,11 +62,15 @@ def write_lesson(
     def part(first: float, last: float, line: str) -> Callable[[float], None]:
         return lambda fraction: on_progress(first + (last - first) * fraction, line)
 
+    def opening(fraction: float, line: str) -> None:
+        on_progress(0.1 * fraction, line)
+
     if lesson.scene != ANY_SCENE or load_scene is None:
         wanted = STAND_IN if lesson.scene == ANY_SCENE else lesson.scene
-        scene = load_lesson_scene(wanted, lambda fraction, line: on_progress(0.1 * fraction, line))
+        scene = load_lesson_scene(wanted, opening)
     else:
-        scene = load_scene(lambda fraction, line: on_progress(0.1 * fraction, line))
+        scene = load_scene(opening)
+    scene = with_points(scene, opening)
     played = play_lesson(lesson, scene, part(0.1, 0.4, f"{name}: running the engine"))
     data = lesson_data(played, part(0.4, 0.7, f"{name}: writing the runs"))
     experiment = experiment_of(lesson)
@@ -115,7 +120,7 @@ def _page(lesson: Lesson, data: dict, index: str) -> str:
         title=text(lesson.title),
         about=text(lesson.about),
         index=back,
-        listing=listing(),
+        listing=all_lines(),
         pages="".join(
             f"<button type='button' class='chip' data-page='{p}'>{text(t)}</button>" for p, t in PAGES.items()
         ),

@@ -18,7 +18,7 @@ from app.lesson_pages.playing import PlayedLesson, PlayedStep
 from app.lesson_pages.texts import step_texts
 from app.page_state.cells_state import ARROW_KINDS, HEADS, KINDS, CellsView
 from app.page_state.certainty_source import drawn_half_axis
-from app.page_state.page_state import LAYERS, PageState
+from app.page_state.page_state import ASSOCIATIONS, LAYERS, PageState
 from app.palette import CURVES, REFERENCE, css
 from app.panels.legend import legend_html
 from app.pictures.cell_images import MIN_CONFIDENCE
@@ -75,7 +75,7 @@ def lesson_data(played: PlayedLesson, on_progress: Callable[[float], None]) -> d
         "steps": steps,
         "reach": reach * stage.scale,
         "kinds": {name: {"head": HEADS[name], "meaning": KINDS[name]} for name in KINDS},
-        "layers": LAYERS,
+        "layers": {name: title for name, title in LAYERS.items() if name not in (*ASSOCIATIONS, "pulls")},
         "curves": [css(CURVES[0]), css(CURVES[4]), css(CURVES[2])],
     }
 

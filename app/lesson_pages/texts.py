@@ -1,16 +1,15 @@
-"""Markup of a lesson's texts: paragraphs, question, pseudo-code and claims, typeset as in the debugger."""
+"""Markup of a lesson's texts: paragraphs, question, lines of the algorithm and claims, typeset as in the debugger."""
 
 from typing import Any
 
-from app.html import text
 from app.lessons.lesson import LessonStep, Question
 from app.lessons.player import Findings
-from app.lessons.pseudo_code import LINES
 from app.lessons.typeset import line, paragraphs
+from app.pictures.paper_code import LINES, listing
 
 
 def step_texts(step: LessonStep, found: Findings) -> dict[str, Any]:
-    """Title, markup of text and pseudo-code, question, and claims of a step."""
+    """Title, markup of text, lines of the algorithm, question, and claims of a step."""
     return {
         "title": step.title,
         "text": paragraphs(step.text, found.numbers),
@@ -20,9 +19,9 @@ def step_texts(step: LessonStep, found: Findings) -> dict[str, Any]:
     }
 
 
-def listing() -> str:
-    """The pseudo-code; each line has its name as an attribute."""
-    return "".join(f"<code data-line='{name}'>{text(row)}</code>" for name, row in LINES.items())
+def all_lines() -> str:
+    """The lines of the algorithm that steps can show, in its order, each group with its name as an attribute."""
+    return "".join(f"<div data-lines='{name}'>{listing(excerpt)}</div>" for name, excerpt in LINES.items())
 
 
 def _question(question: Question, numbers: dict[str, float]) -> dict[str, Any]:

@@ -6,6 +6,9 @@ from typing import Any
 from app.debugger.commands import Command
 from fairing.options import FairingOptions
 
+Changes = tuple[tuple[tuple[str, ...], Any], ...]
+"""Changed options: path and value of each."""
+
 
 @dataclass(frozen=True)
 class PlaceVertex:
@@ -26,10 +29,10 @@ class StartRun:
 
 @dataclass(frozen=True)
 class Continue:
-    """Branch a named run from the current moment, with changed options (path, value)."""
+    """Branch a named run from the current moment, with changed options."""
 
     name: str
-    changes: tuple[tuple[tuple[str, ...], Any], ...]
+    changes: Changes
 
 
 @dataclass(frozen=True)

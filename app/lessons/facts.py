@@ -117,7 +117,9 @@ def values_used(condition: Condition, facts: Quantities) -> dict[str, float]:
 
     values = {name: (lambda n=name, f=compute: noted(n, f())) for name, compute in facts.values.items()}
     functions = {
-        name: compute if name == "abs" else (lambda x, n=name, f=compute: noted(f"{n}({x:g})", f(x)))
+        name: compute
+        if name == "abs"
+        else (lambda *x, n=name, f=compute: noted(f"{n}({', '.join(f'{each:g}' for each in x)})", f(*x)))
         for name, compute in facts.functions.items()
     }
     condition.evaluate(Quantities(values, functions))

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from functools import reduce
 
 from app.debugger.condition import Condition
-from app.lessons.engine_actions import EngineAction
+from app.lessons.engine_actions import Advance, Changes, EngineAction
 from app.lessons.page_settings import PageSettings, SettingsChange
 
 ANY_SCENE = "any"
@@ -34,14 +34,34 @@ class Kept:
 
 
 @dataclass(frozen=True)
+class Switches:
+    """Check boxes, each of which switches a part of the engine off in a branch from the end of a step.
+
+    Attributes:
+        advance: how far the branches run.
+        measure: the number that is compared at their ends.
+        options: for each check box its label and the options that are changed while it is not checked.
+    """
+
+    advance: Advance
+    measure: Condition
+    options: tuple[tuple[str, Changes], ...]
+
+    def changes_without(self, off: frozenset[int]) -> Changes:
+        """The options that are changed while the check boxes with these indices are not checked."""
+        return tuple(change for k in sorted(off) for change in self.options[k][1])
+
+
+@dataclass(frozen=True)
 class LessonStep:
     """Attributes:
     title: plain text.
     text: Markdown with formulas in $ or $$, and expressions over engine quantities in braces, such as {off(0)}.
     actions: of the engine, when the step is reached from the previous one.
     settings_changes: changes of the page settings, in effect from this step on.
-    code: the highlighted line of pseudo-code, a key of `pseudo_code.LINES`; None for none.
+    code: the lines of the algorithm to show, a key of `app.pictures.paper_code.LINES`; None for none.
     question: shown below the text.
+    switches: check boxes below the text.
     keeps: numbers computed at the end of the step, for later steps.
     claims: conditions that hold at the end of the step.
     numbers: the expressions in braces of all texts, by their text.
@@ -53,6 +73,7 @@ class LessonStep:
     settings_changes: tuple[SettingsChange, ...]
     code: str | None
     question: Question | None
+    switches: Switches | None
     keeps: tuple[Kept, ...]
     claims: tuple[Condition, ...]
     numbers: dict[str, Condition]

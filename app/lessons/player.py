@@ -9,6 +9,8 @@ import threading
 from collections.abc import Callable, Generator
 from dataclasses import dataclass, field, replace
 from enum import Enum
+from functools import partial
+from typing import TypeVar
 
 from app.debugger.commands import (
     Branch,
@@ -29,12 +31,14 @@ from app.debugger.run_state import RunState
 from app.debugger.runs import RunInfo
 from app.lessons.engine_actions import Advance, Continue, EngineAction, PlaceVertex, RacedRuns, StartRun, SwitchRun
 from app.lessons.facts import facts_of, values_used
-from app.lessons.lesson import ANY_SCENE, Lesson, LessonStep
+from app.lessons.lesson import ANY_SCENE, Lesson, LessonStep, Switches
 from app.lessons.page_settings import PageSettings
 from app.lessons.scenes import is_lesson_scene
 from app.page_state.page_state import PageState
 from fairing.errors import InputError
 from fairing.run.session import Session
+
+_Found = TypeVar("_Found")
 
 CUT_SHORT = ("paused",)  # reasons with which a command stops before its end
 
@@ -78,7 +82,15 @@ class _Examine:
     step: int
 
 
-_Script = Generator["Command | _Examine", RunState, None]
+@dataclass(frozen=True)
+class _Measure:
+    """Request to measure the end of a branch of a step's switches."""
+
+    step: int
+    off: frozenset[int]
+
+
+_Script = Generator["Command | _Examine | _Measure", RunState, None]
 
 
 class Player:
@@ -97,11 +109,14 @@ class Player:
         self.problem = ""
         self.findings: dict[int, Findings] = {}
         self.chosen: dict[int, int] = {}
+        self.off: dict[int, frozenset[int]] = {}
+        self.measured: dict[tuple[int, frozenset[int]], float] = {}
+        self._branches: dict[tuple[int, frozenset[int]], Ended] = {}
         self._kept: dict[str, float] = {}
         self._runs: dict[str, int] = {}
         self._ends: dict[int, Ended] = {}
         self._script: _Script | None = None
-        self._requested: Command | _Examine | None = None
+        self._requested: Command | _Examine | _Measure | None = None
         self._stopped_at: Ended | None = None
         self._turn = 0
         self._settings_due: bool | None = None
@@ -123,6 +138,7 @@ class Player:
         with self._lock:
             self.lesson = lesson
             self.findings, self.chosen, self._kept, self._runs, self._ends = {}, {}, {}, {}, {}
+            self.off, self.measured, self._branches = {}, {}, {}
             self.go(0)
 
     def close(self) -> None:
@@ -140,6 +156,7 @@ class Player:
             self._drop_work()
             target = min(max(step, 0), len(self.lesson.steps) - 1)
             self._settings_due = target <= self.step
+            self.off.pop(target, None)
             self.step, self.status, self.problem = target, Status.AT_WORK, ""
             self._script = self._way_to(self.lesson, self.step)
             self._advance(None)
@@ -180,6 +197,23 @@ class Player:
             self.chosen.setdefault(self.step, choice)
         self._on_change()
 
+    def switch(self, box: int) -> None:
+        """Check or uncheck one of this step's check boxes, and go to the end of the branch without what is not checked.
+
+        No effect while the engine is at work for the lesson.
+        """
+        with self._lock:
+            switches = self.lesson.steps[self.step].switches if self.lesson else None
+            if switches is None or box not in range(len(switches.options)):
+                raise InputError("lesson: there is no such check box")
+            if self.status is not Status.THERE or self.step not in self._ends:
+                return
+            self._drop_work()
+            self.off[self.step] = off = self.off.get(self.step, frozenset()) ^ {box}
+            self.status, self._script = Status.AT_WORK, self._compared(self.step, switches, off)
+            self._advance(None)
+        self._on_change()
+
     def take_settings(self) -> tuple[PageSettings, bool] | None:
         """The page settings that are due, returned once, and whether to repeat those that were already applied."""
         with self._lock:
@@ -204,7 +238,9 @@ class Player:
         """Whether the run or the page no longer match this step."""
         if self.lesson is None or self.status is not Status.THERE or self._settings_due is not None:
             return False
-        end = self._ends.get(self.step)
+        off, end = self.off.get(self.step), self._ends.get(self.step)
+        if off is not None:
+            end = self._branches.get((self.step, off), end)
         is_elsewhere = end is not None and (state.run_id, state.moment) != (end.run_id, end.moment)
         return is_elsewhere or state.is_moving or not self.lesson.page_settings_at(self.step).is_seen_in(page_state)
 
@@ -225,6 +261,22 @@ class Player:
             yield _Examine(n)
         if step not in self.findings:
             yield _Examine(step)
+
+    def _compared(self, n: int, switches: Switches, off: frozenset[int]) -> _Script:
+        """The branch with everything on, if it was not made yet, then that without `off`."""
+        for each in (frozenset[int](), off):
+            there = {run.run_id for run in self._controller.state.runs}
+            made = self._branches.get((n, each))
+            if made is not None and made.run_id in there:
+                if each == off:
+                    yield SwitchTo(made.run_id, made.moment)
+                continue
+            end = self._ends[n]
+            state = yield SwitchTo(end.run_id, end.moment)
+            state = yield Branch(changed_options(state.options, dict(switches.changes_without(each))))
+            state = yield from self._do(switches.advance, state)
+            self._branches[n, each] = Ended(state.run_id, state.moment)
+            yield _Measure(n, each)
 
     def _do(self, work: EngineAction, state: RunState) -> Generator[Command, RunState, RunState]:
         match work:
@@ -294,14 +346,18 @@ class Player:
         else:
             self._post(requested)
 
-    def _post(self, requested: Command | _Examine) -> None:
-        """Post a command, and a query after it that reports when the command is done; or post an examination."""
+    def _post(self, requested: "Command | _Examine | _Measure") -> None:
+        """Post a command, and a query after it that reports when the command is done; or post what is to be computed."""
         self._requested, turn = requested, self._turn
         if isinstance(requested, Run | Forward):  # a lesson's runs pass the user's breakpoints
             requested = replace(requested, passes_breakpoints=True)
         if isinstance(requested, _Examine):
-            question = self._examination(requested.step)
-            self._controller.post(Query(self, question, lambda found: self._take_findings(turn, requested.step, found)))
+            question, findings = self._examination(requested.step), partial(self._take_findings, requested.step)
+            self._controller.post(Query(self, question, lambda found: self._take(turn, found, findings)))
+            return
+        if isinstance(requested, _Measure):
+            measure, measured = self._measurement(requested), partial(self._take_measured, requested)
+            self._controller.post(Query(self, measure, lambda found: self._take(turn, found, measured)))
             return
         problems = self._controller.state.problems
         self._controller.post(requested)
@@ -340,7 +396,27 @@ class Player:
 
         return examine
 
-    def _take_findings(self, turn: int, n: int, found: "tuple[Findings, dict[str, float]] | Exception | None") -> None:
+    def _measurement(self, wanted: _Measure) -> Callable[[Session], float | None]:
+        assert self.lesson is not None
+        switches, face = self.lesson.steps[wanted.step].switches, self.lesson.page_settings_at(wanted.step).face
+        end, kept = self._branches[wanted.step, wanted.off], dict(self._kept)
+        assert switches is not None
+
+        def measure(session: Session) -> float | None:
+            if (self._controller.state.run_id, session.moment) != (end.run_id, end.moment):
+                return None  # the user has gone to another moment
+            return float(switches.measure.evaluate(facts_of(session, face, kept)))
+
+        return measure
+
+    def _take_measured(self, wanted: _Measure, found: float) -> None:
+        self.measured[wanted.step, wanted.off] = found
+
+    def _take_findings(self, n: int, found: tuple[Findings, dict[str, float]]) -> None:
+        self.findings[n], self._kept = found
+
+    def _take(self, turn: int, found: "_Found | Exception | None", keep: Callable[[_Found], None]) -> None:
+        """Keep the answer of a query, unless the lesson has gone on since, and go on."""
         with self._lock:
             if turn != self._turn:
                 return
@@ -348,7 +424,7 @@ class Player:
                 self.status, self.problem = Status.FAILED, str(found)
                 return
             if found is not None:
-                self.findings[n], self._kept = found[0], found[1]
+                keep(found)
             self._advance(self._controller.state)
         self._on_change()
 
@@ -370,7 +446,7 @@ def examine_step(
     return Findings(numbers, claims, found), kept
 
 
-def _first(before: Command, then: "Command | _Examine", rest: _Script) -> _Script:
+def _first(before: Command, then: "Command | _Examine | _Measure", rest: _Script) -> _Script:
     """A script that posts `before`, then the interrupted command `then`, then the rest."""
     yield before
     state = yield then

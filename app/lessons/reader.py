@@ -5,9 +5,10 @@ A file begins with lines `name: value` between two lines `---` (title, about, sc
 directives:
 
     ```do       actions, see `vocabulary`
-    ```code     the highlighted line of pseudo-code, see `pseudo_code`
+    ```code     the lines of the algorithm to show, see `app.pictures.paper_code`
     ```keep     name = expression: a number for later steps
     ```claim    conditions that hold when the actions of the step are done
+    ```switch   a step and a number, then check boxes: lines `label: options while it is not checked`
     ```ask      a question, lines `- choice` (the right one ends with ` *`), then the answer
 """
 
@@ -17,22 +18,23 @@ from importlib.resources import files
 from pathlib import Path
 
 from app.debugger.condition import Condition, parse_condition
-from app.lessons.engine_actions import EngineAction
+from app.debugger.quantities import ITEM_WORDS
+from app.lessons.engine_actions import Advance, EngineAction
 from app.lessons.facts import FUNCTIONS, VALUES
-from app.lessons.lesson import ANY_SCENE, Kept, Lesson, LessonStep, Question
-from app.lessons.pseudo_code import LINES
+from app.lessons.lesson import ANY_SCENE, Kept, Lesson, LessonStep, Question, Switches
 from app.lessons.scenes import LESSON_SCENES
-from app.lessons.vocabulary import Action, understand_action
+from app.lessons.vocabulary import Action, read_changes, understand_action
+from app.pictures.paper_code import LINES
 from fairing.errors import InputError
 
 FEWEST_STEPS, MOST_STEPS = 6, 12
 # The recommended order.
-ORDER = ("model", "cells", "displacement", "robust", "coarse", "dimensions", "aperture", "beyond", "capture")
+ORDER = ("model", "cells", "displacement", "robust", "coarse", "dimensions", "aperture", "beyond", "pulls", "capture")
 _HEAD = re.compile(r"---\n(.*?)\n---\n(.*)", re.DOTALL)
 _BLOCK = re.compile(r"```(\w+)\n(.*?)\n```\n?", re.DOTALL)
 _NUMBER = re.compile(r"\{([^{}]+)\}")
 _FORMULA = re.compile(r"\$\$.*?\$\$|\$[^$]*\$", re.DOTALL)
-_BLOCKS = {"do", "code", "keep", "claim", "ask"}
+_BLOCKS = {"do", "code", "keep", "claim", "ask", "switch"}
 
 
 @cache
@@ -122,6 +124,7 @@ def _step(title: str, body: str, runs: set[str], kept: set[str]) -> LessonStep:
         tuple(action for action in actions if not isinstance(action, EngineAction)),
         code,
         question,
+        _switches(blocks["switch"], kept) if "switch" in blocks else None,
         tuple(keeps),
         claims,
         numbers,
@@ -134,7 +137,7 @@ def numbers_in(text: str) -> list[str]:
 
 
 def _expression(text: str, kept: set[str]) -> Condition:
-    return parse_condition(text, {*VALUES, *kept}, set(FUNCTIONS))
+    return parse_condition(text, {*VALUES, *kept}, set(FUNCTIONS), items={"pull": "term"}, words=ITEM_WORDS)
 
 
 def _question(written: str) -> Question:
@@ -148,6 +151,21 @@ def _question(written: str) -> Question:
     return Question(
         found[1].strip(), tuple(choice.removesuffix(" *") for choice in choices), right[0], found[3].strip()
     )
+
+
+def _switches(written: str, kept: set[str]) -> Switches:
+    first, *boxes = _lines(written)
+    found = re.fullmatch(r"(step .+?): *(.+)", first)
+    advance = understand_action(found[1], set()) if found else None
+    if found is None or not isinstance(advance, Advance) or not boxes:
+        raise InputError("switch: expected a line such as `step one sweep: off(4)`, then lines `label: options`")
+    options = []
+    for box in boxes:
+        label, _, changes = box.partition(":")
+        options.append((label.strip(), read_changes(changes)))
+        if not options[-1][1]:
+            raise InputError(f"switch: expected `label: options`, found {box!r:.60}")
+    return Switches(advance, _expression(found[2], kept), tuple(options))
 
 
 def _lines(block: str) -> list[str]:

@@ -1,10 +1,10 @@
 """Vocabulary of lesson actions, one action per line. Lessons can do nothing else.
 
-start accurate as main: locked_vertices=1,2 schedule.search=0     a named run from the start, with options
+start accurate as main: locked_vertices=1,2     a named run from the start, with options
 start accurate as far, vertex 0 off 0.2 0 0: ...                  the same, with vertices at offsets from their true positions
 go on as sharp: eigenspace.dimensions=1                           a branch from the current moment with other options
 put vertex 0 off 0.2 0 0                                          place a vertex manually
-step 3 iterations | step one vertex | step one sweep | step one level
+step 3 iterations | step one vertex | step one sweep | step one stage | step one level
 run to the end | run until level == 2
 go to start | go to end | go to moment 12
 race paper as a against accurate as b: locked_vertices=1,2        two alternating runs; the options apply to both
@@ -28,7 +28,16 @@ from app.debugger.commands import Command, Extent, Forward, JumpTo, Run
 from app.debugger.option_fields import changed_options, option_fields
 from app.debugger.quantities import parse_step_condition
 from app.debugger.series import QUANTITIES
-from app.lessons.engine_actions import Advance, Continue, EngineAction, PlaceVertex, RacedRuns, StartRun, SwitchRun
+from app.lessons.engine_actions import (
+    Advance,
+    Changes,
+    Continue,
+    EngineAction,
+    PlaceVertex,
+    RacedRuns,
+    StartRun,
+    SwitchRun,
+)
 from app.lessons.page_settings import AT_CAMERAS, AT_FRONT, AT_MESH, SettingsChange
 from app.page_state.cells_state import ARROW_SCALES, KINDS, PAGES, SPANS
 from app.page_state.page_state import LAYERS, MAX_MAGNIFICATION, NOW_SHAPE, START_SHAPE, SURFACES, TRUE_SHAPE, PlotView
@@ -39,7 +48,13 @@ from fairing.option_check import check_options
 from fairing.options import PRESETS, FairingOptions
 
 MAX_STEPS_AT_ONCE = 100
-EXTENTS = {"iteration": Extent.ITERATION, "vertex": Extent.BLOCK, "sweep": Extent.SWEEP, "level": Extent.LEVEL}
+EXTENTS = {
+    "iteration": Extent.ITERATION,
+    "vertex": Extent.BLOCK,
+    "sweep": Extent.SWEEP,
+    "stage": Extent.STAGE,
+    "level": Extent.LEVEL,
+}
 SHAPES = {"start": START_SHAPE, "now": NOW_SHAPE, "truth": TRUE_SHAPE}
 TABS = ("Vertex", "Breakpoints", "Layers", "Options", "Cells", "Experiments", "Timeline", "Runs", "Bookmarks")
 HEADINGS = {"cells": "Cells by photo", "basis": "Basis images"}
@@ -76,12 +91,17 @@ def _start(found: re.Match, names: set[str]) -> EngineAction:
 
 
 def _options(preset: str, written: str | None) -> FairingOptions:
-    options = changed_options(PRESETS[_one_of(preset, PRESETS, "preset")], dict(_changes(written)))
+    options = changed_options(PRESETS[_one_of(preset, PRESETS, "preset")], dict(read_changes(written)))
     check_options(options)
     return options
 
 
-def _changes(written: str | None) -> tuple[tuple[tuple[str, ...], object], ...]:
+def read_changes(written: str | None) -> Changes:
+    """The changed options of a text such as `step.points=0 step.creases=0`.
+
+    Raises:
+        InputError: there is no such option or value.
+    """
     fields = {".".join(option.path): option for option in option_fields()}
     changes = []
     for piece in (written or "").split():
@@ -96,7 +116,7 @@ def _changes(written: str | None) -> tuple[tuple[tuple[str, ...], object], ...]:
 
 def _go_on(found: re.Match, names: set[str]) -> EngineAction:
     names.add(found["name"])
-    return Continue(found["name"], _changes(found["options"]))
+    return Continue(found["name"], read_changes(found["options"]))
 
 
 def _put_of(found: re.Match) -> PlaceVertex:

@@ -1,5 +1,6 @@
 """`show`: a run or an experiment as a frame in a notebook."""
 
+import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, overload
 
@@ -55,6 +56,7 @@ def show(result: Shown, *, live: bool = False, height: int = HEIGHT) -> "Frame |
 
 
 def _frame_of_path(path: Path, height: int) -> Frame:
+    from app.files.outside_photos import outside_photos
     from app.files.recorded_run import find_run
     from fairing.io import PhotoChoice
 
@@ -65,6 +67,10 @@ def _frame_of_path(path: Path, height: int) -> Frame:
     trace, source, where = find_run(path, None, None, PhotoChoice())
     with progress(f"Opening {source.scene}") as bar:
         session = Session(source.load(lambda fraction, _: bar(fraction)), trace=trace)
+        session.find_points(lambda fraction, _: bar(fraction))
+    line = outside_photos(source.scene, session.scene.views)
+    if line:
+        warnings.warn(line, stacklevel=3)
     return _run_frame(session, len(trace), where.parent, height)
 
 

@@ -15,9 +15,11 @@ from app.page.page_panels import PagePanels
 from app.page.page_updates import PageUpdates
 from app.page.resources import SessionResources
 from app.page.vertex_interaction import VertexInteraction
+from app.page_state.association_source import AssociationSource
 from app.page_state.certainty_source import CertaintySource
 from app.page_state.page_state import PageState
 from app.page_state.past_moment import at_viewed_moment
+from app.page_state.pull_source import PullSource
 from app.page_state.run_controls import RunControls
 from app.panels.keys_dialog import KeysDialog
 
@@ -42,11 +44,21 @@ class Page:
         self.run_controls = RunControls(controller, page_state)
         self.interaction = VertexInteraction(client, stage, scene, controller, page_state, toasts)
         self.lessons = LessonDock(client, controller, events, self._look_for_lesson, resources.change_scene)
-        certainty = CertaintySource(controller)
+        certainty, pulls = CertaintySource(controller), PullSource(controller)
+        associations = AssociationSource(controller)
         self.panels = PagePanels(
-            client, self.frame, resources, page_state, self.run_controls, self.interaction, certainty, self.lessons
+            client,
+            self.frame,
+            resources,
+            page_state,
+            self.run_controls,
+            self.interaction,
+            certainty,
+            pulls,
+            associations,
+            self.lessons,
         )
-        self.layers = PageLayers(client, self.frame, resources, self.interaction, certainty)
+        self.layers = PageLayers(client, self.frame, resources, self.interaction, certainty, pulls, associations)
         self._order = ""
         self._keys_dialog = KeysDialog(client.gui, events)
         self.frame.add_hotkeys([*self._hotkeys(), *self.frame.camera_hotkeys(), *self.lessons.hotkeys()])
@@ -104,6 +116,9 @@ class Page:
             Hotkey(KEY_LABELS["T"], panels.timeline.play_or_stop, "T"),
             Hotkey(KEY_LABELS["C"], panels.runs.mark_now, "C"),
             Hotkey(KEY_LABELS["K"], panels.bookmarks.keep_now, "K"),
+            Hotkey(KEY_LABELS["Shift+I"], panels.step_into, "I", "shift"),
+            Hotkey(KEY_LABELS["Shift+J"], lambda: panels.cells_controls.move_part(1), "J", "shift"),
+            Hotkey(KEY_LABELS["Shift+K"], lambda: panels.cells_controls.move_part(-1), "K", "shift"),
             Hotkey(KEY_LABELS["X"], panels.surface_controls.before_or_now, "X"),
             Hotkey(KEY_LABELS["-"], panels.surface_controls.toggle_view_dependent, "-"),
             Hotkey(KEY_LABELS["?"], lambda: self._keys_dialog.open(self._order), "?", "shift"),

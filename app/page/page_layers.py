@@ -4,12 +4,14 @@ import viser
 
 from app.debugger.run_state import RunState
 from app.layers import Layer
+from app.layers.associations import AssociationsLayer
 from app.layers.cameras import CamerasLayer
 from app.layers.certainty import CertaintyLayer
 from app.layers.drag_handle import DragHandleLayer
 from app.layers.flow_arrows import FlowArrowsLayer
 from app.layers.paths import PathsLayer
 from app.layers.points import PointsLayer
+from app.layers.pull_arrows import PullArrowsLayer
 from app.layers.reference_mesh import ReferenceMeshLayer
 from app.layers.step_arrow import StepArrowLayer
 from app.layers.surface import SurfaceLayer
@@ -18,8 +20,10 @@ from app.layers.wireframe import WireframeLayer
 from app.page.page_frame import PageFrame
 from app.page.resources import SessionResources
 from app.page.vertex_interaction import VertexInteraction
+from app.page_state.association_source import AssociationSource
 from app.page_state.certainty_source import CertaintySource
 from app.page_state.page_state import PageState
+from app.page_state.pull_source import PullSource
 from app.page_state.residual_source import ResidualSource
 
 
@@ -35,12 +39,14 @@ class PageLayers:
         resources: SessionResources,
         interaction: VertexInteraction,
         certainty: CertaintySource,
+        pulls: PullSource,
+        associations: AssociationSource,
     ) -> None:
         stage, scene = resources.stage, resources.scene
         click, background = frame.toasts(interaction.click_vertex), interaction.background
         begin, end = interaction.begin_drag, interaction.end_drag
         residuals = ResidualSource(resources.controller)
-        self.surface = SurfaceLayer(client, stage, scene, resources.texturer, resources.controller, residuals)
+        self.surface = SurfaceLayer(client, stage, scene, resources.texturer, resources.controller, residuals, pulls)
         self._layers: list[Layer] = [
             self.surface,
             WireframeLayer(client, stage, scene),
@@ -50,6 +56,8 @@ class PageLayers:
             PathsLayer(client, stage, resources.paths),
             FlowArrowsLayer(client, stage, scene, residuals),
             StepArrowLayer(client, stage, scene),
+            PullArrowsLayer(client, stage, scene.mesh, pulls),
+            AssociationsLayer(client, stage, scene, associations),
             CertaintyLayer(client, stage, scene.mesh, certainty),
             PointsLayer(client, stage, scene),
             CamerasLayer(client, stage, scene, resources.thumbnails, frame.toasts(frame.camera.enter), background),

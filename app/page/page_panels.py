@@ -12,9 +12,11 @@ from app.page.lesson_dock import LessonDock
 from app.page.page_frame import PageFrame
 from app.page.resources import SessionResources
 from app.page.vertex_interaction import VertexInteraction
+from app.page_state.association_source import AssociationSource
 from app.page_state.cells_controls import CellsControls
 from app.page_state.certainty_source import CertaintySource
 from app.page_state.page_state import LARGE_MESH, PageState
+from app.page_state.pull_source import PullSource
 from app.page_state.run_controls import RunControls
 from app.page_state.selection import Selection
 from app.panels import Panel
@@ -27,6 +29,7 @@ from app.panels.cells_panel import CellsPanel
 from app.panels.certainty_panel import CertaintyPanel
 from app.panels.debug_bar import DebugBar
 from app.panels.experiments_panel import ExperimentsPanel
+from app.panels.iteration_page import IterationSource
 from app.panels.layers_panel import LayersPanel
 from app.panels.legend import LegendBox
 from app.panels.lesson_panel import LESSON_STYLE
@@ -34,15 +37,18 @@ from app.panels.options_panel import OptionsPanel
 from app.panels.photo_pages import PhotoPages
 from app.panels.plot import Plot
 from app.panels.point_photos import PointPhotos
+from app.panels.pulls_panel import PullsPanel
 from app.panels.runs_panel import RunsPanel
-from app.panels.selection_panel import SelectionPanel
+from app.panels.selection_panel import SelectionNote, SelectionPanel
 from app.panels.status import Status
 from app.panels.surface_panel import SurfaceControls, SurfacePanel
 from app.panels.timeline import Timeline
 from app.panels.variables import Variables
 from app.panels.watch_panel import WatchPanel
 from app.pictures.coloring import Legend
+from app.viser_bridge.error_toasts import NothingToDo
 from app.viser_bridge.html_events import whole_number
+from app.viser_bridge.tabs import show_tab
 
 UPDATE_SECONDS = 0.25  # while the mesh moves, panels are updated this often (ledger: updates of panels)
 CELLS_WIDTH = 362  # px
@@ -50,7 +56,7 @@ CELLS_WIDTH = 362  # px
 
 class PagePanels:
     """Attributes:
-    surface_controls, timeline, runs, bookmarks: what hotkeys call, too.
+    surface_controls, cells_controls, timeline, runs, bookmarks: what hotkeys call, too.
     """
 
     def __init__(
@@ -62,10 +68,13 @@ class PagePanels:
         run_controls: RunControls,
         interaction: VertexInteraction,
         certainty: CertaintySource,
+        pulls: PullSource,
+        associations: AssociationSource,
         lessons: LessonDock,
     ) -> None:
         self._client, self._frame, self._resources, self._page_state = client, frame, resources, page_state
         self._run_controls, self._interaction, self._certainty = run_controls, interaction, certainty
+        self._pulls = pulls
         self._republish: Callable[[], None] = resources.controller.republish
         self._updated, self._activity = 0.0, Activity.PAUSED
         self._timer: threading.Timer | None = None
@@ -75,7 +84,7 @@ class PagePanels:
         self._add_tabs()
         self._add_cells(lessons)
         timeline = self._add_timeline()
-        self._legend = LegendBox(client)
+        self._legend = LegendBox(client, resources.scene.mesh, pulls, associations)
         self._panels.append(
             CameraBox(
                 client.gui, frame.html_events, resources.scene, page_state, self.surface_controls, frame.camera.leave,
@@ -112,16 +121,27 @@ class PagePanels:
         self._timer = None
         self._republish()
 
+    def step_into(self) -> None:
+        """Show the parts of the next step of the selected vertex.
+
+        Raises:
+            NothingToDo: no vertex is selected.
+        """
+        if self._page_state.selected is None:
+            raise NothingToDo("no vertex is selected; click one first")
+        self.cells_controls.step_into()
+        show_tab(self._client, "Cells")
+
     def _add_bar(self) -> None:
         """What stays above the tabs."""
         gui, events, resources = self._client.gui, self._frame.html_events, self._resources
         run = self._run_controls
         self._panels += [
-            DebugBar(gui, events, run),
-            Status(gui, resources.energies, events.number(run.to_beginning)),
+            DebugBar(gui, events, run, self.step_into),
+            Status(gui, resources.energies, events.number(run.to_beginning), events.number(run.jump)),
             Plot(
                 gui, resources.scene.mesh, resources.energies, resources.run_energies, resources.run_errors, events,
-                self._page_state, run.jump, self._republish,
+                self._page_state, self._pulls, run.jump, self._republish,
             ),
         ]  # fmt: skip
 
@@ -136,9 +156,11 @@ class PagePanels:
                     gui, events, len(scene.mesh.vertices) - 1, self._choose_vertices, interaction.toggle_lock,
                     interaction.reset,
                 ),
+                PullsPanel(gui, events, self._pulls, page_state, republish),
+                SelectionNote(gui),
                 CertaintyPanel(gui, scene.mesh, self._certainty),
                 Variables(gui, scene.mesh, events.number(run.to_change)),
-                WatchPanel(gui, events, scene, page_state, run.jump, republish),
+                WatchPanel(gui, events, scene, page_state, self._pulls, run.jump, republish),
             ]  # fmt: skip
         with tabs.add_tab("Breakpoints"):
             self._panels.append(BreakpointsPanel(gui, events, resources.controller, page_state))
@@ -155,7 +177,7 @@ class PagePanels:
         gui, events, resources = self._client.gui, self._frame.html_events, self._resources
         scene, controller, background = resources.scene, resources.controller, resources.background
         source = CellSource(controller, scene.mesh)
-        controls = CellsControls(events, self._page_state, scene, self._republish)
+        self.cells_controls = controls = CellsControls(events, self._page_state, scene, self._republish)
         choose_face, enter = events.number(self._choose_face), events.number(self._frame.camera.enter)
         pages = PhotoPages(controller, scene, resources.photos, controls, enter)
         cells = gui.add_panel()
@@ -165,6 +187,7 @@ class PagePanels:
                     gui,
                     scene,
                     source,
+                    IterationSource(controller),
                     pages,
                     PointPhotos(scene, resources.photos, enter),
                     background,

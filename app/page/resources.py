@@ -67,6 +67,7 @@ class SessionResources:
         Raises:
             InputError: `save_to` cannot be written, or the bookmarks cannot be read.
         """
+        session.find_points()
         scene = session.scene
         stage = Stage.of(scene)
         controller = Controller(session, save_to, recorded_in, compilation=compilation)

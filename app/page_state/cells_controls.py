@@ -5,8 +5,18 @@ from dataclasses import replace
 from typing import Any
 
 from app.html import text
-from app.page_state.cells_state import ARROW_SCALES, CROP, KINDS, PAGES, PAIR_KINDS, SPANS
+from app.page_state.cells_state import (
+    ARROW_SCALES,
+    CROP,
+    ITERATION,
+    KINDS,
+    PAIR_KINDS,
+    PANEL_PAGES,
+    PARTS,
+    SPANS,
+)
 from app.page_state.page_state import PageState
+from app.viser_bridge.error_toasts import NothingToDo
 from app.viser_bridge.html_events import HtmlEvents, whole_number
 from fairing.scene import Scene
 
@@ -28,7 +38,8 @@ class CellsControls:
     ) -> None:
         self._page_state, self._scene, self._republish = page_state, scene, republish
         self._n_views = len(scene.views)
-        self.page = html_events.number(lambda n: self._choose("page", PAGES, n))
+        self.page = html_events.number(lambda n: self._choose("page", PANEL_PAGES, n))
+        self.part = html_events.number(lambda n: self._choose("part", PARTS, n))
         self.column = html_events.number(self._toggle_column)
         self.scale = html_events.number(lambda n: self._change(arrow_scale=ARROW_SCALES[_index(n, ARROW_SCALES)]))
         self.span = html_events.number(lambda n: self._choose("span", SPANS, n))
@@ -43,6 +54,29 @@ class CellsControls:
         """Set the number of eigenspace dimensions; 0: that of the run."""
         found = whole_number(k, 0, MAX_K, "k")
         self._change(dimensions=found or None)
+
+    def step_into(self) -> None:
+        """Show the first part of the next iteration."""
+        self._change(page=ITERATION, part=next(iter(PARTS)))
+
+    def move_part(self, direction: int) -> None:
+        """Show the next part (1) or the previous one (-1) of the iteration.
+
+        Raises:
+            NothingToDo: there is none, or no iteration is shown.
+        """
+        cells = self._page_state.cells
+        if cells.page != ITERATION:
+            raise NothingToDo("no iteration is shown; step into one first (Shift+I)")
+        moved = cells.at_part(direction)
+        if moved is None:
+            raise NothingToDo(
+                "this is the first part of the iteration"
+                if direction < 0
+                else "this is the last part of the iteration; Step one iteration (I) makes the step"
+            )
+        self._page_state.cells = moved
+        self._republish()
 
     def lens_of(self, view_id: int, kind: str) -> str:
         """JavaScript that enlarges a picture."""

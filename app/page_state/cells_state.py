@@ -3,6 +3,21 @@
 from dataclasses import dataclass, replace
 
 PAGES: dict[str, str] = {"cells": "Cells", "photos": "In the photos", "pair": "Pair"}
+ITERATION = "iteration"
+PANEL_PAGES = PAGES | {ITERATION: "Iteration"}
+"""Pages of the debugger; those of exported lessons are `PAGES`."""
+PARTS: dict[str, str] = {
+    "warp": "Warp",
+    "eigenspace": "Eigenspace",
+    "residual": "Residual",
+    "weights": "Weights",
+    "jacobian": "Jacobian",
+    "normal": "Normal matrix",
+    "solve": "Solve",
+    "limit": "Limit",
+    "accept": "Accept",
+}
+"""Parts of an iteration, in the order of the paper."""
 KINDS: dict[str, str] = {
     "photo": "Observed cell I, contrast stretched to the grey levels of the face",
     "reconstruction": "Reconstruction U c from the eigenspace",
@@ -35,7 +50,8 @@ class CellsView:
     """Settings of the cells panel.
 
     Attributes:
-        page: of `PAGES`.
+        page: of `PANEL_PAGES`.
+        part: of `PARTS`: what the page of the iteration shows.
         columns: of `KINDS`, in their order.
         arrow_scale: factor by which arrows are drawn longer.
         enlarged: (view id, kind) of the picture enlarged by a click; None: none. The kind is of `KINDS`, `CROP`, or of
@@ -47,6 +63,7 @@ class CellsView:
     """
 
     page: str = "cells"
+    part: str = "warp"
     columns: tuple[str, ...] = ("photo", "reconstruction", "residual", "weight", "model", "flow")
     arrow_scale: int = 10
     enlarged: tuple[int, str] | None = None
@@ -59,6 +76,12 @@ class CellsView:
     def in_lens(self) -> tuple[int, str] | None:
         """The picture in the lens; None: no lens is shown."""
         return self.hovered or self.enlarged
+
+    def at_part(self, direction: int) -> "CellsView | None":
+        """At the next part (1) or the previous one (-1) of the iteration; None if there is none."""
+        names = list(PARTS)
+        at = names.index(self.part) + direction
+        return replace(self, part=names[at]) if 0 <= at < len(names) else None
 
     def toggled(self, kind: str) -> "CellsView":
         """With a column added or removed; the last column is never removed."""

@@ -6,6 +6,7 @@ from app.debugger.compare import Reference
 from app.debugger.condition import Condition
 from app.page_state.cells_state import CellsView
 from app.page_state.selection import Selection
+from fairing.terms.names import PHOTOS
 
 LAYERS: dict[str, str] = {
     "now": "Present mesh",
@@ -16,12 +17,20 @@ LAYERS: dict[str, str] = {
     "certainty": "Certainty ellipsoids",
     "cameras": "Cameras",
     "points": "Sparse points",
+    "pulls": "Pulls of terms",
+    "point feet": "Points and their faces",
+    "image edges": "Image edges",
+    "axes": "Edges along axes",
+    "seen": "Seen by the photo",
 }
-HIDDEN_AT_FIRST = {"certainty", "truth", "points"}
+ASSOCIATIONS = {"point feet", "image edges", "axes", "seen"}
+"""Layers that show what the terms measure the mesh against."""
+HIDDEN_AT_FIRST = {"certainty", "truth", "points", *ASSOCIATIONS}
 HIDDEN_ON_LARGE_MESHES = {"now", "start"}
 LARGE_MESH = 200  # vertices; wireframes of larger meshes hide the surface
 MAX_MAGNIFICATION = 50
 FLOW_SCALES = (10, 30, 100, 300)
+PULL_SCALES: dict[int, str] = {0: "Auto", 1: "×1", 10: "×10", 100: "×100", 1000: "×1000"}
 SURFACES: dict[str, str] = {"none": "None", "flat": "Flat", "textured": "Textured"}
 START_SHAPE, NOW_SHAPE, TRUE_SHAPE = 0.0, 1.0, 2.0
 
@@ -60,6 +69,8 @@ class PageState:
         strip: quantity in the timeline's strip, of `app.pictures.strip.KINDS`.
         surface: appearance of the faces, a key of `SURFACES` or of `app.pictures.coloring.COLORINGS`.
         flow_scale: factor by which the image flow is drawn longer on the surface, of `FLOW_SCALES`.
+        pull_scale: factor by which the arrows of pulls are drawn longer, of `PULL_SCALES`; 0: chosen to fit the mesh.
+        pull_term: the term whose pull colours the surface.
         residual_view: the photo whose residuals or flow colour the surface; None: all photos.
         is_view_dependent: whether the texture is view-dependent while the run is paused.
         shape: vertex positions of the surface: 0 at the start, 1 now, 2 the truth; values between are interpolated.
@@ -83,6 +94,8 @@ class PageState:
     strip: str = "energy"
     surface: str = "textured"
     flow_scale: int = 100
+    pull_scale: int = 0
+    pull_term: str = PHOTOS
     residual_view: int | None = None
     is_view_dependent: bool = False
     shape: float = NOW_SHAPE

@@ -13,6 +13,8 @@ def at_viewed_moment(state: RunState, view: PageState) -> RunState:
     if view.viewed_moment is None:
         return state
     moment = view.viewed_moment
-    position = state.trace.steps[moment].position if moment < state.length else state.position
-    vertices = state.trace.vertices_at(moment) if moment < state.length else state.vertices
-    return replace(state, moment=moment, vertices=vertices, position=position, finished=False)
+    is_past = moment < state.length
+    position = state.trace.steps[moment].position if is_past else state.position
+    next_stage = state.trace.steps[moment].stage if is_past else state.next_stage
+    vertices = state.trace.vertices_at(moment) if is_past else state.vertices
+    return replace(state, moment=moment, vertices=vertices, position=position, next_stage=next_stage, finished=False)

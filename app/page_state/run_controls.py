@@ -57,8 +57,8 @@ class RunControls:
         self._controller.post(JumpTo(moment))
 
     def to_beginning(self, extent: object) -> None:
-        """Go to the beginning of the present level, sweep or block."""
-        self._controller.post(ToBeginning(Extent(whole_number(extent, Extent.LEVEL, Extent.BLOCK, "extent"))))
+        """Go to the beginning of the present level, stage, sweep or block."""
+        self._controller.post(ToBeginning(Extent(whole_number(extent, Extent.STAGE, Extent.BLOCK, "extent"))))
 
     def to_move_of_selected(self, direction: int) -> None:
         """Go to the next step that moved the selected vertex, forward (1) or back (-1)."""

@@ -22,6 +22,7 @@ READY_MADE: dict[str, str] = {
     "A vertex is underconstrained": "weakest < 0.01",
     "A step is longer than 2 px": "step_px > 2",
     "Visible faces change": "seen_changes > 0",
+    "A judge takes vertices back": "stage(judge) and accepted > 0",
     "A level begins": "sweep == 1 and unit == 1 and iteration == 1",
 }
 
@@ -36,6 +37,7 @@ def ready_made(page_state: PageState) -> dict[str, str]:
         about |= {
             f"Vertex {page_state.selected} moves 1 px from here": f"travelled({page_state.selected}) > 1",
             f"A step solves for vertex {page_state.selected}": f"about({page_state.selected})",
+            f"Photos decide little at vertex {page_state.selected}": f"share(photos, {page_state.selected}) < 0.2",
         }
     if page_state.entered is not None:
         about |= {

@@ -77,7 +77,7 @@ class CellLens:
 
     def _show_photo(self, state: RunState, page_state: PageState, vertex: int, view_id: int, kind: str) -> None:
         """Show a crop of a photo around the vertex, or a picture of the pair."""
-        found = self._pages.newest(state, vertex)
+        found = self._pages.newest(state, vertex, page_state.shows("image edges"))
         if found is None:
             return
         key, known = found

@@ -65,13 +65,6 @@ def _facts(facts: CellFacts, controls: CellsControls) -> str:
 def _basis(facts: CellFacts, controls: CellsControls) -> str:
     """Basis images, singular values, and the energy for every number of dimensions k."""
     cells, k = facts.cells, len(facts.cells.basis)
-    tile = min(60, WIDTH // k - GAP)
-    values = np.log1p(cells.singular_values)
-    scree = _bars(
-        values / max(float(values.max(initial=0)), 1e-12),
-        [f"singular value {i + 1}: {number(float(value))}" for i, value in enumerate(cells.singular_values)],
-        lambda i: "on" if i < k else "",
-    )
     # Logarithmic over four decades, because the energy falls steeply with k.
     left = facts.energies / max(float(facts.energies.max(initial=0)), 1e-12)
     fall = _bars(
@@ -84,10 +77,27 @@ def _basis(facts: CellFacts, controls: CellsControls) -> str:
         lambda i: controls.dimensions(str(i + 1)),
     )
     return (
-        f"<h4>Basis images</h4><img src='{strip_of_basis(cells, tile)}' alt='basis images'>"
-        f"<div class='charts'><div>{scree}<span class='dim'>singular values</span></div>"
+        f"<h4>Basis images</h4>{basis_images(cells)}"
+        f"<div class='charts'><div>{singular_value_chart(cells)}</div>"
         f"<div>{fall}<span class='dim'>energy by k (log scale)</span></div></div>"
     )
+
+
+def basis_images(cells: FaceCells) -> str:
+    """Markup of the basis images side by side."""
+    tile = min(60, WIDTH // len(cells.basis) - GAP)
+    return f"<img src='{strip_of_basis(cells, tile)}' alt='basis images'>"
+
+
+def singular_value_chart(cells: FaceCells) -> str:
+    """Markup of a bar chart of the singular values; those of the basis are bright."""
+    values = np.log1p(cells.singular_values)
+    bars = _bars(
+        values / max(float(values.max(initial=0)), 1e-12),
+        [f"singular value {i + 1}: {number(float(value))}" for i, value in enumerate(cells.singular_values)],
+        lambda i: "on" if i < len(cells.basis) else "",
+    )
+    return f"{bars}<span class='dim'>singular values</span>"
 
 
 def _bars(

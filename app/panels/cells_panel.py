@@ -9,11 +9,12 @@ from app.debugger.actions import first_keys
 from app.debugger.run_state import RunState
 from app.html import text
 from app.page_state.cells_controls import CellsControls
-from app.page_state.cells_state import PAGES
+from app.page_state.cells_state import ITERATION, PANEL_PAGES
 from app.page_state.page_state import PageState
 from app.panels.cell_source import CellSource, chosen_face
 from app.panels.cell_table import cell_table
 from app.panels.choice import chip
+from app.panels.iteration_page import IterationSource, iteration_page
 from app.panels.keys_dialog import key_table
 from app.panels.photo_pages import PhotoPages
 from app.panels.point_photos import PointPhotos
@@ -39,6 +40,7 @@ class CellsPanel:
         gui: viser.GuiApi,
         scene: Scene,
         source: CellSource,
+        iterations: IterationSource,
         pages: PhotoPages,
         point_photos: PointPhotos,
         background: BackgroundWorker,
@@ -48,6 +50,7 @@ class CellsPanel:
         guarded: Callable[[Callable[..., None]], Callable[..., None]],
     ) -> None:
         self._scene, self._source, self._pages, self._controls = scene, source, pages, controls
+        self._iterations = iterations
         self._choose_face, self._enter, self._point_photos = choose_face, enter, point_photos
         self._head = HtmlPanel(gui)
         self._k = gui.add_slider(
@@ -74,6 +77,8 @@ class CellsPanel:
             return
         if page_state.cells.page == "cells":
             moment = self._show_cells(state, page_state)
+        elif page_state.cells.page == ITERATION:
+            moment = self._show_iteration(state, page_state, page_state.selected, face)
         else:
             moment = self._show_photos(state, page_state, page_state.selected, face)
         self._head.set(self._choices(page_state, page_state.selected, face) + stale_note(state, moment))
@@ -85,7 +90,7 @@ class CellsPanel:
         )
         pages = "".join(
             chip(title, self._controls.page(str(n)), f"Page: {title}", page == page_state.cells.page)
-            for n, (page, title) in enumerate(PAGES.items())
+            for n, (page, title) in enumerate(PANEL_PAGES.items())
         )
         return f"<div class='row chips'>{pages}</div><div class='row faces'><span class='dim'>Face</span>{faces}</div>"
 
@@ -110,10 +115,29 @@ class CellsPanel:
         )
         return question.moment
 
+    def _show_iteration(self, state: RunState, page_state: PageState, vertex: int, face: int) -> int | None:
+        """Show a part of the iteration; returns the moment that it belongs to, None without one."""
+        self._k.visible = False
+        found = self._iterations.newest(state, vertex, face)
+        if found is None:
+            waits = "Computing the step…" if not state.is_moving else "The step is computed when the run pauses."
+            self._body.set(f"<div class='note dim'>{waits}</div>")
+            return None
+        question, facts = found
+        if isinstance(facts, Exception):
+            self._body.set(f"<div class='note rejected'>{text(facts)}</div>")
+            return None
+        options, scene, controls = state.options, self._scene, self._controls
+        self._draw(
+            (ITERATION, question, page_state.cells.part),
+            lambda: iteration_page(facts, options, page_state, scene, controls, self._enter),
+        )
+        return question.moment
+
     def _show_photos(self, state: RunState, page_state: PageState, vertex: int, face: int) -> int | None:
         """Show a page of photos; returns the moment that it belongs to, None without one."""
         self._k.visible = False
-        found = self._pages.newest(state, vertex)
+        found = self._pages.newest(state, vertex, page_state.shows("image edges"))
         if found is None:
             self._body.set("<div class='note dim'>Cropping the photos…</div>")
             return None

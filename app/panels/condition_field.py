@@ -4,7 +4,8 @@ from collections.abc import Callable, Set
 
 import viser
 
-from app.debugger.quantities import FUNCTIONS, ITEMS, VALUES
+from app.debugger.moment_pulls import WORDS
+from app.debugger.quantities import FUNCTIONS, ITEMS, STAGE_WORDS, VALUES
 from app.html import text
 from app.page_state.page_state import PageState
 from app.viser_bridge.completion import Word
@@ -12,6 +13,7 @@ from app.viser_bridge.html_events import HtmlEvents
 from app.viser_bridge.html_panel import HtmlPanel
 from app.viser_bridge.text_field import TextField
 from fairing.errors import InputError
+from fairing.terms.names import TERMS
 
 
 class ConditionField:
@@ -58,16 +60,27 @@ class ConditionField:
 
 
 def words_for(page_state: PageState) -> list[Word]:
-    """All names with their meanings; functions with the selected vertex or the photo looked through as their argument."""
+    """All names with their meanings; functions with the selected vertex or the photo looked through as their argument.
+
+    The names of terms and stages come last.
+    """
     chosen = {"vertex": page_state.selected, "view": None if page_state.entered is None else page_state.entered + 1}
 
     def call(function: str) -> str:
         item = ITEMS.get(function)
         if item is None:
             return f"{function}("
+        if item == "term":
+            return (
+                f"{function}(photos)" if page_state.selected is None else f"{function}(photos, {page_state.selected})"
+            )
+        if item == "stage":
+            return f"{function}(points)"
         return f"{function}({item if chosen[item] is None else chosen[item]})"
 
-    return [*VALUES.items(), *((call(name), meaning) for name, meaning in FUNCTIONS.items())]
+    terms = ((word, f"term: {TERMS[name]}") for word, name in WORDS.items())
+    stages = ((word, f"stage: {kind.text}") for word, kind in STAGE_WORDS.items() if word not in WORDS)
+    return [*VALUES.items(), *((call(name), meaning) for name, meaning in FUNCTIONS.items()), *terms, *stages]
 
 
 def mistake_html(mistake: str) -> str:

@@ -1,8 +1,10 @@
 """Debug bar: the buttons that run, pause, step forward and step back."""
 
+from collections.abc import Callable
+
 import viser
 
-from app.debugger.actions import ACTIONS, BLOCK_NAMES
+from app.debugger.actions import ACTIONS, BLOCK_NAMES, KEY_LABELS
 from app.debugger.run_state import RunState
 from app.html import button, icon
 from app.page_state.page_state import PageState
@@ -10,16 +12,20 @@ from app.page_state.run_controls import RunControls
 from app.viser_bridge.html_events import HtmlEvents, press
 from app.viser_bridge.html_panel import HtmlPanel
 
+INTO = "Shift+I"
 CANCEL = "Cancel (P, Space): drop the step in progress; steps that are done stay recorded"
 
 
 class DebugBar:
     """Run controls, a row of forward steps and a row of backward steps, from one iteration to a whole level."""
 
-    def __init__(self, gui: viser.GuiApi, html_events: HtmlEvents, run_controls: RunControls) -> None:
+    def __init__(
+        self, gui: viser.GuiApi, html_events: HtmlEvents, run_controls: RunControls, step_into: Callable[[], None]
+    ) -> None:
         self._panel = HtmlPanel(gui)
         self._order = "sequential"
         self._events = html_events.named({a.name: press(run_controls.poster(a.command)) for a in ACTIONS})
+        self._into = button("", html_events.button(step_into), hint=f"{KEY_LABELS[INTO]} ({INTO})", icon=icon("into"))
         self._actions = {action.name: action for action in ACTIONS}
 
     def show(self, state: RunState, page_state: PageState) -> None:
@@ -34,12 +40,12 @@ class DebugBar:
             main = self._button("run", "Run", css_class="main grow", key=True, enabled=forward)
         top = (
             f'<div class="row" style="margin-bottom:8px">{self._button("start", enabled=back)}'
-            f"{self._button('run_back', enabled=back)}{main}"
+            f"{self._button('run_back', enabled=back)}{main}{self._into}"
             f"{self._button('end', enabled=state.moment < state.length)}"
             f"{self._button('restart', enabled=state.length > 0)}</div>"
         )
-        heads = "".join(f"<span>{name}</span>" for name in ("iteration", unit, "sweep", "level"))
-        names = ("iteration", "unit", "sweep", "level")
+        heads = "".join(f"<span>{name}</span>" for name in ("iteration", unit, "sweep", "stage", "level"))
+        names = ("iteration", "unit", "sweep", "stage", "level")
         forwards = "".join(self._button(name, enabled=forward) for name in names)
         backs = "".join(self._button(f"back_{name}", enabled=back) for name in names)
         grid = (

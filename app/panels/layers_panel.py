@@ -6,13 +6,17 @@ import viser
 
 from app.debugger.run_state import RunState
 from app.html import button
+from app.page_state.association_source import OF_PHOTO
 from app.page_state.page_state import LAYERS, MAX_MAGNIFICATION, PageState
-from app.palette import CAMERA, NOW, POINTS, SELECTED, START, TRUTH, solid
+from app.palette import AXIS_COLORS, CAMERA, NOW, POINTS, SEEN, SELECTED, START, TERM_COLORS, TRUTH, solid
 from app.panels.legend import PATH
+from app.pictures.term_colors import COLOR_OF_TERM
 from app.viser_bridge.html_events import HtmlEvents, choice_of, press, whole_number
 from app.viser_bridge.html_panel import HtmlPanel
 from app.viser_bridge.synced_widget import on_user_change
 from fairing.scene import Scene
+from fairing.terms.names import IMAGE_EDGES
+from fairing.terms.names import POINTS as POINTS_TERM
 
 SWATCHES: dict[str, str] = {
     "now": solid(NOW),
@@ -23,13 +27,22 @@ SWATCHES: dict[str, str] = {
     "certainty": solid(SELECTED),
     "cameras": solid(CAMERA),
     "points": solid(POINTS),
+    "pulls": f"linear-gradient(90deg,{solid(TERM_COLORS[0])} 50%,{solid(TERM_COLORS[1])} 50%)",
+    "point feet": solid(COLOR_OF_TERM[POINTS_TERM]),
+    "image edges": solid(COLOR_OF_TERM[IMAGE_EDGES]),
+    "axes": f"linear-gradient(90deg,{','.join(f'{solid(c)} {33 * k}% {33 * k + 33}%' for k, c in enumerate(AXIS_COLORS))})",
+    "seen": solid(SEEN),
 }
-"""CSS backgrounds in the colours of the layers: vertices are green or red, paths run from green to red."""
+"""CSS backgrounds in the colours of the layers: vertices are green or red, paths run from green to red, every term has its own."""
+
+
+_ENTER = "Look through a camera to see its image edges and what it sees."
 
 
 def available_layers(scene: Scene) -> list[str]:
     """Names of the layers for which the scene has data."""
-    missing = {"truth": scene.truth is None, "points": scene.sparse_points is None}
+    has_no_points = scene.sparse_points is None
+    missing = {"truth": scene.truth is None, "points": has_no_points, "point feet": has_no_points}
     return [name for name in LAYERS if not missing.get(name, False)]
 
 
@@ -72,7 +85,9 @@ class LayersPanel:
 
     def show(self, state: RunState, page_state: PageState) -> None:
         switches = "".join(self._switch(k, name, page_state.shows(name)) for k, name in enumerate(self._names))
-        self._panel.set(f"<div class='layers'>{switches}</div><h4>Theme</h4>{self._theme}")
+        waits = any(page_state.shows(layer) for layer in OF_PHOTO) and page_state.entered is None
+        note = f"<div class='dim note'>{_ENTER}</div>" if waits else ""
+        self._panel.set(f"<div class='layers'>{switches}</div>{note}<h4>Theme</h4>{self._theme}")
 
     def _switch(self, k: int, name: str, is_on: bool) -> str:
         swatch = f'<span class="swatch" style="background:{SWATCHES[name]}"></span>'

@@ -1,14 +1,24 @@
 """Legend of the lines, the vertex marks and the surface colours, in a corner of the 3D view."""
 
+from typing import Any
+
+import numpy as np
 import viser
 
+from app.debugger.moment_pulls import MomentPulls
 from app.debugger.run_state import RunState
 from app.html import number, text
-from app.page_state.page_state import PageState
+from app.page_state.association_source import AssociationSource
+from app.page_state.page_state import ASSOCIATIONS, PageState
+from app.page_state.pull_source import PullSource, arrow_scale, chosen_vertices
 from app.page_state.vertex_marks import MARK_COLORS, shown_vertices, stepped_vertex, vertex_colors
-from app.palette import LOCKED, NOW, REFERENCE, RGB, START, STEPPED, TRUTH, solid
+from app.palette import AXIS_COLORS, LOCKED, NOW, REFERENCE, RGB, SEEN, SELECTED, START, STEPPED, TRUTH, solid
 from app.pictures.coloring import COLORINGS, UNKNOWN, Legend, Scale, color_map
+from app.pictures.term_colors import COLOR_OF_TERM
 from app.viser_bridge.view_overlay import ViewOverlay
+from fairing.judge.associations import REJECTED
+from fairing.mesh import Mesh
+from fairing.terms.names import IMAGE_EDGES, POINTS
 
 STOPS = 16
 PATH = f"linear-gradient(90deg,{solid(START)},{solid(NOW)})"
@@ -17,7 +27,10 @@ PATH = f"linear-gradient(90deg,{solid(START)},{solid(NOW)})"
 class LegendBox:
     """Overlay in the corner of the 3D view, as small as its content, so that it covers little of the mesh."""
 
-    def __init__(self, client: viser.ClientHandle) -> None:
+    def __init__(
+        self, client: viser.ClientHandle, mesh: Mesh, pulls: PullSource, associations: AssociationSource
+    ) -> None:
+        self._mesh, self._pulls, self._associations = mesh, pulls, associations
         self._overlay = ViewOverlay(client)
 
     def show(self, state: RunState, page_state: PageState, legend: Legend | None, is_painting: bool) -> None:
@@ -26,6 +39,11 @@ class LegendBox:
         is_painting: whether the surface waits for its texture.
         """
         content = lines_html(legend_lines(state, page_state)) + marks_html(state, page_state)
+        pulls = self._pulls.drawn(state, page_state)
+        if pulls is not None:
+            content += pull_arrows_html(pulls, page_state, arrow_scale(pulls, page_state, self._mesh, state.vertices))
+        found = {layer: self._associations.shown(layer, state, page_state) for layer in ASSOCIATIONS}
+        content += lines_html(association_lines(found, page_state.entered))
         if is_painting:
             content += "<div class='dim'>Painting the texture…</div>"
         if legend is not None:
@@ -46,6 +64,29 @@ def legend_lines(state: RunState, page_state: PageState) -> list[tuple[str, RGB]
         "A": (REFERENCE, page_state.reference is not None),
     }
     return [(name, color) for name, (color, is_shown) in lines.items() if is_shown]
+
+
+def association_lines(found: dict[str, Any], entered: int | None) -> list[tuple[str, RGB]]:
+    """Names and colours of the lines of the associations that are shown, by layer; None for a layer that is not."""
+    lines: list[tuple[str, RGB]] = []
+    rejects = False
+    for layer, name, term in (("point feet", "points that pull", POINTS), ("image edges", "image edges", IMAGE_EDGES)):
+        if found[layer] is not None:
+            held = found[layer].weights > REJECTED
+            lines.append((f"{int(held.sum())} {name}", COLOR_OF_TERM[term]))
+            rejects |= not held.all()
+    if rejects:
+        lines.append(("rejected by the loss", LOCKED))
+    if found["axes"] is not None:
+        counts = np.bincount(found["axes"].axis, minlength=len(AXIS_COLORS))
+        is_building = len(found["axes"].axes) > 0
+        lines += [
+            (f"{counts[k]} edges along axis {k + 1}" if is_building else "no axes: not a building", color)
+            for k, color in enumerate(AXIS_COLORS[: 3 if is_building else 1])
+        ]
+    if found["seen"] is not None and entered is not None:
+        lines.append((f"{int(found['seen'][:, entered].sum())} faces seen by this photo", SEEN))
+    return lines
 
 
 def lines_html(lines: list[tuple[str, RGB]]) -> str:
@@ -69,6 +110,17 @@ def marks_html(state: RunState, page_state: PageState) -> str:
     return f"<div class='lines marks'>{''.join(marks)}</div>" if marks else ""
 
 
+def pull_arrows_html(found: MomentPulls, page_state: PageState, scale: float) -> str:
+    """Markup: the terms whose arrows are drawn, in their order, and how much longer than the step these are."""
+    chosen = chosen_vertices(page_state)
+    drawn = [pull.name for pull in found.pulls if pull.step[chosen].any()]
+    if not drawn:
+        return ""
+    lines = [(name, COLOR_OF_TERM[name]) for name in drawn] + [(f"next step ×{scale:g}", SELECTED)]
+    dashes = "".join(f"<span><i style='background:{solid(color)}'></i>{text(name)}</span>" for name, color in lines)
+    return f"<div class='lines'>{dashes}</div>"
+
+
 def legend_html(legend: Legend) -> str:
     """Markup: title and colour scale with its ends and extremes; for categories their names and counts."""
     coloring = legend.coloring
@@ -76,7 +128,7 @@ def legend_html(legend: Legend) -> str:
     parts = [f"<div class='legend'><b>{text(coloring.title)}</b>"]
     if legend.note:
         parts.append(f"<div class='dim'>{text(legend.note)}</div>")
-    if coloring.scale is Scale.REASON:
+    if coloring.scale is Scale.CATEGORY:
         parts += [_entry(color, name, str(count)) for name, color, count in legend.categories]
     elif legend.high > legend.low:
         parts.append(_bar(legend))

@@ -1,4 +1,4 @@
-"""Lesson panel: the current lesson step with its text, pseudo-code line, question and navigation buttons."""
+"""Lesson panel: the current lesson step with its text, lines of the algorithm, question and navigation buttons."""
 
 from collections.abc import Callable
 
@@ -6,18 +6,17 @@ import viser
 
 from app.debugger.actions import KEY_LABELS
 from app.debugger.run_state import RunState
-from app.html import button, icon, text
-from app.lessons.lesson import Lesson, LessonStep
+from app.html import button, icon, number, table, text
+from app.lessons.lesson import Lesson, LessonStep, Switches
 from app.lessons.player import Findings, Player, Status
-from app.lessons.pseudo_code import LINES
 from app.lessons.typeset import line, paragraphs
 from app.page_state.page_state import PageState
 from app.palette import NOW, SELECTED, START, css
+from app.pictures.paper_code import LINES, listing
 from app.viser_bridge.html_events import HtmlEvents, integer, press
 from app.viser_bridge.html_panel import HtmlPanel
 
 MOST_CHOICES = 6
-LINES_SHOWN = 3  # lines of pseudo-code; the full listing would push the text out of the panel
 NO_FINDINGS = Findings({}, ())
 LESSON_STYLE = f"""
 .ef.ef .lesson p {{ margin: 6px 0; }} .ef .lesson ul {{ margin: 4px 0; padding-left: 18px; }}
@@ -28,15 +27,11 @@ LESSON_STYLE = f"""
 .ef .dots {{ display: flex; gap: 4px; margin-top: 7px; }}
 .ef .dots i {{ height: 4px; flex: 1; border-radius: 2px; background: var(--line); }}
 .ef .dots i.done {{ background: var(--dim); }} .ef .dots i.here {{ background: {css(SELECTED)}; }}
-.ef .listing {{ background: var(--well); border: 1px solid var(--line); border-radius: 4px; padding: 4px 0; margin: 8px 0; }}
-.ef .listing code {{ display: block; padding: 0 8px; font-size: 11px; line-height: 1.5; white-space: pre; overflow-x: hidden;
-  color: var(--dim); }}
-.ef .listing code.at {{ color: var(--strong); background: var(--row); box-shadow: inset 2px 0 {css(SELECTED)}; }}
 .ef .ask {{ border-left: 2px solid {css(SELECTED)}; padding: 0 0 0 10px; margin: 8px 0; }}
-.ef .ask button {{ width: 100%; height: auto; min-height: 26px; padding: 3px 8px; justify-content: flex-start; text-align: left;
+.ef .ask > button {{ width: 100%; height: auto; min-height: 26px; padding: 3px 8px; justify-content: flex-start; text-align: left;
   margin-top: 4px; }}
-.ef .ask button.right {{ border-color: {css(START)}; color: {css(START)}; }}
-.ef .ask button.wrong {{ border-color: {css(NOW)}; color: {css(NOW)}; }}
+.ef .ask > button.right {{ border-color: {css(START)}; color: {css(START)}; }}
+.ef .ask > button.wrong {{ border-color: {css(NOW)}; color: {css(NOW)}; }}
 .ef .aside {{ background: var(--row); border-radius: 4px; padding: 6px 8px; margin: 8px 0; }}
 .ef .lessons button {{ width: 100%; height: auto; padding: 6px 10px; margin-top: 6px; display: block; text-align: left; }}
 .ef .lessons button.on {{ border-color: {css(SELECTED)}; }}
@@ -63,6 +58,7 @@ class LessonPanel:
                 "close": press(player.close),
                 "following": press(open_following),
                 "pause": press(pause),
+                "switch": integer(player.switch, "check box", 0, MOST_CHOICES),
                 "choose": integer(player.choose, "choice", 0, MOST_CHOICES),
             }
         )
@@ -79,7 +75,7 @@ class LessonPanel:
         self._panel.set(
             f"{self._head(lesson, n)}{self._aside(player.has_strayed(state, page_state))}"
             f"<div class='lesson'><h3>{text(step.title)}</h3>{paragraphs(step.text, found.numbers)}"
-            f"{_listing(step.code)}{self._question(step, found)}{_checked(found)}</div>"
+            f"{_listing(step)}{self._question(step, found)}{self._switches(step)}{_checked(found)}</div>"
         )
 
     def _head(self, lesson: Lesson, n: int) -> str:
@@ -143,16 +139,52 @@ class LessonPanel:
         answer = "" if chosen is None else paragraphs(question.answer, found.numbers)
         return f"<div class='ask'>{paragraphs(question.text, found.numbers)}{choices}{answer}</div>"
 
+    def _switches(self, step: LessonStep) -> str:
+        """Check boxes, and the number that was measured with what is checked."""
+        player, switches = self._player, step.switches
+        if switches is None:
+            return ""
+        off, busy = player.off.get(player.step, frozenset()), player.status is not Status.THERE
+        boxes = "".join(
+            button(
+                f"{'☐' if k in off else '☑'} {label}",
+                self._events("switch", k),
+                hint=f"Switch {label} {'on' if k in off else 'off'} in a branch from this step",
+                css_class="chip" if k in off else "chip on",
+                pressed=k not in off,
+                enabled=not busy,
+            )
+            for k, (label, _) in enumerate(switches.options)
+        )
+        whole = player.measured.get((player.step, frozenset()))
+        rows = [
+            (_without(switches, each), _compared_with(whole, value))
+            for (n, each), value in player.measured.items()
+            if n == player.step
+        ]
+        return f"<div class='ask'><div class='row chips'>{boxes}</div>{table(rows)}</div>"
 
-def _listing(at: str | None) -> str:
-    """The highlighted line of pseudo-code and its neighbours."""
-    if at is None:
+
+def _without(switches: Switches, off: frozenset[int]) -> str:
+    """A branch in words."""
+    return f"without {', '.join(switches.options[k][0] for k in sorted(off))}" if off else "with all"
+
+
+def _compared_with(whole: float | None, value: float) -> str:
+    """A number, and its difference from the one with all."""
+    if whole is None or value == whole:
+        return number(value, 3)
+    sign = "+" if value > whole else "−"
+    return f"{number(value, 3)} <span class='dim'>({sign}{number(abs(value - whole), 3)})</span>"
+
+
+def _listing(step: LessonStep) -> str:
+    """The lines of the algorithm that the step is about."""
+    if step.code is None:
         return ""
-    here = list(LINES).index(at)
-    first = min(max(here - 1, 0), len(LINES) - LINES_SHOWN)
-    shown = list(LINES.items())[first : first + LINES_SHOWN]
-    rows = "".join(f"<code class='{'at' if name == at else ''}'>{text(row)}</code>" for name, row in shown)
-    return f"<div class='listing' role='figure' aria-label='Pseudo-code'>{rows}</div>"
+    return (
+        f"<div class='listing' role='figure' aria-label='Lines of fairing/paper.py'>{listing(LINES[step.code])}</div>"
+    )
 
 
 def _checked(found: Findings) -> str:

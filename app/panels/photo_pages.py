@@ -12,19 +12,24 @@ from app.debugger.step_text import slot_of
 from app.html import number, text
 from app.page_state.cells_controls import CellsControls
 from app.page_state.cells_state import ARROW_SCALES, CROP, PAIR_PICTURES, PAIR_TIMES, SPANS, CellsView
-from app.palette import NOW, RGB, SELECTED, START, css
+from app.palette import LOCKED, NOW, RGB, SELECTED, START, css, solid
 from app.panels.choice import chip, photo_link
 from app.pictures.cell_images import arrow_path, data_uri
 from app.pictures.photo_crops import FacePair, Window, face_pair
 from app.pictures.photo_store import PhotoStore
+from app.pictures.term_colors import COLOR_OF_TERM
 from app.query_cache import QueryCache
 from fairing.camera import Camera
+from fairing.errors import Cancelled
+from fairing.judge.associations import REJECTED, ImageEdges, image_edges
 from fairing.run.session import Session
 from fairing.scene import Scene
+from fairing.terms.names import IMAGE_EDGES
 
 CROP_SIDE = 158  # px
 PAIR_SIDE = 158
 MAX_PATH = 200  # points
+BAR = 9.0  # px of the crop: length of a bar along an image edge
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +42,7 @@ class VertexInPhotos:
         step: (2, 3) float, world units: positions before and after its last step; None if there was none.
         ring_start, ring_now: (F, 3, 3) float, world units: the corners of its F faces at the start and now.
         face_views: ids of the photos that see a face, by face id.
+        edges: by photo, the image edges beside the creases around the vertex; empty if not requested.
     """
 
     views: list[int]
@@ -45,10 +51,18 @@ class VertexInPhotos:
     ring_start: np.ndarray
     ring_now: np.ndarray
     face_views: dict[int, list[int]]
+    edges: dict[int, ImageEdges]
 
 
-def vertex_in_photos(session: Session, vertex: int, moment: int) -> VertexInPhotos:
-    """Collect the geometry of a vertex at a moment from the session."""
+def vertex_in_photos(session: Session, vertex: int, moment: int, with_edges: bool = False) -> VertexInPhotos:
+    """Collect the geometry of a vertex at a moment from the session.
+
+    Args:
+        with_edges: find the image edges in all its photos, too.
+
+    Raises:
+        Cancelled: cancellation was requested.
+    """
     context, mesh, trace = session.sweep_state(moment).context, session.scene.mesh, session.trace
     faces = mesh.one_rings[vertex]
     path = [trace.start[vertex]]
@@ -58,16 +72,37 @@ def vertex_in_photos(session: Session, vertex: int, moment: int) -> VertexInPhot
             path.append(record.after[slot])
     chosen = np.unique(np.linspace(0, len(path) - 1, min(len(path), MAX_PATH)).astype(int))
     found = last_step_about(trace.steps, moment, vertex)
+    views = np.flatnonzero(context.vertex_views[vertex]).tolist()
     return VertexInPhotos(
-        views=np.flatnonzero(context.vertex_views[vertex]).tolist(),
+        views=views,
         path=np.array(path)[chosen],
         step=None if found is None else np.stack([found[1].before[found[2]], found[1].after[found[2]]]),
         ring_start=trace.start[mesh.faces[faces]],
         ring_now=trace.vertices_at(moment)[mesh.faces[faces]],
         face_views={int(f): context.kernel.pair_view[context.pairs_of(int(f))].tolist() for f in faces},
+        edges={view: edges_around(session, vertex, moment, view) for view in views} if with_edges else {},
     )
 
 
+def edges_around(session: Session, vertex: int, moment: int, view: int) -> ImageEdges:
+    """The image edges in a photo beside creases between a vertex and its neighbours, or between two of these.
+
+    Raises:
+        Cancelled: cancellation was requested.
+    """
+    if session.cancel_requested():
+        raise Cancelled
+    found, mesh = image_edges(session, moment, view), session.scene.mesh
+    around = mesh.faces[mesh.one_rings[vertex]]
+    return found.of(np.asarray(np.isin(found.crease, around).all(axis=1)))
+
+
+PhotosKey = tuple[int, int, int, bool]
+"""Run, moment, vertex, and whether image edges are included."""
+
+_EDGES_NOTE = (
+    f" <span style='color:{solid(COLOR_OF_TERM[IMAGE_EDGES])}'>—</span> image edges beside creases (grey: rejected)"
+)
 _BEHIND = "<div class='note'>A corner of the face lies behind one of these cameras.</div>"
 
 
@@ -79,14 +114,21 @@ class PhotoPages:
         enter: Callable[[str], str],
     ) -> None:  # fmt: skip
         self._scene, self._photos, self._controls, self._enter = scene, photos, controls, enter
-        self._lookup: QueryCache[tuple[int, int, int], VertexInPhotos] = QueryCache(controller.query)
+        self._lookup: QueryCache[PhotosKey, VertexInPhotos] = QueryCache(controller.query)
 
-    def newest(self, state: RunState, vertex: int) -> tuple[tuple[int, int, int], VertexInPhotos | Exception] | None:
-        """The latest query result for a vertex, with its key (run, moment, vertex). Posts a query while paused."""
+    def newest(
+        self, state: RunState, vertex: int, with_edges: bool
+    ) -> tuple[PhotosKey, VertexInPhotos | Exception] | None:
+        """The latest query result for a vertex, with its key. Posts a query while paused.
+
+        Args:
+            with_edges: whether image edges are shown.
+        """
         if state.activity is Activity.PAUSED:
             moment = state.moment
             self._lookup.request(
-                (state.run_id, moment, vertex), lambda session: vertex_in_photos(session, vertex, moment)
+                (state.run_id, moment, vertex, with_edges),
+                lambda session: vertex_in_photos(session, vertex, moment, with_edges),
             )
         found = self._lookup.latest
         return found if found is not None and (found[0][0], found[0][2]) == (state.run_id, vertex) else None
@@ -112,7 +154,7 @@ class PhotoPages:
             f"<div class='row chips'><span class='dim'>Show</span>{spans}</div>"
             f"<div class='row chips'><span class='dim'>Step</span>{scales}</div>"
             f"<div class='dim'><span class='start'>—</span> start <span class='now'>—</span> now and the path "
-            f"<span class='selected'>→</span> its last step, ×{cells_view.arrow_scale}</div>"
+            f"<span class='selected'>→</span> its last step, ×{cells_view.arrow_scale}{_EDGES_NOTE if known.edges else ''}</div>"
             f"<div class='crops'>{tiles}</div>"
         )
 
@@ -136,7 +178,7 @@ class PhotoPages:
             _lines(window.place(start), START) + _lines(window.place(now), NOW)
             + _lines(window.place(path)[None], NOW, 2.4, closed=False)
             + f'<circle cx="{here[0]:.1f}" cy="{here[1]:.1f}" r="3" fill="{css(NOW)}"/>'
-            + f'<path d="{step}" stroke="{css(SELECTED)}" style="stroke-width:2"/>',
+            + f'<path d="{step}" stroke="{css(SELECTED)}" style="stroke-width:2"/>' + _edge_marks(known.edges.get(view_id), window),
         )  # fmt: skip
 
     def pair(self, known: VertexInPhotos, face: int, slot: int, cells_view: CellsView, affine: bool) -> str:
@@ -219,6 +261,22 @@ class PhotoPages:
     def _name(self, view_id: int) -> str:
         name = self._scene.views[view_id].name
         return f"<div class='one'>{photo_link(view_id, name, self._enter(str(view_id)))}</div>"
+
+
+def _edge_marks(found: ImageEdges | None, window: Window) -> str:
+    """SVG: a tick from each segment of a crease to its image edge, which is drawn as a bar; grey where the loss rejects it."""
+    if found is None:
+        return ""
+    crease, edge = window.place(found.crease_px), window.place(found.edge_px)
+    along = 0.5 * BAR * found.along_px
+    parts = {True: "", False: ""}
+    for a, b, half, weight in zip(crease, edge, along, found.weights, strict=True):
+        (x0, y0), (x1, y1) = b - half, b + half
+        parts[bool(weight > REJECTED)] += (
+            f"M{a[0]:.1f} {a[1]:.1f}L{b[0]:.1f} {b[1]:.1f}M{x0:.1f} {y0:.1f}L{x1:.1f} {y1:.1f}"
+        )
+    colors = {True: solid(COLOR_OF_TERM[IMAGE_EDGES]), False: css(LOCKED)}
+    return "".join(f'<path d="{d}" stroke="{colors[held]}" style="stroke-width:2"/>' for held, d in parts.items() if d)
 
 
 def chosen_pair(views: list[int], wanted: tuple[int | None, int | None]) -> tuple[int, int]:

@@ -13,11 +13,13 @@ from app.debugger.compare import Compared, RunEnergies, look_up
 from app.debugger.error_history import RunErrors
 from app.debugger.history import EnergyHistory, Recorded
 from app.debugger.run_state import RunState
-from app.debugger.series import QUANTITIES, Quantity, Series, series_of
+from app.debugger.series import NAN, QUANTITIES, Quantity, Series, series_of
+from app.debugger.stage_text import blur_text, fit_lines, stage_name
 from app.debugger.step_text import slot_of
 from app.html import number, text
 from app.page_state.page_state import PageState, PlotView
-from app.palette import NOW, REFERENCE, SELECTED, css
+from app.page_state.pull_source import PullSource
+from app.palette import NOW, REFERENCE, RGB, SELECTED, css, solid
 from app.panels.choice import chip
 from app.panels.plot_drawing import (
     BOTTOM,
@@ -31,20 +33,34 @@ from app.panels.plot_drawing import (
     line_at,
     value_scale,
 )
+from app.pictures.stage_colors import COLOR_OF_STAGE
+from app.pictures.term_colors import COLOR_OF_TERM
 from app.plot_line import Line, intervals
 from app.viser_bridge.html_events import Handler, HtmlEvents, choice_of, press
 from app.viser_bridge.html_panel import HtmlPanel
 from fairing.mesh import Mesh
+from fairing.stage_kind import StageKind
 from fairing.trace import StepRecord
 
 A_WIDTH = 10  # of the mark of A, in units of the plot
 NUMBER_WIDTH = 50  # of the present value
 
-ERROR = "error"
+ERROR, FIT, TERMS = "error", "fit", "terms"
 _ERROR = Quantity(
     ERROR, "distance to the truth along directions the photos determine, % of the diagonal; of the run: RMS",
     "RMS distance to the truth, % of diagonal", "Distance to the truth, % of diagonal", False,
-    lambda record: float("nan"), lambda record, slot, ring: float("nan"),
+    lambda record: NAN, lambda record, slot, ring: NAN,
+)  # fmt: skip
+_FIT = Quantity(
+    FIT, "objective of the fits, percent of its value at the beginning of each stage. Every gate or sweep has its own "
+    "associations; what each leaves multiplies with what the earlier ones have left",
+    "Objective of each fit, % of its beginning", "Objective of each fit, % of its beginning", False,
+    lambda record: NAN, lambda record, slot, ring: NAN,
+)  # fmt: skip
+_TERMS = Quantity(
+    "energy", "energy of each term at the moments visited, sum over the vertices; a face counts for each of its corners. "
+    "Only connected points compare", "", "", True,
+    lambda record: NAN, lambda record, slot, ring: NAN,
 )  # fmt: skip
 
 
@@ -61,11 +77,13 @@ class Plot:
         run_errors: RunErrors | None,
         html_events: HtmlEvents,
         page_state: PageState,
+        pulls: PullSource,
         jump: Handler,
         republish: Callable[[], None],
     ) -> None:
         self._mesh, self._energies, self._run_energies, self._run_errors = mesh, energies, run_energies, run_errors
-        self._quantities = QUANTITIES if run_errors is None else {ERROR: _ERROR} | QUANTITIES
+        self._pulls = pulls
+        self._quantities = ({} if run_errors is None else {ERROR: _ERROR}) | QUANTITIES | {FIT: _FIT, TERMS: _TERMS}
 
         def change(**changes: object) -> None:
             page_state.plot = replace(page_state.plot, **changes)
@@ -78,6 +96,9 @@ class Plot:
                     lambda name: change(name=name, is_log=None), lambda: list(self._quantities), "quantity"
                 ),
                 "vertex": press(lambda: change(of_vertex=not page_state.plot.of_vertex)),
+                "terms": press(
+                    lambda: change(name="energy" if self._name(page_state.plot) == TERMS else TERMS, is_log=None)
+                ),
                 "log": press(lambda: change(is_log=not self._is_log(page_state.plot))),
             }
         )
@@ -86,8 +107,15 @@ class Plot:
         self._shown: object = None
 
     def _name(self, plot: PlotView) -> str:
-        """The quantity that is plotted: the user's choice, else the error where the truth is known, else the energy."""
-        return plot.name if plot.name in self._quantities else next(iter(self._quantities))
+        """The quantity that is plotted: the user's choice, else the error where the truth is known, else the energy, or the
+        objective of the fits until a step has measured an energy."""
+        if plot.name in self._quantities:
+            return plot.name
+        first = next(iter(self._quantities))
+        return FIT if first == "energy" and self._has_fits() and not self._energies.is_measured else first
+
+    def _has_fits(self) -> bool:
+        return bool(np.isin(self._energies.curves.kinds, [kind for kind in StageKind if kind.is_fit]).any())
 
     def _is_log(self, plot: PlotView) -> bool:
         """Whether the scale is logarithmic: the user's choice, else the default of the quantity."""
@@ -98,11 +126,12 @@ class Plot:
         vertex = page_state.selected if plot.of_vertex else None
         compared = look_up(page_state.reference, state)
         reference = None if compared is None else (compared.run.run_id, compared.run.length, compared.moment)
-        key = (state.run_id, state.length, state.moment, plot, vertex, page_state.selected, reference)
+        name = self._name(plot)
+        known = () if name != TERMS or self._pulls.at(state) is None else tuple(self._pulls.energies(state.run_id))
+        key = (state.run_id, state.length, state.moment, plot, vertex, page_state.selected, reference, known)
         if key == self._shown:
             return
         self._shown = key
-        name = self._name(plot)
         chips = self._chips(plot, page_state.selected, vertex, has_steps=state.length > 0)
         if state.length == 0:
             self._panel.set(chips + _empty("No steps yet."))
@@ -110,17 +139,39 @@ class Plot:
         if plot.of_vertex and vertex is None:
             self._panel.set(chips + _empty("Select a vertex to plot it."))
             return
-        lines = self._lines(state, self._energies, name, vertex, "now")
+        lines, colors = self._lines(state, self._energies, name, vertex, "now"), None
+        if name == TERMS:
+            lines, colors = self._lines_of_terms(state, vertex)
         if not lines:
-            self._panel.set(chips + _empty("No step has recorded this yet."))
+            why = "Computing…" if name == TERMS else "No step has recorded this yet."
+            self._panel.set(chips + _empty(why))
             return
         others: list[Line] = []
         if compared is not None and compared.run.run_id != state.run_id and compared.run.length:
             energies = self._run_energies.of(compared.run)
             others = self._lines(compared.run, energies, name, vertex, "reference")
-        self._panel.set(chips + self._picture(state, plot, lines, compared, others))
+        self._panel.set(chips + self._picture(state, plot, lines, colors, compared, others))
+
+    def _lines_of_terms(self, state: RunState, vertex: int | None) -> tuple[list[Line], list[RGB]]:
+        """Lines of the terms at the moments whose pulls are known, one a sweep, and their colours."""
+        known = self._pulls.energies(state.run_id)
+        moments = np.array([moment for moment in known if moment <= state.length], dtype=int)
+        sweeps = self._energies.sweeps[np.minimum(moments, state.length - 1)]
+        lines, colors = [], []
+        for begin, end in intervals(sweeps) if len(moments) else ():
+            part = moments[begin:end].tolist()
+            for name in {name: None for moment in part for name in known[moment]}:
+                found = [(moment, known[moment][name]) for moment in part if name in known[moment]]
+                values = [energy.sum() if vertex is None else energy[vertex] for _, energy in found]
+                lines.append(Line(np.array([moment for moment, _ in found]), np.array(values, dtype=float)))
+                colors.append(COLOR_OF_TERM[name])
+        return lines, colors
 
     def _lines(self, run: Recorded, energies: EnergyHistory, name: str, vertex: int | None, role: str) -> list[Line]:
+        if name == TERMS:
+            return []
+        if name == FIT:
+            return fit_lines(run.trace.steps, energies.stages(run.length))
         if name == "energy" and vertex is None:
             return energies.lines(run.length)
         if name == ERROR and vertex is None:
@@ -150,32 +201,56 @@ class Plot:
 
     def _chips(self, plot: PlotView, selected: int | None, vertex: int | None, has_steps: bool) -> str:
         """Buttons for the quantities; below, what the chosen one is (once a step has recorded it), whose it is, and its scale."""
+        chosen = self._name(plot)
+        is_energy = chosen in ("energy", TERMS)
+        left_out = {TERMS} if self._has_fits() else {TERMS, FIT}
         quantities = "".join(
             chip(
                 quantity.title,
                 self._events("quantity", n),
                 f"Plot {quantity.meaning}",
-                name == self._name(plot),
+                name == chosen or (name == "energy" and is_energy),
                 "chip tight",
             )
             for n, (name, quantity) in enumerate(self._quantities.items())
+            if name not in left_out
         )
         whose = "vertex" if selected is None else f"v {selected}"
         hint = "Plot the selected vertex (instead of the whole run)"
         of_vertex = chip(whose, self._events("vertex"), hint, plot.of_vertex, "chip tight")
         log = chip("log", self._events("log"), "Logarithmic scale", self._is_log(plot), "chip tight")
-        quantity = self._quantities[self._name(plot)]
-        caption = (quantity.run_caption if vertex is None else quantity.vertex_caption) if has_steps else ""
+        quantity = self._quantities[chosen]
+        caption = text((quantity.run_caption if vertex is None else quantity.vertex_caption) if has_steps else "")
         meaning = quantity.meaning[:1].upper() + quantity.meaning[1:]
-        note = f"<span class='dim one grow' title='{text(meaning)}'>{text(caption)}</span>"
+        if chosen == TERMS:
+            caption = self._legend_of_terms()
+        note = f"<span class='dim one grow' title='{text(meaning)}'>{caption}</span>"
+        if is_energy:
+            hint = "Energy of each term at the moments visited (each costs about one iteration)"
+            note += chip("terms", self._events("terms"), hint, chosen == TERMS, "chip tight")
         return (
             f"<div class='row chips quantities'>{quantities}</div>"
             f"<div class='row chips quantities kind'>{note}{of_vertex}{log}</div>"
         )
 
+    def _legend_of_terms(self) -> str:
+        """The terms of the latest pulls, in their colours."""
+        latest = self._pulls.latest_names
+        return " ".join(
+            f"<i class='swatch' style='background:{solid(COLOR_OF_TERM[name])}'></i>{text(name)}" for name in latest
+        )
+
     def _picture(
-        self, state: RunState, plot: PlotView, lines: list[Line], compared: Compared | None, others: list[Line]
-    ) -> str:
+        self, state: RunState, plot: PlotView, lines: list[Line], colors: list[RGB] | None, compared: Compared | None,
+        others: list[Line],
+    ) -> str:  # fmt: skip
+        """The plot.
+
+        Args:
+            lines: of this run.
+            colors: of the lines; None: that of the current mesh.
+            others: lines of the compared run.
+        """
         name = self._name(plot)
         everything = np.concatenate([line.values for line in (*lines, *others)])
         length = max(state.length, *(int(line.moments[-1]) for line in others), 1)
@@ -188,17 +263,29 @@ class Plot:
             return HEIGHT - BOTTOM - (HEIGHT - TOP - BOTTOM) * scale.heights(values)
 
         parts = [frame(scale.marks, y)]
-        levels = self._energies.levels[: state.length]
-        for first, end in intervals(levels):
-            blur = state.options.schedule.blur[levels[first]]
-            parts.append(band(float(x(first)), float(x(end)), f"σ {blur:g}", first > 0))
+        shown = np.zeros(length + 1, dtype=bool)
+        for line in lines:
+            shown[line.moments] = True
+        for stage in self._energies.stages(state.length):
+            is_photos = stage.kind is StageKind.PHOTOS
+            label = (
+                f"σ {blur_text(stage.level, state.options)}" if is_photos else stage_name(stage.kind, 0, state.options)
+            )
+            color, is_empty = COLOR_OF_STAGE[stage.kind], not shown[stage.begin + 1 : stage.end + 1].any()
+            left, right = float(x(stage.begin)), float(x(stage.end))
+            parts.append(
+                band(left, right, label, color, is_empty=is_empty and name != TERMS, has_border=stage.begin > 0)
+            )
         # Lines of A are pale beyond A's moment; the other lines are pale beyond the current moment.
         parts.extend(line_at(line, compared.moment, x, y, length, REFERENCE) for line in others if compared)
-        parts.extend(line_at(line, state.moment, x, y, length, NOW) for line in lines)
+        for line, color in zip(lines, colors or [NOW] * len(lines), strict=True):
+            parts.append(line_at(line, state.moment, x, y, length, color))
         if compared is not None:
             parts.append(_mark_of_a(float(x(min(compared.moment, length)))))
         here = [line for line in lines if line.moments[0] <= state.moment]
-        if here:
+        if name in (FIT, "energy") and not plot.of_vertex:  # no line reaches a stage that has no such values
+            here = [line for line in here if state.moment <= line.moments[-1]]
+        if here and name != TERMS:
             value = here[-1].values[np.searchsorted(here[-1].moments, state.moment, side="right") - 1]
             parts.append(f'<circle cx="{x(state.moment):.1f}" cy="{y(value):.1f}" r="4" fill="{css(SELECTED)}"/>')
             right = WIDTH - RIGHT - 2

@@ -14,6 +14,7 @@ from app.ticks import log_ticks, tick_labels, ticks
 WIDTH, HEIGHT = 312, 132
 LEFT, RIGHT, TOP, BOTTOM = 46, 6, 8, 18
 MARGIN = 0.05  # of the range of values, above and below them
+LETTER = 5.6  # width of a letter of a label, at most
 ZERO_BELOW = 0.15  # of the height: room for the label of zero
 
 
@@ -72,12 +73,20 @@ def frame(values: np.ndarray, y: Callable[[float], np.ndarray]) -> str:
     return "".join(lines)
 
 
-def band(left: float, right: float, label: str, has_border: bool) -> str:
-    """A level between two x positions, SVG px: its label, and its left border."""
-    line = f'x1="{left:.1f}" x2="{left:.1f}" y1="{TOP}" y2="{HEIGHT - BOTTOM}"'
+def band(left: float, right: float, label: str, color: RGB, *, is_empty: bool, has_border: bool) -> str:
+    """A stage between two x positions, SVG px: its label if there is room, a line in its colour, and its left border.
+
+    Args:
+        is_empty: whether the plot has no values in it; then its ground is tinted, so that a gap does not look like a fault.
+    """
+    bottom, width = HEIGHT - BOTTOM, right - left
+    line = f'x1="{left:.1f}" x2="{left:.1f}" y1="{TOP}" y2="{bottom}"'
     border = f'<line {line} stroke="var(--faint)" stroke-dasharray="2 3"/>'
-    name = f'<text x="{(left + right) / 2:.1f}" y="{HEIGHT - 5}" text-anchor="middle">{text(label)}</text>'
-    return (border if has_border else "") + (name if right - left > 30 else "")
+    name = f'<text x="{(left + right) / 2:.1f}" y="{HEIGHT - 4}" text-anchor="middle">{text(label)}</text>'
+    foot = f'<rect x="{left:.1f}" y="{bottom}" width="{max(1.0, width):.1f}" height="3" fill="{css(color)}"/>'
+    ground = f'<rect x="{left:.1f}" y="{TOP}" width="{width:.1f}" height="{bottom - TOP}" fill="{css(color, 0.12)}"/>'
+    has_room = width > LETTER * len(label) + 6
+    return (ground if is_empty else "") + (border if has_border else "") + foot + (name if has_room else "")
 
 
 def line_at(
@@ -99,6 +108,6 @@ def line_at(
 
 def _polyline(x: np.ndarray, y: np.ndarray, color: str) -> str:
     if len(x) == 1:
-        return f'<circle cx="{x[0]:.1f}" cy="{y[0]:.1f}" r="1.5" fill="{color}"/>'
+        return f'<circle cx="{x[0]:.1f}" cy="{y[0]:.1f}" r="2" fill="{color}"/>'
     points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True))
     return f'<polyline points="{points}" fill="none" stroke="{color}" stroke-width="2" stroke-linejoin="round"/>'

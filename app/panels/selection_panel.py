@@ -1,4 +1,4 @@
-"""Selection panel: the selected vertices by number, with buttons to lock and reset them."""
+"""Selection panel: the selected vertices by number, with buttons to lock and reset them, and what can be done with them."""
 
 from collections.abc import Callable
 
@@ -53,26 +53,38 @@ class SelectionPanel:
             self._events("lock"),
             hint=f"{word} (F): neither the engine nor dragging moves a locked vertex",
             icon=icon("unlock" if locked.all() else "lock"),
-            css_class="grow",
+            css_class="small",
         )
         reset = button(
             "Reset",
             self._events("reset"),
             hint="Reset (Z): moves the selection back to its start position, recorded as a step",
             icon=icon("back"),
-            css_class="grow",
+            css_class="small",
             enabled=bool((moved & ~locked).any()),
         )
-        if locked.all():
-            note = "Locked: shown as a block; it does not move."
-        elif locked.any():
-            note = f"{int(locked.sum())} of them locked: shown as blocks; they do not move."
-        else:
-            note = "Drag the yellow ball to move the selection. The next run continues from there."
-        return (
-            f"<div class='big'>Vertex {text(current)}{count}</div><div class='row' style='margin:6px 0 4px'>{lock}{reset}"
-            f"</div><div class='dim'>{text(note)}</div>"
+        return f"<div class='row'><span class='big one grow'>Vertex {text(current)}{count}</span>{lock}{reset}</div>"
+
+
+class SelectionNote:
+    """What can be done with the selected vertices. Below their pulls, which have to fit a small window."""
+
+    def __init__(self, gui: viser.GuiApi) -> None:
+        self._panel = HtmlPanel(gui)
+
+    def show(self, state: RunState, page_state: PageState) -> None:
+        self._panel.set(
+            "" if page_state.selected is None else f"<div class='dim'>{text(_note(state, page_state))}</div>"
         )
+
+
+def _note(state: RunState, page_state: PageState) -> str:
+    locked = state.locked[list(page_state.selection.vertices)]
+    if locked.all():
+        return "Locked: shown as a block; it does not move."
+    if locked.any():
+        return f"{int(locked.sum())} of them locked: shown as blocks; they do not move."
+    return "Drag the yellow ball to move the selection. The next run continues from there."
 
 
 _NOTHING = (

@@ -10,12 +10,14 @@ from app.debugger.commands import Extent
 from app.debugger.history import EnergyHistory
 from app.debugger.moment_id import moment_id
 from app.debugger.run_state import Activity, RunState
+from app.debugger.stage_text import blur_text, stage_line, sweep_word
 from app.debugger.step_text import step_outcome
 from app.html import copy_button, number, text
 from app.page_state.page_state import PageState
+from app.palette import css
+from app.pictures.stage_colors import COLOR_OF_STAGE
 from app.viser_bridge.html_panel import HtmlPanel
-from fairing.cells.level_choice import first_fine_level, level_for_error
-from fairing.run.phases import schedule_of
+from fairing.cells.level_choice import first_fine_level
 from fairing.trace import SchedulePosition
 
 _COUNT = re.compile(r"[,:] (\w+ )?\d+ of \d+$")
@@ -24,13 +26,20 @@ _COUNT = re.compile(r"[,:] (\w+ )?\d+ of \d+$")
 class Status:
     """A few lines that stay visible while the column scrolls."""
 
-    def __init__(self, gui: viser.GuiApi, energies: EnergyHistory, to_beginning: Callable[[str], str]) -> None:
+    def __init__(
+        self,
+        gui: viser.GuiApi,
+        energies: EnergyHistory,
+        to_beginning: Callable[[str], str],
+        go_to: Callable[[str], str],
+    ) -> None:
         """
         Args:
             to_beginning: JavaScript that goes to the beginning of an extent, given its number.
+            go_to: JavaScript that goes to a moment, given its number.
         """
         self._panel = HtmlPanel(gui)
-        self._energies, self._to_beginning = energies, to_beginning
+        self._energies, self._to_beginning, self._go_to = energies, to_beginning, go_to
 
     def show(self, state: RunState, page_state: PageState) -> None:
         record = state.record
@@ -49,9 +58,10 @@ class Status:
                       f"<div style='width:{done}%'></div></div>"  # fmt: skip
         self._panel.set(
             f"<div class='pinned'><div class='row'><span class='big'>{_headline(state, page_state)}</span>"
-            f"<span class='grow'></span><span class='dim'>{_speed(state)}</span></div>"
+            f"{self._stage(state)}</div>"
             f"<div class='crumbs row'>{self._crumbs(state)}</div>"
-            f"<div class='row'><span class='one grow'>{self._energy(state)}</span>{_blur(state)}</div>"
+            f"<div class='row'><span class='one grow'>{self._energy(state)}</span>"
+            f"<span class='dim' style='flex:none'>{_speed(state)}</span></div>"
             f"<div class='dim one' title='{text(last)}'>{text(last)}</div>"
             f"<div class='row'><span class='{color} grow work-line' title='{text(line)}'>{_work_line(line)}</span>"
             f"<span class='dim' style='flex:none'>{text(left)}</span></div>{bar}</div>"
@@ -65,7 +75,7 @@ class Status:
             return "nothing to do"
         parts = [
             self._crumb(Extent.LEVEL, "level", f"level <b>{at.level + 1}/{levels}</b>"),
-            self._crumb(Extent.SWEEP, "sweep", f"sweep <b>{at.sweep + 1}</b>"),
+            self._crumb(Extent.SWEEP, "sweep", f"{sweep_word(state.next_stage)} <b>{self._sweep_in_stage(state)}</b>"),
         ]
         order = state.options.schedule.order
         if order != "joint":
@@ -77,19 +87,54 @@ class Status:
         copy = copy_button(here, f"Copy the name of this moment, {here} (for --at)")
         return f"{'<i>›</i>'.join(parts)}<span class='grow'></span>{copy}"
 
+    def _stage(self, state: RunState) -> str:
+        """The stage of the last step, and what the step is in it; at the start the blur of the photos."""
+        if state.record is None:
+            hint = "Blur of the photos at this level: standard deviation in photo pixels"
+            blur = blur_text(state.position.level, state.options) if _shown_position(state) else ""
+            return f"<span class='grow'></span><span class='dim' title='{hint}'>{blur and f'σ {blur}'}</span>"
+        progress = self._energies.stage_progress(state.moment - 1, state.length)
+        line = text(stage_line(state.record, progress, state.options))
+        color = css(COLOR_OF_STAGE[state.record.stage])
+        press = text(self._go_to(str(progress.stage.begin)))
+        return (
+            f"<button type='button' class='in-stage grow' title='{line}. To the beginning of this stage' onclick=\"{press}\">"
+            f"<i class='swatch' style='background:{color}'></i><span class='one'>{line}</span></button>"
+        )
+
+    def _sweep_in_stage(self, state: RunState) -> int:
+        """Number of the sweep of the next step within its stage, from 1; of the last step when finished."""
+        record = state.record
+        if state.moment < state.length:
+            return self._energies.stage_progress(state.moment, state.length).sweep
+        if record is None:
+            return 1
+        last = self._energies.stage_progress(state.moment - 1, state.length)
+        if state.next_stage is None:
+            return last.sweep
+        if (state.next_stage, state.position.level) != (record.stage, record.position.level):
+            return 1
+        return last.sweep + (state.position.sweep != record.position.sweep)
+
     def _crumb(self, extent: Extent, name: str, content: str) -> str:
         press = text(self._to_beginning(str(int(extent))))
         return f'<button type="button" title="To the beginning of this {name}" onclick="{press}">{content}</button>'
 
     def _energy(self, state: RunState) -> str:
-        if state.record is None or len(state.record.faces) == 0:
-            return "Energy <span class='dim'>not measured yet</span>"
-        before, after = float(self._energies.before[state.moment - 1]), float(self._energies.after[state.moment - 1])
+        record, what = state.record, "Energy"
+        if record is not None and record.stage.is_fit and len(record.faces) == 0:
+            what, before, after = "Objective", record.objective_before, record.objective_after
+        elif record is None or len(record.faces) == 0:
+            return f"Energy <span class='dim'>not measured {'yet' if record is None else 'in this step'}</span>"
+        else:
+            before, after = (float(curve[state.moment - 1]) for curve in (self._energies.before, self._energies.after))
         change = after - before
         percent = 100 * change / before if before else 0.0
         share = "&lt;\u20090.01" if 0 < abs(percent) < 0.01 else _signed(percent, 3)
         color = "start" if change < 0 else ("dim" if change == 0 else "rejected")
-        return f"Energy <b>{number(after, 6)}</b> <span class='{color}'>{_signed(change)} ({share} %)</span>"
+        digits = 6 if what == "Energy" else 5
+        changed = f"{_signed(change, digits - 2)} ({share} %)"
+        return f"{what} <b>{number(after, digits)}</b> <span class='{color}'>{changed}</span>"
 
 
 def _shown_position(state: RunState) -> SchedulePosition | None:
@@ -97,15 +142,6 @@ def _shown_position(state: RunState) -> SchedulePosition | None:
     if state.position.level < state.options.n_levels:
         return state.position
     return None if state.record is None else state.record.position
-
-
-def _blur(state: RunState) -> str:
-    """Blur of the current level: energies compare only within one."""
-    at = _shown_position(state)
-    if at is None:
-        return ""
-    hint = "Blur of the photos at this level: standard deviation in photo pixels"
-    return f"<span class='dim' style='flex:none' title='{hint}'>σ {state.options.schedule.blur[at.level]:g} px</span>"
 
 
 def _ordinal(count: int) -> str:
@@ -137,18 +173,13 @@ def _reason(state: RunState, outcome: str) -> str:
 def begin_note(state: RunState) -> str:
     """Why a run skips coarse levels, by its plan; blank if it skips none or is not planned yet."""
     plan, options = state.trace.plan, state.options
-    begin = 0 if plan is None else schedule_of(options, plan).begin_level
+    begin = 0 if plan is None else plan.first_level
     if plan is None or begin == 0:
         return "\u00a0"
-    error = plan.start_error or plan.start_sigma
-    if plan.is_near_truth:
-        why = "the start is near the truth"
-    elif plan.represents_surface and begin == options.n_levels - 1:
+    if plan.represents_surface and begin == options.n_levels - 1:
         why = "the start is near its points"
     elif plan.is_fitted_to_points and begin == first_fine_level(options):
         why = "the start fits its points"
-    elif error > 0 and level_for_error(error, options) == begin:
-        why = f"the start is about {number(error, 2)} px off"
     else:
         why = "its blur suits the face size"
     return f"Begins at level {begin + 1}: {why}"
@@ -159,10 +190,10 @@ def _reason_color(state: RunState) -> str:
 
 
 def _speed(state: RunState) -> str:
-    if state.step_seconds <= 0:
-        return ""
+    if state.step_seconds <= 0 or (state.record is not None and state.record.stage.is_fit):
+        return ""  # steps of fits are fast, and their number says little
     if state.step_seconds < 1:
-        return f"{1 / state.step_seconds:.3g} steps/s"
+        return f"{number(1 / state.step_seconds, 2)} steps/s"
     return f"{number(state.step_seconds, 2)} s/step"
 
 

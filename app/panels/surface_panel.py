@@ -8,13 +8,14 @@ from app.debugger.run_state import RunState
 from app.html import button, icon, photo_title, text
 from app.page_state.page_state import FLOW_SCALES, NOW_SHAPE, START_SHAPE, SURFACES, TRUE_SHAPE, PageState
 from app.panels.choice import choice
-from app.pictures.coloring import COLORINGS, available_colorings
+from app.pictures.coloring import COLORINGS, PULL, available_colorings
 from app.pictures.texturer import MOST_FACES, MOST_FACES_VIEW_DEPENDENT
 from app.viser_bridge.html_events import Guarded, HtmlEvents, choice_of, integer
 from app.viser_bridge.html_panel import HtmlPanel
 from app.viser_bridge.synced_widget import SyncedSlider
 from fairing.errors import InputError
 from fairing.scene import Scene
+from fairing.terms.names import TERMS
 
 SHAPES = {START_SHAPE: "Start", NOW_SHAPE: "Now", TRUE_SHAPE: "Truth"}
 TEXTURES = {False: "Static", True: "View-dependent"}
@@ -39,6 +40,7 @@ class SurfaceControls:
                 "texture": choice_of(self.choose_texture, lambda: list(TEXTURES), "texture"),
                 "shape": choice_of(self.choose_shape, lambda: self._shapes, "shape"),
                 "photo": integer(self._choose_photo, "photo", -1, len(scene.views) - 1),
+                "term": choice_of(self._choose_term, lambda: list(TERMS), "term"),
                 "scale": choice_of(self._choose_scale, lambda: FLOW_SCALES, "arrow length"),
             }
         )
@@ -78,6 +80,17 @@ class SurfaceControls:
             f"<div class='dim note'>of the photo</div><div class='row'>{previous}<span class='grow one' "
             f"style='text-align:center'>{text(name)}</span>{following}</div>{arrows if state.surface == 'flow' else ''}"
         )
+
+    def terms(self) -> str:
+        """Markup of a control that selects the term whose pull is shown; else empty."""
+        if self._page_state.surface != PULL:
+            return ""
+        terms = {name: (name.capitalize(), self._events("term", k)) for k, name in enumerate(TERMS)}
+        return f"<div class='dim note'>of the term</div>{choice(terms, self._page_state.pull_term, 'Term')}"
+
+    def _choose_term(self, term: str) -> None:
+        self._page_state.pull_term = term
+        self._republish()
 
     def _choose_photo(self, view: int) -> None:
         self._page_state.residual_view = None if view < 0 else view
@@ -146,7 +159,7 @@ class SurfacePanel:
         shapes = choice(controls.shapes(), page_state.shape, "Vertices at")
         self._panel.set(
             f"<h4>Surface</h4>{how}<div class='dim note'>texture</div>{textures}{self._note}"
-            f"<div class='dim note'>coloured by</div>{colorings}{controls.photos()}"
+            f"<div class='dim note'>coloured by</div>{colorings}{controls.photos()}{controls.terms()}"
             f"<div class='dim note'>vertices at</div>{shapes}"
         )
         self._followed.follow(page_state.shape)

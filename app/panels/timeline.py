@@ -13,6 +13,7 @@ from app.debugger.run_state import Activity, RunState
 from app.html import button, icon, text
 from app.page_state.page_state import PageState
 from app.page_state.run_controls import RunControls
+from app.panels.stage_band import stage_band
 from app.pictures.cell_images import data_uri
 from app.pictures.strip import KINDS, StepHistory
 from app.plot_line import begins
@@ -183,19 +184,25 @@ class Timeline:
 
     def _picture(self, state: RunState, page_state: PageState) -> str:
         if state.length == 0:
-            return "<div class='row extent'><span>Steps</span><div class='strip'></div></div>"
+            return (
+                "<div class='row extent'><span>Steps</span><div class='strip'></div></div>"
+                "<div class='row extent'><span>Stages</span><div class='stages'></div></div>"
+            )
         cursor = 100 * state.moment / state.length
         press = (
             "var r=this.getBoundingClientRect();"
             f"var m=Math.max(1,Math.min({state.length},Math.ceil((event.clientX-r.left)/r.width*{state.length})));"
             + self._events("jump", "m")
         )
+        stages = self._energies.stages(state.length)
+        band = stage_band(stages, state.options, state.length, state.moment, lambda m: self._events("jump", str(m)))
         return (
             "<div class='row extent'><span>Steps</span>"
             f"<div class='strip' role='img' aria-label='Recorded moments' onpointerdown=\"{text(press)}\" "
             f"title='{text(KINDS[page_state.strip])} Click to go to a moment.'>"
             f"<img src='{data_uri(self._history.picture(page_state.strip))}' alt=''>{self._ticks(state)}"
             f"<i style='left:{cursor:.2f}%'></i></div></div>"
+            f"<div class='row extent'><span>Stages</span>{band}</div>"
         )
 
     def _ticks(self, state: RunState) -> str:

@@ -7,9 +7,10 @@ import viser
 from app.debugger.condition import Condition
 from app.debugger.run_state import RunState
 from app.debugger.series import Series, thinned
-from app.debugger.watch import COMPUTED, parse_watch, watch_series, with_watch
+from app.debugger.watch import COMPUTED, needs_pulls, parse_watch, value_with_pulls, watch_series, with_watch
 from app.html import button, icon, number, text
 from app.page_state.page_state import PageState
+from app.page_state.pull_source import PullSource
 from app.palette import NOW, SELECTED, css
 from app.panels.condition_field import ConditionField
 from app.viser_bridge.html_events import Handler, HtmlEvents, choice_of
@@ -28,9 +29,11 @@ class WatchPanel:
         html_events: HtmlEvents,
         scene: Scene,
         page_state: PageState,
+        pulls: PullSource,
         jump: Handler,
         republish: Callable[[], None],
     ) -> None:
+        self._pulls = pulls
         self._series: dict[str, Series] = {}
 
         def add(expression: str) -> None:
@@ -55,15 +58,29 @@ class WatchPanel:
         self._panel.set("".join(self._row(n, watch, state) for n, watch in enumerate(page_state.watches)))
 
     def _row(self, n: int, watch: Condition, state: RunState) -> str:
-        series = self._series[watch.text]
-        series.update(state)
-        value = series.at(state.moment)
+        if needs_pulls(watch):
+            spark, shown = "", self._with_pulls(watch, state)
+        else:
+            series = self._series[watch.text]
+            series.update(state)
+            value = series.at(state.moment)
+            spark, shown = self._spark(series, state), number(value) if value == value else "–"
         remove = button("", self._events("remove", n), hint=f"Stop watching {watch.text}", icon=icon("leave"),
                         css_class="small")  # fmt: skip
         return (
             f"<div class='row breakpoint'><code class='grow'>{text(watch.text)}</code>"
-            f"{self._spark(series, state)}<b class='value'>{number(value) if value == value else '–'}</b>{remove}</div>"
+            f"{spark}<b class='value'>{shown}</b>{remove}</div>"
         )
+
+    def _with_pulls(self, watch: Condition, state: RunState) -> str:
+        """The value of an expression on pulls, which are computed for the moment shown, while the engine is paused."""
+        found = self._pulls.at(state)
+        if state.record is None or isinstance(found, Exception):
+            return "–"
+        if found is None:
+            return "…"
+        value = value_with_pulls(watch, state.record, state.moment, found)
+        return number(value) if value == value else "–"
 
     def _spark(self, series: Series, state: RunState) -> str:
         moments, values = series.moments, series.values

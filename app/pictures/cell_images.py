@@ -16,6 +16,7 @@ EMPTY: RGB = (36, 39, 43)  # outside the triangle
 MASKED: RGB = (58, 62, 68)  # samples that are not visible in the photo
 ZERO = 18  # grey level of a zero residual
 FLOW_COLORS: dict[str, RGB] = {"model": NOW, "flow": (242, 244, 247)}
+AXES = ("x", "y", "z")  # kinds of the derivatives of the residual by the world axes
 MIN_CONFIDENCE = 0.3  # optical flow vectors of lower confidence are not drawn
 MIN_ARROW = 1.2  # px: shorter arrows are not drawn
 
@@ -45,6 +46,12 @@ class CellPictures:
             "weight": self._weight,
             "norm": lambda row: _fire(cells.rho[row] / self.largest_rho),
         }
+        self.largest_slope = 1e-12
+        if cells.derivatives is not None:
+            slopes = cells.derivatives.of_residuals
+            self.largest_slope = max(float(np.percentile(np.abs(slopes), 99.5)), 1e-12)
+            for axis, name in enumerate(AXES):
+                self._draw[name] = lambda row, axis=axis: _signed(slopes[axis, row] / self.largest_slope)
 
     def strip(self, row: int, kinds: tuple[str, ...], tile: int) -> str:
         """The given kinds of one photo's cell side by side as a data URI, each `tile` px wide."""
@@ -101,6 +108,11 @@ class CellPictures:
         if kind == "weight":
             outlier = f"<span style='color:{css(SELECTED)}'>■</span> |e| &gt; {self._threshold_name()}"
             return _bar("#000", "#e6e6e6", "0", f"of the largest weight · {outlier}", "1")
+        if kind in AXES:
+            edge = number(self.largest_slope, 3)
+            return _gradient(
+                _css_gradient(_signed(np.linspace(-1, 1, 17))), f"−{edge}", "grey levels / world unit", f"+{edge}"
+            )
         if kind == "norm":
             return _gradient(_css_gradient(_fire(np.linspace(0, 1, 9))), "0", "ρ(e)", number(self.largest_rho, 3))
         word = "υ, displacement of the step" if kind == "model" else "f, optical flow from I to U c"

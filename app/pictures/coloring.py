@@ -11,11 +11,14 @@ from enum import Enum
 import cv2
 import numpy as np
 
+from app.debugger.moment_pulls import MomentPulls, moment_pulls
 from app.palette import LOCKED, NOW, REFERENCE, REJECTED, RGB, SELECTED, START, TRUTH
+from app.pictures.term_colors import COLOR_OF_TERM
 from fairing.judge import quantities
 from fairing.judge.face_residuals import FaceResiduals, face_residuals
 from fairing.run.session import Session
 from fairing.scene import Scene
+from fairing.terms.names import PHOTOS
 from fairing.trace import StepReason
 
 SHADES = 256
@@ -32,7 +35,7 @@ REASON_COLORS: dict[StepReason, tuple[str, RGB]] = {
     StepReason.FOUND_PLACE: ("moved by local search", (0, 114, 178)),
     StepReason.FOUND_TOGETHER: ("moved by restart", (86, 180, 233)),
     StepReason.NO_BETTER_PLACE: ("search found no better position", REFERENCE),
-    StepReason.RETURNED: ("returned: was better before", (240, 228, 66)),
+    StepReason.RETURNED: ("returned: earlier position better", (240, 228, 66)),
     StepReason.UNSEEN: ("seen by fewer than 3 photos", (60, 60, 60)),
     StepReason.LOCKED: ("locked", LOCKED),
     StepReason.MOVED_MANUALLY: ("moved manually", SELECTED),
@@ -40,17 +43,17 @@ REASON_COLORS: dict[StepReason, tuple[str, RGB]] = {
     StepReason.SMOOTHED: ("smoothed", (170, 210, 170)),
     StepReason.FITTED_TO_POINTS: ("fitted to sparse points", (110, 180, 200)),
     StepReason.FITTED_AGAIN: ("fitted to sparse points again", (60, 130, 160)),
-    StepReason.REJECTED_FIT: ("second fit rejected", (140, 140, 150)),
+    StepReason.REJECTED_FIT: ("smoothing or fit rejected by photos", (140, 140, 150)),
 }
 
 
 class Scale(Enum):
-    """How values map to colours: linearly, logarithmically, as whole numbers, or by category (step reason)."""
+    """How values map to colours: linearly, logarithmically, as whole numbers, or by category (step reason, term)."""
 
     LINEAR = "linear"
     LOGARITHMIC = "logarithmic"
     COUNT = "count"
-    REASON = "reason"
+    CATEGORY = "category"
 
 
 @dataclass(frozen=True)
@@ -65,6 +68,8 @@ class Coloring:
         values: returns the values (m,) or (n,) from a session at a moment; NaN where unknown.
         unknown: why values are unknown; may be empty.
         of_photo: returns the values (m,) in one photo (its index), or over all photos (None); None: not known by photo.
+        of_pulls: returns the values (n,) from the pulls at a moment and the term chosen by the page.
+        categories: value, name and colour of each, for `Scale.CATEGORY`.
     """
 
     label: str
@@ -75,9 +80,13 @@ class Coloring:
     values: Callable[[Session, int], np.ndarray]
     unknown: str = ""
     of_photo: Callable[[FaceResiduals, int | None], np.ndarray] | None = None
+    of_pulls: Callable[[MomentPulls, str], np.ndarray] | None = None
+    categories: tuple[tuple[int, str, RGB], ...] = ()
 
 
-DIFFERENCE = "difference"
+DIFFERENCE, STRONGEST, PULL = "difference", "strongest", "pull"
+REASON_CATEGORIES = tuple((int(reason), name, color) for reason, (name, color) in REASON_COLORS.items())
+TERM_CATEGORIES = tuple((k, name, color) for k, (name, color) in enumerate(COLOR_OF_TERM.items()))
 
 
 def _no_reference(session: Session, moment: int) -> np.ndarray:
@@ -91,6 +100,14 @@ def _mean_residual(session: Session, moment: int) -> np.ndarray:
 
 def _mean_flow(session: Session, moment: int) -> np.ndarray:
     return face_residuals(session, moment).mean_flow_px()
+
+
+def _photo_pull(session: Session, moment: int) -> np.ndarray:
+    return moment_pulls(session, moment).px_of(PHOTOS)
+
+
+def _strongest_pull(session: Session, moment: int) -> np.ndarray:
+    return moment_pulls(session, moment).strongest()
 
 
 FEW_PHOTOS = "too few photos"
@@ -117,7 +134,15 @@ COLORINGS: dict[str, Coloring] = {
         unknown=NO_STEP,
     ),
     "reason": Coloring(
-        "Last step", "Last step of each vertex", "", False, Scale.REASON, quantities.last_reason, unknown=NO_STEP
+        "Last step", "Last step of each vertex", "", False, Scale.CATEGORY, quantities.last_reason, unknown=NO_STEP,
+        categories=REASON_CATEGORIES,
+    ),
+    STRONGEST: Coloring(
+        *("Strongest pull", "Term with the longest part of the next step", "", False, Scale.CATEGORY, _strongest_pull),
+        unknown="no step", of_pulls=lambda found, _: found.strongest(), categories=TERM_CATEGORIES,
+    ),
+    PULL: Coloring(
+        *("One pull", "Part of a term in the next step", "px", False, Scale.LINEAR, _photo_pull), of_pulls=MomentPulls.px_of
     ),
 }  # fmt: skip
 
@@ -135,9 +160,9 @@ class Legend:
         low, high: values at the ends of the scale; equal if there is only one value.
         smallest, largest: extremes of all values; they may lie beyond the ends of the scale.
         unknown: number of faces or vertices without a value.
-        categories: name, colour and count of each category, for `Scale.REASON`.
+        categories: name, colour and count of each category, for `Scale.CATEGORY`.
         moment: the moment of the values, where it is not the present one.
-        note: the photos that the values come from, and what the arrows show; may be empty.
+        note: the photos or the term that the values come from, and what the arrows show; may be empty.
         awaited: title of another quantity that was chosen and is being computed; empty: none.
     """
 
@@ -179,10 +204,10 @@ def color_mesh(coloring: Coloring, values: np.ndarray, vertices: np.ndarray, fac
         vertices: (n, 3) float, any unit.
         faces: (m, 3) int.
     """
-    if coloring.scale is Scale.REASON:
+    if coloring.scale is Scale.CATEGORY:
         corners, owner = _around_each_vertex(vertices, faces)
         at, legend = _by_category(coloring, values)
-        colors = np.array([color for _, color in REASON_COLORS.values()], dtype=np.uint8)
+        colors = np.array([color for _, _, color in coloring.categories], dtype=np.uint8)
         corner_at = at[owner]
     else:
         corners = vertices[faces].reshape(-1, 3)
@@ -228,9 +253,9 @@ def _by_category(coloring: Coloring, values: np.ndarray) -> tuple[np.ndarray, Le
     """Position of each category in the texture, 0 to 1, NaN where unknown; and the legend."""
     at = np.full(len(values), np.nan)
     categories = []
-    for k, (reason, (name, color)) in enumerate(REASON_COLORS.items()):
-        chosen = values == reason
-        at[chosen] = k / (len(REASON_COLORS) - 1)
+    for k, (value, name, color) in enumerate(coloring.categories):
+        chosen = values == value
+        at[chosen] = k / (len(coloring.categories) - 1)
         if chosen.any():
             categories.append((name, color, int(chosen.sum())))
     return at, Legend(coloring, unknown=int(np.isnan(values).sum()), categories=tuple(categories))

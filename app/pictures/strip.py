@@ -8,7 +8,8 @@ from app.palette import BACKGROUND, HAND, NOW, REJECTED, RGB, START
 from fairing.trace import StepRecord
 
 KINDS: dict[str, str] = {
-    "energy": "Bright green: large fall of the energy (0.001 % to 10 %). Pink: rejected steps. White: manual edits.",
+    "energy": "Bright green: large fall of the energy, or of a fit's objective (0.001 % to 10 %). "
+    "Pink: rejected steps. White: manual edits.",
     "step": "Bright red: long steps (the longest of the step, 0.01 to 10 px in a photo). White: manual edits.",
     "rejected": "Pink: share of the vertices whose step was rejected. White: manual edits.",
 }
@@ -57,6 +58,8 @@ def _measures(record: StepRecord) -> tuple[float, float, float, float]:
     if record.is_manual:
         return 0.0, 0.0, 0.0, 1.0
     before, after = record.energy_before, record.energy_after
+    if record.stage.is_fit and len(record.faces) == 0:
+        before, after = record.objective_before, record.objective_after
     fall = max(0.0, (before - after) / before) if before > 0 else 0.0
     moved = (record.before != record.after).any(axis=1)
     length = float(record.step_px[moved].max(initial=0))

@@ -9,6 +9,7 @@ Server
 - `client_callbacks`: bounded callback queues, one a client, in the order of its messages. viser runs all callbacks from one
   unbounded queue on 32 threads.
 - `message_event`: threads can push messages safely. viser sets an asyncio event from any thread.
+- `malformed_messages`: what cannot be decoded is one line on the terminal. viser prints a traceback.
 - `paced_connection`: limits the rate and size of incoming messages. viser accepts 50 MiB and any rate.
 - `server`: a port in use and an unknown host are errors. viser takes the next port, and hangs on an unknown host. Removes
   the handlers that open a public tunnel (share.viser.studio), skips the default environment map, which takes seconds to

@@ -21,7 +21,10 @@ LOOPBACK_NAMES = ("localhost", "127.0.0.1", "[::1]")
 TOKEN = re.compile(r"[A-Za-z0-9_-]{8,}")
 NO_TOKEN = "This page needs the address with the token that the command printed when it started.\n"
 WRONG_ORIGIN = "Only pages of this server may connect to it.\n"
+REPEATED_HEADER = "A header of this request is repeated that may be given once.\n"
 WRONG_HOST = "This server does not go by that name.\n"
+_SINGLE_HEADERS = ("Host", "Origin", "Authorization", "Upgrade", "Accept-Encoding")
+"""Headers that are read here or by viser, each of which has one value."""
 
 
 def is_loopback(host: str) -> bool:
@@ -64,6 +67,8 @@ class Access:
             port: the port that this server listens on. Cookies are not bound to ports, so it is part of their name.
         """
         headers = request.headers
+        if any(len(headers.get_all(header)) > 1 for header in _SINGLE_HEADERS):
+            return _refused(REPEATED_HEADER)
         name = headers.get("Host", "")
         origin = headers.get("Origin")
         if origin is not None and origin not in (f"http://{name}", f"https://{name}"):

@@ -1,9 +1,23 @@
 """A node of line segments that may be empty."""
 
+import json
+
 import numpy as np
 import viser
 
+from app.viser_bridge.before_frame import FIND_MESH, call_before_frames
 from app.viser_bridge.linear_colors import linear_from_srgb
+
+# viser 1.1.1 hides lines behind surfaces.
+_MAKE_IN_FRONT = """view => {
+  const name = %s, meshOf = %s;
+  return () => {
+    const lines = meshOf(view, name);
+    if (!lines) return;
+    Object.assign(lines.material, {depthTest: false, depthWrite: false});
+    lines.renderOrder = 1;
+  };
+}"""
 
 
 class LineNode:
@@ -13,10 +27,16 @@ class LineNode:
         name: of the node in the scene tree.
         color: of all segments; None: `show` gets one for each end.
         thickness: screen px.
+        in_front: draw the segments in front of all surfaces.
     """
 
     def __init__(
-        self, client: viser.ClientHandle, name: str, color: tuple[int, int, int] | None, thickness: float
+        self,
+        client: viser.ClientHandle,
+        name: str,
+        color: tuple[int, int, int] | None,
+        thickness: float,
+        in_front: bool = False,
     ) -> None:
         self._node = client.scene.add_line_segments(
             name,
@@ -26,6 +46,8 @@ class LineNode:
             thickness_units="screen",
             visible=False,
         )
+        if in_front:
+            call_before_frames(client, name, _MAKE_IN_FRONT % (json.dumps(name), FIND_MESH))
 
     def show(self, points: np.ndarray | None, colors: np.ndarray | None = None) -> None:
         """Draw segments (n, 2, 3) float, scene units, with colors (n, 2, 3) uint8; None or n = 0 hides the node."""

@@ -17,6 +17,7 @@ from websockets.http11 import Request, Response
 
 from app.viser_bridge.access import Access, token_for
 from app.viser_bridge.client_callbacks import ClientCallbacks
+from app.viser_bridge.malformed_messages import Handler, one_line_each, quiet_logger
 from app.viser_bridge.message_event import use_message_buffers
 from app.viser_bridge.opening_page import OpeningPage
 from app.viser_bridge.paced_connection import MAX_MESSAGE_BYTES, PacedConnection
@@ -106,7 +107,7 @@ class ViewerServer(viser.ViserServer):
         with contextlib.redirect_stdout(io.StringIO()):  # viser prints "Server stopped"
             self.stop()
 
-    def _serve(self, *args: Any, process_request: Any, **kwargs: Any) -> Any:
+    def _serve(self, handler: Handler, *args: Any, process_request: Any, **kwargs: Any) -> Any:
         """`websockets.asyncio.server.serve` with the checks of this server before viser's own handler."""
 
         def check(connection: ServerConnection, request: Request) -> Response | None:
@@ -114,7 +115,7 @@ class ViewerServer(viser.ViserServer):
             return self.access.answer(request, port) or process_request(connection, request)
 
         options = {**kwargs, "max_size": MAX_MESSAGE_BYTES, "create_connection": PacedConnection}
-        return _plain_serve(*args, process_request=check, **options)
+        return _plain_serve(one_line_each(handler), *args, process_request=check, logger=quiet_logger(), **options)
 
 
 _plain_serve = websockets.asyncio.server.serve

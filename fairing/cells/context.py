@@ -6,7 +6,7 @@ energies before and after a step are comparable, and is rebuilt at the beginning
 
 from collections.abc import Callable
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -23,7 +23,7 @@ from fairing.kernels.data import (
     NORM_LEAST_SQUARES,
     KernelData,
 )
-from fairing.options import EigenspaceOptions, FairingOptions, by_level
+from fairing.options import FairingOptions
 from fairing.scene import Scene
 
 NORMS = {
@@ -65,19 +65,6 @@ class CellContext:
     def takes_part(self) -> np.ndarray:
         """(m,) bool: faces with enough views to have an energy."""
         return self.kernel.face_dimensions > 0
-
-    def with_reduced_dimensions(self, singular_value_ratio: np.ndarray, min_ratio: float) -> "CellContext":
-        """The context with one eigenspace dimension less for faces whose last dimension is noise.
-
-        Args:
-            singular_value_ratio: (m,) float, see `FaceSystem`.
-            min_ratio: ratios below this count as noise.
-        """
-        k = self.kernel.face_dimensions
-        is_noise = (k > 1) & (singular_value_ratio < min_ratio)
-        if not is_noise.any():
-            return self
-        return replace(self, kernel=self.kernel._replace(face_dimensions=k - is_noise))
 
     def pairs_of(self, face: int) -> slice:
         """The pairs of a face in the pair arrays."""
@@ -122,14 +109,14 @@ def build_context(
     Raises:
         InputError: a photo cannot be decoded.
     """
-    faces = scene.mesh.faces
-    blur = options.schedule.blur[level]
+    faces, at = scene.mesh.faces, options.level(level)
+    blur = at.blur
     cameras = [view.camera for view in scene.views]
     outlines = footprints_in_views(vertices, faces, cameras, orientation, options.visibility, blur, pool)
     reasons = outlines.reason
     reasons[~face_mask] = Visibility.DEGENERATE
     is_candidate = reasons == Visibility.SEEN
-    layout = plan_cells(options.cells, level, blur, outlines.longest_edge, outlines.height, is_candidate)
+    layout = plan_cells(options, level, outlines.longest_edge, outlines.height, is_candidate)
     view_masks = mask_views(
         vertices, faces, cameras, photos, layout, options.visibility, blur, reasons, occluders, pool, on_view
     )
@@ -160,13 +147,13 @@ def build_context(
         pair_weight=weight,
         pair_mask=pair_mask,
         masks=masks,
-        face_dimensions=_dimensions(options.eigenspace, level, n_views),
+        face_dimensions=_dimensions(at.dimensions, options.eigenspace.centered, n_views),
         face_inset=layout.inset,
         face_grid=layout.face_grid,
         grid_start=layout.grid_start,
         ramp=layout.ramp,
         affine=options.cells.warp == "affine",
-        cubic=by_level(options.cells.interpolation, level) == "cubic",
+        cubic=at.interpolation == "cubic",
         remove_bias=options.cells.remove_bias,
         centered=options.eigenspace.centered,
         norm=NORMS[options.robust.norm],
@@ -177,10 +164,9 @@ def build_context(
     return CellContext(level, kernel, reasons, n_views, mean_area, vertex_views, vertices.copy(), is_fallback)
 
 
-def _dimensions(options: EigenspaceOptions, level: int, n_views: np.ndarray) -> np.ndarray:
+def _dimensions(wanted: int, centered: bool, n_views: np.ndarray) -> np.ndarray:
     """(m,) int64: eigenspace dimensions k of each face, as far as its views (m,) allow; 0 for too few views."""
-    rank_limit = n_views - 2 - int(options.centered)
-    dimensions = np.minimum(by_level(options.dimensions, level), rank_limit)
+    dimensions = np.minimum(wanted, n_views - 2 - int(centered))
     dimensions[(n_views < 3) | (dimensions < 1)] = 0
     return dimensions.astype(np.int64)
 
@@ -234,11 +220,11 @@ def _pair_photos(
 ) -> tuple[PairPhotos, bool]:
     """The pixels of all pairs by the level's point spread option, and whether memory forced photos as seen instead."""
     cameras = [view.camera for view in scene.views]
-    blur = options.schedule.blur[level]
-    cubic = by_level(options.cells.interpolation, level) == "cubic"
+    at = options.level(level)
+    blur, cubic = at.blur, at.interpolation == "cubic"
     longest, height = outlines.longest_edge[pairs.face, pairs.view], outlines.height[pairs.face, pairs.view]
     spacing = longest / layout.grid_sizes[layout.face_grid[pairs.face]]
-    is_common = by_level(options.cells.point_spread, level) == "common"
+    is_common = at.point_spread == "common"
     if is_common and float(patch_pixels(longest, height).sum()) <= MAX_PATCH_PIXELS:
         min_sigma = np.maximum(blur, ANTI_ALIASING * spacing)
         corners = vertices[scene.mesh.faces]

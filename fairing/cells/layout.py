@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fairing.options import CellOptions, by_level
+from fairing.options import FairingOptions
 
 # Each 1.25 to 1.5 times the one before (ledger: grid sizes).
 GRID_SIZES = (8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256)
@@ -51,9 +51,8 @@ def cell_grid(size: int) -> np.ndarray:
 
 
 def plan_cells(
-    options: CellOptions,
+    options: FairingOptions,
     level: int,
-    blur: float,
     longest_edge: np.ndarray,
     height: np.ndarray,
     is_candidate: np.ndarray,
@@ -61,20 +60,20 @@ def plan_cells(
     """Choose a grid for each face by its largest footprint, and its inset by its mean height in the photos.
 
     Args:
-        blur: sigma_smooth of the level, px.
         longest_edge, height: (m, V) float, px, see `Footprints`.
         is_candidate: (m, V) bool: photos that show the face by its outline.
     """
-    size = by_level(options.size, level)
-    grid_sizes = [s for s in GRID_SIZES if s < size] + [size] if options.adaptive else [size]
-    needed = np.where(is_candidate, longest_edge, 0).max(axis=1) / (by_level(options.spacing, level) * max(1.0, blur))
+    at = options.level(level)
+    size, adaptive = at.size, options.cells.adaptive
+    grid_sizes = [s for s in GRID_SIZES if s < size] + [size] if adaptive else [size]
+    needed = np.where(is_candidate, longest_edge, 0).max(axis=1) / (at.spacing * max(1.0, at.blur))
     face_grid = np.minimum(np.searchsorted(grid_sizes, needed), len(grid_sizes) - 1)
-    if options.adaptive:
+    if adaptive:
         face_grid = np.minimum(face_grid, _largest_grid(np.array(grid_sizes), face_grid, is_candidate.sum(axis=1)))
     grids = [cell_grid(s) for s in grid_sizes]
     grid_start = np.concatenate([[0], np.cumsum([grid.shape[1] for grid in grids])])
     mean_height = np.where(is_candidate, height, 0).sum(1) / np.maximum(is_candidate.sum(1), 1)
-    inset = np.minimum(by_level(options.inset, level) / np.maximum(mean_height, 1e-9), MAX_INSET)
+    inset = np.minimum(at.inset / np.maximum(mean_height, 1e-9), MAX_INSET)
     return CellLayout(
         np.array(grid_sizes),
         grid_start.astype(np.int64),

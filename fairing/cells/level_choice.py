@@ -3,11 +3,10 @@
 import numpy as np
 
 from fairing.cells.visibility import Visibility, footprints
-from fairing.options import FairingOptions
+from fairing.options import FINE_BLUR, FairingOptions
 from fairing.scene import Scene
 
 FOOTPRINT_PER_BLUR = 12.0  # a face's height over sigma_smooth at the first level
-NEAR_TRUTH_BLUR = 1.2  # px: levels up to this blur are fine enough to judge vertices near the truth
 
 
 def first_level(scene: Scene, vertices: np.ndarray, orientation: int, options: FairingOptions) -> int:
@@ -46,17 +45,9 @@ def level_for_footprint(typical: float, options: FairingOptions) -> int:
     return _first_level_of_blur(typical / FOOTPRINT_PER_BLUR, options)
 
 
-def level_for_error(error: float, options: FairingOptions) -> int:
-    """The first level whose blur is no larger than the error of the start needs, px; coarser levels do harm.
-
-    (ledger: begin level by points)
-    """
-    return _first_level_of_blur(max(error, NEAR_TRUTH_BLUR), options)
-
-
 def first_fine_level(options: FairingOptions) -> int:
-    """The first level whose blur is at most `NEAR_TRUTH_BLUR`; the last level if there is none."""
-    return _first_level_of_blur(NEAR_TRUTH_BLUR, options)
+    """The first level whose blur is at most `FINE_BLUR`; the last level if there is none."""
+    return _first_level_of_blur(FINE_BLUR, options)
 
 
 def _first_level_of_blur(most: float, options: FairingOptions) -> int:

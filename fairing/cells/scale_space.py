@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 from scipy.ndimage import spline_filter
 
+from fairing.photo import grey_levels
 from fairing.scene import Scene
 
 LUMA = np.array([0.299, 0.587, 0.114])
@@ -63,7 +64,7 @@ class ScaleSpace:
     """Gaussian-blurred photos of a scene at the blurs of its levels and their octaves, per interpolation.
 
     Memory: 4 bytes per pixel of blurred photos as they are stored, see `reduction`, and decoded photos (2 bytes per pixel,
-    3 in colour) up to `MAX_DECODED_BYTES`.
+    3 in colour; of photos with 16 bits 4 and 12) up to `MAX_DECODED_BYTES`.
 
     Args:
         color: use all three channels instead of the luma.
@@ -210,15 +211,17 @@ class ScaleSpace:
         return photo
 
     def _decode(self, view: int) -> np.ndarray:
-        pixels = self._views[view].photo.load()
+        pixels = self._views[view].photo.full_depth()
         if self._color:
-            return np.ascontiguousarray(pixels.transpose(2, 0, 1))
-        # Luma in eighths of a grey level: rounding to whole levels would triple the quantisation noise.
-        eighths = np.empty((1, *pixels.shape[:2]), dtype=np.uint16)
+            return np.ascontiguousarray(grey_levels(pixels).transpose(2, 0, 1))
+        # Luma in eighths of a grey level: rounding to whole levels would triple the quantisation noise. That of photos
+        # with 16 bits is not rounded.
+        is_deep = pixels.dtype != np.uint8
+        eighths = np.empty((1, *pixels.shape[:2]), dtype=np.float32 if is_deep else np.uint16)
         for row in range(0, len(pixels), STRIP_ROWS):
             part = slice(row, row + STRIP_ROWS)
-            luma = pixels[part].astype(np.float32) @ LUMA.astype(np.float32)
-            eighths[0, part] = np.round(luma * 8)
+            luma = grey_levels(pixels[part]).astype(np.float32) @ LUMA.astype(np.float32)
+            eighths[0, part] = luma * 8 if is_deep else np.round(luma * 8)
         return eighths
 
     def _blurred(

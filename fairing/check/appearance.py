@@ -7,6 +7,7 @@ import numpy as np
 
 from fairing.cells.depth_map import depth_map
 from fairing.cells.visibility import Visibility
+from fairing.photo import grey_levels
 from fairing.scene import Scene
 
 _STEP = 2
@@ -51,7 +52,7 @@ def measure_appearance(scene: Scene, reasons: np.ndarray) -> Appearance:
         if not seen[:, v].any():
             continue
         face_id = depth_map(scene.mesh.vertices, scene.mesh.faces, view.camera, reduction=_STEP).face_id
-        grey = cv2.cvtColor(view.photo.load(), cv2.COLOR_RGB2GRAY).astype(np.float32)
+        grey = cv2.cvtColor(grey_levels(view.photo.full_depth()), cv2.COLOR_RGB2GRAY).astype(np.float32)
         grey = cv2.GaussianBlur(grey, (0, 0), 1.0)
         # Central differences; Scharr's cross average would only widen them.
         gx, gy = (cv2.Sobel(grey, cv2.CV_32F, dx, 1 - dx, ksize=1, scale=0.5)[::_STEP, ::_STEP] for dx in (1, 0))

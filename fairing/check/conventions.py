@@ -7,6 +7,8 @@ import numpy as np
 from fairing.camera import Camera
 from fairing.scene import Scene
 
+LARGEST_DISTANCE = 3.0
+"""Px: cameras that project sparse points farther from their observations (median) do not fit them."""
 _AXES = np.diag([1.0, -1.0, -1.0])
 
 
@@ -106,7 +108,7 @@ def explain_reprojection(scene: Scene) -> str | None:
     if sparse is None or sparse.origin == "own" or len(sparse.observations) < 20:
         return None
     distance = observed_distance(scene, lambda camera: camera.image_from_world)
-    if distance > 3:
+    if distance > LARGEST_DISTANCE:
         tried = {name: observed_distance(scene, matrix) for name, matrix in MISTAKES.items()}
         best = min(tried, key=tried.__getitem__)
         if tried[best] < 0.3 * distance:
@@ -124,6 +126,14 @@ def explain_reprojection(scene: Scene) -> str | None:
             f"{'(0.5, 0.5)' if shift[0] > 0 else '(0, 0)'} instead of {'(0, 0)' if shift[0] > 0 else '(0.5, 0.5)'}"
         )
     return f"{text}: the principal point is wrong by that amount"
+
+
+def cameras_fit(scene: Scene) -> bool:
+    """Whether given sparse points lie in front of the cameras and project onto their observations, so that these are right."""
+    sparse = scene.sparse_points
+    if sparse is None or len(sparse.observations) < 20:
+        return False
+    return observed_distance(scene, lambda camera: camera.image_from_world) <= LARGEST_DISTANCE
 
 
 def median_shift(scene: Scene, v: int) -> np.ndarray | None:

@@ -40,6 +40,8 @@ _REMEDIES = {
 def find_hints(check: SceneCheck) -> list[str]:
     """Problems of the scene and their remedies, in order of importance."""
     hints = [] if check.mistake is None else [f"{check.mistake}; correct the cameras"]
+    if check.placement.verdict == "elsewhere":
+        hints.append(check.placement.line)
     faces = check.faces
     out = check.n_faces - check.faces_in_part
     if out > (1 - MIN_FACES_IN_PART) * check.n_faces:
@@ -129,7 +131,7 @@ def find_suggestions(scene: Scene, check: SceneCheck, options: FairingOptions) -
     striped = int(check.faces.is_striped.sum())
     if striped > 0.2 * check.faces_in_part:
         suggestions.append(
-            f"{striped} faces have texture in one direction only: --step.prior prevents them from sliding along it"
+            f"{striped} faces have texture in one direction only: a smaller --step.start-sigma keeps them from sliding along it"
         )
     lights = {view.name: view.exposure for view in check.views if view.exposure}
     if lights and max(lights.values()) > MAX_EXPOSURE_RATIO * min(lights.values()):

@@ -17,8 +17,8 @@ from fairing.cells.scale_space import (
     reduction,
 )
 from fairing.cells.visibility import Visibility, footprints
-from fairing.options import FairingOptions, by_level
-from fairing.photo import LOADED_BYTES
+from fairing.options import FairingOptions
+from fairing.photo import LOADED_BYTES, Photo, ResizedPhoto
 from fairing.scene import Scene
 
 # Bytes, measured on runs of 1,000 to 100,000 vertices and of 10 to 200 photos.
@@ -26,6 +26,7 @@ PROGRAM = 300_000_000  # the program itself
 PER_FACE = 8_000  # normal equations, their sparse factors, and a sweep's record
 PER_FACE_AND_VIEW = 60  # footprints and visibility
 PER_PIXEL_IN_WORK = 28  # a photo being decoded and blurred
+PER_PIXEL_DECODED = 10  # a photo being decoded, before it is reduced
 PER_MAP_PIXEL = 40  # a depth map being made
 USABLE_PART = 0.9  # of the memory that is available
 PHOTO_SCALES = (0.75, 0.6, 0.5, 0.4, 0.3, 0.25, 0.2, 0.15, 0.1)
@@ -37,22 +38,31 @@ def memory_needed(scene: Scene, options: FairingOptions, scale: float = 1.0) -> 
     Args:
         scale: factor of the photos' width and height (`--photo-scale`).
     """
-    as_taken = np.array([view.camera.width * view.camera.height for view in scene.views], dtype=float)
-    sizes = scale**2 * as_taken
+    sizes = scale**2 * np.array([view.camera.width * view.camera.height for view in scene.views], dtype=float)
     channels, n_faces = 3 if options.cells.color else 1, len(scene.mesh.faces)
     threads = min(options.threads or os.cpu_count() or 1, len(sizes))
     largest, others = (4 * channels * pixels for pixels in _pixels_laid_out(scene, options, scale, sizes))
     laid_out = largest + min(others, KEPT_BYTES)
     decoded = min((3 if options.cells.color else 2) * float(sizes.sum()), MAX_DECODED_BYTES)
-    decoded += min(3 * float(as_taken.sum()), LOADED_BYTES)
-    in_work = float(sizes.max()) * max(
-        min(threads, MAX_CONCURRENT_PHOTOS) * PER_PIXEL_IN_WORK,
-        threads * PER_MAP_PIXEL / options.visibility.reduction**2,
+    decoded += min(3 * float(sizes.sum()), LOADED_BYTES)
+    at_a_time = min(threads, MAX_CONCURRENT_PHOTOS)
+    in_work = max(
+        at_a_time * PER_PIXEL_IN_WORK * float(sizes.max()),
+        at_a_time * PER_PIXEL_DECODED * max(_pixels_as_taken(view.photo) for view in scene.views),
+        threads * PER_MAP_PIXEL / options.visibility.reduction**2 * float(sizes.max()),
     )
     masked = np.array([view.mask is not None for view in scene.views])
     masks = float(sizes[masked].sum()) / options.visibility.reduction**2
     by_face = n_faces * (PER_FACE + PER_FACE_AND_VIEW * len(sizes))
     return int(PROGRAM + laid_out + decoded + in_work + masks + by_face)
+
+
+def _pixels_as_taken(photo: Photo) -> int:
+    """Pixels of a photo before it is reduced."""
+    if isinstance(photo, ResizedPhoto):
+        return _pixels_as_taken(photo.whole)
+    width, height = photo.size
+    return width * height
 
 
 def _pixels_laid_out(scene: Scene, options: FairingOptions, scale: float, sizes: np.ndarray) -> tuple[float, float]:
@@ -73,14 +83,14 @@ def _pixels_laid_out(scene: Scene, options: FairingOptions, scale: float, sizes:
         patches[is_seen] += patch_pixels(longest, height)
         count[is_seen] += 1
         for level, blur in enumerate(options.schedule.blur):
-            octaves = np.unique(blur_octaves(longest / by_level(options.cells.size, level), blur)).tolist()
+            octaves = np.unique(blur_octaves(longest / options.level(level).size, blur)).tolist()
             for octave in octaves or [0]:
                 size = (view.camera.width, view.camera.height)
                 factor = reduction(size, blur_of_octave(octave, blur), blur, is_large)
                 laid_out[level] += sizes[v] / factor**2
     of_patches = float((patches * np.minimum(1, options.visibility.max_views / np.maximum(count, 1))).sum())
-    levels = [by_level(options.cells.point_spread, level) for level in range(options.n_levels)]
-    uses_patches = [spread == "common" and of_patches <= MAX_PATCH_PIXELS for spread in levels]
+    spreads = [options.level(level).point_spread for level in range(options.n_levels)]
+    uses_patches = [spread == "common" and of_patches <= MAX_PATCH_PIXELS for spread in spreads]
     largest = max(of_patches if patched else float(laid_out[level]) for level, patched in enumerate(uses_patches))
     return largest, float(laid_out[np.logical_not(uses_patches)].sum())
 

@@ -6,6 +6,7 @@ from typing import Any, Literal
 import numpy as np
 
 from fairing.cells.visibility import Visibility
+from fairing.placement.judge import Placement
 
 # Grey levels / px. Noise of 2 grey levels alone gives 0.8 after the blur; texture below this limit determines no vertex.
 BLANK_TEXTURE = 1.2
@@ -88,7 +89,8 @@ class SceneCheck:
     """Findings of `check_scene`.
 
     Attributes:
-        verdict: "unusable" if no face takes part, "doubtful" if there are hints, else "good".
+        verdict: "unusable" if no face takes part or the mesh lies elsewhere than the photos show, "doubtful" if there are
+            hints, else "good".
         n_faces: number of faces.
         faces_in_part: number of faces seen by enough photos.
         views_per_face: percentiles 0, 25, 50, 75, 100 over faces.
@@ -97,6 +99,7 @@ class SceneCheck:
         reasons: number of pairs of face and photo by `Visibility`, in lower case.
         parallax: widest angle between two lines of sight to a face, degrees, median over the faces that take part.
         points: origin of the sparse points, see `SparsePoints`; None without any.
+        placement: place of the mesh by the sparse points.
         mistake: likely mistake in the cameras as a whole, or None.
         memory: approximate peak memory of a run, bytes.
         views: findings for each photo.
@@ -116,6 +119,7 @@ class SceneCheck:
     reasons: dict[str, int]
     parallax: float | None
     points: Literal["given", "own", "both"] | None
+    placement: Placement
     mistake: str | None
     memory: int
     views: tuple[ViewCheck, ...]
@@ -128,6 +132,7 @@ class SceneCheck:
     def as_dict(self) -> dict[str, Any]:
         """Plain values for JSON. Faces are lists with one entry per face, null where unknown."""
         values = {name: getattr(self, name) for name in self.__dataclass_fields__ if name != "visibility"}
+        values["placement"] = self.placement.as_dict()
         values["views"] = [asdict(view) for view in self.views]
         values["faces"] = {
             name: [round(value, 3) if isinstance(value, float) else value for value in np.asarray(column).tolist()]

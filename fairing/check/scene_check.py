@@ -15,9 +15,9 @@ from fairing.check.conventions import explain_reprojection, median_shift
 from fairing.check.hints import find_hints, find_suggestions
 from fairing.check.memory import memory_needed
 from fairing.check.result import SEEN, FaceChecks, SceneCheck, ViewCheck
-from fairing.geometry.mesh_check import inspect_mesh
 from fairing.geometry.rasterize import rasterize
 from fairing.options import FairingOptions
+from fairing.placement.judge import judge_placement
 from fairing.scene import Scene
 
 PARALLAX_FACES = 10_000  # the parallax is the median over at most this many faces, an even subset
@@ -40,13 +40,12 @@ def check_scene(scene: Scene, options: FairingOptions | None = None) -> SceneChe
         InputError: a photo cannot be decoded.
     """
     options = options or FairingOptions()
-    sound = np.ones(len(scene.mesh.faces), dtype=bool)
-    sound[inspect_mesh(scene.mesh).degenerate_faces] = False
+    all_faces = np.ones(len(scene.mesh.faces), dtype=bool)
     vertices, level = scene.mesh.vertices, options.n_levels - 1
     as_seen = replace(options, cells=replace(options.cells, point_spread=("as_seen",)))  # reads no photos
     with ThreadPoolExecutor(options.threads or os.cpu_count()) as pool:
         context = build_context(
-            scene, _MasksOnly(scene, color=False), as_seen, level, vertices, mesh_orientation(scene, vertices), sound, pool
+            scene, _MasksOnly(scene, color=False), as_seen, level, vertices, mesh_orientation(scene, vertices), all_faces, pool
         )  # fmt: skip
     appearance = measure_appearance(scene, context.reasons)
     bright = exposures(appearance.mean)
@@ -64,6 +63,7 @@ def check_scene(scene: Scene, options: FairingOptions | None = None) -> SceneChe
         reasons={Visibility(code).name.lower(): int(count) for code, count in zip(codes, counts, strict=True)},
         parallax=_parallax(scene, context),
         points=None if scene.sparse_points is None else scene.sparse_points.origin,
+        placement=judge_placement(scene),
         mistake=explain_reprojection(scene),
         memory=memory_needed(scene, options),
         views=views,
@@ -76,7 +76,11 @@ def check_scene(scene: Scene, options: FairingOptions | None = None) -> SceneChe
     hints = find_hints(check)
     return replace(
         check,
-        verdict="unusable" if not part.any() else "doubtful" if hints else "good",
+        verdict="unusable"
+        if not part.any() or check.placement.verdict == "elsewhere"
+        else "doubtful"
+        if hints
+        else "good",
         hints=tuple(hints),
         suggestions=tuple(find_suggestions(scene, check, options)),
     )

@@ -6,5 +6,5 @@ edge tracking: Harris and Stennett 1990, Lowe 1991).
 
 What belongs here: `edges` finds the creases of a mesh, `offsets` measures their distances to image edges in a photo,
 `alignment` moves the vertices so that these distances vanish; the last level takes its result as a prior. The modules import
-the shared data of `fairing` and `fairing.geometry`.
+the shared data of `fairing`, `fairing.geometry`, `fairing.optimize` and `fairing.terms`.
 """

@@ -9,16 +9,18 @@ from concurrent.futures import Executor
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import coo_array, csc_array, diags_array
-from scipy.sparse.linalg import splu
 
 from fairing.creases.edges import Creases, find_creases
 from fairing.creases.offsets import Offsets, measure_offsets
-from fairing.geometry.geman_mcclure import geman_mcclure_weights
-from fairing.geometry.manhattan import relations
 from fairing.geometry.normals import unit_normals
 from fairing.geometry.pixel_size import pixel_size
+from fairing.optimize.iteration import step_parts
+from fairing.optimize.loss import GemanMcClure
+from fairing.optimize.rows import Anchor, Rows
+from fairing.photo import grey_levels
 from fairing.scene import View
+from fairing.terms.axes import related, relations
+from fairing.terms.names import IMAGE_EDGES, START
 
 # px: largest offset, and scale of the Geman-McClure loss of an offset. Offsets are measured anew in each stage.
 # (ledger: stages of the alignment)
@@ -54,7 +56,7 @@ def aligned_to_image_edges(
     executor: Executor,
     raise_if_cancelled: Callable[[], None] = lambda: None,
 ) -> Alignment:
-    """Move the creases of a mesh onto image edges nearby, with the relations of its Manhattan frame (`fairing.geometry.manhattan`).
+    """Move the creases of a mesh onto image edges nearby, with the relations of its Manhattan frame (`fairing.terms.axes`).
 
     Args:
         vertices: (n, 3) float, world units.
@@ -73,65 +75,46 @@ def aligned_to_image_edges(
     free = np.flatnonzero(~locked & np.isfinite(pixel))
     if len(creases.ends) == 0 or len(free) == 0:
         return Alignment(vertices, information, False)
-    columns = (3 * free[:, None] + np.arange(3)).ravel()
-    planes, strength = _planes(vertices, faces, pixel)
-    planes = planes[:, columns]
-    position = np.repeat((POSITION / pixel[free]) ** 2, 3)
-    related = relations(vertices, faces, pixel)
-    every_difference = related.matrix(len(vertices))
-    differing, at_start = every_difference[:, columns], every_difference @ vertices.ravel()
-    moved = vertices.copy()
+    position = Anchor(
+        START, PRIORS * (POSITION / np.nan_to_num(pixel, nan=1.0))[:, None, None] ** 2 * np.eye(3), vertices
+    )
+    found_axes = relations(vertices, faces, pixel)
+    holding = _planes(vertices, faces, pixel), position, related(found_axes, vertices)
+    moved = vertices
     for largest, scale in STAGES:
         if largest > reach:
             continue
 
         def measured(view: View, at: np.ndarray = moved, largest: float = largest) -> Offsets:
             raise_if_cancelled()
-            return measure_offsets(view.photo.load(), view.camera, at, faces, creases, largest)
+            return measure_offsets(grey_levels(view.photo.full_depth()), view.camera, at, faces, creases, largest)
 
         found = Offsets(*(np.concatenate(part) for part in zip(*executor.map(measured, views), strict=True)))
-        J = _rows(found, creases, vertices.size)[:, columns]
-        so_far = (moved - vertices).ravel()[columns]
-        differences = at_start + differing @ so_far
-        step, residual = np.zeros(len(columns)), found.offset
+        offsets = _offsets(found, creases, moved, scale)
         for _ in range(ITERATIONS):
             raise_if_cancelled()
-            weight = found.weight * geman_mcclure_weights(residual, scale)
-            off_plane = planes @ (so_far + step)
-            holds = PRIORS * strength * geman_mcclure_weights(off_plane, PLANE_SCALE)
-            relates = related.weights(differences + differing @ step)
-            H = J.T @ diags_array(weight) @ J + planes.T @ diags_array(holds) @ planes + diags_array(PRIORS * position)
-            H += differing.T @ diags_array(relates) @ differing
-            target = J.T @ (weight * found.offset) - planes.T @ (holds * (planes @ so_far)) - PRIORS * position * so_far
-            target -= differing.T @ (relates * differences)
-            last, step = step, splu(csc_array(H)).solve(target)
-            residual = found.offset - J @ step
-            if np.abs((step - last) / np.repeat(pixel[free], 3)).max() < CONVERGED:
+            step = step_parts((offsets, *holding), moved, free).sum(axis=-1)
+            moved = moved + step
+            if np.abs(step[free] / pixel[free, None]).max() < CONVERGED:
                 break
-        moved = moved.copy()
-        moved[free] += step.reshape(-1, 3)
-        information = _by_vertex(found, creases, found.weight * geman_mcclure_weights(residual, scale), len(vertices))
-        information += related.hessians(related.weights(differences + differing @ step), len(vertices))
-    return Alignment(moved, information, len(related.pairs) > 0)
+        information = _by_vertex(found, creases, offsets.weights_at(moved), len(vertices))
+        information += holding[2].hessians(moved)
+    return Alignment(moved, information, len(found_axes.pairs) > 0)
 
 
-def _planes(vertices: np.ndarray, faces: np.ndarray, pixel: np.ndarray) -> tuple[csc_array, np.ndarray]:
-    """Distances of the corners from the planes of their faces, and the strength of the prior to them.
+def _planes(vertices: np.ndarray, faces: np.ndarray, pixel: np.ndarray) -> Rows:
+    """Distances of the corners from the planes of their faces, px; small faces hold less.
 
     Args:
         pixel: (n,) float: size of a pixel, world units.
-
-    Returns:
-        (3 m, 3 n) matrix from moves, world units, to distances, px; (3 m,) float.
     """
     normals, doubled = unit_normals(vertices, faces)
     size = np.nan_to_num(pixel[faces], nan=np.inf)
-    rows = normals[:, None] / size[:, :, None]
+    derivatives = (normals[:, None] / size[:, :, None]).reshape(-1, 1, 3)
     side = np.sqrt(0.5 * doubled) / size.mean(axis=1)
-    columns = (3 * faces[:, :, None] + np.arange(3)).ravel()
-    index = np.repeat(np.arange(3 * len(faces)), 3)
-    matrix = coo_array((rows.ravel(), (index, columns)), shape=(3 * len(faces), vertices.size)).tocsc()
-    return matrix, np.repeat((PLANE * np.minimum(1.0, side / LARGE_FACE)) ** 2, 3)
+    strength = PRIORS * np.repeat((PLANE * np.minimum(1.0, side / LARGE_FACE)) ** 2, 3)
+    nothing = np.zeros(len(derivatives))
+    return Rows(START, faces.reshape(-1, 1), derivatives, nothing, vertices, strength, GemanMcClure(PLANE_SCALE))
 
 
 def _shares(found: Offsets) -> np.ndarray:
@@ -139,12 +122,11 @@ def _shares(found: Offsets) -> np.ndarray:
     return np.column_stack([1 - found.along, found.along])
 
 
-def _rows(found: Offsets, creases: Creases, n_coordinates: int) -> csc_array:
-    """(s, n_coordinates) matrix from moves of the vertices, world units, to moves of the segments across, px."""
-    values = _shares(found)[:, :, None] * found.px_per_move[:, None]
-    columns = 3 * creases.ends[found.crease][:, :, None] + np.arange(3)
-    rows = np.repeat(np.arange(len(found.offset)), 6)
-    return coo_array((values.ravel(), (rows, columns.ravel())), shape=(len(found.offset), n_coordinates)).tocsc()
+def _offsets(found: Offsets, creases: Creases, vertices: np.ndarray, scale: float) -> Rows:
+    """Distances of the segments of creases from image edges, px, where they were measured: with the vertices (n, 3) there."""
+    derivatives = _shares(found)[:, :, None] * found.px_per_move[:, None]
+    ends = creases.ends[found.crease]
+    return Rows(IMAGE_EDGES, ends, derivatives, -found.offset, vertices, found.weight, GemanMcClure(scale))
 
 
 def _by_vertex(found: Offsets, creases: Creases, weight: np.ndarray, count: int) -> np.ndarray:

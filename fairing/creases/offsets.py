@@ -59,7 +59,7 @@ def measure_offsets(
     """Offsets of the creases that a photo shows.
 
     Args:
-        photo: (height, width, 3) uint8.
+        photo: (height, width, 3) uint8 or float32, grey levels.
         vertices: (n, 3) float, world units.
         faces: (m, 3) int.
         reach: largest offset, px.

@@ -124,7 +124,7 @@ def _at_one_level(setting: Setting, percent: float, direction: np.ndarray) -> Se
     options: FairingOptions = setting.options
     cells = CellOptions(warp=options.cells.warp, size=(CELL_SIZE,), adaptive=False, inset=(0.0,))
     cells = replace(cells, interpolation=("bilinear",), weighting=options.cells.weighting)
-    schedule = replace(options.schedule, blur=(BLUR,), first_level="first", start_error=0.0, search=(0.0,))
+    schedule = replace(options.schedule, blur=(BLUR,), first_level="first")
     step = replace(options.step, smoothing=(0.0,))
     options = replace(options, cells=cells, schedule=schedule, step=step)
     return setting.session(setting.displaced(percent, direction), options)

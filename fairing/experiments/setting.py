@@ -7,6 +7,7 @@ import numpy as np
 
 from fairing.errors import InputError
 from fairing.geometry.normals import face_normals
+from fairing.io.scene_points import with_points
 from fairing.judge.metrics import SPAN_TOLERANCE
 from fairing.options import FairingOptions
 from fairing.run.session import Session
@@ -40,8 +41,12 @@ class Setting:
 
     @classmethod
     def of(cls, scene: Scene, options: FairingOptions | None = None, vertex: int | None = None) -> "Setting":
-        """A setting with defaults: the preset `accurate`, and the vertex that the photos determine best."""
+        """A setting with defaults: the preset `accurate`, and the vertex that the photos determine best.
+
+        The sparse points of the scene are found here, see `Scene.points_choice`, and not in every run.
+        """
         check_truth(scene)
+        scene = with_points(scene)
         return cls(scene, best_seen_vertex(scene) if vertex is None else vertex, options or FairingOptions())
 
     @cached_property

@@ -34,6 +34,7 @@ def find_points(
     threads: int = 0,
     on_progress: Progress | None = None,
     cancel_requested: Callable[[], bool] | None = None,
+    keypoints: Sequence[Keypoints] | None = None,
 ) -> FeaturePoints:
     """The points that at least `options.views` photos show, from photos and cameras alone.
 
@@ -43,6 +44,7 @@ def find_points(
         threads: 0 for one a core.
         on_progress: called from this thread.
         cancel_requested: polled several times a second from this thread.
+        keypoints: of each photo, as `find_keypoints` returns them for the same options; default: detected here.
 
     Raises:
         InputError: a photo or mask cannot be decoded.
@@ -56,25 +58,42 @@ def find_points(
     if len(pairs) == 0:
         return FeaturePoints.none("no two photos are taken from different places in similar directions")
     progress, cancelled = on_progress or (lambda done, count: None), cancel_requested or (lambda: False)
-    with_points = len(views) * PHOTO_WORK + len(pairs)
+    with_points = (len(views) * PHOTO_WORK if keypoints is None else 0) + len(pairs)
     work = _Work(threads or os.cpu_count() or 1, lambda done: progress(done, with_points + 1), cancelled)
     try:
-        keypoints = work.all_of([lambda view=view: detect_keypoints(view, chosen) for view in views], PHOTO_WORK)
-        if sum(len(found) for found in keypoints) == 0:
+        detected = _detected(work, views, chosen) if keypoints is None else keypoints
+        if sum(len(found) for found in detected) == 0:
             return FeaturePoints.none("the photos show no keypoints: there is no texture, or masks exclude it")
         matches = work.all_of(
             [
-                lambda a=a, b=b: match_pair(keypoints[a], keypoints[b], cameras[a], cameras[b], chosen)
+                lambda a=a, b=b: match_pair(detected[a], detected[b], cameras[a], cameras[b], chosen)
                 for a, b in pairs.tolist()
             ]
         )
-        counts = [len(found) for found in keypoints]
+        counts = [len(found) for found in detected]
         (tracks,) = work.all_of([lambda: join_tracks(counts, pairs, matches, chosen.views)])
         if len(tracks) == 0:
             return FeaturePoints.none(
                 f"no keypoint was matched in {chosen.views} photos; check the cameras, or add photos that overlap more"
             )
-        return _triangulated(work, cameras, keypoints, tracks, chosen)
+        return _triangulated(work, cameras, detected, tracks, chosen)
+    finally:
+        work.end()
+
+
+def find_keypoints(
+    views: Sequence[View],
+    options: FeatureOptions | None = None,
+    threads: int = 0,
+    on_progress: Progress | None = None,
+    cancel_requested: Callable[[], bool] | None = None,
+) -> list[Keypoints]:
+    """The keypoints of each photo, which do not depend on cameras. Arguments and exceptions as of `find_points`."""
+    progress, cancelled = on_progress or (lambda done, count: None), cancel_requested or (lambda: False)
+    count = len(views) * PHOTO_WORK
+    work = _Work(threads or os.cpu_count() or 1, lambda done: progress(done, count), cancelled)
+    try:
+        return _detected(work, views, options or FeatureOptions())
     finally:
         work.end()
 
@@ -85,8 +104,12 @@ def progress_line(done: int, n_photos: int) -> str:
     return f"finding points: photo {photo} of {n_photos}" if photo <= n_photos else "finding points: matching photos"
 
 
+def _detected(work: "_Work", views: Sequence[View], options: FeatureOptions) -> list[Keypoints]:
+    return work.all_of([lambda view=view: detect_keypoints(view, options) for view in views], PHOTO_WORK)
+
+
 def _triangulated(
-    work: "_Work", cameras: list[Camera], keypoints: list[Keypoints], tracks: Tracks, options: FeatureOptions
+    work: "_Work", cameras: list[Camera], keypoints: Sequence[Keypoints], tracks: Tracks, options: FeatureOptions
 ) -> FeaturePoints:
     first = np.concatenate([[0], np.cumsum([len(found) for found in keypoints])])
     index = first[tracks.photos] + tracks.keypoints

@@ -20,6 +20,7 @@ from fairing.features.pairs import nearest_photos
 from fairing.features.points import FeaturePoints
 from fairing.geometry.rasterize import rasterize_inverse
 from fairing.mesh import Mesh
+from fairing.photo import grey_levels
 from fairing.scene import View
 
 MEGAPIXELS = 0.35
@@ -220,7 +221,7 @@ def _reduced(view: View, error: float) -> _Reduced:
     size = (view.camera.width, view.camera.height)
     shrink = reduction(view.camera, error)
     reduced = (max(1, round(size[0] * shrink)), max(1, round(size[1] * shrink)))
-    grey = cv2.cvtColor(view.photo.load(), cv2.COLOR_RGB2GRAY)
+    grey = cv2.cvtColor(grey_levels(view.photo.full_depth()), cv2.COLOR_RGB2GRAY)
     if reduced != size:
         grey = cv2.resize(grey, reduced, interpolation=cv2.INTER_AREA)
     grey = grey.astype(np.float32) - np.float32(MIDDLE_GREY)

@@ -1,9 +1,10 @@
 """Geometry of meshes, without photos.
 
-What belongs here: rasterization (`rasterize`), closest points on a surface (`closest_point`), face normals and quality
-(`normals`), normal filtering (`normal_filter`) and mesh inspection (`mesh_check`).
+What belongs here: rasterization (`rasterize`), closest points on a surface (`closest_point`) and on single triangles
+(`triangles`), face normals and quality (`normals`), normal filtering (`normal_filter`) and mesh inspection (`mesh_check`).
 
 May import: the data modules of `fairing` and `fairing.util`.
 
-Offers: `rasterize`, `SurfaceTree`, `face_normals`, `face_quality`, `folded_faces`, `smoothed`, `inspect_mesh`.
+Offers: `rasterize`, `SurfaceTree`, `closest_on_triangles`, `barycentric`, `face_normals`, `face_quality`,
+`folded_faces`, `smoothed`, `inspect_mesh`.
 """

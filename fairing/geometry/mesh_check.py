@@ -8,9 +8,7 @@ from scipy.sparse.csgraph import connected_components
 
 from fairing.errors import InputError
 from fairing.mesh import Mesh
-
-_FLAT = 1e-8
-"""A face is degenerate if its height is below this fraction of its longest edge."""
+from fairing.weld import without_area
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +64,7 @@ def inspect_mesh(mesh: Mesh) -> MeshFacts:
     Raises:
         InputError: every face is degenerate.
     """
-    is_degenerate = _is_degenerate(mesh)
+    is_degenerate = without_area(mesh.vertices, mesh.faces)
     if is_degenerate.all():
         raise InputError(
             f"mesh: expected a surface, found that all {len(mesh.faces)} faces have no area; repair the mesh"
@@ -93,16 +91,6 @@ def inspect_mesh(mesh: Mesh) -> MeshFacts:
         unreferenced_vertices=np.flatnonzero(~is_referenced),
         n_components=_count_components(mesh) - int((~is_referenced).sum()),
     )
-
-
-def _is_degenerate(mesh: Mesh) -> np.ndarray:
-    """(m,) bool: faces whose height is below `_FLAT` times the longest edge."""
-    corners = mesh.vertices[mesh.faces]
-    sides = np.roll(corners, -1, axis=1) - corners
-    longest = np.linalg.norm(sides, axis=2).max(axis=1)
-    sides = sides / np.where(longest > 0, longest, 1)[:, None, None]
-    height = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
-    return height < _FLAT
 
 
 def _first_of_each(rows: np.ndarray) -> np.ndarray:

@@ -27,7 +27,15 @@ def smoothed(mesh: Mesh, vertices: np.ndarray, vertex_passes: int) -> np.ndarray
     Returns:
         (n, 3) float, world units.
     """
-    faces, places = mesh.faces, vertices.copy()
+    normals, places = filtered_normals(mesh, vertices), vertices
+    for _ in range(vertex_passes):
+        places = places + moves_to_planes(mesh, places, normals)
+    return places
+
+
+def filtered_normals(mesh: Mesh, vertices: np.ndarray) -> np.ndarray:
+    """(m, 3) float: unit normals of the faces with vertices (n, 3), averaged with similar ones of neighbouring faces."""
+    faces = mesh.faces
     normals, area = unit_normals(vertices, faces)
     here, there = _neighbours(faces, len(vertices))
     for _ in range(NORMAL_PASSES):
@@ -36,15 +44,31 @@ def smoothed(mesh: Mesh, vertices: np.ndarray, vertex_passes: int) -> np.ndarray
         total = area[:, None] * normals
         np.add.at(total, here, weight[:, None] * normals[there])
         normals = total / np.maximum(np.linalg.norm(total, axis=1), 1e-300)[:, None]
-    count = np.maximum(np.bincount(faces.ravel(), minlength=len(vertices)), 1)
-    for _ in range(vertex_passes):
-        center = places[faces].mean(axis=1)
-        move = np.zeros_like(places)
-        for corner in range(3):
-            distance = ((center - places[faces[:, corner]]) * normals).sum(axis=1)
-            np.add.at(move, faces[:, corner], distance[:, None] * normals)
-        places += move / count[:, None]
-    return places
+    return normals
+
+
+def moves_to_planes(mesh: Mesh, vertices: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    """(n, 3) float: mean distance of each vertex (n, 3) from the planes through the centres of its faces, world units.
+
+    Args:
+        normals: (m, 3) float: unit normals of these planes.
+    """
+    count = np.maximum(np.bincount(mesh.faces.ravel(), minlength=len(vertices)), 1)
+    move = np.zeros_like(vertices)
+    for corner, distance in enumerate(_off_planes(mesh, vertices, normals).T):
+        np.add.at(move, mesh.faces[:, corner], distance[:, None] * normals)
+    return move / count[:, None]
+
+
+def planes_energy(mesh: Mesh, vertices: np.ndarray, normals: np.ndarray) -> float:
+    """Sum of the squared distances of the corners from these planes, world units^2; arguments as of `moves_to_planes`."""
+    return float((_off_planes(mesh, vertices, normals) ** 2).sum())
+
+
+def _off_planes(mesh: Mesh, vertices: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    """(m, 3) float: distance of the plane through the centre of each face from each of its corners, along its normal."""
+    corners = vertices[mesh.faces]
+    return ((corners.mean(axis=1)[:, None] - corners) * normals[:, None]).sum(axis=2)
 
 
 def _neighbours(faces: np.ndarray, n_vertices: int) -> tuple[np.ndarray, np.ndarray]:

@@ -3,8 +3,9 @@
 World to camera: R (X - C); R is stored column by column. Pixel centres lie at integers. Since version 1.2.1 the principal
 point is relative to the middle of the photo (width / 2, height / 2), before to its corner. The focal length is given in
 pixels before 1.2.2, then in millimetres of a sensor `sensorWidth` wide; `pixelRatio` is fx / fy before 1.2.5 and fy / fx
-since. Distortions: none, radialk1, radialk3 and brown (k1, k2, k3, p1, p2), before 1.2.6 named by the camera's type
-(pinhole, radial1, radial3, brown). Source: AliceVision's sfmDataIO/jsonIO.cpp and its compatibilityData.
+since. Distortions: none, radialk1, radialk3, brown (k1, k2, k3, p1, p2) and fisheye4 (as OpenCV's), before 1.2.6 named by
+the camera's type (pinhole, radial1, radial3, brown, fisheye4). An `undistortionType` is a second model (3DE) and refused.
+Source: AliceVision's sfmDataIO/jsonIO.cpp and its compatibilityData.
 """
 
 from pathlib import Path
@@ -12,23 +13,26 @@ from pathlib import Path
 import numpy as np
 
 from fairing.errors import InputError
-from fairing.io.calibrated import CalibratedPhoto, ObservedPoints, build_capture, find_photo, pose_of_center
+from fairing.io.calibrated import CalibratedPhoto, ObservedPoints, build_capture
 from fairing.io.capture import Capture, files_in, listed, naming
+from fairing.io.find_photo import find_photo
 from fairing.io.json_file import Item, holds, read_json
+from fairing.io.poses import pose_of_center
 from fairing.lens import Lens
 
 NAME = "meshroom"
 FORMAT = "Meshroom / AliceVision (.sfm)"
 
-# Indices of the parameters among k1, k2, p1, p2, k3, by the name of the distortion and of the old camera type.
-_DISTORTIONS: dict[str, tuple[int, ...]] = {
-    "none": (),
-    "pinhole": (),
-    "radialk1": (0,),
-    "radial1": (0,),
-    "radialk3": (0, 1, 4),
-    "radial3": (0, 1, 4),
-    "brown": (0, 1, 4, 2, 3),
+# The model of each distortion, and the indices of its parameters, by the name of the distortion and of the old camera type.
+_DISTORTIONS: dict[str, tuple[str, tuple[int, ...]]] = {
+    "none": ("polynomial", ()),
+    "pinhole": ("polynomial", ()),
+    "radialk1": ("polynomial", (0,)),
+    "radial1": ("polynomial", (0,)),
+    "radialk3": ("polynomial", (0, 1, 4)),
+    "radial3": ("polynomial", (0, 1, 4)),
+    "brown": ("polynomial", (0, 1, 4, 2, 3)),
+    "fisheye4": ("fisheye", (0, 1, 2, 3)),
 }
 
 _LARGEST_VERSION = 1e6
@@ -94,10 +98,12 @@ def _lens(item: Item, version: tuple[int, ...]) -> Lens:
         fx = fy = item["pxFocalLength"].number()
     K = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
     with naming(item.where):
-        return Lens(K, _distortion(item), width, height)
+        model, distortion = _distortion(item)
+        return Lens(K, distortion, width, height, model)
 
 
-def _distortion(item: Item) -> np.ndarray:
+def _distortion(item: Item) -> tuple[str, np.ndarray]:
+    """The model of the distortion and its parameters."""
     kind = item["type"].text()
     if kind == "pinhole" and "distortionType" in item:
         kind = item["distortionType"].text()
@@ -106,11 +112,17 @@ def _distortion(item: Item) -> np.ndarray:
             f"camera model {kind} is not supported (expected {', '.join(_DISTORTIONS)}); run ExportImages or "
             "PrepareDenseScene, which undistort"
         )
-    places = _DISTORTIONS[kind]
-    distortion = np.zeros(5)
+    undistortion = item["undistortionType"].text(may_be_empty=True) if "undistortionType" in item else ""
+    if undistortion not in ("", "none"):
+        raise InputError(
+            f"undistortionType {undistortion} is not supported (expected none); run ExportImages or PrepareDenseScene, "
+            "which undistort"
+        )
+    model, places = _DISTORTIONS[kind]
+    distortion = np.zeros(5 if model == "polynomial" else 4)
     if places and "distortionParams" in item and item["distortionParams"].value:
         distortion[list(places)] = item["distortionParams"].numbers(len(places))
-    return distortion
+    return model, distortion
 
 
 def _points(content: Item, photo_of_view: dict[int, int]) -> ObservedPoints:

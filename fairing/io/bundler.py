@@ -1,9 +1,10 @@
 """Bundler: `bundle.out` (version 0.3) with its list of photos.
 
-The list is `<name>.list.txt` or `list.txt`, beside the .out file or one folder up: one photo per line, in the order of
-the cameras, optionally followed by a focal length. A camera is f k1 k2, R (row by row), t: P = R X + t, p = -P / P_z,
-pixel = f (1 + k1 |p|^2 + k2 |p|^4) p. It looks along its negative z axis, y up, and pixels are relative to the middle of
-the photo, y up. Cameras with f = 0 were not registered. Source: Bundler v0.4 user's manual, section VI.
+The list is `<name>.list.txt`, `<name>.out.list.txt` or `list.txt`, beside the .out file or one folder up: one photo per
+line, in the order of the cameras, optionally followed by a focal length. A camera is f k1 k2, R (row by row), t:
+P = R X + t, p = -P / P_z, pixel = f (1 + k1 |p|^2 + k2 |p|^4) p. It looks along its negative z axis, y up, and pixels are
+relative to the middle of the photo, y up. Cameras with f = 0 were not registered. Source: Bundler v0.4 user's manual,
+section VI.
 """
 
 import re
@@ -12,14 +13,14 @@ from pathlib import Path
 import numpy as np
 
 from fairing.errors import InputError
-from fairing.io.calibrated import CalibratedPhoto, ObservedPoints, build_capture, find_photo
+from fairing.io.calibrated import CalibratedPhoto, ObservedPoints, build_capture
 from fairing.io.capture import Capture, files_in, listed, naming, read_text, reading
+from fairing.io.find_photo import MissingFile, find_photo, photo_size
 from fairing.io.number_file import NumberFile
 from fairing.lens import Lens
-from fairing.photo import FilePhoto
 
 NAME = "bundler"
-FORMAT = "Bundler (bundle.out with list.txt)"
+FORMAT = "Bundler (bundle.out with list.txt), also of RealityScan"
 
 _HEADER = b"# Bundle file v0.3"
 _FLIP = np.diag([1.0, -1.0, -1.0])
@@ -51,12 +52,12 @@ def read(path: Path) -> Capture:
     missing = [name for name, photo in zip(names, photo_of_camera, strict=True) if photo < 0]
     warnings = (f"photos left out, not registered: {len(missing)} ({listed(missing)})",) if missing else ()
     with naming(file):
-        return build_capture(photos, points, warnings)
+        return build_capture(photos, points, warnings)._replace(sizes_from_photos=True)
 
 
-def _photo(path: Path, values: np.ndarray) -> CalibratedPhoto:
-    width, height = FilePhoto(path).size
+def _photo(path: Path | MissingFile, values: np.ndarray) -> CalibratedPhoto:
     f, k1, k2 = values[:3]
+    width, height = photo_size(path, f)
     K = np.array([[f, 0, (width - 1) / 2], [0, f, (height - 1) / 2], [0, 0, 1]])
     R, t = values[3:12].reshape(3, 3), values[12:]
     return CalibratedPhoto(path, Lens(K, np.array([k1, k2]), width, height), _FLIP @ R, _FLIP @ t)
@@ -110,7 +111,9 @@ def _begins_right(file: Path) -> bool:
 def _list_file(file: Path) -> Path:
     stem = file.name.removesuffix(".out").removesuffix(".bundle")
     candidates = [
-        folder / name for folder in (file.parent, file.parent.parent) for name in (f"{stem}.list.txt", "list.txt")
+        folder / name
+        for folder in (file.parent, file.parent.parent)
+        for name in (f"{stem}.list.txt", f"{file.name}.list.txt", "list.txt")
     ]
     for candidate in candidates:
         if candidate.is_file():

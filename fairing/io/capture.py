@@ -3,14 +3,36 @@
 import os
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple, Protocol
 
+import numpy as np
+
 from fairing.errors import InputError
+from fairing.image_file import PHOTO_SUFFIXES as PHOTO_SUFFIXES
+from fairing.placement.frames import MeshFrame
 from fairing.scene import SparsePoints, View
 from fairing.util.guards import check_regular_file
 
-PHOTO_SUFFIXES = frozenset({".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".ppm", ".pgm", ".webp"})
+
+@dataclass(frozen=True, eq=False)
+class MissingPhoto:
+    """The photo of a camera that was found nowhere: the view can only be left out.
+
+    Attributes:
+        size: (width, height) in pixels, as calibrated.
+        error: raised where the photo is needed.
+    """
+
+    size: tuple[int, int]
+    error: InputError
+
+    def load(self) -> np.ndarray:
+        raise self.error
+
+    def full_depth(self) -> np.ndarray:
+        raise self.error
 
 
 class Capture(NamedTuple):
@@ -18,12 +40,16 @@ class Capture(NamedTuple):
 
     Attributes:
         mesh: the mesh file the format itself names, or None.
+        frames: frames that its files name beside the cameras' world, in which a mesh may be.
+        sizes_from_photos: whether the format states no sizes, so that the cameras have those of the photo files.
     """
 
     views: tuple[View, ...]
     sparse_points: SparsePoints | None = None
     warnings: tuple[str, ...] = ()
     mesh: Path | None = None
+    frames: tuple[MeshFrame, ...] = ()
+    sizes_from_photos: bool = False
 
 
 class Reader(Protocol):

@@ -1,8 +1,9 @@
 """COLMAP reconstructions: cameras, images and points3D, as .txt or .bin.
 
-The model is searched in the folder itself, in `sparse/` and in `sparse/0/`; the photos in `images/` beside any of these,
-or beside the model. If both text and binary files exist, the binary is read, as in COLMAP. `rigs` and `frames` (COLMAP 4)
-repeat the content of the images and are not read.
+The model is searched in the folder itself, in `sparse/` and in their numbered folders, of which COLMAP makes one for each
+component of a capture that it could not join: the one with most photos is read. Photos are searched in `images/` and
+`photos/` beside any of these, or beside the model. If both text and binary files exist, the binary is read, as in COLMAP.
+`rigs` and `frames` (COLMAP 4) repeat the content of the images and are not read.
 
 The centre of the top-left pixel is (0.5, 0.5) in COLMAP and (0, 0) here: this module subtracts the half from principal
 points and observations. All cameras it returns are pinholes: lenses are undistorted here (`fairing.lens`).
@@ -13,18 +14,20 @@ from pathlib import Path
 
 import numpy as np
 
-from fairing.camera import Camera
+from fairing.distortion import MODELS
 from fairing.errors import InputError
-from fairing.io.capture import PHOTO_SUFFIXES, Capture, files_below, listed, naming
+from fairing.io.calibrated import CalibratedPhoto, build_view, resized_note, undistorted
+from fairing.io.capture import PHOTO_SUFFIXES, Capture, files_below, listed, naming, read_text, reading
 from fairing.io.colmap_binary import read_binary_model
-from fairing.io.colmap_model import ColmapCamera, ColmapImage, ColmapModel
+from fairing.io.colmap_model import DISTORTION_MODELS, ColmapCamera, ColmapImage, ColmapModel
 from fairing.io.colmap_text import read_text_model
-from fairing.lens import DISTORTION, Lens
-from fairing.photo import FilePhoto
-from fairing.scene import SparsePoints, View
+from fairing.io.find_photo import PHOTO_FOLDERS, is_file, missing_file
+from fairing.io.poses import rotation_of_quaternion
+from fairing.lens import Lens
+from fairing.scene import SparsePoints
 
 NAME = "colmap"
-FORMAT = "COLMAP model (cameras and images, .txt or .bin, in the folder, sparse/ or sparse/0/)"
+FORMAT = "COLMAP model (cameras and images, .txt or .bin, in the folder, sparse/ or sparse/0/), also of RealityScan"
 
 _HALF_PIXEL = 0.5
 
@@ -45,7 +48,7 @@ def read(path: Path) -> Capture:
         with naming(f"{folder}: camera {camera_id}"):
             cameras[camera_id] = _intrinsics(camera)
 
-    views, pixels = [], []
+    views, pixels, resized = [], [], []
     # By name, because COLMAP's files come in no particular order.
     images = dict(sorted(model.images.items(), key=lambda item: item[1].name))
     for image_id, image in images.items():
@@ -55,9 +58,15 @@ def read(path: Path) -> Capture:
             if not np.isfinite(image.pixels).all():
                 raise InputError("expected finite observations, found NaN or infinity; export the model again")
             lens = cameras[image.camera_id]
-            views.append(_view(image, lens, photos))
-            pixels.append(lens.undistort(image.pixels - _HALF_PIXEL))
-    warnings = _unregistered(photos, model) + _other_models(folder)
+            file = photos / image.name
+            found = file if os.path.exists(file) else missing_file(image.name, [photos], image.name)
+            rotation = rotation_of_quaternion(image.quaternion)
+            view = build_view(image.name, CalibratedPhoto(found, lens, rotation, image.translation))
+            views.append(view)
+            if (view.camera.width, view.camera.height) != (lens.width, lens.height):
+                resized.append(image.name)
+            pixels.append(undistorted(image.pixels - _HALF_PIXEL, lens, view))
+    warnings = _unregistered(photos, model) + resized_note(resized) + _other_models(folder)
     return Capture(tuple(views), _sparse_points(folder, model, list(images.values()), pixels), warnings)
 
 
@@ -69,19 +78,45 @@ def _model_folder(path: Path) -> Path | None:
     """The folder of the model, or None. A file of the model stands for its folder."""
     if path.is_file():
         return path.parent if path.name in ("cameras.txt", "cameras.bin", "images.txt", "images.bin") else None
-    for folder in (path, path / "sparse", path / "sparse" / "0"):
+    for folder in (path, path / "sparse"):
         if _has_model(folder, ".bin") or _has_model(folder, ".txt"):
             return folder
+        numbered = _numbered_models(folder)
+        if numbered:  # of equal ones the first
+            return max(numbered, key=lambda model: (_count_images(model), -int(model.name)))
     return None
+
+
+def _numbered_models(folder: Path) -> list[Path]:
+    """The models in folders 0, 1, ..., in the order of their numbers."""
+    if not folder.is_dir():
+        return []
+    with reading(folder, "a folder"):
+        # Longer names are no numbers of COLMAP, and might have more digits than Python converts.
+        numbered = [path for path in folder.iterdir() if path.name.isascii() and path.name.isdigit()]
+    models = [
+        path for path in numbered if len(path.name) < 10 and (_has_model(path, ".bin") or _has_model(path, ".txt"))
+    ]
+    return sorted(models, key=lambda path: int(path.name))
+
+
+def _count_images(folder: Path) -> int:
+    """The number of images that the model's file declares or lists."""
+    if _has_model(folder, ".bin"):
+        file = folder / "images.bin"
+        with reading(file, "a COLMAP model"), file.open("rb") as stream:
+            return int.from_bytes(stream.read(8), "little")
+    lines = read_text(folder / "images.txt", "a COLMAP model").splitlines()
+    return sum(1 for line in lines if not line.startswith("#")) // 2  # the second line of an image may be empty
 
 
 def _photo_folder(path: Path, folder: Path, model: ColmapModel) -> Path:
     """The folder that photo names are relative to: the first candidate that holds one of the photos."""
     above = Path(os.path.abspath(folder)).parents
-    roots = list(dict.fromkeys([path if path.is_dir() else folder, folder, *above[:2]]))
-    candidates = [candidate for root in roots for candidate in (root / "images", root)]
+    roots = list(dict.fromkeys([path if path.is_dir() else folder, folder, *above[:3]]))
+    candidates = [candidate for root in roots for candidate in (*(root / name for name in PHOTO_FOLDERS), root)]
     for candidate in candidates:
-        if any((candidate / image.name).is_file() for image in model.images.values()):
+        if any(is_file(candidate / image.name) for image in model.images.values()):
             return candidate
     first = min(image.name for image in model.images.values())
     raise InputError(
@@ -94,29 +129,9 @@ def _intrinsics(camera: ColmapCamera) -> Lens:
     p = camera.parameters
     fx, fy = p.get("fx", p.get("f", 0.0)), p.get("fy", p.get("f", 0.0))
     K = np.array([[fx, 0, p["cx"] - _HALF_PIXEL], [0, fy, p["cy"] - _HALF_PIXEL], [0, 0, 1]])
-    distortion = np.array([p.get(name, 0.0) for name in DISTORTION])
-    return Lens(K, distortion, camera.width, camera.height)
-
-
-def _view(image: ColmapImage, lens: Lens, photos: Path) -> View:
-    camera = Camera.from_krt(lens.pinhole_K, _rotation(image.quaternion), image.translation, lens.width, lens.height)
-    return View(image.name, camera, FilePhoto(photos / image.name, lens if lens.is_distorted else None))
-
-
-def _rotation(quaternion: np.ndarray) -> np.ndarray:
-    """(3, 3) rotation of a quaternion (4,) w x y z, of any length but zero."""
-    largest = np.abs(quaternion).max()
-    if not np.isfinite(largest) or largest == 0:
-        raise InputError(f"expected a rotation as quaternion, found {quaternion.tolist()}")
-    quaternion = quaternion / largest  # so that no square overflows
-    w, x, y, z = quaternion / np.linalg.norm(quaternion)
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
+    distortion_model = DISTORTION_MODELS.get(camera.model, "polynomial")
+    distortion = np.array([p.get(name, 0.0) for name in MODELS[distortion_model].names])
+    return Lens(K, distortion, camera.width, camera.height, distortion_model)
 
 
 def _sparse_points(
@@ -163,8 +178,9 @@ def _unregistered(photos: Path, model: ColmapModel) -> tuple[str, ...]:
 
 
 def _other_models(folder: Path) -> tuple[str, ...]:
-    """A warning about further models: COLMAP numbers the components of a capture that it could not join 0, 1, ..."""
-    if folder.name != "0":
+    """A note about further models."""
+    others = [model for model in _numbered_models(folder.parent) if model != folder] if folder.name.isdigit() else []
+    if not others:
         return ()
-    others = [path.name for path in sorted(folder.parent.iterdir()) if path.name.isdigit() and path != folder]
-    return (f"{folder.parent} holds more models ({listed(others)}); {folder.name} is read",) if others else ()
+    found = listed(f"{model.name} with {_count_images(model)} photos" for model in others)
+    return (f"{folder.parent} holds more models ({found}); {folder.name} with {_count_images(folder)} photos is read",)

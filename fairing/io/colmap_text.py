@@ -1,5 +1,6 @@
 """COLMAP text models: cameras.txt, images.txt and points3D.txt."""
 
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -9,6 +10,8 @@ import numpy as np
 from fairing.errors import InputError
 from fairing.io.capture import naming, read_text
 from fairing.io.colmap_model import ColmapCamera, ColmapImage, ColmapModel, ColmapPoints, parameter_names
+
+_DECLARED_POINTS = re.compile(r"^# Number of points: ([0-9]{1,18})\b", re.MULTILINE)
 
 
 def read_text_model(folder: Path) -> ColmapModel:
@@ -58,7 +61,11 @@ def _read_images(path: Path) -> dict[int, ColmapImage]:
 
 
 def _read_points(path: Path) -> ColmapPoints:
-    """Lines of POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[]."""
+    """Lines of POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[].
+
+    Raises:
+        InputError: a malformed line, or another number of points than COLMAP's comment declares.
+    """
     ids, positions, colors = [], [], []
     for number, line in _data_lines(path):
         with _explaining(path, number, "POINT3D_ID X Y Z R G B ERROR TRACK"):
@@ -68,6 +75,12 @@ def _read_points(path: Path) -> ColmapPoints:
             colors.append((int(r), int(g), int(b)))
             if not (0 <= min(colors[-1]) <= max(colors[-1]) <= 255 and 0 <= ids[-1] < 2**63):
                 raise ValueError("out of range")
+    declared = _DECLARED_POINTS.search(read_text(path, "a COLMAP model"))
+    if declared is not None and int(declared[1]) != len(ids):
+        raise InputError(
+            f"{path}: expected {declared[1]} points as its comment declares, found {len(ids)}; it is incomplete, export the "
+            "model again, or correct the comment"
+        )
     return ColmapPoints(
         np.array(ids, dtype=np.int64),
         np.array(positions, dtype=np.float64).reshape(-1, 3),

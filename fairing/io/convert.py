@@ -1,8 +1,8 @@
 """Capture conversion: photos, masks, cameras, points and mesh written to a self-contained, undistorted folder.
 
-Photos are copied byte by byte; distorted ones are undistorted and written as PNG, because a second JPEG compression would
-change them. The files that identify the format are removed first and written last, so that an interrupted conversion is
-not recognised as a scene.
+Photos are copied byte by byte; those that are undistorted or turned upright are written as PNG, because a second JPEG
+compression would change them. The files that identify the format are removed first and written last, so that an
+interrupted conversion is not recognised as a scene.
 """
 
 import shutil
@@ -11,6 +11,7 @@ from dataclasses import replace
 from pathlib import Path, PurePosixPath
 from typing import Literal
 
+import cv2
 import numpy as np
 from PIL import Image
 
@@ -18,10 +19,11 @@ from fairing.errors import InputError
 from fairing.io import colmap_write, scene_json
 from fairing.io.atomic import write_atomically
 from fairing.io.capture import listed, reading
+from fairing.io.mask_files import MASK_FOLDER
 from fairing.io.mesh_file import write_mesh
-from fairing.io.photo_choice import MASK_FOLDER
 from fairing.photo import FilePhoto
 from fairing.scene import SparsePoints, View
+from fairing.util.orientation import AS_STORED
 
 Format = Literal["colmap", "scene.json"]
 
@@ -35,11 +37,13 @@ def write_capture(
     views: Sequence[View],
     sparse: SparsePoints | None = None,
     mesh: tuple[np.ndarray, np.ndarray] | None = None,
+    mesh_file: Path | None = None,
 ) -> tuple[str, ...]:
     """Write photos, masks, cameras, sparse points and a mesh to a folder made by `prepare_output_folder`.
 
     Args:
         mesh: vertices (n, 3) float, world units, and faces (m, 3) int.
+        mesh_file: the file that the mesh was read from, whose attributes are kept as far as a PLY holds them.
 
     Returns:
         Warnings about what the format cannot hold, one line each.
@@ -62,7 +66,7 @@ def write_capture(
         else:
             mask.unlink(missing_ok=True)  # of an earlier conversion
     if mesh is not None:
-        write_mesh(out / MESH, *mesh)
+        write_mesh(out / MESH, *mesh, like=mesh_file)
     written = [replace(view, name=name) for view, name in zip(views, names, strict=True)]
     if format == "scene.json":
         scene_json.write(out, written, sparse, MESH if mesh is not None else None)
@@ -91,18 +95,24 @@ def _names(views: Sequence[View]) -> list[str]:
 
 
 def _is_copied(view: View) -> bool:
-    return isinstance(view.photo, FilePhoto) and view.photo.lens is None
+    photo = view.photo
+    return isinstance(photo, FilePhoto) and photo.lens is None and photo.orientation == AS_STORED
 
 
 def _write_photo(view: View, path: Path) -> None:
     _make_folder(path.parent)
-    if isinstance(view.photo, FilePhoto) and view.photo.lens is None:
+    if isinstance(view.photo, FilePhoto) and _is_copied(view):
         source = view.photo.path
         with reading(source, "a photo"), source.open("rb") as photo:
             write_atomically(path, lambda file: shutil.copyfileobj(photo, file))
         return
-    image = Image.fromarray(view.photo.load())
-    write_atomically(path, lambda file: image.save(file, format="PNG", compress_level=3))
+    pixels = view.photo.full_depth()
+    if pixels.dtype == np.uint8:
+        image = Image.fromarray(pixels)
+        write_atomically(path, lambda file: image.save(file, format="PNG", compress_level=3))
+    else:  # Pillow writes no colour of 16 bits
+        _, encoded = cv2.imencode(".png", np.ascontiguousarray(pixels[..., ::-1]), [cv2.IMWRITE_PNG_COMPRESSION, 3])
+        write_atomically(path, lambda file: file.write(encoded.tobytes()))
 
 
 def _write_mask(counts: np.ndarray, path: Path) -> None:

@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-import zipfile
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import asdict
@@ -17,13 +16,16 @@ from fairing.features.find import Progress, find_points
 from fairing.features.options import FeatureOptions
 from fairing.features.points import FeaturePoints
 from fairing.io.atomic import write_atomically
+from fairing.io.capture import reading
 from fairing.photo import FilePhoto, Photo, ResizedPhoto
 from fairing.scene import View
+from fairing.util.npz import read_npz
 
 _ARRAYS = {  # name: (shape of an item, kind)
     "positions": ((3,), "f"), "covariance": ((3, 3), "f"), "colors": ((3,), "u"), "offsets": ((), "iu"),
     "photos": ((), "iu"), "pixels": ((2,), "f"), "residual": ((), "f"),
 }  # fmt: skip
+_TEXTS = ("reason", "key")
 
 
 def points_key(views: Sequence[View], options: FeatureOptions) -> str:
@@ -37,7 +39,8 @@ def points_key(views: Sequence[View], options: FeatureOptions) -> str:
         digest.update(view.camera.image_from_world.tobytes())
         parts = [str((view.camera.width, view.camera.height)), _photo_key(view.photo)]
         if view.mask is not None:
-            parts.append(_photo_key(FilePhoto(view.mask.path, view.mask.lens)) + str(view.mask.resized))
+            parts += [_photo_key(FilePhoto(path, view.mask.lens)) for path in view.mask.files]
+            parts.append(f"{view.mask.resized} {view.mask.orientation} {view.mask.alpha_orientation}")
         digest.update("\n".join(parts).encode() + b"\0")
     return digest.hexdigest()
 
@@ -59,14 +62,13 @@ def load_points(path: Path) -> tuple[FeaturePoints, str]:
     Raises:
         InputError: no such file, or its content makes no sense.
     """
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            arrays = {name: file[name] for name in _ARRAYS}
-            sigma, reason, key = float(file["keypoint_sigma"]), str(file["reason"]), str(file["key"])
-    except FileNotFoundError:
-        raise InputError(f"{path}: expected feature points, found no such file") from None
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, AttributeError, TypeError) as error:
-        raise InputError(f"{path}: expected feature points, cannot be read ({error}); find them again") from None
+    with reading(path, "feature points"), path.open("rb") as file:
+        try:
+            found = read_npz(file, (*_ARRAYS, "keypoint_sigma"), _TEXTS)
+            sigma, reason, key = (found[name].item() for name in ("keypoint_sigma", *_TEXTS))
+            arrays = {name: found[name] for name in _ARRAYS}
+        except (ValueError, KeyError) as error:
+            raise InputError(f"{path}: expected feature points, cannot be read ({error}); find them again") from None
     n, o = len(arrays["positions"]), len(arrays["photos"])
     length = dict.fromkeys(_ARRAYS, n) | {"offsets": n + 1, "photos": o, "pixels": o}
     for name, (item, kind) in _ARRAYS.items():
@@ -129,9 +131,9 @@ def _photo_key(photo: Photo) -> str:
         except OSError as error:
             raise InputError(f"photo {photo.path}: cannot be read ({error.strerror}); check the image folder") from None
         lens = photo.lens
-        bent = "" if lens is None else f"{lens.K.tolist()} {np.asarray(lens.distortion).tolist()}"
-        return f"{photo.path.name} {status.st_size} {status.st_mtime_ns} {bent}"
-    pixels = np.ascontiguousarray(photo.load())
+        bent = "" if lens is None else f"{lens.model} {lens.K.tolist()} {lens.distortion.tolist()}"
+        return f"{photo.path.name} {status.st_size} {status.st_mtime_ns} {photo.orientation} {bent}"
+    pixels = np.ascontiguousarray(photo.full_depth())
     return f"{pixels.shape} {hashlib.sha256(pixels.data).hexdigest()}"
 
 

@@ -124,12 +124,14 @@ def read_json(path: Path, expected: str, quoted: bool = False) -> Item:
     """The content of a JSON file.
 
     Raises:
-        InputError: the file cannot be read or is no JSON.
+        InputError: the file cannot be read, is no JSON, or an object has a key twice.
     """
     text = read_text(path, expected)
     with naming(path):
         try:
-            return Item(json.loads(text), quoted=quoted)
+            return Item(json.loads(text, object_pairs_hook=_object), quoted=quoted)
+        except InputError:
+            raise
         except json.JSONDecodeError as error:
             raise InputError(f"line {error.lineno}: expected JSON ({error.msg.lower()})") from None
         except RecursionError:
@@ -138,13 +140,29 @@ def read_json(path: Path, expected: str, quoted: bool = False) -> Item:
             raise InputError("expected JSON, found a number of thousands of digits") from None
 
 
+def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    content = dict(pairs)
+    if len(content) != len(pairs):
+        names = [name for name, _ in pairs]
+        repeated = next(name for name in names if names.count(name) > 1)
+        raise InputError(
+            f"expected each key of an object once, found {json.dumps(repeated)[:60]} twice; remove one of them"
+        )
+    return content
+
+
 def holds(path: Path, *words: str) -> bool:
     """Whether the first 64 KiB of a JSON file hold all these keys; the file may be damaged."""
-    if path.suffix.lower() not in (".json", ".sfm") or not path.is_file():
-        return False
+    beginning = beginning_of(path) if path.suffix.lower() in (".json", ".sfm") else b""
+    return all(f'"{word}"'.encode() in beginning for word in words)
+
+
+def beginning_of(path: Path) -> bytes:
+    """The first 64 KiB of a file; nothing where there is none that can be read."""
+    if not path.is_file():
+        return b""
     try:
         with path.open("rb") as file:
-            beginning = file.read(1 << 16)
+            return file.read(1 << 16)
     except OSError:
-        return False
-    return all(f'"{word}"'.encode() in beginning for word in words)
+        return b""

@@ -1,5 +1,6 @@
 """Loading a scene: photos, cameras and a mesh from a folder, in any supported format."""
 
+import os
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -13,21 +14,34 @@ from fairing.io import (
     bundler,
     colmap,
     matrices,
+    metashape,
     middlebury,
     openmvg,
+    opensfm,
+    realityscan,
     scene_json,
     strecha,
     transforms_json,
+    visualsfm,
 )
-from fairing.io.capture import Capture, Reader, files_in, listed, naming, reading
+from fairing.io.capture import PHOTO_SUFFIXES, Capture, MissingPhoto, Reader, files_in, listed, naming, reading
+from fairing.io.find_photo import PHOTO_FOLDERS
 from fairing.io.in_view import check_mesh_in_view
-from fairing.io.mesh_file import MESH_SUFFIXES, read_mesh
+from fairing.io.mask_files import MASK_FOLDER
+from fairing.io.mesh_file import MESH_SUFFIXES, has_faces, read_mesh
+from fairing.io.mesh_place import in_frame_of_mesh
+from fairing.io.named_scenes import module_of_scene, scene_names
 from fairing.io.photo_choice import PhotoChoice, SceneFormat, apply_choice
+from fairing.io.points_file import read_points
+from fairing.io.scene_points import Progress, choose_points
+from fairing.io.upright import settle_orientations
 from fairing.mesh import Mesh
-from fairing.scene import Scene
+from fairing.scene import PointsChoice, Scene
+from fairing.weld import Welded, welded
 
 READERS: tuple[Reader, ...] = (
-    colmap, bundler, openmvg, alicevision, transforms_json, middlebury, strecha, matrices, scene_json
+    colmap, bundler, openmvg, alicevision, opensfm, visualsfm, metashape, realityscan, transforms_json, middlebury, strecha,
+    matrices, scene_json,
 )  # fmt: skip
 """Supported formats. A new one is a module with the names of `Reader`, added here and to `SceneFormat`."""
 _BY_FILE_NAME: dict[str, Reader] = {
@@ -42,45 +56,100 @@ def load_scene(
     path: str | Path,
     mesh: str | Path | None = None,
     choice: PhotoChoice | None = None,
-    without_mesh: Callable[[str, Capture], Scene] | None = None,
-    choose_points: Callable[[Capture, int | None], Capture] | None = None,
+    points: PointsChoice = "automatic",
+    points_file: Path | None = None,
+    on_progress: Progress = lambda fraction, line: None,
+    skip_requested: Callable[[], bool] = lambda: False,
 ) -> Scene:
-    """The scene in a folder (or a file of it), in any supported format, recognised by content.
+    """The scene in a folder (or a file of it), in any supported format, recognised by content; or a demo scene by its name.
+
+    Without a mesh the sparse points are triangulated; they are found in the photos first if `points` requires it.
 
     Args:
-        path: the folder, or the file that describes the scene.
+        path: the folder, or the file that describes the scene; or the name of a demo scene, unless a folder of that name
+            holds a capture.
         mesh: a mesh file; default: the one that the format names, or the only one in the folder.
         choice: the format, photos left out, masks and weights.
-        without_mesh: builds the scene from its name and the capture where there is no mesh but sparse points.
-        choose_points: returns the capture with the chosen sparse points; called with the capture and the number of the
-            mesh's vertices, or None without a mesh; see `fairing.io.scene_points`. Default: the given points.
+        points: the sparse points that a run of the scene uses, see `Session.find_points`. A demo scene has a choice of its own
+            in place of "automatic".
+        points_file: the points that a run recorded beside its trace, instead.
+        on_progress: called with the finished part, 0 to 1, and a line while points are found, triangulated, or photos rendered.
+        skip_requested: polled while points are found; where it returns True, the given ones are triangulated.
 
     Raises:
         InputError: the input cannot be used; the message is one line.
     """
+    if (scene := _named(path, mesh, choice, on_progress)) is not None:
+        return scene if points == "automatic" else replace(scene, points_choice=points)
     capture, path = read_capture(path, choice), Path(path)
+    if points_file is not None:
+        capture = capture._replace(sparse_points=read_points(points_file, len(capture.views)))
+        points = "given"
     folder = path if path.is_dir() else path.parent
     found = Path(mesh) if mesh is not None else capture.mesh
-    with_points = choose_points or (lambda capture, n_vertices: capture)
-    if found is None and without_mesh is not None and not files_in(folder, MESH_SUFFIXES):
-        chosen = with_points(capture, None)
-        if chosen.sparse_points is None or len(chosen.sparse_points.positions) == 0:
-            raise _no_mesh(folder, chosen.warnings[len(capture.warnings) :])
-        scene = without_mesh(path.resolve().name, chosen)
-        return replace(scene, warnings=chosen.warnings + scene.warnings)
+    if found is None and not _meshes_in(folder):
+        return _triangulated(path.resolve().name, folder, capture, points, on_progress, skip_requested)
     mesh_path = found or only_mesh(folder)
     vertices, faces = read_mesh(mesh_path)
-    with naming(mesh_path):
-        Mesh(vertices, faces)  # validated here so that errors name the file
     name = path.resolve().name
-    scene = Scene.build(name, vertices, faces, capture.views)
     with naming(mesh_path):
-        facts = inspect_mesh(scene.mesh)
+        as_read = Mesh(vertices, faces)  # validated here so that errors name the file
+        surface = welded(as_read)
+    capture = in_frame_of_mesh(capture, as_read)
+    facts = inspect_mesh(surface.all_faces)
+    scene = Scene.of_surface(name, surface, capture.views, sparse_points=capture.sparse_points, points_choice=points)
+    scene = replace(scene, mesh_file=mesh_path.absolute())
     check_mesh_in_view(scene)
-    capture = with_points(capture, len(scene.mesh.vertices))
-    scene = replace(scene, sparse_points=capture.sparse_points)
     _, input_vertices = np.unique(scene.original_from_welded, return_index=True)
-    return replace(scene, warnings=capture.warnings + facts.warnings(input_vertices))
+    return replace(scene, warnings=capture.warnings + _rounded_copies(surface) + facts.warnings(input_vertices))
+
+
+def _rounded_copies(surface: Welded) -> tuple[str, ...]:
+    """A warning if some vertices as read differ by rounding from the copy that stands for them."""
+    apart = surface.displacement
+    copies = np.flatnonzero(apart)
+    if len(copies) == 0:
+        return ()
+    return (
+        f"mesh: vertices that differ from another by rounding: {len(copies)} (first: {copies[0]}; at most "
+        f"{apart.max() / surface.mesh.diagonal:.1g} of the diagonal apart); they are moved as one",
+    )
+
+
+def _named(
+    path: str | Path, mesh: str | Path | None, choice: PhotoChoice | None, on_progress: Progress
+) -> Scene | None:
+    """The demo scene of that name; None if there is none, or a folder of that name that holds a capture."""
+    module = module_of_scene(str(path))
+    if module is None or (os.path.exists(path) and is_capture(Path(path))):
+        return None
+    if mesh is not None or choice not in (None, PhotoChoice()):
+        raise InputError(f"{path}: a demo scene has its own mesh and takes all its photos; leave mesh and choice out")
+    return module.load_demo(str(path), progress=on_progress)
+
+
+def _triangulated(
+    name: str,
+    folder: Path,
+    capture: Capture,
+    choice: PointsChoice,
+    on_progress: Progress,
+    skip_requested: Callable[[], bool],
+) -> Scene:
+    """The scene of a capture without a mesh: its chosen sparse points, triangulated."""
+    from fairing.triangulation import flip_progress, triangulate  # imported where there is no mesh: it takes a while
+
+    points, warnings = choose_points(
+        name, capture.views, capture.sparse_points, choice, None, on_progress, skip_requested=skip_requested
+    )
+    if points is None or len(points.positions) == 0:
+        raise _no_mesh(folder, warnings)
+
+    def show(flips: int, open_edges: int, _: float) -> None:
+        on_progress(flip_progress(flips, open_edges), f"triangulating sparse points: {flips} flips")
+
+    scene = triangulate(name, capture.views, points, on_progress=show).result()
+    return replace(scene, points_choice="given", warnings=capture.warnings + warnings + scene.warnings)
 
 
 def read_capture(path: str | Path, choice: PhotoChoice | None = None) -> Capture:
@@ -95,9 +164,23 @@ def read_capture(path: str | Path, choice: PhotoChoice | None = None) -> Capture
     path, choice = Path(path), choice or PhotoChoice()
     with reading(path, "a scene (a folder or a file of it)"):
         if not path.exists():
+            offered = scene_names()
+            if offered and len(path.parts) == 1:
+                raise InputError(f"{path}: expected a folder, a file of it, or a demo scene ({offered}), found neither")
             raise FileNotFoundError
         capture = _read(path) if choice.format is None else _read_as(path, choice.format)
-    return apply_choice(capture, choice, path if path.is_dir() else path.parent)
+    return apply_choice(settle_orientations(capture), choice, path if path.is_dir() else path.parent)
+
+
+def is_capture(path: Path) -> bool:
+    """Whether a folder or file holds cameras in a supported format, possibly damaged ones."""
+    for reader in READERS:
+        try:
+            if reader.recognises(path):
+                return True
+        except InputError:  # several of this format
+            return True
+    return False
 
 
 def _read(path: Path) -> Capture:
@@ -135,12 +218,35 @@ def _read_as(path: Path, format: SceneFormat) -> Capture:
 
 def _completeness(capture: Capture) -> tuple[int, bool, bool]:
     has_points = capture.sparse_points is not None and len(capture.sparse_points.positions) > 0
-    return len(capture.views), has_points, capture.mesh is not None
+    n_photos = sum(not isinstance(view.photo, MissingPhoto) for view in capture.views)
+    return n_photos, has_points, capture.mesh is not None
 
 
 def _unsupported(path: Path) -> InputError:
+    if photos := _photos_alone(path):
+        return InputError(
+            f"{path}: expected cameras beside the {len(photos)} photos, found none; compute them, for example with COLMAP: "
+            f"`colmap automatic_reconstructor --workspace_path WORK --image_path {photos[0].parent}`, then give WORK with its "
+            "photos in WORK/images; or export them from RealityScan, Metashape or WebODM beside the photos"
+        )
     supported = "; ".join(reader.FORMAT for reader in READERS)
     return InputError(f"{path}: expected one of: {supported}; found {_contents(path)}")
+
+
+def _photos_alone(path: Path) -> list[Path]:
+    """The photos of a folder, or a photo, without anything that could describe cameras; else none."""
+    if path.is_file():
+        return [path] if path.suffix.lower() in PHOTO_SUFFIXES else []
+    folders = (*PHOTO_FOLDERS, MASK_FOLDER)
+    with reading(path, "a folder"):
+        others = [
+            entry
+            for entry in path.iterdir()
+            if entry.suffix.lower() not in PHOTO_SUFFIXES | MESH_SUFFIXES
+            and not (entry.name in folders or entry.name.startswith("."))
+        ]
+    found = [files_in(folder, PHOTO_SUFFIXES) for folder in (path, *(path / name for name in PHOTO_FOLDERS))]
+    return [] if others else max(found, key=len)
 
 
 def _contents(path: Path) -> str:
@@ -152,12 +258,12 @@ def _contents(path: Path) -> str:
 
 
 def only_mesh(folder: Path) -> Path:
-    """The mesh file in a folder.
+    """The mesh file in a folder; a file without faces, such as a point cloud, is none.
 
     Raises:
         InputError: there is none, or several.
     """
-    meshes = files_in(folder, MESH_SUFFIXES)
+    meshes = _meshes_in(folder)
     if len(meshes) == 1:
         return meshes[0]
     if meshes:
@@ -165,6 +271,11 @@ def only_mesh(folder: Path) -> Path:
     raise _no_mesh(folder)
 
 
+def _meshes_in(folder: Path) -> list[Path]:
+    return [path for path in files_in(folder, MESH_SUFFIXES) if has_faces(path)]
+
+
 def _no_mesh(folder: Path, reasons: tuple[str, ...] = ()) -> InputError:
-    found = ", ".join(("found none", *reasons))
+    clouds = listed(path.name for path in files_in(folder, MESH_SUFFIXES))
+    found = ", ".join(("found none", *([f"{clouds} without faces"] if clouds else []), *reasons))
     return InputError(f"{folder}: expected a mesh ({', '.join(sorted(MESH_SUFFIXES))}), {found}; give one with --mesh")

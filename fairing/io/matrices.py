@@ -11,6 +11,7 @@ import numpy as np
 
 from fairing.camera import Camera
 from fairing.errors import InputError
+from fairing.image_kinds import OTHER_SUFFIXES
 from fairing.io.capture import PHOTO_SUFFIXES, Capture, files_in, listed, naming, read_text
 from fairing.photo import FilePhoto
 from fairing.scene import View
@@ -43,11 +44,20 @@ def read(path: Path) -> Capture:
     warnings = (
         (f"photos left out because they have no matrix: {len(left_out)} ({listed(left_out)})",) if left_out else ()
     )
-    return Capture(tuple(views), warnings=warnings)
+    return Capture(tuple(views), warnings=warnings, sizes_from_photos=True)
 
 
 def _photos(path: Path) -> list[Path]:
-    return files_in(path, PHOTO_SUFFIXES) or files_in(path / "images", PHOTO_SUFFIXES)
+    folders = (path, path / "images")
+    return next(
+        (
+            found
+            for suffixes in (PHOTO_SUFFIXES, OTHER_SUFFIXES)
+            for folder in folders
+            if (found := files_in(folder, suffixes))
+        ),
+        [],
+    )
 
 
 def _matrices(path: Path) -> list[Path]:

@@ -1,108 +1,138 @@
-"""Mesh files: vertices and triangles, in the file's order.
+"""Mesh files: vertices and triangles in the file's order, and meshes written with everything that another file has."""
 
-OBJ has a reader of its own: trimesh splits the vertices of a textured OBJ where texture coordinates differ and drops
-unused ones, but the written mesh must have the vertices of the mesh read.
-"""
-
-from itertools import pairwise
+import re
+from collections.abc import Callable
 from pathlib import Path
-from typing import BinaryIO
 
 import numpy as np
 
 from fairing.errors import InputError
 from fairing.io.atomic import write_atomically
-from fairing.io.capture import read_text, reading
-from fairing.io.trimesh_file import load_with_trimesh, parsing
+from fairing.io.capture import naming, reading
+from fairing.io.neighbours import Neighbours, copy_neighbours
+from fairing.mesh_formats.document import Attributes, MovedMesh
+from fairing.mesh_formats.obj import write_obj
+from fairing.mesh_formats.parse import MeshDocument, parse_mesh
+from fairing.mesh_formats.ply import write_ply
+from fairing.mesh_formats.ply_header import LONGEST_HEADER, parse_header
 
-_LARGEST_INDEX = 1 << 40
 MESH_SUFFIXES = frozenset({".ply", ".obj", ".off", ".stl", ".glb", ".gltf"})
+LARGEST_FILE = 1 << 32
+"""Bytes of a mesh file."""
+_OBJ_FACE = re.compile(rb"^[ \t]*fo?[ \t]", re.MULTILINE)
 
 
 def read_mesh(path: str | Path) -> tuple[np.ndarray, np.ndarray]:
     """Vertices (n, 3) float, world units, and triangles (m, 3) int of a PLY, OBJ, OFF, STL, GLB or GLTF file.
 
-    Polygons are triangulated. The parts of a GLB are transformed and merged. Coordinates and indices are not checked;
-    `Mesh` validates them.
+    Polygons are triangulated, concave ones by ear clipping. The parts of a GLB are transformed and merged. Coordinates and
+    indices are not checked; `Mesh` validates them.
 
     Raises:
         InputError: no such file, another format, damaged, or without faces.
     """
     path = Path(path)
-    if path.suffix.lower() not in MESH_SUFFIXES:
-        raise InputError(
-            f"{path}: expected a mesh ({', '.join(sorted(MESH_SUFFIXES))}), found {path.suffix or 'no suffix'}"
-        )
-    with reading(path, "a mesh"), path.open("rb"):
-        pass
-    vertices, faces = _read_obj(path) if path.suffix.lower() == ".obj" else _read_with_trimesh(path)
+    document = read_document(path, "a mesh", MESH_SUFFIXES)
+    with naming(path):
+        vertices, faces = document.vertices, document.faces
     if len(faces) == 0:
         raise InputError(f"{path}: expected a triangle mesh, found no faces; if it is a point cloud, mesh it first")
     return vertices, faces
 
 
-def write_mesh(path: str | Path, vertices: np.ndarray, faces: np.ndarray) -> None:
+def read_document(path: Path, expected: str, suffixes: frozenset[str]) -> MeshDocument:
+    """The content of a mesh file, of one of the formats. `expected` is the kind of file for messages, such as "a mesh".
+
+    Raises:
+        InputError: no such file, another format, or damaged.
+    """
+    suffix = path.suffix.lower()
+    if suffix not in suffixes:
+        raise InputError(
+            f"{path}: expected {expected} ({', '.join(sorted(suffixes))}), found {path.suffix or 'no suffix'}"
+        )
+    with reading(path, expected):
+        if path.stat().st_size > LARGEST_FILE:
+            raise InputError(f"{path}: expected {expected} of at most {LARGEST_FILE >> 30} GiB, found a larger file")
+        data = path.read_bytes()
+    with naming(path):
+        return parse_mesh(suffix, data, Neighbours(path).read)
+
+
+def has_faces(path: Path) -> bool:
+    """Whether a mesh file has faces, judged without reading all of it where that is possible; True if it is damaged.
+
+    A PLY without faces is a point cloud, as reconstruction programs write them beside the mesh.
+    """
+    suffix = path.suffix.lower()
+    if suffix not in (".ply", ".obj"):
+        return True
+    try:
+        with reading(path, "a mesh"), path.open("rb") as file:
+            if suffix == ".obj":
+                return _OBJ_FACE.search(file.read(LARGEST_FILE)) is not None
+            header = parse_header(file.read(LONGEST_HEADER))
+    except InputError:
+        return True
+    return any(element.count for element in header.elements if element.name in ("face", "tristrips"))
+
+
+def write_mesh(
+    path: str | Path, vertices: np.ndarray, faces: np.ndarray, like: str | Path | None = None
+) -> tuple[Path, ...]:
     """Write vertices (n, 3), world units, and faces (m, 3) as PLY (binary, double precision) or OBJ, without loss.
 
     An existing file is replaced only once the new one is complete.
 
+    Args:
+        like: the mesh file that the faces were read from, whose attributes are kept. A file of its format has all of them:
+            colours, texture coordinates, materials, groups, polygons, comments, further elements; normals are computed anew.
+            Images and materials that it refers to are copied. As PLY, the mesh has what `Attributes` lists. Where no vertex
+            has moved, a file of its format is a copy.
+
+    Returns:
+        The files written, `path` first.
+
     Raises:
-        InputError: another suffix, or the disk is full or not writable.
+        InputError: another suffix, `like` cannot be read or has other faces, or the disk is full or not writable.
     """
-    path, writers = Path(path), {".ply": _write_ply, ".obj": _write_obj}
+    path = Path(path)
+    if like is not None:
+        return _write_like(path, vertices, faces, Path(like))
+    writers: dict[str, Callable[[], bytes]] = {
+        ".ply": lambda: write_ply(vertices, faces, Attributes()),
+        ".obj": lambda: write_obj(vertices, faces),
+    }
     if path.suffix.lower() not in writers:
         raise InputError(f"{path}: meshes are written as .ply or .obj, found {path.suffix or 'no suffix'}")
-    write_atomically(path, lambda file: writers[path.suffix.lower()](file, vertices, faces))
+    data = writers[path.suffix.lower()]()
+    write_atomically(path, lambda file: file.write(data))
+    return (path,)
 
 
-def _read_with_trimesh(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    # Otherwise trimesh splits the vertices of a textured PLY.
-    options = {"fix_texture": False} if path.suffix.lower() == ".ply" else {}
-    with parsing(path, "a mesh"):
-        mesh = load_with_trimesh(path, **options).to_mesh()
-        return np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int64)
+def own_suffix(like: Path) -> str:
+    """The suffix of a file that keeps all attributes of a mesh file: its own, and .glb for .gltf."""
+    return ".glb" if like.suffix.lower() == ".gltf" else like.suffix.lower()
 
 
-def _read_obj(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """Lines `v x y z` and `f a b c ...`; of `a/b/c` only the vertex index a is used, from 1, or backwards from -1."""
-    vertices: list[list[float]] = []
-    faces: list[list[int]] = []
-    for number, line in enumerate(read_text(path, "a mesh").splitlines(), start=1):
-        fields = line.split()
-        try:
-            if fields[:1] == ["v"]:
-                x, y, z = fields[1:4]
-                vertices.append([float(x), float(y), float(z)])
-            elif fields[:1] == ["f"]:
-                corners = [int(field.split("/")[0]) for field in fields[1:]]
-                if len(corners) < 3 or 0 in corners or max(map(abs, corners)) > _LARGEST_INDEX:
-                    raise ValueError("not a polygon")
-                corners = [corner - 1 if corner > 0 else len(vertices) + corner for corner in corners]
-                faces.extend([corners[0], b, c] for b, c in pairwise(corners[1:]))
-        except ValueError:
-            raise InputError(f"{path}: line {number}: expected `v x y z` or `f a b c`, found {line[:60]!r}") from None
-    return np.array(vertices, dtype=np.float64).reshape(-1, 3), np.array(faces, dtype=np.int64).reshape(-1, 3)
-
-
-def _write_ply(file: BinaryIO, vertices: np.ndarray, faces: np.ndarray) -> None:
-    header = [
-        "ply",
-        "format binary_little_endian 1.0",
-        f"element vertex {len(vertices)}",
-        *(f"property double {axis}" for axis in "xyz"),
-        f"element face {len(faces)}",
-        "property list uchar int vertex_indices",
-        "end_header",
-    ]
-    triangles = np.empty(len(faces), dtype=[("count", "u1"), ("corners", "<i4", 3)])
-    triangles["count"], triangles["corners"] = 3, faces
-    file.write(("\n".join(header) + "\n").encode())
-    file.write(np.ascontiguousarray(vertices, dtype="<f8").tobytes())
-    file.write(triangles.tobytes())
-
-
-def _write_obj(file: BinaryIO, vertices: np.ndarray, faces: np.ndarray) -> None:
-    # repr of a float is the shortest text that reads back as the same float.
-    lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in np.asarray(vertices, dtype=np.float64).tolist()]
-    lines += [f"f {a} {b} {c}" for a, b, c in (np.asarray(faces) + 1).tolist()]
-    file.write(("\n".join(lines) + "\n").encode())
+def _write_like(path: Path, vertices: np.ndarray, faces: np.ndarray, like: Path) -> tuple[Path, ...]:
+    document = read_document(like, "a mesh", MESH_SUFFIXES)
+    suffix = path.suffix.lower()
+    if suffix not in (own_suffix(like), ".ply"):
+        raise InputError(
+            f"{path}: a mesh like {like.name} is written as {own_suffix(like)} or .ply, found {path.suffix or 'no suffix'}"
+        )
+    with naming(like):
+        if len(document.vertices) != len(vertices) or not np.array_equal(document.faces, faces):
+            raise InputError(
+                f"expected the mesh that was refined ({len(vertices)} vertices, {len(faces)} faces), found another one "
+                f"({len(document.vertices)}, {len(document.faces)}); give the file as it was"
+            )
+        if suffix != own_suffix(like):
+            moved = MovedMesh(write_ply(vertices, faces, document.attributes()))
+        else:
+            moved = document.moved(np.asarray(vertices, dtype=np.float64))
+            if suffix == like.suffix.lower() and np.array_equal(vertices, document.vertices):
+                moved = MovedMesh(like.read_bytes(), moved.files)
+    write_atomically(path, lambda file: file.write(moved.data))
+    return (path, *copy_neighbours(like, moved.files, path.parent))

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from fairing.errors import InputError
-from fairing.io.calibrated import CalibratedPhoto, build_capture, find_photo
+from fairing.io.calibrated import CalibratedPhoto, build_capture
 from fairing.io.capture import Capture, naming
+from fairing.io.find_photo import find_photo, photo_size
 from fairing.io.number_file import NumberFile
 from fairing.lens import Lens
-from fairing.photo import FilePhoto
 
 NAME = "middlebury"
 FORMAT = "Middlebury parameters (*_par.txt)"
@@ -33,11 +33,11 @@ def read(path: Path) -> Capture:
         values = numbers.numbers(21, f"K, R and t of {name}")
         with naming(numbers.place):
             photo = find_photo(name, [file.parent])
-            lens = _pinhole(values[:9].reshape(3, 3), FilePhoto(photo).size)
+            lens = _pinhole(values[:9].reshape(3, 3), photo_size(photo, values[0]))
         photos.append(CalibratedPhoto(photo, lens, values[9:18].reshape(3, 3), values[18:]))
     numbers.finish()
     with naming(file):
-        return build_capture(photos)
+        return build_capture(photos)._replace(sizes_from_photos=True)
 
 
 def _pinhole(K: np.ndarray, size: tuple[int, int]) -> Lens:

@@ -1,7 +1,8 @@
 """OpenMVG: `sfm_data.json` (also sfm_data_*.json with poses).
 
 World to camera: R (X - C). Pixel centres lie at integers (its UndistortImage samples whole numbers). The lenses are
-polynomials as in `fairing.lens`: pinhole, pinhole_radial_k1, pinhole_radial_k3, pinhole_brown_t2 (k1, k2, k3, t1 = p1, t2 = p2).
+models of `fairing.distortion`: pinhole, pinhole_radial_k1, pinhole_radial_k3, pinhole_brown_t2 (k1, k2, k3, t1 = p1, t2 = p2) and
+fisheye (k1 to k4, as OpenCV's).
 The file is serialized by cereal: a type's name is given at its first use only; later uses have its number
 (`polymorphic_id`, whose highest bit marks the first use). Source: openMVG/cameras/*_io.hpp, sfm_data_io_cereal.cpp.
 """
@@ -11,20 +12,23 @@ from pathlib import Path
 import numpy as np
 
 from fairing.errors import InputError
-from fairing.io.calibrated import CalibratedPhoto, ObservedPoints, build_capture, find_photo, pose_of_center
+from fairing.io.calibrated import CalibratedPhoto, ObservedPoints, build_capture
 from fairing.io.capture import Capture, files_in, listed, naming
+from fairing.io.find_photo import find_photo
 from fairing.io.json_file import Item, holds, read_json
+from fairing.io.poses import pose_of_center
 from fairing.lens import Lens
 
 NAME = "openmvg"
 FORMAT = "OpenMVG (sfm_data.json with poses)"
 
-# The key of each type's parameters, and their indices among k1, k2, p1, p2, k3.
-_DISTORTIONS: dict[str, tuple[str, tuple[int, ...]]] = {
-    "pinhole": ("", ()),
-    "pinhole_radial_k1": ("disto_k1", (0,)),
-    "pinhole_radial_k3": ("disto_k3", (0, 1, 4)),
-    "pinhole_brown_t2": ("disto_t2", (0, 1, 4, 2, 3)),
+# The key of each type's parameters, the model, and their indices among its parameters.
+_DISTORTIONS: dict[str, tuple[str, str, tuple[int, ...]]] = {
+    "pinhole": ("", "polynomial", ()),
+    "pinhole_radial_k1": ("disto_k1", "polynomial", (0,)),
+    "pinhole_radial_k3": ("disto_k3", "polynomial", (0, 1, 4)),
+    "pinhole_brown_t2": ("disto_t2", "polynomial", (0, 1, 4, 2, 3)),
+    "fisheye": ("fisheye", "fisheye", (0, 1, 2, 3)),
 }
 _FIRST_TIME = 1 << 31
 
@@ -84,16 +88,16 @@ def _lenses(content: Item) -> dict[int, Lens]:
     return lenses
 
 
-def _lens(data: Item, key: str, places: tuple[int, ...]) -> Lens:
+def _lens(data: Item, key: str, model: str, places: tuple[int, ...]) -> Lens:
     pinhole = _base(data)
     f = pinhole["focal_length"].number()
     cx, cy = pinhole["principal_point"].numbers(2)
-    distortion = np.zeros(5)
+    distortion = np.zeros(5 if model == "polynomial" else 4)
     if key:
         distortion[list(places)] = data[key].numbers(len(places))
     width, height = pinhole["width"].whole(lowest=1), pinhole["height"].whole(lowest=1)
     with naming(data.where):
-        return Lens(np.array([[f, 0, cx], [0, f, cy], [0, 0, 1]]), distortion, width, height)
+        return Lens(np.array([[f, 0, cx], [0, f, cy], [0, 0, 1]]), distortion, width, height, model)
 
 
 def _points(content: Item, photo_of_view: dict[int, int]) -> ObservedPoints | None:

@@ -9,16 +9,18 @@ from typing import Literal, get_args
 import numpy as np
 
 from fairing.errors import InputError
-from fairing.io.capture import Capture, files_below, listed, reading
-from fairing.photo import FilePhoto, Mask
-from fairing.scene import SparsePoints, View
+from fairing.io.capture import Capture, MissingPhoto, listed
+from fairing.io.mask_files import masks_of
+from fairing.io.mesh_place import in_frame
+from fairing.placement.frames import MeshFrame, parse_axes
+from fairing.scene import WEIGHTS, SparsePoints, View
 
 SceneFormat = Literal[
-    "colmap", "bundler", "openmvg", "meshroom", "transforms.json", "middlebury", "strecha", "matrices", "scene.json"
-]
-MASK_FOLDER = "masks"
+    "colmap", "bundler", "openmvg", "meshroom", "opensfm", "visualsfm", "metashape", "realityscan", "transforms.json",
+    "middlebury", "strecha", "matrices", "scene.json",
+]  # fmt: skip
 _SMALLEST_SCALE = 0.05
-_PNG = frozenset({".png"})
+SMALLEST_MESH_SCALE = 1e-9
 
 
 @dataclass(frozen=True)
@@ -28,12 +30,17 @@ class PhotoChoice:
     leave_out: tuple[str, ...] = ()
     """Photos to leave out, by name: `--leave-out 0003.jpg "night/*"`."""
     masks: Path | None = None
-    """Folder of masks: for photo a.jpg the image a.jpg.png, black where the photo is ignored (as in COLMAP). Default:
-    the folder `masks` beside the cameras, if there is one."""
+    """Folder of masks: for photo a.jpg the image a.jpg.png (as in COLMAP), a.png or a_mask.png, black where the photo is
+    ignored. Default: the folder `masks` beside the cameras, if there is one, or images a_mask.png beside the photos."""
     photo_weights: tuple[str, ...] = ()
     """Weights of photos relative to the others: `--photo-weights 0003.jpg=0.5 "night/*=0.1"`. Default: 1 each."""
     photo_scale: float = 1.0
     """Scale photos to this fraction of their width and height, 0.05 to 1: less memory and time, less accuracy."""
+    mesh_axes: str = "x,y,z"
+    """Axes of the mesh, if they differ from the cameras': where its x, y, z lie along the cameras' axes. A mesh that is y up
+    among cameras that are z up: `--mesh-axes=x,-z,y`. Results are in the mesh's frame."""
+    mesh_scale: float = 1.0
+    """Unit of the mesh in units of the cameras' world, 1e-9 to 1e9: 0.001 for a mesh in millimetres among cameras in metres."""
     format: SceneFormat | None = None
     """Format to read where a folder holds cameras in several. Default: the readable one with the most photos, then with
     sparse points."""
@@ -60,8 +67,8 @@ def apply_choice(capture: Capture, choice: PhotoChoice, folder: Path) -> Capture
         folder: the folder of the cameras.
 
     Raises:
-        InputError: no photo has a given name, a weight is not a positive number, or a mask cannot be read or has
-            another size than its photo.
+        InputError: no photo has a given name, a weight is not within `WEIGHTS`, a photo that is not left out is missing,
+            or a mask cannot be read or has another size than its photo.
     """
     names = [view.name for view in capture.views]
     if not _SMALLEST_SCALE <= choice.photo_scale <= 1:
@@ -75,13 +82,13 @@ def apply_choice(capture: Capture, choice: PhotoChoice, folder: Path) -> Capture
             weights[name] = weight
     if choice.masks is not None and not choice.masks.is_dir():
         raise InputError(f"--masks {choice.masks}: expected a folder, found none")
-    # Masks named by the format are used where the folder has none.
-    own = {view.mask.path for view in capture.views if view.mask is not None}
-    masks, warnings = _masks(choice.masks or folder / MASK_FOLDER, names, own)
     kept = [i for i, name in enumerate(names) if name not in left_out]
+    for photo in (capture.views[i].photo for i in kept):
+        if isinstance(photo, MissingPhoto):
+            raise photo.error
+    masks, warnings = masks_of(capture.views, kept, choice.masks, folder)
     views = tuple(
-        replace(view, weight=weights[view.name], mask=_mask_of(view, masks))
-        for view in (capture.views[i] for i in kept)
+        replace(capture.views[i], weight=weights[names[i]], mask=mask) for i, mask in zip(kept, masks, strict=True)
     )
     if left_out:
         warnings = (f"photos left out on request: {len(left_out)} ({listed(sorted(left_out))})", *warnings)
@@ -92,7 +99,19 @@ def apply_choice(capture: Capture, choice: PhotoChoice, folder: Path) -> Capture
         resized = tuple(_resized(view, choice.photo_scale) for view in views)
         sparse = None if sparse is None else _at_sizes(sparse, views, resized)
         views = resized
-    return capture._replace(views=views, sparse_points=sparse, warnings=(*capture.warnings, *warnings))
+    chosen = capture._replace(views=views, sparse_points=sparse, warnings=(*capture.warnings, *warnings))
+    return chosen if _is_same_frame(choice) else in_frame(chosen, _frame(choice))
+
+
+def _is_same_frame(choice: PhotoChoice) -> bool:
+    return (choice.mesh_axes, choice.mesh_scale) == (PhotoChoice.mesh_axes, PhotoChoice.mesh_scale)
+
+
+def _frame(choice: PhotoChoice) -> MeshFrame:
+    """The frame of the mesh that was chosen."""
+    if not SMALLEST_MESH_SCALE <= choice.mesh_scale <= 1 / SMALLEST_MESH_SCALE:
+        raise InputError(f"--mesh-scale: expected a factor of 1e-9 to 1e9, found {choice.mesh_scale:g}")
+    return MeshFrame("as chosen", choice.mesh_scale * parse_axes(choice.mesh_axes), np.zeros(3))
 
 
 def _matching(patterns: Iterable[str], names: Sequence[str], flag: str) -> set[str]:
@@ -110,41 +129,10 @@ def _weight(number: str, text: str) -> float:
         weight = float(number)
     except ValueError:
         weight = float("nan")
-    if not 0 < weight < float("inf"):
-        raise InputError(f"--photo-weights {text}: expected a photo's name, =, and a number of more than 0")
+    low, high = WEIGHTS
+    if not low <= weight <= high:
+        raise InputError(f"--photo-weights {text}: expected a photo's name, =, and a number of {low:g} to {high:g}")
     return weight
-
-
-def _masks(folder: Path, names: Sequence[str], own: set[Path]) -> tuple[dict[str, Path], tuple[str, ...]]:
-    """Masks by photo, and warnings. The mask of images/a.jpg may also be named a.jpg.png.
-
-    Args:
-        own: masks named by the capture's format.
-    """
-    if not folder.is_dir():
-        return {}, ()
-    with reading(folder, "a folder of masks"):
-        files = {path.relative_to(folder).as_posix(): path for path in files_below(folder, _PNG)}
-    masks = {}
-    for name in names:
-        for file in (f"{name}.png", f"{name.removeprefix('images/')}.png"):
-            if file in files:
-                masks[name] = files[file]
-    warnings = []
-    if masks:
-        warnings.append(f"masks: {len(masks)} of {len(names)} photos have one in {folder}")
-    unused = [file for file, path in files.items() if path not in masks.values() and path not in own]
-    if unused:
-        warnings.append(
-            f"masks that belong to no photo: {len(unused)} ({listed(unused)}); name a mask as its photo with .png appended"
-        )
-    return masks, tuple(warnings)
-
-
-def _mask_of(view: View, masks: dict[str, Path]) -> Mask | None:
-    if view.name not in masks:
-        return view.mask
-    return Mask(masks[view.name], view.photo.lens if isinstance(view.photo, FilePhoto) else None)
 
 
 def _of_views(sparse: SparsePoints, kept: list[int], n_views: int) -> SparsePoints:

@@ -1,13 +1,10 @@
 """Names of the choices of sparse points, and how many given points are enough."""
 
 from pathlib import Path
-from typing import Literal, cast, get_args
+from typing import cast, get_args
 
 from fairing.errors import InputError
-
-PointsChoice = Literal["automatic", "given", "own", "both", "none"]
-"""Sparse points of a scene: "given" with the capture; "own", found in its photos with its cameras; "both"; "none".
-"automatic": the given ones if they are enough, else its own."""
+from fairing.scene import PointsChoice
 
 POINTS_PER_VERTEX = 3
 """Given points are enough for a mesh with that many for each vertex: the three coordinates of a vertex need the distances

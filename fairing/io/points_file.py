@@ -30,7 +30,7 @@ def read_points(path: Path, n_views: int) -> SparsePoints:
     """
     with reading(path, "sparse points"), path.open("rb") as file:
         try:
-            arrays = read_npz(file)
+            arrays = read_npz(file, _COLUMNS)
         except ValueError as error:
             raise InputError(
                 f"{path}: expected sparse points, cannot be read ({error}); convert the capture again"

@@ -2,15 +2,14 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import trimesh
 
 from fairing.errors import InputError
 from fairing.io.atomic import write_atomically
-from fairing.io.capture import read_text, reading
-from fairing.io.trimesh_file import load_with_trimesh, parsing
+from fairing.io.capture import naming, read_text
+from fairing.io.mesh_file import read_document
+from fairing.io.xyz import read_xyz
 from fairing.mesh import Mesh
 from fairing.registration.alignment import Match
 from fairing.scene import View
@@ -25,25 +24,21 @@ def read_scan(path: Path) -> Mesh | np.ndarray:
     Raises:
         InputError: no such file, another format, damaged, or numbers that are not finite.
     """
-    if path.suffix.lower() not in SCAN_SUFFIXES:
-        raise InputError(
-            f"{path}: expected a scan ({', '.join(sorted(SCAN_SUFFIXES))}), found {path.suffix or 'no suffix'}"
-        )
-    with reading(path, "a scan"), path.open("rb"):
-        pass
-    with parsing(path, "a scan"):
-        parts: list[Any] = list(load_with_trimesh(path).dump())
-        points = np.concatenate([np.asarray(part.vertices, dtype=np.float64) for part in parts])
-        offsets = np.cumsum([0, *(len(part.vertices) for part in parts)])
-        faces = [
-            np.asarray(part.faces) + offset
-            for part, offset in zip(parts, offsets, strict=False)
-            if isinstance(part, trimesh.Trimesh)
-        ]
+    if path.suffix.lower() == ".xyz":
+        points = read_xyz(path)
+        check_coordinates(points, str(path))
+        return points
+    document = read_document(path, "a scan", SCAN_SUFFIXES)
+    with naming(path):
+        points, faces = document.vertices, document.faces
     check_coordinates(points, str(path))
-    if faces and sum(map(len, faces)):
-        return Mesh(points, np.concatenate(faces))
-    return points
+    return Mesh(points, faces) if len(faces) else points
+
+
+def read_points_of_scan(path: Path) -> np.ndarray:
+    """The points (n, 3) float of a scan, or the vertices of its surface; exceptions as of `read_scan`."""
+    scan = read_scan(path)
+    return scan.vertices if isinstance(scan, Mesh) else scan
 
 
 def write_scan(path: Path, points: np.ndarray) -> None:

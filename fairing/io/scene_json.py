@@ -26,6 +26,7 @@ Paths are relative to the JSON file. Unknown keys are errors, so that a misspelt
 """
 
 import json
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -35,7 +36,8 @@ import numpy as np
 from fairing.camera import Camera
 from fairing.errors import InputError
 from fairing.io.atomic import write_atomically
-from fairing.io.capture import Capture, listed, naming
+from fairing.io.capture import Capture, MissingPhoto, listed, naming
+from fairing.io.find_photo import missing_file
 from fairing.io.json_file import Item, holds, read_json
 from fairing.io.points_file import read_points, write_points
 from fairing.photo import FilePhoto, Mask
@@ -118,8 +120,14 @@ def _view(item: Item, folder: Path) -> View:
             camera = Camera.from_krt(K, R, t, width, height)
     mask = Mask(folder / item["mask"].text()) if "mask" in item else None
     weight = item["weight"].number() if "weight" in item else 1.0
+    found = folder / photo
+    source = (
+        FilePhoto(found)
+        if os.path.exists(found)
+        else MissingPhoto((width, height), missing_file(photo, [folder], name).error)
+    )
     with naming(item.where):
-        return View(name, camera, FilePhoto(folder / photo), mask, weight)
+        return View(name, camera, source, mask, weight)
 
 
 def _expect_keys(item: Item, required: tuple[str, ...], optional: tuple[str, ...]) -> None:

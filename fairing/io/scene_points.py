@@ -1,6 +1,9 @@
-"""The sparse points of a scene: given with the capture, found in its photos, both or none."""
+"""The sparse points of a run: given with the capture, found in its photos, both or none."""
 
-from collections.abc import Callable
+import hashlib
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,53 +11,91 @@ import numpy as np
 from fairing.errors import Cancelled
 from fairing.features.find import progress_line
 from fairing.features.points import FeaturePoints
-from fairing.io.capture import Capture
 from fairing.io.feature_points import find_points_once
-from fairing.io.points_choice import PointsChoice, are_enough
-from fairing.scene import SparsePoints
+from fairing.io.points_choice import are_enough
+from fairing.photo import FilePhoto, Photo, ResizedPhoto
+from fairing.scene import PointsChoice, Scene, SparsePoints, View
+from fairing.util.cache_folder import cache_folder
+
+Progress = Callable[[float, str], None]
+"""Called with the finished part, 0 to 1, and a line while points are found."""
+
+
+def with_points(
+    scene: Scene,
+    on_progress: Progress = lambda fraction, line: None,
+    cancel_requested: Callable[[], bool] = lambda: False,
+    skip_requested: Callable[[], bool] = lambda: False,
+) -> Scene:
+    """The scene with the sparse points of its `points_choice`, and a warning where they are not the given ones.
+
+    Arguments and exceptions as of `choose_points`.
+    """
+    if scene.points_choice == "given":
+        return scene
+    points, warnings = choose_points(
+        scene.name,
+        scene.views,
+        scene.sparse_points,
+        scene.points_choice,
+        len(scene.mesh.vertices),
+        on_progress,
+        cancel_requested,
+        skip_requested,
+    )
+    return replace(scene, sparse_points=points, points_choice="given", warnings=(*scene.warnings, *warnings))
 
 
 def choose_points(
-    capture: Capture,
-    n_vertices: int | None,
+    name: str,
+    views: Sequence[View],
+    given: SparsePoints | None,
     choice: PointsChoice,
-    cache: Path,
-    on_progress: Callable[[float, str], None] = lambda fraction, line: None,
+    n_vertices: int | None,
+    on_progress: Progress = lambda fraction, line: None,
+    cancel_requested: Callable[[], bool] = lambda: False,
     skip_requested: Callable[[], bool] = lambda: False,
-) -> Capture:
-    """The capture with the chosen sparse points, and a warning where they are not the given ones.
+) -> tuple[SparsePoints | None, tuple[str, ...]]:
+    """The chosen points, and a warning where they are not the given ones.
 
     With "automatic", points found in the photos replace given ones that are not enough (see `are_enough`) if they are more.
+    Points that were found or joined before are used again. Found points are kept in the user's cache folder, and used as long as
+    photos, cameras and the code that finds them stay the same.
 
     Args:
+        name: of the scene: names the file in the cache.
         n_vertices: of the mesh; None without a mesh.
-        cache: file (.npz) of the points found by an earlier call with the same photos and cameras.
-        on_progress: called with the finished part, 0 to 1, and a line while points are found.
-        skip_requested: polled several times a second while points are found; where it returns True, the given points are used.
+        cancel_requested: polled several times a second while points are found.
+        skip_requested: polled alike; where it returns True, the given points are used.
 
     Raises:
         InputError: a photo or mask cannot be decoded.
+        Cancelled: `cancel_requested` returned True.
     """
-    given = capture.sparse_points
-    n_given = 0 if given is None else len(given.positions)
-    if choice == "given" or (choice == "automatic" and are_enough(n_given, n_vertices)):
-        return capture
+    n_given = 0 if given is None else given.n_observed
+    was_chosen = given is not None and given.origin != "given" and choice in ("automatic", given.origin)
+    if choice == "given" or was_chosen or (choice == "automatic" and are_enough(n_given, n_vertices)):
+        return given, ()
     if choice == "none":
-        return capture._replace(sparse_points=None)
-    n_photos = len(capture.views)
+        return None, ()
 
     def show(done: int, count: int) -> None:
-        on_progress(done / count, progress_line(done, n_photos))
+        on_progress(done / count, progress_line(done, len(views)))
+
+    def ends() -> bool:
+        return cancel_requested() or skip_requested()
 
     try:
-        found = find_points_once(capture.views, cache, on_progress=show, cancel_requested=skip_requested, is_cache=True)
-    except Cancelled:
-        warning = (
-            f"no points were looked for in the photos, on request; the capture has {n_given or 'no'} sparse points"
+        found = find_points_once(
+            views, _cache_file(name, views), on_progress=show, cancel_requested=ends, is_cache=True
         )
-        return capture._replace(warnings=(*capture.warnings, warning))
-    points, warning = _chosen(choice, given, n_given, found)
-    return capture._replace(sparse_points=points, warnings=(*capture.warnings, warning))
+    except Cancelled:
+        if cancel_requested():
+            raise
+        line = f"no points were looked for in the photos, on request; the capture has {n_given or 'no'} sparse points"
+        return given, (line,)
+    points, line = _chosen(choice, given, n_given, found)
+    return points, (line,)
 
 
 def _chosen(
@@ -80,3 +121,16 @@ def _joined(given: SparsePoints, own: SparsePoints) -> SparsePoints:
         np.concatenate([given.pixels, own.pixels]),
         "both",
     )
+
+
+def _cache_file(name: str, views: Sequence[View]) -> Path:
+    """File in the user's cache folder for the points found in these photos: one for the photos of a capture at one size."""
+    photos = [(view.name, _file_of(view.photo), view.camera.width, view.camera.height) for view in views]
+    digest = hashlib.sha256(repr((name, photos)).encode("utf-8", "surrogateescape")).hexdigest()[:16]
+    return cache_folder() / "points" / f"{re.sub(r'[^A-Za-z0-9._-]', '-', name)[:60]}-{digest}.npz"
+
+
+def _file_of(photo: Photo) -> str:
+    if isinstance(photo, ResizedPhoto):
+        return _file_of(photo.whole)
+    return str(photo.path.absolute()) if isinstance(photo, FilePhoto) else ""

@@ -10,9 +10,11 @@ from pathlib import Path
 import numpy as np
 
 from fairing.errors import InputError
-from fairing.io.calibrated import CalibratedPhoto, build_capture, find_photo, pose_of_center
+from fairing.io.calibrated import CalibratedPhoto, build_capture
 from fairing.io.capture import Capture, files_in, naming
+from fairing.io.find_photo import find_photo
 from fairing.io.number_file import NumberFile
+from fairing.io.poses import pose_of_center
 from fairing.lens import Lens
 
 NAME = "strecha"

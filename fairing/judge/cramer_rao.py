@@ -6,6 +6,7 @@ from scipy.ndimage import map_coordinates, spline_filter
 from fairing.cells.layout import cell_grid
 from fairing.cells.scale_space import LUMA
 from fairing.errors import InputError
+from fairing.photo import grey_levels
 from fairing.scene import Scene, View
 
 CELL_SIZE = 192  # texels along a leg of a face
@@ -59,7 +60,8 @@ def cramer_rao_covariance(
         for view_id in (everyone if views_of_face is None else views_of_face[face]).tolist():
             view = scene.views[view_id]
             if view_id not in splines:
-                splines[view_id] = spline_filter(view.photo.load().astype(float) @ LUMA, order=3, mode="mirror")
+                luma = grey_levels(view.photo.full_depth()).astype(float) @ LUMA
+                splines[view_id] = spline_filter(luma, order=3, mode="mirror")
             J = view.camera.J_image_wrt_point(points)
             uv, _ = view.camera.project(points)
             gradient = np.stack([_slope(splines[view_id], uv, axis) for axis in np.eye(2)], axis=1)

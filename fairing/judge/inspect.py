@@ -17,6 +17,22 @@ from fairing.run.session import Session
 
 
 @dataclass(frozen=True, eq=False)
+class CellDerivatives:
+    """Derivatives of the cells of a face by the position of one of its corners, by world axis.
+
+    Attributes:
+        vertex: id of the corner.
+        of_cells: (3, n, p) float: dI/dx = grad I . dupsilon/deta, grey levels / world unit; 0 where masked.
+        of_residuals: (3, n, p) float: de/dx, what the normal equations use: without what the eigenspace takes up, if the options
+            eliminate it.
+    """
+
+    vertex: int
+    of_cells: np.ndarray
+    of_residuals: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
 class FaceCells:
     """The cells of one face, n views, N x N samples in a right triangle, p samples (times three with colour).
 
@@ -43,6 +59,7 @@ class FaceCells:
         singular_values: (n,) float, descending.
         coefficients: (n, k) float: c.
         corners_px: (n, 3, 2) float: the face's corners in the photos, px.
+        derivatives: None if not requested, or if the face takes no part.
     """
 
     face: int
@@ -64,6 +81,7 @@ class FaceCells:
     singular_values: np.ndarray
     coefficients: np.ndarray
     corners_px: np.ndarray
+    derivatives: CellDerivatives | None = None
 
     @property
     def takes_part(self) -> bool:
@@ -93,7 +111,13 @@ class FaceCells:
         return images[..., 0] if self.channels == 1 else images
 
 
-def face_cells(session: Session, face: int, moment: int | None = None, dimensions: int | None = None) -> FaceCells:
+def face_cells(
+    session: Session,
+    face: int,
+    moment: int | None = None,
+    dimensions: int | None = None,
+    vertex: int | None = None,
+) -> FaceCells:
     """Cells of a face at a moment, under the visibility and robust scale of the sweep of the moment's next step.
 
     Their energy is the `face_energy_before` of that step if it is a Gauss-Newton step that includes the face (local searches
@@ -103,6 +127,7 @@ def face_cells(session: Session, face: int, moment: int | None = None, dimension
         face: id.
         moment: default: the session's present moment.
         dimensions: k to use instead of the run's; the run is not changed.
+        vertex: the corner of the face to compute derivatives by; default: none are computed.
 
     Raises:
         IndexError: no such face or moment.
@@ -115,7 +140,7 @@ def face_cells(session: Session, face: int, moment: int | None = None, dimension
     sweep = session.sweep_state(moment)
     context = sweep.context if dimensions is None else _with_dimensions(sweep.context, face, dimensions)
     return cells_in_context(
-        session, context, vertices, face, moment, float(sweep.sigma[face]), float(sweep.scale[face])
+        session, context, vertices, face, moment, float(sweep.sigma[face]), float(sweep.scale[face]), vertex
     )
 
 
@@ -157,6 +182,7 @@ def cells_in_context(
     moment: int,
     sigma: float,
     squared_scale: float,
+    vertex: int | None = None,
 ) -> FaceCells:
     """Cells of a face at any vertex positions.
 
@@ -167,9 +193,11 @@ def cells_in_context(
         moment: the moment to note in the result.
         sigma: scale parameter of the robust norm, grey levels.
         squared_scale: the same as the kernels use it, see `fairing.solve.energy.robust_scale`.
+        vertex: see `face_cells`.
 
     Raises:
         InputError: a corner of the face lies behind a camera.
+        ValueError: the vertex is not a corner of the face.
     """
     data = context.kernel
     pairs = context.pairs_of(face)
@@ -180,9 +208,11 @@ def cells_in_context(
     bias = np.zeros(n, dtype=np.float32)
     basis, V = np.zeros((k + 1, p), dtype=np.float32), np.zeros((n, k + 1))
     singular_values, view_energy = np.zeros(n), np.zeros(n)
+    corner = _corner_of(session, face, vertex)
+    G, hats = np.zeros((0 if corner < 0 else 3, n, p), dtype=np.float32), np.zeros((3, p), dtype=np.float32)
     fitted = show_face(
-        data, np.ascontiguousarray(vertices), face, squared_scale,
-        raw, bias, residual, weights, counts, basis, V, singular_values, view_energy,
+        data, np.ascontiguousarray(vertices), face, corner, squared_scale,
+        raw, bias, residual, weights, counts, basis, V, singular_values, view_energy, G, hats,
     )  # fmt: skip
     if fitted is None:
         raise InputError(f"face {face}: a corner lies behind a camera at moment {moment}, so it has no cells")
@@ -209,7 +239,42 @@ def cells_in_context(
         singular_values=singular_values,
         coefficients=V[:, :k] * singular_values[:k],
         corners_px=np.stack([camera.project(corners)[0] for camera in cameras]) if n else np.zeros((0, 3, 2)),
+        derivatives=None
+        if vertex is None or k == 0
+        else _derivatives(session, vertex, hats[corner] * G, basis[:k], V[:, :k]),
     )
+
+
+def _corner_of(session: Session, face: int, vertex: int | None) -> int:
+    """Which corner of a face a vertex is; -1 without one."""
+    corners = session.scene.mesh.faces[face].tolist()
+    if vertex is not None and vertex not in corners:
+        raise ValueError(f"vertex {vertex}: expected a corner of face {face}, one of {corners}")
+    return -1 if vertex is None else corners.index(vertex)
+
+
+def _derivatives(
+    session: Session, vertex: int, of_cells: np.ndarray, basis: np.ndarray, V: np.ndarray
+) -> CellDerivatives:
+    """Derivatives of cells (3, n, p) and what the solver of the options leaves of them.
+
+    As in `fairing.kernels.normal_equations`: (I - U U^T) dI (I - V V^T) with the eigenspace eliminated; with the means of cells
+    and samples removed if the options do that.
+
+    Args:
+        basis: (k, p) float: U^T.
+        V: (n, k) float.
+    """
+    options = session.options
+    n, p = of_cells.shape[1:]
+    eliminated = options.step.solver == "variable_projection"
+    views, samples = (V, basis) if eliminated else (V[:, :0], basis[:0])
+    if eliminated and options.eigenspace.centered:
+        views = np.column_stack([views, np.full(n, 1 / np.sqrt(n))])
+    if options.cells.remove_bias:
+        samples = np.vstack([samples, np.full(p, 1 / np.sqrt(p))])
+    left = of_cells - views @ (views.T @ of_cells)
+    return CellDerivatives(vertex, of_cells, left - left @ samples.T @ samples)
 
 
 def _reconstruction(

@@ -15,7 +15,8 @@ from fairing.mesh import Mesh
 from fairing.run.session import Session
 from fairing.scene import Scene
 from fairing.solve.energy import Evaluator
-from fairing.solve.point_split import kept_points
+from fairing.solve.point_split import kept_points, observed_kept_points
+from fairing.terms.point_rays import FARTHEST, points_on_surface
 
 SURFACE_SAMPLES = 20_000
 SEEN_FRACTION = 0.3
@@ -164,19 +165,53 @@ def surface_distance(mesh: Mesh, surface: Mesh | SurfaceTree, diagonal: float) -
     return Distances(tree.distance(sample_surface(mesh)), diagonal)
 
 
-def sparse_point_distance(scene: Scene, vertices: np.ndarray) -> Distances | None:
-    """Distances of the held-out sparse points, which the fit to sparse points never uses, to the mesh.
+@dataclass(frozen=True, eq=False)
+class HeldOutDistances:
+    """Distances of the held-out sparse points that belong to the surface, which no fit uses, before and after a run.
+
+    Attributes:
+        before, after: of the same points.
+        held_out: number of held-out points, with those of the ground, the background and everything else.
+    """
+
+    before: Distances
+    after: Distances
+    held_out: int
+
+    def summary(self) -> dict[str, Any]:
+        """Numbers of points, and the distances of those on the surface before and after, if there are any."""
+        counts = {"held_out": self.held_out, "on_surface": len(self.before.values)}
+        if counts["on_surface"] == 0:
+            return counts
+        return counts | {"before": self.before.summary(), "after": self.after.summary()}
+
+
+def held_out_distances(scene: Scene, start: np.ndarray, end: np.ndarray) -> HeldOutDistances | None:
+    """Distances of the held-out sparse points to the surface before and after a run.
+
+    A point belongs to the surface if it does at the start or at the end: where its photos are known, they see the mesh in its
+    direction, within a tenth of the diagonal (`points_on_surface`); else it lies within a tenth of the diagonal.
 
     Args:
-        vertices: (n, 3) float, world units.
+        start, end: (n, 3) float, world units: vertices of the welded mesh.
 
     Returns:
         None if the scene has no such points.
     """
-    points = kept_points(scene)
-    if len(points) == 0:
+    kept, observed = kept_points(scene), observed_kept_points(scene)
+    if len(kept) == 0:
         return None
-    return Distances(SurfaceTree(scene.mesh.moved(vertices)).distance(points), scene.mesh.diagonal)
+    meshes, diagonal = [scene.mesh.moved(vertices) for vertices in (start, end)], scene.mesh.diagonal
+    trees = [SurfaceTree(mesh) for mesh in meshes]
+    if len(observed):
+        cameras = [view.camera for view in scene.views]
+        belongs = np.logical_or(*(points_on_surface(mesh, cameras, observed) for mesh in meshes))
+        before, after = (tree.distance(observed.positions[belongs]) for tree in trees)
+    else:
+        before, after = (tree.distance(kept) for tree in trees)
+        belongs = np.minimum(before, after) < FARTHEST / 100 * diagonal
+        before, after = before[belongs], after[belongs]
+    return HeldOutDistances(Distances(before, diagonal), Distances(after, diagonal), len(kept))
 
 
 def reprojection_error(scene: Scene, vertices: np.ndarray, determined_only: bool = True) -> np.ndarray:
@@ -252,9 +287,8 @@ def quality_report(scene: Scene, start: np.ndarray, end: np.ndarray) -> dict[str
     """
     report: dict[str, Any] = {"flipped_faces": flipped_faces(start, end, scene.mesh.faces).tolist()}
     states = {"before": start, "after": end}
-    for name, vertices in states.items():
-        if (distances := sparse_point_distance(scene, vertices)) is not None:
-            report.setdefault("sparse_points_to_surface", {})[name] = distances.summary()
+    if (distances := held_out_distances(scene, start, end)) is not None:
+        report["sparse_points_to_surface"] = distances.summary()
     if scene.truth is None:
         return report
     tree = SurfaceTree(scene.truth.surface)

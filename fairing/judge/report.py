@@ -9,11 +9,15 @@ import numpy as np
 
 from fairing.cells.context import CellContext
 from fairing.cells.visibility import Visibility
-from fairing.options import by_level, options_to_dict
+from fairing.options import options_to_dict
+from fairing.run.recorded_stages import recorded_stages
 from fairing.run.session import Session
+from fairing.stage_kind import StageKind
 from fairing.trace import StepReason, StepRecord, Trace
 
 PACKAGES = ("eigenfairing", "numpy", "scipy", "numba", "opencv-python-headless", "trimesh")
+REFINEMENT = "refinement"
+"""Key of a trace's header: what refinement of the cameras found, see `fairing.cameras.refinement.Refinement.facts`."""
 
 
 @dataclass
@@ -46,17 +50,15 @@ class EnergyTally:
         self._before = np.zeros(n_faces)
         self._after = np.zeros(n_faces)
         self._touched = np.zeros(n_faces, dtype=bool)
-        self._is_preparing = False
 
-    def add(self, record: StepRecord) -> SweepEnergy:
-        """Add one step; returns the current energies of its sweep."""
-        if record.is_second_fit and self.sweeps:  # it uses other cells than the sweeps
-            return self.sweeps[-1]
+    def add(self, record: StepRecord) -> SweepEnergy | None:
+        """Add one step; returns the current energies of its sweep, or None for a step that belongs to no sweep of the photos:
+        fits use no photos, and what judges them uses other cells."""
         level, sweep = record.position[:2]
-        if self._is_preparing:  # preparations of the start used other cells than the first sweep
-            self.sweeps.pop()
-        self._is_preparing = record.is_preparing
-        if not self.sweeps or (self.sweeps[-1].level, self.sweeps[-1].sweep) != (level, sweep):
+        is_new = not self.sweeps or (self.sweeps[-1].level, self.sweeps[-1].sweep) != (level, sweep)
+        if record.stage.is_fit or record.stage is StageKind.FIT or (is_new and record.stage is StageKind.JUDGE):
+            return None
+        if is_new:
             self.sweeps.append(SweepEnergy(level, sweep))
             self._touched[:] = False
             self._before[:] = 0
@@ -102,8 +104,8 @@ def run_report(session: Session, preset: str, seconds: dict[str, float], quality
         "options": options_to_dict(session.options),
         "versions": versions(),
         "scene": _scene_facts(session),
-        "preparations": [reason.name.lower() for reason in session.trace.preparations],
-        "second_fit": _second_fit(session.trace),
+        "cameras": session.trace.header.get(REFINEMENT),
+        "stages": _stages(session.trace),
         "stop_reason": session.stop_reason,
         "finished": session.finished,
         "seconds": {"total": sum(stages.values())} | stages,
@@ -133,10 +135,22 @@ def _version(package: str) -> str | None:
         return None
 
 
-def _second_fit(trace: Trace) -> str | None:
-    """The outcome of the second fit to the sparse points; None if the run made none."""
-    reasons = (StepReason(record.reasons[0]) for record in trace.steps if record.is_second_fit)
-    return next((reason.name.lower() for reason in reasons), None)
+def _stages(trace: Trace) -> list[dict[str, Any]]:
+    """Kind, level and steps of every stage, and of a fit its objective, which stands for the associations of its sweep:
+    `objective_left` is the product of what each step left of it."""
+    stages = []
+    for stage in recorded_stages(trace):
+        steps = trace.steps[stage.begin : stage.end]
+        entry = {"kind": stage.kind.name.lower(), "level": stage.level, "steps": len(steps)}
+        if stage.kind.is_fit:
+            left = [step.objective_after / step.objective_before for step in steps if step.objective_before > 0]
+            entry |= {
+                "objective_before": steps[0].objective_before,
+                "objective_after": steps[-1].objective_after,
+                "objective_left": float(np.prod(left)),
+            }
+        stages.append(entry)
+    return stages
 
 
 def _scene_facts(session: Session) -> dict[str, Any]:
@@ -156,20 +170,34 @@ def _scene_facts(session: Session) -> dict[str, Any]:
 
 
 def _skipped(session: Session, context: CellContext | None) -> dict[str, Any]:
-    """Faces and vertices that took no part at the last level, with reasons; empty for `context` None (no sweep has begun)."""
+    """Faces and vertices that took no part at the last level, with reasons; empty for `context` None (no sweep has begun).
+
+    Faces are counted as in the input.
+    """
     if context is None:
         return {"faces": [], "faces_with_fewer_dimensions": [], "vertices": []}
-    requested = by_level(session.options.eigenspace.dimensions, context.level)
+    scene = session.scene
+    number, n_views = scene.input_faces, len(scene.views)
+    without_area = np.setdiff1d(np.arange(len(scene.original_faces)), number)
+    requested = session.options.level(context.level).dimensions
     takes_part = context.takes_part
     out = np.flatnonzero(~takes_part)
     lowered = np.flatnonzero(takes_part & (context.kernel.face_dimensions < requested))
     return {
         "faces": [
-            {"face": int(face), "views": int(context.n_views[face]), "reasons": _reasons(context.reasons[face])}
+            {"face": int(number[face]), "views": int(context.n_views[face]), "reasons": _reasons(context.reasons[face])}
             for face in out
+        ]
+        + [
+            {"face": int(face), "views": 0, "reasons": {Visibility.DEGENERATE.name.lower(): n_views}}
+            for face in without_area
         ],
         "faces_with_fewer_dimensions": [
-            {"face": int(face), "views": int(context.n_views[face]), "k": int(context.kernel.face_dimensions[face])}
+            {
+                "face": int(number[face]),
+                "views": int(context.n_views[face]),
+                "k": int(context.kernel.face_dimensions[face]),
+            }
             for face in lowered
         ],
         "vertices": [

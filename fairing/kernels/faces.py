@@ -31,8 +31,7 @@ def _cached_for(source):
             pair_energy: (P,) float64, out: the same by pair, for the pairs of `todo`.
             H, g: (F, 9, 9), (F, 9) float64, out: by the nine coordinates of the corners, energy / world unit^2 and
                 energy / world unit.
-            statistics: (F, 3) float64, out, only with STATISTICS: largest and median absolute residual, grey levels; the k-th
-                singular value squared over the mean square of the later ones.
+            statistics: (F, 2) float64, out, only with STATISTICS: largest and median absolute residual, grey levels.
         """
         assert source >= 0
         n_most, p_most, k_most, all_components = 1, 1, 1, 3
@@ -104,16 +103,13 @@ def _cached_for(source):
                 )  # fmt: skip
             elif task == STATISTICS:
                 residual_statistics(residual, mask_weight, masked, index, statistics[at])
-                later = 0.0
-                for m in range(k, n):
-                    later += singular_values[m] ** 2 / (n - k)
-                statistics[at, 2] = singular_values[k - 1] ** 2 / max(later, 1e-300)
 
     @cached
     def show_face(
         data,
         vertices,
         face,
+        corner,
         squared_scale,
         raw,
         bias,
@@ -124,10 +120,13 @@ def _cached_for(source):
         V,
         singular_values,
         pair_energy,
+        G,
+        hats,
     ):
         """The computation of `evaluate_faces` for one face, with all intermediate results for display.
 
         Args:
+            corner: the corner that G is the derivative by.
             squared_scale: the robust norm's squared scale of the face.
             raw, residual, weights, mask_weight: (n, p * channels) float32, out: cells as sampled, I - U c, rho'(e) / e, and
                 1 where a sample counts.
@@ -136,21 +135,23 @@ def _cached_for(source):
             V: (n, k + 1) float64, out: right singular vectors.
             singular_values: (n,) float64, out.
             pair_energy: (n,) float64, out.
+            G: (3, n, p * channels) float32, out: derivatives by the world axes, see `sample_face`; (0, n, p * channels) if they
+                are not wanted.
+            hats: (3, p * channels) float32, out: barycentric weights of the corners.
 
         Returns:
             The cells (n, p * channels) as the eigenspace was fitted to them: masked samples filled in, means subtracted if
             the options say so; None if a corner lies behind a camera.
         """
         assert source >= 0
-        n, pc = raw.shape
+        n = raw.shape[0]
         k = data.face_dimensions[face]
-        G = np.empty((0, n, pc), dtype=np.float32)
-        hats = np.empty((3, pc), dtype=np.float32)
         strip = np.empty((5, STRIP), dtype=np.float32)
         taps = np.empty((4, 4 * STRIP), dtype=np.float32)
         index = np.empty(STRIP, dtype=np.int32)
-        # Constants would be types of their own, for which `sample_face` and `apply_masks` would be compiled once more.
-        corner, with_gradient, components = np.int64(-1), np.bool_(False), np.int64(0)
+        # A constant would be a type of its own, for which `sample_face` would be compiled once more.
+        components = np.int64(G.shape[0])
+        with_gradient = components > 0
         if not sample_face(data, vertices, face, corner, with_gradient, raw, G, hats, strip, taps, index):
             return None
         cells = raw.copy()

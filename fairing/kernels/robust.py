@@ -37,13 +37,15 @@ def weigh(residual, norm, squared_scale, weights):
         sigma = np.sqrt(s2)
         for t in range(residual.shape[0]):
             size = abs(residual[t])
-            total += (size * size if size <= sigma else two * size * sigma - s2) * inverse
+            total += size * size if size <= sigma else two * size * sigma - s2
             weights[t] = two * inverse * min(one, sigma / max(size, sigma))
+        total *= inverse
     else:
         inverse = one / s2
         for t in range(residual.shape[0]):
-            total += residual[t] * residual[t] * inverse
+            total += residual[t] * residual[t]
             weights[t] = two * inverse
+        total *= inverse
     return total
 
 

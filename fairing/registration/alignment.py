@@ -16,6 +16,7 @@ from scipy.spatial.transform import Rotation
 from fairing.errors import InputError
 from fairing.geometry.closest_point import SurfaceTree
 from fairing.geometry.normals import unit_normals
+from fairing.geometry.triangles import closest_on_triangles
 from fairing.mesh import Mesh
 from fairing.scene import View
 
@@ -104,7 +105,7 @@ def register_matches(matches: Sequence[Match], views: Sequence[View]) -> Registe
     focal = np.array([view.camera.K[0, 0] for view in views])
 
     def errors(parameters: np.ndarray) -> np.ndarray:
-        found = _similarity(parameters, start).apply(points)
+        found = _similarity(parameters, start, points).apply(points)
         result = []
         for match, position in zip(matches, found, strict=True):
             if match.world is not None:
@@ -117,7 +118,7 @@ def register_matches(matches: Sequence[Match], views: Sequence[View]) -> Registe
 
     fitted = least_squares(errors, np.zeros(7), loss="cauchy", f_scale=OUTLIER_PX, x_scale="jac")
     each = _norms_by_match(errors(fitted.x), matches)
-    return Registered(_similarity(fitted.x, start), each)
+    return Registered(_similarity(fitted.x, start, points), each)
 
 
 def refine_by_closest_points(scan: Mesh | np.ndarray, start: Similarity, targets: np.ndarray) -> Registered:
@@ -178,11 +179,15 @@ def _first_guess(matches: Sequence[Match], views: Sequence[View]) -> Similarity:
         )
     camera = views[view].camera
     scan, pixels = (np.array(side, dtype=np.float64) for side in zip(*seen, strict=True))
-    found, turn, shift = cv2.solvePnP(scan, pixels, camera.K, None, flags=cv2.SOLVEPNP_SQPNP)
+    # SQPNP has absolute tolerances, so its points have a spread of 1.
+    middle, spread = _middle_and_spread(scan)
+    unit_points = (scan - middle) / (spread or 1.0)
+    found, turn, shift = cv2.solvePnP(unit_points, pixels, camera.K, None, flags=cv2.SOLVEPNP_SQPNP)
     if not found:
         raise InputError(f"registration: photo {views[view].name} gives no pose; check its matches")
     R, t = camera.camera_from_world[:, :3], camera.camera_from_world[:, 3]
-    return Similarity(1.0, R.T @ cv2.Rodrigues(turn)[0], R.T @ (shift[:, 0] - t))
+    rotation = R.T @ cv2.Rodrigues(turn)[0]
+    return Similarity(1.0, rotation, R.T @ (spread * shift[:, 0] - t) - rotation @ middle)
 
 
 def _world_of(match: Match, views: Sequence[View]) -> np.ndarray | None:
@@ -199,11 +204,23 @@ def _world_of(match: Match, views: Sequence[View]) -> np.ndarray | None:
     return homogeneous[:3] / homogeneous[3]
 
 
-def _similarity(parameters: np.ndarray, start: Similarity) -> Similarity:
-    """The similarity changed by a rotation vector (3), a translation (3) in units of the scan and a log scale (1)."""
-    turn = Rotation.from_rotvec(parameters[:3]).as_matrix()
+def _similarity(parameters: np.ndarray, start: Similarity, points: np.ndarray) -> Similarity:
+    """The similarity changed about the middle of the scan's points (n, 3), so that neither its unit nor its origin matters.
+
+    Args:
+        parameters: (7,) float: a rotation vector, a translation in units of the points' spread, and a log scale.
+    """
+    middle, spread = _middle_and_spread(points)
+    rotation = Rotation.from_rotvec(parameters[:3]).as_matrix() @ start.rotation
     scale = start.scale * float(np.exp(parameters[6]))
-    return Similarity(scale, turn @ start.rotation, start.translation + start.scale * parameters[3:6])
+    moved = start.apply(middle) + start.scale * spread * parameters[3:6]
+    return Similarity(scale, rotation, moved - scale * rotation @ middle)
+
+
+def _middle_and_spread(points: np.ndarray) -> tuple[np.ndarray, float]:
+    """Mean (3,) of points (n, 3) and the root mean square of their distances from it."""
+    middle = points.mean(axis=0)
+    return middle, float(np.sqrt(((points - middle) ** 2).sum(axis=1).mean()))
 
 
 def _norms_by_match(errors: np.ndarray, matches: Sequence[Match]) -> np.ndarray:
@@ -228,7 +245,7 @@ def _closest_on(scan: Mesh | np.ndarray):
 
         def on_surface(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             face = tree.closest(points)[1]
-            return trimesh.triangles.closest_point(triangles[face], points), normals[face]
+            return closest_on_triangles(triangles[face], points), normals[face]
 
         return on_surface
     tree = KDTree(scan)
@@ -262,8 +279,7 @@ def normals_and_variation(points: np.ndarray, tree: KDTree) -> tuple[np.ndarray,
 
 def _point_to_plane(found: np.ndarray, targets: np.ndarray, normals: np.ndarray, current: Similarity) -> Similarity:
     """The similarity after one linearised step that moves `found` onto the planes through `targets`."""
-    middle = found.mean(axis=0)
-    size = float(np.sqrt(((found - middle) ** 2).sum(axis=1).mean()))
+    middle, size = _middle_and_spread(found)
     arm = (found - middle) / size
     J = np.column_stack([np.cross(arm, normals), normals, (arm * normals).sum(axis=1)])
     residual = ((found - targets) * normals).sum(axis=1) / size

@@ -48,7 +48,7 @@ def critical_points(points: np.ndarray, spacing: float) -> CriticalPoints:
     points = np.asarray(points, dtype=np.float64)[:: max(1, -(-len(points) // MAX_POINTS))]
     variation, is_end = _shape(points)
     # Ends come before bends, because the variation is meaningless where a surface ends.
-    order = np.lexsort((np.arange(len(points)), -variation, ~is_end))
+    order = np.lexsort((np.arange(len(points)), -np.round(variation, 12), ~is_end))  # in a plane it is rounding error
     is_critical = is_end | (variation > BENT)
     tree = KDTree(points)
     is_free = np.ones(len(points), dtype=bool)

@@ -1,10 +1,14 @@
-"""Runs: the session, its plan, its schedule and the kinds of steps.
+"""Runs: the session, its plan, its stages and their steps. Read in this order:
 
-A session plans its run once (`planning`: `preparation`, `start_error`), which gives the levels and phases of its schedule
-(`phases`, `schedule`). The `stepper` computes each step within the state of its sweep (`sweep`, `sweep_cache`): a Gauss-Newton
-iteration (`gauss_newton_step`), a local search (`search_step`, `local_search`) or a restart (`restart`, `fusion`). `records`
-builds the step records, `manual_edits` the steps of a user.
+`stages`: the parts of a run, as data. `phases`: the levels of the photos with their stages, made from options and plan. `stepper`:
+one step after a moment, whatever its stage: an iteration of photos (`gauss_newton_step`, in the state of its `sweep`), an iteration
+of smoothing or of a fit to points (`fit_step`, with the terms that `fits` finds), or the verdict of a judge. `planning`: what a
+start calls for, once, by a `rehearsal` of its smoothing and fit. `session`: what users of a run call.
 
-Imports the data modules of `fairing`, `fairing.geometry`, `fairing.cells` and `fairing.solve`. Other packages use `Session`,
-`SweepState` and `with_locks`.
+Beside them: `history` (where parts of a recorded run began), `schedule` (positions), `sweep_cache`, `records` (builders of step
+records), `recorded_stages` (a trace cut into stages), `trace_header` (what a trace says about its run), `pulls` (the part of each
+term in a step), `manual_edits`, `start_error`.
+
+Imports the data modules of `fairing`, `fairing.geometry`, `fairing.cells`, `fairing.terms`, `fairing.optimize`, `fairing.solve`.
+Other packages use `Session`, `SweepState`, `recorded_stages` and `with_locks`.
 """

@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fairing.optimize.iteration import OBJECTIVE_TOLERANCE
 from fairing.options import StepOptions
-from fairing.run.phases import GaussNewton
 from fairing.run.records import Energies, SolverState, build_record
 from fairing.run.sweep import SweepState
 from fairing.solve.blocks import Block
@@ -13,8 +13,6 @@ from fairing.solve.energy import FaceSystem
 from fairing.solve.normal_equations import solve_jointly, solve_vertices, vertex_systems
 from fairing.solve.problem import Problem
 from fairing.trace import SchedulePosition, StepReason, StepRecord
-
-OBJECTIVE_TOLERANCE = 1e-9  # relative: objectives that differ by less are equal
 
 
 class Iteration(NamedTuple):
@@ -31,6 +29,67 @@ class Iteration(NamedTuple):
     system: FaceSystem | None
 
 
+class Proposal(NamedTuple):
+    """The step that an iteration tries, and what it is computed from; u vertices of the block.
+
+    Attributes:
+        system: normal equations of the photos at the positions before the step.
+        hessians: (u, 3, 3) float: normal matrices of the vertices from the photos alone, energy / world unit^2.
+        gradients: (u, 3) float: of photos and priors, energy / world unit.
+        damping: (u,) float, relative.
+        rejections: (u,) int: consecutive ones so far.
+        proposed: (u, 3) float: the solution, world units.
+        shortened: (u, 3) float: shortened to the longest step in a photo.
+        limited: (u, 3) float: further shortened to the longest distance from the origin of each vertex.
+        tried: (u, 3) float: further shortened until no face folds; the step that is accepted or rejected.
+        folds: (u,) bool: whether a face would have folded.
+    """
+
+    system: FaceSystem
+    hessians: np.ndarray
+    gradients: np.ndarray
+    damping: np.ndarray
+    rejections: np.ndarray
+    proposed: np.ndarray
+    shortened: np.ndarray
+    limited: np.ndarray
+    tried: np.ndarray
+    folds: np.ndarray
+
+
+def propose(
+    problem: Problem,
+    sweep: SweepState,
+    block: Block,
+    vertices: np.ndarray,
+    previous: StepRecord | None,
+    system: FaceSystem | None,
+) -> Proposal:
+    """The step of a block, before its energy is known.
+
+    Args: see `gauss_newton_step`.
+
+    Raises:
+        Cancelled: cancellation was requested.
+    """
+    options, mesh, ids = problem.options.step, problem.scene.mesh, block.vertices
+    damping, rejections = damping_and_rejections(options, ids, previous)
+    system = system or problem.linearise(sweep.context, vertices, block.faces, block.corners, sweep.scale)
+    H, g = vertex_systems(mesh, system)
+    g[ids] += sweep.prior.gradient(vertices, ids)
+    if block.coupled:
+        free = np.zeros(len(vertices), dtype=bool)
+        free[ids] = True
+        proposed = solve_jointly(mesh, system, sweep.prior.hessians, g, free, float(damping.max(initial=0)))[ids]
+    else:
+        proposed = solve_vertices(H[ids] + sweep.prior.hessians[ids], g[ids], damping)
+        proposed[rejections > options.max_rejections] = 0
+    shortened = problem.shortened(sweep.context, vertices, ids, proposed)
+    limited = _limited(sweep, vertices, ids, shortened)
+    tried, folds = problem.unfolded(vertices, ids, limited)
+    return Proposal(system, H[ids], g[ids], damping, rejections, proposed, shortened, limited, tried, folds)
+
+
 def gauss_newton_step(
     problem: Problem,
     sweep: SweepState,
@@ -43,7 +102,7 @@ def gauss_newton_step(
     """One iteration.
 
     Args:
-        sweep: a sweep of a `GaussNewton` phase.
+        sweep: the sweep of the step.
         position: of the step.
         vertices: (n, 3) float: positions before it, world units.
         previous: the block's previous iteration in this sweep, whose damping is continued.
@@ -52,32 +111,34 @@ def gauss_newton_step(
     Raises:
         Cancelled: cancellation was requested.
     """
-    assert isinstance(sweep.phase, GaussNewton)
-    options, mesh, ids = problem.options.step, problem.scene.mesh, block.vertices
-    damping, rejections = np.full(len(ids), _usual_damping(options)), np.zeros(len(ids), dtype=np.int64)
-    if previous is not None:
-        damping, rejections = previous.damping_next, previous.rejections
-    is_resting = rejections > options.max_rejections
-
     if system is None and block.coupled and position.iteration == 0:
         system = sweep.system
-    system = system or problem.linearise(sweep.context, vertices, block.faces, block.corners, sweep.scale)
-    H, g = vertex_systems(mesh, system)
-    g[ids] += sweep.prior.gradient(vertices, ids)
-    if block.coupled:
-        free = np.zeros(len(vertices), dtype=bool)
-        free[ids] = True
-        proposed = solve_jointly(mesh, system, sweep.prior.hessians, g, free, float(damping.max(initial=0)))[ids]
-    else:
-        proposed = solve_vertices(H[ids] + sweep.prior.hessians[ids], g[ids], damping)
-        proposed[is_resting] = 0
+    return judge(problem, sweep, block, position, vertices, propose(problem, sweep, block, vertices, previous, system))
 
-    limited = _limited(sweep, vertices, ids, problem.shortened(sweep.context, vertices, ids, proposed))
-    tried, folds = problem.unfolded(vertices, ids, limited)
+
+def judge(
+    problem: Problem,
+    sweep: SweepState,
+    block: Block,
+    position: SchedulePosition,
+    vertices: np.ndarray,
+    proposal: Proposal,
+) -> Iteration:
+    """Accept or reject a proposal, by the objective of each vertex; in a coupled block by that of all.
+
+    Args: see `gauss_newton_step`.
+
+    Raises:
+        Cancelled: cancellation was requested.
+    """
+    options, mesh, ids = problem.options.step, problem.scene.mesh, block.vertices
+    system, tried, folds, damping = proposal.system, proposal.tried, proposal.folds, proposal.damping
+    rejections = proposal.rejections
+    is_resting = rejections > options.max_rejections
     step_px = problem.pixels_moved(sweep.context, vertices, ids, tried)
     after = vertices.copy()
     after[ids] += tried
-    is_last = position.iteration + 1 >= sweep.phase.max_iterations
+    is_last = position.iteration + 1 >= sweep.stage.max_iterations
     new_system = (
         problem.energies(sweep.context, after, sweep.scale, block.faces)
         if is_last
@@ -107,7 +168,7 @@ def gauss_newton_step(
         sweep.moment,
         ids,
         (vertices[ids], np.where(accepted[:, None], after[ids], vertices[ids])),
-        proposed=proposed,
+        proposed=proposal.proposed,
         step_px=step_px,
         reasons=reasons,
         objectives=(float(old_objective.sum()), float(new_objective.sum())),
@@ -116,26 +177,40 @@ def gauss_newton_step(
             Energies(system.energy, sweep.context.sum_by_view(system.pair_energy)),
             Energies(taken.energy, sweep.context.sum_by_view(taken.pair_energy)),
         ),
-        solver=SolverState(damping, np.linalg.eigvalsh(H[ids]), _next_damping(options, damping, accepted), rejections),
+        solver=SolverState(
+            damping, np.linalg.eigvalsh(proposal.hessians), _next_damping(options, damping, accepted), rejections
+        ),
     )
     is_done = has_converged | (rejections > options.max_rejections) | (reasons == StepReason.REJECTED_FOLD)
     return Iteration(record, bool(is_done.all()), None if is_last else taken)
 
 
-def _limited(sweep: SweepState, vertices: np.ndarray, ids: np.ndarray, steps: np.ndarray) -> np.ndarray:
-    """Steps (u, 3) after which no vertex is farther from its origin than the phase allows, or than it was before.
+def damping_and_rejections(
+    options: StepOptions, ids: np.ndarray, previous: StepRecord | None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Damping (u,) float of the next step of vertices `ids` (u,) int, and their consecutive rejections so far (u,) int.
 
-    A vertex farther away than searches reach, or than points measured the start to be off, has diverged.
+    Args:
+        previous: the previous iteration of a block of these vertices in the sweep; None: the step is its first.
     """
-    assert isinstance(sweep.phase, GaussNewton)
-    if not np.isfinite(sweep.phase.max_displacement):
+    if previous is not None:
+        return previous.damping_next, previous.rejections
+    return np.full(len(ids), _usual_damping(options)), np.zeros(len(ids), dtype=np.int64)
+
+
+def _limited(sweep: SweepState, vertices: np.ndarray, ids: np.ndarray, steps: np.ndarray) -> np.ndarray:
+    """Steps (u, 3) after which no vertex is farther from its origin than the stage allows, or than it was before.
+
+    A vertex farther away than points measured the start to be off has diverged.
+    """
+    if not np.isfinite(sweep.stage.max_displacement):
         return steps
     origin = sweep.origin[ids]
     offset = vertices[ids] + steps - origin
-    allowed = sweep.phase.max_displacement / np.maximum(sweep.pixels_per_unit[ids], 1e-300)
+    allowed = sweep.stage.max_displacement / np.maximum(sweep.pixels_per_unit[ids], 1e-300)
     farthest = np.maximum(allowed, np.linalg.norm(vertices[ids] - origin, axis=1))
     length = np.linalg.norm(offset, axis=1)
-    limited = origin + offset * (farthest / np.maximum(length, 1e-300))[:, None] - vertices[ids]
+    limited = origin + offset * (farthest / np.where(length > 0, length, 1))[:, None] - vertices[ids]
     return np.where((length > farthest)[:, None], limited, steps)
 
 

@@ -1,80 +1,21 @@
-"""Levels and phases: what a run does at each level, as a function of its options and its plan."""
+"""Levels: what a run does at each of them, as a function of its options and its plan."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from fairing.cells.level_choice import NEAR_TRUTH_BLUR, first_fine_level
-from fairing.options import FairingOptions, by_level
+from fairing.options import FINE_BLUR, FairingOptions
+from fairing.run.stages import Judge, Photos, Stage, fit_stages, numbered, smoothing_stages
 from fairing.run_plan import RunPlan
+from fairing.stage_kind import StageKind
+from fairing.trace import SchedulePosition
 
-MAX_DISPLACEMENT = 1.5  # in units of the widest search radius of the run
-MAX_DISPLACEMENT_MEASURED = 1.3  # in units of the start's measured error (ledger: bounded displacement)
-WEAK_PRIOR = (
-    0.01  # factor of `StepOptions.prior` at the sharp level, where the start is not to be held to (ledger: weak prior)
+MOST_SWEEPS = 50  # of photos at a level, for the numbers of the sweeps after them
+MAX_DISPLACEMENT = 1.3  # in units of the start's measured error (ledger: bounded displacement)
+FITTED_SIGMA = (
+    1.9  # px: standard deviation of a start fitted to points, for `StepOptions.prior` = 1 (ledger: prior to the start)
 )
-INERTIA = 0.05  # factor of `StepOptions.prior` near points, where no vertex has far to go (ledger: inertia)
-SWEEPS_AFTER_SEARCH = 2  # factor of the sweeps of the sharp level: no prior to the start holds vertices there
 SIGMA_WITH_EDGES = 1.8  # factor of the standard deviation of the start where image edges hold its creases
-
-
-@dataclass(frozen=True)
-class LocalSearch:
-    """One sweep in which each vertex tries positions around its own.
-
-    Attributes:
-        radius: distance of these positions, px.
-        max_displacement: largest distance of a vertex from its origin afterwards, px.
-    """
-
-    radius: float
-    max_displacement: float
-    max_sweeps: int = 1
-    max_iterations: int = 1
-
-
-@dataclass(frozen=True)
-class GaussNewton:
-    """Sweeps of Gauss-Newton iterations.
-
-    Attributes:
-        max_sweeps: largest number of sweeps.
-        max_iterations: largest number of iterations of a block within a sweep.
-        tolerance: the phase ends after a sweep that moves no vertex by as much as this, px.
-        max_displacement: largest distance of a vertex from its origin, px; infinite if nothing tells how far off they are.
-    """
-
-    max_sweeps: int
-    max_iterations: int
-    tolerance: float = 0.0
-    max_displacement: float = np.inf
-
-
-@dataclass(frozen=True)
-class Restart:
-    """One sweep in which vertices that fit poorly are optimized again from their origin, see `fairing.run.restart`.
-
-    Attributes:
-        from_level: level at which they begin.
-    """
-
-    from_level: int
-    max_sweeps: int = 1
-    max_iterations: int = 1
-
-
-@dataclass(frozen=True)
-class SecondFit:
-    """One sweep with a step that fits the mesh to the sparse points once more, from where the photos have taken it.
-
-    The run ends with it if the photos reject the fit. (ledger: second fit)
-    """
-
-    max_sweeps: int = 1
-    max_iterations: int = 1
-
-
-Phase = LocalSearch | GaussNewton | Restart | SecondFit
 
 
 @dataclass(frozen=True)
@@ -83,66 +24,59 @@ class Level:
 
     Attributes:
         number: its index, from 0.
-        prior: strength of the prior in undetermined directions, see `StepOptions.prior`.
         smoothing: strength of the smoothness prior, see `StepOptions.smoothing`; 0: none.
         attraction: strength of the prior to the sparse points, see `StepOptions.points`; 0: none.
-        inertia: strength of the prior to where vertices are, relative to the largest eigenvalue of a typical one; 0: none.
-        start_sigma: standard deviation of the start in the prior to it, px; 0: no such prior.
+        start_sigma: standard deviation of the start in the prior to it, px; 0: no points tell it.
+        prior: strength of the prior to the start, see `StepOptions.prior`; 1 where points measured it.
         creases: strength of the prior to image edges, see `StepOptions.creases`; 0: none.
         edge_reach: see `RunPlan`.
-        phases: in their order.
-        after_fit: the level of its sweeps after a `SecondFit`, which come last; None without one.
+        stages: in the order in which they run.
     """
 
     number: int
-    prior: float
     smoothing: float = 0.0
     attraction: float = 0.0
-    inertia: float = 0.0
     start_sigma: float = 0.0
+    prior: float = 0.0
     creases: float = 0.0
     edge_reach: float = RunPlan.edge_reach
-    phases: tuple[Phase, ...] = ()
-    after_fit: "Level | None" = None
+    stages: tuple[Stage, ...] = ()
 
     @property
-    def n_sweeps(self) -> int:
-        """Largest number of sweeps of all phases."""
-        return sum(phase.max_sweeps for phase in self.phases)
+    def begin(self) -> SchedulePosition:
+        """Position of its first step."""
+        return self.begin_of(self.stages[0])
 
-    def phase_at(self, sweep: int) -> Phase:
-        """The phase of a sweep; the last phase for sweeps beyond the end, which branches of longer runs have."""
-        end = 0
-        for phase in self.phases:
-            end += phase.max_sweeps
-            if sweep < end:
-                return phase
-        return self.phases[-1]
+    def begin_of(self, stage: Stage | None) -> SchedulePosition:
+        """Position of the first step of a stage; of the next level for None."""
+        if stage is None:
+            return SchedulePosition(self.number + 1, 0, 0, 0)
+        return SchedulePosition(self.number, stage.first_sweep, 0, 0)
 
-    def at(self, sweep: int) -> "Level":
-        """The level whose strengths hold in a sweep."""
-        if self.after_fit is None or sweep < self.n_sweeps - self.after_fit.n_sweeps:
-            return self
-        return self.after_fit
+    def stage_at(self, sweep: int) -> Stage:
+        """The stage of a sweep; the photos for sweeps that no stage has, as in branches of longer runs."""
+        return next((stage for stage in self.stages if stage.has(sweep)), self.photos)
 
-    def end_of_phase(self, sweep: int) -> int:
-        """The first sweep after the phase of a sweep."""
-        end = 0
-        for phase in self.phases:
-            end += phase.max_sweeps
-            if sweep < end:
-                return end
-        return sweep + 1
+    def after(self, stage: Stage) -> Stage | None:
+        """The stage that follows another one; None after the last."""
+        following = self.stages[self.stages.index(stage) + 1 :]
+        return following[0] if following else None
 
-    @property
-    def search(self) -> LocalSearch | None:
-        """The local search of the level, if it has one."""
-        return next((phase for phase in self.phases if isinstance(phase, LocalSearch)), None)
+    def part_of(self, stage: Stage) -> tuple[Stage, ...]:
+        """The smoothing or fit that a stage belongs to, with the judge that ends it; empty for photos and the judge of the end."""
+        part: list[Stage] = []
+        for each in self.stages[: self.stages.index(self.photos)]:
+            part.append(each)
+            if isinstance(each, Judge) and each.by == "photos":
+                if stage in part:
+                    return tuple(part)
+                part = []
+        return ()
 
     @property
-    def gauss_newton(self) -> GaussNewton:
-        """The first Gauss-Newton phase."""
-        return next(phase for phase in self.phases if isinstance(phase, GaussNewton))
+    def photos(self) -> Photos:
+        """Its stage of photos."""
+        return next(stage for stage in self.stages if isinstance(stage, Photos))
 
 
 @dataclass(frozen=True)
@@ -151,100 +85,79 @@ class Schedule:
 
     Attributes:
         levels: one per blur of the options.
-        first_level: position of the first step.
-        begin_level: coarser levels are skipped after the preparation steps.
+        first_level: level of the first step.
+        records_fit: see `RunPlan`.
     """
 
     levels: tuple[Level, ...]
     first_level: int
-    begin_level: int
+    records_fit: bool = True
+
+    def order_of(self, position: SchedulePosition) -> tuple[int, ...]:
+        """Sorts positions by when they are executed; numbers of sweeps do not, since smoothing and fits have the last ones."""
+        if not 0 <= position.level < len(self.levels):
+            return (position.level, 0, *position[1:])
+        level = self.levels[position.level]
+        return (position.level, level.stages.index(level.stage_at(position.sweep)), *position[1:])
 
 
 def schedule_of(options: FairingOptions, plan: RunPlan) -> Schedule:
     """The schedule of a run. Pure: it uses neither photos nor mesh."""
-    # Near the truth, coarser levels increase the error (ledger: begin level).
-    begin = max(first_fine_level(options), plan.first_level) if plan.is_near_truth else plan.first_level
-    levels = [_level(options, plan, number, begin) for number in range(options.n_levels)]
-    if plan.has_second_fit:
-        # A fit that the photos accept is followed as one of the start is; vertices are no longer far from their image edges.
-        again = replace(plan, is_fitted_to_points=True, is_near_truth=False, edge_reach=RunPlan.edge_reach)
-        after_fit = _level(options, again, options.n_levels - 1, begin)
-        levels[-1] = replace(
-            levels[-1], phases=(*levels[-1].phases, SecondFit(), *after_fit.phases), after_fit=after_fit
-        )
-    return Schedule(tuple(levels), plan.first_level, begin)
+    levels = tuple(_level(options, plan, number) for number in range(options.n_levels))
+    return Schedule(levels, plan.first_level, plan.records_fit)
 
 
-def first_searching_level(options: FairingOptions) -> int | None:
-    """The first level with a local search; None if no level has one."""
-    return next((k for k in range(options.n_levels) if by_level(options.schedule.search, k) > 0), None)
-
-
-def is_sharp(options: FairingOptions, level: int) -> bool:
-    """Whether the photos of a face are made equally sharp on it at a level."""
-    return by_level(options.cells.point_spread, level) == "common"
-
-
-def _level(options: FairingOptions, plan: RunPlan, number: int, begin: int) -> Level:
-    schedule, step, sharp = options.schedule, options.step, is_sharp(options, number)
-    max_displacement = _max_displacement(options, plan)
-    radius = max(by_level(schedule.search, number), 0.0) * plan.start_error
-    sweeps, creases = by_level(schedule.max_sweeps, number), by_level(step.creases, number)
-    is_after_search = sharp and _widest_search(options, plan) > 0
-    if plan.is_near_truth:
-        sweeps = min(sweeps, by_level(schedule.sweeps_near_truth, number))
-    elif is_after_search:
-        sweeps *= SWEEPS_AFTER_SEARCH
-    gauss_newton = GaussNewton(
-        sweeps,
-        by_level(schedule.max_iterations, number),
-        schedule.sweep_tolerance * schedule.blur[number],
-        max_displacement,
-    )
-    phases: tuple[Phase, ...] = (gauss_newton,)
-    if radius > 0:
-        phases = (LocalSearch(radius, max_displacement), *phases)
-    restart_level = _restart_level(options, number, begin) if is_after_search else None
-    if restart_level is not None:  # (ledger: searches and restarts)
-        phases = (Restart(restart_level), *phases)
-    # The tangential positions of a start that had to be searched for are not reliable; a fit to points changed them already.
-    is_weak = is_after_search or (sharp and plan.follows_points)
-    attraction = by_level(step.points, number) if plan.is_fitted_to_points else 0.0
+def _level(options: FairingOptions, plan: RunPlan, number: int) -> Level:
+    at = options.level(number)
     return Level(
         number,
-        prior=step.prior * (WEAK_PRIOR if is_weak else 1.0),
-        smoothing=by_level(step.smoothing, number) if plan.is_smoothed else 0.0,
-        attraction=attraction,
-        inertia=INERTIA * step.prior if attraction > 0 else 0.0,
-        start_sigma=_start_sigma(plan, schedule.blur[number], creases),
-        creases=creases,
+        smoothing=at.smoothing if plan.is_smoothed else 0.0,
+        attraction=at.points if plan.is_fitted_to_points else 0.0,
+        start_sigma=_start_sigma(options, plan, number),
+        prior=1.0 if _is_start_measured(options, plan, number) else options.step.prior,
+        creases=at.creases,
         edge_reach=plan.edge_reach,
-        phases=phases,
+        stages=_stages(options, plan, number),
     )
 
 
-def _max_displacement(options: FairingOptions, plan: RunPlan) -> float:
-    """Largest distance of a vertex from its origin, px; infinite if nothing tells how far off they are."""
-    return MAX_DISPLACEMENT * _widest_search(options, plan) or MAX_DISPLACEMENT_MEASURED * plan.start_sigma or np.inf
+def _stages(options: FairingOptions, plan: RunPlan, number: int) -> tuple[Stage, ...]:
+    """The stages of a level. Numbers of sweeps are the same for every plan and level, and for other options unless these allow
+    more than `MOST_SWEEPS`, so that branches keep theirs: photos have the first ones, whatever runs before them."""
+    schedule, at = options.schedule, options.level(number)
+    photos = Photos(
+        StageKind.PHOTOS,
+        at.max_sweeps,
+        at.max_iterations,
+        tolerance=schedule.sweep_tolerance * at.blur,
+        max_displacement=MAX_DISPLACEMENT * plan.start_sigma or np.inf,
+    )
+    first_after = max(MOST_SWEEPS, *schedule.max_sweeps)
+    end = Judge(StageKind.JUDGE, by="end", first_sweep=first_after)
+    smoothing = numbered(smoothing_stages(), first_after + 1)
+    fit = numbered(fit_stages(plan.has_photos_of_points), smoothing[-1].first_sweep + 1)
+    is_first, is_last = plan.records_fit and number == plan.first_level, number == options.n_levels - 1
+    return (
+        *(smoothing if is_first and plan.is_smoothed else ()),
+        *(fit if is_first and plan.is_fitted_to_points else ()),
+        photos,
+        *((end,) if is_last else ()),
+    )
 
 
-def _widest_search(options: FairingOptions, plan: RunPlan) -> float:
-    """Largest radius of the run's local searches, px; 0 without a search."""
-    return max(options.schedule.search) * plan.start_error
-
-
-def _start_sigma(plan: RunPlan, blur: float, creases: float) -> float:
-    """Standard deviation of the start in the prior to it at a level, px; 0: no such prior. (ledger: prior to the start)"""
-    # At coarse levels the loss is that of the displacement, too.
-    if blur > NEAR_TRUTH_BLUR or plan.follows_points:
+def _start_sigma(options: FairingOptions, plan: RunPlan, number: int) -> float:
+    """Standard deviation of the start in the prior to it at a level, px; 0: no points tell it. (ledger: prior to the start)"""
+    if plan.start_sigma == 0 and not plan.is_fitted_to_points:
         return 0.0
-    holds_less = creases > 0 and plan.represents_surface
+    if not _is_start_measured(options, plan, number):
+        return FITTED_SIGMA
+    holds_less = options.level(number).creases > 0 and plan.represents_surface
     return plan.start_sigma * (SIGMA_WITH_EDGES if holds_less else 1.0)
 
 
-def _restart_level(options: FairingOptions, number: int, begin: int) -> int | None:
-    """The level at which a restart at level `number` begins: the first one of the run with a search; None: no restart."""
-    first = first_searching_level(options)
-    if first is None or max(first, begin) >= number:
-        return None
-    return max(first, begin)
+def _is_start_measured(options: FairingOptions, plan: RunPlan, number: int) -> bool:
+    """Whether what points measured of the start holds at a level.
+
+    It does not at coarse levels, whose loss is that of the displacement, too, nor after a fit to points.
+    """
+    return plan.start_sigma > 0 and options.level(number).blur <= FINE_BLUR and not plan.follows_points

@@ -1,64 +1,100 @@
 """Planning: computes the run plan of a start mesh, see `RunPlan`."""
 
+from dataclasses import replace
 from typing import NamedTuple
 
-import numpy as np
-
-from fairing.cells.level_choice import first_fine_level, first_level, level_for_error
+from fairing.cells.level_choice import first_fine_level, first_level
 from fairing.creases.alignment import STAGES
-from fairing.geometry.manhattan import relations
-from fairing.geometry.pixel_size import pixel_size
+from fairing.geometry.normal_filter import smoothed
 from fairing.options import FairingOptions
-from fairing.run.phases import first_searching_level
-from fairing.run.preparation import Preparations, points_can_judge
-from fairing.run.start_error import SEARCHED_ERROR, estimate_start_error, measured_start_error
+from fairing.placement.judge import refuse_elsewhere
+from fairing.run.phases import schedule_of
+from fairing.run.rehearsal import Rehearsal, rehearse
+from fairing.run.stages import PASSES
+from fairing.run.start_error import measured_start_error
+from fairing.run.sweep_cache import SweepCache
 from fairing.run_plan import RunPlan
+from fairing.solve.point_split import fitting_points
 from fairing.solve.problem import Problem
-from fairing.trace import StepReason
+from fairing.terms.point_judge import held_back_loss
+from fairing.trace import StepRecord
 
 LEAST_ERROR = 1.0  # px: Gauss-Newton reaches that far at every level
+OBSERVED_PER_VERTEX = 1  # points whose photos are known that a fit needs (ledger: points for a fit)
+POINTS_PER_VERTEX = 3  # other points that a fit needs: one for each coordinate
+FAR_ERROR = 3.0  # px: Gauss-Newton reaches that far at coarse levels alone (ledger: level after a fit)
 
 
-def make_plan(problem: Problem, preparations: Preparations) -> RunPlan:
+class Planned(NamedTuple):
+    """Attributes:
+    plan: of the run.
+    steps: its first ones, which were made to find the plan: smoothing and fit.
+    sweeps: of these steps.
+    """
+
+    plan: RunPlan
+    steps: list[StepRecord]
+    sweeps: SweepCache
+
+
+def make_plan(problem: Problem) -> Planned:
     """The plan of a run: a function of the scene and the options alone. It reads the photos and may take many seconds.
 
+    Smoothing is tried where vertices may be noisy. Such a run also uses the smoothness prior at its levels, which determines the
+    vertices no photo sees. Where points were found in the photos, they must accept the smoothing as well: a start whose corners
+    are displaced can look noisy to blurred photos (ledger: smoothing judged by points). A fit needs as many points as unlocked
+    vertices if their photos are known, else as coordinates (`_points_suffice`).
+
     Raises:
-        InputError: no photo sees any face well enough.
+        InputError: no photo sees any face well enough, or the photos of the sparse points do not confirm the mesh.
         Cancelled: cancellation was requested.
     """
-    schedule, searching = problem.options.schedule, first_searching_level(problem.options)
+    refuse_elsewhere(problem.scene)
+    step = problem.options.step
     first = first_level(problem.scene, problem.start, problem.orientation, problem.options)
-    prepared = preparations.find()
-    is_smoothed, is_fitted = (
-        any(preparation.reason == reason for preparation in prepared)
-        for reason in (StepReason.SMOOTHED, StepReason.FITTED_TO_POINTS)
-    )
-    measured = _measure(problem, preparations, prepared[0].after if is_smoothed else problem.start, is_fitted)
-    if measured is not None and schedule.first_level == "auto":
-        first = max(first, _level_by_points(measured, is_fitted, problem.options))
+    plan = RunPlan(first, False, False, has_photos_of_points=len(problem.observed_points) > 0, records_fit=True)
+    smooths = any(step.smoothing) and (not points_can_judge(problem) or points_accept_smoothing(problem))
+    rehearsal = rehearse(problem, plan, smooths, fits=any(step.points) and _points_suffice(problem))
+    plan = rehearsal.plan
+    measured = _measure(problem, rehearsal)
+    if measured is not None and problem.options.schedule.first_level == "auto":
+        first = max(first, _level_by_points(measured, plan.is_fitted_to_points, problem.options))
     represents = measured is not None and measured.represents_surface
-    error = schedule.start_error
-    if error < 0:
-        # If the faces are large enough for levels coarser than the first one with a search, those reduce the error. Smaller
-        # faces match wrong places by chance (ledger: start error), and so do faces too coarse for the surface: where points
-        # measure the start, no search is tried (ledger: trial searches where points measure the start).
-        is_tried = first == searching and not prepared and measured is None
-        error = estimate_start_error(problem, first, problem.start) if is_tried else 0.0
-    reach = _edge_reach(measured.error) if measured is not None and represents and is_fitted else RunPlan.edge_reach
-    is_estimated = schedule.start_error < 0 and searching is not None and first >= searching
-    is_near_truth = is_estimated and schedule.first_level == "auto" and not prepared and error == 0
-    return RunPlan(
+    is_far = measured is not None and represents and plan.is_fitted_to_points
+    plan = replace(
+        plan,
         first_level=first,
-        is_smoothed=is_smoothed,
-        is_fitted_to_points=is_fitted,
-        start_error=float(error),
-        is_near_truth=is_near_truth,
-        # A start that has to be searched for is nothing to hold vertices to (ledger: prior to the start).
-        start_sigma=max(measured.sigma, LEAST_ERROR) if measured is not None and error == 0 else 0.0,
-        edge_reach=reach,
+        start_sigma=max(measured.sigma, LEAST_ERROR) if measured is not None else 0.0,
+        edge_reach=_edge_reach(measured.error) if measured is not None and is_far else RunPlan.edge_reach,
         represents_surface=represents,
-        has_second_fit=represents and _is_building(problem, prepared[-1].after if prepared else problem.start),
     )
+    return Planned(plan, rehearsal.steps_under(schedule_of(problem.options, plan)), rehearsal.sweeps)
+
+
+def points_accept_smoothing(problem: Problem) -> bool:
+    """Whether the points held back lie nearer to the smoothed start than to the start."""
+    mesh, cameras = problem.scene.mesh, [view.camera for view in problem.scene.views]
+    smooth = problem.moved_to(problem.start, smoothed(mesh, problem.start, PASSES))
+    plain_loss, smooth_loss = (
+        held_back_loss(mesh.moved(vertices), cameras, problem.observed_points) for vertices in (problem.start, smooth)
+    )
+    return smooth_loss < plain_loss
+
+
+def points_can_judge(problem: Problem) -> bool:
+    """Whether there are enough points whose photos are known: they show which faces the points belong to."""
+    return any(problem.options.step.points) and _points_suffice(problem) and len(problem.observed_points) > 0
+
+
+def _points_suffice(problem: Problem) -> bool:
+    """Whether there are points enough for a fit: fewer would be met with all their noise.
+
+    The robust fit, to points whose photos are known, has a prior for what they leave undetermined.
+    """
+    n_free, n_observed = int((~problem.locked).sum()), len(problem.observed_points)
+    if n_observed:
+        return n_observed >= OBSERVED_PER_VERTEX * n_free
+    return len(fitting_points(problem.scene)) >= POINTS_PER_VERTEX * n_free
 
 
 class _Measured(NamedTuple):
@@ -75,27 +111,23 @@ class _Measured(NamedTuple):
     represents_surface: bool
 
 
-def _measure(problem: Problem, preparations: Preparations, start: np.ndarray, is_fitted: bool) -> _Measured | None:
-    """What the sparse points show of a start (n, 3), smoothed if the run smooths it; None if too few belong to its faces."""
-    if not points_can_judge(problem):
+def _measure(problem: Problem, rehearsal: Rehearsal) -> _Measured | None:
+    """What the sparse points show of the start, smoothed if the run smooths it; None if too few belong to its faces."""
+    if not points_can_judge(problem) or rehearsal.fitted is None:
         return None
+    is_fitted = rehearsal.plan.is_fitted_to_points
+    start = rehearsal.begun_fit
     error = measured_start_error(problem, start)
     if error == 0:
         return None
-    if not is_fitted and error < SEARCHED_ERROR:
+    if not is_fitted and error < FAR_ERROR:
         return _Measured(error, error, True)
-    left = measured_start_error(problem, preparations.fit(start))
+    left = measured_start_error(problem, rehearsal.fitted)
     if is_fitted:
         # Where points lie far from a mesh fitted to them, it is too coarse for the surface, and its creases need not be edges.
-        return _Measured(error, error, left < SEARCHED_ERROR)
+        return _Measured(error, error, left < FAR_ERROR)
     # Distances that a fit leaves are not the vertices' own (ledger: start error of coarse meshes).
     return _Measured(error, max(error**2 - left**2, 0.0) ** 0.5, False)
-
-
-def _is_building(problem: Problem, vertices: np.ndarray) -> bool:
-    """Whether a mesh with these vertices (n, 3) has a Manhattan frame; others gain nothing by a second fit (ledger: second fit)."""
-    pixel = pixel_size([view.camera for view in problem.scene.views], vertices)
-    return len(relations(vertices, problem.scene.mesh.faces, pixel).pairs) > 0
 
 
 def _level_by_points(measured: _Measured, is_fitted: bool, options: FairingOptions) -> int:
@@ -103,12 +135,8 @@ def _level_by_points(measured: _Measured, is_fitted: bool, options: FairingOptio
 
     Where they show the prepared start near the surface, or the photos reject a fit to them, coarse levels only take vertices
     away from their true positions (ledger: level at which a start near its points begins, level of a measured start whose fit
-    the photos reject). A fit leaves most vertices within what a fine level reaches (ledger: level after a fit). Vertices that
-    are to be searched for need coarser levels.
+    the photos reject). A fit leaves most vertices within what a fine level reaches (ledger: level after a fit).
     """
-    searching = first_searching_level(options)
-    if options.schedule.start_error > 0 and searching is not None:
-        return searching if is_fitted else level_for_error(measured.error, options)
     return first_fine_level(options) if is_fitted and not measured.represents_surface else options.n_levels - 1
 
 

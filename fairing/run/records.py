@@ -6,12 +6,13 @@ from typing import NamedTuple
 import numpy as np
 
 from fairing.cells.context import CellContext
-from fairing.features.robust_fit import points_prefer
 from fairing.run.sweep import SweepState
 from fairing.solve.energy import FaceSystem
 from fairing.solve.point_split import observed_kept_points
 from fairing.solve.problem import Problem
-from fairing.trace import SchedulePosition, StepReason, StepRecord
+from fairing.stage_kind import StageKind
+from fairing.terms.point_judge import points_prefer
+from fairing.trace import SchedulePosition, StepReason, StepRecord, stage_of_reasons
 
 
 class Evaluation(NamedTuple):
@@ -75,6 +76,7 @@ def build_record(
     faces: np.ndarray,
     energies: tuple[Energies, Energies],
     solver: SolverState | None = None,
+    stage: StageKind | None = None,
 ) -> StepRecord:
     """A record whose next position is its own; pairs are (before, after).
 
@@ -86,6 +88,7 @@ def build_record(
         reasons: (u,) `StepReason`.
         faces: (F,) int.
         solver: default: no system was solved.
+        stage: default: that of steps with these reasons.
     """
     solver = solver or SolverState.unused(len(ids))
     before, after = energies
@@ -107,6 +110,7 @@ def build_record(
         view_energy_before=before.by_view,
         view_energy_after=after.by_view,
         **solver._asdict(),
+        stage=stage_of_reasons(reasons) if stage is None else stage,
     )
 
 
@@ -119,11 +123,13 @@ def moved_record(
     after: Evaluation,
     reason: StepReason,
     objectives: tuple[float, float] | None = None,
+    stage: StageKind | None = None,
 ) -> StepRecord:
     """The record of vertices (u,) that go from their positions in `before` to those in `after`; same faces in both.
 
     Args:
         objectives: before and after; default: the energies.
+        stage: see `build_record`.
     """
     steps = after.vertices[ids] - before.vertices[ids]
     return build_record(
@@ -137,6 +143,7 @@ def moved_record(
         objectives=objectives or (float(before.system.energy.sum()), float(after.system.energy.sum())),
         faces=before.system.faces,
         energies=(_energies(before), _energies(after)),
+        stage=stage,
     )
 
 
@@ -153,28 +160,32 @@ def empty_record(
     return replace(record, next_position=next_position)
 
 
-def returned_if_worse(
-    problem: Problem, sweep: SweepState, last: StepRecord, before: np.ndarray, after: np.ndarray, begun: np.ndarray
+def end_verdict(
+    problem: Problem,
+    sweep: SweepState,
+    position: SchedulePosition,
+    moment: int,
+    vertices: np.ndarray,
+    begun: np.ndarray,
 ) -> StepRecord:
-    """The last step of a run; or a step that returns every vertex to `begun` if the mesh was better there.
+    """The record of the judge of the end: every vertex goes back to `begun` if the mesh was better there.
 
     It was if the energy is lower, or if the sparse points that no fit uses clearly lie nearer (ledger: end judged by points).
 
     Args:
         sweep: the last sweep.
-        before, after: (n, 3) float: positions before and after the last step, world units.
+        vertices: (n, 3) float: positions after it, world units.
         begun: (n, 3) float: positions at the start, or after the last manual edit.
     """
     here, there = (
-        Evaluation(vertices, sweep.context, problem.energies(sweep.context, vertices, sweep.scale))
-        for vertices in (after, begun)
+        Evaluation(places, sweep.context, problem.energies(sweep.context, places, sweep.scale))
+        for places in (vertices, begun)
     )
-    if here.system.energy.sum() <= there.system.energy.sum() and not _points_prefer(problem, after, begun):
-        return last
-    everything = np.arange(len(after))
-    here = here._replace(vertices=before)
-    returned = moved_record(problem, last.position, last.sweep_moment, everything, here, there, StepReason.RETURNED)
-    return replace(returned, next_position=last.next_position)
+    if here.system.energy.sum() <= there.system.energy.sum() and not _points_prefer(problem, vertices, begun):
+        nothing = np.zeros(0, dtype=int)
+        return moved_record(problem, position, moment, nothing, here, here, StepReason.RETURNED, stage=StageKind.JUDGE)
+    everything = np.arange(len(vertices))
+    return moved_record(problem, position, moment, everything, here, there, StepReason.RETURNED)
 
 
 def _points_prefer(problem: Problem, before: np.ndarray, after: np.ndarray) -> bool:

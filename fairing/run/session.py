@@ -1,8 +1,9 @@
 """Session: a fairing run that can be stepped, stopped, moved back, branched and resumed.
 
-A run is a function of the scene and the options. It is planned once (`Session.make_plan`); after that every step is computed
-from the vertices, the recorded position in the schedule and the plan alone. A run resumed from its trace therefore writes
-the same bytes as one that was never stopped. Properties never compute: they are functions of trace, options and plan.
+A run is a function of the scene and the options. Its sparse points are chosen first (`Session.find_points`), then it is
+planned (`Session.make_plan`), each once; after that every step is computed from the vertices, the recorded position in the
+schedule and the plan alone. A run resumed from its trace therefore writes the same bytes as one that was never stopped.
+Properties never compute: they are functions of trace, options and plan.
 """
 
 import time
@@ -13,22 +14,24 @@ import numpy as np
 
 from fairing.cells.context import CellContext
 from fairing.cells.point_spread import PATCH_MARGIN
+from fairing.io.scene_points import Progress, with_points
 from fairing.option_check import check_options
 from fairing.options import FairingOptions, options_from_dict, options_to_dict
 from fairing.run.manual_edits import manual_step
-from fairing.run.phases import Phase, SecondFit
 from fairing.run.planning import make_plan
-from fairing.run.preparation import Preparations
+from fairing.run.pulls import Pull
 from fairing.run.schedule import fraction_done, most_blocks
-from fairing.run.stepper import Stepper
+from fairing.run.stages import Photos, Stage
+from fairing.run.stepper import Stepper, Trial
 from fairing.run.sweep import SweepState
 from fairing.run.sweep_cache import SweepCache
+from fairing.run.trace_header import check_same_scene, header_of, recorded_points, scene_of_trace
 from fairing.run_plan import RunPlan
 from fairing.scene import Scene
 from fairing.solve.energy import FaceSystem
 from fairing.solve.problem import Problem
+from fairing.stage_kind import StageKind
 from fairing.trace import SchedulePosition, StepReason, StepRecord, Trace
-from fairing.trace_header import check_same_scene, header_of
 from fairing.work import WorkLog
 
 
@@ -42,6 +45,7 @@ class Session:
         like: a session on the same scene and start, whose photos in memory this one uses.
 
     Attributes:
+        scene: with the chosen sparse points from `find_points` on.
         moment: the present moment; the next step continues from there.
         cancel_requested: called within long computations, from any thread; where it returns True, the method that computes
             raises `Cancelled` and changes nothing.
@@ -59,33 +63,36 @@ class Session:
         trace: Trace | None = None,
         like: "Session | None" = None,
     ) -> None:
-        self.scene = scene
         if trace is not None:
+            scene = scene_of_trace(scene, trace)
             check_same_scene(scene, trace)
             options = options_from_dict(trace.header["options"])
         self.options = options or FairingOptions()
         check_options(self.options)
         if trace is None:
             trace = Trace(header_of(scene, self.options), scene.mesh.vertices, scene.mesh.faces)
-        self.trace = trace
+        self.scene, self.trace = scene, trace
         self.moment = len(self.trace)
         self.cancel_requested: Callable[[], bool] = lambda: False
         self.on_photo: Callable[[int, int], None] = lambda done, count: None
         self.work = WorkLog()
+        self._set_problem(None if like is None else like._problem)
+        self._max_degree = int(np.bincount(scene.mesh.edges.ravel()).max(initial=0))
+        self._seconds = 0.0
+
+    def _set_problem(self, like: Problem | None) -> None:
+        """The problem of the scene and the options, and what computes with it."""
         self._problem = Problem(
-            scene,
+            self.scene,
             self.options,
             self.trace.start,
             lambda: self.cancel_requested(),
             lambda *read: self.on_photo(*read),
-            None if like is None else like._problem,
+            like,
             self.work,
         )
         self._sweeps = SweepCache(self._problem, self.trace)
-        self._preparations = Preparations(self._problem)
-        self._stepper = Stepper(self._problem, self.trace, self._sweeps, self._preparations)
-        self._max_degree = int(np.bincount(scene.mesh.edges.ravel()).max(initial=0))
-        self._seconds = 0.0
+        self._stepper = Stepper(self._problem, self.trace, self._sweeps)
 
     # ------------------------------------------------------------------ state
 
@@ -105,6 +112,13 @@ class Session:
         return self._sweeps.position_at(self.moment)
 
     @property
+    def next_stage(self) -> StageKind | None:
+        """Kind of stage of the next step; None for a run that has finished or is not planned yet."""
+        if self.moment < len(self.trace):
+            return self.trace.steps[self.moment].stage
+        return None if self.finished or self.plan is None else self._stepper.stage_after(self.moment)
+
+    @property
     def finished(self) -> bool:
         """Whether the schedule is done at the present moment."""
         return self.position.level >= self.options.n_levels
@@ -114,21 +128,38 @@ class Session:
         """The reason for the end of the run, as one sentence."""
         if not self.finished:
             return "not finished"
-        steps, n_vertices = self.trace.steps[: self.moment], len(self.trace.start)
-        moving = [record for record in steps if len(record.vertices) and not record.is_second_fit]
+        moving, n_vertices = self._steps_of_vertices(), len(self.trace.start)
         if not moving:
-            return f"finished: no vertex could move ({int(self.locked.sum())} of {n_vertices} vertices are locked)"
+            n_locked = int(self.locked.sum())
+            unseen = "fewer than three photos see the faces of the others" if n_locked < n_vertices else "unlock some"
+            return f"finished: no vertex could move: {n_locked} of {n_vertices} vertices are locked; {unseen}"
         if (moving[-1].reasons == StepReason.RETURNED).all():
             when = "at the start"
             if self.trace.manual_moments:
                 when = "after the last manual edit"
-            elif self.trace.second_fit_before(self.moment):
-                when = "before the second fit to the sparse points"
+            elif (self.vertices != self.trace.start).any():
+                when = "before its second fit to the sparse points"  # of a former version
             return (
                 f"finished: the mesh was better {when}, by its energy or by held-out points; every vertex was returned"
             )
         moved = (self.vertices != self.trace.start).any(axis=1)
         return f"finished: all {self.options.n_levels} levels done, {int(moved.sum())} of {n_vertices} vertices moved"
+
+    @property
+    def could_move_nothing(self) -> bool:
+        """Whether the run is finished without a step of any vertex: all are locked, or too few photos see their faces."""
+        return self.finished and not self._steps_of_vertices()
+
+    def _steps_of_vertices(self) -> list[StepRecord]:
+        """The steps so far by which photos moved vertices, or tried to, or the judge of the end returned them."""
+        steps = self.trace.steps[: self.moment]
+        return [
+            record
+            for record in steps
+            if len(record.vertices)
+            and (record.stage in (StageKind.PHOTOS, StageKind.MANUAL) or (record.reasons == StepReason.RETURNED).all())
+            and not (record.stage is StageKind.JUDGE and len(record.faces) == 0)
+        ]
 
     @property
     def progress(self) -> float:
@@ -141,15 +172,20 @@ class Session:
             return max(0.0, (position.level - first) / max(1, n_levels - first)) if self.moment else 0.0
         n_free = int((~self._problem.locked).sum())
 
-        def blocks(phase: Phase) -> int:
-            return most_blocks(phase, self.options.schedule.order, n_free, self._max_degree)
+        def blocks(_: Stage) -> int:
+            return most_blocks(self.options.schedule.order, n_free, self._max_degree)
 
         return fraction_done(self._sweeps.schedule, position, blocks)
 
     @property
     def locked(self) -> np.ndarray:
-        """(n,) bool: vertices that never move, by option or because they belong to a degenerate face."""
+        """(n,) bool: vertices that never move, by option."""
         return self._problem.locked.copy()
+
+    @property
+    def orientation(self) -> int:
+        """1 if the photos show the counter-clockwise side of the faces, -1 otherwise."""
+        return self._problem.orientation
 
     @property
     def warnings(self) -> list[str]:
@@ -194,14 +230,46 @@ class Session:
         branch = Session(self.scene, trace=trace, like=self)
         if branch.options == self.options:
             branch._sweeps.share(self._sweeps, self.moment)
+            branch._stepper.rehearsed = self._stepper.rehearsed
         return branch
 
     def forget_computed(self) -> None:
         """Free what can be computed again (blurred photos, visibility, normal equations), and end the threads."""
-        for holder in (self._sweeps, self._stepper, self._preparations, self._problem):
+        for holder in (self._sweeps, self._stepper, self._problem):
             holder.clear()
 
     # ------------------------------------------------------------------ steps
+
+    def find_points(
+        self,
+        on_progress: Progress = lambda fraction, line: None,
+        skip_requested: Callable[[], bool] = lambda: False,
+    ) -> None:
+        """Choose the sparse points by `Scene.points_choice`, and find them in the photos where the choice requires it.
+
+        The first call does so and records it; `make_plan` calls it. It may take minutes.
+
+        Args:
+            on_progress: called with the finished part, 0 to 1, and a line while points are found.
+            skip_requested: polled several times a second while points are found; where it returns True, the given ones are used.
+
+        Raises:
+            InputError: a photo or mask cannot be decoded, or the trace was recorded with other points.
+            Cancelled: `cancel_requested` returned True; nothing has changed.
+        """
+        if self.scene.points_choice == "given":
+            return
+        with self.work.doing("choosing the sparse points") as work:
+
+            def show(fraction: float, line: str) -> None:
+                work.text, work.done = line, fraction
+                on_progress(fraction, line)
+
+            scene = with_points(self.scene, show, self.cancel_requested, skip_requested)
+        check_same_scene(scene, self.trace)
+        self.scene = scene
+        self._set_problem(self._problem)
+        self.trace.record_points(recorded_points(scene))
 
     def make_plan(self) -> RunPlan:
         """The plan of the run, computed and recorded on the first call. It reads the photos and may take many seconds.
@@ -210,12 +278,15 @@ class Session:
             InputError: no photo sees any face well enough; or the trace's disk is full.
             Cancelled: `cancel_requested` returned True; nothing has changed.
         """
+        self.find_points()
         if self.trace.plan is None:
             began = time.perf_counter()
-            plan = make_plan(self._problem, self._preparations)
+            planned = make_plan(self._problem)
             self._seconds += time.perf_counter() - began
-            self.trace.record_plan(plan)
-            return plan
+            self.trace.record_plan(planned.plan)
+            self._stepper.rehearsed = planned.steps
+            self._sweeps.fits.share(planned.sweeps.fits, len(planned.steps))
+            return planned.plan
         return self.trace.plan
 
     def step(self) -> StepRecord | None:
@@ -253,6 +324,14 @@ class Session:
     def step_level(self) -> StepRecord | None:
         """To the end of the level. Returns the last step."""
         return self._step_while(lambda now, then: now[0] == then[0])
+
+    def step_stage(self) -> StepRecord | None:
+        """To the end of the stage: until the next step is of another kind, or of another level. Returns the last step."""
+        last = record = self.step()
+        while record is not None and (self.next_stage, self.position.level) == (record.stage, record.position.level):
+            record = self.step()
+            last = record or last
+        return last
 
     def _step_while(self, same: Callable[[SchedulePosition, SchedulePosition], bool]) -> StepRecord | None:
         if self.moment == len(self.trace):
@@ -292,8 +371,7 @@ class Session:
     ) -> StepRecord:
         """Move vertices manually, as a step after the last one; the present sweep begins anew.
 
-        The new positions become the origin of these vertices. A finished run continues at its last level, and so does one that
-        waits for its second fit to the sparse points, which runs with manual edits do not make.
+        The new positions become the origin of these vertices. A finished run continues at its last level.
 
         Args:
             vertices: (u,) int, ids.
@@ -311,8 +389,8 @@ class Session:
         is_over = self.finished and self.moment > 0
         if is_over:
             position = self.trace.steps[-1].position
-        if is_over or isinstance(sweep.phase, SecondFit):
-            following = SchedulePosition(self.options.n_levels - 1, 0, 0, 0)
+        if is_over or not isinstance(self._sweeps.history.stage_of(position), Photos):
+            following = SchedulePosition(min(position.level, self.options.n_levels - 1), 0, 0, 0)
         record = manual_step(self._problem, sweep, position, self.vertices, vertices, positions, reason)
         record = replace(record, next_position=following)
         self.trace.append(record)
@@ -341,6 +419,54 @@ class Session:
         """The most recently used sweep, of any moment; None before the first."""
         return self._sweeps.latest
 
+    def pulls(self, moment: int | None = None) -> list[Pull]:
+        """How each term pulls at the vertices: the parts of the step that would be proposed after a moment (default: now).
+
+        They are those of the Gauss-Newton step after the moment in `sweep_state`. A moment that has no such step uses the same
+        sweep, as everything else that is computed at a moment: one before the preparations or a skipped level the first sweep
+        of its level, a finished run one more step of its last sweep.
+
+        Raises:
+            IndexError: no such moment.
+            InputError: no photo sees any face well enough.
+            Cancelled: `cancel_requested` returned True.
+        """
+        moment = self.moment if moment is None else moment
+        if not 0 <= moment <= len(self.trace):
+            raise IndexError(f"moment {moment}: this run has moments 0 to {len(self.trace)}")
+        self.make_plan()
+        return self._stepper.pulls_at(moment)
+
+    def trial(self, vertex: int, moment: int | None = None) -> Trial | None:
+        """The Gauss-Newton step of a vertex after a moment (default: now), with what it is computed from; not recorded.
+
+        It is the step after the moment if that includes the vertex, with its recorded outcome where there is one. Else it is
+        the step as if the vertex's turn came at this moment. None where the sweep of the moment makes no such step of the vertex.
+
+        Raises:
+            IndexError: no such moment or vertex.
+            InputError: no photo sees any face well enough.
+            Cancelled: `cancel_requested` returned True.
+        """
+        moment = self.moment if moment is None else moment
+        if not 0 <= moment <= len(self.trace):
+            raise IndexError(f"moment {moment}: this run has moments 0 to {len(self.trace)}")
+        if not 0 <= vertex < len(self.scene.mesh.vertices):
+            raise IndexError(f"vertex {vertex}: this mesh has vertices 0 to {len(self.scene.mesh.vertices) - 1}")
+        self.make_plan()
+        return self._stepper.trial_at(moment, vertex)
+
+    def pixels_moved(self, steps: np.ndarray, moment: int | None = None) -> np.ndarray:
+        """(n,) float: displacement by steps (n, 3) from a moment (default: now), in the photo where it is longest, px.
+
+        0 where no photo sees a vertex in the sweep of the moment.
+
+        Raises: as `sweep_state`.
+        """
+        moment = self.moment if moment is None else moment
+        context, vertices = self.sweep_state(moment).context, self.trace.vertices_at(moment)
+        return self._problem.pixels_moved(context, vertices, np.arange(len(vertices)), steps)
+
     def context_for_moves(self, vertex: int, moment: int, positions: np.ndarray) -> CellContext:
         """The cells of the faces around a vertex at a moment, for their energies with the vertex at other positions.
 
@@ -361,11 +487,9 @@ class Session:
         faces = np.zeros(len(context.takes_part), dtype=bool)
         faces[self.scene.mesh.one_rings[vertex]] = True
         margin = PATCH_MARGIN + max(moved, default=0.0)
-        wide = self._problem.context_of(
+        return self._problem.context_of(
             faces & (context.n_views > 0), context.level, context.vertices, self.options, margin
         )
-        k = np.where(faces, context.kernel.face_dimensions, 0)  # the sweep may have reduced them
-        return replace(wide, kernel=wide.kernel._replace(face_dimensions=k))
 
     def linearise_by_photos(self, faces: np.ndarray, moment: int) -> FaceSystem:
         """Energy and normal equations of faces (F,) int at a moment, by all corners, with the eigenspace eliminated.

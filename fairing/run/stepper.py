@@ -6,19 +6,24 @@ from typing import NamedTuple
 import numpy as np
 
 from fairing.errors import InputError
-from fairing.run.gauss_newton_step import gauss_newton_step
-from fairing.run.phases import GaussNewton, Restart, SecondFit
-from fairing.run.preparation import Preparations, preparation_reasons
-from fairing.run.records import empty_record, returned_if_worse
-from fairing.run.restart import restart
+from fairing.optimize.rows import Term
+from fairing.run.fit_step import fit_step, photo_verdict, point_verdict, smoothing_step
+from fairing.run.fits import applies, terms_of_sweep
+from fairing.run.gauss_newton_step import Proposal, gauss_newton_step, judge, propose
+from fairing.run.phases import Level
+from fairing.run.pulls import Pull, pulls_at, pulls_of_fit
+from fairing.run.records import empty_record, end_verdict
 from fairing.run.schedule import next_position
-from fairing.run.search_step import search_step
+from fairing.run.stages import ClosestPoints, Judge, Photos, PointGates, Smoothing, Stage
 from fairing.run.sweep import SweepState
 from fairing.run.sweep_cache import SweepCache
 from fairing.solve.blocks import Block
 from fairing.solve.energy import FaceSystem
 from fairing.solve.problem import Problem
+from fairing.stage_kind import StageKind
 from fairing.trace import SchedulePosition, StepRecord, Trace
+
+GAIN = 0.05  # smallest relative decrease of the mean loss (ledger: smoothing the start, fit to sparse points)
 
 
 class _CarriedSystem(NamedTuple):
@@ -29,12 +34,36 @@ class _CarriedSystem(NamedTuple):
     system: FaceSystem | None
 
 
-class Stepper:
-    """Computes steps as a function of the vertices and the position in the schedule alone."""
+class Trial(NamedTuple):
+    """A Gauss-Newton step of a vertex at a moment, which is tried but not recorded.
 
-    def __init__(self, problem: Problem, trace: Trace, sweeps: SweepCache, preparations: Preparations) -> None:
-        self._problem, self._trace, self._sweeps, self._preparations = problem, trace, sweeps, preparations
+    Attributes:
+        is_next: whether it is the step after the moment; else the step is as if the vertex's turn came at this moment.
+        block: the vertices that take the step.
+        proposal: what is tried.
+        record: its outcome.
+        sweep: of the step.
+    """
+
+    is_next: bool
+    block: Block
+    proposal: Proposal
+    record: StepRecord
+    sweep: SweepState
+
+
+class Stepper:
+    """Computes steps as a function of the vertices and the position in the schedule alone.
+
+    Attributes:
+        rehearsed: the first steps of the run, if they are known; they need not be computed again.
+    """
+
+    def __init__(self, problem: Problem, trace: Trace, sweeps: SweepCache) -> None:
+        self._problem, self._trace, self._sweeps = problem, trace, sweeps
+        self.rehearsed: list[StepRecord] = []
         self._carried: _CarriedSystem | None = None
+        self._terms: tuple[int, tuple[Term, ...]] | None = None
 
     def step_after(self, moment: int) -> StepRecord:
         """The step after a moment of a planned run that has not finished.
@@ -43,81 +72,190 @@ class Stepper:
             InputError: no photo sees any face well enough.
             Cancelled: cancellation was requested.
         """
-        problem, trace, position = self._problem, self._trace, self._sweeps.position_at(moment)
-        assert trace.plan is not None, "plan the run first"
-        n_manual = sum(made <= moment for made in trace.manual_moments)
-        planned, schedule = preparation_reasons(trace.plan), self._sweeps.schedule
-        if n_manual == 0 and moment < len(planned):
-            return self._preparations.step(planned[moment], position, trace.vertices_at(moment))
-        self._preparations.clear()  # photos of every face; no later step needs them
-        if n_manual == moment and position.level < schedule.begin_level:
-            begin = SchedulePosition(schedule.begin_level, 0, 0, 0)
-            return empty_record(problem, position, self._sweeps.begun_at(moment), begin)
-        vertices = trace.vertices_at(moment)
-        if self._is_second_fit(position):
-            return self._second_fit(position, moment, vertices)
+        position = self._sweeps.position_at(moment)
+        if moment < len(self.rehearsed) and not any(made <= moment for made in self._trace.manual_moments):
+            return self.rehearsed[moment]
+        stage = self._sweeps.history.stage_of(position)
+        if isinstance(stage, Photos):
+            return self._photos_step(position, moment)
+        if isinstance(stage, Judge):
+            return self._verdict(stage, position, moment)
+        return self._fit_step(stage, position, moment)
+
+    def stage_after(self, moment: int) -> StageKind:
+        """The kind of stage of the step after a moment of a planned run that has not finished, before it is computed."""
+        return self._sweeps.history.stage_of(self._sweeps.position_at(moment)).kind
+
+    def pulls_at(self, moment: int) -> list[Pull]:
+        """The parts of the terms in the step after a moment of a planned run, see `Session.pulls`.
+
+        Raises: as `step_after`.
+        """
+        trace, position, vertices = self._trace, self._sweeps.position_at(moment), self._trace.vertices_at(moment)
+        is_over = position.level >= self._problem.options.n_levels
+        stage = self._sweeps.history.stage_of(position)
+        if not is_over and not isinstance(stage, Photos | Judge | Smoothing):
+            return pulls_of_fit(self._problem, self._terms_of(position, moment), vertices)
         sweep = self._sweeps.at(moment)
+        block, previous = None, None
+        if sweep.blocks and not is_over and isinstance(stage, Photos):
+            block, previous = self._block_and_previous(sweep, position, moment)
+        system = sweep.system if moment == sweep.moment else None
+        if system is None and block is not None and block.coupled:
+            system = self._carried_system(moment, block)
+        return pulls_at(self._problem, sweep, block, trace.vertices_at(moment), previous, system)
+
+    def trial_at(self, moment: int, vertex: int) -> Trial | None:
+        """The Gauss-Newton step of a vertex after a moment of a planned run, see `Session.trial`.
+
+        Raises: as `step_after`.
+        """
+        problem, trace, sweep = self._problem, self._trace, self._sweeps.at(moment)
+        position, vertices = self._sweeps.position_at(moment), trace.vertices_at(moment)
+        block, previous, is_next = None, None, self._is_gauss_newton(moment)
+        if is_next:
+            block, previous = self._block_and_previous(sweep, position, moment)
+        if block is None or vertex not in block.vertices:
+            found = [k for k, other in enumerate(sweep.blocks) if vertex in other.vertices]
+            if not found:
+                return None
+            block, previous, is_next = sweep.blocks[found[0]], None, False
+            position = position._replace(block=found[0], iteration=0)
+        system = self._carried_system(moment, block)
+        if system is None and moment == sweep.moment and block.coupled:
+            system = sweep.system
+        proposal = propose(problem, sweep, block, vertices, previous, system)
+        if is_next and moment < len(trace):
+            record = trace.steps[moment]
+        else:
+            record = judge(problem, sweep, block, position, vertices, proposal).record
+        return Trial(is_next, block, proposal, record, sweep)
+
+    def clear(self) -> None:
+        """Remove the normal equations kept for the next step; they are computed again when needed."""
+        self._carried, self._terms, self.rehearsed = None, None, []
+
+    def _photos_step(self, position: SchedulePosition, moment: int) -> StepRecord:
+        """An iteration of photos."""
+        problem, vertices = self._problem, self._trace.vertices_at(moment)
+        sweep = self._sweeps.at(moment)
+        level = self._sweeps.history.level_of(position)
         if not sweep.blocks:
-            following = SchedulePosition(position.level + 1, 0, 0, 0)
-            if not isinstance(sweep.phase, GaussNewton):
-                following = position._replace(sweep=position.sweep + 1)
-            return self._returned_if_worse(empty_record(problem, position, sweep.moment, following), sweep, moment)
+            following = level.begin_of(level.after(level.stage_at(position.sweep)))
+            return empty_record(problem, position, sweep.moment, following)
+        block, previous = self._block_and_previous(sweep, position, moment)
+        system = self._carried_system(moment, block)
+        iteration = gauss_newton_step(problem, sweep, block, position, vertices, previous, system)
+        self._carried = _CarriedSystem(moment + 1, block, iteration.system)
+        return self._continued(iteration.record, sweep, vertices, iteration.is_done)
+
+    def _fit_step(self, stage: Stage, position: SchedulePosition, moment: int) -> StepRecord:
+        """An iteration of smoothing or of a fit."""
+        problem, trace, history = self._problem, self._trace, self._sweeps.history
+        vertices, begun = trace.vertices_at(moment), self._sweeps.begun_at(moment)
+        if isinstance(stage, Smoothing):
+            done = smoothing_step(problem, stage, position, begun, trace.vertices_at(begun), vertices)
+        else:
+            done = fit_step(problem, stage, self._terms_of(position, moment), position, begun, vertices)
+        level, following = history.level_of(position), position._replace(iteration=position.iteration + 1)
+        if done.is_done or following.iteration >= stage.max_iterations:
+            following = position._replace(sweep=position.sweep + 1, iteration=0)
+        if stage.has(following.sweep):
+            return replace(done.record, next_position=following)
+        after = done.record.applied_to(vertices)
+        return replace(done.record, next_position=level.begin_of(self._after(level, stage, position, moment, after)))
+
+    def _verdict(self, stage: Judge, position: SchedulePosition, moment: int) -> StepRecord:
+        """A step of a judge."""
+        problem, trace, history = self._problem, self._trace, self._sweeps.history
+        level, vertices = history.level_of(position), trace.vertices_at(moment)
+        if stage.by == "end":
+            begun = trace.vertices_at(history.judged_from(moment))
+            if np.array_equal(vertices, begun):  # nothing to judge
+                record = replace(empty_record(problem, position, moment, position), stage=StageKind.JUDGE)
+            else:
+                record = end_verdict(problem, self._sweeps.at(moment), position, moment, vertices, begun)
+            return replace(record, next_position=level.begin_of(None))
+        begin = history.part_begun(moment, position)
+        if stage.by == "photos":
+            self._terms = None
+            record = photo_verdict(
+                problem, position, moment, trace.vertices_at(begin), vertices, self._least_gain(begin, moment)
+            )
+            return replace(record, next_position=level.begin_of(level.after(stage)))
+        last = trace.steps[moment - 1].position
+        gates = history.stage_of(last)
+        assert isinstance(gates, PointGates)
+        begun = trace.vertices_at(history.stage_begun(moment, last))
+        kept = self._sweeps.fits.begun_at(begin).judged(gates.surface, begun, vertices)
+        record = point_verdict(problem, position, moment, vertices, kept)
+        return replace(record, next_position=level.begin_of(self._after(level, stage, position, moment, kept)))
+
+    def _least_gain(self, begin: int, moment: int) -> float:
+        """The part by which a fit from a moment to another must lower the loss of the photos.
+
+        A fit to points near the surface need only lower it at all: coarse photos of a start some pixels off discriminate little
+        (ledger: fit that the points call for).
+        """
+        kinds = {step.stage for step in self._trace.steps[begin:moment]}
+        return 0.0 if StageKind.SURFACE_POINTS in kinds else GAIN
+
+    def _terms_of(self, position: SchedulePosition, moment: int) -> tuple[Term, ...]:
+        """The terms of the sweep of a fit's step after a moment."""
+        begun, history = self._sweeps.begun_at(moment), self._sweeps.history
+        if self._terms is None or self._terms[0] != begun:
+            begins = history.part_begun(moment, position), history.stage_begun(moment, position)
+            self._terms = begun, terms_of_sweep(self._problem, self._sweeps.fits, history, position, begins, begun)
+        return self._terms[1]
+
+    def _after(
+        self, level: Level, stage: Stage, position: SchedulePosition, moment: int, vertices: np.ndarray
+    ) -> Stage | None:
+        """The next stage after one whose last step follows a moment and leads to vertices (n, 3), world units."""
+        begin = self._sweeps.history.part_begun(moment, position)
+        fit, following = self._sweeps.fits.begun_at(begin), level.after(stage)
+        while following is not None and not applies(fit, self._problem, following, vertices):
+            # What belongs to searches for points is left out with them.
+            skipped = ClosestPoints if isinstance(following, PointGates) else Stage
+            following = level.after(following)
+            while following is not None and not isinstance(following, skipped):
+                following = level.after(following)
+        return following
+
+    def _is_gauss_newton(self, moment: int) -> bool:
+        """Whether the step after a moment is one of photos, with vertices that can move."""
+        position = self._sweeps.position_at(moment)
+        if position.level >= self._problem.options.n_levels:
+            return False
+        return isinstance(self._sweeps.history.stage_of(position), Photos) and len(self._sweeps.at(moment).blocks) > 0
+
+    def _block_and_previous(
+        self, sweep: SweepState, position: SchedulePosition, moment: int
+    ) -> tuple[Block, StepRecord | None]:
+        """The block of the step after a moment, and its previous iteration in the sweep; None for its first.
+
+        Raises:
+            InputError: the trace does not fit the blocks of the sweep.
+        """
         if position.block >= len(sweep.blocks):
             raise InputError(
                 f"trace: continues at block {position.block + 1} of a sweep with {len(sweep.blocks)} blocks; it was recorded "
                 "on other photos or changed since, run it again"
             )
         block = sweep.blocks[position.block]
-        previous = trace.steps[moment - 1] if position.iteration else None
+        previous = self._trace.steps[moment - 1] if position.iteration else None
         if previous is not None and not np.array_equal(previous.vertices, block.vertices):
             raise InputError(
                 f"trace: step {moment} moved other vertices than the block it continues with; it was recorded on other "
                 "photos or changed since, run it again"
             )
-        if isinstance(sweep.phase, GaussNewton):
-            system = self._carried_system(moment, block)
-            iteration = gauss_newton_step(problem, sweep, block, position, vertices, previous, system)
-            self._carried = _CarriedSystem(moment + 1, block, iteration.system)
-            record = self._continued(iteration.record, sweep, vertices, iteration.is_done)
-            return self._returned_if_worse(record, sweep, moment)
-        if isinstance(sweep.phase, Restart):
-            record = restart(problem, schedule, sweep, block, position, vertices)
-        else:
-            record = search_step(problem, sweep, block, position, vertices)
-        return self._continued(record, sweep, vertices, block_is_done=True)
-
-    def clear(self) -> None:
-        """Remove the normal equations kept for the next step; they are computed again when needed."""
-        self._carried = None
-
-    def _is_second_fit(self, position: SchedulePosition) -> bool:
-        return isinstance(self._sweeps.schedule.levels[position.level].phase_at(position.sweep), SecondFit)
-
-    def _second_fit(self, position: SchedulePosition, moment: int, vertices: np.ndarray) -> StepRecord:
-        """The step of a `SecondFit`; vertices (n, 3) are the positions at the moment. Manual edits would be lost by it."""
-        end = SchedulePosition(position.level + 1, 0, 0, 0)
-        if self._trace.manual_moments:
-            return empty_record(self._problem, position, moment, end)
-        fit = self._preparations.second_fit(position, moment, vertices)
-        return replace(fit, next_position=position._replace(sweep=position.sweep + 1) if fit.accepted else end)
+        return block, previous
 
     def _carried_system(self, moment: int, block: Block) -> FaceSystem | None:
         carried = self._carried
         if carried is None or carried.moment != moment or carried.block is not block:
             return None
         return carried.system
-
-    def _returned_if_worse(self, record: StepRecord, sweep: SweepState, moment: int) -> StepRecord:
-        """The step after a moment; for the last step before a second fit and after it, or of a run, see
-        `fairing.run.records.returned_if_worse`."""
-        following = record.next_position
-        if following.level < self._problem.options.n_levels and not self._is_second_fit(following):
-            return record
-        trace = self._trace
-        edits = (made for made in trace.manual_moments if made <= moment)
-        begun = trace.vertices_at(max(trace.second_fit_before(moment) - 1, *edits, 0))
-        vertices = trace.vertices_at(moment)
-        return returned_if_worse(self._problem, sweep, record, vertices, record.applied_to(vertices), begun)
 
     def _continued(
         self, record: StepRecord, sweep: SweepState, vertices: np.ndarray, block_is_done: bool

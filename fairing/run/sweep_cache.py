@@ -2,10 +2,14 @@
 
 from dataclasses import replace
 
+from fairing.run.fits import Fits
+from fairing.run.history import History
 from fairing.run.phases import Schedule, schedule_of
-from fairing.run.preparation import near_points
+from fairing.run.stages import Photos
 from fairing.run.sweep import SweepState, begin_sweep
+from fairing.run_plan import RunPlan
 from fairing.solve.problem import Problem
+from fairing.stage_kind import StageKind
 from fairing.trace import SchedulePosition, Trace
 
 MAX_SWEEPS = 4  # so that stepping back and forth does not compute visibility again
@@ -18,12 +22,22 @@ class SweepCache:
     def __init__(self, problem: Problem, trace: Trace) -> None:
         self._problem, self._trace = problem, trace
         self._sweeps: list[SweepState] = []  # the most recently used is the last
+        self._scheduled: tuple[RunPlan, Schedule] | None = None
+        self.fits = Fits(problem, trace)
 
     @property
     def schedule(self) -> Schedule:
         """The schedule of the planned run."""
-        assert self._trace.plan is not None, "plan the run first"
-        return schedule_of(self._problem.options, self._trace.plan)
+        plan = self._trace.plan
+        assert plan is not None, "plan the run first"
+        if self._scheduled is None or self._scheduled[0] is not plan:
+            self._scheduled = plan, schedule_of(self._problem.options, plan)
+        return self._scheduled[1]
+
+    @property
+    def history(self) -> History:
+        """Of the planned run."""
+        return History(self._trace, self.schedule)
 
     def position_at(self, moment: int) -> SchedulePosition:
         """Position of the step after a moment; level = number of levels where the run has finished.
@@ -34,13 +48,34 @@ class SweepCache:
             return self._trace.steps[moment - 1].next_position
         if self._trace.steps:
             return self._trace.steps[0].position
-        first_level = self._trace.plan.first_level if self._trace.plan is not None else 0
-        return SchedulePosition(first_level, 0, 0, 0)
+        if self._trace.plan is None:
+            return SchedulePosition(0, 0, 0, 0)
+        return self.schedule.levels[self._trace.plan.first_level].begin
 
     def begun_at(self, moment: int) -> int:
         """The moment at which the sweep of the step after a moment began."""
         is_new = moment == 0 or self.position_at(moment)[2:] == (0, 0)
         return moment if is_new else self._trace.steps[moment - 1].sweep_moment
+
+    def photos_at(self, moment: int) -> tuple[SchedulePosition, int]:
+        """The position and the beginning of the sweep of photos by which a moment is seen.
+
+        Of the next step; where that is none of photos, of the last photos before it on the same level, or as if photos began where
+        smoothing or fit did.
+        """
+        position, n_levels = self.position_at(moment), self._problem.options.n_levels
+        if position.level < n_levels and isinstance(self.history.stage_of(position), Photos):
+            return position, self.begun_at(moment)
+        # A branch may have fewer levels than the run it comes from.
+        level = min(position.level, n_levels - 1)
+        for record in reversed(self._trace.steps[:moment]):
+            if record.stage is StageKind.PHOTOS or record.is_manual:
+                is_same = position.level >= n_levels or record.position.level == level
+                if is_same:
+                    level = min(record.position.level, n_levels - 1)
+                    return record.position._replace(level=level), record.sweep_moment
+                break
+        return SchedulePosition(level, 0, 0, 0), self.history.part_begun(moment, position)
 
     def at(self, moment: int) -> SweepState:
         """The sweep of the step after a moment; the last sweep of a finished run.
@@ -49,13 +84,7 @@ class SweepCache:
             InputError: no photo sees any face well enough.
             Cancelled: cancellation was requested.
         """
-        position, begun = self.position_at(moment), self.begun_at(moment)
-        n_levels = self._problem.options.n_levels
-        if position.level >= n_levels:
-            last = self._trace.steps[moment - 1]
-            # A branch may have fewer levels than the run it comes from.
-            position = last.position._replace(level=min(last.position.level, n_levels - 1))
-            begun = last.sweep_moment
+        position, begun = self.photos_at(moment)
         found = [sweep for sweep in self._sweeps if (sweep.moment, sweep.context.level) == (begun, position.level)]
         if found:
             sweep = found[0]
@@ -77,24 +106,27 @@ class SweepCache:
     def share(self, other: "SweepCache", moment: int) -> None:
         """Take the sweeps of a run with the same past up to a moment."""
         self._sweeps = [sweep for sweep in other._sweeps if sweep.moment <= moment]
+        self.fits.share(other.fits, moment)
 
     def clear(self) -> None:
         """Remove all sweeps; they are computed again when needed."""
         self._sweeps = []
+        self.fits.clear()
 
     def _begin(self, position: SchedulePosition, moment: int) -> SweepState:
-        level = self.schedule.levels[position.level]
-        trace, strengths, near = self._trace, level.at(position.sweep), None
-        if strengths.attraction > 0 and trace.plan is not None:
-            fit = trace.second_fit_before(moment)
-            near = near_points(self._problem, trace.plan, trace.vertices_at(fit - 1) if fit else None)
+        level, history = self.schedule.levels[position.level], self.history
+        trace, near = self._trace, None
+        if level.attraction > 0 and (part := history.fit_before(moment)) is not None:
+            near = self.fits.surface_points(history, *part)
+        stage = level.stage_at(position.sweep)
+        assert isinstance(stage, Photos)
         return begin_sweep(
             self._problem,
-            strengths,
-            level.phase_at(position.sweep),
+            level,
+            stage,
             moment,
             trace.vertices_at(moment),
-            trace.origin_at(moment),
+            history.origin_at(moment),
             near_points=near,
         )
 

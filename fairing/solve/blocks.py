@@ -3,8 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from fairing.mesh import Mesh
 
@@ -76,32 +74,3 @@ def independent_block(mesh: Mesh, vertices: np.ndarray) -> Block:
     corners = np.argmax(mesh.faces[faces] == vertices[owner][:, None], axis=1)
     order = np.argsort(faces, kind="stable")
     return Block(vertices, faces[order], corners[order], owner[order], coupled=False)
-
-
-def group_block(mesh: Mesh, groups: list[np.ndarray]) -> Block:
-    """A block of groups of vertices that share no face with another group; its `vertices` are the first of each group.
-
-    Args:
-        groups: of each group the ids of its vertices, (u,) int.
-    """
-    group = np.full(len(mesh.vertices), -1)
-    for k, ids in enumerate(groups):
-        group[ids] = k
-    owner = group[mesh.faces].max(axis=1)
-    faces = np.flatnonzero(owner >= 0)
-    first = np.array([ids[0] for ids in groups])
-    return Block(first, faces, np.full(len(faces), -1), owner[faces], coupled=True)
-
-
-def restart_block(mesh: Mesh, ids: np.ndarray) -> Block:
-    """A block of vertices `ids` (u,) int that are restarted together."""
-    faces = np.flatnonzero(np.isin(mesh.faces, ids).any(axis=1))
-    return Block(ids, faces, np.full(len(faces), -1), np.zeros(len(faces), dtype=int), coupled=True)
-
-
-def connected_groups(mesh: Mesh, mask: np.ndarray) -> list[np.ndarray]:
-    """The vertices of a mask (n,) bool as connected groups, each (k,) int."""
-    edges = mesh.edges[mask[mesh.edges].all(axis=1)]
-    n = len(mesh.vertices)
-    _, label = connected_components(coo_array((np.ones(len(edges)), edges.T), shape=(n, n)), directed=False)
-    return [np.flatnonzero(mask & (label == k)) for k in np.unique(label[mask])]

@@ -2,26 +2,21 @@
 
 import os
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TypeVar
 
 import numpy as np
 
 from fairing.cells.context import CellContext
 from fairing.kernels.data import ALTERNATING, ENERGY, STATISTICS, VARIABLE_PROJECTION
 from fairing.kernels.faces import evaluate_faces
-from fairing.options import RobustOptions, by_level
+from fairing.options import FairingOptions, RobustOptions
 
 SOLVERS = {"alternating": ALTERNATING, "variable_projection": VARIABLE_PROJECTION}
 PARTS_PER_THREAD = 4
 MAX_PART_SAMPLES = 25_000_000  # per part of a list, about 0.2 s of work: the latency of a cancellation
-CONCURRENT_ITEMS = 2  # of `Evaluator.map_concurrently`
-
-Item = TypeVar("Item")
-Result = TypeVar("Result")
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,8 +30,6 @@ class FaceSystem:
         H: (F, 9, 9) float, energy / world unit^2: normal matrix by the nine coordinates of the corners; zero for fixed corners.
         g: (F, 9) float, energy / world unit: gradient.
         largest, median: (F,) float: absolute residual, grey levels (only from `measure`).
-        singular_value_ratio: (F,) float: the k-th singular value squared over the mean square of the later ones (only
-            from `measure`).
     """
 
     faces: np.ndarray
@@ -46,7 +39,6 @@ class FaceSystem:
     g: np.ndarray
     largest: np.ndarray
     median: np.ndarray
-    singular_value_ratio: np.ndarray
 
     def replaced_by(self, other: "FaceSystem", faces: np.ndarray, pairs: np.ndarray) -> "FaceSystem":
         """This system with the rows of another one where masks (F,) and (P,) bool say so; without residual statistics."""
@@ -59,7 +51,6 @@ class FaceSystem:
             np.where(pairs, other.pair_energy, self.pair_energy),
             np.where(faces[:, None, None], other.H, self.H),
             np.where(faces[:, None], other.g, self.g),
-            zeros,
             zeros,
             zeros,
         )
@@ -84,16 +75,6 @@ class Evaluator:
         """End the threads; the next computation starts new ones."""
         self.pool.shutdown(wait=False)
         self.pool = self._new_pool()
-
-    def map_concurrently(self, work: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
-        """Results of independent tasks, in the order of `items`; each task uses the evaluator and its pool itself.
-
-        Two tasks run concurrently: while one executes Python code between kernel calls, the other keeps the threads busy.
-        """
-        if self._threads == 1:
-            return [work(item) for item in items]
-        with ThreadPoolExecutor(CONCURRENT_ITEMS, thread_name_prefix="concurrent") as both:
-            return list(both.map(work, items))
 
     def linearise(
         self,
@@ -143,7 +124,7 @@ class Evaluator:
         faces = np.ascontiguousarray(faces, dtype=np.int64)
         corners = np.ascontiguousarray(corners, dtype=np.int64)
         count = len(faces)
-        energy, statistics = np.zeros(count), np.zeros((count, 3))
+        energy, statistics = np.zeros(count), np.zeros((count, 2))
         pair_energy = np.zeros(len(data.pair_view))
         H, g = np.zeros((count, 9, 9)), np.zeros((count, 9))
         vertices = np.ascontiguousarray(vertices, dtype=np.float64)
@@ -181,13 +162,13 @@ class Evaluator:
         return [slice(int(a), int(b)) for a, b in pairwise(cuts)]
 
 
-def fixed_sigma(options: RobustOptions, level: int) -> float | None:
+def fixed_sigma(options: FairingOptions, level: int) -> float | None:
     """Scale parameter sigma of a level whose rule does not depend on the residuals, grey levels; else None."""
-    is_fixed = by_level(options.sigma_rule, level) == "fixed"
-    return max(options.sigma, options.sigma_floor) if is_fixed else None
+    is_fixed = options.level(level).sigma_rule == "fixed"
+    return max(options.robust.sigma, options.robust.sigma_floor) if is_fixed else None
 
 
-def robust_sigma(options: RobustOptions, level: int, system: FaceSystem) -> np.ndarray:
+def robust_sigma(options: FairingOptions, level: int, system: FaceSystem) -> np.ndarray:
     """Scale parameter sigma of the robust norm, by the level's rule.
 
     Args:
@@ -196,16 +177,16 @@ def robust_sigma(options: RobustOptions, level: int, system: FaceSystem) -> np.n
     Returns:
         (F,) float, grey levels, for the faces of `system`.
     """
-    rule = by_level(options.sigma_rule, level)
+    robust, rule = options.robust, options.level(level).sigma_rule
     if rule == "paper":
         sigma = system.largest / np.sqrt(3)
     elif rule == "convex":
         sigma = system.largest * np.sqrt(3)
     elif rule == "mad":
-        sigma = options.mad_factor * 1.4826 * system.median
+        sigma = robust.mad_factor * 1.4826 * system.median
     else:
-        sigma = np.full(len(system.faces), options.sigma)
-    return np.maximum(sigma, options.sigma_floor)
+        sigma = np.full(len(system.faces), robust.sigma)
+    return np.maximum(sigma, robust.sigma_floor)
 
 
 def robust_scale(options: RobustOptions, sigma: np.ndarray) -> np.ndarray:

@@ -22,7 +22,7 @@ def locked_by_options(scene: Scene, options: FairingOptions) -> np.ndarray:
         raise InputError(f"locked_vertices: expected numbers 0 to {count - 1}, found {wrong}")
     locked[scene.original_from_welded[chosen]] = True
     if options.lock_boundary:
-        locked[scene.mesh.boundary_vertices] = True
+        locked[scene.connected_mesh.boundary_vertices] = True
     if options.region:
         inside = inside_boxes(vertices, options.region)
         if not inside.any():

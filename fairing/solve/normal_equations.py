@@ -7,9 +7,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.linalg import splu
 
-from fairing.geometry.normals import unit_normals
 from fairing.mesh import Mesh
-from fairing.options import StepOptions
 from fairing.solve.energy import FaceSystem
 
 # Keeps a matrix without information invertible; far below every threshold on eigenvalues.
@@ -22,22 +20,26 @@ class QuadraticPrior(NamedTuple):
     Attributes:
         hessians: (n, 3, 3) float, B, energy / world unit^2.
         targets: (n, 3) float, a, world units.
+        name: of the term, a key of `fairing.terms.names.TERMS`.
     """
 
     hessians: np.ndarray
     targets: np.ndarray
+    name: str
+
+    def energy(self, vertices: np.ndarray, ids: np.ndarray) -> np.ndarray:
+        """(u,) float: energy of vertices `ids` (u,) int at positions `vertices` (n, 3) float, world units."""
+        offset = vertices[ids] - self.targets[ids]
+        return 0.5 * np.einsum("vi,vij,vj->v", offset, self.hessians[ids], offset)
+
+    def gradient(self, vertices: np.ndarray, ids: np.ndarray) -> np.ndarray:
+        """(u, 3) float: gradient for the same arguments, energy / world unit."""
+        return np.einsum("vij,vj->vi", self.hessians[ids], vertices[ids] - self.targets[ids])
 
 
 @dataclass(frozen=True, eq=False)
 class Prior:
-    """The sum of several quadratic priors.
-
-    Tangential directions (in which the surface moves within itself) have their target at the origin of the vertex: the start
-    of the run, or its position after a manual edit. Weakly seen directions have theirs at the beginning of the sweep, which
-    slows a diverging vertex without moving the minimum, and after a fit to points so has a slight prior of all directions,
-    which stops vertices without texture around them; a prior to the start replaces both. (ledger: prior of weak
-    directions, inertia)
-    """
+    """The sum of several quadratic priors."""
 
     terms: tuple[QuadraticPrior, ...]
 
@@ -48,18 +50,11 @@ class Prior:
 
     def energy(self, vertices: np.ndarray, ids: np.ndarray) -> np.ndarray:
         """(u,) float: energy of vertices `ids` (u,) int at positions `vertices` (n, 3) float, world units."""
-        total = np.zeros(len(ids))
-        for hessians, targets in self.terms:
-            offset = vertices[ids] - targets[ids]
-            total += 0.5 * np.einsum("vi,vij,vj->v", offset, hessians[ids], offset)
-        return total
+        return sum((term.energy(vertices, ids) for term in self.terms), np.zeros(len(ids)))
 
     def gradient(self, vertices: np.ndarray, ids: np.ndarray) -> np.ndarray:
         """(u, 3) float: gradient for the same arguments, energy / world unit."""
-        return sum(
-            (np.einsum("vij,vj->vi", hessians[ids], vertices[ids] - targets[ids]) for hessians, targets in self.terms),
-            np.zeros((len(ids), 3)),
-        )
+        return sum((term.gradient(vertices, ids) for term in self.terms), np.zeros((len(ids), 3)))
 
 
 def vertex_systems(mesh: Mesh, system: FaceSystem) -> tuple[np.ndarray, np.ndarray]:
@@ -77,69 +72,42 @@ def vertex_systems(mesh: Mesh, system: FaceSystem) -> tuple[np.ndarray, np.ndarr
     return H, g
 
 
-def undetermined_directions(
-    vertices: np.ndarray, mesh: Mesh, H: np.ndarray, usable: np.ndarray, options: StepOptions, strength: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Hessians (n, 3, 3) float of penalties on tangential and on weakly seen directions, energy / world unit^2.
-
-    Tangential: the normals of the incident faces have no spread along it (within a plane, along an edge). Weakly seen: its
-    eigenvalue of the normal matrix is small (little texture, few photos).
-
-    Args:
-        vertices: (n, 3) float: positions, world units.
-        H: (n, 3, 3) float: normal matrices.
-        usable: (m,) bool: faces that take part.
-        strength: of the penalties, relative to the largest eigenvalue of each normal matrix.
-    """
-    normals, area = unit_normals(vertices, mesh.faces)
-    spread = np.zeros((len(vertices), 3, 3))
-    total = np.zeros(len(vertices))
-    weight = area * usable
-    for j in range(3):
-        np.add.at(spread, mesh.faces[:, j], weight[:, None, None] * normals[:, :, None] * normals[:, None, :])
-        np.add.at(total, mesh.faces[:, j], weight)
-    spread /= np.maximum(total, 1e-300)[:, None, None]
-    values, vectors = np.linalg.eigh(H)
-    largest = np.maximum(values[:, 2], 0)
-    weak = values < options.prior_threshold * largest[:, None]
-    weak_directions = np.einsum("vik,vk,vjk->vij", vectors, weak.astype(float), vectors)
-    values, vectors = np.linalg.eigh(spread)
-    flat = values < options.normal_spread
-    tangential = np.einsum("vik,vk,vjk->vij", vectors, flat.astype(float), vectors)
-    penalty = strength * largest[:, None, None]
-    return penalty * tangential, penalty * weak_directions
-
-
 def solve_vertices(H: np.ndarray, g: np.ndarray, damping: np.ndarray) -> np.ndarray:
-    """Steps (u, 3) float of vertices that share no face: -(H + damping lambda I)^-1 g, lambda the largest eigenvalue of H.
+    """Steps of vertices, each by its own system: -(H + damping lambda I)^-1 g, lambda the largest eigenvalue of H.
 
     The step is zero in directions without information. Damping by diag H (Marquardt) would depend on the world's axes.
 
     Args:
         H: (u, 3, 3) float: normal matrices, energy / world unit^2.
-        g: (u, 3) float: gradients, energy / world unit.
+        g: (u, 3) or (u, 3, r) float: one or r gradients of each vertex, energy / world unit.
         damping: (u,) float, relative.
+
+    Returns:
+        (u, 3) or (u, 3, r) float: the step of each gradient, world units.
     """
     values, vectors = np.linalg.eigh(H)
     largest = np.maximum(values[:, 2:], 0)
     inverse = np.where(values > RIDGE * largest, 1, 0) / np.where(
         values > RIDGE * largest, values + damping[:, None] * largest, 1
     )
-    return -np.einsum("vik,vk,vjk,vj->vi", vectors, inverse, vectors, g)
+    return -np.einsum("vik,vk,vjk,vj...->vi...", vectors, inverse, vectors, g)
 
 
 def solve_jointly(
     mesh: Mesh, system: FaceSystem, hessians: np.ndarray, gradient: np.ndarray, free: np.ndarray, damping: float
 ) -> np.ndarray:
-    """Steps (n, 3) float of all free vertices from one sparse system, world units; zero for the others.
+    """Steps of all free vertices from one sparse system; zero for the others.
 
     Args:
         system: normal equations of the faces.
         hessians: (n, 3, 3) float: of the priors.
-        gradient: (n, 3) float: of energy and priors.
+        gradient: (n, 3) float: of energy and priors; or (n, 3, r): r parts of it, which the same factorization solves.
         free: (n,) bool.
         damping: multiple of the identity that is added to the 3 x 3 block of each vertex, relative to the largest eigenvalue
             of that block.
+
+    Returns:
+        (n, 3) or (n, 3, r) float: the step of each gradient, world units.
     """
     n = len(mesh.vertices)
     slot = np.full(n, -1, dtype=np.int32)  # as narrow as the sparse matrix's own indices: rows and columns are long
@@ -165,10 +133,10 @@ def solve_jointly(
         shape=(3 * int(free.sum()),) * 2,
     ).tocsc()
     solution = splu(matrix, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}).solve(
-        -gradient[free].reshape(-1)
+        -gradient[free].reshape(3 * int(free.sum()), *gradient.shape[2:])
     )
-    step = np.zeros((n, 3))
-    step[free] = solution.reshape(-1, 3)
+    step = np.zeros(gradient.shape)
+    step[free] = solution.reshape(-1, *gradient.shape[1:])
     return step
 
 

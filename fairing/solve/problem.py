@@ -1,11 +1,9 @@
 """Problem: the energy of a run, and the limits of its steps."""
 
-import copy
 import itertools
 import time
 from collections.abc import Callable
 from concurrent.futures import Executor, Future
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -16,10 +14,9 @@ from fairing.cells.scale_space import ScaleSpace
 from fairing.cells.visibility import Visibility, mesh_orientation
 from fairing.errors import Cancelled, InputError
 from fairing.features.points import FeaturePoints
-from fairing.geometry.mesh_check import inspect_mesh
 from fairing.options import FairingOptions
 from fairing.scene import Scene
-from fairing.solve.energy import Evaluator, FaceSystem
+from fairing.solve.energy import Evaluator, FaceSystem, fixed_sigma, robust_sigma
 from fairing.solve.locks import locked_by_options
 from fairing.solve.point_split import observed_fitting_points
 from fairing.solve.step_limits import pixels_moved, shortened, unfolded
@@ -44,10 +41,9 @@ class Problem:
         work: what the computations do at present is written there.
 
     Attributes:
-        locked: (n,) bool: vertices that never move, by option or because they belong to a degenerate face.
+        locked: (n,) bool: vertices that never move, by option.
         orientation: see `fairing.cells.visibility.mesh_orientation`.
         observed_points: see `fairing.solve.point_split.observed_fitting_points`.
-        near_points: points of surface sweeps, by the bytes of the vertices (n, 3) whose fit found them.
         evaluator: computes energies and normal equations.
         warnings: of the scene and of the run so far, a line each.
         seconds: time spent on "photos" and on "visibility", s.
@@ -74,16 +70,12 @@ class Problem:
         self.work = work or WorkLog()
         """What the computations do at present."""
         self._photos = self._fresh_photos()
-        degenerate = inspect_mesh(scene.mesh).degenerate_faces
-        self._usable = np.ones(len(scene.mesh.faces), dtype=bool)
-        self._usable[degenerate] = False
         self.locked = locked_by_options(scene, options)
-        self.locked[scene.mesh.faces[degenerate]] = True
-        self.observed_points: FeaturePoints = observed_fitting_points(scene) if like is None else like.observed_points
-        self.near_points: dict[bytes, FeaturePoints] = {}
+        shares_points = like is not None and like.scene.sparse_points is scene.sparse_points
+        self.observed_points: FeaturePoints = (
+            like.observed_points if like is not None and shares_points else observed_fitting_points(scene)
+        )
         self.orientation = mesh_orientation(scene, start) if like is None else like.orientation
-        if like is not None and replace(options, threads=like.options.threads) == like.options:
-            self.near_points = like.near_points
         if like is not None and options.cells.color == like.options.cells.color:
             self._photos = like._photos
         if self.orientation < 0:
@@ -91,12 +83,11 @@ class Problem:
 
     # ------------------------------------------------------------------ energy
 
-    def context(self, level: int, vertices: np.ndarray, among: np.ndarray | None = None) -> CellContext:
+    def context(self, level: int, vertices: np.ndarray) -> CellContext:
         """Visibility and cells of all faces at a level.
 
         Args:
             vertices: (n, 3) float: positions, world units.
-            among: (n,) bool: only of faces around these vertices.
 
         Raises:
             InputError: no photo sees any face well enough at the last level.
@@ -104,14 +95,14 @@ class Problem:
         """
         began, photos_before = time.perf_counter(), self._photos.seconds
         self._photos.begin_level(self.options.schedule.blur[level])
-        usable = self._usable if among is None else self._usable & among[self.scene.mesh.faces].any(axis=1)
-        context = self.context_of(usable, level, vertices, self.options)
+        every_face = np.ones(len(self.scene.mesh.faces), dtype=bool)
+        context = self.context_of(every_face, level, vertices, self.options)
         on_photos = self._photos.seconds - photos_before
         self.seconds["photos"] += on_photos
         self.seconds["visibility"] += time.perf_counter() - began - on_photos
         if context.point_spread_fallback and TOO_MANY_PARTS not in self.warnings:
             self.warnings.append(TOO_MANY_PARTS)
-        if among is None and not context.takes_part.any() and level == self.options.n_levels - 1:
+        if not context.takes_part.any() and level == self.options.n_levels - 1:
             counts = {reason: int((context.reasons == reason).sum()) for reason in Visibility}
             found = ", ".join(f"{reason.name.lower()} {count}" for reason, count in counts.items() if count)
             raise InputError(
@@ -158,6 +149,14 @@ class Problem:
                 on_view=on_view,
                 patch_margin=patch_margin,
             )
+
+    def sigma(self, context: CellContext, vertices: np.ndarray) -> np.ndarray:
+        """(m,) float: scale parameter of the robust loss by face at vertices (n, 3), grey levels."""
+        n_faces = len(self.scene.mesh.faces)
+        fixed = fixed_sigma(self.options, context.level)
+        if fixed is not None:
+            return np.full(n_faces, fixed)
+        return robust_sigma(self.options, context.level, self.measure(context, vertices, np.ones(n_faces)))
 
     def measure(self, context: CellContext, vertices: np.ndarray, scale: np.ndarray) -> FaceSystem:
         """Energies and residuals of all faces, see `Evaluator.measure`.
@@ -237,22 +236,12 @@ class Problem:
         after[ids] += self.unfolded(vertices, ids, (targets - vertices)[ids])[0]
         return after
 
-    def under(self, options: FairingOptions) -> "Problem":
-        """The same problem under other options of cells, eigenspace, loss or steps.
-
-        Photos, locks, orientation, evaluator, warnings and timings are those of this problem.
-        """
-        assert options.cells.color == self.options.cells.color, "the photos in memory have other channels"
-        other = copy.copy(self)
-        other.options = options
-        return other
-
     # ------------------------------------------------------------------ photos in memory
 
     def clear(self) -> None:
-        """Free the photos and the points of surface sweeps, which are found again when needed, and end the threads."""
+        """Free the photos, which are read again when needed, and end the threads."""
         self.evaluator.clear()
-        self._photos, self.near_points = self._fresh_photos(), {}
+        self._photos = self._fresh_photos()
 
     def _fresh_photos(self) -> ScaleSpace:
         def on_photo(done: int, count: int) -> None:

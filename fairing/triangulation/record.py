@@ -17,7 +17,8 @@ from fairing.errors import InputError
 from fairing.mesh import Mesh
 from fairing.trace_check import Field, check_counts, check_fields, check_ids, naming_block, read_header
 from fairing.triangulation.quads import Quads, Verdict
-from fairing.util.block_file import BlockFile, pack, read_blocks, unpack
+from fairing.util.block_file import BlockFile, blocks_budget, pack, read_blocks, unpack
+from fairing.util.budget import Budget
 
 MAGIC = b"EIGENFAIRING FLIPS 1\n"
 
@@ -145,8 +146,9 @@ class FlipTrace:
         """
         kind = "record of flips"
         blocks = read_blocks(path, MAGIC, kind)
+        budget = blocks_budget(blocks)
         with naming_block(f"{kind} {path}"):
-            texts, arrays = unpack(blocks[0])
+            texts, arrays = unpack(blocks[0], budget)
             header = read_header(texts)
             check_fields(arrays, _MESH_FIELDS, {})
             mesh = Mesh(arrays["vertices"], arrays["faces"])
@@ -154,7 +156,7 @@ class FlipTrace:
         faces = mesh.faces.copy()
         for i, block in enumerate(blocks[1:]):
             with naming_block(f"{kind} {path}: flip {i + 1}"):
-                flip = _unpack_flip(block, len(mesh.vertices), len(faces))
+                flip = _unpack_flip(block, budget, len(mesh.vertices), len(faces))
                 flip.apply_to(faces)
             trace.flips.append(flip)
         return trace
@@ -188,14 +190,14 @@ _FLIP_FIELDS = {
 }
 
 
-def _unpack_flip(block: bytes, n_vertices: int, n_faces: int) -> FlipRecord:
+def _unpack_flip(block: bytes, budget: Budget, n_vertices: int, n_faces: int) -> FlipRecord:
     """The flip that a block holds.
 
     Raises:
         InputError: a field is missing, unknown, of another shape or type, or out of range.
         ValueError: the block is no archive of arrays.
     """
-    _, values = unpack(block)
+    _, values = unpack(block, budget)
     check_fields(values, _FLIP_FIELDS, {})
     for name in ("edge", "opposite"):
         check_ids(values[name], n_vertices, name)

@@ -37,10 +37,10 @@ class Triangulation:
         """Vertices (n, 3) float, world units, in the order of the given mesh, and faces (m, 3) int."""
         scene = self.scene
         _, input_vertex = np.unique(scene.original_from_welded, return_index=True)
-        kept = (self.faces == scene.mesh.faces).all(axis=1)
-        return scene.unweld(scene.mesh.vertices), np.where(
-            kept[:, None], scene.original_faces, input_vertex[self.faces]
-        )
+        flipped = (self.faces != scene.mesh.faces).any(axis=1)
+        faces = scene.original_faces.copy()
+        faces[scene.input_faces[flipped]] = input_vertex[self.faces[flipped]]
+        return scene.unweld(scene.mesh.vertices), faces
 
     def result(self) -> Scene:
         """A scene of the photos and the final mesh."""

@@ -16,8 +16,9 @@ from typing import Any
 import numpy as np
 
 from fairing.errors import InputError
+from fairing.util.budget import Budget
 from fairing.util.guards import check_regular_file
-from fairing.util.npz import read_npz
+from fairing.util.npz import npz_budget, read_npz
 from fairing.util.part_file import part_path, remove_parts_of, sync_folder
 
 SYNC_EVERY = 1.0
@@ -137,13 +138,18 @@ def pack(texts: dict[str, str], **arrays: np.ndarray) -> bytes:
     return buffer.getvalue()
 
 
-def unpack(block: bytes) -> tuple[dict[str, str], dict[str, np.ndarray]]:
+def blocks_budget(blocks: list[bytes]) -> Budget:
+    """The budget for the arrays of all blocks of a file."""
+    return npz_budget(sum(map(len, blocks)))
+
+
+def unpack(block: bytes, budget: Budget) -> tuple[dict[str, str], dict[str, np.ndarray]]:
     """The texts and arrays of a payload.
 
     Raises:
-        ValueError: the payload is no archive of texts and arrays.
+        ValueError: the payload is no archive of texts and arrays, or they exceed the file's budget.
     """
-    arrays = read_npz(io.BytesIO(block))
+    arrays = read_npz(io.BytesIO(block), budget=budget)
     texts = {name[5:]: bytes(arrays.pop(name)).decode() for name in list(arrays) if name.startswith("text_")}
     return texts, arrays
 

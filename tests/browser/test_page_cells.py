@@ -6,6 +6,7 @@ import pytest
 
 from app.debugger.commands import JumpTo
 from app.page.server import start
+from app.page_state.cells_state import PARTS
 from demo_scenes import load_demo
 from fairing.options import FairingOptions, ScheduleOptions
 from fairing.run.session import Session
@@ -159,3 +160,23 @@ def test_a_watch_is_added_shows_its_value_and_is_removed(visitor: Visitor):
     page.locator("b.value", has_text=f"{2 * moment}").wait_for()
     visitor.button("Stop watching moment * 2").click()
     wait_for(lambda: not view.watches)
+
+
+def test_the_parts_of_an_iteration_are_walked_by_keys_and_by_buttons(visitor: Visitor):
+    page, view = visitor.page, page_of(visitor.app).page_state
+    visitor.app.controller.post(JumpTo(1))
+    visitor.app.controller.wait_until_idle()
+    page.keyboard.press("Shift+I")
+    for k, title in enumerate(PARTS.values()):
+        page.get_by_text(f"{k + 1} of {len(PARTS)} · {title}", exact=True).wait_for()
+        if k + 1 < len(PARTS):
+            page.keyboard.press("Shift+J")
+    page.get_by_text("recorded, to moment 2", exact=False).wait_for()
+    page.keyboard.press("Shift+J")
+    page.get_by_text("this is the last part of the iteration", exact=False).wait_for()
+    visitor.button("Previous part").click()
+    wait_for(lambda: view.cells.part == "limit")
+    visitor.button("Part 5: Jacobian").click()
+    page.get_by_text(f"5 of {len(PARTS)} · Jacobian", exact=True).wait_for()
+    page.get_by_text("Eq. 5 and 6", exact=False).wait_for()
+    visitor.button("Page: Cells").click()

@@ -28,9 +28,7 @@ from tests.waiting import wait_for
 pytestmark = IN_BROWSER
 
 # Coarse and finest level of the cube: cells and textures are as large as in a full run.
-OPTIONS = FairingOptions(
-    schedule=ScheduleOptions(blur=(6.0, 6.0, 2.0, 2.0, 2.0, 2.0, 0.5), search=(0.0,), max_sweeps=(1,))
-)
+OPTIONS = FairingOptions(schedule=ScheduleOptions(blur=(6.0, 6.0, 2.0, 2.0, 2.0, 2.0, 0.5), max_sweeps=(1,)))
 
 
 class Reader:

@@ -142,7 +142,7 @@ def test_the_plot_shows_the_error_first_and_says_what_energies_compare(visitor: 
     visitor.page.get_by_text("RMS distance to the truth, % of diagonal", exact=True).wait_for()
     visitor.page.locator(".quantities").get_by_text("energy", exact=True).click()
     visitor.page.get_by_role("img", name="Energy plot").wait_for()
-    visitor.page.get_by_text("Only connected points can be compared", exact=True).wait_for()
+    visitor.page.get_by_text("Only connected points compare", exact=True).wait_for()
     visitor.page.locator(".quantities").get_by_text("error", exact=True).click()
 
 

@@ -6,11 +6,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Locator
 
 from app.debugger.commands import Restart
 from app.debugger.compare import Reference
+from app.debugger.history import StageProgress
 from app.debugger.run_state import Activity, RunState
 from app.debugger.watch import parse_watch
 from app.debugger.work_report import WorkReport
@@ -20,9 +20,11 @@ from app.page_state.selection import Selection
 from app.panels.status import Status, begin_note
 from app.viser_bridge.floating import MARGIN
 from fairing.options import FairingOptions, ScheduleOptions
+from fairing.run.recorded_stages import RecordedStage
 from fairing.run_plan import RunPlan
 from fairing.trace import SchedulePosition
 from tests.browser.driver import IN_BROWSER, WINDOW, Visitor, page_of
+from tests.browser.page_fit import SIZES, serious_findings, show, too_wide
 from tests.waiting import wait_for
 
 pytestmark = [*IN_BROWSER, pytest.mark.slow]
@@ -32,30 +34,12 @@ OPTIONS = FairingOptions(
         blur=(3.6, 2.0), order="sequential", max_sweeps=(1,), max_iterations=(2,), first_level="first"
     )
 )
-SIZES = (WINDOW, {"width": 1440, "height": 900})
 PANELS = (
     ("Experiments", "Lessons", "Cells"),
     ("Breakpoints", "Layers", "Options", "Vertex"),
     ("Runs", "Bookmarks", "Timeline"),
 )
 GROUPS = ".mantine-Paper-root > .mantine-Paper-root:has(> svg[class*=chevron])"  # titles of viser's folders
-TOO_WIDE = """() => {
-    const found = [];
-    for (const element of document.querySelectorAll('body *')) {
-        const style = getComputedStyle(element);
-        const cuts = style.overflowX !== 'visible' && style.textOverflow !== 'ellipsis';
-        if (cuts && element.clientWidth > 40 && element.scrollWidth > element.clientWidth + 1 && !element.matches('input, svg *'))
-            found.push(`${element.className}: ${element.scrollWidth} > ${element.clientWidth}`);
-    }
-    for (const element of document.querySelectorAll('.ef *')) {
-        const box = element.getBoundingClientRect(), panel = element.closest('.ef').getBoundingClientRect();
-        const isCut = element.closest('.one, .what, .suggestions, svg');
-        if (!isCut && box.width > 0 && panel.width > 0 && box.right > panel.right + 1)
-            found.push(`${element.tagName} ${element.className} ${element.textContent.slice(0, 30)} beyond its panel`);
-    }
-    return found;
-}"""
-
 COVERED_BUTTONS = """panel => [...panel.querySelectorAll('button')].filter(button => {
     const box = button.getBoundingClientRect();
     return !button.contains(document.elementFromPoint(box.left + box.width / 2, box.top + box.height / 2));
@@ -85,20 +69,6 @@ def two_steps_and_a_vertex(module_visitor: Visitor):
     module_visitor.page.get_by_alt_text("cells in cube_00.png").or_(
         module_visitor.page.get_by_text("cube_", exact=False)
     ).first.wait_for()
-
-
-def show(visitor: Visitor, tab: str) -> None:
-    visitor.page.get_by_role("tab", name=tab, exact=True).click()
-    visitor.page.wait_for_timeout(300)
-
-
-def too_wide(visitor: Visitor) -> list[str]:
-    """What overflows or scrolls sideways once the panels have taken their places in a window of another size."""
-    for _ in range(40):
-        if not visitor.page.evaluate(TOO_WIDE):
-            return []
-        visitor.page.wait_for_timeout(250)
-    return visitor.page.evaluate(TOO_WIDE)
 
 
 @pytest.mark.parametrize("order", ["sequential", "worst_first", "independent", "joint"])
@@ -299,9 +269,13 @@ def test_position_and_energy_fit_in_one_line_each_with_large_numbers(visitor: Vi
     status = next(panel for panel in page.panels._panels if isinstance(panel, Status))
     blur = (10.0, 8.5, 6.0, 4.5, 3.0, 1.25, 0.65)
     options = FairingOptions(schedule=ScheduleOptions(blur=blur, order=order, max_sweeps=(12,), max_iterations=(10,)))  # pyright: ignore[reportArgumentType]
-    large = replace(state, options=options, position=SchedulePosition(6, 11, 2477, 9), moment=1)
+    large = replace(state, options=options, position=SchedulePosition(6, 11, 2477, 9), moment=1, length=2)
     show, energies = status.show, status._energies
-    status._energies = SimpleNamespace(before=[9_999_999.0], after=[8_888_888.0])  # pyright: ignore[reportAttributeAccessIssue]
+    status._energies = SimpleNamespace(  # of the same step, with large numbers
+        before=[9_999_999.0],
+        after=[8_888_888.0],
+        stage_progress=lambda step, length: StageProgress(RecordedStage(state.record.stage, 6, 0, 1), 12, None),
+    )  # pyright: ignore[reportAttributeAccessIssue]
     status.show = lambda state, page_state: show(large, page_state)
     try:
         visitor.app.controller.republish()
@@ -330,11 +304,9 @@ def test_position_and_energy_fit_in_one_line_each_with_large_numbers(visitor: Vi
 
 
 NOTES = (
-    RunPlan(0, False, False, 0.0, True),
-    RunPlan(2, False, False, 0.0, False),
-    RunPlan(3, False, False, 0.0, False, start_sigma=1.3),
-    RunPlan(3, False, True, 0.0, False, start_sigma=19.0),
-    RunPlan(4, False, True, 0.0, False, start_sigma=6.0, represents_surface=True),
+    RunPlan(2, False, False),
+    RunPlan(3, False, True, start_sigma=19.0),
+    RunPlan(4, False, True, start_sigma=6.0, represents_surface=True),
 )
 """Plans of runs that begin near the truth, where the faces ask for it, where the start error does, after a fit, and near sparse
 points."""
@@ -375,13 +347,6 @@ def test_the_line_below_the_last_step_is_whole_and_keeps_the_count_of_a_long_wor
         status.show = show
         visitor.app.controller.republish()
         visitor.resize(WINDOW)
-
-
-def serious_findings(visitor: Visitor) -> list[tuple[str, list]]:
-    """What axe finds in the page as it is, of serious or critical impact."""
-    found = Axe().run(visitor.page).response["violations"]
-    serious = [item for item in found if item["impact"] in ("serious", "critical")]
-    return [(item["id"], [(node["html"][:160], node["any"][:1]) for node in item["nodes"][:5]]) for item in serious]
 
 
 @pytest.mark.parametrize(

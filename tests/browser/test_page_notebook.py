@@ -16,7 +16,7 @@ from tests.small_scene import corner_scene
 
 pytestmark = IN_BROWSER
 
-QUICK = FairingOptions(schedule=ScheduleOptions(blur=(2.0, 1.0), search=(0.0,), max_sweeps=(1,)))
+QUICK = FairingOptions(schedule=ScheduleOptions(blur=(2.0, 1.0), max_sweeps=(1,)))
 
 
 def test_a_shown_session_plays_in_its_frame_and_makes_no_request(browser: Browser):

@@ -17,9 +17,7 @@ from tests.waiting import wait_for
 pytestmark = [*IN_BROWSER, pytest.mark.slow]
 
 OPTIONS = FairingOptions(
-    schedule=ScheduleOptions(
-        blur=(2.0,), order="sequential", max_sweeps=(1,), max_iterations=(1,), first_level="first", search=(0.0,)
-    )
+    schedule=ScheduleOptions(blur=(2.0,), order="sequential", max_sweeps=(1,), max_iterations=(1,), first_level="first")
 )
 
 
@@ -34,7 +32,9 @@ def large_archway() -> Scene:
     """The archway with each face cut into four, so that its mesh counts as large."""
     scene = load_demo("archway")
     vertices, faces = trimesh.remesh.subdivide(scene.mesh.vertices, scene.mesh.faces)
-    return Scene.build(scene.name, vertices, faces, scene.views, sparse_points=scene.sparse_points)
+    return Scene.build(
+        scene.name, vertices, faces, scene.views, sparse_points=scene.sparse_points, points_choice="given"
+    )
 
 
 def test_wires_and_start_of_a_large_mesh_are_hidden_until_asked_for(visitor: Visitor):

@@ -11,7 +11,7 @@ function svg(name, attributes, parent) {
 }
 
 class Plot {
-  // lines: [{moments, values}]; others: lines for comparison, in `otherColor`; bands: [{first, end, label}]; onJump: called with
+  // lines: [{moments, values}]; others: lines for comparison, in `otherColor`; bands: [{first, end, tint}], tint: a colour or none; onJump: called with
   // a moment.
   constructor(host, { title, unit, lines, others = [], otherColor, bands, length, isLog, color, onJump }) {
     Object.assign(this, { host, title, unit, lines, others, otherColor, bands, length, isLog, color });
@@ -40,8 +40,9 @@ class Plot {
     Object.assign(this, { left: 56, right: 8, top: 20, bottom: 6, width: this.host.clientWidth || 380, height: this.host.clientHeight || 110 });
     this.host.replaceChildren();
     this.svg = svg("svg", { width: "100%", height: "100%", viewBox: `0 0 ${this.width} ${this.height}`, role: "img", "aria-label": this.title }, this.host);
-    this.bands.forEach(({ first, end }, k) => {
-      if (k % 2) svg("rect", { x: this.x(first), y: this.top - 4, width: this.x(end) - this.x(first), height: this.height - this.top - this.bottom + 4, class: "band" }, this.svg);
+    this.bands.forEach(({ first, end, tint }, k) => {
+      if (tint) svg("rect", { x: this.x(first), y: this.top - 4, width: this.x(end) - this.x(first), height: this.height - this.top - this.bottom + 4, style: `fill:${tint};opacity:.14` }, this.svg);
+      else if (k % 2) svg("rect", { x: this.x(first), y: this.top - 4, width: this.x(end) - this.x(first), height: this.height - this.top - this.bottom + 4, class: "band" }, this.svg);
     });
     for (const tick of this.ticks()) {
       const y = this.y(tick);
@@ -83,7 +84,7 @@ class Plot {
   value(moment) {
     let found = null;
     for (const { moments, values } of this.lines)
-      if (moments[0] <= moment) found = values[Math.min(moment, moments[moments.length - 1]) - moments[0]];
+      if (moments[0] <= moment) found = values[moment - moments[0]] ?? null; // null between lines: a fit reads no photo
     return found;
   }
 

@@ -50,8 +50,9 @@ function tick(now) {
 // Goes to a moment chosen by the user and stops playing.
 function jump(moment) { if (state.playing) play(false); go(moment); }
 
-function sweepEdge(direction) {
-  const edges = [0, ...data.sweeps, data.length];
+// Goes to the next of these moments, or to the previous one.
+function edge(moments, direction) {
+  const edges = [0, ...moments, data.length];
   jump(direction > 0 ? edges.find((m) => m > state.moment) ?? data.length : edges.findLast((m) => m < state.moment) ?? 0);
 }
 
@@ -60,20 +61,20 @@ function sweepEdge(direction) {
 function showStep() {
   const m = state.moment, step = m ? data.steps[m - 1] : null;
   $("headline").textContent = m === 0 ? "The start" : m === data.length ? "The end" : `Moment ${m}`;
-  $("where").textContent = step ? `level ${step.level} of ${data.levels.length} · sweep ${step.sweep} · iteration ${step.iteration} · photos blurred by ${data.levels[step.level - 1].blur} px` : data.length ? `${data.length} steps` : "no recorded steps";
+  $("where").textContent = step ? `${step.where} · level ${step.level} of ${data.levels.length}` : data.length ? `${data.length} steps` : "no recorded steps";
   const outcome = $("outcome"), change = $("change");
   outcome.textContent = step ? step.outcome : "";
   change.textContent = "";
   if (step) {
-    if (step.after !== null) { // null in a run that measured no energy, because nothing could move
+    if (step.after !== null) { // null where no energy was measured, because nothing could move
       const percent = step.before ? 100 * (step.after - step.before) / step.before : 0;
-      change.append("energy ", element("b", {}, brief(step.after, 5)), " ", element("span", { className: percent < 0 ? "good" : "dim" }, `${percent > 0 ? "+" : ""}${brief(percent)} %`));
+      change.append(`${step.measure} `, element("b", {}, brief(step.after, 5)), " ", element("span", { className: percent < 0 ? "good" : "dim" }, `${percent > 0 ? "+" : ""}${brief(percent)} %`));
     }
-    if (step.longest > 0) change.append(` · longest step ${brief(step.longest)} px`);
+    if (step.longest > 0) change.append(`${step.after !== null ? " · " : ""}longest step ${brief(step.longest)} px`);
   }
   $("what").textContent = step ? data.kinds[step.kind].title : "Before the first step";
   $("why").textContent = step ? data.kinds[step.kind].text : data.intro;
-  $("level-text").textContent = step ? data.levels[step.level - 1].text : data.levels[0]?.text ?? "";
+  $("level-text").textContent = step?.measure === "objective" ? "" : step ? data.levels[step.level - 1].text : data.levels[0]?.text ?? "";
   showVertex();
 }
 
@@ -88,7 +89,22 @@ function showVertex() {
   const reason = lastReason(v, m);
   if (reason !== null) rows.push(["last step", data.reasons[reason]]);
   $("vertex-name").textContent = `Vertex ${v}`;
+  showPulls(v, m);
   $("vertex-rows").replaceChildren(...rows.map(([name, value]) => element("tr", {}, element("th", {}, name), element("td", {}, value))));
+}
+
+// The pulls on a vertex at the last moment up to this one at which the file has them.
+function showPulls(vertex, moment) {
+  const { moments, terms, px, shares, pxUnit, shareUnit } = data.pulls, at = moments.findLastIndex((m) => m <= moment);
+  $("pulls").hidden = at < 0 || !terms.length;
+  if ($("pulls").hidden) return;
+  $("pulls-title").textContent = `Pulls on the step after moment ${moments[at]}`;
+  const count = px.length / moments.length / terms.length;
+  $("pull-rows").replaceChildren(...terms.map(({ name, color, hint }, t) => {
+    const k = (at * terms.length + t) * count + vertex, share = shares[k] ? `${Math.round(100 * (shares[k] - 1) * shareUnit)} %` : "";
+    const head = element("th", {}, element("i", { className: "swatch", style: `background:${color}` }), name);
+    return element("tr", { title: hint }, head, element("td", {}, `${brief(px[k] * pxUnit)} px`), element("td", {}, share));
+  }));
 }
 
 function lastReason(vertex, moment) {
@@ -139,7 +155,7 @@ function showCells() {
 
 // ---------------------------------------------------------------- plots
 
-const bands = data.levels.filter((level) => level.end > level.first);
+const bands = data.stages.map((stage) => ({ ...stage, tint: stage.is_fit ? stage.color : null }));
 function showPlots() {
   $("plots").hidden = !data.length;
   $("energy").hidden = !data.energy.length;
@@ -150,7 +166,7 @@ function showPlots() {
     plots.push(new Plot($("error"), { title: "Error", unit: " %", lines: [{ moments: data.errors.map((_, m) => m), values: data.errors }], bands, length: data.length, isLog: true, color: data.css.truth, onJump: jump }));
   }
 }
-$("bands").replaceChildren(...bands.map((level) => element("span", { style: `flex:${level.end - level.first}`, title: `Level ${level.number}: photos blurred by ${level.blur} px` }, `σ ${level.blur}`)));
+$("bands").replaceChildren(...bands.map((stage) => element("button", { type: "button", style: `flex:${stage.end - stage.first};background:${stage.ground};border-color:${stage.color}`, title: `${stage.hint} Click to go to its beginning.`, onclick: () => jump(stage.first) }, element("span", {}, stage.name))));
 
 // ---------------------------------------------------------------- controls
 
@@ -212,8 +228,10 @@ document.addEventListener("keydown", (event) => {
   if (event.ctrlKey || event.metaKey || event.altKey || event.target.tagName === "SELECT") return;
   const actions = {
     " ": () => play(!state.playing),
-    ArrowRight: () => (event.shiftKey ? sweepEdge(1) : jump(state.moment + 1)),
-    ArrowLeft: () => (event.shiftKey ? sweepEdge(-1) : jump(state.moment - 1)),
+    ArrowRight: () => (event.shiftKey ? edge(data.sweeps, 1) : jump(state.moment + 1)),
+    ArrowLeft: () => (event.shiftKey ? edge(data.sweeps, -1) : jump(state.moment - 1)),
+    PageDown: () => edge(bands.map((stage) => stage.end), 1),
+    PageUp: () => edge(bands.map((stage) => stage.first), -1),
     Home: () => jump(0),
     End: () => jump(data.length),
     b: () => showSide({ now: "before", before: "both", both: "now" }[viewer?.side ?? "now"]),

@@ -330,12 +330,10 @@ function showText(isFirst) {
   showQuestion();
   showExperiment();
   $("listing").hidden = found.code === null;
-  for (const row of document.querySelectorAll("[data-line]")) {
-    row.classList.toggle("at", row.dataset.line === found.code);
-    row.toggleAttribute("aria-current", row.dataset.line === found.code);
+  for (const lines of document.querySelectorAll("[data-lines]")) {
+    lines.classList.toggle("at", lines.dataset.lines === found.code);
+    lines.toggleAttribute("aria-current", lines.dataset.lines === found.code);
   }
-  const rows = [...document.querySelectorAll("[data-line]")], at = rows.findIndex((row) => row.dataset.line === found.code);
-  rows.forEach((row, k) => row.classList.toggle("near", Math.abs(k - Math.min(Math.max(at, 1), rows.length - 2)) <= 1));
   $("claims").hidden = found.claims.length === 0;
   $("claims").querySelector("summary").textContent = `✓ ${found.claims.length} of ${found.claims.length} claims verified when this page was made`;
   $("claims").querySelector("ul").replaceChildren(...found.claims.map((claim) => element("li", {}, element("code", {}, claim))));

@@ -1,0 +1,10 @@
+from .cube import cube_scene as cube_scene
+from .demos import BUILDING as BUILDING
+from .demos import DEMO_NAMES as DEMO_NAMES
+from .demos import DEMOS as DEMOS
+from .demos import Demo as Demo
+from .demos import find_demo as find_demo
+from .demos import is_demo as is_demo
+from .demos import load_demo as load_demo
+from .photography import Photography as Photography
+from .photography import Progress as Progress

@@ -1,0 +1,12 @@
+"""Cameras: poses corrected by bundle adjustment over points found in the photos, and the decision whether to use them.
+
+In the order of a refinement: `pose_model` (parameters of a pose and derivatives of pixels), `observed_points`, `adjustment`
+(the objective, its normal equations and steps), `estimation` (standard deviations from the residuals), `judge` (held-out
+points), `corrected_scene`, `refinement` (`refine`, the whole).
+
+Imports the data modules of `fairing`, `fairing.optimize` and `fairing.features`.
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,0 +1,40 @@
+"""A scene with corrected cameras: its views, and its sparse points where the corrected cameras see them."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from fairing.camera import Camera
+from fairing.cameras.adjustment import triangulate
+from fairing.cameras.observed_points import ObservedPoints
+from fairing.cameras.pose_model import PARAMETERS, PoseModel
+from fairing.optimize.loss import GemanMcClure
+from fairing.scene import Scene, SparsePoints
+
+LOSS_SCALE = 3.0  # px: observations of other programs have deviations of about 1 px
+STEPS = 10
+
+
+def with_cameras(scene: Scene, cameras: Sequence[Camera]) -> Scene:
+    """The scene with corrected cameras. Its given sparse points are triangulated again, others stay where they are."""
+    views = tuple(replace(view, camera=camera) for view, camera in zip(scene.views, cameras, strict=True))
+    points = scene.sparse_points
+    if points is not None and points.origin == "given":
+        points = triangulated_again(points, cameras)
+    return replace(scene, views=views, sparse_points=points, cameras_origin="corrected")
+
+
+def triangulated_again(points: SparsePoints, cameras: Sequence[Camera]) -> SparsePoints:
+    """The points at the positions that their observations give with other cameras; without two observations as they were."""
+    order = np.lexsort((points.observations[:, 1], points.observations[:, 0]))
+    point, photo = points.observations[order].T
+    observed = ObservedPoints(points.positions, point, photo, points.pixels[order])
+    is_used = np.bincount(point, minlength=len(observed)) >= 2
+    if not is_used.any():
+        return points
+    chosen = observed.chosen(is_used)
+    poses = np.zeros((len(cameras), PARAMETERS))
+    positions = points.positions.copy()
+    positions[is_used] = triangulate(PoseModel.of(cameras, chosen), poses, chosen, GemanMcClure(LOSS_SCALE), STEPS)
+    return replace(points, positions=positions)

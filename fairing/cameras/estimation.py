@@ -1,0 +1,97 @@
+"""Bundle adjustment with standard deviations estimated from its residuals.
+
+The standard deviations of observations, given rotations and given centres are rarely known. They are variance components
+(Foerstner and Wrobel, Photogrammetric Computer Vision, 2016, section 4.2.4): a group of n residuals with one deviation and
+redundancy r has the variance (sum of squares) / r. For the parameters of the given poses r = n - trace(C) / s^2, with C
+their block of the inverse of the reduced camera system: r counts what the observations determine, so the frame, which
+they do not determine, adds nothing.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+
+from fairing.cameras.adjustment import Adjusted, Deviations, adjust, reduced_system, residual_lengths, triangulate
+from fairing.cameras.observed_points import ObservedPoints
+from fairing.cameras.pose_model import PARAMETERS, PoseModel
+from fairing.optimize.loss import GemanMcClure
+
+FIRST_DEVIATION = 1.0  # px, of given rotations and centres
+LEAST_DEVIATION = 0.01  # px
+LEAST_NOISE = 0.02  # px
+LOSS_SCALE = 3.0
+"""Scale of the loss, in standard deviations of an observation."""
+MEDIAN_LENGTH = np.sqrt(2 * np.log(2))
+"""Median length of a vector of two standard normal coordinates."""
+ROUNDS = 15
+STEPS_OF_ROUND = 2
+LAST_STEPS = 10
+SAME = 0.02
+"""The rounds end when no deviation changes by a larger part of it."""
+TRIANGULATION_STEPS = 5
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """Attributes:
+    poses: (v, 6) float, px, see `pose_model`.
+    points: (p, 3) float, world units.
+    sigma: the estimated deviations.
+    """
+
+    poses: np.ndarray
+    points: np.ndarray
+    sigma: Deviations
+
+
+def loss_at(noise: float) -> GemanMcClure:
+    """The loss for observations whose coordinates have standard deviation `noise`, px."""
+    return GemanMcClure(LOSS_SCALE * noise)
+
+
+def estimate_poses(model: PoseModel, observed: ObservedPoints, start: np.ndarray | None = None) -> Estimate:
+    """Poses, points and standard deviations, each found with the others as they are, in turn.
+
+    Args:
+        start: (v, 6) float, px: first poses; default: the given ones. The prior is about the given ones in any case.
+    """
+    poses = np.zeros((len(model), PARAMETERS)) if start is None else start
+    noise = _noise(model, poses, observed)
+    points = triangulate(model, poses, observed, loss_at(noise), TRIANGULATION_STEPS)
+    observed = observed.at(points)
+    sigma = Deviations(_noise(model, poses, observed), FIRST_DEVIATION, FIRST_DEVIATION)
+    for _ in range(ROUNDS):
+        found = adjust(model, poses, observed, loss_at(sigma.observation), sigma, STEPS_OF_ROUND)
+        poses, observed = found.poses, observed.at(found.points)
+        before, sigma = sigma, _deviations(model, found, observed, sigma)
+        changes = [abs(after / b - 1) for b, after in zip(vars(before).values(), vars(sigma).values(), strict=True)]
+        if max(changes) <= SAME:
+            break
+    found = adjust(model, poses, observed, loss_at(sigma.observation), sigma, LAST_STEPS)
+    return Estimate(found.poses, found.points, sigma)
+
+
+def _deviations(model: PoseModel, found: Adjusted, observed: ObservedPoints, sigma: Deviations) -> Deviations:
+    """The deviations that the residuals of an adjustment with deviations `sigma` show."""
+    noise = _noise(model, found.poses, observed)
+    sigma = Deviations(noise, sigma.rotation, sigma.center)
+    system = reduced_system(model, found.poses, observed, loss_at(noise), sigma)
+    variance = np.diag(cho_solve(cho_factor(system.S), np.eye(len(system.S)))).reshape(-1, PARAMETERS)
+    estimated = []
+    for part, s in ((slice(0, 3), sigma.rotation), (slice(3, 6), sigma.center)):
+        parameters = found.poses[:, part]
+        redundancy = max(parameters.size - variance[:, part].sum() / s**2, 1.0)
+        estimated.append(max(float(np.sqrt((parameters**2).sum() / redundancy)), LEAST_DEVIATION))
+    return Deviations(noise, *estimated)
+
+
+def _noise(model: PoseModel, poses: np.ndarray, observed: ObservedPoints) -> float:
+    """Standard deviation of a coordinate of an observation, px, from the median residual.
+
+    Of 2 n coordinates, 3 for each point and 6 for each pose are explained; the residuals are smaller accordingly.
+    """
+    lengths = residual_lengths(model, poses, observed)
+    n = 2 * len(lengths)
+    explained = 3 * len(observed) + PARAMETERS * len(model)
+    return max(float(np.median(lengths)) / MEDIAN_LENGTH * np.sqrt(n / max(n - explained, 1)), LEAST_NOISE)

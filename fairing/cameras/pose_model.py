@@ -1,0 +1,148 @@
+"""Poses of cameras near given ones, and the derivatives of pixels by pose and point.
+
+A pose has six parameters in px, (a, b): with f the focal length and d the median depth of the points that the photo shows,
+the rotation from world to camera is exp([a / f]x) R_given and the centre c_given + b d / f. A parameter of 1 px moves
+the image of a point at that depth by about 1 px, whatever the unit of the world.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from fairing.camera import Camera
+from fairing.cameras.observed_points import ObservedPoints
+
+PARAMETERS = 6
+"""Of a pose: rotation vector (0 to 2), then centre (3 to 5)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Projected:
+    """Images of points, each in its own photo.
+
+    Attributes:
+        pixels: (o, 2) float, px.
+        depth: (o,) float, world units; pixels have no meaning where it is not positive.
+        J_pixel_wrt_pose: (o, 2, 6) float, px / px.
+        J_pixel_wrt_point: (o, 2, 3) float, px / world unit.
+    """
+
+    pixels: np.ndarray
+    depth: np.ndarray
+    J_pixel_wrt_pose: np.ndarray
+    J_pixel_wrt_point: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class PoseModel:
+    """The given cameras and the units of their parameters.
+
+    Attributes:
+        K: (v, 3, 3) float, px: intrinsics, kept.
+        rotations: (v, 3, 3) float: given rotations from world to camera axes.
+        centers: (v, 3) float, world units: given centres.
+        angle_unit: (v,) float, radians / px: 1 / f.
+        length_unit: (v,) float, world units / px: d / f.
+    """
+
+    K: np.ndarray
+    rotations: np.ndarray
+    centers: np.ndarray
+    angle_unit: np.ndarray
+    length_unit: np.ndarray
+
+    @classmethod
+    def of(cls, cameras: Sequence[Camera], observed: ObservedPoints) -> "PoseModel":
+        """The model of given cameras; a photo without observations has the median depth of all."""
+        K = np.array([camera.K for camera in cameras])
+        rotations = np.array([camera.camera_from_world[:, :3] for camera in cameras])
+        centers = np.array([camera.center for camera in cameras])
+        offset = observed.positions[observed.point] - centers[observed.photo]
+        depth = np.einsum("oi,oi->o", rotations[observed.photo, 2], offset)
+        of_photo = [depth[(observed.photo == v) & (depth > 0)] for v in range(len(cameras))]
+        common = np.median(depth[depth > 0])
+        median = np.array([np.median(found) if len(found) else common for found in of_photo])
+        focal = np.sqrt(K[:, 0, 0] * K[:, 1, 1])
+        return cls(K, rotations, centers, 1 / focal, median / focal)
+
+    def __len__(self) -> int:
+        return len(self.K)
+
+    def rotations_at(self, poses: np.ndarray) -> np.ndarray:
+        """(v, 3, 3) float: rotations from world to camera axes at poses (v, 6), px."""
+        return Rotation.from_rotvec(poses[:, :3] * self.angle_unit[:, None]).as_matrix() @ self.rotations
+
+    def centers_at(self, poses: np.ndarray) -> np.ndarray:
+        """(v, 3) float, world units: centres at poses (v, 6), px."""
+        return self.centers + poses[:, 3:] * self.length_unit[:, None]
+
+    def cameras_at(self, poses: np.ndarray, given: Sequence[Camera]) -> list[Camera]:
+        """The cameras at poses (v, 6), px, of the photos of the given ones."""
+        R, c = self.rotations_at(poses), self.centers_at(poses)
+        return [
+            Camera(K @ np.column_stack([R[v], -R[v] @ c[v]]), given[v].width, given[v].height)
+            for v, K in enumerate(self.K)
+        ]
+
+    def project(self, poses: np.ndarray, points: np.ndarray, photo: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Pixels (o, 2) and depths (o,), world units, of points (o, 3) in photos (o,), at poses (v, 6), px."""
+        _, x = self._in_camera(poses, points, photo)
+        h = np.einsum("oij,oj->oi", self.K[photo], x)
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            return h[:, :2] / h[:, 2:], h[:, 2]
+
+    def linearise(self, poses: np.ndarray, points: np.ndarray, photo: np.ndarray) -> Projected:
+        """Images and derivatives of points (o, 3) in photos (o,), at poses (v, 6), px.
+
+        With x = R (X - c), phi = a / f and the left Jacobian J_l of the rotation group (Sola et al., A micro Lie theory,
+        2018, equation 145), J_l(phi) = I + (1 - cos t) / t^2 [phi]x + (t - sin t) / t^3 [phi]x^2 with t = |phi|:
+
+            d pixel / d x = (K_12 - pixel K_3) / x_3     rows of K
+            d x / d a     = -[x]x J_l(phi) / f
+            d x / d b     = -R d / f
+            d x / d X     = R
+        """
+        R, x = self._in_camera(poses, points, photo)
+        K = self.K[photo]
+        h = np.einsum("oij,oj->oi", K, x)
+        phi = poses[:, :3] * self.angle_unit[:, None]
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            pixels = h[:, :2] / h[:, 2:]
+            J_pixel_wrt_x = (K[:, :2] - pixels[:, :, None] * K[:, 2:]) / h[:, 2, None, None]
+            turned = -J_pixel_wrt_x @ cross_matrices(x) @ (left_jacobians(phi) * self.angle_unit[:, None, None])[photo]
+            by_point = J_pixel_wrt_x @ R[photo]
+            shifted = -by_point * self.length_unit[photo, None, None]
+        return Projected(pixels, h[:, 2], np.concatenate([turned, shifted], axis=2), by_point)
+
+    def _in_camera(self, poses: np.ndarray, points: np.ndarray, photo: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Rotations (v, 3, 3), and points (o, 3) in the axes of their cameras, world units."""
+        R, c = self.rotations_at(poses), self.centers_at(poses)
+        return R, np.einsum("oij,oj->oi", R[photo], points - c[photo])
+
+
+def cross_matrices(vectors: np.ndarray) -> np.ndarray:
+    """(n, 3, 3) float: [u]x with [u]x w = u x w, of vectors (n, 3)."""
+    result = np.zeros((len(vectors), 3, 3))
+    for row, column, axis, sign in (
+        (0, 1, 2, -1),
+        (0, 2, 1, 1),
+        (1, 0, 2, 1),
+        (1, 2, 0, -1),
+        (2, 0, 1, -1),
+        (2, 1, 0, 1),
+    ):
+        result[:, row, column] = sign * vectors[:, axis]
+    return result
+
+
+def left_jacobians(phi: np.ndarray) -> np.ndarray:
+    """(n, 3, 3) float: J_l of rotation vectors (n, 3), radians, see `PoseModel.linearise`."""
+    t = np.linalg.norm(phi, axis=1)[:, None, None]
+    is_small = t < 1e-4  # the series' next terms are below 1e-9
+    safe = np.where(is_small, 1, t)
+    first = np.where(is_small, 0.5, (1 - np.cos(safe)) / safe**2)
+    second = np.where(is_small, 1 / 6, (safe - np.sin(safe)) / safe**3)
+    X = cross_matrices(phi)
+    return np.eye(3) + first * X + second * (X @ X)

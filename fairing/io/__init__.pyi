@@ -1,0 +1,9 @@
+from .atomic import write_atomically as write_atomically
+from .in_view import check_mesh_in_view as check_mesh_in_view
+from .load import load_scene as load_scene
+from .load import read_capture as read_capture
+from .mesh_file import read_mesh as read_mesh
+from .mesh_file import write_mesh as write_mesh
+from .output_folder import locked_output_folder as locked_output_folder
+from .output_folder import prepare_output_folder as prepare_output_folder
+from .photo_choice import PhotoChoice as PhotoChoice

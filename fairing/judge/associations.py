@@ -1,0 +1,181 @@
+"""Associations of the terms at a moment: what each term measures the mesh against, for display.
+
+The engine finds them anew in every sweep and stage; these are the ones that it would find with the vertices where they are.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fairing.creases.alignment import STAGES
+from fairing.creases.edges import find_creases
+from fairing.creases.offsets import measure_offsets
+from fairing.features.points import FeaturePoints
+from fairing.geometry.closest_point import SurfaceTree
+from fairing.geometry.normals import unit_normals
+from fairing.geometry.pixel_size import pixel_size
+from fairing.geometry.triangles import closest_on_triangles
+from fairing.optimize.loss import GemanMcClure
+from fairing.photo import grey_levels
+from fairing.run.session import Session
+from fairing.solve.point_split import fitting_points, observed_fitting_points
+from fairing.terms.axes import relations
+from fairing.terms.closest_points import MAX_DISTANCE, MIN_COSINE
+from fairing.terms.point_rays import points_on_surface
+
+REJECTED = 0.1  # associations whose weight is below this part of the full one hardly pull
+SAME_AXIS = 0.999  # cosine: directions within it of each other are one axis
+
+
+@dataclass(frozen=True, eq=False)
+class ImageEdges:
+    """Segments of creases in one photo, and the edges of the photo that they are drawn to.
+
+    Attributes:
+        view: id of the photo.
+        crease: (s, 2) int: vertices at the ends of the segment's crease.
+        places: (s, 3) float: middle of each segment, world units.
+        crease_px: (s, 2) float: the same in the photo, px.
+        edge_px: (s, 2) float: the strongest edge nearby, across the crease, px.
+        along_px: (s, 2) float: unit vector along the crease in the photo.
+        weights: (s,) float, 0 to 1: with the robust loss of the offset.
+    """
+
+    view: int
+    crease: np.ndarray
+    places: np.ndarray
+    crease_px: np.ndarray
+    edge_px: np.ndarray
+    along_px: np.ndarray
+    weights: np.ndarray
+
+    def of(self, segments: np.ndarray) -> "ImageEdges":
+        """Those of a mask (s,) bool of segments."""
+        arrays = (self.crease, self.places, self.crease_px, self.edge_px, self.along_px, self.weights)
+        return ImageEdges(self.view, *(values[segments] for values in arrays))
+
+
+@dataclass(frozen=True, eq=False)
+class AxisEdges:
+    """Edges of the mesh that follow an axis of its Manhattan frame.
+
+    Attributes:
+        edges: (e, 2) int: vertex ids.
+        axis: (e,) int: index into `axes`.
+        axes: (a, 3) float: unit vectors; a = 0 without a frame, else at most 3.
+    """
+
+    edges: np.ndarray
+    axis: np.ndarray
+    axes: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class PointFeet:
+    """Sparse points of the fit, each with the closest point on the surface.
+
+    Attributes:
+        positions: (q, 3) float: of the points, world units.
+        feet: (q, 3) float: on the surface, world units.
+        faces: (q,) int: the faces of the feet.
+        weights: (q,) float, 0 to 1: weight of the robust loss; 0 for points that are too far from their face.
+    """
+
+    positions: np.ndarray
+    feet: np.ndarray
+    faces: np.ndarray
+    weights: np.ndarray
+
+
+def seen_faces(session: Session, moment: int) -> np.ndarray:
+    """(m, V) bool: the photos that the cells of each face are taken from in the sweep of a moment.
+
+    Raises: as `Session.sweep_state`.
+    """
+    kernel = session.sweep_state(moment).context.kernel
+    count = len(session.scene.mesh.faces)
+    result = np.zeros((count, len(session.scene.views)), dtype=bool)
+    result[np.repeat(np.arange(count), np.diff(kernel.pair_start)), kernel.pair_view] = True
+    return result
+
+
+def image_edges(session: Session, moment: int, view: int) -> ImageEdges:
+    """The image edges that the creases seen in a photo would be drawn to, by the widest search of the alignment.
+
+    Args:
+        view: id of the photo.
+
+    Raises:
+        InputError: the photo cannot be read.
+    """
+    scene, vertices = session.scene, session.trace.vertices_at(moment)
+    camera, faces = scene.views[view].camera, scene.mesh.faces
+    creases = find_creases(vertices, faces, session.orientation)
+    reach, scale = STAGES[0]
+    photo = grey_levels(scene.views[view].photo.full_depth())
+    found = measure_offsets(photo, camera, vertices, faces, creases, reach)
+    ends = creases.ends[found.crease]
+    first, second = vertices[ends[:, 0]], vertices[ends[:, 1]]
+    places = first + found.along[:, None] * (second - first)
+    along = camera.project(second)[0] - camera.project(first)[0]
+    along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-300)
+    across = np.column_stack([-along[:, 1], along[:, 0]])
+    crease_px = camera.project(places)[0]
+    weights = found.weight * GemanMcClure(scale).weight(found.offset)
+    return ImageEdges(view, ends, places, crease_px, crease_px + found.offset[:, None] * across, along, weights)
+
+
+def axis_edges(session: Session, moment: int) -> AxisEdges:
+    """The edges that the relations of the Manhattan frame hold parallel to an axis."""
+    vertices = session.trace.vertices_at(moment)
+    pixel = pixel_size([view.camera for view in session.scene.views], vertices)
+    found = relations(vertices, session.scene.mesh.faces, pixel)
+    directions = found.directions / np.maximum(np.linalg.norm(found.directions, axis=1, keepdims=True), 1e-300)
+    axes = np.zeros((0, 3))
+    for direction in directions:
+        if len(axes) < 3 and not (np.abs(axes @ direction) > SAME_AXIS).any():
+            axes = np.vstack([axes, direction])
+    if len(axes) == 2:
+        axes = np.vstack([axes, np.cross(axes[0], axes[1])])
+    if len(axes) < 3:
+        return AxisEdges(np.zeros((0, 2), dtype=int), np.zeros(0, dtype=int), np.zeros((0, 3)))
+    edges, edge = np.unique(np.sort(found.pairs, axis=1), axis=0, return_inverse=True)
+    is_held = np.zeros((len(edges), 3), dtype=bool)  # whether the ends keep the same coordinate along each axis
+    is_held[edge.ravel(), np.abs(directions @ axes.T).argmax(axis=1)] = True
+    follows = np.flatnonzero(is_held.sum(axis=1) == 2)
+    return AxisEdges(edges[follows], np.argmin(is_held[follows], axis=1), axes)
+
+
+def point_feet(session: Session, moment: int) -> PointFeet:
+    """The points that pull at the mesh by the point-to-plane fit of a sweep, with their weights in Huber's loss.
+
+    Raises: as `Session.sweep_state`.
+    """
+    mesh = session.scene.mesh.moved(session.trace.vertices_at(moment))
+    positions = _points_of_fit(session, moment)
+    if len(positions) == 0:
+        none = np.zeros((0, 3))
+        return PointFeet(none, none, np.zeros(0, dtype=int), np.zeros(0))
+    distance, face = SurfaceTree(mesh).closest(positions)
+    corners = mesh.vertices[mesh.faces]
+    feet = closest_on_triangles(corners[face], positions)
+    longest = MAX_DISTANCE * np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).mean(axis=1)
+    normals, _ = unit_normals(mesh.vertices, mesh.faces)
+    in_front = np.abs(((positions - feet) * normals[face]).sum(axis=1)) >= MIN_COSINE * distance
+    takes_part = (distance < longest[face]) & in_front
+    scale = 1.4826 * float(np.median(distance[takes_part])) if takes_part.any() else 0.0
+    weights = np.where(takes_part, np.minimum(1.0, scale / np.maximum(distance, 1e-300)), 0.0)
+    return PointFeet(positions, feet, face, weights)
+
+
+def _points_of_fit(session: Session, moment: int) -> np.ndarray:
+    """(p, 3) float, world units: the fitting points on the surface; all of them if their photos are not known."""
+    scene = session.scene
+    observed: FeaturePoints = observed_fitting_points(scene)
+    if len(observed) == 0:
+        return fitting_points(scene) if scene.sparse_points is not None else np.zeros((0, 3))
+    near = session.sweep_state(moment).near_points
+    if near is not None:
+        observed = observed.joined(near)
+    mesh, cameras = scene.mesh.moved(session.trace.vertices_at(moment)), [view.camera for view in scene.views]
+    return observed.positions[points_on_surface(mesh, cameras, observed)]

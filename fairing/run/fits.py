@@ -1,0 +1,238 @@
+"""Fits: what the stages of smoothing and of a fit to sparse points minimise, sweep by sweep."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from fairing.camera import Camera
+from fairing.cells.level_choice import typical_footprint
+from fairing.features.points import FeaturePoints
+from fairing.features.surface_sweep import HALF_WINDOW, SurfaceSweep, reduction
+from fairing.geometry.pixel_size import pixel_size
+from fairing.optimize.iteration import iterate
+from fairing.optimize.rows import Term
+from fairing.run.history import History
+from fairing.run.stages import Axes, ClosestPoints, PointGates, Stage
+from fairing.run.start_error import measured_start_error
+from fairing.solve.normal_equations import QuadraticPrior
+from fairing.solve.point_split import fitting_points
+from fairing.solve.problem import Problem
+from fairing.terms.axes import broad_terms, narrow_terms, relations
+from fairing.terms.closest_points import anchor, average_information, closest_points
+from fairing.terms.names import POINTS
+from fairing.terms.point_judge import held_back_points, judged
+from fairing.terms.point_rays import PointRays, points_on_surface
+from fairing.terms.points import PointFit
+from fairing.trace import SchedulePosition, Trace
+
+PRIOR_ROUNDS = 2  # of closest points, for the targets of the prior to the points
+LEAST_ERROR = 3.0  # px: that a search for points near the mesh allows for
+# A start is far off if a fit to the sparse points moves this part of its vertices that far (ledger: surface sweep: which starts).
+FAR_PART, FAR_PX = 0.25, 0.9
+# px of the photos of a search: height of large faces; windows on smaller ones hold several (ledger: surface sweep: which starts).
+LARGE_FACE = 3 * (2 * HALF_WINDOW + 1)
+
+
+@dataclass(frozen=True, eq=False)
+class _PointSet:
+    """Points that pull in one stage, and what is made of them."""
+
+    points: FeaturePoints
+    rays: PointRays
+    held_back: np.ndarray
+    fit: PointFit
+
+
+class Fit:
+    """One fit of the mesh to sparse points: a function of the photos, the points, the locked vertices and where it begins.
+
+    Args:
+        begin: (n, 3) float, world units: vertices before it.
+    """
+
+    def __init__(self, problem: Problem, begin: np.ndarray) -> None:
+        self._problem, self.begin = problem, problem.scene.mesh.moved(begin)
+        self.cameras: list[Camera] = [view.camera for view in problem.scene.views]
+        self._surface_points: dict[int, FeaturePoints] = {}
+        self._sets: dict[int | None, _PointSet] = {}
+
+    @cached_property
+    def error(self) -> float:
+        """px: measured distance of the vertices from their true positions before the fit; 0 if it is not known."""
+        problem = self._problem
+        return measured_start_error(problem, self.begin.vertices) if len(problem.observed_points) else 0.0
+
+    def allowed_error(self, number: int) -> float:
+        """px: error of the vertices that the search for points of a number allows for; each for half of that of the one before."""
+        return max(self.error / 2**number, LEAST_ERROR)
+
+    def needs_surface_points(self, vertices: np.ndarray) -> bool:
+        """Whether points are sought near the mesh with vertices (n, 3), world units, that the sparse points alone have moved.
+
+        A start of small faces that the sparse points hardly move is more accurate than single pixels' depths.
+        """
+        pixel = pixel_size(self.cameras, self.begin.vertices)
+        moved = np.linalg.norm(vertices - self.begin.vertices, axis=1) / pixel
+        if float(np.quantile(np.nan_to_num(moved), 1 - FAR_PART)) >= FAR_PX:
+            return True
+        problem, error = self._problem, self.allowed_error(0)
+        shrink = float(np.median([reduction(camera, error) for camera in self.cameras]))
+        footprint = typical_footprint(problem.scene, self.begin.vertices, problem.orientation, problem.options)
+        return shrink * footprint >= LARGE_FACE
+
+    def surface_points(self, number: int, vertices: np.ndarray) -> FeaturePoints:
+        """The points near the mesh with vertices (n, 3), world units, that the search of a number finds; kept.
+
+        Raises:
+            Cancelled: cancellation was requested.
+        """
+        if number not in self._surface_points:
+            problem = self._problem
+            with problem.work.doing("finding points near the surface"):
+                sweep = SurfaceSweep(problem.scene.views, problem.evaluator.pool, problem.raise_if_cancelled)
+                self._surface_points[number] = sweep.points(self.begin.moved(vertices), self.allowed_error(number))
+        return self._surface_points[number]
+
+    def point_set(self, surface: int | None, begun: np.ndarray) -> _PointSet:
+        """The points of a stage of gates; begun (n, 3): vertices at its beginning, world units."""
+        if surface not in self._sets:
+            problem = self._problem
+            points = problem.observed_points
+            if surface is not None:
+                points = points.joined(self.surface_points(surface, begun))
+            rays, held_back = PointRays(self.cameras, points, problem.raise_if_cancelled), held_back_points(points)
+            self._sets[surface] = _PointSet(points, rays, held_back, PointFit(self.begin, rays, points, ~held_back))
+        return self._sets[surface]
+
+    def judged(self, surface: int | None, begun: np.ndarray, vertices: np.ndarray) -> np.ndarray:
+        """(n, 3) float: vertices (n, 3) after a stage of gates, back at the beginning where its held-back points prefer that."""
+        found = self.point_set(surface, begun)
+        return judged(self.begin, vertices, found.rays, found.held_back, found.fit.sigma)
+
+
+def points_on_mesh(problem: Problem, vertices: np.ndarray, near: FeaturePoints | None) -> np.ndarray:
+    """(p, 3) float: the fitting points on the surface with vertices (n, 3), or all of them if their photos are not known.
+
+    Points of the ground and the background lie near the boundary of the mesh too, but their own photos do not see the mesh at
+    their place.
+
+    Args:
+        near: points near the mesh, which count like those of the capture (ledger: surface sweep).
+    """
+    observed = problem.observed_points
+    if len(observed) == 0:
+        return fitting_points(problem.scene)
+    if near is not None:
+        observed = observed.joined(near)
+    cameras = [view.camera for view in problem.scene.views]
+    return observed.positions[points_on_surface(problem.scene.mesh.moved(vertices), cameras, observed)]
+
+
+def points_prior(problem: Problem, vertices: np.ndarray, near: FeaturePoints | None) -> QuadraticPrior:
+    """A prior that pulls vertices (n, 3) float, world units, to where a few rounds of closest points take them.
+
+    Its Hessians are those of the points, 1 in a direction that they determine as well as an average one.
+
+    Raises:
+        Cancelled: cancellation was requested.
+    """
+    points, free, places = points_on_mesh(problem, vertices, near), ~problem.locked, vertices
+    average, hessians = 0.0, np.zeros((len(vertices), 3, 3))
+    for _ in range(PRIOR_ROUNDS):
+        problem.raise_if_cancelled()
+        closest = closest_points(problem.scene.mesh.moved(places), points, vertices)
+        average = average or average_information(closest, places, free)
+        if average == 0:
+            break
+        hessians = closest.hessians(places) / average
+        places = iterate((closest, anchor(vertices, average)), places, np.flatnonzero(free), problem.unfolded).after
+    return QuadraticPrior(hessians, places, POINTS)
+
+
+class Fits:
+    """The fits of a recorded run, by the moments at which they begin; found again where they are not in memory."""
+
+    def __init__(self, problem: Problem, trace: Trace) -> None:
+        self._problem, self._trace = problem, trace
+        self._found: dict[int, Fit] = {}
+
+    def begun_at(self, moment: int) -> Fit:
+        """The fit that begins at a moment."""
+        if moment not in self._found:
+            self._found = {moment: Fit(self._problem, self._trace.vertices_at(moment))}
+        return self._found[moment]
+
+    def surface_points(self, history: History, begin: int, moment: int) -> FeaturePoints | None:
+        """The points near the mesh that the fit from moment `begin` found last before a moment; None without any search.
+
+        Raises:
+            Cancelled: cancellation was requested.
+        """
+        searches = history.surface_begun(moment, begin)
+        if not searches:
+            return None
+        number = max(searches)
+        return self.begun_at(begin).surface_points(number, self._trace.vertices_at(searches[number]))
+
+    def share(self, other: "Fits", moment: int) -> None:
+        """Take the fits of a run with the same past up to a moment."""
+        self._found = {begin: fit for begin, fit in other._found.items() if begin < moment}
+
+    def clear(self) -> None:
+        """Forget what was found; it is found again when needed."""
+        self._found.clear()
+
+
+def applies(fit: Fit, problem: Problem, stage: Stage, vertices: np.ndarray) -> bool:
+    """Whether a stage has anything to do with vertices (n, 3), world units; others are left out."""
+    if isinstance(stage, PointGates) and stage.surface is not None:
+        if stage.surface == 0:
+            return fit.needs_surface_points(vertices)
+        return fit.allowed_error(stage.surface) < fit.allowed_error(stage.surface - 1)
+    if isinstance(stage, Axes) or (isinstance(stage, ClosestPoints) and stage.follows_axes):
+        return has_axes(problem, vertices)
+    return True
+
+
+def has_axes(problem: Problem, vertices: np.ndarray) -> bool:
+    """Whether a mesh with vertices (n, 3) float, world units, has edges that follow the axes of a building."""
+    pixel = pixel_size([view.camera for view in problem.scene.views], vertices)
+    return len(relations(vertices, problem.scene.mesh.faces, pixel).pairs) > 0
+
+
+def terms_of_sweep(
+    problem: Problem,
+    fits: Fits,
+    history: History,
+    position: SchedulePosition,
+    begins: tuple[int, int],
+    moment: int,
+) -> tuple[Term, ...]:
+    """The terms of a sweep of a fit that begins at a moment.
+
+    Args:
+        position: of its first step.
+        begins: the moments at which its fit and its stage began.
+
+    Raises:
+        Cancelled: cancellation was requested.
+    """
+    vertices_at = history.vertices_at
+    fit, stage, vertices = fits.begun_at(begins[0]), history.stage_of(position), vertices_at(moment)
+    sweep, mesh = position.sweep - stage.first_sweep, problem.scene.mesh.moved(vertices)
+    if isinstance(stage, PointGates):
+        points = fit.point_set(stage.surface, vertices_at(begins[1]))
+        return points.fit.terms(vertices, stage.gates[sweep])
+    pixel = pixel_size(fit.cameras, vertices)
+    if isinstance(stage, Axes) and not stage.is_broad:
+        return narrow_terms(vertices, mesh.faces, pixel)
+    near, begun = fits.surface_points(history, begins[0], moment), vertices_at(begins[1])
+    closest = closest_points(mesh, points_on_mesh(problem, begun, near), begun)
+    average = average_information(closest, vertices, ~problem.locked)
+    if isinstance(stage, ClosestPoints):
+        return closest, anchor(begun, average)
+    assert isinstance(stage, Axes)
+    information = closest.hessians(vertices) / max(average, 1e-300)
+    within = fit.error * 0.5**sweep
+    return broad_terms(vertices, mesh.faces, pixel, information, fit.error, within, begun)

@@ -1,0 +1,148 @@
+"""Stages: the parts of a run, each with its terms, its sweeps and iterations.
+
+A sweep begins with new associations: which photos see a face, which face a point belongs to, which edges follow an axis. Its
+iterations solve with these. Every iteration is one recorded step.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from fairing.stage_kind import StageKind
+from fairing.terms.points import GATES, NEAR_GATE, STEPS
+
+PASSES = 5  # of the normal filter
+SURFACE_SWEEPS = 2  # each allows for half the error of the one before (ledger: surface sweep)
+AXES_ITERATIONS = 12  # at most; they converge
+BROAD_SWEEPS = 4  # each allows for half the error of the one before (ledger: broad relations)
+CLOSEST_ROUNDS = 12  # of a fit to points whose photos are not known
+ROUNDS_AFTER_GATES = 4  # (ledger: choice of the fit)
+ROUNDS_AFTER_AXES = 1  # (ledger: broad relations)
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A stage.
+
+    Attributes:
+        kind: recorded with its steps.
+        max_sweeps: largest number of sweeps.
+        max_iterations: largest number of iterations of a block within a sweep.
+        first_sweep: number of its first sweep within its level; no two stages of a level share one.
+    """
+
+    kind: StageKind
+    max_sweeps: int = 1
+    max_iterations: int = 1
+    first_sweep: int = 0
+
+    def has(self, sweep: int) -> bool:
+        """Whether a sweep of the level belongs to it."""
+        return self.first_sweep <= sweep < self.first_sweep + self.max_sweeps
+
+
+@dataclass(frozen=True)
+class Photos(Stage):
+    """Gauss-Newton sweeps of the photos and their priors.
+
+    Attributes:
+        tolerance: the stage ends after a sweep that moves no vertex by as much as this, px.
+        max_displacement: largest distance of a vertex from its origin, px; infinite if nothing tells how far off they are.
+    """
+
+    tolerance: float = 0.0
+    max_displacement: float = np.inf
+
+
+@dataclass(frozen=True)
+class Smoothing(Stage):
+    """Passes of the normal filter over a noisy start."""
+
+
+@dataclass(frozen=True)
+class PointGates(Stage):
+    """Sparse points at narrowing gates.
+
+    Attributes:
+        gates: of its sweeps, percent of the diagonal.
+        surface: number of the search for points near the mesh with which it begins, from 0; None: sparse points alone.
+    """
+
+    gates: tuple[float, ...] = ()
+    surface: int | None = None
+
+
+@dataclass(frozen=True)
+class Axes(Stage):
+    """Relations to the axes of a building.
+
+    Attributes:
+        is_broad: whether they are sought as far as vertices that points do not determine may be off.
+    """
+
+    is_broad: bool = False
+
+
+@dataclass(frozen=True)
+class ClosestPoints(Stage):
+    """Every point at its closest face.
+
+    Attributes:
+        follows_axes: whether it is there because the axes moved vertices; other meshes leave it out.
+    """
+
+    follows_axes: bool = False
+
+
+@dataclass(frozen=True)
+class Judge(Stage):
+    """One step that keeps what stages did, or goes back.
+
+    Attributes:
+        by: "points": those held back, after gates, vertex by vertex; "photos": after smoothing or a fit, all or nothing;
+            "end": energy and held-out points, after the last sweeps.
+    """
+
+    by: Literal["points", "photos", "end"] = "points"
+
+
+def smoothing_stages() -> tuple[Stage, ...]:
+    """Smoothing of the start."""
+    return (
+        Smoothing(StageKind.SMOOTHNESS, max_iterations=PASSES),
+        Judge(StageKind.JUDGE, by="photos"),
+    )
+
+
+def fit_stages(has_photos_of_points: bool) -> tuple[Stage, ...]:
+    """The fit to sparse points.
+
+    The gates reach farther than closest points and leave out clutter; closest points go on from there (ledger: choice of the
+    fit). Broad relations bring points to faces they could not belong to before (ledger: broad relations).
+
+    Args:
+        has_photos_of_points: whether it is known which photos show the points.
+    """
+    axes, judge = Axes(StageKind.AXES, 1, AXES_ITERATIONS), Judge(StageKind.JUDGE)
+    broad = Axes(StageKind.AXES, BROAD_SWEEPS, AXES_ITERATIONS, is_broad=True)
+    stages: list[Stage] = []
+    if has_photos_of_points:
+        gates = tuple(gate for gate in GATES for _ in range(STEPS))
+        near = tuple(gate for gate in GATES if gate <= NEAR_GATE)
+        stages += [PointGates(StageKind.POINTS, len(gates), gates=gates), judge, axes]
+        for number in range(SURFACE_SWEEPS):
+            stages += [PointGates(StageKind.SURFACE_POINTS, len(near), gates=near, surface=number), judge, axes]
+    rounds = ROUNDS_AFTER_GATES if has_photos_of_points else CLOSEST_ROUNDS
+    stages += [ClosestPoints(StageKind.CLOSEST_POINTS, rounds), broad]
+    stages += [ClosestPoints(StageKind.CLOSEST_POINTS, ROUNDS_AFTER_AXES, follows_axes=True), broad]
+    return (*stages, Judge(StageKind.JUDGE, by="photos"))
+
+
+def numbered(stages: tuple[Stage, ...], first_sweep: int) -> tuple[Stage, ...]:
+    """The stages with the numbers of their sweeps, one after the other."""
+    result = []
+    for stage in stages:
+        result.append(replace(stage, first_sweep=first_sweep))
+        first_sweep += stage.max_sweeps
+    return tuple(result)

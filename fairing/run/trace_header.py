@@ -1,0 +1,113 @@
+"""Trace headers: the scene, options and library versions of a recorded run."""
+
+import hashlib
+from dataclasses import replace
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+
+from fairing.camera import Camera
+from fairing.cameras.corrected_scene import with_cameras
+from fairing.errors import InputError
+from fairing.options import FairingOptions, options_to_dict
+from fairing.scene import Scene
+from fairing.trace import Trace
+
+
+def header_of(scene: Scene, options: FairingOptions) -> dict[str, Any]:
+    """The header of a new trace, see `Trace.header`."""
+    return {
+        "scene": scene.name,
+        "views": [view.name for view in scene.views],
+        "sparse_points": recorded_points(scene),
+        "options": options_to_dict(options),
+        "versions": {name: version(name) for name in ("numpy", "scipy", "numba")},
+    } | ({"cameras": _recorded_cameras(scene)} if scene.cameras_origin == "corrected" else {})
+
+
+def scene_of_trace(scene: Scene, trace: Trace) -> Scene:
+    """The scene with the corrected cameras that the trace was recorded with, if any.
+
+    Its points are the given ones instead of an "automatic" choice if the trace was recorded with them.
+
+    Traces of versions that did not record the points were recorded with those of the scene.
+    """
+    scene = _with_recorded_cameras(scene, trace)
+    if scene.points_choice != "automatic":
+        return scene
+    recorded = trace.header.get("sparse_points")
+    was_recorded = (trace.plan is not None or len(trace) > 0) if recorded is None else _same(recorded, scene)
+    return replace(scene, points_choice="given") if was_recorded else scene
+
+
+def check_same_scene(scene: Scene, trace: Trace) -> None:
+    """Refuse a trace of other photos, of another mesh or, if the run used them, of other sparse points.
+
+    The points are compared once they are chosen, see `Scene.points_choice`.
+
+    Raises:
+        InputError: the trace was recorded on another scene, which the message names.
+    """
+    names = [view.name for view in scene.views]
+    same_mesh = np.array_equal(trace.faces, scene.mesh.faces) and len(trace.start) == len(scene.mesh.vertices)
+    if trace.header.get("views") != names or not same_mesh:
+        raise InputError(
+            f"trace of scene {trace.header.get('scene')}: expected the photos and the mesh it was recorded on, "
+            f"found those of {scene.name}; open it with its own scene"
+        )
+    recorded = trace.header.get("sparse_points")
+    if scene.points_choice != "given" or recorded is None or _same(recorded, scene):
+        return
+    if any(trace.header["options"]["step"]["points"]):
+        raise InputError(
+            f"trace of scene {trace.header.get('scene')}: expected the sparse points it was recorded with "
+            f"({recorded['count']} of them), found {len(scene.sparse_positions)}, or others; open it with the scene as it was"
+        )
+
+
+def recorded_points(scene: Scene) -> dict[str, Any] | None:
+    """Count and digest of the sparse points, which identify them, and their origin; None while a choice of points is left."""
+    if scene.points_choice != "given":
+        return None
+    points = scene.sparse_positions
+    digest = hashlib.blake2b(points.tobytes(), digest_size=16).hexdigest()
+    origin = None if scene.sparse_points is None else scene.sparse_points.origin
+    return {"count": len(points), "digest": digest, "origin": origin}
+
+
+def _same(recorded: dict[str, Any], scene: Scene) -> bool:
+    """Whether recorded points are those that a scene has."""
+    found = recorded_points(replace(scene, points_choice="given"))
+    assert found is not None, "no choice is left"
+    return all(recorded[name] == found[name] for name in ("count", "digest"))
+
+
+def _recorded_cameras(scene: Scene) -> list[dict[str, Any]]:
+    cameras = [view.camera for view in scene.views]
+    return [{"matrix": c.image_from_world.tolist(), "width": c.width, "height": c.height} for c in cameras]
+
+
+def _with_recorded_cameras(scene: Scene, trace: Trace) -> Scene:
+    """The scene with the cameras of the trace, scaled to the size of its photos.
+
+    Raises:
+        InputError: the recorded cameras make no sense.
+    """
+    recorded = trace.header.get("cameras")
+    names = [view.name for view in scene.views]
+    if recorded is None or scene.cameras_origin == "corrected" or trace.header.get("views") != names:
+        return scene
+    try:
+        cameras = [Camera.recorded(np.array(c["matrix"], float), c["width"], c["height"]) for c in recorded]
+        if len(cameras) != len(names):
+            raise ValueError(f"{len(cameras)} of them")
+    except (TypeError, KeyError, ValueError) as error:
+        raise InputError(
+            f"header: expected a camera for each photo, found others ({error}); record the run again"
+        ) from None
+    sizes = [(view.camera.width, view.camera.height) for view in scene.views]
+    return with_cameras(
+        scene,
+        [c if (c.width, c.height) == size else c.resized(*size) for c, size in zip(cameras, sizes, strict=True)],
+    )

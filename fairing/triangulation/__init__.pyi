@@ -1,0 +1,12 @@
+from .flips import EdgeFlipper as EdgeFlipper
+from .flips import FlipSummary as FlipSummary
+from .initial_mesh import StartMesh as StartMesh
+from .initial_mesh import start_mesh as start_mesh
+from .options import TriangulationOptions as TriangulationOptions
+from .quads import Verdict as Verdict
+from .record import FlipRecord as FlipRecord
+from .record import FlipTrace as FlipTrace
+from .record import is_flip_record as is_flip_record
+from .run import Triangulation as Triangulation
+from .run import flip_progress as flip_progress
+from .run import triangulate as triangulate

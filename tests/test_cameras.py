@@ -1,0 +1,260 @@
+"""Bundle adjustment of cameras: derivatives, a small problem against SciPy, frame, deviations and the judge."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
+
+from fairing.camera import Camera
+from fairing.cameras import adjustment
+from fairing.cameras.adjustment import Deviations, adjust, objective, reduced_system, residual_lengths, triangulate
+from fairing.cameras.estimation import estimate_poses, loss_at
+from fairing.cameras.judge import is_held_out, judge_cameras
+from fairing.cameras.observed_points import ObservedPoints
+from fairing.cameras.pose_model import PARAMETERS, PoseModel, left_jacobians
+from fairing.optimize.loss import GemanMcClure, Huber, Square
+
+WIDTH, HEIGHT, FOCAL = 800, 600, 900.0
+SIGMA = Deviations(0.3, 0.8, 0.5)
+
+
+def ring(count: int = 7) -> list[Camera]:
+    """Cameras on an arc around the origin, 6 to 7 units away, at two heights."""
+    result = []
+    for i in range(count):
+        turn = -0.7 + 1.4 * i / (count - 1)
+        eye = np.array([(6 + 0.2 * i) * np.sin(turn), (-1) ** i * 0.8, -(6 + 0.2 * i) * np.cos(turn)])
+        z = -eye / np.linalg.norm(eye)
+        x = np.cross([0, 1, 0], z) / np.linalg.norm(np.cross([0, 1, 0], z))
+        R = np.stack([x, np.cross(z, x), z])
+        K = np.array([[FOCAL, 0.4, 399.2], [0, FOCAL * 1.01, 301.7], [0, 0, 1]])
+        result.append(Camera.from_krt(K, R, -R @ eye, WIDTH, HEIGHT))
+    return result
+
+
+def observed_by(
+    cameras: list[Camera], n: int, noise: float, rng: np.random.Generator, outliers: float = 0
+) -> ObservedPoints:
+    """Points in a box around the origin, each seen by four to all cameras, with noise in px."""
+    points = rng.uniform([-1.5, -1, -1], [1.5, 1, 1], (n, 3))
+    seen = [np.sort(rng.permutation(len(cameras))[: rng.integers(4, len(cameras) + 1)]) for _ in range(n)]
+    point, photo = np.repeat(np.arange(n), [len(s) for s in seen]), np.concatenate(seen)
+    pixels = np.array([cameras[v].project(points[p])[0] for p, v in zip(point, photo, strict=True)])
+    pixels += noise * rng.normal(size=pixels.shape)
+    wrong = rng.uniform(size=len(pixels)) < outliers
+    pixels[wrong] += rng.uniform(-40, 40, (wrong.sum(), 2))
+    return ObservedPoints(points + 0.01 * rng.normal(size=points.shape), point, photo, pixels)
+
+
+def turned(cameras: list[Camera], px: float, rng: np.random.Generator, shift: float = 0) -> list[Camera]:
+    """Cameras turned at random about their own axes, px standard deviation an axis, and shifted, world units."""
+    result = []
+    for camera in cameras:
+        R = Rotation.from_rotvec(rng.normal(size=3) * px / FOCAL).as_matrix() @ camera.camera_from_world[:, :3]
+        result.append(Camera.from_krt(camera.K, R, -R @ (camera.center + shift * rng.normal(size=3)), WIDTH, HEIGHT))
+    return result
+
+
+def rotation_errors(cameras: list[Camera], true: list[Camera]) -> np.ndarray:
+    """(v,) px at the focal length."""
+    turns = [a.camera_from_world[:, :3] @ b.camera_from_world[:, :3].T for a, b in zip(cameras, true, strict=True)]
+    return FOCAL * np.linalg.norm(Rotation.from_matrix(np.array(turns)).as_rotvec(), axis=1)
+
+
+def small_problem(n: int = 12, wrong: float = 2.0) -> tuple[PoseModel, np.ndarray, ObservedPoints]:
+    rng = np.random.default_rng(3)
+    cameras = ring(4)
+    observed = observed_by(cameras, n, 0.3, rng, outliers=0.05)
+    return PoseModel.of(turned(cameras, wrong, rng), observed), rng.normal(size=(4, PARAMETERS)), observed
+
+
+@pytest.mark.parametrize("scale", [1.0, 300.0, 1e-4])
+def test_derivatives_agree_with_central_differences(scale):
+    model, poses, observed = small_problem()
+    poses, photo = scale * poses, observed.photo
+    points = observed.positions[observed.point]
+    images = model.linearise(poses, points, photo)
+    for j in range(PARAMETERS):
+        step = np.zeros(PARAMETERS)
+        step[j] = 1e-3
+        difference = (
+            model.project(poses + step, points, photo)[0] - model.project(poses - step, points, photo)[0]
+        ) / 2e-3
+        np.testing.assert_allclose(images.J_pixel_wrt_pose[:, :, j], difference, atol=1e-6)
+    for j in range(3):
+        step = 1e-5 * np.eye(3)[j]
+        difference = (
+            model.project(poses, points + step, photo)[0] - model.project(poses, points - step, photo)[0]
+        ) / 2e-5
+        np.testing.assert_allclose(images.J_pixel_wrt_point[:, :, j], difference, atol=1e-4)
+
+
+def test_the_left_jacobian_is_continuous_where_its_series_begins():
+    axis = np.array([0.6, -0.64, 0.48])
+    below, above = left_jacobians(np.array([axis * 0.9999e-4, axis * 1.0001e-4]))
+    np.testing.assert_allclose(below, above, atol=1e-7)
+
+
+def test_the_reduced_system_is_the_schur_complement_of_the_full_one():
+    model, poses, observed = small_problem()
+    system = reduced_system(model, poses, observed, loss := GemanMcClure(2.0), SIGMA)
+    images = model.linearise(poses, observed.positions[observed.point], observed.photo)
+    n_poses, n = poses.size, poses.size + 3 * len(observed)
+    J = np.zeros((2 * len(observed.point), n))
+    for o, (p, v) in enumerate(zip(observed.point, observed.photo, strict=True)):
+        J[2 * o : 2 * o + 2, 6 * v : 6 * v + 6] = images.J_pixel_wrt_pose[o]
+        J[2 * o : 2 * o + 2, n_poses + 3 * p : n_poses + 3 * p + 3] = images.J_pixel_wrt_point[o]
+    weight = np.repeat(loss.weight(residual_lengths(model, poses, observed)), 2) / SIGMA.observation**2
+    H = J.T @ (weight[:, None] * J)
+    H[:n_poses, :n_poses] += np.diag(np.tile(SIGMA.prior, len(poses)))
+    g = J.T @ (weight * (images.pixels - observed.pixels).ravel())
+    g[:n_poses] += (poses * SIGMA.prior).ravel()
+    U, W, V = H[:n_poses, :n_poses], H[:n_poses, n_poses:], H[n_poses:, n_poses:]
+    np.testing.assert_allclose(system.S, U - W @ np.linalg.solve(V, W.T), rtol=1e-5, atol=1e-5 * np.abs(U).max())
+    expected = g[:n_poses] - W @ np.linalg.solve(V, g[n_poses:])
+    np.testing.assert_allclose(system.g, expected, rtol=1e-5, atol=1e-6 * np.abs(g).max())
+
+
+def test_dense_and_sparse_products_give_the_same_system(monkeypatch):
+    model, poses, observed = small_problem()
+    dense = reduced_system(model, poses, observed, Square(), SIGMA)
+    monkeypatch.setattr(adjustment, "MOST_DENSE_ROWS", 0)
+    sparse = reduced_system(model, poses, observed, Square(), SIGMA)
+    np.testing.assert_allclose(dense.S, sparse.S, rtol=1e-9, atol=1e-9 * np.abs(dense.S).max())
+
+
+@pytest.mark.parametrize("loss", [Square(), Huber(1.0), GemanMcClure(3.0)], ids=["square", "huber", "geman-mcclure"])
+def test_the_adjustment_ends_where_scipy_ends(loss):
+    model, _, observed = small_problem()
+    ours = adjust(model, np.zeros((4, PARAMETERS)), observed, loss, SIGMA, 200)
+
+    def residuals(x: np.ndarray) -> np.ndarray:
+        """Residuals whose half sum of squares is the objective."""
+        poses, points = x[:24].reshape(4, PARAMETERS), x[24:].reshape(-1, 3)
+        r = model.project(poses, points[observed.point], observed.photo)[0] - observed.pixels
+        lengths = np.linalg.norm(r, axis=1)
+        data = (r * np.sqrt(2 * loss.value(lengths) / lengths**2)[:, None] / SIGMA.observation).ravel()
+        return np.concatenate([data, (poses * np.sqrt(SIGMA.prior)).ravel()])
+
+    start = np.concatenate([ours.poses.ravel(), ours.points.ravel()])
+    start += 1e-3 * np.random.default_rng(0).normal(size=start.shape)
+    theirs = least_squares(residuals, start, x_scale="jac", ftol=1e-10, max_nfev=40)
+    assert ours.objectives[-1] <= theirs.cost * (1 + 1e-3), (ours.objectives[-1], theirs.cost)
+    np.testing.assert_allclose(ours.poses.ravel(), theirs.x[:24], atol=0.02)
+
+
+def test_an_adjustment_never_raises_its_objective():
+    model, poses, observed = small_problem(wrong=40.0)
+    found = adjust(model, 20 * poses, observed, GemanMcClure(2.0), SIGMA, 30)
+    assert (np.diff(found.objectives) <= 0).all(), found.objectives
+    end = objective(model, found.poses, observed.at(found.points), GemanMcClure(2.0), SIGMA)
+    assert end == found.objectives[-1] < found.objectives[0]
+
+
+def test_triangulation_raises_the_loss_of_no_point():
+    model, poses, observed = small_problem()
+    loss = GemanMcClure(2.0)
+    before, after = (
+        np.bincount(observed.point, loss.value(residual_lengths(model, poses, observed.at(points))))
+        for points in (observed.positions, triangulate(model, poses, observed, loss, 20))
+    )
+    assert (after <= before).all()
+    assert after.sum() < before.sum()
+
+
+def test_a_point_behind_its_camera_has_no_weight():
+    model, poses, observed = small_problem()
+    positions = observed.positions.copy()
+    positions[0] = [0, 0, -50]
+    system = reduced_system(model, poses, observed.at(positions), GemanMcClure(2.0), SIGMA)
+    assert np.isfinite(system.S).all()
+    assert np.isfinite(system.g).all()
+
+
+@pytest.mark.parametrize("px", [0.5, 1.5])
+def test_turned_cameras_recover_within_their_covariance_and_deviations_are_found(px):
+    rng, true = np.random.default_rng(5), ring(10)
+    observed = observed_by(true, 500, 0.2, rng, outliers=0.03)
+    given = turned(true, px, rng)
+    model = PoseModel.of(given, observed)
+    found = estimate_poses(model, observed)
+    wrong, left = (
+        np.sqrt((rotation_errors(c, true) ** 2).mean()) for c in (given, model.cameras_at(found.poses, given))
+    )
+    assert left < 0.4 * wrong, (wrong, left)
+    assert found.sigma.rotation == pytest.approx(px, rel=0.4)
+    assert found.sigma.center < 0.1
+    assert found.sigma.observation == pytest.approx(0.2, rel=0.1)
+    observed = observed.at(found.points)
+    assert np.median(residual_lengths(model, found.poses, observed)) < 0.25
+    exact = np.zeros((10, PARAMETERS))
+    for v, (a, b) in enumerate(zip(given, true, strict=True)):
+        turn = b.camera_from_world[:, :3] @ a.camera_from_world[:, :3].T
+        exact[v, :3] = Rotation.from_matrix(turn).as_rotvec() / model.angle_unit[v]
+    S = reduced_system(model, found.poses, observed, loss_at(found.sigma.observation), found.sigma).S
+    off = (found.poses - exact).ravel()
+    assert off @ S @ off < 100  # chi squared: 60 parameters, exceeded by 1 in 1000
+
+
+def test_shifted_cameras_recover_too():
+    rng, true = np.random.default_rng(6), ring(12)
+    observed = observed_by(true, 800, 0.2, rng)
+    given = turned(true, 0.5, rng, shift=0.01)  # 1.3 px
+    model = PoseModel.of(given, observed)
+    found = estimate_poses(model, observed)
+    cameras = model.cameras_at(found.poses, given)
+    wrong, left = (
+        np.sqrt(np.mean([np.sum((a.center - b.center) ** 2) for a, b in zip(c, true, strict=True)]))
+        for c in (given, cameras)
+    )
+    assert left < wrong, (wrong, left)
+    assert found.sigma.center == pytest.approx(0.01 * FOCAL / 6.5, rel=0.4)
+
+
+def test_exact_cameras_stay_and_the_judge_keeps_the_given_ones():
+    rng, true = np.random.default_rng(7), ring(8)
+    observed = observed_by(true, 800, 0.2, rng, outliers=0.03)
+    held_out = is_held_out(len(observed))
+    training, judges = observed.chosen(~held_out), observed.chosen(held_out)
+    model = PoseModel.of(true, training)
+    found = estimate_poses(model, training)
+    cameras = model.cameras_at(found.poses, true)
+    assert rotation_errors(cameras, true).max() < 0.05
+    judgement = judge_cameras(true, cameras, judges, found.sigma.observation)
+    assert not judgement.is_clear, judgement
+
+
+def test_the_judge_takes_what_is_clearly_better_and_refuses_what_is_worse():
+    rng, true = np.random.default_rng(8), ring(8)
+    observed = observed_by(true, 400, 0.2, rng)
+    wrong = turned(true, 0.7, rng)
+    assert judge_cameras(wrong, true, observed, 0.2).is_clear
+    assert not judge_cameras(true, wrong, observed, 0.2).is_clear
+    assert not judge_cameras(true, true, observed, 0.2).is_clear
+
+
+def test_the_unit_of_the_world_changes_no_pose():
+    rng, true = np.random.default_rng(9), ring(5)
+    observed = observed_by(true, 150, 0.2, rng)
+    given = turned(true, 1.0, rng)
+    large = [
+        Camera.from_krt(c.K, c.camera_from_world[:, :3], 1000 * c.camera_from_world[:, 3], WIDTH, HEIGHT) for c in given
+    ]
+    one = estimate_poses(PoseModel.of(given, observed), observed)
+    thousand = observed.at(1000 * observed.positions)
+    other = estimate_poses(PoseModel.of(large, thousand), thousand)
+    np.testing.assert_allclose(one.poses, other.poses, atol=1e-4)
+
+
+def test_points_are_chosen_with_their_observations():
+    _, _, observed = small_problem()
+    mask = np.arange(len(observed)) % 3 == 0
+    chosen = observed.chosen(mask)
+    assert len(chosen) == mask.sum()
+    np.testing.assert_array_equal(np.bincount(chosen.point), np.bincount(observed.point)[mask])
+    shared = observed.shares_observation(chosen)
+    np.testing.assert_array_equal(shared, mask)
+    far = replace(chosen, pixels=chosen.pixels + 0.5)
+    assert not observed.shares_observation(far).any()

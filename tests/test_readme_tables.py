@@ -1,0 +1,23 @@
+"""The command that measures the README's tables: what needs no run."""
+
+import pytest
+
+from tests.processors import ROOT
+from tests.readme_tables import print_tables, reference_seconds, table
+
+
+def test_a_table_is_markdown():
+    assert table(["start", "end"], [["1 %", "0.5 %"]]) == "| start | end |\n| --- | --- |\n| 1 % | 0.5 % |"
+
+
+def test_the_readme_names_the_command():
+    assert "python -m tests.benchmark --readme" in (ROOT / "README.md").read_text()
+
+
+def test_an_unknown_group_is_refused_before_anything_runs():
+    with pytest.raises(SystemExit, match=r"expected some of cube, .*found tables"):
+        print_tables(["tables"], 0)
+
+
+def test_the_reference_takes_time():
+    assert reference_seconds() > 0

@@ -1,0 +1,187 @@
+"""Refinement of cameras on photos, in a run of its own, and its record in trace, report and folder."""
+
+import io
+import json
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from rich.console import Console
+from scipy.spatial.transform import Rotation
+
+from app.cli.fair import fair_to_folder
+from app.cli.run_extras import RunExtras
+from app.files.scene_source import SceneSource
+from demo_scenes.building.scene import scene_of_plan
+from fairing.camera import Camera
+from fairing.cameras import Refinement, refine
+from fairing.cameras.corrected_scene import triangulated_again, with_cameras
+from fairing.errors import InputError
+from fairing.features import find_points
+from fairing.io.colmap_text import read_text_model
+from fairing.io.convert import write_capture
+from fairing.io.output_folder import prepare_output_folder
+from fairing.io.scene_points import with_points
+from fairing.options import PRESETS
+from fairing.photo import ArrayPhoto
+from fairing.run.session import Session
+from fairing.run.trace_header import header_of, scene_of_trace
+from fairing.scene import Scene, SparsePoints
+from fairing.trace import Trace
+from tests.small_building import small_building
+
+
+@cache
+def exact_scene() -> Scene:
+    return replace(scene_of_plan("building small", small_building()), points_choice="own")
+
+
+def turned(scene: Scene, px: float) -> Scene:
+    """The scene with its cameras turned at random, px standard deviation an axis."""
+    rng, views = np.random.default_rng(1), []
+    for view in scene.views:
+        camera = view.camera
+        turn = Rotation.from_rotvec(rng.normal(size=3) * px / camera.K[0, 0]).as_matrix()
+        R = turn @ camera.camera_from_world[:, :3]
+        wrong = Camera.from_krt(camera.K, R, -R @ camera.center, camera.width, camera.height)
+        views.append(replace(view, camera=wrong))
+    return replace(scene, views=tuple(views))
+
+
+@cache
+def refined(px: float) -> Refinement:
+    return refine(turned(exact_scene(), px) if px else exact_scene())
+
+
+def rotation_error(cameras: tuple[Camera, ...]) -> float:
+    """Root mean square, px at the focal length."""
+    pairs = [
+        (a.camera_from_world, view.camera.camera_from_world)
+        for a, view in zip(cameras, exact_scene().views, strict=True)
+    ]
+    turns = Rotation.from_matrix(np.array([a[:, :3] @ b[:, :3].T for a, b in pairs])).as_rotvec()
+    return float(cameras[0].K[0, 0] * np.sqrt((turns**2).sum(axis=1).mean()))
+
+
+def test_exact_cameras_are_given_back_unchanged():
+    found = refined(0.0)
+    assert not found.taken, found.reason
+    assert found.scene is exact_scene()
+    assert found.reason.startswith("cameras as given")
+
+
+@pytest.mark.parametrize("px", [0.5, 1.5])
+def test_turned_cameras_are_corrected(px):
+    found, wrong = refined(px), turned(exact_scene(), px)
+    assert found.taken, found.reason
+    before, after = (rotation_error(tuple(v.camera for v in s.views)) for s in (wrong, found.scene))
+    assert after < 0.5 * before, (before, after)
+    assert found.judgement is not None
+    assert found.judgement.error_after < 0.6 * found.judgement.error_before
+    assert found.scene.cameras_origin == "corrected"
+    own = found.scene.sparse_points
+    assert own is not None
+    searched = find_points(found.scene.views)  # what a run would find with these cameras
+    np.testing.assert_array_equal(own.positions, searched.positions)
+    assert with_points(found.scene).sparse_points is own
+    assert (found.corrections > 0).all()
+
+
+def test_refinement_is_deterministic():
+    wrong = turned(exact_scene(), 0.5)
+    one, other = refined(0.5), refine(wrong, threads=1)
+    for a, b in zip(one.cameras, other.cameras, strict=True):
+        np.testing.assert_array_equal(a.image_from_world, b.image_from_world)
+
+
+def test_photos_without_points_keep_their_cameras():
+    scene = exact_scene()
+    grey = replace(
+        scene, views=tuple(replace(v, photo=ArrayPhoto(np.full((300, 400, 3), 90, np.uint8))) for v in scene.views)
+    )
+    found = refine(grey)
+    assert not found.taken
+    assert "too few" in found.reason
+    assert found.scene is grey
+
+
+def test_given_points_follow_corrected_cameras():
+    scene, cameras = exact_scene(), [view.camera for view in exact_scene().views]
+    positions = scene.mesh.vertices[:5]
+    observations = np.array([(p, v) for v in range(3) for p in range(4)])
+    pixels = np.array([cameras[v].project(positions[p])[0] for p, v in observations])
+    off = SparsePoints(positions + 0.01, np.zeros((5, 3), np.uint8), observations, pixels)
+    moved = triangulated_again(off, cameras)
+    np.testing.assert_allclose(moved.positions[:4], positions[:4], atol=1e-6)
+    np.testing.assert_array_equal(moved.positions[4], off.positions[4])  # observed by no photo
+
+
+def test_a_trace_gives_its_corrected_cameras_back_to_the_bit():
+    found = refined(0.5)
+    scene = replace(found.scene, points_choice="given")
+    header = json.loads(json.dumps(header_of(scene, Session(scene).options)))
+    wrong = replace(turned(exact_scene(), 0.5), points_choice="given")
+    again = scene_of_trace(wrong, Trace(header, scene.mesh.vertices, scene.mesh.faces))
+    for a, b in zip(scene.views, again.views, strict=True):
+        np.testing.assert_array_equal(a.camera.image_from_world, b.camera.image_from_world)
+    assert again.cameras_origin == "corrected"
+    header["cameras"][0]["matrix"] = "none"
+    with pytest.raises(InputError, match="expected a camera for each photo"):
+        scene_of_trace(wrong, Trace(header, scene.mesh.vertices, scene.mesh.faces))
+
+
+def test_a_trace_with_corrected_cameras_accepts_the_given_points_of_its_scene():
+    exact, wrong = exact_scene(), turned(exact_scene(), 0.5)
+    observations = np.array([(p, v) for p in range(4) for v in range(3)])
+    pixels = np.array([exact.views[v].camera.project(exact.mesh.vertices[p])[0] for p, v in observations])
+    given = SparsePoints(exact.mesh.vertices[:4] + 0.01, np.zeros((4, 3), np.uint8), observations, pixels)
+    wrong = replace(wrong, sparse_points=given, points_choice="given")
+    corrected = with_cameras(wrong, refined(0.5).cameras)
+    assert corrected.sparse_points is not None
+    assert (corrected.sparse_points.positions != given.positions).any()
+    trace = Session(corrected).trace
+    trace.header = json.loads(json.dumps(trace.header))
+    again = Session(wrong, trace=trace).scene
+    np.testing.assert_array_equal(again.sparse_positions, corrected.sparse_positions)
+
+
+def test_given_cameras_are_not_recorded():
+    assert "cameras" not in header_of(exact_scene(), Session(exact_scene()).options)
+
+
+def test_recorded_cameras_are_scaled_with_the_photos():
+    scene = with_cameras(exact_scene(), [view.camera for view in exact_scene().views])
+    header = header_of(scene, Session(scene).options)
+    small = replace(exact_scene(), views=tuple(view.resized(200, 150) for view in exact_scene().views))
+    again = scene_of_trace(small, Trace(header, scene.mesh.vertices, scene.mesh.faces))
+    for a, b in zip(small.views, again.views, strict=True):
+        np.testing.assert_allclose(a.camera.image_from_world, b.camera.image_from_world, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.slow
+def test_the_command_writes_corrected_cameras_and_resumes_with_them(tmp_path):
+    wrong, capture, out = turned(exact_scene(), 1.0), tmp_path / "capture", tmp_path / "out"
+    prepare_output_folder(capture)
+    write_capture(capture, "scene.json", wrong.views, None, (wrong.mesh.vertices, wrong.mesh.faces))
+    source = SceneSource.typed(str(capture), None, points="own")
+    options = replace(PRESETS["accurate"], schedule=replace(PRESETS["accurate"].schedule, max_sweeps=(1, 1, 1, 1, 1)))
+    console = Console(file=(said := io.StringIO()), width=400)
+    arguments = (source, out, "accurate", options)
+    assert fair_to_folder(*arguments, False, RunExtras(), console, "refine") == 0
+    assert "cameras corrected by" in said.getvalue()
+    report = json.loads((out / "report.json").read_text())
+    assert report["cameras"]["taken"]
+    assert [photo["name"] for photo in report["cameras"]["photos"]] == [view.name for view in wrong.views]
+    trace = Trace.load(out / "run.trace")
+    images = {image.name: image for image in read_text_model(out / "cameras").images.values()}
+    for name, recorded in zip(trace.header["views"], trace.header["cameras"], strict=True):
+        camera = Camera.recorded(np.array(recorded["matrix"]), recorded["width"], recorded["height"])
+        np.testing.assert_allclose(images[name].translation, camera.camera_from_world[:, 3], atol=1e-9)
+        R = Rotation.from_quat(images[name].quaternion[[1, 2, 3, 0]]).as_matrix()
+        np.testing.assert_allclose(R, camera.camera_from_world[:, :3], atol=1e-9)
+    mesh = (out / "mesh.ply").read_bytes()
+    trace.cut(len(trace) // 2).attach(out / "run.trace")
+    assert fair_to_folder(*arguments, True, RunExtras(), console, "given") == 0
+    assert (out / "mesh.ply").read_bytes() == mesh
+    assert json.loads((out / "report.json").read_text())["cameras"] == report["cameras"]
