@@ -8,6 +8,8 @@ from fairing.util.compiled_only import COMPILED_ONLY
 
 _LEAF = 4
 """Triangles per leaf."""
+_TIE = 1e-12
+"""Relative: squared distances that differ by less are equal."""
 
 
 class SurfaceTree:
@@ -38,7 +40,10 @@ class SurfaceTree:
         return self.closest(points)[0]
 
     def closest(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Distances (p,) float, world units, of points (p, 3), world units, and the faces (p,) int of the closest points."""
+        """Distances (p,) float, world units, of points (p, 3), world units, and the faces (p,) int of the closest points.
+
+        Of faces that meet at the closest point it is the one whose plane is farthest from the point: the one that faces it most.
+        """
         points = np.array(points, dtype=np.float64, order="C")  # a copy: numba compiles again for one that is read-only
         distance, face = np.empty(len(points)), np.empty(len(points), dtype=np.int64)
         _search(points, self._triangles, self._low, self._high, distance, face)
@@ -63,12 +68,12 @@ def _search(points, triangles, low, high, distance, face):
     stack, to_box = np.empty(64, dtype=np.int64), np.empty(64)
     for i in range(points.shape[0]):
         x, y, z = points[i, 0], points[i, 1], points[i, 2]
-        best, best_face = np.inf, 0
+        best, best_face, best_height = np.inf, 0, 0.0
         stack[0], to_box[0], size = 1, 0.0, 1
         while size > 0:
             size -= 1
             node = stack[size]
-            if to_box[size] >= best:
+            if to_box[size] > best * (1 + _TIE):
                 continue
             if node < leaves:
                 left, right = 2 * node, 2 * node + 1
@@ -84,8 +89,12 @@ def _search(points, triangles, low, high, distance, face):
             start = (node - leaves) * _LEAF
             for t in range(start, min(start + _LEAF, triangles.shape[0])):
                 squared = _squared_to_triangle(x, y, z, triangles, t)
-                if squared < best:
-                    best, best_face = squared, t
+                if squared > best * (1 + _TIE):
+                    continue
+                height = _squared_to_plane(x, y, z, triangles, t)
+                if squared < best * (1 - _TIE) or height > best_height:
+                    best_face, best_height = t, height
+                best = min(best, squared)
         distance[i] = np.sqrt(best)
         face[i] = best_face
 
@@ -97,6 +106,18 @@ def _squared_to_box(x, y, z, low, high, box):
     dy = max(low[box, 1] - y, y - high[box, 1], 0.0)
     dz = max(low[box, 2] - z, z - high[box, 2], 0.0)
     return dx * dx + dy * dy + dz * dz
+
+
+@njit(nogil=True, **COMPILED_ONLY)
+def _squared_to_plane(x, y, z, triangles, t):
+    """Squared distance of a point to the plane of triangle t; 0 if it has no area."""
+    ax, ay, az = triangles[t, 0, 0], triangles[t, 0, 1], triangles[t, 0, 2]
+    ux, uy, uz = triangles[t, 1, 0] - ax, triangles[t, 1, 1] - ay, triangles[t, 1, 2] - az
+    vx, vy, vz = triangles[t, 2, 0] - ax, triangles[t, 2, 1] - ay, triangles[t, 2, 2] - az
+    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    height = (x - ax) * nx + (y - ay) * ny + (z - az) * nz
+    squared_normal = nx * nx + ny * ny + nz * nz
+    return height * height / squared_normal if squared_normal > 0 else 0.0
 
 
 @njit(nogil=True, **COMPILED_ONLY)
