@@ -72,8 +72,8 @@ def test_a_run_ends_at_the_same_place_in_projected_coordinates(corner, end, tmp_
 @pytest.mark.slow
 @pytest.mark.parametrize("scale", [2.0**-20, 2.0**20])
 def test_a_building_with_a_manhattan_frame_ends_at_the_same_place_in_any_unit(scale):
-    """Powers of two round nothing but the normalized camera matrices: measured 3e-15 of the diagonal. Other scales round differently,
-    which single vertices that the photos hardly determine magnify to half a percent of the diagonal."""
+    """Powers of two round nothing but the normalized camera matrices: measured 3e-15 of the diagonal. Other scales round
+    differently, which single vertices that the photos hardly determine magnify to half a percent of the diagonal."""
     scene = replace(scene_of_plan("building small", small_building()), truth=None)
     one, other = fair(scene).vertices, fair(in_frame(scene, scale)).vertices / scale
     assert np.abs(other - one).max() < 1e-10 * scene.mesh.diagonal
