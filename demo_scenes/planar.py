@@ -22,10 +22,9 @@ def triangulate(loops: list[np.ndarray], interior: np.ndarray) -> np.ndarray:
     rings = [list(range(a, b)) for a, b in pairwise(starts)]
     border = {(ring[i - 1], ring[i]) for ring in rings for i in range(len(ring))}
     triangles = _cut_ears(points, _one_ring(points, rings))
-    _flip_to_delaunay(points, triangles, border)
+    _flip_to_delaunay(points, triangles, border, 0)
     for added in range(starts[-1], len(points)):
-        _insert(points, triangles, added)
-        _flip_to_delaunay(points, triangles, border)
+        _flip_to_delaunay(points, triangles, border, _insert(points, triangles, added))
     return np.array(triangles)
 
 
@@ -127,21 +126,30 @@ def _contains(points: list[Point], triangle, p: Point) -> bool:
     return _turn(a, b, p) >= -1e-12 and _turn(b, c, p) >= -1e-12 and _turn(c, a, p) >= -1e-12
 
 
-def _insert(points: list[Point], triangles: list[list[int]], added: int) -> None:
-    """Split the triangle, or the two at the edge, where the point lies."""
+def _insert(points: list[Point], triangles: list[list[int]], added: int) -> int:
+    """Split the triangle, or the two at the edge, where the point lies. Returns the index of the first new triangle."""
     p = points[added]
-    for triangle in [t for t in triangles if _contains(points, t, p)]:
+    split = [t for t in triangles if _contains(points, t, p)]
+    for triangle in split:
         triangles.remove(triangle)
-        a, b, c = triangle
+    first = len(triangles)
+    for a, b, c in split:
         for u, v in ((a, b), (b, c), (c, a)):
             if _turn(points[u], points[v], p) > 1e-9:
                 triangles.append([u, v, added])
+    return first
 
 
-def _flip_to_delaunay(points: list[Point], triangles: list[list[int]], border: set[tuple[int, int]]) -> None:
-    """Lawson's flips, in place, until no edge inside has a point in its circle; ties stay as they are."""
+def _flip_to_delaunay(
+    points: list[Point], triangles: list[list[int]], border: set[tuple[int, int]], first: int
+) -> None:
+    """Lawson's flips, in place, until no edge inside has a point in its circle; ties stay as they are.
+
+    Args:
+        first: index of the first triangle that is new; edges between the others need no flip.
+    """
     facing = {(t[k], t[(k + 1) % 3]): i for i, t in enumerate(triangles) for k in range(3)}
-    pending = list(facing)
+    pending = [(a, b) for (a, b), i in facing.items() if i >= first or facing.get((b, a), -1) >= first]
     while pending:
         a, b = pending.pop()
         if (a, b) in border or (b, a) in border or (a, b) not in facing or (b, a) not in facing:

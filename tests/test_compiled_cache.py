@@ -80,6 +80,7 @@ def test_the_source_hash_changes_with_any_python_file(tmp_path: Path):
     assert source_hash(tmp_path) != before
 
 
+@pytest.mark.slow
 def test_a_process_that_compiles_and_one_that_loads_end_alike_to_the_bit(tmp_path: Path):
     """LLVM optimises a function again where it is linked to another, and may then round sums differently."""
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}

@@ -116,7 +116,7 @@ def test_flows_of_all_photos_become_one_arrow_a_face_to_where_the_rays_meet(sess
 @pytest.mark.slow
 def test_on_the_facade_the_arrows_point_to_the_truth():
     scene = load_demo("facade")
-    found = face_residuals(Session(scene), 0)
+    found = face_residuals(Session(replace(scene, points_choice="none")), 0)
     assert scene.truth is not None
     assert scene.truth.vertices is not None
     way = (scene.truth.vertices - scene.mesh.vertices)[scene.mesh.faces].mean(axis=1)

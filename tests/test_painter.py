@@ -3,6 +3,7 @@
 import threading
 
 import numpy as np
+import pytest
 
 from app.pictures.texturer import Painter, TexturedMesh, Texturer
 from app.stage import Stage
@@ -35,6 +36,7 @@ def test_what_cannot_be_painted_is_not_tried_again_until_the_shape_changes():
     painter.close()
 
 
+@pytest.mark.slow
 def test_a_draft_has_the_same_mesh_a_smaller_texture_and_a_lower_cost():
     scene = load_demo("facade")
     ready = threading.Event()

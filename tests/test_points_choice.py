@@ -16,7 +16,7 @@ from rich.console import Console
 from app.cli.loading import SHOW_EVERY, load_with_bar
 from app.cli.main import run
 from app.files.scene_source import SceneSource
-from demo_scenes import load_demo
+from demo_scenes import load_demo, photography
 from fairing.camera import Camera
 from fairing.features import find_points
 from fairing.io import feature_points, read_capture, write_mesh
@@ -143,9 +143,8 @@ def test_a_demo_keeps_its_points_unless_its_own_are_chosen(monkeypatch, tmp_path
     assert own.origin == "own"
 
 
-@pytest.mark.slow
 def test_runs_of_demos_with_points_or_few_faces_do_not_search(monkeypatch):
-    monkeypatch.undo()  # the cache of the user, with the photos of the demos
+    monkeypatch.setattr(photography, "cached_photos", lambda scene, options, shape, make: np.zeros(shape, np.uint8))
     choices = {name: load_demo(name).points_choice for name in ("cube", "archway", "dome", "facade")}
     assert choices == {"cube": "given", "archway": "given", "dome": "given", "facade": "automatic"}
 

@@ -1,10 +1,16 @@
 """Whether a page fits its window and is accessible, measured in the browser."""
 
 from axe_playwright_python.sync_playwright import Axe
+from playwright.sync_api import ViewportSize
 
 from tests.browser.driver import WINDOW, Visitor
 
-SIZES = (WINDOW, {"width": 1440, "height": 900})
+SIZES: tuple[ViewportSize, ViewportSize] = (WINDOW, {"width": 1440, "height": 900})
+TABS = (
+    *("Experiments", "Lessons", "Cells"),
+    *("Breakpoints", "Layers", "Options", "Vertex"),
+    *("Runs", "Bookmarks", "Timeline"),
+)  # by panel
 TOO_WIDE = """() => {
     const found = [];
     for (const element of document.querySelectorAll('body *')) {
@@ -22,10 +28,56 @@ TOO_WIDE = """() => {
     return found;
 }"""
 
+_DRAWN = """async () => {
+    const extent = () => JSON.stringify([...document.querySelectorAll('.ef')].map(
+        panel => [panel.scrollWidth, panel.scrollHeight, panel.textContent.length]));
+    const deadline = performance.now() + 10000;  // ms
+    for (let last = '', same = 0; same < 3 && performance.now() < deadline;) {
+        const now = extent();
+        same = now === last ? same + 1 : 0;
+        last = now;
+        await new Promise(requestAnimationFrame);
+    }
+}"""
+_CALM = """() => document.getAnimations().every(({playState, effect}) =>
+    playState === 'finished' || effect.getComputedTiming().endTime === Infinity)"""
+
+
+def themes_and_sizes(case: int) -> list[tuple[str, ViewportSize]]:
+    """Each theme at one size; with cases of both parities each pair of case, theme and size occurs."""
+    return list(zip(("light", "dark"), SIZES if case % 2 == 0 else SIZES[::-1], strict=True))
+
 
 def show(visitor: Visitor, tab: str) -> None:
+    """Select a tab and wait until its panel is drawn and no longer changes from frame to frame."""
     visitor.page.get_by_role("tab", name=tab, exact=True).click()
-    visitor.page.wait_for_timeout(300)
+    visitor.page.evaluate(_DRAWN)
+
+
+def switch_theme(visitor: Visitor, theme: str) -> None:
+    """Change to the other theme, which is this one, and wait until its colours are there."""
+    visitor.page.keyboard.press("y")
+    visitor.page.wait_for_selector(f"html[data-mantine-color-scheme={theme}]")
+    wait_until_calm(visitor)
+
+
+def wait_until_calm(visitor: Visitor) -> None:
+    """Wait until the panels are drawn, their widgets have names and nothing fades: axe would measure colours on their way."""
+    visitor.page.evaluate(_DRAWN)
+    wait_for_names(visitor)
+    visitor.page.wait_for_function(_CALM)
+
+
+def wait_for_names(visitor: Visitor) -> None:
+    """Wait until widgets that are there have their names: the page's own timer gives them 200 ms after a change."""
+    visitor.page.evaluate("() => new Promise(done => setTimeout(done, 250))")
+
+
+def enlarge_a_cell(visitor: Visitor) -> None:
+    """Open the lens. In a low window it may cover the tabs of the timeline."""
+    show(visitor, "Cells")
+    visitor.page.get_by_role("button", name="Enlarge a cell in cube_00.png", exact=True).first.click()
+    visitor.page.get_by_alt_text("enlarged cell").wait_for()
 
 
 def too_wide(visitor: Visitor) -> list[str]:

@@ -10,11 +10,13 @@ from fairing.run.recorded_stages import RecordedStage, recorded_stages
 from fairing.run.session import Session
 from fairing.stage_kind import StageKind
 from tests.browser.driver import IN_BROWSER, WINDOW, Visitor, page_of
-from tests.browser.page_fit import SIZES, serious_findings, show, too_wide
+from tests.browser.page_fit import serious_findings, show, switch_theme, themes_and_sizes, too_wide
 from tests.small_scene import corner_scene, small_options
 from tests.staged_run import staged_trace
 
 pytestmark = [*IN_BROWSER, pytest.mark.slow]
+
+LOOKED_AT = (StageKind.POINTS, StageKind.JUDGE, StageKind.PHOTOS)
 
 
 @pytest.fixture(scope="module")
@@ -113,7 +115,7 @@ def test_energies_of_terms_are_drawn_at_the_moments_visited(visitor: Visitor, st
     chips.get_by_role("button", name="terms", exact=True).click()
 
 
-@pytest.mark.parametrize("kind", [StageKind.POINTS, StageKind.JUDGE, StageKind.PHOTOS])
+@pytest.mark.parametrize("kind", LOOKED_AT)
 def test_everything_fits_both_windows_in_both_themes(visitor: Visitor, stages: list[RecordedStage], kind: StageKind):
     go_to(visitor, first_of(stages, kind).end)
     page_of(visitor.app).interaction.select(0)
@@ -121,18 +123,13 @@ def test_everything_fits_both_windows_in_both_themes(visitor: Visitor, stages: l
     table.wait_for()
     show(visitor, "Timeline")
     show(visitor, "Vertex")
-    for theme in ("dark", "light"):
-        for size in SIZES:
-            visitor.resize(size)
-            assert too_wide(visitor) == [], f"{theme}, {size}"
-            box = visitor.box_of(table)
-            assert box["y"] + box["height"] <= size["height"], (
-                f"the table of pulls ends below the window, {theme}, {size}"
-            )
-            band = visitor.box_of(visitor.page.locator(".ef .stages"))
-            assert band["y"] + band["height"] <= size["height"], f"{theme}, {size}"
-            assert serious_findings(visitor) == [], f"{theme}, {size}"
-        visitor.page.keyboard.press("y")
-        other = "light" if theme == "dark" else "dark"
-        visitor.page.wait_for_selector(f"html[data-mantine-color-scheme={other}]")
+    for theme, size in themes_and_sizes(LOOKED_AT.index(kind)):
+        switch_theme(visitor, theme)
+        visitor.resize(size)
+        assert too_wide(visitor) == [], f"{theme}, {size}"
+        box = visitor.box_of(table)
+        assert box["y"] + box["height"] <= size["height"], f"the table of pulls ends below the window, {theme}, {size}"
+        band = visitor.box_of(visitor.page.locator(".ef .stages"))
+        assert band["y"] + band["height"] <= size["height"], f"{theme}, {size}"
+        assert serious_findings(visitor) == [], f"{theme}, {size}"
     visitor.resize(WINDOW)

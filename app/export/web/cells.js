@@ -86,13 +86,12 @@ class Cells {
   }
 
   // Draws the tiles of `views` onto a canvas: one row per photo, one column per kind. Photos without the face stay empty.
-  draw(canvas, found, views, side, gap, kinds = KINDS_SHOWN) {
+  draw(canvas, found, views, side, gap, kinds = KINDS_SHOWN, paint = found && this.painters(found)) {
     canvas.width = kinds.length * (side + gap) - gap;
     canvas.height = Math.max(1, views.length * (side + gap) - gap);
     const context = canvas.getContext("2d");
     if (!context || !found) return;
     const { size } = found, image = new ImageData(size, size), cell = Object.assign(document.createElement("canvas"), { width: size, height: size });
-    const paint = this.painters(found);
     context.imageSmoothingEnabled = size > side;
     context.imageSmoothingQuality = "high";
     views.forEach((view, row) => {
@@ -126,8 +125,8 @@ class Cells {
   painters(found) {
     const seen = [], every = Math.max(1, Math.floor(found.observed[0].length * found.observed.length / 20000));
     found.observed.forEach((cell, i) => { for (let t = i % every; t < cell.length; t += every) if (!found.counts[i] || found.counts[i][t]) seen.push(cell[t]); });
-    seen.sort((a, b) => a - b);
-    const dark = seen[Math.floor(0.005 * seen.length)], bright = Math.max(seen[Math.floor(0.995 * seen.length)], dark + 8);
+    const sorted = Float64Array.from(seen).sort();
+    const dark = sorted[Math.floor(0.005 * seen.length)], bright = Math.max(sorted[Math.floor(0.995 * seen.length)], dark + 8);
     const most = Math.max(...found.weight.map((weights) => weights.reduce((a, b) => Math.max(a, b), 0)), 1e-12);
     const grey = (value) => [value, value, value];
     const stretched = (value) => grey(Math.min(255, Math.max(0, (value - dark) * 255 / (bright - dark))));

@@ -110,9 +110,10 @@ function showRows(found, face, columns) {
   const width = Math.max(200, $("cells-panel").clientWidth - 40), tile = Math.min(WIDEST_TILE, Math.floor((width - TILE_GAP * (columns.length - 1)) / columns.length));
   const ratio = Math.min(2, window.devicePixelRatio || 1), whole = columns.length * (tile + TILE_GAP) - TILE_GAP, grid = `repeat(${columns.length}, ${tile}px)`;
   const heads = element("div", { className: "heads", style: `grid-template-columns:${grid};gap:${TILE_GAP}px` }, ...columns.map((kind) => element("span", { title: data.kinds[kind].meaning }, data.kinds[kind].head)));
+  const paint = run().cells.painters(found);
   const rows = found.views.map((view, i) => {
     const { name } = data.photos.views[view], canvas = element("canvas", { role: "img", "aria-label": `Cell of face ${face} in ${name}: ${columns.map((kind) => data.kinds[kind].head).join(", ")}; energy ${brief(found.energies[i])}` });
-    drawRow(canvas, found, before, flows, view, columns, Math.round(tile * ratio), Math.round(TILE_GAP * ratio));
+    drawRow(canvas, found, paint, before, flows, view, columns, Math.round(tile * ratio), Math.round(TILE_GAP * ratio));
     const over = svg("svg", { viewBox: `0 0 ${whole} ${tile}`, "aria-hidden": "true" });
     columns.forEach((kind, n) => { if (flows && !KIND_NAMES[kind]) drawArrows(over, flows, kind, view, n * (tile + TILE_GAP), tile); });
     const through = element("button", { type: "button", className: "chip", title: `Look through the camera of ${name}`, onclick: () => lookAt(view) }, name);
@@ -122,9 +123,9 @@ function showRows(found, face, columns) {
   $("rows").replaceChildren(heads, ...rows);
 }
 
-function drawRow(canvas, found, before, flows, view, columns, side, gap) {
+function drawRow(canvas, found, paint, before, flows, view, columns, side, gap) {
   const kinds = columns.map((kind) => KIND_NAMES[kind] ?? null), row = Object.assign(document.createElement("canvas"), {});
-  run().cells.draw(row, found, [view], side, gap, kinds.map((kind) => kind ?? "observed"));
+  run().cells.draw(row, found, [view], side, gap, kinds.map((kind) => kind ?? "observed"), paint);
   Object.assign(canvas, { width: row.width, height: row.height });
   const context = canvas.getContext("2d");
   if (!context) return;
