@@ -89,14 +89,6 @@ def movable(problem: Problem, vertices: np.ndarray) -> np.ndarray:
     return np.flatnonzero(~problem.locked & np.isfinite(pixel))
 
 
-def point_verdict(
-    problem: Problem, position: SchedulePosition, moment: int, vertices: np.ndarray, kept: np.ndarray
-) -> StepRecord:
-    """The record of a judge by held-back points; kept (n, 3): vertices (n, 3) after its verdict, world units."""
-    ids = np.flatnonzero((kept != vertices).any(axis=1))
-    return _unmeasured(problem, StageKind.JUDGE, position, moment, vertices, ids, kept, StepReason.RETURNED)
-
-
 def photo_verdict(
     problem: Problem,
     position: SchedulePosition,

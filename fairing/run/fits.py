@@ -1,6 +1,5 @@
 """Fits: what the stages of smoothing and of a fit to sparse points minimise, sweep by sweep."""
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -21,7 +20,6 @@ from fairing.solve.problem import Problem
 from fairing.terms.axes import broad_terms, narrow_terms, relations
 from fairing.terms.closest_points import anchor, average_information, closest_points
 from fairing.terms.names import POINTS
-from fairing.terms.point_judge import held_back_points, judged
 from fairing.terms.point_rays import PointRays, points_on_surface
 from fairing.terms.points import PointFit
 from fairing.trace import SchedulePosition, Trace
@@ -32,16 +30,6 @@ LEAST_ERROR = 3.0  # px: that a search for points near the mesh allows for
 FAR_PART, FAR_PX = 0.25, 0.9
 # px of the photos of a search: height of large faces; windows on smaller ones hold several (ledger: surface sweep: which starts).
 LARGE_FACE = 3 * (2 * HALF_WINDOW + 1)
-
-
-@dataclass(frozen=True, eq=False)
-class _PointSet:
-    """Points that pull in one stage, and what is made of them."""
-
-    points: FeaturePoints
-    rays: PointRays
-    held_back: np.ndarray
-    fit: PointFit
 
 
 class Fit:
@@ -55,7 +43,7 @@ class Fit:
         self._problem, self.begin = problem, problem.scene.mesh.moved(begin)
         self.cameras: list[Camera] = [view.camera for view in problem.scene.views]
         self._surface_points: dict[int, FeaturePoints] = {}
-        self._sets: dict[int | None, _PointSet] = {}
+        self._point_fits: dict[int | None, PointFit] = {}
 
     @cached_property
     def error(self) -> float:
@@ -94,21 +82,16 @@ class Fit:
                 self._surface_points[number] = sweep.points(self.begin.moved(vertices), self.allowed_error(number))
         return self._surface_points[number]
 
-    def point_set(self, surface: int | None, begun: np.ndarray) -> _PointSet:
-        """The points of a stage of gates; begun (n, 3): vertices at its beginning, world units."""
-        if surface not in self._sets:
+    def point_fit(self, surface: int | None, begun: np.ndarray) -> PointFit:
+        """The fit of a stage of gates; begun (n, 3): vertices at its beginning, world units."""
+        if surface not in self._point_fits:
             problem = self._problem
             points = problem.observed_points
             if surface is not None:
                 points = points.joined(self.surface_points(surface, begun))
-            rays, held_back = PointRays(self.cameras, points, problem.raise_if_cancelled), held_back_points(points)
-            self._sets[surface] = _PointSet(points, rays, held_back, PointFit(self.begin, rays, points, ~held_back))
-        return self._sets[surface]
-
-    def judged(self, surface: int | None, begun: np.ndarray, vertices: np.ndarray) -> np.ndarray:
-        """(n, 3) float: vertices (n, 3) after a stage of gates, back at the beginning where its held-back points prefer that."""
-        found = self.point_set(surface, begun)
-        return judged(self.begin, vertices, found.rays, found.held_back, found.fit.sigma)
+            rays = PointRays(self.cameras, points, problem.raise_if_cancelled)
+            self._point_fits[surface] = PointFit(self.begin, rays, points.covariance)
+        return self._point_fits[surface]
 
 
 def points_on_mesh(problem: Problem, vertices: np.ndarray, near: FeaturePoints | None) -> np.ndarray:
@@ -222,8 +205,7 @@ def terms_of_sweep(
     fit, stage, vertices = fits.begun_at(begins[0]), history.stage_of(position), vertices_at(moment)
     sweep, mesh = position.sweep - stage.first_sweep, problem.scene.mesh.moved(vertices)
     if isinstance(stage, PointGates):
-        points = fit.point_set(stage.surface, vertices_at(begins[1]))
-        return points.fit.terms(vertices, stage.gates[sweep])
+        return fit.point_fit(stage.surface, vertices_at(begins[1])).terms(vertices, stage.gates[sweep])
     pixel = pixel_size(fit.cameras, vertices)
     if isinstance(stage, Axes) and not stage.is_broad:
         return narrow_terms(vertices, mesh.faces, pixel)

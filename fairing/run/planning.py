@@ -16,7 +16,7 @@ from fairing.run.sweep_cache import SweepCache
 from fairing.run_plan import RunPlan
 from fairing.solve.point_split import fitting_points
 from fairing.solve.problem import Problem
-from fairing.terms.point_judge import held_back_loss
+from fairing.terms.point_judge import loss_of_points
 from fairing.trace import StepRecord
 
 LEAST_ERROR = 1.0  # px: Gauss-Newton reaches that far at every level
@@ -72,11 +72,11 @@ def make_plan(problem: Problem) -> Planned:
 
 
 def points_accept_smoothing(problem: Problem) -> bool:
-    """Whether the points held back lie nearer to the smoothed start than to the start."""
+    """Whether the points lie nearer to the smoothed start than to the start."""
     mesh, cameras = problem.scene.mesh, [view.camera for view in problem.scene.views]
     smooth = problem.moved_to(problem.start, smoothed(mesh, problem.start, PASSES))
     plain_loss, smooth_loss = (
-        held_back_loss(mesh.moved(vertices), cameras, problem.observed_points) for vertices in (problem.start, smooth)
+        loss_of_points(mesh.moved(vertices), cameras, problem.observed_points) for vertices in (problem.start, smooth)
     )
     return smooth_loss < plain_loss
 

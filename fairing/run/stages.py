@@ -100,11 +100,10 @@ class Judge(Stage):
     """One step that keeps what stages did, or goes back.
 
     Attributes:
-        by: "points": those held back, after gates, vertex by vertex; "photos": after smoothing or a fit, all or nothing;
-            "end": energy and held-out points, after the last sweeps.
+        by: "photos": after smoothing or a fit; "end": energy and held-out points, after the last sweeps. All or nothing.
     """
 
-    by: Literal["points", "photos", "end"] = "points"
+    by: Literal["photos", "end"] = "photos"
 
 
 def smoothing_stages() -> tuple[Stage, ...]:
@@ -124,15 +123,15 @@ def fit_stages(has_photos_of_points: bool) -> tuple[Stage, ...]:
     Args:
         has_photos_of_points: whether it is known which photos show the points.
     """
-    axes, judge = Axes(StageKind.AXES, 1, AXES_ITERATIONS), Judge(StageKind.JUDGE)
+    axes = Axes(StageKind.AXES, 1, AXES_ITERATIONS)
     broad = Axes(StageKind.AXES, BROAD_SWEEPS, AXES_ITERATIONS, is_broad=True)
     stages: list[Stage] = []
     if has_photos_of_points:
         gates = tuple(gate for gate in GATES for _ in range(STEPS))
         near = tuple(gate for gate in GATES if gate <= NEAR_GATE)
-        stages += [PointGates(StageKind.POINTS, len(gates), gates=gates), judge, axes]
+        stages += [PointGates(StageKind.POINTS, len(gates), gates=gates), axes]
         for number in range(SURFACE_SWEEPS):
-            stages += [PointGates(StageKind.SURFACE_POINTS, len(near), gates=near, surface=number), judge, axes]
+            stages += [PointGates(StageKind.SURFACE_POINTS, len(near), gates=near, surface=number), axes]
     rounds = ROUNDS_AFTER_GATES if has_photos_of_points else CLOSEST_ROUNDS
     stages += [ClosestPoints(StageKind.CLOSEST_POINTS, rounds), broad]
     stages += [ClosestPoints(StageKind.CLOSEST_POINTS, ROUNDS_AFTER_AXES, follows_axes=True), broad]

@@ -7,7 +7,7 @@ import numpy as np
 
 from fairing.errors import InputError
 from fairing.optimize.rows import Term
-from fairing.run.fit_step import fit_step, photo_verdict, point_verdict, smoothing_step
+from fairing.run.fit_step import fit_step, photo_verdict, smoothing_step
 from fairing.run.fits import applies, terms_of_sweep
 from fairing.run.gauss_newton_step import Proposal, gauss_newton_step, judge, propose
 from fairing.run.phases import Level
@@ -176,20 +176,11 @@ class Stepper:
             else:
                 record = end_verdict(problem, self._sweeps.at(moment), position, moment, vertices, begun)
             return replace(record, next_position=level.begin_of(None))
-        begin = history.part_begun(moment, position)
-        if stage.by == "photos":
-            self._terms = None
-            record = photo_verdict(
-                problem, position, moment, trace.vertices_at(begin), vertices, self._least_gain(begin, moment)
-            )
-            return replace(record, next_position=level.begin_of(level.after(stage)))
-        last = trace.steps[moment - 1].position
-        gates = history.stage_of(last)
-        assert isinstance(gates, PointGates)
-        begun = trace.vertices_at(history.stage_begun(moment, last))
-        kept = self._sweeps.fits.begun_at(begin).judged(gates.surface, begun, vertices)
-        record = point_verdict(problem, position, moment, vertices, kept)
-        return replace(record, next_position=level.begin_of(self._after(level, stage, position, moment, kept)))
+        begin, self._terms = history.part_begun(moment, position), None
+        record = photo_verdict(
+            problem, position, moment, trace.vertices_at(begin), vertices, self._least_gain(begin, moment)
+        )
+        return replace(record, next_position=level.begin_of(level.after(stage)))
 
     def _least_gain(self, begin: int, moment: int) -> float:
         """The part by which a fit from a moment to another must lower the loss of the photos.

@@ -64,7 +64,7 @@ def distances_px(mesh: Mesh, cameras: Sequence[Camera], points: FeaturePoints) -
     Args:
         cameras: of the photos that `points.photos` counts.
     """
-    found = PointRays(cameras, points).assign(mesh, FARTHEST * mesh.diagonal / 100, np.ones(len(points), dtype=bool))
+    found = PointRays(cameras, points).assign(mesh, FARTHEST * mesh.diagonal / 100)
     focal, centers = (np.array(of_all) for of_all in zip(*((c.K[0, 0], c.center) for c in cameras), strict=True))
     point = np.repeat(np.arange(len(points)), points.n_views)
     depth = np.linalg.norm(points.positions[point] - centers[points.photos], axis=1)
@@ -76,8 +76,7 @@ def distances_px(mesh: Mesh, cameras: Sequence[Camera], points: FeaturePoints) -
 def points_on_surface(mesh: Mesh, cameras: Sequence[Camera], points: FeaturePoints) -> np.ndarray:
     """(p,) bool: the points that belong to a face: their own photos see it there, and it lies within a tenth of the diagonal."""
     result = np.zeros(len(points), dtype=bool)
-    everything = np.ones(len(points), dtype=bool)
-    result[PointRays(cameras, points).assign(mesh, FARTHEST * mesh.diagonal / 100, everything).points] = True
+    result[PointRays(cameras, points).assign(mesh, FARTHEST * mesh.diagonal / 100).points] = True
     return result
 
 
@@ -94,8 +93,8 @@ class PointRays:
         self._origins = centers[points.photos]
         self._directions = points.positions[self._point] - self._origins
 
-    def assign(self, mesh: Mesh, reach: float, taking_part: np.ndarray) -> Assignment:
-        """The points (p,) bool that take part, each with the face that most of its photos see in its direction.
+    def assign(self, mesh: Mesh, reach: float) -> Assignment:
+        """The points, each with the face that most of its photos see in its direction.
 
         Args:
             reach: largest distance of a point from the plane of its face, world units.
@@ -103,9 +102,8 @@ class PointRays:
         self._check()
         origin = _origin_of_rays(mesh)
         shape = trimesh.Trimesh(mesh.vertices - origin, mesh.faces, process=False)
-        cast = np.flatnonzero(taking_part[self._point])
-        hit = shape.ray.intersects_first(self._origins[cast] - origin, self._directions[cast])
-        cast, hit = cast[hit >= 0], hit[hit >= 0]
+        hit = shape.ray.intersects_first(self._origins - origin, self._directions)
+        cast, hit = np.flatnonzero(hit >= 0), hit[hit >= 0]
         m = len(mesh.faces)
         candidates, votes = np.unique(self._point[cast] * m + hit, return_counts=True)
         point, face = candidates // m, candidates % m

@@ -9,7 +9,6 @@ anew at every gate. Beside it a Gaussian prior at the start holds what the point
 
 import numpy as np
 
-from fairing.features.points import FeaturePoints
 from fairing.mesh import Mesh
 from fairing.optimize.loss import GemanMcClure
 from fairing.optimize.rows import Anchor, Rows
@@ -36,22 +35,22 @@ class PointFit:
     Args:
         start: the mesh before the fit, to which its prior holds.
         rays: of the points.
-        used: (p,) bool: points that pull; the others judge.
+        covariance: (p, 3, 3) float: of their positions, world units^2.
 
     Attributes:
         sigma: world units: standard deviation of the start's vertices, which the points measure (ledger: robust fit: measured
             prior).
     """
 
-    def __init__(self, start: Mesh, rays: PointRays, points: FeaturePoints, used: np.ndarray) -> None:
-        self._start, self._rays, self._covariance, self._used = start, rays, points.covariance, used
+    def __init__(self, start: Mesh, rays: PointRays, covariance: np.ndarray) -> None:
+        self._start, self._rays, self._covariance = start, rays, covariance
         self._unit = start.diagonal / 100
-        measured = displacement(np.abs(rays.assign(start, FARTHEST * self._unit, used).distances))
+        measured = displacement(np.abs(rays.assign(start, FARTHEST * self._unit).distances))
         self.sigma = min(max(measured, POINT_SIGMA * self._unit), PRIOR_SIGMA * self._unit)
 
     def assigned(self, vertices: np.ndarray, gate: float) -> Assignment:
         """The points within reach of a gate, percent of the diagonal, of the mesh with vertices (n, 3)."""
-        return self._rays.assign(self._start.moved(vertices), REACH * gate * self._unit, self._used)
+        return self._rays.assign(self._start.moved(vertices), REACH * gate * self._unit)
 
     def terms(self, vertices: np.ndarray, gate: float) -> tuple[Rows, Anchor]:
         """The points at a gate, percent of the diagonal, and the prior at the start; associations are those of vertices (n, 3)."""
