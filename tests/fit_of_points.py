@@ -1,4 +1,4 @@
-"""Fits of a mesh without photos: gates and their judge, axes, closest points, with the terms and the iterations of a run."""
+"""Fits of a mesh without photos: gates, axes, closest points, with the terms and the iterations of a run."""
 
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -20,7 +20,7 @@ from fairing.solve.step_limits import unfolded
 from fairing.terms.axes import broad_terms, narrow_terms
 from fairing.terms.closest_points import anchor, average_information, closest_points
 from fairing.terms.names import POINTS
-from fairing.terms.point_judge import WIDEST, held_back_points, judged
+from fairing.terms.point_judge import WIDEST
 from fairing.terms.point_rays import Assignment, PointRays
 from fairing.terms.points import GATES, STEPS, PointFit
 
@@ -32,11 +32,11 @@ def guard_of(start: np.ndarray, faces: np.ndarray) -> Guard:
 
 class FitOfPoints(NamedTuple):
     """Attributes:
-    vertices: (n, 3) float: after the judge.
+    vertices: (n, 3) float.
     sigma: world units, of the prior.
     assigned: points that belong to a face of the result.
     start_error: world units: robust standard deviation of the points' distances from the start, 0 without points.
-    loss: mean Geman-McClure loss of the same points held back, at the start and at `vertices`; NaN without such points.
+    loss: mean Geman-McClure loss of the same points, at the start and at `vertices`; NaN without such points.
     """
 
     vertices: np.ndarray
@@ -53,26 +53,27 @@ def fit_of_points(
     locked: np.ndarray | None = None,
     sigma: float | None = None,
 ) -> FitOfPoints:
-    """A mesh after all gates and their judge.
+    """A mesh after all gates.
 
     Args:
         locked: (n,) bool; default: none.
         sigma: of the prior, world units; default: as the points measure it.
     """
     unit, guard = mesh.diagonal / 100, guard_of(mesh.vertices, mesh.faces)
-    rays, held_back, everything = PointRays(cameras, points), held_back_points(points), np.ones(len(points), dtype=bool)
-    fit = PointFit(mesh, rays, points, ~held_back)
+    rays = PointRays(cameras, points)
+    fit = PointFit(mesh, rays, points.covariance)
     fit.sigma = fit.sigma if sigma is None else sigma
     ids = np.arange(len(mesh.vertices)) if locked is None else np.flatnonzero(~locked)
     vertices = mesh.vertices
     for gate in GATES:
         for _ in range(STEPS):
             vertices = iterate(fit.terms(vertices, gate), vertices, ids, guard).after
-    vertices = judged(mesh, vertices, rays, held_back, fit.sigma)
-    before, after = (rays.assign(each, WIDEST * unit, everything) for each in (mesh, mesh.moved(vertices)))
+    before, after = (rays.assign(each, WIDEST * unit) for each in (mesh, mesh.moved(vertices)))
     error = 1.4826 * float(np.median(np.abs(before.distances))) if len(before.points) else 0.0
-    judges = [p for p in np.union1d(before.points, after.points) if held_back[p]]
-    losses = [np.mean([_loss(found, p, fit.sigma) for p in judges]) if judges else np.nan for found in (before, after)]
+    judges = np.union1d(before.points, after.points)
+    losses = [
+        np.mean([_loss(found, p, fit.sigma) for p in judges]) if len(judges) else np.nan for found in (before, after)
+    ]
     return FitOfPoints(vertices, fit.sigma, len(after.points), error, (float(losses[0]), float(losses[1])))
 
 

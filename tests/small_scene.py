@@ -158,9 +158,15 @@ def on_the_faces(count: int = 600, seed: int = 0) -> np.ndarray:
     return np.einsum("cfk,fkx->cfx", weights, VERTICES[FACES]).reshape(-1, 3)
 
 
-def observed(scene: Scene, positions: np.ndarray, origin: Literal["given", "own"] = "own") -> Scene:
-    """The scene with points (n, 3) that each photo observes without error, each both for the fit and held out."""
-    positions = np.repeat(positions, 2, axis=0)
+def observed(
+    scene: Scene, positions: np.ndarray, origin: Literal["given", "own"] = "own", *, is_shared: bool = True
+) -> Scene:
+    """The scene with points (n, 3) that each photo observes without error.
+
+    Args:
+        is_shared: each both for the fit and held out; else every second one is held out, as in a run.
+    """
+    positions = np.repeat(positions, 2, axis=0) if is_shared else positions
     seen = [(p, v) for p in range(len(positions)) for v in range(len(scene.views))]
     pixels = np.array([scene.views[v].camera.project(positions[p])[0] for p, v in seen])
     points = SparsePoints(positions, np.zeros((len(positions), 3), np.uint8), np.array(seen), pixels, origin)

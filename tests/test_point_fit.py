@@ -224,6 +224,14 @@ def test_a_run_with_points_far_from_the_mesh_does_without_them():
     assert not session.make_plan().is_fitted_to_points
 
 
+@pytest.mark.parametrize("seed", [4, 5, 6])
+def test_false_points_do_not_keep_photos_from_correcting_the_start(seed: int):
+    false = on_the_faces() + np.random.default_rng(seed).uniform(-0.2, 0.2, (600, 3))
+    session = Session(observed(corner_scene(), false, is_shared=False), small_options(step=USED))
+    session.run()
+    assert error_of(session.vertices) < 0.1 * error_of(session.scene.mesh.vertices)
+
+
 def test_the_fit_is_free_of_units():
     points = on_the_faces() + 0.01 * np.random.default_rng(5).standard_normal((600, 3))
     scene = with_points(points)

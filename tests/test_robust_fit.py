@@ -7,7 +7,7 @@ import trimesh
 from fairing.features import FeaturePoints
 from fairing.mesh import Mesh
 from fairing.scene import SparsePoints
-from fairing.terms.point_judge import held_back_loss, points_prefer
+from fairing.terms.point_judge import loss_of_points, points_prefer
 from fairing.terms.point_rays import distances_px, points_on_surface
 from fairing.terms.points import PRIOR_SIGMA
 from tests.fit_of_points import fit_of_points
@@ -101,15 +101,6 @@ def test_a_start_at_the_truth_stays_there():
     assert fit.start_error < 2 * SIGMA
 
 
-@pytest.mark.parametrize("seed", [4, 5, 6])
-def test_false_points_never_make_the_start_worse(seed: int):
-    mesh, rng = start(0.3, seed), np.random.default_rng(seed)
-    false = on_sides(1500) + rng.uniform(-0.2, 0.2, (1500, 3))
-    fit = fit_of_points(mesh, cameras(), points_at(false))
-    assert rms(off_surface(mesh, fit.vertices)) <= rms(off_surface(mesh, mesh.vertices))
-    assert not fit.loss[1] > fit.loss[0]
-
-
 def test_no_points_leave_the_start_as_it_is():
     mesh = start()
     for points in (FeaturePoints.none("no texture"), points_at(on_sides(30) - 5)):
@@ -148,9 +139,9 @@ def test_points_of_ground_and_background_are_not_on_the_surface():
     assert not found[600:].any()
 
 
-def test_points_held_back_prefer_the_truth_to_a_displaced_mesh():
+def test_points_lose_less_at_the_truth_than_at_a_displaced_mesh():
     points = points_at(on_sides(2000))
-    assert held_back_loss(truth(), cameras(), points) < 0.5 * held_back_loss(start(), cameras(), points)
+    assert loss_of_points(truth(), cameras(), points) < 0.5 * loss_of_points(start(), cameras(), points)
 
 
 def test_distances_in_photos_are_those_of_a_slow_loop():

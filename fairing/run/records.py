@@ -188,8 +188,13 @@ def end_verdict(
     return moved_record(problem, position, moment, everything, here, there, StepReason.RETURNED)
 
 
+def points_agree(problem: Problem, before: np.ndarray, after: np.ndarray) -> bool:
+    """Whether the observed points that no fit uses, if any, clearly prefer the second of two states (n, 3), world units."""
+    return len(observed_kept_points(problem.scene)) == 0 or _points_prefer(problem, before, after)
+
+
 def _points_prefer(problem: Problem, before: np.ndarray, after: np.ndarray) -> bool:
-    """Whether the observed points kept for evaluation clearly prefer the second of two states (n, 3), world units."""
+    """Whether there are observed points that no fit uses, and they clearly prefer the second of two states (n, 3), world units."""
     kept = observed_kept_points(problem.scene)
     if not any(problem.options.step.points) or len(kept) == 0:
         return False

@@ -7,7 +7,7 @@ import numpy as np
 
 from fairing.errors import InputError
 from fairing.optimize.rows import Term
-from fairing.run.fit_step import fit_step, photo_verdict, smoothing_step
+from fairing.run.fit_step import fit_step, fit_verdict, smoothing_step
 from fairing.run.fits import applies, terms_of_sweep
 from fairing.run.gauss_newton_step import Proposal, gauss_newton_step, judge, propose
 from fairing.run.phases import Level
@@ -177,9 +177,9 @@ class Stepper:
                 record = end_verdict(problem, self._sweeps.at(moment), position, moment, vertices, begun)
             return replace(record, next_position=level.begin_of(None))
         begin, self._terms = history.part_begun(moment, position), None
-        record = photo_verdict(
-            problem, position, moment, trace.vertices_at(begin), vertices, self._least_gain(begin, moment)
-        )
+        begun, is_smoothing = trace.vertices_at(begin), isinstance(level.part_of(stage)[0], Smoothing)
+        least_gain = self._least_gain(begin, moment)
+        record = fit_verdict(problem, position, moment, begun, vertices, least_gain, asks_points=not is_smoothing)
         return replace(record, next_position=level.begin_of(level.after(stage)))
 
     def _least_gain(self, begin: int, moment: int) -> float:
