@@ -71,7 +71,7 @@ def test_exact_cameras_are_given_back_unchanged():
     assert found.reason.startswith("cameras as given")
 
 
-@pytest.mark.parametrize("px", [0.5, 1.5])
+@pytest.mark.parametrize("px", [0.5, pytest.param(1.5, marks=pytest.mark.slow)])
 def test_turned_cameras_are_corrected(px):
     found, wrong = refined(px), turned(exact_scene(), px)
     assert found.taken, found.reason
