@@ -80,7 +80,7 @@ _REASON_TEXTS = {
     StepReason.SMOOTHED: "smoothed: the photos agree better with the start's noise filtered out",
     StepReason.FITTED_TO_POINTS: "fitted to the sparse points: half of them are used, and the photos agree",
     StepReason.FITTED_AGAIN: "fitted again: to the sparse points, from where the photos had taken the mesh, and the photos agree",
-    StepReason.REJECTED_FIT: "returned: the photos, or points that no fit uses, do not agree with the smoothing or the fit",
+    StepReason.REJECTED_FIT: "returned: the photos do not agree with the smoothing or the fit",
 }
 MANUAL_REASONS = (StepReason.MOVED_MANUALLY, StepReason.RESET_MANUALLY)
 

@@ -21,8 +21,8 @@ LETTERS = {
     StageKind.PHOTOS: "G", StageKind.SMOOTHNESS: "S", StageKind.POINTS: "P", StageKind.SURFACE_POINTS: "U",
     StageKind.AXES: "A", StageKind.CLOSEST_POINTS: "C", StageKind.JUDGE: "J",
 }  # fmt: skip
-# Points, then twice points near the mesh, each with the axes; closest points and broad relations; photos judge.
-FITTED = "PA" + 2 * "UA" + "CACA" + "J"
+# Points with their judge, then twice points near the mesh, each with the axes; closest points and broad relations; photos judge.
+FITTED = "PJA" + 2 * "UA" + "CACA" + "J"
 
 
 def gauss_newton(max_sweeps: int, max_iterations: int = 1) -> Photos:

@@ -10,7 +10,7 @@ from fairing.geometry.normal_filter import filtered_normals, moves_to_planes, pl
 from fairing.geometry.pixel_size import pixel_size
 from fairing.optimize.iteration import OBJECTIVE_TOLERANCE, Iteration, iterate
 from fairing.optimize.rows import Term
-from fairing.run.records import Energies, Evaluation, build_record, moved_record, points_agree
+from fairing.run.records import Energies, Evaluation, build_record, moved_record
 from fairing.run.stages import Stage
 from fairing.solve.energy import robust_scale
 from fairing.solve.face_loss import loss_of_faces
@@ -89,27 +89,31 @@ def movable(problem: Problem, vertices: np.ndarray) -> np.ndarray:
     return np.flatnonzero(~problem.locked & np.isfinite(pixel))
 
 
-def fit_verdict(
+def point_verdict(
+    problem: Problem, position: SchedulePosition, moment: int, vertices: np.ndarray, kept: np.ndarray
+) -> StepRecord:
+    """The record of a judge by points; kept (n, 3): vertices (n, 3) after its verdict, world units."""
+    ids = np.flatnonzero((kept != vertices).any(axis=1))
+    return _unmeasured(problem, StageKind.JUDGE, position, moment, vertices, ids, kept, StepReason.RETURNED)
+
+
+def photo_verdict(
     problem: Problem,
     position: SchedulePosition,
     moment: int,
     begun: np.ndarray,
     vertices: np.ndarray,
     least_gain: float,
-    *,
-    asks_points: bool,
 ) -> StepRecord:
-    """The record of the judge of smoothing or a fit: all vertices go back where the mean loss of the photos does not fall by a
-    gain, or where the points that no fit uses do not clearly prefer the result.
+    """The record of a judge by photos: all vertices go back where their mean loss does not fall by a gain.
 
     Coarse photos judge: a fine level's, at which the fit's way can be seen. The objective is the mean loss per photo px, before
-    smoothing or fit and after it. (ledger: judge of the fit by points)
+    smoothing or fit and after it.
 
     Args:
         begun: (n, 3) float: before smoothing or fit, world units.
         vertices: (n, 3) float: after it.
         least_gain: relative; the loss must fall by more.
-        asks_points: whether points judge as well, where there are any whose photos are known.
 
     Raises:
         Cancelled: cancellation was requested.
@@ -117,8 +121,7 @@ def fit_verdict(
     with problem.work.doing("comparing with the photos", 2) as work:
         before, after = (evaluated(problem, places) for places in work.each((begun, vertices)))
     losses = mean_loss(before), mean_loss(after)
-    photos_agree = 1 - losses[1] / max(losses[0], 1e-300) > least_gain
-    if photos_agree and (not asks_points or points_agree(problem, begun, vertices)):
+    if 1 - losses[1] / max(losses[0], 1e-300) > least_gain:
         nothing = np.zeros(0, dtype=int)
         return moved_record(
             problem, position, moment, nothing, before, after, StepReason.RETURNED, losses, StageKind.JUDGE

@@ -100,10 +100,11 @@ class Judge(Stage):
     """One step that keeps what stages did, or goes back.
 
     Attributes:
-        by: "photos": after smoothing or a fit; "end": energy and held-out points, after the last sweeps. All or nothing.
+        by: "points": held-out points, after the gates of the sparse points; "photos": after smoothing or a fit; "end": energy and
+            held-out points, after the last sweeps. All or nothing.
     """
 
-    by: Literal["photos", "end"] = "photos"
+    by: Literal["points", "photos", "end"] = "photos"
 
 
 def smoothing_stages() -> tuple[Stage, ...]:
@@ -129,7 +130,7 @@ def fit_stages(has_photos_of_points: bool) -> tuple[Stage, ...]:
     if has_photos_of_points:
         gates = tuple(gate for gate in GATES for _ in range(STEPS))
         near = tuple(gate for gate in GATES if gate <= NEAR_GATE)
-        stages += [PointGates(StageKind.POINTS, len(gates), gates=gates), axes]
+        stages += [PointGates(StageKind.POINTS, len(gates), gates=gates), Judge(StageKind.JUDGE, by="points"), axes]
         for number in range(SURFACE_SWEEPS):
             stages += [PointGates(StageKind.SURFACE_POINTS, len(near), gates=near, surface=number), axes]
     rounds = ROUNDS_AFTER_GATES if has_photos_of_points else CLOSEST_ROUNDS
