@@ -11,20 +11,23 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from PIL import Image
+from PIL import Image, ImageDraw, ImageFont
 from playwright.sync_api import Browser, Page
 
-from app.debugger.commands import Run
+from app.debugger.commands import JumpTo, Run
 from app.debugger.run_state import Activity
 from app.export.page import write_page
 from app.export.picture import picture
 from app.export.run_facts import RunFacts
+from app.files.scene_source import SceneSource
 from app.lessons.player import Status
 from app.lessons.scenes import load_lesson_scene
 from app.page.server import start
 from demo_scenes import load_demo
 from fairing.options import PRESETS, FairingOptions
+from fairing.run.recorded_stages import recorded_stages
 from fairing.run.session import Session
+from fairing.stage_kind import StageKind
 from tests.browser.driver import WINDOW, Visitor, chromium, page_of
 from tests.waiting import wait_for
 
@@ -34,6 +37,10 @@ CORNER = 0  # vertex A; the others are held, as in the paper's first experiment
 LESSON_STEP = 3  # from 0
 SETTLED = 3  # so many shots in a row must be the same
 MOST_SHOTS = 60
+STORY_SCENE, STORY_VERTEX = "building:14", 42
+STORY_STAGES = (StageKind.POINTS, StageKind.AXES, StageKind.SURFACE_POINTS)  # before the photos
+STORY_BELOW = 130  # px, of the caption and the table
+BACKGROUND = (26, 27, 30)
 SHARES = (0.0, 0.3, 0.6, 0.95)  # of the corner's way to the truth, in the row of shots of a run
 
 
@@ -56,6 +63,8 @@ def main(wanted: list[str]) -> None:
             save("lesson", lesson(browser))
         if not wanted or "run" in wanted:
             save("run", run(browser, options))
+        if not wanted or "story" in wanted:
+            save("story", story(browser))
     app.stop()
     if not wanted or "before_after" in wanted:
         facts = RunFacts(session, PICTURES)
@@ -151,6 +160,56 @@ def run(browser: Browser, options: FairingOptions) -> np.ndarray:
     app.stop()
     height = WINDOW["width"] // len(SHARES)
     return np.hstack([np.asarray(Image.fromarray(shot).resize((height, height))) for shot in shots])
+
+
+def story(browser: Browser) -> np.ndarray:
+    """A row of shots of one vertex of a building: what pulls at it when a stage begins, and the end."""
+    scene = SceneSource.typed(STORY_SCENE, None, points="automatic").load()
+    session = Session(scene)
+    session.run()
+    stages = recorded_stages(session.trace)
+    photos = next(stage for stage in stages if stage.kind is StageKind.PHOTOS)
+    begun = [next(stage for stage in stages if stage.kind is kind) for kind in STORY_STAGES]
+    app = start(session, port=0)
+    visitor = Visitor(browser, app)
+    visitor.close_notifications()
+    served = page_of(app)
+    served.interaction.select(STORY_VERTEX)
+    served.page_state.shown |= {"pulls": True, "cameras": False, "start": False}
+    vertices = app.resources.stage.page_from_world(app.controller.state.vertices)
+    served.camera.fly_to(STORY_VERTEX, vertices.astype(np.float64))
+    columns = [_column(visitor, stage.begin, stage.kind.label) for stage in (*begun, photos)]
+    columns.append(_column(visitor, len(session.trace), "the end"))
+    app.stop()
+    return np.hstack(columns)
+
+
+def _column(visitor: Visitor, moment: int, stage: str) -> np.ndarray:
+    """The surroundings of the selected vertex at a moment, the stage that begins there, and the table of what pulls."""
+    app, page = visitor.app, visitor.page
+    app.controller.post(JumpTo(moment))
+    app.controller.wait_until_idle()
+    table = page.locator(".ef table.pulls")
+    wait_for(lambda: table.count() == 1 and "at moment" not in table.inner_text())
+    settled(page)
+    canvas = visitor.canvas_box()
+    x, y = visitor.drawn_at(STORY_VERTEX)
+    width = WINDOW["width"] // (len(STORY_STAGES) + 2)
+    view = Image.fromarray(_shot(page, (canvas["x"] + x - width / 2, canvas["y"] + y - width / 2, width, width)))
+    column = Image.new("RGB", (width, width + STORY_BELOW), BACKGROUND)
+    column.paste(view, (0, 0))
+    if not app.controller.state.finished:
+        box = visitor.box_of(table)
+        pulls = Image.fromarray(_shot(page, (box["x"], box["y"], box["width"], box["height"])))
+        pulls = pulls.resize((width - 16, round(pulls.height * (width - 16) / pulls.width)))
+        column.paste(pulls, (8, width + 34))
+    scene = app.controller.scene
+    assert scene.truth is not None
+    assert scene.truth.vertices is not None
+    off = np.linalg.norm(app.controller.state.vertices[STORY_VERTEX] - scene.truth.vertices[STORY_VERTEX])
+    text = f"{stage}: {100 * off / scene.mesh.diagonal:.3f} % off"
+    ImageDraw.Draw(column).text((8, width + 8), text, "white", ImageFont.load_default(15))
+    return np.asarray(column)
 
 
 def settled(page: Page) -> np.ndarray:
