@@ -14,7 +14,7 @@ from fairing.terms.points import GATES, NEAR_GATE, STEPS
 
 PASSES = 5  # of the normal filter
 SURFACE_SWEEPS = 2  # each allows for half the error of the one before (ledger: surface sweep)
-AXES_ITERATIONS = 3  # more move hardly anything (ledger: iterations of the axes)
+AXES_ITERATIONS = 3  # more hardly move anything (ledger: iterations of the axes)
 BROAD_SWEEPS = 4  # each allows for half the error of the one before (ledger: broad relations)
 CLOSEST_ROUNDS = 12  # of a fit to points whose photos are not known
 ROUNDS_AFTER_GATES = 4  # (ledger: choice of the fit)
