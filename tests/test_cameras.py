@@ -14,7 +14,8 @@ from fairing.cameras.estimation import estimate_poses, loss_at
 from fairing.cameras.judge import is_held_out, judge_cameras
 from fairing.cameras.observed_points import ObservedPoints
 from fairing.cameras.pose_model import PARAMETERS, PoseModel, left_jacobians
-from fairing.optimize.loss import GemanMcClure, Huber, Square
+from fairing.optimize.loss import GemanMcClure, Huber
+from tests.square_loss import Square
 
 WIDTH, HEIGHT, FOCAL = 800, 600, 900.0
 SIGMA = Deviations(0.3, 0.8, 0.5)

@@ -7,10 +7,10 @@ import pytest
 import trimesh
 from scipy.optimize import minimize
 
-from fairing.optimize.loss import Square
 from fairing.run.stages import BROAD_SWEEPS
 from fairing.terms.axes import ANGLE, FAR_INFORMATION, FAR_SCALE, SCALE, START_PART, related, relations
 from tests.fit_of_points import straightened, straightened_from_afar
+from tests.square_loss import Square
 
 PIXEL = 0.05  # world units: an edge of a cube has 20 px
 TURN = trimesh.transformations.rotation_matrix(0.7, [1, 2, 3])[:3, :3]

@@ -6,9 +6,10 @@ import trimesh
 
 from fairing.geometry.normals import face_normals
 from fairing.optimize.iteration import OBJECTIVE_TOLERANCE, iterate, step_parts
-from fairing.optimize.loss import GemanMcClure, Huber, Loss, Square
+from fairing.optimize.loss import GemanMcClure, Huber, Loss
 from fairing.optimize.rows import Anchor, Rows, Term
 from tests.fit_of_points import guard_of
+from tests.square_loss import Square
 
 LOSSES = (Square(), GemanMcClure(0.7), Huber(0.7))
 STEP = 1e-6

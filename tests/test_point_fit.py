@@ -15,7 +15,7 @@ from fairing.run.fits import points_prior
 from fairing.run.gauss_newton_step import gauss_newton_step
 from fairing.run.phases import FITTED_SIGMA, Level, schedule_of
 from fairing.run.planning import FAR_ERROR, points_accept_smoothing
-from fairing.run.records import _points_prefer
+from fairing.run.records import held_out_points_prefer
 from fairing.run.session import Session
 from fairing.run.stages import Photos
 from fairing.run.sweep import RESIDUAL_AREA, SweepState, begin_sweep
@@ -319,10 +319,10 @@ def test_the_points_measure_how_far_off_the_start_is():
 def test_points_that_no_fit_used_prefer_the_state_they_lie_on():
     scene = observed(corner_scene(FAR), on_the_faces(600))
     problem, truth = problem_of(scene, small_options(step=USED)), corner_scene((0, 0, 0)).mesh.vertices
-    assert _points_prefer(problem, scene.mesh.vertices, truth)
-    assert not _points_prefer(problem, truth, scene.mesh.vertices)
+    assert held_out_points_prefer(problem, scene.mesh.vertices, truth, without=False)
+    assert not held_out_points_prefer(problem, truth, scene.mesh.vertices, without=False)
     without = problem_of(scene, small_options(step={"points": [0.0]}))
-    assert not _points_prefer(without, scene.mesh.vertices, truth)
+    assert not held_out_points_prefer(without, scene.mesh.vertices, truth, without=False)
 
 
 def test_points_accept_smoothing_of_noise_and_refuse_it_at_the_truth():

@@ -23,17 +23,6 @@ class Loss(Protocol):
 
 
 @dataclass(frozen=True)
-class Square:
-    """r^2 / 2: least squares."""
-
-    def value(self, residuals: np.ndarray) -> np.ndarray:
-        return 0.5 * residuals**2
-
-    def weight(self, residuals: np.ndarray) -> np.ndarray:
-        return np.ones(len(residuals))
-
-
-@dataclass(frozen=True)
 class GemanMcClure:
     """s^2 r^2 / (2 (s^2 + r^2)) at scale s: a residual of s has a quarter of the weight, distant ones have none."""
 

@@ -181,23 +181,24 @@ def end_verdict(
         Evaluation(places, sweep.context, problem.energies(sweep.context, places, sweep.scale))
         for places in (vertices, begun)
     )
-    if here.system.energy.sum() <= there.system.energy.sum() and not _points_prefer(problem, vertices, begun):
+    if here.system.energy.sum() <= there.system.energy.sum() and not held_out_points_prefer(
+        problem, vertices, begun, without=False
+    ):
         nothing = np.zeros(0, dtype=int)
         return moved_record(problem, position, moment, nothing, here, here, StepReason.RETURNED, stage=StageKind.JUDGE)
     everything = np.arange(len(vertices))
     return moved_record(problem, position, moment, everything, here, there, StepReason.RETURNED)
 
 
-def points_agree(problem: Problem, before: np.ndarray, after: np.ndarray) -> bool:
-    """Whether the observed points that no fit uses, if any, clearly prefer the second of two states (n, 3), world units."""
-    return len(observed_kept_points(problem.scene)) == 0 or _points_prefer(problem, before, after)
+def held_out_points_prefer(problem: Problem, before: np.ndarray, after: np.ndarray, *, without: bool) -> bool:
+    """Whether the observed points that no fit uses clearly prefer the second of two states (n, 3), world units.
 
-
-def _points_prefer(problem: Problem, before: np.ndarray, after: np.ndarray) -> bool:
-    """Whether there are observed points that no fit uses, and they clearly prefer the second of two states (n, 3), world units."""
+    Args:
+        without: the answer where there are no such points, or the run does without points.
+    """
     kept = observed_kept_points(problem.scene)
     if not any(problem.options.step.points) or len(kept) == 0:
-        return False
+        return without
     mesh, cameras = problem.scene.mesh, [view.camera for view in problem.scene.views]
     return points_prefer(mesh.moved(before), mesh.moved(after), cameras, kept)
 

@@ -12,7 +12,7 @@ from fairing.run.fits import applies, terms_of_sweep
 from fairing.run.gauss_newton_step import Proposal, gauss_newton_step, judge, propose
 from fairing.run.phases import Level
 from fairing.run.pulls import Pull, pulls_at, pulls_of_fit
-from fairing.run.records import empty_record, end_verdict, points_agree
+from fairing.run.records import empty_record, end_verdict, held_out_points_prefer
 from fairing.run.schedule import next_position
 from fairing.run.stages import ClosestPoints, Judge, Photos, PointGates, Smoothing, Stage
 from fairing.run.sweep import SweepState
@@ -177,13 +177,12 @@ class Stepper:
                 record = end_verdict(problem, self._sweeps.at(moment), position, moment, vertices, begun)
             return replace(record, next_position=level.begin_of(None))
         begin, self._terms = history.part_begun(moment, position), None
+        begun = trace.vertices_at(begin)
         if stage.by == "points":
-            kept = vertices if points_agree(problem, trace.vertices_at(begin), vertices) else trace.vertices_at(begin)
+            kept = vertices if held_out_points_prefer(problem, begun, vertices, without=True) else begun
             record = point_verdict(problem, position, moment, vertices, kept)
             return replace(record, next_position=level.begin_of(self._after(level, stage, position, moment, kept)))
-        record = photo_verdict(
-            problem, position, moment, trace.vertices_at(begin), vertices, self._least_gain(begin, moment)
-        )
+        record = photo_verdict(problem, position, moment, begun, vertices, self._least_gain(begin, moment))
         return replace(record, next_position=level.begin_of(level.after(stage)))
 
     def _least_gain(self, begin: int, moment: int) -> float:

@@ -7,9 +7,9 @@ from app.debugger.compare import Reference
 from app.debugger.watch import parse_watch
 from app.page_state.cells_state import PAGES
 from app.page_state.selection import Selection
-from fairing.options import FairingOptions, ScheduleOptions
 from tests.browser.driver import IN_BROWSER, Visitor, page_of
 from tests.browser.page_fit import (
+    OPTIONS,
     SIZES,
     TABS,
     enlarge_a_cell,
@@ -25,11 +25,6 @@ from tests.waiting import wait_for
 
 pytestmark = [*IN_BROWSER, pytest.mark.slow]
 
-OPTIONS = FairingOptions(
-    schedule=ScheduleOptions(
-        blur=(3.6, 2.0), order="sequential", max_sweeps=(1,), max_iterations=(2,), first_level="first"
-    )
-)
 GROUPS = ".mantine-Paper-root > .mantine-Paper-root:has(> svg[class*=chevron])"  # titles of viser's folders
 CELLS = {
     "In the photos": ".ef :text('its last step, ×')",

@@ -21,6 +21,7 @@ from fairing.run_plan import RunPlan
 from fairing.trace import SchedulePosition
 from tests.browser.driver import IN_BROWSER, WINDOW, Visitor, page_of
 from tests.browser.page_fit import (
+    OPTIONS,
     SIZES,
     TABS,
     enlarge_a_cell,
@@ -35,11 +36,6 @@ from tests.waiting import wait_for
 
 pytestmark = [*IN_BROWSER, pytest.mark.slow]
 
-OPTIONS = FairingOptions(
-    schedule=ScheduleOptions(
-        blur=(3.6, 2.0), order="sequential", max_sweeps=(1,), max_iterations=(2,), first_level="first"
-    )
-)
 ORDERS = ("sequential", "worst_first", "independent", "joint")
 ENLARGED = ("residual", "model", CROP, PAIR_KINDS[0])
 COVERED_BUTTONS = """panel => [...panel.querySelectorAll('button')].filter(button => {
