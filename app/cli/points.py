@@ -50,16 +50,16 @@ def points_to_folder(source: SceneSource, out: Path, console: Console) -> int:
         capture = read_capture(source.scene, source.choice)
         views, warnings = capture.views, capture.warnings
     check_cameras(views)
-    with locked_output_folder(out):
-        try:
+    try:
+        with locked_output_folder(out):
             found = _find(views, out / STORED, console)
-        except Cancelled:
-            print_line(console, "cancelled; no points written")
-            return 130
-        if len(found) == 0:
-            raise InputError(f"{source.scene}: no points found: {found.reason}")
-        notes = write_capture(out, "colmap", views, found.sparse_points())
-        write_point_cloud(out / CLOUD, found)
+            if len(found) == 0:
+                raise InputError(f"{source.scene}: no points found: {found.reason}")
+            notes = write_capture(out, "colmap", views, found.sparse_points())
+            write_point_cloud(out / CLOUD, found)
+    except Cancelled:
+        print_line(console, "cancelled; no points written")
+        return 130
     for note in (*warnings, *notes):
         print_line(console, f"note: {note}")
     print_line(console, f"{summary_line(found, len(views))}; wrote {out / 'sparse'}, images, {CLOUD}, {STORED}")
