@@ -49,9 +49,9 @@ def test_points_become_a_mesh_with_a_record_and_a_report(capture, tmp_path, caps
     assert report["flips"] == len(trace) > 0
     assert report["energy"]["after"] < report["energy"]["before"]
     assert report["inconsistent_edges"]["after"] < report["inconsistent_edges"]["before"]
-    assert report["vertices"] + sum(report["points_left_out"].values()) == 25
+    assert report["points"] + sum(report["points_left_out"].values()) == 25
     said = " ".join(capsys.readouterr().err.split())
-    assert f"{len(vertices)} points became vertices, triangulated in photo" in said
+    assert f"{report['points']} points gave a surface of {len(vertices)} vertices" in said
     assert "no further flip lowers the energy" in said
 
     assert run(["triangulate", str(capture), "--out", str(out), "--max-vertices", "14"]) == 0

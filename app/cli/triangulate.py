@@ -36,12 +36,13 @@ def triangulate_command(
     points: PointsArgument = "automatic",
     photos: PhotosArgument = ALL_PHOTOS,
 ) -> int:
-    """Make a start mesh from sparse points: Delaunay triangulation, then edge flips where the photos agree better.
+    """Make a start mesh from sparse points: the surface between tetrahedra inside and outside, then edge flips.
 
     Args:
         out: The mesh (.ply or .obj). Beside it go the record of flips (.flips) and a report (.report.json).
-        max_vertices: Largest number of points that become vertices: those that most photos see, evenly spread.
-        spacing: Smallest distance of two vertices in the central photo, pixels.
+        max_vertices: Largest number of vertices; they stay where the surface bends most.
+        spacing: Distance of vertices, pixels of a typical photo: about twice as far apart on walls, at least half as far at
+            creases.
     """
     options = TriangulationOptions(max_vertices=max_vertices, spacing=spacing)
     if mesh is not None and points == "automatic":
@@ -110,10 +111,9 @@ def summary_lines(done: Triangulation) -> list[str]:
     """Summary lines: points, edges, energy and the stop reason."""
     summary, lines = done.summary, []
     if done.start is not None:
-        names = ", ".join(done.scene.views[v].name for v in done.start.central_views)
+        reasons = "; ".join(f"{count} {reason}" for reason, count in done.start.left_out.items())
         lines.append(
-            f"{len(done.start.vertices)} points became vertices, triangulated in {names}; left out: "
-            + "; ".join(f"{count} {reason}" for reason, count in done.start.left_out.items())
+            f"{done.start.n_points} points gave a surface of {len(done.start.vertices)} vertices; left out: {reasons or 'none'}"
         )
     after = "not counted" if summary.inconsistent_after is None else str(summary.inconsistent_after)
     lines.append(

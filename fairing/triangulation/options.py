@@ -10,9 +10,10 @@ class TriangulationOptions:
     """Options of the start mesh and of edge flips."""
 
     max_vertices: int | None = None
-    """Limit of the number of vertices; points seen by most photos are preferred. Default: as many as `spacing` allows."""
+    """Limit of the number of vertices; they stay where the surface bends most. Default: as many as `spacing` allows."""
     spacing: float = 16.0
-    """Smallest distance of two vertices in the central photo, px; smaller faces have too little texture to judge."""
+    """Distance of vertices, px of a typical photo: about twice as far apart on walls, at least half as far at creases. Smaller
+    faces have too little texture to judge."""
     min_photos: int = 3
     """Points seen by fewer photos are left out."""
     gain: float = 0.05

@@ -1,4 +1,4 @@
-"""Selection of sparse points: outliers are removed, and a well-spread subset is chosen."""
+"""Selection of sparse points: outliers are removed, and points close to each other become one."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -24,12 +24,14 @@ class PointFacts:
     Attributes:
         n_photos: (n,) int: photos that see a point.
         error: (n,) float, px: rms reprojection error over them; infinite for a point behind one of them.
+        pixel: (n,) float, world units: the median over them of what a pixel covers at the point; NaN without photos.
         seen_by: (V, n) bool: photos that see a point.
         left_out: (n,) object: "vertex", the reason why a point is not a vertex, or "" while undecided.
     """
 
     n_photos: np.ndarray
     error: np.ndarray
+    pixel: np.ndarray
     seen_by: np.ndarray
     left_out: np.ndarray = field(repr=False)
 
@@ -54,6 +56,7 @@ def judge_points(views: Sequence[View], points: SparsePoints, options: Triangula
     if n < 3:
         raise InputError(f"triangulation: expected at least 3 sparse points, found {n}; give a mesh with --mesh")
     squared, seen_by = np.zeros(n), np.zeros((len(views), n), dtype=bool)
+    size = np.full((len(views), n), np.nan)
     behind = np.zeros(n, dtype=bool)
     for v, view in enumerate(views):
         rows = points.observations[:, 1] == v
@@ -64,9 +67,13 @@ def judge_points(views: Sequence[View], points: SparsePoints, options: Triangula
         first = np.unique(ids, return_index=True)[1]  # a photo counts once, even where it lists a point twice
         squared[ids[first]] += np.where(depth > 0, error, 0)[first]
         seen_by[v, ids] = True
+        size[v, ids] = np.where(depth > 0, depth, np.nan) / view.camera.K[0, 0]
     n_photos = seen_by.sum(axis=0)
     error = np.where(behind, np.inf, np.sqrt(squared / np.maximum(n_photos, 1)))
-    facts = PointFacts(n_photos, error, seen_by, np.full(n, "", dtype=object))
+    pixel = np.full(n, np.nan)
+    known = np.isfinite(size).any(axis=0)
+    pixel[known] = np.nanmedian(size[:, known], axis=0)
+    facts = PointFacts(n_photos, error, pixel, seen_by, np.full(n, "", dtype=object))
     facts.leave_out(np.flatnonzero(n_photos < options.min_photos), f"seen by fewer than {options.min_photos} photos")
     usable = facts.usable
     if usable.any():
@@ -85,44 +92,22 @@ def judge_points(views: Sequence[View], points: SparsePoints, options: Triangula
     return facts
 
 
-def spread_out(pixels: np.ndarray, strength: np.ndarray, spacing: float, most: int | None) -> np.ndarray:
-    """Greedy choice of points with a minimum distance from each other, the strongest first.
+def merge_close(positions: np.ndarray, strength: np.ndarray, reach: np.ndarray) -> np.ndarray:
+    """Merge each point into a stronger one nearby.
 
     Args:
-        pixels: (n, 2) float, px.
+        positions: (n, 3) float, world units.
         strength: (n,) float: priority; ties go to the lower index.
-        spacing: minimum distance, px; increased if more than `most` points would remain.
-        most: limit of the number of points; None: no limit.
+        reach: (n,) float, world units: distance up to which a point takes others in.
 
     Returns:
-        (k,) int: indices.
+        (n,) int: for each point the one it is merged into; itself if it remains.
     """
-    order = np.argsort(-strength, kind="stable")
-    chosen = _greedy(pixels, order, spacing)
-    if most is None or len(chosen) <= most:
-        return chosen
-    low, high = spacing, float(np.ptp(pixels, axis=0).max()) + 1
-    best = order[:most] if most < 3 else None
-    for _ in range(12):
-        middle = np.sqrt(low * high)
-        tried = _greedy(pixels, order, middle)
-        if len(tried) <= most:
-            best, high = tried, middle
-        else:
-            low = middle
-    return best if best is not None else chosen[:most]
-
-
-def _greedy(pixels: np.ndarray, order: np.ndarray, spacing: float) -> np.ndarray:
-    """Take points in order, except those nearer than `spacing` to one taken before."""
-    squares: dict[tuple[int, int], list[int]] = {}
-    cells = np.floor(pixels / spacing).astype(np.int64).tolist()
-    places = pixels.tolist()
-    chosen = []
-    for i in order.tolist():
-        (cx, cy), (x, y) = cells[i], places[i]
-        near = (j for dx in (-1, 0, 1) for dy in (-1, 0, 1) for j in squares.get((cx + dx, cy + dy), ()))
-        if all((places[j][0] - x) ** 2 + (places[j][1] - y) ** 2 >= spacing**2 for j in near):
-            squares.setdefault((cx, cy), []).append(i)
-            chosen.append(i)
-    return np.array(chosen, dtype=np.int64)
+    near = KDTree(positions).query_ball_point(positions, reach)
+    keeper = np.full(len(positions), -1)
+    for i in np.argsort(-strength, kind="stable").tolist():
+        if keeper[i] < 0:
+            others = np.array(near[i])
+            keeper[others[keeper[others] < 0]] = i
+            keeper[i] = i
+    return keeper

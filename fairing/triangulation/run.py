@@ -48,23 +48,23 @@ class Triangulation:
         built = Scene.build(self.scene.name, vertices, faces, self.scene.views, sparse_points=self.scene.sparse_points)
         if self.start is None:
             return built
-        left_out = sum(self.start.left_out.values())
+        used = self.start.n_points
         note = (
-            f"no mesh was given: {len(vertices)} of {len(vertices) + left_out} sparse points are triangulated, "
-            f"{len(self.trace)} edges flipped; for details run `eigenfairing triangulate`"
+            f"no mesh was given: one of {len(vertices)} vertices was made from {used} of "
+            f"{used + sum(self.start.left_out.values())} sparse points, {len(self.trace)} edges flipped; "
+            "for details run `eigenfairing triangulate`"
         )
         return replace(built, triangulated=True, warnings=(note,))
 
     def report(self) -> dict[str, Any]:
         """Counts, energies and reasons for points left out, as plain values for JSON."""
         summary, start = self.summary, self.start
-        names = [view.name for view in self.scene.views]
         return {
             "scene": self.scene.name,
             "options": self.trace.header.get("options"),
             "vertices": len(self.scene.mesh.vertices),
             "faces": len(self.faces),
-            "central_photos": None if start is None else [names[v] for v in start.central_views],
+            "points": None if start is None else start.n_points,
             "points_left_out": None if start is None else start.left_out,
             "flips": len(self.trace),
             "rounds": summary.rounds,
