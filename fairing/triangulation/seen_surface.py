@@ -35,6 +35,8 @@ def seen_surface(
     Returns:
         Faces (k, 3) int, as ids of their own, an oriented two-manifold with border; and the former vertex of each id.
     """
+    if len(faces) == 0:
+        return faces, np.zeros(0, dtype=np.int64)
     sides = np.linalg.norm(vertices[faces] - vertices[faces[:, [1, 2, 0]]], axis=2).max(axis=1)
     area = np.linalg.norm(face_normals(vertices, faces), axis=1) / 2
     unseen = np.flatnonzero(~_seen_whole(vertices, faces, views))
