@@ -71,7 +71,7 @@ def start_mesh(views: Sequence[View], points: SparsePoints, options: Triangulati
     lines = np.unique(lines[lines[:, 0] >= 0], axis=0)
     faces, vertex = _cut(positions, np.array([view.camera.center for view in views]), lines)
     vertices = positions[vertex]
-    gap = float(np.median(options.spacing * pixel)) ** 2
+    gap = float(np.median(CELL * options.spacing * pixel)) ** 2
     faces, former = seen_surface(vertices, faces, views, gap)
     if len(faces) == 0:
         raise InputError(

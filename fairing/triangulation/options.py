@@ -11,7 +11,7 @@ class TriangulationOptions:
 
     max_vertices: int | None = None
     """Limit of the number of vertices; they stay where the surface bends most. Default: as many as `spacing` allows."""
-    spacing: float = 16.0
+    spacing: float = 14.0
     """Distance of vertices, px of a typical photo: about twice as far apart on walls, at least half as far at creases. Smaller
     faces have too little texture to judge."""
     min_photos: int = 3
