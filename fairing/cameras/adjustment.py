@@ -12,10 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import block_diag, cho_factor, cho_solve
-from scipy.sparse import csr_array
 
+from fairing.cameras import compiled
 from fairing.cameras.observed_points import ObservedPoints
-from fairing.cameras.pose_model import PARAMETERS, PoseModel
+from fairing.cameras.pose_model import PARAMETERS, PoseModel, Projected
 from fairing.optimize.loss import Loss
 
 FIRST_DAMPING = 1e-4
@@ -26,9 +26,6 @@ CONVERGED = 1e-5
 """A step that lowers the objective by a smaller part of it is the last."""
 POINT_FLOOR = 1e-9
 """Of the median trace of the points' matrices, added to their diagonals: a point may have no observation of any weight."""
-
-MOST_DENSE_ROWS = 400
-COLUMNS_AT_ONCE = 3000
 
 
 @dataclass(frozen=True)
@@ -55,14 +52,14 @@ class System:
     Attributes:
         S: (6 v, 6 v) float, the reduced camera system.
         g: (6 v,) float: its gradient.
-        Z: (6 v, 3 p) sparse: W L^-T with V = L L^T.
+        Z: (o, 6, 3) float: the blocks of W L^-T with V = L L^T, one an observation.
         L_inverse: (p, 3, 3) float.
         g_points: (p, 3) float: L^-1 times the gradient by the points.
     """
 
     S: np.ndarray
     g: np.ndarray
-    Z: csr_array
+    Z: np.ndarray
     L_inverse: np.ndarray
     g_points: np.ndarray
 
@@ -82,9 +79,8 @@ class Adjusted:
 
 def residual_lengths(model: PoseModel, poses: np.ndarray, observed: ObservedPoints) -> np.ndarray:
     """(o,) float, px: distances of projections from observations; `BEHIND` where the point is not in front of its camera."""
-    pixels, depth = model.project(poses, observed.positions[observed.point], observed.photo)
-    distance = np.linalg.norm(pixels - observed.pixels, axis=1)
-    return np.where((depth > 0) & (distance < BEHIND), distance, BEHIND)
+    pixels, depth = model.project(poses, observed)
+    return _lengths(pixels, depth, observed)
 
 
 def objective(model: PoseModel, poses: np.ndarray, observed: ObservedPoints, loss: Loss, sigma: Deviations) -> float:
@@ -98,34 +94,18 @@ def reduced_system(
 ) -> System:
     """Gauss-Newton's normal equations of E, the loss reweighted, each diagonal entry times 1 + `damping`."""
     v, p, point, photo = len(model), len(observed), observed.point, observed.photo
-    images = model.linearise(poses, observed.positions[point], photo)
-    length = residual_lengths(model, poses, observed)
-    used = length < BEHIND
-    weight = np.where(used, loss.weight(length), 0) / sigma.observation**2
-    # Without weight, what has no meaning counts as zero.
-    A, B, r = (
-        np.where(used.reshape(-1, *[1] * (x.ndim - 1)), x, 0)
-        for x in (images.J_pixel_wrt_pose, images.J_pixel_wrt_point, images.pixels - observed.pixels)
-    )
-    A_weighted, B_weighted = A * weight[:, None, None], B * weight[:, None, None]
-    by_photo = np.argsort(photo, kind="stable")
-    U = _sums(_products(A_weighted, A)[by_photo], photo[by_photo], v)
+    images = model.linearise(poses, observed)
+    U, g, V, g_points, W = compiled.normal_blocks(
+        images.J_pixel_wrt_pose, images.J_pixel_wrt_point, images.pixels - observed.pixels,
+        _weights(images, observed, loss) / sigma.observation**2, point, photo, v, p,
+    )  # fmt: skip
     U += np.diag(sigma.prior)
-    g = _sums(np.einsum("oki,ok->oi", A_weighted, r)[by_photo], photo[by_photo], v) + poses * sigma.prior
-    V = _sums(_products(B_weighted, B), point, p)
-    g_points = _sums(np.einsum("oki,ok->oi", B_weighted, r), point, p)
     U += damping * U * np.eye(PARAMETERS)
-    V += damping * V * np.eye(3)
-    V += (POINT_FLOOR * np.median(np.trace(V, axis1=1, axis2=2)) + 1e-300) * np.eye(3)
-    L_inverse = np.linalg.inv(np.linalg.cholesky(V))
-    blocks = _products(A_weighted, B) @ L_inverse[point].transpose(0, 2, 1)
-    rows = PARAMETERS * photo[:, None, None] + np.arange(PARAMETERS)[:, None]
-    columns = 3 * point[:, None, None] + np.arange(3)
-    rows, columns = (np.broadcast_to(index, blocks.shape).ravel() for index in (rows, columns))
-    Z = csr_array((blocks.ravel(), (rows, columns)), shape=(PARAMETERS * v, 3 * p))
+    L_inverse = np.linalg.inv(np.linalg.cholesky(_damped(V, damping)))
     whitened = np.einsum("pij,pj->pi", L_inverse, g_points)
-    S = block_diag(*U) - _outer(Z, PARAMETERS * v, 3 * p)
-    return System(S, g.ravel() - Z @ whitened.ravel(), Z, L_inverse, whitened)
+    half, g_less, Z = compiled.eliminated(W, L_inverse, whitened, observed.starts, point, photo, v)
+    g += poses * sigma.prior - g_less
+    return System(np.asarray(block_diag(*U)) - half - half.T, g.ravel(), Z, L_inverse, whitened)
 
 
 def adjust(
@@ -138,7 +118,7 @@ def adjust(
     energies, damping = [objective(model, poses, observed, loss, sigma)], FIRST_DAMPING
     for _ in range(iterations):
         while damping <= LARGEST_DAMPING:
-            turned, moved = _step(reduced_system(model, poses, observed, loss, sigma, damping))
+            turned, moved = _step(reduced_system(model, poses, observed, loss, sigma, damping), observed)
             new_poses, new = poses + turned, observed.at(observed.positions + moved)
             energy = objective(model, new_poses, new, loss, sigma)
             if energy <= energies[-1]:
@@ -164,21 +144,17 @@ def triangulate(
 
     def losses(points: np.ndarray) -> np.ndarray:
         lengths = residual_lengths(model, poses, observed.at(points))
-        return _sums(loss.value(lengths), observed.point, len(observed))
+        return compiled.sums(loss.value(lengths), observed.point, len(observed))
 
     points = observed.positions
     now, damping = losses(points), np.full(len(points), FIRST_DAMPING)
     for _ in range(iterations):
-        images = model.linearise(poses, points[observed.point], observed.photo)
-        lengths = residual_lengths(model, poses, observed.at(points))
-        used = lengths < BEHIND
-        J = np.where(used[:, None, None], images.J_pixel_wrt_point, 0)
-        r = np.where(used[:, None], images.pixels - observed.pixels, 0)
-        weighted = J * loss.weight(lengths)[:, None, None]
-        V = _sums(_products(weighted, J), observed.point, len(points))
-        g = _sums(np.einsum("oki,ok->oi", weighted, r), observed.point, len(points))
-        V += damping[:, None, None] * V * np.eye(3)
-        V += (POINT_FLOOR * np.median(np.trace(V, axis1=1, axis2=2)) + 1e-300) * np.eye(3)
+        images = model.linearise(poses, observed.at(points))
+        V, g = compiled.point_blocks(
+            images.J_pixel_wrt_point, images.pixels - observed.pixels, _weights(images, observed, loss),
+            observed.point, len(points),
+        )  # fmt: skip
+        V = _damped(V, damping[:, None, None])
         moved = points - np.linalg.solve(V, g[:, :, None])[:, :, 0]
         then = losses(moved)
         better = then <= now
@@ -187,34 +163,28 @@ def triangulate(
     return points
 
 
-def _step(system: System) -> tuple[np.ndarray, np.ndarray]:
+def _step(system: System, observed: ObservedPoints) -> tuple[np.ndarray, np.ndarray]:
     """Steps of the poses (v, 6), px, and of the points (p, 3), world units."""
-    turned = -cho_solve(cho_factor(system.S), system.g)
-    whitened = system.g_points.ravel() + system.Z.T @ turned
-    moved = -np.einsum("pji,pj->pi", system.L_inverse, whitened.reshape(-1, 3))
-    return turned.reshape(-1, PARAMETERS), moved
+    turned = -cho_solve(cho_factor(system.S), system.g).reshape(-1, PARAMETERS)
+    whitened = system.g_points + compiled.point_change(
+        system.Z, turned, observed.point, observed.photo, len(observed)
+    )  # fmt: skip
+    return turned, -np.einsum("pji,pj->pi", system.L_inverse, whitened)
 
 
-def _products(A: np.ndarray, B: np.ndarray) -> np.ndarray:
-    """(o, i, j) float: A_o^T B_o of A (o, 2, i) and B (o, 2, j)."""
-    return A[:, 0, :, None] * B[:, 0, None, :] + A[:, 1, :, None] * B[:, 1, None, :]
+def _weights(images: Projected, observed: ObservedPoints, loss: Loss) -> np.ndarray:
+    """(o,) float: the loss's weights of linearised observations."""
+    length = _lengths(images.pixels, images.depth, observed)
+    return np.where(length < BEHIND, loss.weight(length), 0)
 
 
-def _outer(Z: csr_array, rows: int, columns: int) -> np.ndarray:
-    """Z Z^T, dense, of Z (rows, columns). With few rows, dense products of parts of Z are faster than a sparse product."""
-    if rows > MOST_DENSE_ROWS:
-        return (Z @ Z.T).toarray()
-    by_column, result = Z.tocsc(), np.zeros((rows, rows))
-    for first in range(0, columns, COLUMNS_AT_ONCE):
-        part = by_column[:, first : first + COLUMNS_AT_ONCE].toarray()
-        result += part @ part.T
-    return result
+def _lengths(pixels: np.ndarray, depth: np.ndarray, observed: ObservedPoints) -> np.ndarray:
+    """(o,) float, px: see `residual_lengths`."""
+    distance = np.linalg.norm(pixels - observed.pixels, axis=1)
+    return np.where((depth > 0) & (distance < BEHIND), distance, BEHIND)
 
 
-def _sums(values: np.ndarray, index: np.ndarray, n: int) -> np.ndarray:
-    """(n, ...) float: sums of values (o, ...) with the same index (o,), which ascends."""
-    result = np.zeros((n, *values.shape[1:]))
-    if len(values):
-        starts = np.flatnonzero(np.diff(index, prepend=-1))
-        result[index[starts]] = np.add.reduceat(values, starts)
-    return result
+def _damped(V: np.ndarray, damping: float | np.ndarray) -> np.ndarray:
+    """Matrices V (p, 3, 3) of points with their diagonals times 1 + `damping`, and no diagonal zero."""
+    floor = POINT_FLOOR * np.median(np.trace(V, axis1=1, axis2=2)) + 1e-300
+    return V + (damping * V + floor) * np.eye(3)

@@ -12,6 +12,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from fairing.camera import Camera
+from fairing.cameras import compiled
 from fairing.cameras.observed_points import ObservedPoints
 
 PARAMETERS = 6
@@ -86,15 +87,13 @@ class PoseModel:
             for v, K in enumerate(self.K)
         ]
 
-    def project(self, poses: np.ndarray, points: np.ndarray, photo: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Pixels (o, 2) and depths (o,), world units, of points (o, 3) in photos (o,), at poses (v, 6), px."""
-        _, x = self._in_camera(poses, points, photo)
-        h = np.einsum("oij,oj->oi", self.K[photo], x)
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            return h[:, :2] / h[:, 2:], h[:, 2]
+    def project(self, poses: np.ndarray, observed: ObservedPoints) -> tuple[np.ndarray, np.ndarray]:
+        """Pixels (o, 2) and depths (o,), world units, of observed points in their photos, at poses (v, 6), px."""
+        R, c = self.rotations_at(poses), self.centers_at(poses)
+        return compiled.project(self.K, R, c, observed.positions, observed.point, observed.photo)
 
-    def linearise(self, poses: np.ndarray, points: np.ndarray, photo: np.ndarray) -> Projected:
-        """Images and derivatives of points (o, 3) in photos (o,), at poses (v, 6), px.
+    def linearise(self, poses: np.ndarray, observed: ObservedPoints) -> Projected:
+        """Images and derivatives of observed points in their photos, at poses (v, 6), px.
 
         With x = R (X - c), phi = a / f and the left Jacobian J_l of the rotation group (Sola et al., A micro Lie theory,
         2018, equation 145), J_l(phi) = I + (1 - cos t) / t^2 [phi]x + (t - sin t) / t^3 [phi]x^2 with t = |phi|:
@@ -104,22 +103,13 @@ class PoseModel:
             d x / d b     = -R d / f
             d x / d X     = R
         """
-        R, x = self._in_camera(poses, points, photo)
-        K = self.K[photo]
-        h = np.einsum("oij,oj->oi", K, x)
-        phi = poses[:, :3] * self.angle_unit[:, None]
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            pixels = h[:, :2] / h[:, 2:]
-            J_pixel_wrt_x = (K[:, :2] - pixels[:, :, None] * K[:, 2:]) / h[:, 2, None, None]
-            turned = -J_pixel_wrt_x @ cross_matrices(x) @ (left_jacobians(phi) * self.angle_unit[:, None, None])[photo]
-            by_point = J_pixel_wrt_x @ R[photo]
-            shifted = -by_point * self.length_unit[photo, None, None]
-        return Projected(pixels, h[:, 2], np.concatenate([turned, shifted], axis=2), by_point)
-
-    def _in_camera(self, poses: np.ndarray, points: np.ndarray, photo: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Rotations (v, 3, 3), and points (o, 3) in the axes of their cameras, world units."""
-        R, c = self.rotations_at(poses), self.centers_at(poses)
-        return R, np.einsum("oij,oj->oi", R[photo], points - c[photo])
+        turns = left_jacobians(poses[:, :3] * self.angle_unit[:, None]) * self.angle_unit[:, None, None]
+        return Projected(
+            *compiled.linearise(
+                self.K, self.rotations_at(poses), self.centers_at(poses), turns, self.length_unit,
+                observed.positions, observed.point, observed.photo,
+            )
+        )  # fmt: skip
 
 
 def cross_matrices(vectors: np.ndarray) -> np.ndarray:

@@ -14,7 +14,6 @@ from fairing.cameras.judge import FEWEST_POINTS, HELD_OUT, CameraJudgement, is_h
 from fairing.cameras.observed_points import ObservedPoints
 from fairing.cameras.pose_model import PoseModel
 from fairing.features.find import find_keypoints, find_points
-from fairing.features.keypoints import Keypoints
 from fairing.features.options import FeatureOptions
 from fairing.features.points import FeaturePoints
 from fairing.scene import Scene, View
@@ -22,6 +21,8 @@ from fairing.scene import Scene, View
 FIRST_SEARCH = FeatureOptions(epipolar_distance=6.0, residual=6.0)
 """Of the search with the given cameras: its limits are wide, because wrong cameras move points off their epipolar lines."""
 SECOND_SEARCH = FeatureOptions()
+FIRST_KEYPOINTS, SECOND_KEYPOINTS = 4000, 8000
+"""Of a photo, the strongest ones, which the searches use (ledger: keypoints of refinement)."""
 
 Progress = Callable[[float, str], None]
 """Called with the finished part, 0 to 1, and a line."""
@@ -82,9 +83,10 @@ def refine(
         InputError: a photo or mask cannot be decoded.
         Cancelled: `cancel_requested` returned True.
     """
-    search = _Search(scene.views, threads, on_progress, cancel_requested)
+    is_own = scene.points_choice == "own" or (scene.sparse_points is not None and scene.sparse_points.origin == "own")
+    search = _Search(scene.views, is_own, threads, on_progress, cancel_requested)
     given = [view.camera for view in scene.views]
-    found = ObservedPoints.of_features(search.points(given, FIRST_SEARCH))
+    found = ObservedPoints.of_features(search.points(given, FIRST_SEARCH, FIRST_KEYPOINTS))
     held_out = found.chosen(is_held_out(len(found))) if len(found) else found
     if len(held_out) < FEWEST_POINTS:
         reason = (
@@ -96,7 +98,7 @@ def refine(
     estimate = estimate_poses(model, training)
     cameras, judgement = _judged(model, estimate, given, held_out)
     if judgement.is_clear:
-        again = ObservedPoints.of_features(search.points(cameras, SECOND_SEARCH))
+        again = ObservedPoints.of_features(search.points(cameras, SECOND_SEARCH, SECOND_KEYPOINTS))
         again = again.chosen(~again.shares_observation(held_out)) if len(again) else again
         if len(again) >= len(training) // 2:
             second = estimate_poses(model, again, estimate.poses)
@@ -113,29 +115,36 @@ def refine(
         return Refinement(scene, False, reason, tuple(cameras), corrections, judgement, estimate.sigma)
     reason = f"cameras corrected by {np.median(corrections):.2f} px (at most {corrections.max():.2f}): {compared}"
     return Refinement(
-        _corrected(scene, cameras, search), True, reason, tuple(cameras), corrections, judgement, estimate.sigma
+        _corrected(scene, cameras, search, is_own), True, reason, tuple(cameras), corrections, judgement, estimate.sigma
     )
 
 
 class _Search:
-    """Finds points with different cameras, keypoints once: 0.55 of the work, and 0.15 for each of at most three searches."""
+    """Finds points with different cameras, keypoints once: 0.55 of the work, and 0.15 for each of at most three searches.
+
+    Args:
+        all_needed: whether `points` will be called without a limit of keypoints.
+    """
 
     def __init__(
-        self, views: Sequence[View], threads: int, progress: Progress, cancel_requested: Callable[[], bool]
+        self,
+        views: Sequence[View],
+        all_needed: bool,
+        threads: int,
+        progress: Progress,
+        cancel_requested: Callable[[], bool],
     ) -> None:
         self._views, self._threads, self._progress, self._cancelled = views, threads, progress, cancel_requested
-        self._keypoints: list[Keypoints] | None = None
         self._done = 0.0
+        show, most = self._share(0.55, "keypoints"), 0 if all_needed else SECOND_KEYPOINTS
+        self._keypoints = find_keypoints(views, SECOND_SEARCH, threads, show, cancel_requested, most)
 
-    def points(self, cameras: Sequence[Camera], options: FeatureOptions) -> FeaturePoints:
-        """The points that the photos show with these cameras."""
-        if self._keypoints is None:
-            self._keypoints = find_keypoints(
-                self._views, options, self._threads, self._share(0.55, "keypoints"), self._cancelled
-            )
+    def points(self, cameras: Sequence[Camera], options: FeatureOptions, most: int = 0) -> FeaturePoints:
+        """Points at the strongest `most` keypoints of each photo; with 0, the points that a run would find."""
+        keypoints = [found.strongest(most) for found in self._keypoints] if most else self._keypoints
         views = [replace(view, camera=camera) for view, camera in zip(self._views, cameras, strict=True)]
         show = self._share(0.15, "matching photos")
-        return find_points(views, options, self._threads, show, self._cancelled, self._keypoints)
+        return find_points(views, options, self._threads, show, self._cancelled, keypoints)
 
     def _share(self, share: float, line: str) -> Callable[[int, int], None]:
         begun, self._done = self._done, self._done + share
@@ -164,11 +173,11 @@ def _corrections(given: Sequence[Camera], cameras: Sequence[Camera], observed: O
     return result
 
 
-def _corrected(scene: Scene, cameras: Sequence[Camera], search: _Search) -> Scene:
+def _corrected(scene: Scene, cameras: Sequence[Camera], search: _Search, is_own: bool) -> Scene:
     """The scene with other cameras, and the sparse points as `refine` describes."""
     corrected, points = with_cameras(scene, cameras), scene.sparse_points
-    if scene.points_choice == "own" or (points is not None and points.origin == "own"):
-        # The points that a run would find, from the keypoints at hand: detection takes most of a search's time.
+    if is_own:
+        # From the keypoints at hand: detection takes most of a search's time.
         found = search.points(cameras, SECOND_SEARCH)
         if len(found):
             line = f"{len(found)} points were found in the photos with corrected cameras"
