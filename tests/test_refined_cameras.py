@@ -17,7 +17,7 @@ from demo_scenes.building.scene import scene_of_plan
 from fairing.camera import Camera
 from fairing.cameras import Refinement, refine
 from fairing.cameras.corrected_scene import triangulated_again, with_cameras
-from fairing.errors import InputError
+from fairing.errors import Cancelled, InputError
 from fairing.features import find_points
 from fairing.io.colmap_text import read_text_model
 from fairing.io.convert import write_capture
@@ -30,6 +30,8 @@ from fairing.run.trace_header import header_of, scene_of_trace
 from fairing.scene import Scene, SparsePoints
 from fairing.trace import Trace
 from tests.small_building import small_building
+
+PARTS = ("keypoints of 9 photos", "matching photos", "adjustment")
 
 
 @cache
@@ -93,6 +95,36 @@ def test_refinement_is_deterministic():
     one, other = refined(0.5), refine(wrong, threads=1)
     for a, b in zip(one.cameras, other.cameras, strict=True):
         np.testing.assert_array_equal(a.image_from_world, b.image_from_world)
+
+
+def test_refinement_shows_its_progress():
+    lines: list[tuple[float, str]] = []
+    refine(turned(exact_scene(), 0.5), 1, lambda fraction, line: lines.append((fraction, line)))
+    fractions = [fraction for fraction, _ in lines]
+    assert fractions == sorted(fractions)
+    assert 0 <= fractions[0] < fractions[-1] <= 1 + 1e-9
+    assert {line.split(",")[0] for _, line in lines} == {f"refining cameras: {part}" for part in PARTS}
+
+
+@pytest.mark.parametrize("part", PARTS)
+def test_refinement_can_be_cancelled_in_each_of_its_parts(part):
+    reached: list[str] = []
+    with pytest.raises(Cancelled):
+        refine(
+            turned(exact_scene(), 0.5), 1,
+            lambda _, line: reached.append(line), lambda: any(part in line for line in reached),
+        )  # fmt: skip
+    assert sum(part in line for line in reached) <= 3
+
+
+def test_iterations_of_the_adjustment_are_kept():
+    found = refined(0.5)
+    poses = np.array([iteration.poses for iteration in found.iterations])
+    assert (poses[0] == 0).all()
+    assert len(poses) > 4
+    first, last = (np.median(found.iterations[i].errors) for i in (0, -1))
+    assert last < 0.5 * first
+    assert found.judgement is not None
 
 
 def test_photos_without_points_keep_their_cameras():

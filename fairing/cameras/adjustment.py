@@ -8,6 +8,7 @@ observation and (a_v, b_v) the parameters of a pose (see `pose_model`), the obje
 The prior also holds the frame: observations do not change when all poses and points move by one similarity.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,6 +27,9 @@ CONVERGED = 1e-5
 """A step that lowers the objective by a smaller part of it is the last."""
 POINT_FLOOR = 1e-9
 """Of the median trace of the points' matrices, added to their diagonals: a point may have no observation of any weight."""
+
+OnStep = Callable[[np.ndarray, ObservedPoints], None]
+"""Called after each step with the poses (v, 6), px, and the points; what it raises ends the adjustment."""
 
 
 @dataclass(frozen=True)
@@ -109,7 +113,13 @@ def reduced_system(
 
 
 def adjust(
-    model: PoseModel, poses: np.ndarray, observed: ObservedPoints, loss: Loss, sigma: Deviations, iterations: int
+    model: PoseModel,
+    poses: np.ndarray,
+    observed: ObservedPoints,
+    loss: Loss,
+    sigma: Deviations,
+    iterations: int,
+    on_step: OnStep = lambda poses, observed: None,
 ) -> Adjusted:
     """Poses and points of a lower objective, by Levenberg-Marquardt steps from poses (v, 6), px, and the observed positions.
 
@@ -129,6 +139,7 @@ def adjust(
         gain = energies[-1] - energy
         poses, observed, damping = new_poses, new, damping / 10
         energies.append(energy)
+        on_step(poses, observed)
         if gain <= CONVERGED * energy:
             break
     return Adjusted(poses, observed.positions, tuple(energies))

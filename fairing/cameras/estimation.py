@@ -12,7 +12,15 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-from fairing.cameras.adjustment import Adjusted, Deviations, adjust, reduced_system, residual_lengths, triangulate
+from fairing.cameras.adjustment import (
+    Adjusted,
+    Deviations,
+    OnStep,
+    adjust,
+    reduced_system,
+    residual_lengths,
+    triangulate,
+)
 from fairing.cameras.observed_points import ObservedPoints
 from fairing.cameras.pose_model import PARAMETERS, PoseModel
 from fairing.optimize.loss import GemanMcClure
@@ -30,6 +38,7 @@ LAST_STEPS = 10
 SAME = 0.02
 """The rounds end when no deviation changes by a larger part of it."""
 TRIANGULATION_STEPS = 5
+MOST_STEPS = ROUNDS * STEPS_OF_ROUND + LAST_STEPS
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +59,12 @@ def loss_at(noise: float) -> GemanMcClure:
     return GemanMcClure(LOSS_SCALE * noise)
 
 
-def estimate_poses(model: PoseModel, observed: ObservedPoints, start: np.ndarray | None = None) -> Estimate:
+def estimate_poses(
+    model: PoseModel,
+    observed: ObservedPoints,
+    start: np.ndarray | None = None,
+    on_step: OnStep = lambda poses, observed: None,
+) -> Estimate:
     """Poses, points and standard deviations, each found with the others as they are, in turn.
 
     Args:
@@ -62,13 +76,13 @@ def estimate_poses(model: PoseModel, observed: ObservedPoints, start: np.ndarray
     observed = observed.at(points)
     sigma = Deviations(_noise(model, poses, observed), FIRST_DEVIATION, FIRST_DEVIATION)
     for _ in range(ROUNDS):
-        found = adjust(model, poses, observed, loss_at(sigma.observation), sigma, STEPS_OF_ROUND)
+        found = adjust(model, poses, observed, loss_at(sigma.observation), sigma, STEPS_OF_ROUND, on_step)
         poses, observed = found.poses, observed.at(found.points)
         before, sigma = sigma, _deviations(model, found, observed, sigma)
         changes = [abs(after / b - 1) for b, after in zip(vars(before).values(), vars(sigma).values(), strict=True)]
         if max(changes) <= SAME:
             break
-    found = adjust(model, poses, observed, loss_at(sigma.observation), sigma, LAST_STEPS)
+    found = adjust(model, poses, observed, loss_at(sigma.observation), sigma, LAST_STEPS, on_step)
     return Estimate(found.poses, found.points, sigma)
 
 

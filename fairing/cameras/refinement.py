@@ -7,12 +7,13 @@ from typing import Any
 import numpy as np
 
 from fairing.camera import Camera
-from fairing.cameras.adjustment import Deviations
+from fairing.cameras.adjustment import Deviations, residual_lengths
 from fairing.cameras.corrected_scene import triangulated_again, with_cameras
-from fairing.cameras.estimation import Estimate, estimate_poses
+from fairing.cameras.estimation import MOST_STEPS, Estimate, estimate_poses
 from fairing.cameras.judge import FEWEST_POINTS, HELD_OUT, CameraJudgement, is_held_out, judge_cameras
 from fairing.cameras.observed_points import ObservedPoints
-from fairing.cameras.pose_model import PoseModel
+from fairing.cameras.pose_model import PARAMETERS, PoseModel
+from fairing.errors import Cancelled
 from fairing.features.find import find_keypoints, find_points
 from fairing.features.options import FeatureOptions
 from fairing.features.points import FeaturePoints
@@ -29,6 +30,19 @@ Progress = Callable[[float, str], None]
 
 
 @dataclass(frozen=True, eq=False)
+class Iteration:
+    """One state of an adjustment.
+
+    Attributes:
+        poses: (v, 6) float, px, see `pose_model`.
+        errors: (v,) float, px: median reprojection error in each photo; 0 where it shows no point.
+    """
+
+    poses: np.ndarray
+    errors: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
 class Refinement:
     """What refinement found.
 
@@ -40,6 +54,7 @@ class Refinement:
         corrections: (v,) float, px: median displacement of the images of points in each photo; 0 where a photo shows none.
         judgement: held-out points with both sets of cameras; None without points.
         sigma: estimated standard deviations, px; None without points.
+        iterations: of the adjustments, in their order; the first is the given state.
     """
 
     scene: Scene
@@ -49,6 +64,7 @@ class Refinement:
     corrections: np.ndarray
     judgement: CameraJudgement | None = None
     sigma: Deviations | None = None
+    iterations: tuple[Iteration, ...] = ()
 
     def facts(self) -> dict[str, Any]:
         """The refinement for a report in JSON."""
@@ -77,14 +93,15 @@ def refine(
 
     Args:
         threads: 0 for one a core.
-        cancel_requested: polled several times a second while points are found.
+        cancel_requested: polled several times a second while points are found, and after each step of an adjustment.
 
     Raises:
         InputError: a photo or mask cannot be decoded.
         Cancelled: `cancel_requested` returned True.
     """
     is_own = scene.points_choice == "own" or (scene.sparse_points is not None and scene.sparse_points.origin == "own")
-    search = _Search(scene.views, is_own, threads, on_progress, cancel_requested)
+    work = _Work(on_progress, cancel_requested)
+    search = _Search(scene.views, is_own, threads, work)
     given = [view.camera for view in scene.views]
     found = ObservedPoints.of_features(search.points(given, FIRST_SEARCH, FIRST_KEYPOINTS))
     held_out = found.chosen(is_held_out(len(found))) if len(found) else found
@@ -95,16 +112,19 @@ def refine(
         return Refinement(scene, False, reason, tuple(given), np.zeros(len(given)))
     training = found.chosen(~is_held_out(len(found)))
     model = PoseModel.of(given, training)
-    estimate = estimate_poses(model, training)
+    adjusting = _Adjusting(model, training, work)
+    estimate = estimate_poses(model, training, on_step=adjusting.show)
     cameras, judgement = _judged(model, estimate, given, held_out)
     if judgement.is_clear:
         again = ObservedPoints.of_features(search.points(cameras, SECOND_SEARCH, SECOND_KEYPOINTS))
         again = again.chosen(~again.shares_observation(held_out)) if len(again) else again
         if len(again) >= len(training) // 2:
-            second = estimate_poses(model, again, estimate.poses)
+            further = _Adjusting(model, again, work, estimate.poses)
+            second = estimate_poses(model, again, estimate.poses, further.show)
             cameras_then, judgement_then = _judged(model, second, given, held_out)
             if judgement_then.loss_after <= judgement.loss_after:
                 estimate, cameras, judgement, training = second, cameras_then, judgement_then, again
+                adjusting.iterations += further.iterations
     corrections = _corrections(given, cameras, training)
     before, after = judgement.error_before, judgement.error_after
     compared = (
@@ -112,47 +132,89 @@ def refine(
     )
     if not judgement.is_clear:
         reason = f"cameras as given: {compared}, which is no clear improvement"
-        return Refinement(scene, False, reason, tuple(cameras), corrections, judgement, estimate.sigma)
+        return Refinement(
+            scene, False, reason, tuple(cameras), corrections, judgement, estimate.sigma, tuple(adjusting.iterations)
+        )
     reason = f"cameras corrected by {np.median(corrections):.2f} px (at most {corrections.max():.2f}): {compared}"
     return Refinement(
-        _corrected(scene, cameras, search, is_own), True, reason, tuple(cameras), corrections, judgement, estimate.sigma
-    )
+        _corrected(scene, cameras, search, is_own), True, reason, tuple(cameras), corrections, judgement, estimate.sigma,
+        tuple(adjusting.iterations),
+    )  # fmt: skip
+
+
+class _Work:
+    """Progress and cancellation of a refinement: half of the work finds keypoints, 0.1 is each search and adjustment."""
+
+    def __init__(self, progress: Progress, cancel_requested: Callable[[], bool]) -> None:
+        self._progress, self._begun = progress, 0.0
+        self.cancel_requested = cancel_requested
+
+    def share(self, share: float) -> Callable[[float, str], None]:
+        """A callback for the next part of the work, (finished part of it, line)."""
+        begun, self._begun = self._begun, self._begun + share
+        return lambda part, line: self._progress(begun + share * min(part, 1.0), f"refining cameras: {line}")
 
 
 class _Search:
-    """Finds points with different cameras, keypoints once: 0.55 of the work, and 0.15 for each of at most three searches.
+    """Finds points with different cameras, keypoints once.
 
     Args:
         all_needed: whether `points` will be called without a limit of keypoints.
     """
 
-    def __init__(
-        self,
-        views: Sequence[View],
-        all_needed: bool,
-        threads: int,
-        progress: Progress,
-        cancel_requested: Callable[[], bool],
-    ) -> None:
-        self._views, self._threads, self._progress, self._cancelled = views, threads, progress, cancel_requested
-        self._done = 0.0
-        show, most = self._share(0.55, "keypoints"), 0 if all_needed else SECOND_KEYPOINTS
-        self._keypoints = find_keypoints(views, SECOND_SEARCH, threads, show, cancel_requested, most)
+    def __init__(self, views: Sequence[View], all_needed: bool, threads: int, work: _Work) -> None:
+        self._views, self._threads, self._work = views, threads, work
+        show, most = work.share(0.5), 0 if all_needed else SECOND_KEYPOINTS
+        self._keypoints = find_keypoints(
+            views, SECOND_SEARCH, threads, lambda done, count: show(done / count, f"keypoints of {len(views)} photos"),
+            work.cancel_requested, most,
+        )  # fmt: skip
 
     def points(self, cameras: Sequence[Camera], options: FeatureOptions, most: int = 0) -> FeaturePoints:
         """Points at the strongest `most` keypoints of each photo; with 0, the points that a run would find."""
         keypoints = [found.strongest(most) for found in self._keypoints] if most else self._keypoints
         views = [replace(view, camera=camera) for view, camera in zip(self._views, cameras, strict=True)]
-        show = self._share(0.15, "matching photos")
-        return find_points(views, options, self._threads, show, self._cancelled, keypoints)
+        show = self._work.share(0.1)
+        return find_points(
+            views, options, self._threads, lambda done, count: show(done / count, "matching photos"),
+            self._work.cancel_requested, keypoints,
+        )  # fmt: skip
 
-    def _share(self, share: float, line: str) -> Callable[[int, int], None]:
-        begun, self._done = self._done, self._done + share
 
-        def show(done: int, count: int) -> None:
-            self._progress(begun + share * done / max(count, 1), f"refining cameras: {line}")
+class _Adjusting:
+    """Keeps the iterations of an adjustment, shows its progress and ends it on request.
 
-        return show
+    Args:
+        start: (v, 6) float, px: first poses; default: the given ones, which are kept as the first iteration.
+    """
+
+    def __init__(
+        self, model: PoseModel, observed: ObservedPoints, work: _Work, start: np.ndarray | None = None
+    ) -> None:
+        self._model, self._work, self._show, self._steps = model, work, work.share(0.1), 0
+        self.iterations: list[Iteration] = []
+        if start is None:
+            self._keep(np.zeros((len(model), PARAMETERS)), observed)
+
+    def show(self, poses: np.ndarray, observed: ObservedPoints) -> None:
+        """Called after each step, see `OnStep`."""
+        self._keep(poses, observed)
+        self._steps += 1
+        error = np.median(self.iterations[-1].errors)
+        self._show(self._steps / MOST_STEPS, f"adjustment, step {self._steps}, reprojection error {error:.2f} px")
+        if self._work.cancel_requested():
+            raise Cancelled
+
+    def _keep(self, poses: np.ndarray, observed: ObservedPoints) -> None:
+        lengths = residual_lengths(self._model, poses, observed)
+        self.iterations.append(Iteration(poses, photo_medians(lengths, observed.photo, len(poses))))
+
+
+def photo_medians(values: np.ndarray, photo: np.ndarray, n_photos: int) -> np.ndarray:
+    """(v,) float: median of the values (o,) of each photo; 0 for a photo without any."""
+    order = np.argsort(photo, kind="stable")
+    parts = np.split(values[order], np.searchsorted(photo[order], np.arange(1, n_photos)))
+    return np.array([np.median(part) if len(part) else 0.0 for part in parts])
 
 
 def _judged(
@@ -164,13 +226,9 @@ def _judged(
 
 def _corrections(given: Sequence[Camera], cameras: Sequence[Camera], observed: ObservedPoints) -> np.ndarray:
     """(v,) float, px: see `Refinement.corrections`."""
-    result = np.zeros(len(given))
-    for v, (before, after) in enumerate(zip(given, cameras, strict=True)):
-        points = observed.positions[observed.point[observed.photo == v]]
-        if len(points):
-            moved = after.project(points)[0] - before.project(points)[0]
-            result[v] = np.median(np.linalg.norm(moved, axis=1))
-    return result
+    nowhere = np.zeros((len(given), PARAMETERS))
+    before, after = (PoseModel.of(c, observed).project(nowhere, observed)[0] for c in (given, cameras))
+    return photo_medians(np.linalg.norm(after - before, axis=1), observed.photo, len(given))
 
 
 def _corrected(scene: Scene, cameras: Sequence[Camera], search: _Search, is_own: bool) -> Scene:
