@@ -35,6 +35,7 @@ ALLOWED: dict[str, set[str]] = {
         "fairing.solve",
         "fairing.placement",
         "fairing.io",
+        "fairing.util",
     },
     "fairing.judge": DATA
     | {

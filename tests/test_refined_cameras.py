@@ -19,12 +19,14 @@ from fairing.cameras import Refinement, refine
 from fairing.cameras.corrected_scene import triangulated_again, with_cameras
 from fairing.errors import Cancelled, InputError
 from fairing.features import find_points
+from fairing.io import feature_points
 from fairing.io.colmap_text import read_text_model
 from fairing.io.convert import write_capture
+from fairing.io.load import load_scene
 from fairing.io.output_folder import prepare_output_folder
-from fairing.io.scene_points import with_points
 from fairing.options import PRESETS
 from fairing.photo import ArrayPhoto
+from fairing.run import refined_once
 from fairing.run.session import Session
 from fairing.run.trace_header import header_of, scene_of_trace
 from fairing.scene import Scene, SparsePoints
@@ -53,7 +55,7 @@ def turned(scene: Scene, px: float) -> Scene:
 
 @cache
 def refined(px: float) -> Refinement:
-    return refine(turned(exact_scene(), px) if px else exact_scene())
+    return refine(turned(exact_scene(), px) if px else exact_scene(), finds_points=True)
 
 
 def rotation_error(cameras: tuple[Camera, ...]) -> float:
@@ -82,11 +84,9 @@ def test_turned_cameras_are_corrected(px):
     assert found.judgement is not None
     assert found.judgement.error_after < 0.6 * found.judgement.error_before
     assert found.scene.cameras_origin == "corrected"
-    own = found.scene.sparse_points
-    assert own is not None
+    assert found.found is not None
     searched = find_points(found.scene.views)  # what a run would find with these cameras
-    np.testing.assert_array_equal(own.positions, searched.positions)
-    assert with_points(found.scene).sparse_points is own
+    np.testing.assert_array_equal(found.found.positions, searched.positions)
     assert (found.corrections > 0).all()
 
 
@@ -178,6 +178,53 @@ def test_a_trace_with_corrected_cameras_accepts_the_given_points_of_its_scene():
     np.testing.assert_array_equal(again.sparse_positions, corrected.sparse_positions)
 
 
+def test_a_run_refines_the_cameras_of_its_scene_and_keeps_the_result(tmp_path, monkeypatch):
+    monkeypatch.setenv("EIGENFAIRING_CACHE", str(tmp_path))
+    wrong = replace(turned(exact_scene(), 0.5), cameras_choice="refine")
+    session = Session(wrong)
+    session.find_points()
+    for view, camera in zip(session.scene.views, refined(0.5).cameras, strict=True):
+        np.testing.assert_array_equal(view.camera.image_from_world, camera.image_from_world)
+    assert session.scene.given_cameras == tuple(view.camera for view in wrong.views)
+    assert session.scene.sparse_points is not None
+    assert session.scene.sparse_points.origin == "own"
+    monkeypatch.setattr(refined_once, "refine", lambda *_: pytest.fail("the cache has it"))
+    monkeypatch.setattr(feature_points, "find_points", lambda *_: pytest.fail("the cache has them"))
+    again = Session(wrong)
+    again.find_points()
+    assert json.dumps(again.trace.header) == json.dumps(session.trace.header)
+    resumed = Session(wrong, trace=session.trace)
+    assert resumed.scene.cameras_choice == "given"
+    for one, other in zip(resumed.scene.views, session.scene.views, strict=True):
+        np.testing.assert_array_equal(one.camera.image_from_world, other.camera.image_from_world)
+
+
+def test_a_run_whose_given_cameras_were_kept_is_the_run_without_refinement(tmp_path, monkeypatch):
+    monkeypatch.setenv("EIGENFAIRING_CACHE", str(tmp_path))
+    sessions = [Session(replace(exact_scene(), cameras_choice=choice)) for choice in ("given", "refine")]
+    for session in sessions:
+        session.find_points()
+    given, kept = (session.scene for session in sessions)
+    assert kept.given_cameras is None
+    assert kept.views == given.views
+    np.testing.assert_array_equal(kept.sparse_positions, given.sparse_positions)
+    header = sessions[1].trace.header
+    assert not header.pop("refinement")["taken"]
+    assert header == sessions[0].trace.header
+
+
+def test_refinement_in_a_run_can_be_skipped_and_cancelled():
+    session = Session(replace(turned(exact_scene(), 0.7), cameras_choice="refine", sparse_points=None))
+    session.cancel_requested = lambda: True
+    with pytest.raises(Cancelled):
+        session.find_points()
+    assert session.scene.cameras_choice == "refine"
+    session.cancel_requested = lambda: False
+    session.find_points(skip_requested=lambda: True)
+    assert session.scene.given_cameras is None
+    assert "cameras were not refined, on request" in session.warnings
+
+
 def test_given_cameras_are_not_recorded():
     assert "cameras" not in header_of(exact_scene(), Session(exact_scene()).options)
 
@@ -196,14 +243,21 @@ def test_the_command_writes_corrected_cameras_and_resumes_with_them(tmp_path):
     wrong, capture, out = turned(exact_scene(), 1.0), tmp_path / "capture", tmp_path / "out"
     prepare_output_folder(capture)
     write_capture(capture, "scene.json", wrong.views, None, (wrong.mesh.vertices, wrong.mesh.faces))
-    source = SceneSource.typed(str(capture), None, points="own")
+    source = SceneSource.typed(str(capture), None, points="own", cameras="automatic")
     options = replace(PRESETS["accurate"], schedule=replace(PRESETS["accurate"].schedule, max_sweeps=(1, 1, 1, 1, 1)))
     console = Console(file=(said := io.StringIO()), width=400)
     arguments = (source, out, "accurate", options)
-    assert fair_to_folder(*arguments, False, RunExtras(), console, "refine") == 0
+    assert fair_to_folder(*arguments, False, RunExtras(), console) == 0
     assert "cameras corrected by" in said.getvalue()
     report = json.loads((out / "report.json").read_text())
     assert report["cameras"]["taken"]
+    assert "iterations" not in report["cameras"]
+    python = load_scene(capture, points="own")
+    session = Session(python, options)
+    session.find_points()
+    recorded = Trace.load(out / "run.trace").header
+    assert json.loads(json.dumps(session.trace.header["cameras"])) == recorded["cameras"]
+    assert json.loads(json.dumps(session.trace.header["refinement"])) == recorded["refinement"]
     assert [photo["name"] for photo in report["cameras"]["photos"]] == [view.name for view in wrong.views]
     trace = Trace.load(out / "run.trace")
     images = {image.name: image for image in read_text_model(out / "cameras").images.values()}
@@ -214,6 +268,6 @@ def test_the_command_writes_corrected_cameras_and_resumes_with_them(tmp_path):
         np.testing.assert_allclose(R, camera.camera_from_world[:, :3], atol=1e-9)
     mesh = (out / "mesh.ply").read_bytes()
     trace.cut(len(trace) // 2).attach(out / "run.trace")
-    assert fair_to_folder(*arguments, True, RunExtras(), console, "given") == 0
+    assert fair_to_folder(*arguments, True, RunExtras(), console) == 0
     assert (out / "mesh.ply").read_bytes() == mesh
     assert json.loads((out / "report.json").read_text())["cameras"] == report["cameras"]

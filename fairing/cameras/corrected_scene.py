@@ -22,7 +22,8 @@ def with_cameras(scene: Scene, cameras: Sequence[Camera]) -> Scene:
     points = scene.sparse_points
     if points is not None and points.origin == "given":
         points = triangulated_again(points, cameras)
-    return replace(scene, views=views, sparse_points=points, cameras_origin="corrected")
+    given = scene.given_cameras or tuple(view.camera for view in scene.views)
+    return replace(scene, views=views, sparse_points=points, cameras_choice="given", given_cameras=given)
 
 
 def triangulated_again(points: SparsePoints, cameras: Sequence[Camera]) -> SparsePoints:

@@ -47,7 +47,8 @@ class Refinement:
     """What refinement found.
 
     Attributes:
-        scene: with the corrected cameras and with points moved accordingly; the scene as it was if they are not taken.
+        scene: with the corrected cameras and with points moved accordingly; the scene as it was if they are not taken. Points
+            found in the photos are left out: its run finds them anew.
         taken: whether the corrected cameras are used.
         reason: why, or why not, as one sentence.
         cameras: the corrected cameras, one a photo, also where they are not taken.
@@ -55,6 +56,7 @@ class Refinement:
         judgement: held-out points with both sets of cameras; None without points.
         sigma: estimated standard deviations, px; None without points.
         iterations: of the adjustments, in their order; the first is the given state.
+        found: the points that a run of the scene would find in its photos, if they were asked for.
     """
 
     scene: Scene
@@ -65,6 +67,31 @@ class Refinement:
     judgement: CameraJudgement | None = None
     sigma: Deviations | None = None
     iterations: tuple[Iteration, ...] = ()
+    found: FeaturePoints | None = None
+
+    def _errors(self) -> tuple[list[float], list[float]]:
+        """Median reprojection errors of the photos, px: with the given and with the corrected cameras."""
+        if not self.iterations:
+            nothing = [0.0] * len(self.corrections)
+            return nothing, nothing
+        return self.iterations[0].errors.tolist(), self.iterations[-1].errors.tolist()
+
+    @classmethod
+    def of_facts(
+        cls, scene: Scene, facts: dict[str, Any], cameras: Sequence[Camera], iterations: Sequence[Iteration]
+    ) -> "Refinement":
+        """From what `facts` returned for the same scene, and the corrected cameras."""
+        held_out, sigma = facts["held_out"], facts["sigma_px"]
+        return cls(
+            _corrected(scene, cameras) if facts["taken"] else scene,
+            facts["taken"],
+            facts["reason"],
+            tuple(cameras),
+            np.array([photo["correction_px"] for photo in facts["photos"]]),
+            None if held_out is None else CameraJudgement(**held_out),
+            None if sigma is None else Deviations(**sigma),
+            tuple(iterations),
+        )
 
     def facts(self) -> dict[str, Any]:
         """The refinement for a report in JSON."""
@@ -74,8 +101,10 @@ class Refinement:
             "held_out": None if self.judgement is None else vars(self.judgement),
             "sigma_px": None if self.sigma is None else vars(self.sigma),
             "photos": [
-                {"name": view.name, "correction_px": correction}
-                for view, correction in zip(self.scene.views, self.corrections.tolist(), strict=True)
+                {"name": view.name, "correction_px": correction, "error_before_px": before, "error_after_px": after}
+                for view, correction, before, after in zip(
+                    self.scene.views, self.corrections.tolist(), *self._errors(), strict=True
+                )
             ],
         }
 
@@ -85,23 +114,31 @@ def refine(
     threads: int = 0,
     on_progress: Progress = lambda fraction, line: None,
     cancel_requested: Callable[[], bool] = lambda: False,
+    finds_points: bool = False,
 ) -> Refinement:
     """Correct the poses of a scene's cameras, and keep the correction where held-out points are clearly better with it.
 
-    The mesh stays as it is: the frame is held by the given poses. Points of the choice "own" are found anew in the photos;
-    other sparse points with observations are triangulated again. Intrinsics are kept.
+    The mesh stays as it is: the frame is held by the given poses. Given sparse points with observations are triangulated
+    again. Intrinsics are kept.
 
     Args:
         threads: 0 for one a core.
         cancel_requested: polled several times a second while points are found, and after each step of an adjustment.
+        finds_points: also find the points that a run would find in the photos, from the same keypoints.
 
     Raises:
         InputError: a photo or mask cannot be decoded.
         Cancelled: `cancel_requested` returned True.
     """
-    is_own = scene.points_choice == "own" or (scene.sparse_points is not None and scene.sparse_points.origin == "own")
     work = _Work(on_progress, cancel_requested)
-    search = _Search(scene.views, is_own, threads, work)
+    search = _Search(scene.views, finds_points, threads, work)
+    result = _refined(scene, search, work)
+    if not finds_points:
+        return result
+    return replace(result, found=search.points([view.camera for view in result.scene.views], SECOND_SEARCH))
+
+
+def _refined(scene: Scene, search: "_Search", work: "_Work") -> Refinement:
     given = [view.camera for view in scene.views]
     found = ObservedPoints.of_features(search.points(given, FIRST_SEARCH, FIRST_KEYPOINTS))
     held_out = found.chosen(is_held_out(len(found))) if len(found) else found
@@ -137,7 +174,7 @@ def refine(
         )
     reason = f"cameras corrected by {np.median(corrections):.2f} px (at most {corrections.max():.2f}): {compared}"
     return Refinement(
-        _corrected(scene, cameras, search, is_own), True, reason, tuple(cameras), corrections, judgement, estimate.sigma,
+        _corrected(scene, cameras), True, reason, tuple(cameras), corrections, judgement, estimate.sigma,
         tuple(adjusting.iterations),
     )  # fmt: skip
 
@@ -231,16 +268,11 @@ def _corrections(given: Sequence[Camera], cameras: Sequence[Camera], observed: O
     return photo_medians(np.linalg.norm(after - before, axis=1), observed.photo, len(given))
 
 
-def _corrected(scene: Scene, cameras: Sequence[Camera], search: _Search, is_own: bool) -> Scene:
-    """The scene with other cameras, and the sparse points as `refine` describes."""
+def _corrected(scene: Scene, cameras: Sequence[Camera]) -> Scene:
+    """The scene with other cameras, and the sparse points as `Refinement` describes."""
     corrected, points = with_cameras(scene, cameras), scene.sparse_points
-    if is_own:
-        # From the keypoints at hand: detection takes most of a search's time.
-        found = search.points(cameras, SECOND_SEARCH)
-        if len(found):
-            line = f"{len(found)} points were found in the photos with corrected cameras"
-            warnings = (*scene.warnings, line)
-            return replace(corrected, sparse_points=found.sparse_points(), points_choice="own", warnings=warnings)
     if points is None or points.origin == "given":
         return corrected
+    if points.origin == "own":
+        return replace(corrected, sparse_points=None, points_choice="own")
     return replace(corrected, sparse_points=triangulated_again(points, cameras))
