@@ -50,7 +50,7 @@ ALLOWED: dict[str, set[str]] = {
         "fairing.solve",
         "fairing.run",
     },
-    "fairing.check": DATA | {"fairing.geometry", "fairing.cells", "fairing.placement"},
+    "fairing.check": DATA | {"fairing.geometry", "fairing.cameras", "fairing.cells", "fairing.placement"},
     "fairing.registration": DATA | {"fairing.geometry"},
     "fairing.texture": DATA | {"fairing.util", "fairing.geometry", "fairing.kernels"},
     "fairing.triangulation": DATA | {"fairing.util", "fairing.geometry", "fairing.cells", "fairing.solve"},

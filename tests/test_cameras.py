@@ -11,6 +11,7 @@ from fairing.camera import Camera
 from fairing.cameras.adjustment import Deviations, adjust, objective, reduced_system, residual_lengths, triangulate
 from fairing.cameras.estimation import estimate_poses, loss_at
 from fairing.cameras.judge import is_held_out, judge_cameras
+from fairing.cameras.misfits import find_misfits, resected
 from fairing.cameras.observed_points import ObservedPoints
 from fairing.cameras.pose_model import PARAMETERS, PoseModel, left_jacobians
 from fairing.optimize.loss import GemanMcClure, Huber
@@ -248,3 +249,28 @@ def test_points_are_chosen_with_their_observations():
     np.testing.assert_array_equal(shared, mask)
     far = replace(chosen, pixels=chosen.pixels + 0.5)
     assert not observed.shares_observation(far).any()
+
+
+@pytest.mark.parametrize(("px", "is_released"), [(2.0, False), (20.0, True)])
+def test_one_wrong_camera_among_exact_ones_is_corrected(px, is_released):
+    rng, true = np.random.default_rng(11), ring(9)
+    observed = observed_by(true, 500, 0.2, rng)
+    given = [*true[:4], turned(true[4:5], px, rng)[0], *true[5:]]
+    model = PoseModel.of(given, observed)
+    assert find_misfits(model, np.zeros((9, PARAMETERS)), observed)[4] == is_released
+    found = estimate_poses(model, observed)
+    np.testing.assert_array_equal(found.model.trust < 1, is_released & (np.arange(9) == 4))
+    wrong, left = (rotation_errors(c, true).max() for c in (given, model.cameras_at(found.poses, given)))
+    assert left < 0.15 * wrong, (wrong, left)
+    assert not find_misfits(model, found.poses, observed.at(found.points)).any()
+
+
+def test_a_resection_changes_one_pose_and_not_that_of_a_photo_with_few_observations():
+    rng, true = np.random.default_rng(12), ring(6)
+    observed = observed_by(true, 100, 0.2, rng)
+    model, nowhere = PoseModel.of(turned(true, 3.0, rng), observed), np.zeros((6, PARAMETERS))
+    poses = resected(model, nowhere, observed, 2)
+    assert (poses[2] != 0).all()
+    assert (np.delete(poses, 2, axis=0) == 0).all()
+    few = observed.chosen(np.arange(len(observed)) < 3)
+    assert resected(model, nowhere, few, 2) is nowhere

@@ -3,8 +3,9 @@
 With r_o the reprojection residual of an observation, px, rho a robust loss, s the standard deviation of a coordinate of an
 observation and (a_v, b_v) the parameters of a pose (see `pose_model`), the objective is
 
-    E = sum_o rho(|r_o|) / s^2 + sum_v |a_v|^2 / (2 s_a^2) + |b_v|^2 / (2 s_b^2).
+    E = sum_o rho(|r_o|) / s^2 + sum_v t_v (|a_v|^2 / (2 s_a^2) + |b_v|^2 / (2 s_b^2)),
 
+t_v the trust in the given pose, 1 or nearly 0.
 The prior also holds the frame: observations do not change when all poses and points move by one similarity.
 """
 
@@ -90,7 +91,7 @@ def residual_lengths(model: PoseModel, poses: np.ndarray, observed: ObservedPoin
 def objective(model: PoseModel, poses: np.ndarray, observed: ObservedPoints, loss: Loss, sigma: Deviations) -> float:
     """E at poses (v, 6), px, and the points of `observed`."""
     data = loss.value(residual_lengths(model, poses, observed)).sum() / sigma.observation**2
-    return float(data + 0.5 * (poses**2 @ sigma.prior).sum())
+    return float(data + 0.5 * (model.trust * (poses**2 @ sigma.prior)).sum())
 
 
 def reduced_system(
@@ -101,14 +102,15 @@ def reduced_system(
     images = model.linearise(poses, observed)
     U, g, V, g_points, W = compiled.normal_blocks(
         images.J_pixel_wrt_pose, images.J_pixel_wrt_point, images.pixels - observed.pixels,
-        _weights(images, observed, loss) / sigma.observation**2, point, photo, v, p,
+        weights_of(images, observed, loss) / sigma.observation**2, point, photo, v, p,
     )  # fmt: skip
-    U += np.diag(sigma.prior)
+    prior = model.trust[:, None] * sigma.prior
+    U += prior[:, :, None] * np.eye(PARAMETERS)
     U += damping * U * np.eye(PARAMETERS)
     L_inverse = np.linalg.inv(np.linalg.cholesky(_damped(V, damping)))
     whitened = np.einsum("pij,pj->pi", L_inverse, g_points)
     half, g_less, Z = compiled.eliminated(W, L_inverse, whitened, observed.starts, point, photo, v)
-    g += poses * sigma.prior - g_less
+    g += poses * prior - g_less
     return System(np.asarray(block_diag(*U)) - half - half.T, g.ravel(), Z, L_inverse, whitened)
 
 
@@ -162,7 +164,7 @@ def triangulate(
     for _ in range(iterations):
         images = model.linearise(poses, observed.at(points))
         V, g = compiled.point_blocks(
-            images.J_pixel_wrt_point, images.pixels - observed.pixels, _weights(images, observed, loss),
+            images.J_pixel_wrt_point, images.pixels - observed.pixels, weights_of(images, observed, loss),
             observed.point, len(points),
         )  # fmt: skip
         V = _damped(V, damping[:, None, None])
@@ -183,7 +185,7 @@ def _step(system: System, observed: ObservedPoints) -> tuple[np.ndarray, np.ndar
     return turned, -np.einsum("pji,pj->pi", system.L_inverse, whitened)
 
 
-def _weights(images: Projected, observed: ObservedPoints, loss: Loss) -> np.ndarray:
+def weights_of(images: Projected, observed: ObservedPoints, loss: Loss) -> np.ndarray:
     """(o,) float: the loss's weights of linearised observations."""
     length = _lengths(images.pixels, images.depth, observed)
     return np.where(length < BEHIND, loss.weight(length), 0)

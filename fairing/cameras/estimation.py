@@ -7,7 +7,7 @@ their block of the inverse of the reduced camera system: r counts what the obser
 they do not determine, adds nothing.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
@@ -21,6 +21,7 @@ from fairing.cameras.adjustment import (
     residual_lengths,
     triangulate,
 )
+from fairing.cameras.misfits import find_misfits, resected
 from fairing.cameras.observed_points import ObservedPoints
 from fairing.cameras.pose_model import PARAMETERS, PoseModel
 from fairing.optimize.loss import GemanMcClure
@@ -38,6 +39,7 @@ LAST_STEPS = 10
 SAME = 0.02
 """The rounds end when no deviation changes by a larger part of it."""
 TRIANGULATION_STEPS = 5
+NO_TRUST = 1e-6
 MOST_STEPS = ROUNDS * STEPS_OF_ROUND + LAST_STEPS
 
 
@@ -52,6 +54,7 @@ class Estimate:
     poses: np.ndarray
     points: np.ndarray
     sigma: Deviations
+    model: PoseModel
 
 
 def loss_at(noise: float) -> GemanMcClure:
@@ -67,10 +70,26 @@ def estimate_poses(
 ) -> Estimate:
     """Poses, points and standard deviations, each found with the others as they are, in turn.
 
+    Where cameras do not fit the others afterwards, they are fitted alone and all is estimated again, see `misfits`.
+
     Args:
         start: (v, 6) float, px: first poses; default: the given ones. The prior is about the given ones in any case.
+        on_step: see `OnStep`.
     """
     poses = np.zeros((len(model), PARAMETERS)) if start is None else start
+    estimate = _estimated(model, observed, poses, on_step)
+    observed = observed.at(estimate.points)
+    misfits = find_misfits(model, estimate.poses, observed)
+    if not misfits.any():
+        return estimate
+    poses = estimate.poses
+    for photo in np.flatnonzero(misfits).tolist():
+        poses = resected(model, poses, observed, photo)
+    released = replace(model, trust=np.where(misfits, NO_TRUST, model.trust))
+    return _estimated(released, observed, poses, on_step)
+
+
+def _estimated(model: PoseModel, observed: ObservedPoints, poses: np.ndarray, on_step: OnStep) -> Estimate:
     noise = _noise(model, poses, observed)
     points = triangulate(model, poses, observed, loss_at(noise), TRIANGULATION_STEPS)
     observed = observed.at(points)
@@ -83,7 +102,7 @@ def estimate_poses(
         if max(changes) <= SAME:
             break
     found = adjust(model, poses, observed, loss_at(sigma.observation), sigma, LAST_STEPS, on_step)
-    return Estimate(found.poses, found.points, sigma)
+    return Estimate(found.poses, found.points, sigma, model)
 
 
 def _deviations(model: PoseModel, found: Adjusted, observed: ObservedPoints, sigma: Deviations) -> Deviations:
@@ -92,10 +111,10 @@ def _deviations(model: PoseModel, found: Adjusted, observed: ObservedPoints, sig
     sigma = Deviations(noise, sigma.rotation, sigma.center)
     system = reduced_system(model, found.poses, observed, loss_at(noise), sigma)
     variance = np.diag(cho_solve(cho_factor(system.S), np.eye(len(system.S)))).reshape(-1, PARAMETERS)
-    estimated = []
+    estimated, trusted = [], model.trust > NO_TRUST
     for part, s in ((slice(0, 3), sigma.rotation), (slice(3, 6), sigma.center)):
-        parameters = found.poses[:, part]
-        redundancy = max(parameters.size - variance[:, part].sum() / s**2, 1.0)
+        parameters = found.poses[trusted, part]
+        redundancy = max(parameters.size - variance[trusted, part].sum() / s**2, 1.0)
         estimated.append(max(float(np.sqrt((parameters**2).sum() / redundancy)), LEAST_DEVIATION))
     return Deviations(noise, *estimated)
 

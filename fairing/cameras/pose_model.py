@@ -46,6 +46,7 @@ class PoseModel:
         centers: (v, 3) float, world units: given centres.
         angle_unit: (v,) float, radians / px: 1 / f.
         length_unit: (v,) float, world units / px: d / f.
+        trust: (v,) float: weight of each given pose in the prior of an adjustment.
     """
 
     K: np.ndarray
@@ -53,6 +54,7 @@ class PoseModel:
     centers: np.ndarray
     angle_unit: np.ndarray
     length_unit: np.ndarray
+    trust: np.ndarray
 
     @classmethod
     def of(cls, cameras: Sequence[Camera], observed: ObservedPoints) -> "PoseModel":
@@ -66,7 +68,7 @@ class PoseModel:
         common = np.median(depth[depth > 0])
         median = np.array([np.median(found) if len(found) else common for found in of_photo])
         focal = np.sqrt(K[:, 0, 0] * K[:, 1, 1])
-        return cls(K, rotations, centers, 1 / focal, median / focal)
+        return cls(K, rotations, centers, 1 / focal, median / focal, np.ones(len(K)))
 
     def __len__(self) -> int:
         return len(self.K)

@@ -11,6 +11,7 @@ from fairing.cameras.adjustment import Deviations, residual_lengths
 from fairing.cameras.corrected_scene import triangulated_again, with_cameras
 from fairing.cameras.estimation import MOST_STEPS, Estimate, estimate_poses
 from fairing.cameras.judge import FEWEST_POINTS, HELD_OUT, CameraJudgement, is_held_out, judge_cameras
+from fairing.cameras.misfits import misfits_of, photo_medians
 from fairing.cameras.observed_points import ObservedPoints
 from fairing.cameras.pose_model import PARAMETERS, PoseModel
 from fairing.errors import Cancelled
@@ -21,6 +22,9 @@ from fairing.scene import Scene, View
 
 FIRST_SEARCH = FeatureOptions(epipolar_distance=6.0, residual=6.0)
 """Of the search with the given cameras: its limits are wide, because wrong cameras move points off their epipolar lines."""
+WIDE_SEARCH = FeatureOptions(epipolar_distance=24.0, residual=24.0)
+"""Made where a photo shows fewer points than `FEW` of the median photo: its camera may be wrong by more than the first limits."""
+FEW = 0.3
 SECOND_SEARCH = FeatureOptions()
 FIRST_KEYPOINTS, SECOND_KEYPOINTS = 4000, 8000
 """Of a photo, the strongest ones, which the searches use (ledger: keypoints of refinement)."""
@@ -69,12 +73,17 @@ class Refinement:
     iterations: tuple[Iteration, ...] = ()
     found: FeaturePoints | None = None
 
-    def _errors(self) -> tuple[list[float], list[float]]:
-        """Median reprojection errors of the photos, px: with the given and with the corrected cameras."""
+    @property
+    def errors(self) -> tuple[np.ndarray, np.ndarray]:
+        """(v,) float each, px: median reprojection error of each photo with the given and with the corrected cameras."""
         if not self.iterations:
-            nothing = [0.0] * len(self.corrections)
-            return nothing, nothing
-        return self.iterations[0].errors.tolist(), self.iterations[-1].errors.tolist()
+            return np.zeros(len(self.corrections)), np.zeros(len(self.corrections))
+        return self.iterations[0].errors, self.iterations[-1].errors
+
+    @property
+    def misfits(self) -> np.ndarray:
+        """(v,) bool: photos whose camera does not fit the others, also if it was corrected."""
+        return misfits_of(self.errors[int(self.taken)])
 
     @classmethod
     def of_facts(
@@ -103,7 +112,10 @@ class Refinement:
             "photos": [
                 {"name": view.name, "correction_px": correction, "error_before_px": before, "error_after_px": after}
                 for view, correction, before, after in zip(
-                    self.scene.views, self.corrections.tolist(), *self._errors(), strict=True
+                    self.scene.views,
+                    self.corrections.tolist(),
+                    *(errors.tolist() for errors in self.errors),
+                    strict=True,
                 )
             ],
         }
@@ -140,7 +152,7 @@ def refine(
 
 def _refined(scene: Scene, search: "_Search", work: "_Work") -> Refinement:
     given = [view.camera for view in scene.views]
-    found = ObservedPoints.of_features(search.points(given, FIRST_SEARCH, FIRST_KEYPOINTS))
+    found = _first_points(search, given)
     held_out = found.chosen(is_held_out(len(found))) if len(found) else found
     if len(held_out) < FEWEST_POINTS:
         reason = (
@@ -157,7 +169,7 @@ def _refined(scene: Scene, search: "_Search", work: "_Work") -> Refinement:
         again = again.chosen(~again.shares_observation(held_out)) if len(again) else again
         if len(again) >= len(training) // 2:
             further = _Adjusting(model, again, work, estimate.poses)
-            second = estimate_poses(model, again, estimate.poses, further.show)
+            second = estimate_poses(estimate.model, again, estimate.poses, further.show)
             cameras_then, judgement_then = _judged(model, second, given, held_out)
             if judgement_then.loss_after <= judgement.loss_after:
                 estimate, cameras, judgement, training = second, cameras_then, judgement_then, again
@@ -180,7 +192,7 @@ def _refined(scene: Scene, search: "_Search", work: "_Work") -> Refinement:
 
 
 class _Work:
-    """Progress and cancellation of a refinement: half of the work finds keypoints, 0.1 is each search and adjustment."""
+    """Progress and cancellation of a refinement: 0.4 of the work finds keypoints, 0.1 is each search and adjustment."""
 
     def __init__(self, progress: Progress, cancel_requested: Callable[[], bool]) -> None:
         self._progress, self._begun = progress, 0.0
@@ -201,7 +213,7 @@ class _Search:
 
     def __init__(self, views: Sequence[View], all_needed: bool, threads: int, work: _Work) -> None:
         self._views, self._threads, self._work = views, threads, work
-        show, most = work.share(0.5), 0 if all_needed else SECOND_KEYPOINTS
+        show, most = work.share(0.4), 0 if all_needed else SECOND_KEYPOINTS
         self._keypoints = find_keypoints(
             views, SECOND_SEARCH, threads, lambda done, count: show(done / count, f"keypoints of {len(views)} photos"),
             work.cancel_requested, most,
@@ -247,11 +259,15 @@ class _Adjusting:
         self.iterations.append(Iteration(poses, photo_medians(lengths, observed.photo, len(poses))))
 
 
-def photo_medians(values: np.ndarray, photo: np.ndarray, n_photos: int) -> np.ndarray:
-    """(v,) float: median of the values (o,) of each photo; 0 for a photo without any."""
-    order = np.argsort(photo, kind="stable")
-    parts = np.split(values[order], np.searchsorted(photo[order], np.arange(1, n_photos)))
-    return np.array([np.median(part) if len(part) else 0.0 for part in parts])
+def _first_points(search: _Search, given: Sequence[Camera]) -> ObservedPoints:
+    """Points found with the given cameras."""
+    found = ObservedPoints.of_features(search.points(given, FIRST_SEARCH, FIRST_KEYPOINTS))
+    counts = np.bincount(found.photo, minlength=len(given))
+    if counts.min() >= FEW * np.median(counts):
+        return found
+    wider = ObservedPoints.of_features(search.points(given, WIDE_SEARCH, FIRST_KEYPOINTS))
+    is_more = np.bincount(wider.photo, minlength=len(given)) > counts
+    return wider if is_more[counts < FEW * np.median(counts)].any() else found
 
 
 def _judged(
