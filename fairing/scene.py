@@ -18,9 +18,10 @@ PointsChoice = Literal["automatic", "given", "own", "both", "none"]
 """Sparse points of a run: "given" with the capture; "own", found in its photos with its cameras; "both"; "none".
 "automatic": the given ones if they are enough, else its own (`fairing.io.scene_points`)."""
 
-CamerasChoice = Literal["automatic", "refine", "given"]
-"""Cameras of a run: "given" with the capture, or "refine": corrected where held-out points are clearly better with them
-(`fairing.cameras`). "automatic": "refine" for captures; "given" for demo scenes, whose cameras are exact."""
+CamerasChoice = Literal["automatic", "refine", "refine_lens", "given"]
+"""Cameras of a run: "given" with the capture, or "refine": poses corrected where held-out points are clearly better with them
+(`fairing.cameras`); "refine_lens": focal lengths and principal points, too. "automatic": "refine" for captures; "given" for
+demo scenes, whose cameras are exact."""
 
 WEIGHTS = (1e-6, 1e6)
 """Smallest and largest weight of a photo: beyond them the others do not count, and squares of sums lose their digits."""
@@ -152,7 +153,7 @@ class Scene:
     mesh_file: Path | None = None
     """The file that the mesh was read from: the mesh is written with its attributes, see `fairing.write_mesh`."""
     points_choice: PointsChoice = "automatic"
-    cameras_choice: Literal["refine", "given"] = "given"
+    cameras_choice: Literal["refine", "refine_lens", "given"] = "given"
     """The choice of cameras that a run still has to make, alike."""
     given_cameras: tuple[Camera, ...] | None = None
     """The cameras of the capture where `fairing.cameras.refine` corrected those of the views; a run records the latter."""

@@ -271,3 +271,24 @@ def test_the_command_writes_corrected_cameras_and_resumes_with_them(tmp_path):
     assert fair_to_folder(*arguments, True, RunExtras(), console) == 0
     assert (out / "mesh.ply").read_bytes() == mesh
     assert json.loads((out / "report.json").read_text())["cameras"] == report["cameras"]
+
+
+@pytest.mark.slow
+def test_a_run_can_refine_intrinsics_too(tmp_path, monkeypatch):
+    monkeypatch.setenv("EIGENFAIRING_CACHE", str(tmp_path))
+    views = []
+    for view in exact_scene().views:
+        camera = view.camera
+        K = camera.K * np.array([[1.01, 1, 1], [1, 1.01, 1], [1, 1, 1]])
+        views.append(replace(view, camera=Camera(K @ camera.camera_from_world, camera.width, camera.height)))
+    wrong = replace(exact_scene(), views=tuple(views))
+    focal = {}
+    for choice in ("refine", "refine_lens"):
+        session = Session(replace(wrong, cameras_choice=choice))
+        session.find_points()
+        focal[choice] = session.scene.views[0].camera.K[0, 0]
+        focal["error", choice] = session.trace.header["refinement"]["held_out"]["error_after"]
+    true, given = (scene.views[0].camera.K[0, 0] for scene in (exact_scene(), wrong))
+    assert focal["refine"] == pytest.approx(given)
+    assert abs(focal["refine_lens"] - true) < 0.3 * abs(given - true)
+    assert focal["error", "refine_lens"] <= focal["error", "refine"]

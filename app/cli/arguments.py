@@ -62,8 +62,9 @@ CamerasArgument = Annotated[
     CamerasChoice,
     tyro.conf.arg(
         help="Cameras: as given, or refined: their poses are corrected by bundle adjustment over points found in the photos. "
-        "Corrected poses are used where held-out points are clearly better with them; `fair` writes them to the folder "
-        "cameras as a COLMAP model. Automatic: refined; for demos as given.",
+        "With refine_lens also focal lengths and principal points. Corrected cameras are used where held-out points are "
+        "clearly better with them; `fair` writes them to the folder cameras as a COLMAP model. Automatic: refine; for demos "
+        "given.",
     ),
 ]
 RunArgument = Annotated[

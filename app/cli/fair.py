@@ -114,7 +114,7 @@ def _fair(
         source = replace(source, mesh=str((out / START_MESH).resolve()))
     if trace is not None:
         source = source.resumed(trace.header, out / TRACE)
-    if trace is not None and source.cameras == "refine" and REFINEMENT not in trace.header:
+    if trace is not None and source.cameras.startswith("refine") and REFINEMENT not in trace.header:
         raise InputError(f"{out / TRACE}: was recorded with the given cameras; continue without --cameras refine")
     session = open_session(source, console, options, trace)
     scene = session.scene

@@ -183,7 +183,7 @@ class SceneSource:
         tell, recorded = progress or (lambda fraction, line: None), self._recorded_points()
         if is_demo(self.scene):
             scene = load_demo(self.scene, progress=progress)
-            cameras_choice = "refine" if self.cameras == "refine" else "given"
+            cameras_choice = "given" if self.cameras == "automatic" else self.cameras
             scene = replace(scene, points_choice=self._choice(scene), cameras_choice=cameras_choice)
             if recorded is not None:
                 scene = replace(scene, sparse_points=self._read_points(recorded, scene.views), points_choice="given")

@@ -3,9 +3,9 @@
 With r_o the reprojection residual of an observation, px, rho a robust loss, s the standard deviation of a coordinate of an
 observation and (a_v, b_v) the parameters of a pose (see `pose_model`), the objective is
 
-    E = sum_o rho(|r_o|) / s^2 + sum_v t_v (|a_v|^2 / (2 s_a^2) + |b_v|^2 / (2 s_b^2)),
+    E = sum_o rho(|r_o|) / s^2 + sum_v t_v (|a_v|^2 / (2 s_a^2) + |b_v|^2 / (2 s_b^2)) + sum_c |e_c|^2 / (2 s_e^2),
 
-t_v the trust in the given pose, 1 or nearly 0.
+t_v the trust in the given pose, 1 or nearly 0, and e_c the intrinsics of a camera, if they are unknown.
 The prior also holds the frame: observations do not change when all poses and points move by one similarity.
 """
 
@@ -17,7 +17,7 @@ from scipy.linalg import block_diag, cho_factor, cho_solve
 
 from fairing.cameras import compiled
 from fairing.cameras.observed_points import ObservedPoints
-from fairing.cameras.pose_model import PARAMETERS, PoseModel, Projected
+from fairing.cameras.pose_model import INTRINSICS, PARAMETERS, PoseModel, Projected
 from fairing.optimize.loss import Loss
 
 FIRST_DAMPING = 1e-4
@@ -30,34 +30,39 @@ POINT_FLOOR = 1e-9
 """Of the median trace of the points' matrices, added to their diagonals: a point may have no observation of any weight."""
 
 OnStep = Callable[[np.ndarray, ObservedPoints], None]
-"""Called after each step with the poses (v, 6), px, and the points; what it raises ends the adjustment."""
+"""Called after each step with the poses (v, n), px, and the points; what it raises ends the adjustment."""
 
 
 @dataclass(frozen=True)
 class Deviations:
-    """Standard deviations, px: `observation` of a coordinate, `rotation` and `center` of a parameter of the given poses."""
+    """Standard deviations, px: `observation` of a coordinate, `rotation`, `center` and `lens` of a parameter of the given poses
+    and intrinsics. Of intrinsics that are not adjusted it is None."""
 
     observation: float
     rotation: float
     center: float
+    lens: float | None = None
 
-    @property
-    def prior(self) -> np.ndarray:
-        """(6,) float, 1 / px^2: the prior's diagonal for one pose."""
-        return np.repeat([self.rotation**-2, self.center**-2], PARAMETERS // 2)
+    def prior(self, model: PoseModel) -> np.ndarray:
+        """(v, n) float, 1 / px^2: the prior's diagonal; that of shared intrinsics is divided among their photos."""
+        of_pose = np.repeat([self.rotation**-2, self.center**-2], PARAMETERS // 2) * model.trust[:, None]
+        if self.lens is None:
+            return of_pose
+        of_lens = np.full((len(model), INTRINSICS), self.lens**-2) / model.photos_of_lens[:, None]
+        return np.concatenate([of_pose, of_lens], axis=1)
 
 
 @dataclass(frozen=True, eq=False)
 class System:
     """Normal equations of all poses, the points eliminated.
 
-    With U, W, V the blocks of the normal matrix for poses, between poses and points, and for points:
-    S = U - W V^-1 W^T.
+    With U, W, V the blocks of the normal matrix for photos, between photos and points, and for points, and T the matrix of
+    `PoseModel.sharing`: S = T^T (U - W V^-1 W^T) T.
 
     Attributes:
-        S: (6 v, 6 v) float, the reduced camera system.
-        g: (6 v,) float: its gradient.
-        Z: (o, 6, 3) float: the blocks of W L^-T with V = L L^T, one an observation.
+        S: (u, u) float, the reduced camera system.
+        g: (u,) float: its gradient.
+        Z: (o, n, 3) float: the blocks of W L^-T with V = L L^T, one an observation.
         L_inverse: (p, 3, 3) float.
         g_points: (p, 3) float: L^-1 times the gradient by the points.
     """
@@ -72,7 +77,7 @@ class System:
 @dataclass(frozen=True, eq=False)
 class Adjusted:
     """Attributes:
-    poses: (v, 6) float, px.
+    poses: (v, n) float, px.
     points: (p, 3) float, world units.
     objectives: E at the start and after each accepted step, never increasing.
     """
@@ -89,9 +94,9 @@ def residual_lengths(model: PoseModel, poses: np.ndarray, observed: ObservedPoin
 
 
 def objective(model: PoseModel, poses: np.ndarray, observed: ObservedPoints, loss: Loss, sigma: Deviations) -> float:
-    """E at poses (v, 6), px, and the points of `observed`."""
+    """E at poses (v, n), px, and the points of `observed`."""
     data = loss.value(residual_lengths(model, poses, observed)).sum() / sigma.observation**2
-    return float(data + 0.5 * (model.trust * (poses**2 @ sigma.prior)).sum())
+    return float(data + 0.5 * (poses**2 * sigma.prior(model)).sum())
 
 
 def reduced_system(
@@ -104,14 +109,16 @@ def reduced_system(
         images.J_pixel_wrt_pose, images.J_pixel_wrt_point, images.pixels - observed.pixels,
         weights_of(images, observed, loss) / sigma.observation**2, point, photo, v, p,
     )  # fmt: skip
-    prior = model.trust[:, None] * sigma.prior
-    U += prior[:, :, None] * np.eye(PARAMETERS)
-    U += damping * U * np.eye(PARAMETERS)
+    prior = sigma.prior(model)
+    U += prior[:, :, None] * np.eye(prior.shape[1])
+    U += damping * U * np.eye(prior.shape[1])
     L_inverse = np.linalg.inv(np.linalg.cholesky(_damped(V, damping)))
     whitened = np.einsum("pij,pj->pi", L_inverse, g_points)
     half, g_less, Z = compiled.eliminated(W, L_inverse, whitened, observed.starts, point, photo, v)
     g += poses * prior - g_less
-    return System(np.asarray(block_diag(*U)) - half - half.T, g.ravel(), Z, L_inverse, whitened)
+    T = model.sharing
+    S = np.asarray(block_diag(*U)) - half - half.T
+    return System(T.T @ (T.T @ S).T, T.T @ g.ravel(), Z, L_inverse, whitened)
 
 
 def adjust(
@@ -123,14 +130,14 @@ def adjust(
     iterations: int,
     on_step: OnStep = lambda poses, observed: None,
 ) -> Adjusted:
-    """Poses and points of a lower objective, by Levenberg-Marquardt steps from poses (v, 6), px, and the observed positions.
+    """Poses and points of a lower objective, by Levenberg-Marquardt steps from poses (v, n), px, and the observed positions.
 
     A step that would raise the objective is not made; the damping is then 10 times as large.
     """
     energies, damping = [objective(model, poses, observed, loss, sigma)], FIRST_DAMPING
     for _ in range(iterations):
         while damping <= LARGEST_DAMPING:
-            turned, moved = _step(reduced_system(model, poses, observed, loss, sigma, damping), observed)
+            turned, moved = _step(model, reduced_system(model, poses, observed, loss, sigma, damping), observed)
             new_poses, new = poses + turned, observed.at(observed.positions + moved)
             energy = objective(model, new_poses, new, loss, sigma)
             if energy <= energies[-1]:
@@ -150,7 +157,7 @@ def adjust(
 def triangulate(
     model: PoseModel, poses: np.ndarray, observed: ObservedPoints, loss: Loss, iterations: int
 ) -> np.ndarray:
-    """(p, 3) float, world units: points of lower robust loss with the poses (v, 6), px, held.
+    """(p, 3) float, world units: points of lower robust loss with the poses (v, n), px, held.
 
     Each point takes Levenberg-Marquardt steps of its own: one that would raise its loss is not made.
     """
@@ -176,9 +183,9 @@ def triangulate(
     return points
 
 
-def _step(system: System, observed: ObservedPoints) -> tuple[np.ndarray, np.ndarray]:
-    """Steps of the poses (v, 6), px, and of the points (p, 3), world units."""
-    turned = -cho_solve(cho_factor(system.S), system.g).reshape(-1, PARAMETERS)
+def _step(model: PoseModel, system: System, observed: ObservedPoints) -> tuple[np.ndarray, np.ndarray]:
+    """Steps of the photos' parameters (v, n), px, and of the points (p, 3), world units."""
+    turned = -(model.sharing @ cho_solve(cho_factor(system.S), system.g)).reshape(len(model), -1)
     whitened = system.g_points + compiled.point_change(
         system.Z, turned, observed.point, observed.photo, len(observed)
     )  # fmt: skip

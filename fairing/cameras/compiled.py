@@ -27,14 +27,16 @@ def project(K, rotations, centers, points, point, photo):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def linearise(K, rotations, centers, turns, length_unit, points, point, photo):
-    """Pixels (o, 2), depths (o,) and derivatives by pose (o, 2, 6) and point (o, 2, 3), see `PoseModel.linearise`.
+def linearise(K, rotations, centers, turns, length_unit, radius, n_parameters, points, point, photo):
+    """Pixels (o, 2), depths (o,) and derivatives (o, 2, n) by the photo and (o, 2, 3) by the point, see `PoseModel.linearise`.
 
     Args:
         turns: (v, 3, 3) float: J_l / f.
+        radius: (v,) float, px: r + e_1.
+        n_parameters: 6, or 9 with intrinsics.
     """
     pixels, depth = project(K, rotations, centers, points, point, photo)
-    by_pose, by_point = np.zeros((len(point), 2, 6)), np.zeros((len(point), 2, 3))
+    by_pose, by_point = np.zeros((len(point), 2, n_parameters)), np.zeros((len(point), 2, 3))
     a = np.zeros(3)
     for o in range(len(point)):
         v, i = photo[o], point[o]
@@ -52,6 +54,9 @@ def linearise(K, rotations, centers, turns, length_unit, points, point, photo):
                 by_point[o, row, j] = a[0] * R[0, j] + a[1] * R[1, j] + a[2] * R[2, j]
                 by_pose[o, row, j] = tx * turns[v, 0, j] + ty * turns[v, 1, j] + tz * turns[v, 2, j]
                 by_pose[o, row, 3 + j] = -length_unit[v] * by_point[o, row, j]
+            if n_parameters > 6:
+                by_pose[o, row, 6] = (pixels[o, row] - K[v, row, 2]) / radius[v]
+                by_pose[o, row, 7 + row] = 1.0
     return pixels, depth, by_pose, by_point
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from fairing.camera import Camera
 from fairing.cameras.adjustment import triangulate
 from fairing.cameras.observed_points import ObservedPoints
-from fairing.cameras.pose_model import PARAMETERS, PoseModel
+from fairing.cameras.pose_model import PoseModel
 from fairing.optimize.loss import GemanMcClure
 from fairing.scene import Scene, SparsePoints
 
@@ -35,7 +35,7 @@ def triangulated_again(points: SparsePoints, cameras: Sequence[Camera]) -> Spars
     if not is_used.any():
         return points
     chosen = observed.chosen(is_used)
-    poses = np.zeros((len(cameras), PARAMETERS))
+    model = PoseModel.of(cameras, chosen)
     positions = points.positions.copy()
-    positions[is_used] = triangulate(PoseModel.of(cameras, chosen), poses, chosen, GemanMcClure(LOSS_SCALE), STEPS)
+    positions[is_used] = triangulate(model, model.given, chosen, GemanMcClure(LOSS_SCALE), STEPS)
     return replace(points, positions=positions)

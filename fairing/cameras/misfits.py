@@ -23,7 +23,7 @@ SCALE = 2.0
 
 
 def find_misfits(model: PoseModel, poses: np.ndarray, observed: ObservedPoints) -> np.ndarray:
-    """(v,) bool: photos whose camera does not fit, at poses (v, 6), px."""
+    """(v,) bool: photos whose camera does not fit, at poses (v, n), px."""
     return misfits_of(photo_medians(residual_lengths(model, poses, observed), observed.photo, len(model)))
 
 
@@ -34,7 +34,7 @@ def misfits_of(errors: np.ndarray) -> np.ndarray:
 
 
 def resected(model: PoseModel, poses: np.ndarray, observed: ObservedPoints, photo: int) -> np.ndarray:
-    """(v, 6) float, px: the poses with that of one photo fitted to the points, as they are.
+    """(v, n) float, px: the poses with that of one photo fitted to the points, as they are.
 
     Gauss-Newton steps, reweighted; the loss's scale is the median residual of the step times `SCALE`.
     """
@@ -47,12 +47,12 @@ def resected(model: PoseModel, poses: np.ndarray, observed: ObservedPoints, phot
         images = model.linearise(poses, seen)
         loss = GemanMcClure(SCALE * float(np.median(residual_lengths(model, poses, seen))))
         U, g, *_ = compiled.normal_blocks(
-            images.J_pixel_wrt_pose, images.J_pixel_wrt_point, images.pixels - seen.pixels,
+            images.J_pixel_wrt_pose[:, :, :PARAMETERS].copy(), images.J_pixel_wrt_point, images.pixels - seen.pixels,
             weights_of(images, seen, loss), seen.point, seen.photo, len(model), len(seen),
         )  # fmt: skip
         matrix = U[photo] + 1e-9 * np.trace(U[photo]) * np.eye(PARAMETERS) + 1e-300 * np.eye(PARAMETERS)
         poses = poses.copy()
-        poses[photo] -= cho_solve(cho_factor(matrix), g[photo])
+        poses[photo, :PARAMETERS] -= cho_solve(cho_factor(matrix), g[photo])
         median = np.median(residual_lengths(model, poses, seen))
         if median < least:
             best, least = poses, median

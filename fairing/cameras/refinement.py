@@ -13,7 +13,7 @@ from fairing.cameras.estimation import MOST_STEPS, Estimate, estimate_poses
 from fairing.cameras.judge import FEWEST_POINTS, HELD_OUT, CameraJudgement, is_held_out, judge_cameras
 from fairing.cameras.misfits import misfits_of, photo_medians
 from fairing.cameras.observed_points import ObservedPoints
-from fairing.cameras.pose_model import PARAMETERS, PoseModel
+from fairing.cameras.pose_model import PoseModel
 from fairing.errors import Cancelled
 from fairing.features.find import find_keypoints, find_points
 from fairing.features.options import FeatureOptions
@@ -38,7 +38,7 @@ class Iteration:
     """One state of an adjustment.
 
     Attributes:
-        poses: (v, 6) float, px, see `pose_model`.
+        poses: (v, n) float, px, see `pose_model`.
         errors: (v,) float, px: median reprojection error in each photo; 0 where it shows no point.
     """
 
@@ -127,16 +127,18 @@ def refine(
     on_progress: Progress = lambda fraction, line: None,
     cancel_requested: Callable[[], bool] = lambda: False,
     finds_points: bool = False,
+    adjusts_lens: bool = False,
 ) -> Refinement:
     """Correct the poses of a scene's cameras, and keep the correction where held-out points are clearly better with it.
 
     The mesh stays as it is: the frame is held by the given poses. Given sparse points with observations are triangulated
-    again. Intrinsics are kept.
+    again.
 
     Args:
         threads: 0 for one a core.
         cancel_requested: polled several times a second while points are found, and after each step of an adjustment.
         finds_points: also find the points that a run would find in the photos, from the same keypoints.
+        adjusts_lens: correct focal lengths and principal points, too; photos with the same given intrinsics share them.
 
     Raises:
         InputError: a photo or mask cannot be decoded.
@@ -144,13 +146,13 @@ def refine(
     """
     work = _Work(on_progress, cancel_requested)
     search = _Search(scene.views, finds_points, threads, work)
-    result = _refined(scene, search, work)
+    result = _refined(scene, search, work, adjusts_lens)
     if not finds_points:
         return result
     return replace(result, found=search.points([view.camera for view in result.scene.views], SECOND_SEARCH))
 
 
-def _refined(scene: Scene, search: "_Search", work: "_Work") -> Refinement:
+def _refined(scene: Scene, search: "_Search", work: "_Work", adjusts_lens: bool) -> Refinement:
     given = [view.camera for view in scene.views]
     found = _first_points(search, given)
     held_out = found.chosen(is_held_out(len(found))) if len(found) else found
@@ -160,7 +162,7 @@ def _refined(scene: Scene, search: "_Search", work: "_Work") -> Refinement:
         )
         return Refinement(scene, False, reason, tuple(given), np.zeros(len(given)))
     training = found.chosen(~is_held_out(len(found)))
-    model = PoseModel.of(given, training)
+    model = PoseModel.of(given, training, adjusts_lens)
     adjusting = _Adjusting(model, training, work)
     estimate = estimate_poses(model, training, on_step=adjusting.show)
     cameras, judgement = _judged(model, estimate, given, held_out)
@@ -234,7 +236,7 @@ class _Adjusting:
     """Keeps the iterations of an adjustment, shows its progress and ends it on request.
 
     Args:
-        start: (v, 6) float, px: first poses; default: the given ones, which are kept as the first iteration.
+        start: (v, n) float, px: first poses; default: the given ones, which are kept as the first iteration.
     """
 
     def __init__(
@@ -243,7 +245,7 @@ class _Adjusting:
         self._model, self._work, self._show, self._steps = model, work, work.share(0.1), 0
         self.iterations: list[Iteration] = []
         if start is None:
-            self._keep(np.zeros((len(model), PARAMETERS)), observed)
+            self._keep(model.given, observed)
 
     def show(self, poses: np.ndarray, observed: ObservedPoints) -> None:
         """Called after each step, see `OnStep`."""
@@ -279,8 +281,8 @@ def _judged(
 
 def _corrections(given: Sequence[Camera], cameras: Sequence[Camera], observed: ObservedPoints) -> np.ndarray:
     """(v,) float, px: see `Refinement.corrections`."""
-    nowhere = np.zeros((len(given), PARAMETERS))
-    before, after = (PoseModel.of(c, observed).project(nowhere, observed)[0] for c in (given, cameras))
+    models = [PoseModel.of(c, observed) for c in (given, cameras)]
+    before, after = (model.project(model.given, observed)[0] for model in models)
     return photo_medians(np.linalg.norm(after - before, axis=1), observed.photo, len(given))
 
 

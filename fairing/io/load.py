@@ -83,8 +83,8 @@ def load_scene(
     """
     if (scene := _named(path, mesh, choice, on_progress)) is not None:
         points = scene.points_choice if points == "automatic" else points
-        return replace(scene, points_choice=points, cameras_choice="refine" if cameras == "refine" else "given")
-    cameras_choice = "given" if cameras == "given" else "refine"
+        return replace(scene, points_choice=points, cameras_choice="given" if cameras == "automatic" else cameras)
+    cameras_choice = "refine" if cameras == "automatic" else cameras
     capture, path = read_capture(path, choice), Path(path)
     if points_file is not None:
         capture = capture._replace(sparse_points=read_points(points_file, len(capture.views)))

@@ -34,12 +34,14 @@ def with_chosen_inputs(
         Cancelled: `cancel_requested` returned True.
     """
     refinement = None
-    if scene.cameras_choice == "refine":
+    if scene.cameras_choice != "given":
+        adjusts_lens = scene.cameras_choice == "refine_lens"
         scene = replace(scene, cameras_choice="given")
         try:
             refinement = refine_once(
-                scene, threads, on_progress, lambda: cancel_requested() or skip_requested(), _finds_points(scene)
-            )
+                scene, threads, on_progress, lambda: cancel_requested() or skip_requested(), _finds_points(scene),
+                adjusts_lens,
+            )  # fmt: skip
             scene = refinement.scene
         except Cancelled:
             if cancel_requested():

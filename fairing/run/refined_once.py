@@ -22,19 +22,28 @@ from fairing.util.npz import read_npz
 
 
 def refine_once(
-    scene: Scene, threads: int, on_progress: Progress, cancel_requested: Callable[[], bool], finds_points: bool
+    scene: Scene,
+    threads: int,
+    on_progress: Progress,
+    cancel_requested: Callable[[], bool],
+    finds_points: bool,
+    adjusts_lens: bool,
 ) -> Refinement:
     """What `refine` returns, without its points if the cache has it. Arguments and exceptions as of `refine`."""
     path = cache_file("cameras", scene.name, scene.views)
-    key = hashlib.sha256(points_key(scene.views, FeatureOptions()).encode() + _code_digest()).hexdigest()
+    key = hashlib.sha256(
+        points_key(scene.views, FeatureOptions()).encode() + _code_digest() + bytes([adjusts_lens])
+    ).hexdigest()
     kept = _kept(path, key, scene)
     if kept is not None:
         return kept
-    found = refine(scene, threads, on_progress, cancel_requested, finds_points)
+    found = refine(scene, threads, on_progress, cancel_requested, finds_points, adjusts_lens)
     arrays = {
         "cameras": np.array([camera.image_from_world for camera in found.cameras]),
-        "poses": np.array([iteration.poses for iteration in found.iterations]).reshape(-1, len(scene.views), 6),
-        "errors": np.array([iteration.errors for iteration in found.iterations]).reshape(-1, len(scene.views)),
+        "poses": np.array([iteration.poses for iteration in found.iterations]).reshape(
+            len(found.iterations), len(scene.views), -1 if found.iterations else 0
+        ),
+        "errors": np.array([iteration.errors for iteration in found.iterations]),
         "facts": np.str_(json.dumps(found.facts())),
         "key": np.str_(key),
     }
