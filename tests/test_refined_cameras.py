@@ -27,8 +27,9 @@ from fairing.io.output_folder import prepare_output_folder
 from fairing.options import PRESETS
 from fairing.photo import ArrayPhoto
 from fairing.run import refined_once
+from fairing.run.recorded_refinement import RecordedRefinement
 from fairing.run.session import Session
-from fairing.run.trace_header import header_of, scene_of_trace
+from fairing.run.trace_header import header_of, inputs_of, scene_of_trace
 from fairing.scene import Scene, SparsePoints
 from fairing.trace import Trace
 from tests.small_building import small_building
@@ -119,12 +120,31 @@ def test_refinement_can_be_cancelled_in_each_of_its_parts(part):
 
 def test_iterations_of_the_adjustment_are_kept():
     found = refined(0.5)
-    poses = np.array([iteration.poses for iteration in found.iterations])
-    assert (poses[0] == 0).all()
-    assert len(poses) > 4
+    assert (found.iterations[0].turns == 0).all()
+    assert (found.iterations[0].shifts == 0).all()
+    assert len(found.iterations) > 4
     first, last = (np.median(found.iterations[i].errors) for i in (0, -1))
     assert last < 0.5 * first
-    assert found.judgement is not None
+    scene = with_cameras(turned(exact_scene(), 0.5), found.cameras)
+    header = json.loads(json.dumps(inputs_of(scene, found)))
+    recorded = RecordedRefinement.of(scene, header)
+    assert recorded is not None
+    assert len(recorded) == len(found.iterations)
+    for step, cameras in ((0, scene.given_cameras), (-1, found.cameras)):
+        for a, b in zip(recorded.cameras_at(step), cameras or (), strict=True):
+            np.testing.assert_allclose(a.image_from_world, b.image_from_world, rtol=1e-5, atol=1e-4)
+    far = recorded.cameras_at(0, 10.0)
+    moved = [np.linalg.norm(a.center - b.center) for a, b in zip(far, found.cameras, strict=True)]
+    given = [np.linalg.norm(a.center - b.center) for a, b in zip(recorded.given, found.cameras, strict=True)]
+    np.testing.assert_allclose(moved, 10 * np.array(given), rtol=1e-3, atol=1e-6)
+    assert RecordedRefinement.of(exact_scene(), header) is None
+    for damage in (
+        {},
+        {"refinement": 3},
+        {"refinement": {}},
+        {"refinement": header["refinement"] | {"iterations": [{}]}},
+    ):
+        assert RecordedRefinement.of(scene, damage) is None
 
 
 def test_photos_without_points_keep_their_cameras():

@@ -256,7 +256,9 @@ def refinement(scene: Scene, taken: bool, corrections: list[float], left: float)
     before[1] = max(before[1], left)
     after[1] = left
     judgement = CameraJudgement(100, 0.9, 0.12, 1.0, 0.2, 20.0, 0.1)
-    states = tuple(Iteration(np.zeros((len(scene.views), 6)), errors) for errors in (before, after))
+    states = tuple(
+        Iteration(np.zeros((len(errors), 3)), np.zeros((len(errors), 3)), errors) for errors in (before, after)
+    )
     cameras = tuple(view.camera for view in scene.views)
     return Refinement(scene, taken, "cameras corrected", cameras, np.array(corrections), judgement, None, states)
 

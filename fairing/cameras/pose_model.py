@@ -123,13 +123,17 @@ class PoseModel:
         K[:, :2, 2] += poses[:, PARAMETERS + 1 :]
         return K
 
+    def displacements(self, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Rotation vectors (v, 3), radians, and shifts of the centres (v, 3), world units, at poses (v, n), px."""
+        return poses[:, :3] * self.angle_unit[:, None], poses[:, 3:PARAMETERS] * self.length_unit[:, None]
+
     def rotations_at(self, poses: np.ndarray) -> np.ndarray:
         """(v, 3, 3) float: rotations from world to camera axes at poses (v, n), px."""
-        return Rotation.from_rotvec(poses[:, :3] * self.angle_unit[:, None]).as_matrix() @ self.rotations
+        return Rotation.from_rotvec(self.displacements(poses)[0]).as_matrix() @ self.rotations
 
     def centers_at(self, poses: np.ndarray) -> np.ndarray:
         """(v, 3) float, world units: centres at poses (v, n), px."""
-        return self.centers + poses[:, 3:PARAMETERS] * self.length_unit[:, None]
+        return self.centers + self.displacements(poses)[1]
 
     def cameras_at(self, poses: np.ndarray, given: Sequence[Camera]) -> list[Camera]:
         """The cameras at poses (v, n), px, of the photos of the given ones."""

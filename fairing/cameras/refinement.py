@@ -35,14 +35,17 @@ Progress = Callable[[float, str], None]
 
 @dataclass(frozen=True, eq=False)
 class Iteration:
-    """One state of an adjustment.
+    """One state of an adjustment: the camera v has the rotation exp([turns_v]x) R_v and the centre c_v + shifts_v, R_v and c_v
+    those of the given camera.
 
     Attributes:
-        poses: (v, n) float, px, see `pose_model`.
+        turns: (v, 3) float, radians.
+        shifts: (v, 3) float, world units.
         errors: (v,) float, px: median reprojection error in each photo; 0 where it shows no point.
     """
 
-    poses: np.ndarray
+    turns: np.ndarray
+    shifts: np.ndarray
     errors: np.ndarray
 
 
@@ -257,8 +260,9 @@ class _Adjusting:
             raise Cancelled
 
     def _keep(self, poses: np.ndarray, observed: ObservedPoints) -> None:
-        lengths = residual_lengths(self._model, poses, observed)
-        self.iterations.append(Iteration(poses, photo_medians(lengths, observed.photo, len(poses))))
+        errors = photo_medians(residual_lengths(self._model, poses, observed), observed.photo, len(poses))
+        turns, shifts = self._model.displacements(poses)
+        self.iterations.append(Iteration(turns, shifts, errors))
 
 
 def _first_points(search: _Search, given: Sequence[Camera]) -> ObservedPoints:

@@ -40,9 +40,8 @@ def refine_once(
     found = refine(scene, threads, on_progress, cancel_requested, finds_points, adjusts_lens)
     arrays = {
         "cameras": np.array([camera.image_from_world for camera in found.cameras]),
-        "poses": np.array([iteration.poses for iteration in found.iterations]).reshape(
-            len(found.iterations), len(scene.views), -1 if found.iterations else 0
-        ),
+        "turns": np.array([iteration.turns for iteration in found.iterations]),
+        "shifts": np.array([iteration.shifts for iteration in found.iterations]),
         "errors": np.array([iteration.errors for iteration in found.iterations]),
         "facts": np.str_(json.dumps(found.facts())),
         "key": np.str_(key),
@@ -57,14 +56,14 @@ def _kept(path: Path, key: str, scene: Scene) -> Refinement | None:
     """The refinement in a file; None if there is no file, it is damaged, or was made of other photos or cameras."""
     try:
         with path.open("rb") as file:
-            found = read_npz(file, ("cameras", "poses", "errors"), ("facts", "key"))
+            found = read_npz(file, ("cameras", "turns", "shifts", "errors"), ("facts", "key"))
         if found["key"].item() != key:
             return None
         cameras = [
             Camera.recorded(matrix, view.camera.width, view.camera.height)
             for matrix, view in zip(found["cameras"], scene.views, strict=True)
         ]
-        iterations = [Iteration(*state) for state in zip(found["poses"], found["errors"], strict=True)]
+        iterations = [Iteration(*state) for state in zip(found["turns"], found["shifts"], found["errors"], strict=True)]
         return Refinement.of_facts(scene, json.loads(found["facts"].item()), cameras, iterations)
     except (OSError, ValueError, KeyError, TypeError):
         return None

@@ -99,11 +99,12 @@ def _same(recorded: dict[str, Any], scene: Scene) -> bool:
 
 
 def _recorded_iterations(refinement: Refinement) -> list[dict[str, Any]]:
-    """Iterations for a header: errors and poses in px, to 0.001 px."""
-    return [
-        {"poses": np.round(iteration.poses, 3).tolist(), "errors": np.round(iteration.errors, 3).tolist()}
-        for iteration in refinement.iterations
-    ]
+    """Iterations for a header, with six significant digits: they are only shown."""
+
+    def rounded(values: np.ndarray) -> list[Any]:
+        return np.array([float(f"{value:.6g}") for value in values.ravel().tolist()]).reshape(values.shape).tolist()
+
+    return [{name: rounded(values) for name, values in vars(state).items()} for state in refinement.iterations]
 
 
 def _recorded_cameras(scene: Scene) -> list[dict[str, Any]]:
