@@ -277,6 +277,8 @@ def test_wrong_cameras_are_not_good_and_photos_that_do_not_fit_are_named():
     assert kept.views[0].correction is None
     one = check_scene(scene, refinement=refinement(scene, True, [0.1, 9.0] + [0.1] * (n - 2), 0.1))
     assert [hint for hint in one.hints if "off by 9.0 px" in hint and second in hint]
+    unlike = check_scene(scene, refinement=refinement(scene, False, [0.1, 9.0] + [0.1] * (n - 2), 0.1))
+    assert [hint for hint in unlike.hints if "does not fit" in hint and second in hint]
     for taken in (True, False):
         lost = check_scene(scene, refinement=refinement(scene, taken, [0.1] * n, 6.0))
         assert [hint for hint in lost.hints if "no correction was found" in hint and second in hint]

@@ -26,6 +26,7 @@ WIDE_SEARCH = FeatureOptions(epipolar_distance=24.0, residual=24.0)
 """Made where a photo shows fewer points than `FEW` of the median photo: its camera may be wrong by more than the first limits."""
 FEW = 0.3
 SECOND_SEARCH = FeatureOptions()
+LARGE_CORRECTION = 3.0  # px: given cameras that are kept do not fit if the adjustment moves them farther
 FIRST_KEYPOINTS, SECOND_KEYPOINTS = 4000, 8000
 """Of a photo, the strongest ones, which the searches use (ledger: keypoints of refinement)."""
 
@@ -85,8 +86,9 @@ class Refinement:
 
     @property
     def misfits(self) -> np.ndarray:
-        """(v,) bool: photos whose camera does not fit the others, also if it was corrected."""
-        return misfits_of(self.errors[int(self.taken)])
+        """(v,) bool: photos whose camera does not fit: also after the adjustment, or kept although that would move it far."""
+        moves_far = self.corrections > LARGE_CORRECTION
+        return misfits_of(self.errors[1]) | (moves_far & (not self.taken))
 
     @classmethod
     def of_facts(
