@@ -13,7 +13,6 @@ from scipy.spatial.transform import Rotation
 from app.cli.fair import fair_to_folder
 from app.cli.run_extras import RunExtras
 from app.files.scene_source import SceneSource
-from demo_scenes.building.scene import scene_of_plan
 from fairing.camera import Camera
 from fairing.cameras import Refinement, refine
 from fairing.cameras.corrected_scene import triangulated_again, with_cameras
@@ -30,28 +29,11 @@ from fairing.run import refined_once
 from fairing.run.recorded_refinement import RecordedRefinement
 from fairing.run.session import Session
 from fairing.run.trace_header import header_of, inputs_of, scene_of_trace
-from fairing.scene import Scene, SparsePoints
+from fairing.scene import SparsePoints
 from fairing.trace import Trace
-from tests.small_building import small_building
+from tests.wrong_cameras import exact_scene, turned
 
 PARTS = ("keypoints of 9 photos", "matching photos", "adjustment")
-
-
-@cache
-def exact_scene() -> Scene:
-    return replace(scene_of_plan("building small", small_building()), points_choice="own")
-
-
-def turned(scene: Scene, px: float) -> Scene:
-    """The scene with its cameras turned at random, px standard deviation an axis."""
-    rng, views = np.random.default_rng(1), []
-    for view in scene.views:
-        camera = view.camera
-        turn = Rotation.from_rotvec(rng.normal(size=3) * px / camera.K[0, 0]).as_matrix()
-        R = turn @ camera.camera_from_world[:, :3]
-        wrong = Camera.from_krt(camera.K, R, -R @ camera.center, camera.width, camera.height)
-        views.append(replace(view, camera=wrong))
-    return replace(scene, views=tuple(views))
 
 
 @cache
@@ -143,6 +125,10 @@ def test_iterations_of_the_adjustment_are_kept():
         {"refinement": 3},
         {"refinement": {}},
         {"refinement": header["refinement"] | {"iterations": [{}]}},
+        {
+            "refinement": header["refinement"]
+            | {"iterations": [dict(header["refinement"]["iterations"][0], errors=[1e999] * 9)]}
+        },
     ):
         assert RecordedRefinement.of(scene, damage) is None
 

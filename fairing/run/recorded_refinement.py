@@ -46,6 +46,8 @@ class RecordedRefinement:
             return None
         n, v = len(states), len(given)
         shapes = [array.shape for array in (turns, shifts, errors, corrections)]
+        if not all(np.isfinite(array).all() for array in (turns, shifts, errors, corrections)):
+            return None
         if n == 0 or shapes != [(n, v, 3), (n, v, 3), (n, v), (v,)]:
             return None
         return cls(str(facts.get("reason", "")), given, corrections, turns, shifts, errors)

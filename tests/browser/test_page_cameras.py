@@ -10,8 +10,8 @@ from app.page.server import App, start
 from fairing.run.session import Session
 from tests.browser.driver import IN_BROWSER, WINDOW, Visitor, page_of
 from tests.browser.page_fit import switch_theme, themes_and_sizes, too_wide
-from tests.test_refined_cameras import exact_scene, turned
 from tests.waiting import wait_for
+from tests.wrong_cameras import exact_scene, turned
 
 pytestmark = [*IN_BROWSER, pytest.mark.slow]
 
