@@ -245,7 +245,8 @@ def _faded(rows: Rows, own: np.ndarray, others: np.ndarray) -> Rows:
         own, others: (n, 3, 3) float: normal matrices of what fades, and of what it fades beside, energy / world unit^2.
     """
     d = rows.derivatives
-    own_along, others_along = (np.einsum("rci,rcij,rcj->rc", d, H[rows.ids], d) for H in (own, others))
+    # A quadratic form may come out below zero by rounding.
+    own_along, others_along = (np.maximum(np.einsum("rci,rcij,rcj->rc", d, H[rows.ids], d), 0) for H in (own, others))
     return rows.weighted(own_along / np.maximum(own_along + others_along, 1e-300))
 
 
