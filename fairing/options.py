@@ -122,8 +122,8 @@ class StepOptions:
     median of the vertices' largest eigenvalues, for a direction that the points determine as well as an average one. Every
     second point is used. 0 on all levels: do not use the points."""
     creases: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 1.0)
-    """Strength of the prior that aligns creases of the mesh with edges in the photos, by level; at 1, an aligned vertex has a
-    standard deviation of 0.5 px or more. Twice as strong on buildings, whose edges confirm each other. 0: none."""
+    """Strength of image edges, by level: creases of the mesh are drawn to edges in the photos, and edges of a building to its axes.
+    1: a deviation by a pixel weighs as much as the residuals of the photos there over 10,000 px. 0: none."""
     min_quality: float = 0.05
     """Smallest ratio of height to longest edge of a face after a step, unless the face was thinner before."""
     max_turn: float = 60.0

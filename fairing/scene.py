@@ -18,6 +18,11 @@ PointsChoice = Literal["automatic", "given", "own", "both", "none"]
 """Sparse points of a run: "given" with the capture; "own", found in its photos with its cameras; "both"; "none".
 "automatic": the given ones if they are enough, else its own (`fairing.io.scene_points`)."""
 
+CamerasChoice = Literal["automatic", "refine", "refine_lens", "given"]
+"""Cameras of a run: "given" with the capture, or "refine": poses corrected where held-out points are clearly better with them
+(`fairing.cameras`); "refine_lens": focal lengths and principal points, too. "automatic": "refine" for captures; "given" for
+demo scenes, whose cameras are exact."""
+
 WEIGHTS = (1e-6, 1e6)
 """Smallest and largest weight of a photo: beyond them the others do not count, and squares of sums lose their digits."""
 
@@ -148,8 +153,10 @@ class Scene:
     mesh_file: Path | None = None
     """The file that the mesh was read from: the mesh is written with its attributes, see `fairing.write_mesh`."""
     points_choice: PointsChoice = "automatic"
-    cameras_origin: Literal["given", "corrected"] = "given"
-    """"corrected": by `fairing.cameras.refine`; a run records such cameras."""
+    cameras_choice: Literal["refine", "refine_lens", "given"] = "given"
+    """The choice of cameras that a run still has to make, alike."""
+    given_cameras: tuple[Camera, ...] | None = None
+    """The cameras of the capture where `fairing.cameras.refine` corrected those of the views; a run records the latter."""
 
     def __post_init__(self) -> None:
         if len(self.views) < 3:
@@ -158,6 +165,11 @@ class Scene:
         repeated = {name for name in names if names.count(name) > 1}
         if repeated:
             raise InputError(f"scene {self.name}: two photos are named {min(repeated)}; names must be unique")
+
+    @property
+    def cameras_origin(self) -> Literal["given", "corrected"]:
+        """Origin of the cameras of the views."""
+        return "given" if self.given_cameras is None else "corrected"
 
     @classmethod
     def build(

@@ -196,13 +196,13 @@ class Trace:
     def __len__(self) -> int:
         return len(self.steps)
 
-    def record_points(self, points: dict[str, Any] | None) -> None:
-        """Set the header's note of the sparse points; an attached file is written anew.
+    def record_inputs(self, inputs: dict[str, Any]) -> None:
+        """Set the header's entries about cameras and sparse points; an attached file is written anew.
 
         Raises:
             InputError: the disk is full.
         """
-        self.header["sparse_points"] = points
+        self.header |= inputs
         if self._file is not None:
             self.attach(self._file.path)
 

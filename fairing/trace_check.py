@@ -70,6 +70,8 @@ def check_run_header(header: dict[str, Any]) -> None:
     if not isinstance(header.get("options"), dict):
         raise InputError("header: expected the run's options, found none; record the run again")
     check_options(options_from_dict(header["options"]))
+    if not isinstance(header.get("refinement", {}), dict):
+        raise InputError("header: expected what refinement of the cameras found, as an object; record the run again")
     points = header.get("sparse_points")
     if points is not None and not (isinstance(points, dict) and {"count", "digest"} <= points.keys()):
         raise InputError("header: expected count and digest of sparse_points, found neither; record the run again")

@@ -36,7 +36,7 @@ ALTERNATIVES = ("off", "halved", "doubled")
 
 @dataclass(frozen=True)
 class Setting:
-    """An option such as "step.max_step", or a constant such as "fairing.run.fits.PRIOR_ROUNDS".
+    """An option such as "step.max_step", or a constant such as "fairing.run.sweep.POINTS_VARIANCE".
 
     Attributes:
         name: path of the option within `FairingOptions`, or of the constant.
@@ -95,12 +95,9 @@ SETTINGS = (
     Setting("schedule.sweep_tolerance", off=0.0),
     Setting("fairing.run.stepper.GAIN", off=0.0),
     Setting("fairing.run.phases.MAX_DISPLACEMENT"),
-    Setting("fairing.run.phases.SIGMA_WITH_EDGES"),
     Setting("fairing.run.planning.FAR_ERROR"),
     Setting("fairing.run.planning.LEAST_ERROR"),
     Setting("fairing.run.sweep.POINTS_VARIANCE"),
-    Setting("fairing.run.sweep.CREASE_PRECISION"),
-    Setting("fairing.run.fits.PRIOR_ROUNDS"),
     Setting("fairing.cells.level_choice.FOOTPRINT_PER_BLUR"),
     Setting("fairing.options.FINE_BLUR"),
     Setting("fairing.terms.points.PRIOR_SIGMA"),

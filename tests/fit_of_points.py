@@ -10,11 +10,10 @@ from fairing.camera import Camera
 from fairing.features.points import FeaturePoints
 from fairing.mesh import Mesh
 from fairing.optimize.iteration import Guard, iterate
-from fairing.optimize.rows import Term
+from fairing.optimize.rows import Anchor, Term
 from fairing.options import StepOptions
 from fairing.run.fits import points_on_mesh
 from fairing.run.stages import AXES_ITERATIONS, BROAD_SWEEPS
-from fairing.solve.normal_equations import QuadraticPrior
 from fairing.solve.problem import Problem
 from fairing.solve.step_limits import unfolded
 from fairing.terms.axes import broad_terms, narrow_terms
@@ -83,7 +82,7 @@ def _loss(found: Assignment, point: int, sigma: float) -> float:
     return float(distance[0] ** 2 / (sigma**2 + distance[0] ** 2)) if len(distance) else 1.0
 
 
-def closest_fit(problem: Problem, vertices: np.ndarray, rounds: int) -> QuadraticPrior:
+def closest_fit(problem: Problem, vertices: np.ndarray, rounds: int) -> Anchor:
     """Vertices (n, 3) after some rounds of closest points, with the Hessians of the points in the last one."""
     points, free, places = points_on_mesh(problem, vertices, None), ~problem.locked, vertices
     hessians = np.zeros((len(vertices), 3, 3))
@@ -93,7 +92,7 @@ def closest_fit(problem: Problem, vertices: np.ndarray, rounds: int) -> Quadrati
         hessians = closest.hessians(places) / max(average, 1e-300)
         terms = closest, anchor(vertices, average)
         places = iterate(terms, places, np.flatnonzero(free), problem.unfolded).after
-    return QuadraticPrior(hessians, places, POINTS)
+    return Anchor(POINTS, hessians, places)
 
 
 def straightened(vertices: np.ndarray, faces: np.ndarray, locked: np.ndarray, pixel: np.ndarray) -> np.ndarray:

@@ -20,9 +20,9 @@ ALLOWED: dict[str, set[str]] = {
     "fairing.solve": DATA | {"fairing.features", "fairing.geometry", "fairing.cells", "fairing.kernels"},
     "fairing.placement": DATA | {"fairing.geometry"},
     "fairing.optimize": set(),
-    "fairing.terms": DATA | {"fairing.optimize", "fairing.geometry", "fairing.features"},
+    "fairing.terms": DATA | {"fairing.optimize", "fairing.geometry", "fairing.features", "fairing.creases"},
     "fairing.cameras": DATA | {"fairing.optimize", "fairing.features"},
-    "fairing.creases": DATA | {"fairing.geometry", "fairing.optimize", "fairing.terms"},
+    "fairing.creases": DATA | {"fairing.geometry"},
     "fairing.run": DATA
     | {
         "fairing.cameras",
@@ -35,6 +35,7 @@ ALLOWED: dict[str, set[str]] = {
         "fairing.solve",
         "fairing.placement",
         "fairing.io",
+        "fairing.util",
     },
     "fairing.judge": DATA
     | {
@@ -49,7 +50,7 @@ ALLOWED: dict[str, set[str]] = {
         "fairing.solve",
         "fairing.run",
     },
-    "fairing.check": DATA | {"fairing.geometry", "fairing.cells", "fairing.placement"},
+    "fairing.check": DATA | {"fairing.geometry", "fairing.cameras", "fairing.cells", "fairing.placement"},
     "fairing.registration": DATA | {"fairing.geometry"},
     "fairing.texture": DATA | {"fairing.util", "fairing.geometry", "fairing.kernels"},
     "fairing.triangulation": DATA | {"fairing.util", "fairing.geometry", "fairing.cells", "fairing.solve"},

@@ -8,10 +8,10 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from fairing.camera import Camera
-from fairing.cameras import adjustment
 from fairing.cameras.adjustment import Deviations, adjust, objective, reduced_system, residual_lengths, triangulate
 from fairing.cameras.estimation import estimate_poses, loss_at
 from fairing.cameras.judge import is_held_out, judge_cameras
+from fairing.cameras.misfits import find_misfits, resected
 from fairing.cameras.observed_points import ObservedPoints
 from fairing.cameras.pose_model import PARAMETERS, PoseModel, left_jacobians
 from fairing.optimize.loss import GemanMcClure, Huber
@@ -19,6 +19,7 @@ from tests.square_loss import Square
 
 WIDTH, HEIGHT, FOCAL = 800, 600, 900.0
 SIGMA = Deviations(0.3, 0.8, 0.5)
+SIGMA_LENS = replace(SIGMA, lens=0.7)
 
 
 def ring(count: int = 7) -> list[Camera]:
@@ -64,30 +65,44 @@ def rotation_errors(cameras: list[Camera], true: list[Camera]) -> np.ndarray:
     return FOCAL * np.linalg.norm(Rotation.from_matrix(np.array(turns)).as_rotvec(), axis=1)
 
 
-def small_problem(n: int = 12, wrong: float = 2.0) -> tuple[PoseModel, np.ndarray, ObservedPoints]:
+def small_problem(
+    n: int = 12, wrong: float = 2.0, adjusts_lens: bool = False
+) -> tuple[PoseModel, np.ndarray, ObservedPoints]:
+    """Four photos, the first two of one camera; the parameters share its intrinsics."""
     rng = np.random.default_rng(3)
     cameras = ring(4)
     observed = observed_by(cameras, n, 0.3, rng, outliers=0.05)
-    return PoseModel.of(turned(cameras, wrong, rng), observed), rng.normal(size=(4, PARAMETERS)), observed
+    given = turned(cameras, wrong, rng)
+    given[2:] = [with_intrinsics(camera, 4.0, 0.5, -0.3) for camera in given[2:]]
+    model = PoseModel.of(given, observed, adjusts_lens)
+    unknowns = rng.normal(size=model.sharing.toarray().shape[1])
+    return model, (model.sharing @ unknowns).reshape(model.given.shape), observed
 
 
+def with_intrinsics(camera: Camera, focal: float, right: float, down: float) -> Camera:
+    """The camera with another focal length and principal point, by these differences in px."""
+    K = camera.K.copy()
+    K[:2, :2] *= 1 + focal / FOCAL
+    K[:2, 2] += right, down
+    return Camera(K @ camera.camera_from_world, camera.width, camera.height)
+
+
+@pytest.mark.parametrize("adjusts_lens", [False, True], ids=["poses", "lens"])
 @pytest.mark.parametrize("scale", [1.0, 300.0, 1e-4])
-def test_derivatives_agree_with_central_differences(scale):
-    model, poses, observed = small_problem()
-    poses, photo = scale * poses, observed.photo
-    points = observed.positions[observed.point]
-    images = model.linearise(poses, points, photo)
-    for j in range(PARAMETERS):
-        step = np.zeros(PARAMETERS)
+def test_derivatives_agree_with_central_differences(scale, adjusts_lens):
+    model, poses, observed = small_problem(adjusts_lens=adjusts_lens)
+    poses = scale * poses
+    images = model.linearise(poses, observed)
+    for j in range(poses.shape[1]):
+        step = np.zeros(poses.shape[1])
         step[j] = 1e-3
-        difference = (
-            model.project(poses + step, points, photo)[0] - model.project(poses - step, points, photo)[0]
-        ) / 2e-3
+        difference = (model.project(poses + step, observed)[0] - model.project(poses - step, observed)[0]) / 2e-3
         np.testing.assert_allclose(images.J_pixel_wrt_pose[:, :, j], difference, atol=1e-6)
     for j in range(3):
         step = 1e-5 * np.eye(3)[j]
         difference = (
-            model.project(poses, points + step, photo)[0] - model.project(poses, points - step, photo)[0]
+            model.project(poses, observed.at(observed.positions + step))[0]
+            - model.project(poses, observed.at(observed.positions - step))[0]
         ) / 2e-5
         np.testing.assert_allclose(images.J_pixel_wrt_point[:, :, j], difference, atol=1e-4)
 
@@ -98,52 +113,51 @@ def test_the_left_jacobian_is_continuous_where_its_series_begins():
     np.testing.assert_allclose(below, above, atol=1e-7)
 
 
-def test_the_reduced_system_is_the_schur_complement_of_the_full_one():
-    model, poses, observed = small_problem()
-    system = reduced_system(model, poses, observed, loss := GemanMcClure(2.0), SIGMA)
-    images = model.linearise(poses, observed.positions[observed.point], observed.photo)
-    n_poses, n = poses.size, poses.size + 3 * len(observed)
+@pytest.mark.parametrize(("adjusts_lens", "sigma"), [(False, SIGMA), (True, SIGMA_LENS)], ids=["poses", "lens"])
+def test_the_reduced_system_is_the_schur_complement_of_the_full_one(adjusts_lens, sigma):
+    model, poses, observed = small_problem(adjusts_lens=adjusts_lens)
+    system = reduced_system(model, poses, observed, loss := GemanMcClure(2.0), sigma)
+    images = model.linearise(poses, observed)
+    n_photo, n_poses, n = poses.shape[1], poses.size, poses.size + 3 * len(observed)
     J = np.zeros((2 * len(observed.point), n))
     for o, (p, v) in enumerate(zip(observed.point, observed.photo, strict=True)):
-        J[2 * o : 2 * o + 2, 6 * v : 6 * v + 6] = images.J_pixel_wrt_pose[o]
+        J[2 * o : 2 * o + 2, n_photo * v : n_photo * (v + 1)] = images.J_pixel_wrt_pose[o]
         J[2 * o : 2 * o + 2, n_poses + 3 * p : n_poses + 3 * p + 3] = images.J_pixel_wrt_point[o]
-    weight = np.repeat(loss.weight(residual_lengths(model, poses, observed)), 2) / SIGMA.observation**2
+    weight = np.repeat(loss.weight(residual_lengths(model, poses, observed)), 2) / sigma.observation**2
     H = J.T @ (weight[:, None] * J)
-    H[:n_poses, :n_poses] += np.diag(np.tile(SIGMA.prior, len(poses)))
+    H[:n_poses, :n_poses] += np.diag(sigma.prior(model).ravel())
     g = J.T @ (weight * (images.pixels - observed.pixels).ravel())
-    g[:n_poses] += (poses * SIGMA.prior).ravel()
+    g[:n_poses] += (poses * sigma.prior(model)).ravel()
     U, W, V = H[:n_poses, :n_poses], H[:n_poses, n_poses:], H[n_poses:, n_poses:]
-    np.testing.assert_allclose(system.S, U - W @ np.linalg.solve(V, W.T), rtol=1e-5, atol=1e-5 * np.abs(U).max())
-    expected = g[:n_poses] - W @ np.linalg.solve(V, g[n_poses:])
+    T = model.sharing.toarray()
+    expected = T.T @ (U - W @ np.linalg.solve(V, W.T)) @ T
+    np.testing.assert_allclose(system.S, expected, rtol=1e-5, atol=1e-5 * np.abs(U).max())
+    expected = T.T @ (g[:n_poses] - W @ np.linalg.solve(V, g[n_poses:]))
     np.testing.assert_allclose(system.g, expected, rtol=1e-5, atol=1e-6 * np.abs(g).max())
 
 
-def test_dense_and_sparse_products_give_the_same_system(monkeypatch):
-    model, poses, observed = small_problem()
-    dense = reduced_system(model, poses, observed, Square(), SIGMA)
-    monkeypatch.setattr(adjustment, "MOST_DENSE_ROWS", 0)
-    sparse = reduced_system(model, poses, observed, Square(), SIGMA)
-    np.testing.assert_allclose(dense.S, sparse.S, rtol=1e-9, atol=1e-9 * np.abs(dense.S).max())
-
-
+@pytest.mark.parametrize(("adjusts_lens", "sigma"), [(False, SIGMA), (True, SIGMA_LENS)], ids=["poses", "lens"])
 @pytest.mark.parametrize("loss", [Square(), Huber(1.0), GemanMcClure(3.0)], ids=["square", "huber", "geman-mcclure"])
-def test_the_adjustment_ends_where_scipy_ends(loss):
-    model, _, observed = small_problem()
-    ours = adjust(model, np.zeros((4, PARAMETERS)), observed, loss, SIGMA, 200)
+def test_the_adjustment_ends_where_scipy_ends(loss, adjusts_lens, sigma):
+    model, _, observed = small_problem(adjusts_lens=adjusts_lens)
+    ours = adjust(model, model.given, observed, loss, sigma, 200)
+    n = model.sharing.toarray().shape[1]
 
     def residuals(x: np.ndarray) -> np.ndarray:
-        """Residuals whose half sum of squares is the objective."""
-        poses, points = x[:24].reshape(4, PARAMETERS), x[24:].reshape(-1, 3)
-        r = model.project(poses, points[observed.point], observed.photo)[0] - observed.pixels
+        """Residuals whose half sum of squares is the objective; of shared intrinsics there is one prior."""
+        poses, points = (model.sharing @ x[:n]).reshape(model.given.shape), x[n:].reshape(-1, 3)
+        r = model.project(poses, observed.at(points))[0] - observed.pixels
         lengths = np.linalg.norm(r, axis=1)
-        data = (r * np.sqrt(2 * loss.value(lengths) / lengths**2)[:, None] / SIGMA.observation).ravel()
-        return np.concatenate([data, (poses * np.sqrt(SIGMA.prior)).ravel()])
+        data = (r * np.sqrt(2 * loss.value(lengths) / lengths**2)[:, None] / sigma.observation).ravel()
+        of_poses = poses[:, :PARAMETERS] / np.repeat([sigma.rotation, sigma.center], 3)
+        return np.concatenate([data, of_poses.ravel(), x[4 * PARAMETERS : n] / (sigma.lens or 1)])
 
-    start = np.concatenate([ours.poses.ravel(), ours.points.ravel()])
+    unknowns = np.linalg.lstsq(model.sharing.toarray(), ours.poses.ravel())[0]
+    start = np.concatenate([unknowns, ours.points.ravel()])
     start += 1e-3 * np.random.default_rng(0).normal(size=start.shape)
-    theirs = least_squares(residuals, start, x_scale="jac", ftol=1e-10, max_nfev=40)
+    theirs = least_squares(residuals, start, x_scale="jac", ftol=1e-10, max_nfev=60)
     assert ours.objectives[-1] <= theirs.cost * (1 + 1e-3), (ours.objectives[-1], theirs.cost)
-    np.testing.assert_allclose(ours.poses.ravel(), theirs.x[:24], atol=0.02)
+    np.testing.assert_allclose(ours.poses.ravel(), model.sharing @ theirs.x[:n], atol=0.02)
 
 
 def test_an_adjustment_never_raises_its_objective():
@@ -259,3 +273,46 @@ def test_points_are_chosen_with_their_observations():
     np.testing.assert_array_equal(shared, mask)
     far = replace(chosen, pixels=chosen.pixels + 0.5)
     assert not observed.shares_observation(far).any()
+
+
+@pytest.mark.parametrize(("px", "is_released"), [(2.0, False), (20.0, True)])
+def test_one_wrong_camera_among_exact_ones_is_corrected(px, is_released):
+    rng, true = np.random.default_rng(11), ring(9)
+    observed = observed_by(true, 500, 0.2, rng)
+    given = [*true[:4], turned(true[4:5], px, rng)[0], *true[5:]]
+    model = PoseModel.of(given, observed)
+    assert find_misfits(model, np.zeros((9, PARAMETERS)), observed)[4] == is_released
+    found = estimate_poses(model, observed)
+    np.testing.assert_array_equal(found.model.trust < 1, is_released & (np.arange(9) == 4))
+    wrong, left = (rotation_errors(c, true).max() for c in (given, model.cameras_at(found.poses, given)))
+    assert left < 0.15 * wrong, (wrong, left)
+    assert not find_misfits(model, found.poses, observed.at(found.points)).any()
+
+
+def test_a_resection_changes_one_pose_and_not_that_of_a_photo_with_few_observations():
+    rng, true = np.random.default_rng(12), ring(6)
+    observed = observed_by(true, 100, 0.2, rng)
+    model, nowhere = PoseModel.of(turned(true, 3.0, rng), observed), np.zeros((6, PARAMETERS))
+    poses = resected(model, nowhere, observed, 2)
+    assert (poses[2] != 0).all()
+    assert (np.delete(poses, 2, axis=0) == 0).all()
+    few = observed.chosen(np.arange(len(observed)) < 3)
+    assert resected(model, nowhere, few, 2) is nowhere
+
+
+def test_intrinsics_of_shared_cameras_are_found():
+    rng, true = np.random.default_rng(13), ring(10)
+    observed = observed_by(true, 600, 0.2, rng, outliers=0.03)
+    given = [with_intrinsics(camera, -9.0, 1.5, -1.0) for camera in turned(true, 0.3, rng)]
+    lengths = {}
+    for adjusts_lens in (False, True):
+        model = PoseModel.of(given, observed, adjusts_lens)
+        found = estimate_poses(model, observed)
+        cameras = model.cameras_at(found.poses, given)
+        lengths[adjusts_lens] = np.median(residual_lengths(model, found.poses, observed.at(found.points)))
+    np.testing.assert_allclose([camera.K for camera in cameras], np.broadcast_to(cameras[0].K, (10, 3, 3)), atol=1e-9)
+    off = cameras[0].K - true[0].K
+    assert abs(off[0, 0]) < 3.0, off  # was 9
+    assert np.abs(off[:2, 2]).max() < 0.7, off  # was 1.5
+    assert lengths[True] < lengths[False]
+    assert found.sigma.lens is not None

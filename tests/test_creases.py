@@ -1,4 +1,4 @@
-"""Creases: found where faces meet at an angle, measured against image edges, aligned with them."""
+"""Creases: found where faces meet at an angle, measured against image edges, drawn to them by their term."""
 
 from concurrent.futures import ThreadPoolExecutor
 
@@ -7,12 +7,15 @@ import pytest
 import trimesh
 
 from fairing.camera import Camera
-from fairing.creases.alignment import aligned_to_image_edges
 from fairing.creases.edges import MIN_ANGLE, Creases, find_creases
 from fairing.creases.offsets import CONCAVE_WEIGHT, measure_offsets
 from fairing.errors import Cancelled
+from fairing.optimize.iteration import iterate
+from fairing.optimize.rows import Anchor, Rows
 from fairing.photo import ArrayPhoto
 from fairing.scene import View
+from fairing.terms.image_edges import SEARCHES, image_edges
+from tests.fit_of_points import guard_of
 
 pytestmark = pytest.mark.compiled
 
@@ -53,17 +56,18 @@ def views() -> list[View]:
     return [View(f"{k}", camera, ArrayPhoto(photo_of(camera, ROOF))) for k, camera in enumerate(cameras)]
 
 
-def aligned(
-    views: list[View],
-    vertices: np.ndarray,
-    locked: tuple[int, ...] = (0, 1, 4, 5),
-    threads: int = 1,
-    reach: float = 2.0,
-    **changes,
-):
-    fixed = np.isin(np.arange(len(vertices)), locked)
-    with ThreadPoolExecutor(threads) as pool:
-        return aligned_to_image_edges(views, vertices, ROOF_FACES, fixed, 1, reach, pool, **changes)
+def drawn(views: list[View], begun: np.ndarray, first: int) -> np.ndarray:
+    """(n, 3) float: vertices after sweeps with the searches from `first` on; the ends of the roof stay."""
+    pixel, vertices = begun[2, 2] / K[0, 0], begun
+    weak = Anchor("start", np.tile(1e-3 / pixel**2 * np.eye(3), (len(begun), 1, 1)), begun)
+    for search in SEARCHES[first:]:
+        with ThreadPoolExecutor(1) as pool:
+            edges = image_edges(views, vertices, ROOF_FACES, 1, search, pool)
+        for _ in range(6):
+            done = iterate((edges, weak), vertices, np.array([2, 3]), guard_of(begun, ROOF_FACES))
+            assert done.accepted
+            vertices = done.after
+    return vertices
 
 
 def slow_creases(vertices: np.ndarray, faces: np.ndarray) -> dict[tuple[int, int], bool]:
@@ -145,45 +149,63 @@ def test_a_concave_crease_counts_less(views: list[View]):
     assert concave.weight == pytest.approx(CONCAVE_WEIGHT * found.weight)
 
 
-def test_alignment_brings_the_crease_back(views: list[View]):
-    """Vertices 2 and 3 are moved across the crease, and the ends of the roof stay."""
+def test_the_term_is_that_of_the_offsets_of_all_photos(views: list[View]):
+    """A move across the crease by a pixel changes the residual by a pixel where the whole crease makes it."""
+    moved = ROOF.copy()
+    moved[2:4, 0] += 0.7 * ROOF[2, 2] / K[0, 0]
+    reach, scale = SEARCHES[-1]
+    with ThreadPoolExecutor(1) as pool:
+        term = image_edges(views, moved, ROOF_FACES, 1, (reach, scale), pool)
+    creases = find_creases(moved, ROOF_FACES, 1)
+    each = [measure_offsets(v.photo.load(), v.camera, moved, ROOF_FACES, creases, reach) for v in views]
+    offsets, weights = (np.concatenate([getattr(one, name) for one in each]) for name in ("offset", "weight"))
+    assert term.residuals_at(moved) == pytest.approx(-offsets)
+    assert term.weights_at(moved) == pytest.approx(weights / (1 + (offsets / scale) ** 2) ** 2)
+    assert np.abs(term.residuals_at(ROOF)).max() < 0.25 < 0.6 < np.abs(term.residuals_at(moved)).min()
+
+
+def test_the_term_draws_the_crease_back(views: list[View]):
+    """Vertices 2 and 3 are moved across the crease."""
     pixel = ROOF[2, 2] / K[0, 0]
     begun = ROOF.copy()
     begun[2, 0] += 1.2 * pixel
     begun[3, 0] -= 0.8 * pixel
-    found = aligned(views, begun)
-    error = np.abs(found.vertices - ROOF)[2:4, 0] / pixel
-    assert error.max() < 0.25 < 0.8
-    assert np.array_equal(found.vertices[[0, 1, 4, 5]], begun[[0, 1, 4, 5]])
-    assert np.abs(found.vertices - begun)[2:4, 1].max() < 0.05 * pixel, "along the crease nothing moves"
-    across, along = found.information[2:4, 0, 0], found.information[2:4, 1, 1]
-    assert ((across * pixel**2 > 0.1) & (along < 1e-2 * across)).all()
+    found = drawn(views, begun, 2)
+    assert (np.abs(found - ROOF)[2:4, 0] / pixel).max() < 0.25
+    assert np.abs(found - begun)[2:4, 1].max() < 0.05 * pixel, "along the crease nothing moves"
 
 
-def test_a_far_edge_is_found_within_the_reach(views: list[View]):
+def test_a_far_edge_is_found_by_the_wide_searches(views: list[View]):
     pixel = ROOF[2, 2] / K[0, 0]
     begun = ROOF.copy()
     begun[2:4, 0] += 4.5 * pixel
-    near, far = (np.abs(aligned(views, begun, reach=reach).vertices - ROOF)[2:4, 0] / pixel for reach in (2.0, 6.0))
+    near, far = (np.abs(drawn(views, begun, first) - ROOF)[2:4, 0] / pixel for first in (2, 0))
     assert near.min() > 4
     assert far.max() < 0.5
 
 
-def test_alignment_does_not_depend_on_threads_and_stops_when_cancelled(views: list[View]):
-    begun = ROOF + np.array([0.004, 0.0, 0.002])
-    one, several = aligned(views, begun, ()), aligned(views, begun, (), threads=3)
-    assert all(np.array_equal(a, b) for a, b in zip(one, several, strict=True))
+def test_the_term_does_not_depend_on_threads_and_stops_when_cancelled(views: list[View]):
+    def term(threads: int, **changes) -> Rows:
+        with ThreadPoolExecutor(threads) as pool:
+            return image_edges(
+                views, ROOF + np.array([0.004, 0.0, 0.002]), ROOF_FACES, 1, SEARCHES[-1], pool, **changes
+            )
+
+    one, several = term(1), term(3)
+    for name in ("ids", "derivatives", "residuals", "information"):
+        assert np.array_equal(getattr(one, name), getattr(several, name))
 
     def cancelled() -> None:
         raise Cancelled
 
     with pytest.raises(Cancelled):
-        aligned(views, begun, (), raise_if_cancelled=cancelled)
+        term(1, raise_if_cancelled=cancelled)
 
 
-def test_without_creases_or_free_vertices_nothing_happens(views: list[View]):
+def test_without_creases_the_term_is_empty(views: list[View]):
     flat = ROOF * [1, 1, 0] + [0, 0, 4.0]
-    for vertices, locked in ((flat, ()), (ROOF + np.array([0.004, 0, 0]), tuple(range(6)))):
-        found = aligned(views, vertices, locked)
-        assert np.array_equal(found.vertices, vertices)
-        assert not found.information.any()
+    with ThreadPoolExecutor(1) as pool:
+        term = image_edges(views, flat, ROOF_FACES, 1, SEARCHES[0], pool)
+    assert len(term.residuals) == 0
+    assert term.total(ROOF) == 0
+    assert not term.linearise(ROOF).gradient.any()

@@ -96,3 +96,18 @@ def test_descriptors_are_roots_of_shares_of_the_sum():
     assert np.abs(length / DESCRIPTOR_LENGTH - 1).max() < 0.02
     rows = found.pixels[:, 1]
     assert (np.diff(rows) >= 0).all()
+
+
+def test_the_strongest_keypoints_are_the_same_with_all_descriptors_and_without(tmp_path: Path):
+    grey, _ = blobs(2.0)
+    grey = grey + np.random.default_rng(2).normal(0, 12, grey.shape)
+    Image.fromarray(np.full(grey.shape, 255, np.uint8)).save(tmp_path / "all.png")
+    everywhere, excluding_none = view_of(grey), view_of(grey, Mask(tmp_path / "all.png"))
+    every = detect_keypoints(everywhere, FeatureOptions())
+    strongest = detect_keypoints(everywhere, FeatureOptions(), 40)
+    assert 40 <= len(strongest) < 60 < len(every)
+    assert strongest.contrast.min() == np.sort(every.contrast)[-40]
+    for other in (every.strongest(40), detect_keypoints(excluding_none, FeatureOptions(), 40)):
+        for values, others in zip(vars(strongest).values(), vars(other).values(), strict=True):
+            np.testing.assert_array_equal(values, others)
+    assert every.strongest(len(every)) is every

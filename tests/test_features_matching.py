@@ -29,7 +29,7 @@ def seen(camera: Camera, points: np.ndarray, descriptors: np.ndarray, rng: np.ra
     shown = np.flatnonzero((depth > 0) & (uv > 0).all(axis=1) & (uv < [319, 239]).all(axis=1))
     shown = shown[np.lexsort((uv[shown, 0], uv[shown, 1]))]
     n = len(shown)
-    return Keypoints(uv[shown], np.ones(n), descriptors[shown], np.zeros((n, 3), np.uint8)), shown
+    return Keypoints(uv[shown], np.ones(n), descriptors[shown], np.zeros((n, 3), np.uint8), np.ones(n)), shown
 
 
 def photos(name: str, noise: float):
@@ -107,7 +107,9 @@ def test_exchanging_the_photos_changes_no_match():
 
 def test_photos_without_keypoints_have_no_matches():
     (camera_a, camera_b), ((a, _), _) = photos("sideways", noise=0)
-    nothing = Keypoints(np.zeros((0, 2)), np.zeros(0), np.zeros((0, 128), np.uint8), np.zeros((0, 3), np.uint8))
+    nothing = Keypoints(
+        np.zeros((0, 2)), np.zeros(0), np.zeros((0, 128), np.uint8), np.zeros((0, 3), np.uint8), np.zeros(0)
+    )
     assert len(match_pair(a, nothing, camera_a, camera_b, OPTIONS).indices) == 0
     assert len(match_pair(nothing, a, camera_a, camera_b, OPTIONS).indices) == 0
 

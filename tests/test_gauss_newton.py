@@ -5,12 +5,13 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-import scipy.linalg
 from scipy.ndimage import map_coordinates, spline_filter
-from scipy.optimize import approx_fprime, least_squares
+from scipy.optimize import least_squares
+from scipy.sparse import csc_array
 
 from fairing.geometry.normals import face_quality, folded_faces
 from fairing.mesh import Mesh
+from fairing.optimize.rows import Anchor
 from fairing.options import StepOptions
 from fairing.run.phases import Level
 from fairing.run.session import Session
@@ -18,14 +19,7 @@ from fairing.run.stages import Photos
 from fairing.run.sweep import begin_sweep
 from fairing.run_plan import RunPlan
 from fairing.solve.energy import Evaluator, FaceSystem
-from fairing.solve.normal_equations import (
-    Prior,
-    QuadraticPrior,
-    faded,
-    solve_jointly,
-    solve_vertices,
-    vertex_systems,
-)
+from fairing.solve.normal_equations import solve_jointly, solve_vertices, vertex_systems
 from fairing.solve.problem import Problem
 from fairing.stage_kind import StageKind
 from tests.cell_cases import ALL_CORNERS, FACE_IDS, prepared, sample_points, sharp_options
@@ -96,12 +90,12 @@ def test_a_direction_without_information_is_left_alone():
 def test_the_joint_step_solves_the_whole_system(free):
     free = np.array(free)
     system = random_systems(np.random.default_rng(2))
-    blocks = np.einsum("n,ij->nij", np.linspace(0.1, 0.5, 7), np.eye(3))
+    root = np.random.default_rng(5).normal(size=(21, 21)) * (np.random.default_rng(6).random((21, 21)) < 0.3)
+    others = root @ root.T
     H, g = dense(system)
-    for v in range(7):
-        H[3 * v : 3 * v + 3, 3 * v : 3 * v + 3] += blocks[v]
+    H += others
     gradient = g.reshape(7, 3)
-    step = solve_jointly(Mesh(VERTICES, FACES), system, blocks, gradient, free, 0.0)
+    step = solve_jointly(Mesh(VERTICES, FACES), system, csc_array(others), gradient, free, 0.0)
     kept = np.repeat(free, 3)
     expected = np.zeros(21)
     expected[kept] = -np.linalg.solve(H[np.ix_(kept, kept)], g[kept])
@@ -112,7 +106,7 @@ def test_the_joint_step_solves_the_whole_system(free):
 
 def test_damping_shortens_the_joint_step():
     system = random_systems(np.random.default_rng(3))
-    mesh, nothing = Mesh(VERTICES, FACES), np.zeros((7, 3, 3))
+    mesh, nothing = Mesh(VERTICES, FACES), csc_array((21, 21))
     gradient = dense(system)[1].reshape(7, 3)
     lengths = [
         np.linalg.norm(solve_jointly(mesh, system, nothing, gradient, np.ones(7, bool), d)) for d in (0, 0.1, 1, 10)
@@ -121,35 +115,19 @@ def test_damping_shortens_the_joint_step():
     assert lengths[-1] < 0.2 * lengths[0]
 
 
-def test_prior_gradient_is_the_slope_of_its_energy():
-    rng = np.random.default_rng(4)
-    roots = rng.normal(size=(2, 7, 3, 3))
-    one, other = roots @ roots.transpose(0, 1, 3, 2)
-    prior = Prior((QuadraticPrior(one, VERTICES + 0.1, "points"), QuadraticPrior(other, VERTICES - 0.2, "start")))
-    ids = np.array([1, 4, 6])
-    vertices = VERTICES + rng.normal(size=(7, 3))
-
-    def total(x: np.ndarray) -> float:
-        moved = vertices.copy()
-        moved[ids] = x.reshape(-1, 3)
-        return float(prior.energy(moved, ids).sum())
-
-    slope = approx_fprime(vertices[ids].reshape(-1), total, 1e-7)
-    assert prior.gradient(vertices, ids).reshape(-1) == pytest.approx(slope, rel=1e-4)
-
-
 def test_without_points_the_prior_to_the_start_acts_in_the_plane_and_along_the_edge():
     """Vertex 1 lies on the edge along x, vertex 2 inside the plane z = 1, vertex 0 in the corner."""
     problem, start = Problem(corner_scene(), small_options(), VERTICES), VERTICES + 0.01
     sweep = begin_sweep(problem, Level(0, prior=0.1), Photos(StageKind.PHOTOS, 1, 1), 0, VERTICES, start)
-    (term,) = sweep.prior.terms
-    assert np.array_equal(term.targets, start)
+    (term,) = sweep.terms
+    assert isinstance(term, Anchor)
+    assert np.array_equal(term.places, start)
     assert sweep.system is not None
     strength = 0.1 * np.linalg.eigvalsh(vertex_systems(problem.scene.mesh, sweep.system)[0])[:, 2]
     x, y, _ = np.eye(3)
     expected = {0: np.zeros((3, 3)), 1: np.outer(x, x), 2: np.outer(x, x) + np.outer(y, y)}
     for vertex, directions in expected.items():
-        assert term.hessians[vertex] == pytest.approx(strength[vertex] * directions, abs=1e-6 * strength[vertex])
+        assert term.precision[vertex] == pytest.approx(strength[vertex] * directions, abs=1e-6 * strength[vertex])
 
 
 def test_flips_folds_and_collapses_are_found():
@@ -265,21 +243,6 @@ def test_a_run_ends_where_scipy_finds_the_minimum():
     found = least_squares(residuals, end, diff_step=1e-5, xtol=1e-10)
     # 60 px an edge: 1e-5 edges are 0.0006 px; the kernel's float32 cells resolve about that.
     assert np.linalg.norm(found.x - end) < 3e-5
-
-
-def test_a_faded_prior_keeps_its_share_in_every_direction():
-    """Against the generalised eigenvectors of scipy; without cells nothing fades, and where both are singular nothing is left."""
-    random = np.random.default_rng(3)
-    roots = random.normal(size=(2, 20, 3, 3))
-    priors, systems = roots @ roots.transpose(0, 1, 3, 2)
-    for found, B, H in zip(faded(priors, systems), priors, systems, strict=True):
-        shares, vectors = scipy.linalg.eigh(B, B + H)
-        around = (B + H) @ vectors
-        assert found == pytest.approx(around @ np.diag(shares**2) @ around.T, rel=1e-5, abs=1e-6)
-    assert faded(priors, 0 * systems) == pytest.approx(priors, rel=1e-5, abs=1e-6)
-    flat = np.diag([1.0, 0.0, 0.0])[None]
-    assert faded(flat, 3 * flat) == pytest.approx(flat / 4, abs=1e-6)
-    assert not faded(0 * flat, 0 * flat).any()
 
 
 def test_near_points_a_vertex_without_texture_around_it_does_not_drift():

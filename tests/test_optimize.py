@@ -8,6 +8,7 @@ from fairing.geometry.normals import face_normals
 from fairing.optimize.iteration import OBJECTIVE_TOLERANCE, iterate, step_parts
 from fairing.optimize.loss import GemanMcClure, Huber, Loss
 from fairing.optimize.rows import Anchor, Rows, Term
+from tests.dense_term import dense
 from tests.fit_of_points import guard_of
 from tests.square_loss import Square
 
@@ -52,28 +53,6 @@ def slope(term: Term, vertices: np.ndarray) -> np.ndarray:
         move[place] = STEP
         result[place] = (term.total(vertices + move) - term.total(vertices - move)) / (2 * STEP)
     return result
-
-
-def dense(term: Term, vertices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(3 n, 3 n) reweighted normal matrix and (3 n,) gradient of a term, row by row."""
-    size = vertices.size
-    H, g = np.zeros((size, size)), np.zeros(size)
-    if isinstance(term, Anchor):
-        for v, (precision, place) in enumerate(zip(term.precision, term.places, strict=True)):
-            own = slice(3 * v, 3 * v + 3)
-            H[own, own] += precision
-            g[own] += precision @ (vertices[v] - place)
-        return H, g
-    assert isinstance(term, Rows)
-    for r, corners in enumerate(term.ids):
-        J, residual = np.zeros(size), term.residuals[r]
-        for corner, derivative in zip(corners, term.derivatives[r], strict=True):
-            J[3 * corner : 3 * corner + 3] = derivative
-            residual += derivative @ (vertices - term.begun)[corner]
-        weight = term.information[r] * float(term.loss.weight(np.array([residual]))[0])
-        H += weight * np.outer(J, J)
-        g += weight * residual * J
-    return H, g
 
 
 @pytest.mark.parametrize("loss", LOSSES)
@@ -211,3 +190,24 @@ def test_no_face_folds_in_an_iteration_under_the_guard_of_a_run(seed: int):
         vertices = done.after
     assert shortened > 0
     assert not np.array_equal(vertices, start)
+
+
+def test_what_depends_on_some_vertices_is_all_that_changes_when_they_move():
+    term, rng = rows(9, 40, GemanMcClure(0.8)), np.random.default_rng(3)
+    before, after = rng.standard_normal((2, 9, 3))
+    ids = np.array([2, 5])
+    moved = before.copy()
+    moved[ids] = after[ids]
+    near = term.around(ids)
+    assert len(near.residuals) == sum(bool({2, 5} & set(corners)) for corners in term.ids.tolist())
+    assert near.total(moved) - near.total(before) == pytest.approx(term.total(moved) - term.total(before))
+    assert near.hessians(before)[ids] == pytest.approx(term.hessians(before)[ids])
+
+
+def test_factors_of_vertices_scale_a_residual_by_how_much_each_moves_it():
+    term = rows(6, 10, Huber(0.5))
+    factors = np.arange(1.0, 7.0)
+    for r, found in enumerate(term.scaled(factors).information):
+        share = [np.linalg.norm(d) for d in term.derivatives[r]]
+        mean = sum(s * factors[v] for s, v in zip(share, term.ids[r], strict=True)) / sum(share)
+        assert found == pytest.approx(term.information[r] * mean)

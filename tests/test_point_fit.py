@@ -10,21 +10,22 @@ from fairing.errors import InputError
 from fairing.geometry.normals import face_normals
 from fairing.judge.report import run_report
 from fairing.mesh import Mesh
+from fairing.optimize.rows import Rows
 from fairing.options import PRESETS, FairingOptions
-from fairing.run.fits import points_prior
+from fairing.run.fits import points_on_mesh
 from fairing.run.gauss_newton_step import gauss_newton_step
-from fairing.run.phases import FITTED_SIGMA, Level, schedule_of
+from fairing.run.phases import Level
 from fairing.run.planning import FAR_ERROR, points_accept_smoothing
 from fairing.run.records import held_out_points_prefer
 from fairing.run.session import Session
 from fairing.run.stages import Photos
 from fairing.run.sweep import RESIDUAL_AREA, SweepState, begin_sweep
-from fairing.run_plan import RunPlan
 from fairing.scene import Scene
 from fairing.solve.normal_equations import vertex_systems
 from fairing.solve.point_split import fitting_points, kept_points, observed_fitting_points, observed_kept_points
 from fairing.solve.problem import Problem
 from fairing.stage_kind import StageKind
+from fairing.terms.closest_points import closest_points
 from fairing.trace import SchedulePosition, StepReason, Trace
 from tests.fit_of_points import closest_fit
 from tests.small_scene import (
@@ -77,7 +78,7 @@ def test_points_at_vertices_of_the_start_are_not_held_out():
 
 def test_a_displaced_vertex_moves_to_the_corner_of_the_points():
     scene = with_points(on_the_faces())
-    found = closest_fit(problem_of(scene), scene.mesh.vertices, 12).targets
+    found = closest_fit(problem_of(scene), scene.mesh.vertices, 12).places
     # The regularization keeps some of the error.
     assert error_of(found) < 0.1 * error_of(scene.mesh.vertices)
 
@@ -87,7 +88,7 @@ def test_outliers_among_the_points_hardly_matter():
     wrong = np.random.default_rng(2).random(len(points)) < 0.15
     points[wrong] += np.random.default_rng(3).uniform(-0.4, 0.4, (wrong.sum(), 3))
     scene = with_points(points)
-    found = closest_fit(problem_of(scene), scene.mesh.vertices, 12).targets
+    found = closest_fit(problem_of(scene), scene.mesh.vertices, 12).places
     assert error_of(found) < 0.2 * error_of(scene.mesh.vertices)
 
 
@@ -97,11 +98,11 @@ def test_vertices_without_points_and_locked_vertices_stay():
     points = points[(points[:, 2] > 0.999) & (points[:, :2].max(axis=1) < 0.8)]
     scene = with_points(points)
     found = closest_fit(problem_of(scene), scene.mesh.vertices, 4)
-    assert np.array_equal(found.targets[[4, 5, 6]], scene.mesh.vertices[[4, 5, 6]])
-    assert not found.hessians[[4, 5, 6]].any()
-    assert not np.array_equal(found.targets[0], scene.mesh.vertices[0])
+    assert np.array_equal(found.places[[4, 5, 6]], scene.mesh.vertices[[4, 5, 6]])
+    assert not found.precision[[4, 5, 6]].any()
+    assert not np.array_equal(found.places[0], scene.mesh.vertices[0])
     locked = problem_of(scene, replace(small_options(), locked_vertices=(0,)))
-    assert np.array_equal(closest_fit(locked, scene.mesh.vertices, 4).targets[0], scene.mesh.vertices[0])
+    assert np.array_equal(closest_fit(locked, scene.mesh.vertices, 4).places[0], scene.mesh.vertices[0])
 
 
 def test_the_hessians_are_the_sum_of_the_normal_equations_of_the_points():
@@ -120,13 +121,13 @@ def test_the_hessians_are_the_sum_of_the_normal_equations_of_the_points():
     average = np.diag(H)[np.diag(H) > 0].mean()
     found = closest_fit(problem_of(scene), VERTICES, 1)
     for v in range(7):
-        assert found.hessians[v] == pytest.approx(H[3 * v : 3 * v + 3, 3 * v : 3 * v + 3] / average, abs=1e-9)
+        assert found.precision[v] == pytest.approx(H[3 * v : 3 * v + 3, 3 * v : 3 * v + 3] / average, abs=1e-9)
 
 
 def test_no_face_folds_however_the_points_lie():
     heap = np.random.default_rng(4).uniform(-0.5, 1.5, (400, 3))
     scene = with_points(heap)
-    found = closest_fit(problem_of(scene), scene.mesh.vertices, 12).targets
+    found = closest_fit(problem_of(scene), scene.mesh.vertices, 12).places
     start = face_normals(scene.mesh.vertices, FACES)
     assert ((start * face_normals(found, FACES)).sum(axis=1) > 0).all()
 
@@ -215,8 +216,8 @@ def test_a_noisy_start_is_smoothed_before_it_is_fitted_to_the_points():
 def test_a_mesh_far_from_all_points_stays():
     scene = with_points(on_the_faces() + 10.0)
     found = closest_fit(problem_of(scene), scene.mesh.vertices, 3)
-    assert np.array_equal(found.targets, scene.mesh.vertices)
-    assert not found.hessians.any()
+    assert np.array_equal(found.places, scene.mesh.vertices)
+    assert not found.precision.any()
 
 
 def test_a_run_with_points_far_from_the_mesh_does_without_them():
@@ -235,10 +236,10 @@ def test_false_points_do_not_keep_photos_from_correcting_the_start(seed: int):
 def test_the_fit_is_free_of_units():
     points = on_the_faces() + 0.01 * np.random.default_rng(5).standard_normal((600, 3))
     scene = with_points(points)
-    expected = closest_fit(problem_of(scene), scene.mesh.vertices, 6).targets
+    expected = closest_fit(problem_of(scene), scene.mesh.vertices, 6).places
     mesh, far = Mesh(1000 * scene.mesh.vertices + 5e4, FACES), sparse_points(np.repeat(1000 * points + 5e4, 2, axis=0))
     large = replace(scene, mesh=mesh, sparse_points=far)
-    found = closest_fit(problem_of(large), mesh.vertices, 6).targets
+    found = closest_fit(problem_of(large), mesh.vertices, 6).places
     assert found == pytest.approx(1000 * expected + 5e4, abs=1e-5)
 
 
@@ -380,12 +381,12 @@ def test_the_prior_to_the_start_grows_with_the_loss_and_falls_with_the_variance_
             begin_sweep(problem, level, Photos(StageKind.PHOTOS, 1, 1), 0, vertices, problem.start)
             for level in (Level(1, 0.1), Level(1, 0.1, start_sigma=sigma, prior=0.5))
         )
-        (to_start, smooth), (none, same) = held.prior.terms, plain.prior.terms
-        assert np.array_equal(smooth.hessians, same.hessians)
-        assert not none.hessians.any(), "without a standard deviation the prior has no strength"
-        assert np.array_equal(to_start.targets, problem.start)
+        (to_start, smooth), (none, same) = held.terms, plain.terms
+        assert np.array_equal(smooth.precision, same.precision)
+        assert not none.precision.any(), "without a standard deviation the prior has no strength"
+        assert np.array_equal(to_start.places, problem.start)
         losses = losses_around(problem, held, vertices)
-        for found, loss, px_per_unit in zip(to_start.hessians, losses, held.pixels_per_unit, strict=True):
+        for found, loss, px_per_unit in zip(to_start.precision, losses, held.pixels_per_unit, strict=True):
             expected = 0.5 * RESIDUAL_AREA * loss * (px_per_unit / sigma) ** 2
             assert found == pytest.approx(expected * np.eye(3), rel=0.05, abs=1e-6 * expected)
 
@@ -403,23 +404,27 @@ def losses_around(problem: Problem, sweep: SweepState, vertices: np.ndarray) -> 
     return result
 
 
-def test_the_prior_to_the_points_fades_at_vertices_around_which_photos_agree(monkeypatch):
+def test_the_points_fade_at_vertices_around_which_photos_agree(monkeypatch):
+    """Every point on a face shares the factors of its corners, by how much each moves it."""
     problem = problem_of(observed(corner_scene(change=covered()), on_the_faces(600)))
-    plain = begin_sweep(problem, Level(1, 0.1), Photos(StageKind.PHOTOS, 1, 1), 0, VERTICES, problem.start)
+    level, photos_alone = Level(1, 0.1, attraction=0.3), Level(1, 0.1)
+    stage = Photos(StageKind.PHOTOS, 1, 1)
+    plain = begin_sweep(problem, photos_alone, stage, 0, VERTICES, problem.start)
     variance = np.array(losses_around(problem, plain, VERTICES)) * plain.sigma[0] ** 2
     full = 2 * float(np.median(variance))
     monkeypatch.setattr("fairing.run.sweep.POINTS_VARIANCE", full)
-    drawn = begin_sweep(
-        problem, Level(1, 0.1, attraction=0.3), Photos(StageKind.PHOTOS, 1, 1), 0, VERTICES, problem.start
-    )
+    points = begin_sweep(problem, level, stage, 0, VERTICES, problem.start).terms[-1]
     assert plain.system is not None
     typical = np.median(np.linalg.eigvalsh(vertex_systems(problem.scene.mesh, plain.system)[0])[:, 2])
-    fitted, found = points_prior(problem, VERTICES, None), drawn.prior.terms[-1]
-    assert found.targets == pytest.approx(fitted.targets)
+    fitted = closest_points(problem.scene.mesh.moved(VERTICES), points_on_mesh(problem, VERTICES, None), VERTICES)
+    average = np.einsum("vii->vi", fitted.hessians(VERTICES))
     assert variance.max() > 1.15 * variance.min(), "one factor for all vertices would not do"
-    for v in range(len(VERTICES)):
-        wanted = 0.3 * typical * min(1.0, variance[v] / full) * fitted.hessians[v]
-        assert found.hessians[v] == pytest.approx(wanted, rel=0.05, abs=1e-6 * typical)
+    assert isinstance(points, Rows)
+    assert points.residuals == pytest.approx(fitted.residuals)
+    for found, ids, d in zip(points.information, fitted.ids, fitted.derivatives, strict=True):
+        share, factors = np.linalg.norm(d, axis=1), np.minimum(1.0, variance[ids] / full)
+        wanted = 0.3 * typical * (share @ factors) / share.sum() / average[average > 0].mean()
+        assert found == pytest.approx(wanted, rel=0.05)
 
 
 def test_the_prior_to_the_start_is_planned_where_points_measure_the_start():
@@ -457,18 +462,6 @@ def test_edges_are_sought_as_far_as_the_start_is_off_where_the_mesh_fits_the_poi
     assert coarse.start_sigma > FAR_ERROR
     assert coarse.edge_reach == 2
     assert (near.represents_surface, far.represents_surface, coarse.represents_surface) == (True, True, False)
-
-
-def test_the_start_holds_less_at_the_level_with_image_edges_where_the_mesh_represents_the_surface():
-    options = PRESETS["accurate"]
-    plan = RunPlan(1, False, False, start_sigma=2.0)
-    firm, loose = (
-        [level.start_sigma for level in schedule_of(options, replace(plan, represents_surface=represents)).levels]
-        for represents in (False, True)
-    )
-    assert set(firm) == {FITTED_SIGMA, 2.0}
-    assert loose[:-1] == firm[:-1]
-    assert loose[-1] > firm[-1] == 2.0
 
 
 def test_a_good_start_is_kept_where_photos_show_other_things_in_front():

@@ -6,12 +6,14 @@ from functools import cache
 import numpy as np
 import pytest
 
+from fairing.optimize.rows import Anchor, Rows, Term
 from fairing.run.pulls import shares, shares_of_all
 from fairing.run.session import Session
 from fairing.run.sweep import SweepState
 from fairing.run_plan import RunPlan
 from fairing.terms.names import AXES, TERMS
 from fairing.trace import StepReason
+from tests.dense_term import dense
 from tests.small_scene import FACES, VERTICES, corner_scene, on_the_faces, small_options, sparse_points
 
 PLAN = RunPlan(0, is_smoothed=True, is_fitted_to_points=True, start_sigma=2.0)
@@ -54,12 +56,8 @@ def dense_terms(session: Session, moment: int) -> tuple[dict[str, np.ndarray], d
             g["photos"][index[i]] += system.g[f, i]
             for j in range(9):
                 H["photos"][index[i], index[j]] += system.H[f, i, j]
-    for term in sweep.prior.terms:
-        H[term.name], g[term.name] = np.zeros((3 * N, 3 * N)), np.zeros(3 * N)
-        for v in range(N):
-            block = slice(3 * v, 3 * v + 3)
-            H[term.name][block, block] = term.hessians[v]
-            g[term.name][block] = term.hessians[v] @ (vertices[v] - term.targets[v])
+    for term in sweep.terms:
+        H[term.name], g[term.name] = dense(term, vertices)
     return H, g
 
 
@@ -142,7 +140,7 @@ def test_parts_add_up_to_the_step_that_is_proposed_next(case):
 
 def test_every_term_appears_under_its_name():
     names = {pull.name for moment in moments_of(run_of("joint")) for pull in run_of("joint").pulls(moment)}
-    assert names == set(TERMS) - {AXES}, "which fits alone have"
+    assert names == set(TERMS) - {AXES}, "which buildings alone have"
     for name in ("points", "image edges", "smoothness", "start"):
         session = run_of("joint")
         steps = [p.step for moment in moments_of(session) for p in session.pulls(moment) if p.name == name]
@@ -159,10 +157,18 @@ def test_energies_are_what_a_vertex_s_own_system_minimizes(order):
         for v in range(N):
             around = sum(faces[f] for f in range(len(FACES)) if v in FACES[f])
             assert pulls[0].energy[v] == pytest.approx(around)
-        for pull, term in zip(pulls[1:], sweep.prior.terms, strict=True):
-            offsets = vertices - term.targets
-            slow = [0.5 * offset @ B @ offset for offset, B in zip(offsets, term.hessians, strict=True)]
-            assert pull.energy == pytest.approx(np.array(slow))
+        for pull, term in zip(pulls[1:], sweep.terms, strict=True):
+            assert pull.energy == pytest.approx(energy_by_vertex(term, vertices))
+
+
+def energy_by_vertex(term: Term, vertices: np.ndarray) -> np.ndarray:
+    """(n,) float: the energy that each vertex shares in, one after the other."""
+    if isinstance(term, Anchor):
+        offsets = vertices - term.places
+        return np.array([0.5 * offset @ B @ offset for offset, B in zip(offsets, term.precision, strict=True)])
+    assert isinstance(term, Rows)
+    energies = term.information * term.loss.value(term.residuals_at(vertices))
+    return np.array([sum(e for e, ids in zip(energies, term.ids, strict=True) if v in ids) for v in range(N)])
 
 
 @pytest.mark.parametrize("order", ORDERS)

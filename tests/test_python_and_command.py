@@ -145,7 +145,7 @@ def test_the_search_is_cancelled_reports_its_progress_and_can_be_skipped(
         shown.append((fraction, line, session.work.current[0].text))
 
     session.find_points(show)
-    assert shown[0][1] == f"finding points: photo 1 of {len(files.scene.views)}"
+    assert shown[0][1] == f"refining cameras: keypoints of {len(files.scene.views)} photos"
     assert all(line == text for _, line, text in shown)
     assert [fraction for fraction, *_ in shown] == sorted(fraction for fraction, *_ in shown)
     assert session.scene.sparse_points is not None

@@ -13,45 +13,32 @@ from scipy.spatial.transform import Rotation
 from app.cli.fair import fair_to_folder
 from app.cli.run_extras import RunExtras
 from app.files.scene_source import SceneSource
-from demo_scenes.building.scene import scene_of_plan
 from fairing.camera import Camera
 from fairing.cameras import Refinement, refine
 from fairing.cameras.corrected_scene import triangulated_again, with_cameras
-from fairing.errors import InputError
+from fairing.errors import Cancelled, InputError
 from fairing.features import find_points
+from fairing.io import feature_points
 from fairing.io.colmap_text import read_text_model
 from fairing.io.convert import write_capture
+from fairing.io.load import load_scene
 from fairing.io.output_folder import prepare_output_folder
-from fairing.io.scene_points import with_points
 from fairing.options import PRESETS
 from fairing.photo import ArrayPhoto
+from fairing.run import refined_once
+from fairing.run.recorded_refinement import RecordedRefinement
 from fairing.run.session import Session
-from fairing.run.trace_header import header_of, scene_of_trace
-from fairing.scene import Scene, SparsePoints
+from fairing.run.trace_header import header_of, inputs_of, scene_of_trace
+from fairing.scene import SparsePoints
 from fairing.trace import Trace
-from tests.small_building import small_building
+from tests.wrong_cameras import exact_scene, turned
 
-
-@cache
-def exact_scene() -> Scene:
-    return replace(scene_of_plan("building small", small_building()), points_choice="own")
-
-
-def turned(scene: Scene, px: float) -> Scene:
-    """The scene with its cameras turned at random, px standard deviation an axis."""
-    rng, views = np.random.default_rng(1), []
-    for view in scene.views:
-        camera = view.camera
-        turn = Rotation.from_rotvec(rng.normal(size=3) * px / camera.K[0, 0]).as_matrix()
-        R = turn @ camera.camera_from_world[:, :3]
-        wrong = Camera.from_krt(camera.K, R, -R @ camera.center, camera.width, camera.height)
-        views.append(replace(view, camera=wrong))
-    return replace(scene, views=tuple(views))
+PARTS = ("keypoints of 9 photos", "matching photos", "adjustment")
 
 
 @cache
 def refined(px: float) -> Refinement:
-    return refine(turned(exact_scene(), px) if px else exact_scene())
+    return refine(turned(exact_scene(), px) if px else exact_scene(), finds_points=True)
 
 
 def rotation_error(cameras: tuple[Camera, ...]) -> float:
@@ -80,11 +67,9 @@ def test_turned_cameras_are_corrected(px):
     assert found.judgement is not None
     assert found.judgement.error_after < 0.6 * found.judgement.error_before
     assert found.scene.cameras_origin == "corrected"
-    own = found.scene.sparse_points
-    assert own is not None
+    assert found.found is not None
     searched = find_points(found.scene.views)  # what a run would find with these cameras
-    np.testing.assert_array_equal(own.positions, searched.positions)
-    assert with_points(found.scene).sparse_points is own
+    np.testing.assert_array_equal(found.found.positions, searched.positions)
     assert (found.corrections > 0).all()
 
 
@@ -93,6 +78,59 @@ def test_refinement_is_deterministic():
     one, other = refined(0.5), refine(wrong, threads=1)
     for a, b in zip(one.cameras, other.cameras, strict=True):
         np.testing.assert_array_equal(a.image_from_world, b.image_from_world)
+
+
+def test_refinement_shows_its_progress():
+    lines: list[tuple[float, str]] = []
+    refine(turned(exact_scene(), 0.5), 1, lambda fraction, line: lines.append((fraction, line)))
+    fractions = [fraction for fraction, _ in lines]
+    assert fractions == sorted(fractions)
+    assert 0 <= fractions[0] < fractions[-1] <= 1 + 1e-9
+    assert {line.split(",")[0] for _, line in lines} == {f"refining cameras: {part}" for part in PARTS}
+
+
+@pytest.mark.parametrize("part", PARTS)
+def test_refinement_can_be_cancelled_in_each_of_its_parts(part):
+    reached: list[str] = []
+    with pytest.raises(Cancelled):
+        refine(
+            turned(exact_scene(), 0.5), 1,
+            lambda _, line: reached.append(line), lambda: any(part in line for line in reached),
+        )  # fmt: skip
+    assert sum(part in line for line in reached) <= 3
+
+
+def test_iterations_of_the_adjustment_are_kept():
+    found = refined(0.5)
+    assert (found.iterations[0].turns == 0).all()
+    assert (found.iterations[0].shifts == 0).all()
+    assert len(found.iterations) > 4
+    first, last = (np.median(found.iterations[i].errors) for i in (0, -1))
+    assert last < 0.5 * first
+    scene = with_cameras(turned(exact_scene(), 0.5), found.cameras)
+    header = json.loads(json.dumps(inputs_of(scene, found)))
+    recorded = RecordedRefinement.of(scene, header)
+    assert recorded is not None
+    assert len(recorded) == len(found.iterations)
+    for step, cameras in ((0, scene.given_cameras), (-1, found.cameras)):
+        for a, b in zip(recorded.cameras_at(step), cameras or (), strict=True):
+            np.testing.assert_allclose(a.image_from_world, b.image_from_world, rtol=1e-5, atol=1e-4)
+    far = recorded.cameras_at(0, 10.0)
+    moved = [np.linalg.norm(a.center - b.center) for a, b in zip(far, found.cameras, strict=True)]
+    given = [np.linalg.norm(a.center - b.center) for a, b in zip(recorded.given, found.cameras, strict=True)]
+    np.testing.assert_allclose(moved, 10 * np.array(given), rtol=1e-3, atol=1e-6)
+    assert RecordedRefinement.of(exact_scene(), header) is None
+    for damage in (
+        {},
+        {"refinement": 3},
+        {"refinement": {}},
+        {"refinement": header["refinement"] | {"iterations": [{}]}},
+        {
+            "refinement": header["refinement"]
+            | {"iterations": [dict(header["refinement"]["iterations"][0], errors=[1e999] * 9)]}
+        },
+    ):
+        assert RecordedRefinement.of(scene, damage) is None
 
 
 def test_photos_without_points_keep_their_cameras():
@@ -146,6 +184,53 @@ def test_a_trace_with_corrected_cameras_accepts_the_given_points_of_its_scene():
     np.testing.assert_array_equal(again.sparse_positions, corrected.sparse_positions)
 
 
+def test_a_run_refines_the_cameras_of_its_scene_and_keeps_the_result(tmp_path, monkeypatch):
+    monkeypatch.setenv("EIGENFAIRING_CACHE", str(tmp_path))
+    wrong = replace(turned(exact_scene(), 0.5), cameras_choice="refine")
+    session = Session(wrong)
+    session.find_points()
+    for view, camera in zip(session.scene.views, refined(0.5).cameras, strict=True):
+        np.testing.assert_array_equal(view.camera.image_from_world, camera.image_from_world)
+    assert session.scene.given_cameras == tuple(view.camera for view in wrong.views)
+    assert session.scene.sparse_points is not None
+    assert session.scene.sparse_points.origin == "own"
+    monkeypatch.setattr(refined_once, "refine", lambda *_: pytest.fail("the cache has it"))
+    monkeypatch.setattr(feature_points, "find_points", lambda *_: pytest.fail("the cache has them"))
+    again = Session(wrong)
+    again.find_points()
+    assert json.dumps(again.trace.header) == json.dumps(session.trace.header)
+    resumed = Session(wrong, trace=session.trace)
+    assert resumed.scene.cameras_choice == "given"
+    for one, other in zip(resumed.scene.views, session.scene.views, strict=True):
+        np.testing.assert_array_equal(one.camera.image_from_world, other.camera.image_from_world)
+
+
+def test_a_run_whose_given_cameras_were_kept_is_the_run_without_refinement(tmp_path, monkeypatch):
+    monkeypatch.setenv("EIGENFAIRING_CACHE", str(tmp_path))
+    sessions = [Session(replace(exact_scene(), cameras_choice=choice)) for choice in ("given", "refine")]
+    for session in sessions:
+        session.find_points()
+    given, kept = (session.scene for session in sessions)
+    assert kept.given_cameras is None
+    assert kept.views == given.views
+    np.testing.assert_array_equal(kept.sparse_positions, given.sparse_positions)
+    header = sessions[1].trace.header
+    assert not header.pop("refinement")["taken"]
+    assert header == sessions[0].trace.header
+
+
+def test_refinement_in_a_run_can_be_skipped_and_cancelled():
+    session = Session(replace(turned(exact_scene(), 0.7), cameras_choice="refine", sparse_points=None))
+    session.cancel_requested = lambda: True
+    with pytest.raises(Cancelled):
+        session.find_points()
+    assert session.scene.cameras_choice == "refine"
+    session.cancel_requested = lambda: False
+    session.find_points(skip_requested=lambda: True)
+    assert session.scene.given_cameras is None
+    assert "cameras were not refined, on request" in session.warnings
+
+
 def test_given_cameras_are_not_recorded():
     assert "cameras" not in header_of(exact_scene(), Session(exact_scene()).options)
 
@@ -164,14 +249,21 @@ def test_the_command_writes_corrected_cameras_and_resumes_with_them(tmp_path):
     wrong, capture, out = turned(exact_scene(), 1.0), tmp_path / "capture", tmp_path / "out"
     prepare_output_folder(capture)
     write_capture(capture, "scene.json", wrong.views, None, (wrong.mesh.vertices, wrong.mesh.faces))
-    source = SceneSource.typed(str(capture), None, points="own")
+    source = SceneSource.typed(str(capture), None, points="own", cameras="automatic")
     options = replace(PRESETS["accurate"], schedule=replace(PRESETS["accurate"].schedule, max_sweeps=(1, 1, 1, 1, 1)))
     console = Console(file=(said := io.StringIO()), width=400)
     arguments = (source, out, "accurate", options)
-    assert fair_to_folder(*arguments, False, RunExtras(), console, "refine") == 0
+    assert fair_to_folder(*arguments, False, RunExtras(), console) == 0
     assert "cameras corrected by" in said.getvalue()
     report = json.loads((out / "report.json").read_text())
     assert report["cameras"]["taken"]
+    assert "iterations" not in report["cameras"]
+    python = load_scene(capture, points="own")
+    session = Session(python, options)
+    session.find_points()
+    recorded = Trace.load(out / "run.trace").header
+    assert json.loads(json.dumps(session.trace.header["cameras"])) == recorded["cameras"]
+    assert json.loads(json.dumps(session.trace.header["refinement"])) == recorded["refinement"]
     assert [photo["name"] for photo in report["cameras"]["photos"]] == [view.name for view in wrong.views]
     trace = Trace.load(out / "run.trace")
     images = {image.name: image for image in read_text_model(out / "cameras").images.values()}
@@ -182,6 +274,27 @@ def test_the_command_writes_corrected_cameras_and_resumes_with_them(tmp_path):
         np.testing.assert_allclose(R, camera.camera_from_world[:, :3], atol=1e-9)
     mesh = (out / "mesh.ply").read_bytes()
     trace.cut(len(trace) // 2).attach(out / "run.trace")
-    assert fair_to_folder(*arguments, True, RunExtras(), console, "given") == 0
+    assert fair_to_folder(*arguments, True, RunExtras(), console) == 0
     assert (out / "mesh.ply").read_bytes() == mesh
     assert json.loads((out / "report.json").read_text())["cameras"] == report["cameras"]
+
+
+@pytest.mark.slow
+def test_a_run_can_refine_intrinsics_too(tmp_path, monkeypatch):
+    monkeypatch.setenv("EIGENFAIRING_CACHE", str(tmp_path))
+    views = []
+    for view in exact_scene().views:
+        camera = view.camera
+        K = camera.K * np.array([[1.01, 1, 1], [1, 1.01, 1], [1, 1, 1]])
+        views.append(replace(view, camera=Camera(K @ camera.camera_from_world, camera.width, camera.height)))
+    wrong = replace(exact_scene(), views=tuple(views))
+    focal = {}
+    for choice in ("refine", "refine_lens"):
+        session = Session(replace(wrong, cameras_choice=choice))
+        session.find_points()
+        focal[choice] = session.scene.views[0].camera.K[0, 0]
+        focal["error", choice] = session.trace.header["refinement"]["held_out"]["error_after"]
+    true, given = (scene.views[0].camera.K[0, 0] for scene in (exact_scene(), wrong))
+    assert focal["refine"] == pytest.approx(given)
+    assert abs(focal["refine_lens"] - true) < 0.3 * abs(given - true)
+    assert focal["error", "refine_lens"] <= focal["error", "refine"]

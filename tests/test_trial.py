@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from fairing.judge.inspect import face_cells
+from fairing.optimize.rows import linearised_sum
 from fairing.run.session import Session
 from fairing.stage_kind import StageKind
 from tests.rounding import of_sum
@@ -60,7 +61,7 @@ def test_normal_matrix_of_a_vertex_is_the_sum_over_samples_of_the_derivatives(na
         sizes += np.einsum("np,anp,np->a", w, np.abs(D), np.abs(cells.residual.astype(float)))
     rounding = of_sum(3 * 8256)  # the kernel sums in float32
     assert np.abs(H - trial.proposal.hessians[slot]).max() < rounding * np.trace(H)
-    prior = trial.sweep.prior.gradient(session.trace.vertices_at(2), np.array([vertex]))[0]
+    prior = linearised_sum(trial.sweep.terms, session.trace.vertices_at(2)).gradient[vertex]
     assert (np.abs(trial.proposal.gradients[slot] - g - prior) < rounding * sizes).all()
 
 

@@ -11,6 +11,7 @@ from fairing.io import PhotoChoice
 from fairing.io.photo_choice import SceneFormat
 from fairing.io.points_choice import PointsChoice
 from fairing.options import FORMER_OPTIONS, PRESETS, FairingOptions
+from fairing.scene import CamerasChoice
 
 
 @dataclass(frozen=True)
@@ -57,13 +58,13 @@ PointsArgument = Annotated[
         "demos cube, archway and dome the given ones.",
     ),
 ]
-CamerasChoice = Literal["refine", "given"]
 CamerasArgument = Annotated[
     CamerasChoice,
     tyro.conf.arg(
-        help="Cameras: as given, or with their poses corrected by bundle adjustment over points found in the photos. "
-        "Corrected poses are used where held-out points are clearly better with them, and written to the folder cameras "
-        "as a COLMAP model.",
+        help="Cameras: as given, or refined: their poses are corrected by bundle adjustment over points found in the photos. "
+        "With refine_lens also focal lengths and principal points. Corrected cameras are used where held-out points are "
+        "clearly better with them; `fair` writes them to the folder cameras as a COLMAP model. Automatic: refine; for demos "
+        "given.",
     ),
 ]
 RunArgument = Annotated[

@@ -9,9 +9,9 @@ from PIL import Image
 from rich.console import Console
 from rich.table import Table
 
-from app.cli.arguments import ALL_PHOTOS, MeshArgument, PhotosArgument, PointsArgument, SceneArgument
+from app.cli.arguments import ALL_PHOTOS, CamerasArgument, MeshArgument, PhotosArgument, PointsArgument, SceneArgument
 from app.cli.lines import note_outside_photos, print_line
-from app.cli.loading import load_with_points
+from app.cli.loading import load_with_refinement
 from app.files.check_page import VERDICTS, check_page
 from app.files.json_file import write_json
 from app.files.scene_source import SceneSource
@@ -31,13 +31,14 @@ def check(
     out: Path | None = None,
     points: PointsArgument = "automatic",
     photos: PhotosArgument = ALL_PHOTOS,
+    cameras: CamerasArgument = "automatic",
 ) -> int:
     """Check whether a scene can be refined: cameras, coverage, sizes, and what to do.
 
     Args:
         out: Folder for check.html, check.json and the mesh drawn over every photo.
     """
-    return check_to_console(SceneSource.typed(scene, mesh, photos, points), out, Console())
+    return check_to_console(SceneSource.typed(scene, mesh, photos, points, cameras), out, Console())
 
 
 def check_to_console(source: SceneSource, out: Path | None, console: Console) -> int:
@@ -47,8 +48,8 @@ def check_to_console(source: SceneSource, out: Path | None, console: Console) ->
         Exit code: 1 if the input cannot be used.
     """
     with nullcontext() if out is None else locked_output_folder(out):
-        scene = load_with_points(source, console)
-        findings = check_scene(scene)
+        scene, refinement = load_with_refinement(source, console)
+        findings = check_scene(scene, refinement=refinement)
         _print(scene, findings, console)
         if out is not None:
             note_outside_photos(console, source.scene, scene.views)
@@ -72,14 +73,15 @@ def _write(scene: Scene, check: SceneCheck, out: Path) -> None:
 
 
 def _print(scene: Scene, check: SceneCheck, console: Console) -> None:
-    columns = ("photo", "size", "focal px", "faces", "mesh covers", "reprojection", "exposure")
+    columns = ("photo", "size", "focal px", "faces", "mesh covers", "reprojection", "correction", "exposure")
     table = Table(*columns, box=None, padding=(0, 2, 0, 0))
     for view in check.views:
         off = "-" if view.reprojection is None else f"{view.reprojection:.2f} px"
+        correction = "-" if view.correction is None else f"{view.correction:.2f} px"
         exposure = "-" if view.exposure is None else f"{view.exposure:.2f}"
         table.add_row(
             view.name, f"{view.width}x{view.height}", f"{view.focal_length:.0f}", str(view.faces),
-            f"{100 * view.mesh_share:.0f} %", off, exposure,
+            f"{100 * view.mesh_share:.0f} %", off, correction, exposure,
         )  # fmt: skip
     console.print(table)
     faces = check.faces
@@ -106,6 +108,8 @@ def _print(scene: Scene, check: SceneCheck, console: Console) -> None:
     lines.append("pairs of face and photo: " + ", ".join(f"{name} {n}" for name, n in check.reasons.items()))
     if check.placement.verdict != "elsewhere":  # then a hint says so
         lines.append(f"place of the mesh: {check.placement.line}")
+    if check.cameras is not None:
+        lines.append(f"cameras: {check.cameras.line.removeprefix('cameras ')}")
     lines.append(f"memory of a run: about {check.memory / 1e9:.1f} GB")
     lines += [f"note: {warning}" for warning in check.warnings]
     lines += [f"hint: {hint}" for hint in check.hints]

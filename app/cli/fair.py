@@ -13,7 +13,6 @@ from rich.console import Console
 from app.cli.arguments import (
     ALL_PHOTOS,
     CamerasArgument,
-    CamerasChoice,
     MeshArgument,
     PhotosArgument,
     PointsArgument,
@@ -23,7 +22,7 @@ from app.cli.arguments import (
 from app.cli.interrupt import Interrupt
 from app.cli.lines import note_outside_photos, print_line
 from app.cli.loading import open_session
-from app.cli.refined_cameras import open_session_with_refined_cameras, write_cameras
+from app.cli.refined_cameras import write_cameras
 from app.cli.run_extras import RunExtras, predict_left_out, write_models
 from app.cli.run_progress import RunProgress
 from app.files.json_file import write_json
@@ -34,11 +33,12 @@ from fairing.errors import Cancelled, InputError
 from fairing.io import locked_output_folder, write_mesh
 from fairing.io.refined_mesh import write_refined_mesh
 from fairing.judge.metrics import quality_report
-from fairing.judge.report import REFINEMENT, run_report
+from fairing.judge.report import run_report
 from fairing.mesh import Mesh
 from fairing.option_check import check_options
 from fairing.options import FairingOptions, options_from_dict
 from fairing.run.session import Session
+from fairing.run.trace_header import REFINEMENT
 from fairing.trace import Trace
 
 START_MESH = "start.ply"
@@ -57,7 +57,7 @@ def fair_command(default: FairingOptions) -> Callable[..., int]:
         extras: Annotated[RunExtras, tyro.conf.arg(name="")] = NO_EXTRAS,
         points: PointsArgument = "automatic",
         photos: PhotosArgument = ALL_PHOTOS,
-        cameras: CamerasArgument = "given",
+        cameras: CamerasArgument = "automatic",
         options: Annotated[FairingOptions, tyro.conf.arg(name="")] = default,
     ) -> int:
         """Refine the mesh of a scene without a browser. Writes mesh.ply, report.json and run.trace.
@@ -69,8 +69,8 @@ def fair_command(default: FairingOptions) -> Callable[..., int]:
             preset: Options to start from; further flags change single ones.
             resume: Continue the run in `out`, which was recorded on the same scene with the same options. Its cameras are used.
         """
-        source = SceneSource.typed(scene, mesh, photos, points)
-        return fair_to_folder(source, out, preset, options, resume, extras, Console(stderr=True), cameras)
+        source = SceneSource.typed(scene, mesh, photos, points, cameras)
+        return fair_to_folder(source, out, preset, options, resume, extras, Console(stderr=True))
 
     return fair
 
@@ -83,7 +83,6 @@ def fair_to_folder(
     resume: bool,
     extras: RunExtras,
     console: Console,
-    cameras: CamerasChoice = "given",
 ) -> int:
     """Run to the end or to Ctrl-C and write mesh, report and trace; after the end also the extras.
 
@@ -96,7 +95,7 @@ def fair_to_folder(
     check_options(options)
     beside = extras.other_mesh()
     with locked_output_folder(out):
-        return _fair(source, out, preset, options, resume, extras, beside, console, cameras)
+        return _fair(source, out, preset, options, resume, extras, beside, console)
 
 
 def _fair(
@@ -108,7 +107,6 @@ def _fair(
     extras: RunExtras,
     beside: Mesh | None,
     console: Console,
-    cameras: CamerasChoice,
 ) -> int:
     began = time.perf_counter()
     trace = _earlier_run(out / TRACE, options) if resume else None
@@ -116,13 +114,12 @@ def _fair(
         source = replace(source, mesh=str((out / START_MESH).resolve()))
     if trace is not None:
         source = source.resumed(trace.header, out / TRACE)
-    if trace is not None and cameras == "refine" and REFINEMENT not in trace.header:
+    if trace is not None and source.cameras.startswith("refine") and REFINEMENT not in trace.header:
         raise InputError(f"{out / TRACE}: was recorded with the given cameras; continue without --cameras refine")
-    if trace is None and cameras == "refine":
-        session = open_session_with_refined_cameras(source, console, options)
-    else:
-        session = open_session(source, console, options, trace)
+    session = open_session(source, console, options, trace)
     scene = session.scene
+    if trace is None and (refinement := session.trace.header.get(REFINEMENT)):
+        print_line(console, refinement["reason"])
     low_memory = memory_warning(scene, options)
     if low_memory and low_memory.is_too_much:
         raise InputError(f"{source.scene}: {low_memory.line}")

@@ -15,13 +15,14 @@ from fairing.options import FairingOptions
 from fairing.scene import Scene
 
 if TYPE_CHECKING:
+    from fairing.cameras.refinement import Refinement
     from fairing.run.session import Session
     from fairing.trace import Trace
 
 ShowProgress = Callable[[str, float | None], None]
 """Called with a line and the finished fraction, 0 to 1, or None."""
 SHOW_EVERY = 0.25  # seconds between lines
-FINDING_POINTS = "finding points"  # lines of progress begin with it while points are found in the photos
+SKIPPABLE = ("finding points", "refining cameras")  # lines of progress begin with one of them while a skip is possible
 
 
 @dataclass(frozen=True)
@@ -46,12 +47,18 @@ def load_with_progress(source: SceneSource, console: Console) -> Scene:
 
 
 def load_with_points(source: SceneSource, console: Console) -> Scene:
-    """The scene of a source with the sparse points that a run of it has. The bar also shows how they are found."""
-    from fairing.io.scene_points import (
-        with_points,
-    )  # imported on first use: the page is served before the engine is loaded
+    """The scene of a source with the cameras and sparse points that a run of it has. The bar also shows how they are found."""
+    return load_with_refinement(source, console)[0]
 
-    return load_with_bar(source.scene, lambda progress: with_points(source.load(progress), progress), console)
+
+def load_with_refinement(source: SceneSource, console: Console) -> "tuple[Scene, Refinement | None]":
+    """The scene of `load_with_points`, and the refinement of its cameras; None if there was none."""
+    # Imported on first use: the page is served before the engine is loaded.
+    from fairing.run.chosen_inputs import with_chosen_inputs
+
+    return load_with_bar(
+        source.scene, lambda progress: with_chosen_inputs(source.load(progress), on_progress=progress), console
+    )
 
 
 def open_session(
@@ -62,7 +69,7 @@ def open_session(
     opening: OpeningProgress | None = None,
     load: Callable[[Callable[[float, str], None]], Scene] | None = None,
 ) -> "Session":
-    """A session on the scene of a source, with its sparse points. The bar shows what `load_with_points` does.
+    """A session on the scene of a source, with its cameras and sparse points. The bar shows what `load_with_points` does.
 
     Args:
         options, trace: of the run, see `Session`.

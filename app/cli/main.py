@@ -20,6 +20,7 @@ from rich.console import Console
 from app.cli.arguments import (
     ALL_PHOTOS,
     DEFAULT_PAGE,
+    CamerasArgument,
     MeshArgument,
     PageAddress,
     PageArgument,
@@ -60,6 +61,7 @@ def view(
     lesson: str | None = None,
     points: PointsArgument = "automatic",
     photos: PhotosArgument = ALL_PHOTOS,
+    cameras: CamerasArgument = "automatic",
 ) -> int:
     """Open the debugger on a scene, paused.
 
@@ -70,7 +72,7 @@ def view(
         lesson: Open this lesson, on the scene that it uses: a name, or a Markdown file (.md). The page lists all lessons.
     """
     console = Console(stderr=True)
-    source = SceneSource.typed(scene, mesh, photos, points)
+    source = SceneSource.typed(scene, mesh, photos, points, cameras)
     wanted = parse_moment_id(at, PRESETS[preset].n_levels)
     load = None
     if lesson is not None:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from app.cli.arguments import PageAddress
 from app.cli.browser import open_page
-from app.cli.loading import FINDING_POINTS, OpeningProgress
+from app.cli.loading import SKIPPABLE, OpeningProgress
 from app.viser_bridge.server import ViewerServer, start_viewer
 from fairing.errors import InputError
 
@@ -62,7 +62,7 @@ def serve(
         from app.page.server import App
 
         def show(line: str, fraction: float | None) -> None:
-            page.show(f"{line[:1].upper()}{line[1:]}", fraction, can_skip=line.startswith(FINDING_POINTS))
+            page.show(f"{line[:1].upper()}{line[1:]}", fraction, can_skip=line.startswith(SKIPPABLE))
 
         page.accept_keys((a.label, *key) for a in ACTIONS for key in a.keys)
         compilation = None

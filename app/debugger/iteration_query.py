@@ -93,7 +93,8 @@ def _vertex_step(session: Session, trial: Trial, question: IterationQuery, momen
     slot = slot_of(record, vertex)
     assert slot is not None
     hessians = {PHOTOS: proposal.hessians[slot]}
-    hessians |= {term.name: term.hessians[vertex] for term in trial.sweep.prior.terms}
+    vertices = session.trace.vertices_at(moment)
+    hessians |= {term.name: term.hessians(vertices)[vertex] for term in trial.sweep.terms}
     whole = np.sum(list(hessians.values()), axis=0)
     alone = solve_vertices(whole[None], proposal.gradients[[slot]], proposal.damping[[slot]])[0]
     steps = np.array([each[slot] for each in (proposal.proposed, proposal.shortened, proposal.limited, proposal.tried)])

@@ -8,6 +8,7 @@ from app.files.document import NEUTRAL, banner, bullets, document, jpeg_uri, til
 from app.html import text
 from app.palette import BRAND, NOW, REJECTED, SELECTED, START, css
 from app.pictures.check_pictures import HELD_BACK, IN_PART, OUT
+from fairing.check.hints import MAX_PHOTO_CORRECTION
 from fairing.check.result import BLANK_TEXTURE, SceneCheck, ViewCheck
 from fairing.placement.judge import Placement
 from fairing.scene import Scene
@@ -127,6 +128,7 @@ def _photos(views: Sequence[ViewCheck]) -> str:
     for view in views:
         off = "–" if view.reprojection is None else f"{view.reprojection:.2f} px"
         shift = "–" if view.shift is None else ", ".join(map(_signed, view.shift))
+        correction = "–" if view.correction is None else f"{view.correction:.2f} px"
         exposure = "–" if view.exposure is None else f"{view.exposure:.2f}"
         cells = [
             (f"{view.width} × {view.height}", False),
@@ -139,6 +141,7 @@ def _photos(views: Sequence[ViewCheck]) -> str:
             (f"{100 * view.in_front:.0f} %", view.in_front < 0.5),
             (off, (view.reprojection or 0) > 1.5),
             (shift, max(map(abs, view.shift or (0, 0))) > 0.4),
+            (correction, (view.correction or 0) > MAX_PHOTO_CORRECTION),
             (exposure, not 0.7 < (view.exposure or 1) < 1.4),
             (f"{100 * view.masked:.0f} %" if view.masked else "–", False),
         ]
@@ -148,7 +151,7 @@ def _photos(views: Sequence[ViewCheck]) -> str:
             + "</tr>"
         )
     names = ("photo", "size", "focal, px", "faces", "mesh covers", "mesh in front", "reprojection", "mean shift, px",
-             "exposure", "masked")  # fmt: skip
+             "correction", "exposure", "masked")  # fmt: skip
     header = "".join(f"<th>{name}</th>" for name in names)
     return (
         f"<h2>Photos</h2><table><thead><tr>{header}</tr></thead><tbody>{''.join(rows)}</tbody></table>"

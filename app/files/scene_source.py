@@ -15,7 +15,7 @@ from fairing.io.points_choice import PointsChoice, check_points_choice
 
 if TYPE_CHECKING:
     from fairing.io.capture import Capture
-    from fairing.scene import Scene, SparsePoints, View
+    from fairing.scene import CamerasChoice, Scene, SparsePoints, View
 
 Progress = Callable[[float, str], None]
 
@@ -33,6 +33,7 @@ class SceneSource:
         choice: photos left out, masks (an absolute path), weights, scale and format.
         points: sparse points. A demo has a choice of its own in place of "automatic".
         points_file: file of a run with the points it was recorded with; where it exists they are not found again.
+        cameras: of a new run; recorded runs name theirs.
     """
 
     scene: str
@@ -40,19 +41,26 @@ class SceneSource:
     choice: PhotoChoice = _ALL_PHOTOS
     points: PointsChoice = "given"
     points_file: Path | None = None
+    cameras: "CamerasChoice" = "given"
 
     @classmethod
     def typed(
-        cls, scene: str, mesh: Path | None, choice: PhotoChoice = _ALL_PHOTOS, points: PointsChoice = "given"
+        cls,
+        scene: str,
+        mesh: Path | None,
+        choice: PhotoChoice = _ALL_PHOTOS,
+        points: PointsChoice = "given",
+        cameras: "CamerasChoice" = "given",
     ) -> "SceneSource":
         """From the command line. A folder of a demo's name is the folder if it holds a capture."""
         if is_demo(scene) and not _holds_capture(scene):
-            return cls._demo(scene, mesh, choice, points)
+            return replace(cls._demo(scene, mesh, choice, points), cameras=cameras)
         if not Path(scene).exists():
             raise InputError(f"{scene}: expected a demo ({DEMO_NAMES}) or a path, found no such file or folder")
         if choice.masks is not None:
             choice = replace(choice, masks=choice.masks.resolve())
-        return cls(str(Path(scene).resolve()), None if mesh is None else str(mesh.resolve()), choice, points)
+        mesh_path = None if mesh is None else str(mesh.resolve())
+        return cls(str(Path(scene).resolve()), mesh_path, choice, points, cameras=cameras)
 
     @classmethod
     def _demo(cls, scene: str, mesh: Path | None, choice: PhotoChoice, points: PointsChoice) -> "SceneSource":
@@ -175,11 +183,12 @@ class SceneSource:
         tell, recorded = progress or (lambda fraction, line: None), self._recorded_points()
         if is_demo(self.scene):
             scene = load_demo(self.scene, progress=progress)
-            scene = replace(scene, points_choice=self._choice(scene))
+            cameras_choice = "given" if self.cameras == "automatic" else self.cameras
+            scene = replace(scene, points_choice=self._choice(scene), cameras_choice=cameras_choice)
             if recorded is not None:
                 scene = replace(scene, sparse_points=self._read_points(recorded, scene.views), points_choice="given")
             return scene
-        scene = load_scene(self.scene, self.mesh, self.choice, self.points, recorded, tell, skip_points)
+        scene = load_scene(self.scene, self.mesh, self.choice, self.points, self.cameras, recorded, tell, skip_points)
         if recorded is None or scene.sparse_points is None:
             return scene
         return replace(scene, sparse_points=replace(scene.sparse_points, origin=self.points))

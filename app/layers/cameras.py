@@ -12,7 +12,7 @@ from app.background_worker import BackgroundWorker
 from app.debugger.run_state import RunState
 from app.layers.obstruction import covering
 from app.page_state.page_state import LARGE_MESH, PageState
-from app.palette import CAMERA
+from app.palette import CAMERA, RGB
 from app.pictures.shown_photo import shown_photo
 from app.stage import Stage
 from app.viser_bridge.node_events import BackgroundClicks
@@ -31,6 +31,11 @@ def pose(camera: Camera, stage: Stage) -> tuple[np.ndarray, np.ndarray]:
     """Orientation (4,) as a quaternion wxyz and position (3,) of a camera, page units."""
     world_from_camera = camera.camera_from_world[:, :3].T
     return viser.transforms.SO3.from_matrix(world_from_camera).wxyz, (camera.center - stage.origin) * stage.scale
+
+
+def frustum_scale(stage: Stage, scene: Scene) -> float:
+    """Size of a frustum, page units."""
+    return stage.camera_scale * (LARGE_MESH_SCALE if len(scene.mesh.vertices) > LARGE_MESH else 1.0)
 
 
 class Thumbnails:
@@ -81,7 +86,7 @@ class CamerasLayer:
         used = np.unique(scene.mesh.faces)
         self._mesh_points = stage.page_from_world(scene.mesh.vertices[used]).astype(np.float64)
         self._root = client.scene.add_frame("/cameras", show_axes=False)
-        scale = stage.camera_scale * (LARGE_MESH_SCALE if len(scene.mesh.vertices) > LARGE_MESH else 1.0)
+        scale = frustum_scale(stage, scene)
         self._frusta: list[viser.CameraFrustumHandle] = []
         self._outlines: list[viser.CameraFrustumHandle] = []
         for view_id, view in enumerate(scene.views):
@@ -89,7 +94,7 @@ class CamerasLayer:
                 (self._frusta, "", scale, 1.5),
                 (self._outlines, "outline_", OUTLINE_SCALE * scale, 1.0),
             ):
-                frustum = _add_frustum(client, f"/cameras/{name}{view_id}", view.camera, stage, size, thickness)
+                frustum = add_frustum(client, f"/cameras/{name}{view_id}", view.camera, stage, size, thickness)
                 frusta.append(frustum)
 
                 @frustum.on_click
@@ -122,9 +127,20 @@ class CamerasLayer:
                 self._frusta[k].visible, self._outlines[k].visible = not found[k], bool(found[k])
 
 
-def _add_frustum(
-    client: viser.ClientHandle, name: str, camera: Camera, stage: Stage, scale: float, thickness: float
+def add_frustum(
+    client: viser.ClientHandle,
+    name: str,
+    camera: Camera,
+    stage: Stage,
+    scale: float,
+    thickness: float,
+    color: RGB = CAMERA,
 ) -> viser.CameraFrustumHandle:
+    """A frustum at the place of a camera.
+
+    Args:
+        scale: page units. thickness: px.
+    """
     wxyz, position = pose(camera, stage)
     return client.scene.add_camera_frustum(
         name,
@@ -133,7 +149,7 @@ def _add_frustum(
         scale=scale,
         thickness=thickness,
         thickness_units="screen",
-        color=CAMERA,
+        color=color,
         format="jpeg",
         jpeg_quality=85,
         wxyz=wxyz,

@@ -29,7 +29,19 @@ from fairing.errors import InputError
 
 FEWEST_STEPS, MOST_STEPS = 6, 12
 # The recommended order.
-ORDER = ("model", "cells", "displacement", "robust", "coarse", "dimensions", "aperture", "beyond", "pulls", "capture")
+ORDER = (
+    "model",
+    "cells",
+    "displacement",
+    "robust",
+    "coarse",
+    "dimensions",
+    "aperture",
+    "beyond",
+    "pulls",
+    "cameras",
+    "capture",
+)
 _HEAD = re.compile(r"---\n(.*?)\n---\n(.*)", re.DOTALL)
 _BLOCK = re.compile(r"```(\w+)\n(.*?)\n```\n?", re.DOTALL)
 _NUMBER = re.compile(r"\{([^{}]+)\}")

@@ -23,6 +23,7 @@ from app.panels import Panel
 from app.panels.bookmarks_panel import BookmarksPanel
 from app.panels.breakpoints_panel import BreakpointsPanel
 from app.panels.camera_box import CameraBox
+from app.panels.cameras_panel import CamerasPanel
 from app.panels.cell_lens import CellLens
 from app.panels.cell_source import CellSource
 from app.panels.cells_panel import CellsPanel
@@ -201,6 +202,11 @@ class PagePanels:
             self._panels.append(
                 ExperimentsPanel(self._client, events, resources.experiments, controller, self._page_state)
             )
+        if resources.refinement is not None:
+            with cells.add_tab("Cameras", viser.Icon.CAMERA):
+                self._panels.append(
+                    CamerasPanel(gui, events, scene, resources.refinement, self._page_state, enter, self._republish)
+                )
         cells.dock_left()
         cells.set_width(CELLS_WIDTH)
         self._panels += lessons.build(cells)

@@ -18,6 +18,7 @@ from app.layers.cameras import Thumbnails
 from app.pictures.photo_store import PhotoStore
 from app.pictures.texturer import Texturer
 from app.stage import Stage
+from fairing.run.recorded_refinement import RecordedRefinement
 from fairing.run.session import Session
 from fairing.scene import Scene
 
@@ -29,6 +30,7 @@ class SessionResources:
     """Attributes:
     energies, paths: of the run that a page shows; every page has its own, see `for_page`.
     run_errors: distances to the truth; None where it is not known.
+    refinement: of the cameras; None if they are the given ones.
     change_scene: shows another scene of the lessons, and opens a lesson in the browser that requested it; called with
         the browser, the scene's name and the lesson's name.
     """
@@ -46,6 +48,7 @@ class SessionResources:
     photos: PhotoStore
     experiments: ExperimentRunner
     change_scene: ChangeScene
+    refinement: RecordedRefinement | None
 
     @classmethod
     def open(
@@ -88,6 +91,7 @@ class SessionResources:
             PhotoStore(scene),
             ExperimentRunner(scene, scene.name, controller.republish),
             change_scene,
+            RecordedRefinement.of(scene, session.trace.header),
         )
 
     def for_page(self) -> "SessionResources":

@@ -16,6 +16,7 @@ LAYERS: dict[str, str] = {
     "paths": "Vertex paths",
     "certainty": "Certainty ellipsoids",
     "cameras": "Cameras",
+    "given cameras": "Given cameras",
     "points": "Sparse points",
     "pulls": "Pulls of terms",
     "point feet": "Points and their faces",
@@ -60,6 +61,7 @@ class PageState:
         face: the face whose cells are shown; None: the first face of the current vertex.
         entered: the camera whose view is shown; None: the free view.
         magnification: of displacements, 1 to `MAX_MAGNIFICATION`.
+        adjustment_step: the iteration of the adjustment of cameras that the layer "given cameras" shows; 0: the given ones.
         reference: the moment compared with; None: no comparison.
         cells: settings of the cells panel.
         plot: settings of the plot.
@@ -85,6 +87,7 @@ class PageState:
     face: int | None = None
     entered: int | None = None
     magnification: float = 1.0
+    adjustment_step: int = 0
     reference: Reference | None = None
     cells: CellsView = field(default_factory=CellsView)
     plot: PlotView = field(default_factory=PlotView)

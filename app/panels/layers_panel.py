@@ -8,7 +8,7 @@ from app.debugger.run_state import RunState
 from app.html import button
 from app.page_state.association_source import OF_PHOTO
 from app.page_state.page_state import LAYERS, MAX_MAGNIFICATION, PageState
-from app.palette import AXIS_COLORS, CAMERA, NOW, POINTS, SEEN, SELECTED, START, TERM_COLORS, TRUTH, solid
+from app.palette import AXIS_COLORS, CAMERA, GHOST, NOW, POINTS, SEEN, SELECTED, START, TERM_COLORS, TRUTH, solid
 from app.panels.legend import PATH
 from app.pictures.term_colors import COLOR_OF_TERM
 from app.viser_bridge.html_events import HtmlEvents, choice_of, press, whole_number
@@ -26,6 +26,7 @@ SWATCHES: dict[str, str] = {
     "paths": PATH,
     "certainty": solid(SELECTED),
     "cameras": solid(CAMERA),
+    "given cameras": solid(GHOST),
     "points": solid(POINTS),
     "pulls": f"linear-gradient(90deg,{solid(TERM_COLORS[0])} 50%,{solid(TERM_COLORS[1])} 50%)",
     "point feet": solid(COLOR_OF_TERM[POINTS_TERM]),
@@ -42,7 +43,12 @@ _ENTER = "Look through a camera to see its image edges and what it sees."
 def available_layers(scene: Scene) -> list[str]:
     """Names of the layers for which the scene has data."""
     has_no_points = scene.sparse_points is None
-    missing = {"truth": scene.truth is None, "points": has_no_points, "point feet": has_no_points}
+    missing = {
+        "truth": scene.truth is None,
+        "points": has_no_points,
+        "point feet": has_no_points,
+        "given cameras": scene.given_cameras is None,
+    }
     return [name for name in LAYERS if not missing.get(name, False)]
 
 

@@ -43,7 +43,7 @@ class OpeningPage:
         self._commands: list[viser.CommandHandle] = []
         self._skips = False
         self._html = gui.add_html(self._markup())
-        self._skip = gui.add_button("Open without looking for points", visible=False)
+        self._skip = gui.add_button("Open with what is given", visible=False)
         self._skip.on_click(lambda _: self._request_skip())
         self._closed = threading.Event()
         threading.Thread(target=self._tick, name="opening page", daemon=True).start()

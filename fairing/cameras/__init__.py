@@ -1,8 +1,8 @@
-"""Cameras: poses corrected by bundle adjustment over points found in the photos, and the decision whether to use them.
+"""Cameras: poses and intrinsics corrected by bundle adjustment over points found in photos, and the decision whether to use them.
 
-In the order of a refinement: `pose_model` (parameters of a pose and derivatives of pixels), `observed_points`, `adjustment`
-(the objective, its normal equations and steps), `estimation` (standard deviations from the residuals), `judge` (held-out
-points), `corrected_scene`, `refinement` (`refine`, the whole).
+In the order of a refinement: `pose_model` (parameters of a photo and derivatives of pixels), `observed_points`, `adjustment`
+(the objective, its normal equations and steps; their loops are in `compiled`), `misfits` (single wrong cameras), `estimation`
+(standard deviations from the residuals), `judge` (held-out points), `corrected_scene`, `refinement` (`refine`, the whole).
 
 Imports the data modules of `fairing`, `fairing.optimize` and `fairing.features`.
 """

@@ -8,7 +8,7 @@ import numpy as np
 from fairing.camera import Camera
 from fairing.cameras.adjustment import triangulate
 from fairing.cameras.observed_points import ObservedPoints
-from fairing.cameras.pose_model import PARAMETERS, PoseModel
+from fairing.cameras.pose_model import PoseModel
 from fairing.optimize.loss import GemanMcClure
 from fairing.scene import Scene, SparsePoints
 
@@ -22,7 +22,8 @@ def with_cameras(scene: Scene, cameras: Sequence[Camera]) -> Scene:
     points = scene.sparse_points
     if points is not None and points.origin == "given":
         points = triangulated_again(points, cameras)
-    return replace(scene, views=views, sparse_points=points, cameras_origin="corrected")
+    given = scene.given_cameras or tuple(view.camera for view in scene.views)
+    return replace(scene, views=views, sparse_points=points, cameras_choice="given", given_cameras=given)
 
 
 def triangulated_again(points: SparsePoints, cameras: Sequence[Camera]) -> SparsePoints:
@@ -34,7 +35,7 @@ def triangulated_again(points: SparsePoints, cameras: Sequence[Camera]) -> Spars
     if not is_used.any():
         return points
     chosen = observed.chosen(is_used)
-    poses = np.zeros((len(cameras), PARAMETERS))
+    model = PoseModel.of(cameras, chosen)
     positions = points.positions.copy()
-    positions[is_used] = triangulate(PoseModel.of(cameras, chosen), poses, chosen, GemanMcClure(LOSS_SCALE), STEPS)
+    positions[is_used] = triangulate(model, model.given, chosen, GemanMcClure(LOSS_SCALE), STEPS)
     return replace(points, positions=positions)

@@ -9,7 +9,7 @@ from fairing.camera import Camera
 from fairing.cameras.adjustment import residual_lengths, triangulate
 from fairing.cameras.estimation import loss_at
 from fairing.cameras.observed_points import ObservedPoints
-from fairing.cameras.pose_model import PARAMETERS, PoseModel
+from fairing.cameras.pose_model import PoseModel
 
 HELD_OUT = 4
 """One of so many points is held out."""
@@ -67,7 +67,8 @@ def judge_cameras(
     """
     loss, lengths, losses = loss_at(noise), [], []
     for cameras in (given, corrected):
-        model, poses = PoseModel.of(cameras, held_out), np.zeros((len(cameras), PARAMETERS))
+        model = PoseModel.of(cameras, held_out)
+        poses = model.given
         # From the found position by a wide loss, then by the loss of the judge.
         wide = triangulate(model, poses, held_out, loss_at(4 * noise), STEPS)
         points = triangulate(model, poses, held_out.at(wide), loss, STEPS)

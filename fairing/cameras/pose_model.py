@@ -1,21 +1,30 @@
-"""Poses of cameras near given ones, and the derivatives of pixels by pose and point.
+"""Cameras near given ones: poses and optionally intrinsics, and the derivatives of pixels by them and by the point.
 
 A pose has six parameters in px, (a, b): with f the focal length and d the median depth of the points that the photo shows,
 the rotation from world to camera is exp([a / f]x) R_given and the centre c_given + b d / f. A parameter of 1 px moves
 the image of a point at that depth by about 1 px, whatever the unit of the world.
+
+Intrinsics have three further parameters in px, e: with r half the diagonal of the photo, the focal lengths are
+(1 + e_1 / r) f_given and the principal point is c_given + (e_2, e_3). Photos with the same given intrinsics and size share
+them: they were taken by one camera.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+from scipy.sparse import csr_array
 from scipy.spatial.transform import Rotation
 
 from fairing.camera import Camera
+from fairing.cameras import compiled
 from fairing.cameras.observed_points import ObservedPoints
 
 PARAMETERS = 6
 """Of a pose: rotation vector (0 to 2), then centre (3 to 5)."""
+INTRINSICS = 3
+"""Further parameters: focal length, principal point."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +34,7 @@ class Projected:
     Attributes:
         pixels: (o, 2) float, px.
         depth: (o,) float, world units; pixels have no meaning where it is not positive.
-        J_pixel_wrt_pose: (o, 2, 6) float, px / px.
+        J_pixel_wrt_pose: (o, 2, n) float, px / px, n the parameters of a photo.
         J_pixel_wrt_point: (o, 2, 3) float, px / world unit.
     """
 
@@ -40,11 +49,15 @@ class PoseModel:
     """The given cameras and the units of their parameters.
 
     Attributes:
-        K: (v, 3, 3) float, px: intrinsics, kept.
+        K: (v, 3, 3) float, px: given intrinsics.
         rotations: (v, 3, 3) float: given rotations from world to camera axes.
         centers: (v, 3) float, world units: given centres.
         angle_unit: (v,) float, radians / px: 1 / f.
         length_unit: (v,) float, world units / px: d / f.
+        trust: (v,) float: weight of each given pose in the prior of an adjustment.
+        radius: (v,) float, px: half the diagonal of the photo.
+        lens: (v,) int: the camera that took each photo, from 0.
+        adjusts_lens: whether intrinsics are unknown, too. The parameters of all photos are then (v, 9) instead of (v, 6).
     """
 
     K: np.ndarray
@@ -52,9 +65,13 @@ class PoseModel:
     centers: np.ndarray
     angle_unit: np.ndarray
     length_unit: np.ndarray
+    trust: np.ndarray
+    radius: np.ndarray
+    lens: np.ndarray
+    adjusts_lens: bool = False
 
     @classmethod
-    def of(cls, cameras: Sequence[Camera], observed: ObservedPoints) -> "PoseModel":
+    def of(cls, cameras: Sequence[Camera], observed: ObservedPoints, adjusts_lens: bool = False) -> "PoseModel":
         """The model of given cameras; a photo without observations has the median depth of all."""
         K = np.array([camera.K for camera in cameras])
         rotations = np.array([camera.camera_from_world[:, :3] for camera in cameras])
@@ -65,36 +82,74 @@ class PoseModel:
         common = np.median(depth[depth > 0])
         median = np.array([np.median(found) if len(found) else common for found in of_photo])
         focal = np.sqrt(K[:, 0, 0] * K[:, 1, 1])
-        return cls(K, rotations, centers, 1 / focal, median / focal)
+        sizes = np.array([(camera.width, camera.height) for camera in cameras])
+        _, lens = np.unique(np.round(np.column_stack([K.reshape(-1, 9), sizes]), 6), axis=0, return_inverse=True)
+        return cls(
+            K, rotations, centers, 1 / focal, median / focal, np.ones(len(K)), np.linalg.norm(sizes, axis=1) / 2,
+            lens.ravel(), adjusts_lens,
+        )  # fmt: skip
 
     def __len__(self) -> int:
         return len(self.K)
 
+    @property
+    def given(self) -> np.ndarray:
+        """(v, n) float, px: the parameters of the given cameras, all 0."""
+        return np.zeros((len(self), PARAMETERS + INTRINSICS * self.adjusts_lens))
+
+    @property
+    def photos_of_lens(self) -> np.ndarray:
+        """(v,) int: how many photos each photo's camera took."""
+        return np.bincount(self.lens)[self.lens]
+
+    @cached_property
+    def sharing(self) -> csr_array:
+        """(v n, u) sparse: the parameters of all photos from the unknowns, in which shared intrinsics come once."""
+        v, n = self.given.shape
+        poses = n * np.repeat(np.arange(v), PARAMETERS) + np.tile(np.arange(PARAMETERS), v)
+        rows, columns = poses, np.arange(len(poses))
+        if self.adjusts_lens:
+            of_lens = n * np.repeat(np.arange(v), INTRINSICS) + np.tile(PARAMETERS + np.arange(INTRINSICS), v)
+            shared = len(poses) + INTRINSICS * self.lens[:, None] + np.arange(INTRINSICS)
+            rows, columns = np.concatenate([rows, of_lens]), np.concatenate([columns, shared.ravel()])
+        return csr_array((np.ones(len(rows)), (rows, columns)), shape=(v * n, int(columns.max()) + 1))
+
+    def intrinsics_at(self, poses: np.ndarray) -> np.ndarray:
+        """(v, 3, 3) float, px: intrinsics at parameters (v, n), px."""
+        if not self.adjusts_lens:
+            return self.K
+        K = self.K.copy()
+        K[:, :2, :2] *= (1 + poses[:, PARAMETERS] / self.radius)[:, None, None]
+        K[:, :2, 2] += poses[:, PARAMETERS + 1 :]
+        return K
+
+    def displacements(self, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Rotation vectors (v, 3), radians, and shifts of the centres (v, 3), world units, at poses (v, n), px."""
+        return poses[:, :3] * self.angle_unit[:, None], poses[:, 3:PARAMETERS] * self.length_unit[:, None]
+
     def rotations_at(self, poses: np.ndarray) -> np.ndarray:
-        """(v, 3, 3) float: rotations from world to camera axes at poses (v, 6), px."""
-        return Rotation.from_rotvec(poses[:, :3] * self.angle_unit[:, None]).as_matrix() @ self.rotations
+        """(v, 3, 3) float: rotations from world to camera axes at poses (v, n), px."""
+        return Rotation.from_rotvec(self.displacements(poses)[0]).as_matrix() @ self.rotations
 
     def centers_at(self, poses: np.ndarray) -> np.ndarray:
-        """(v, 3) float, world units: centres at poses (v, 6), px."""
-        return self.centers + poses[:, 3:] * self.length_unit[:, None]
+        """(v, 3) float, world units: centres at poses (v, n), px."""
+        return self.centers + self.displacements(poses)[1]
 
     def cameras_at(self, poses: np.ndarray, given: Sequence[Camera]) -> list[Camera]:
-        """The cameras at poses (v, 6), px, of the photos of the given ones."""
+        """The cameras at poses (v, n), px, of the photos of the given ones."""
         R, c = self.rotations_at(poses), self.centers_at(poses)
         return [
             Camera(K @ np.column_stack([R[v], -R[v] @ c[v]]), given[v].width, given[v].height)
-            for v, K in enumerate(self.K)
+            for v, K in enumerate(self.intrinsics_at(poses))
         ]
 
-    def project(self, poses: np.ndarray, points: np.ndarray, photo: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Pixels (o, 2) and depths (o,), world units, of points (o, 3) in photos (o,), at poses (v, 6), px."""
-        _, x = self._in_camera(poses, points, photo)
-        h = np.einsum("oij,oj->oi", self.K[photo], x)
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            return h[:, :2] / h[:, 2:], h[:, 2]
+    def project(self, poses: np.ndarray, observed: ObservedPoints) -> tuple[np.ndarray, np.ndarray]:
+        """Pixels (o, 2) and depths (o,), world units, of observed points in their photos, at poses (v, n), px."""
+        R, c = self.rotations_at(poses), self.centers_at(poses)
+        return compiled.project(self.intrinsics_at(poses), R, c, observed.positions, observed.point, observed.photo)
 
-    def linearise(self, poses: np.ndarray, points: np.ndarray, photo: np.ndarray) -> Projected:
-        """Images and derivatives of points (o, 3) in photos (o,), at poses (v, 6), px.
+    def linearise(self, poses: np.ndarray, observed: ObservedPoints) -> Projected:
+        """Images and derivatives of observed points in their photos, at poses (v, n), px.
 
         With x = R (X - c), phi = a / f and the left Jacobian J_l of the rotation group (Sola et al., A micro Lie theory,
         2018, equation 145), J_l(phi) = I + (1 - cos t) / t^2 [phi]x + (t - sin t) / t^3 [phi]x^2 with t = |phi|:
@@ -103,23 +158,16 @@ class PoseModel:
             d x / d a     = -[x]x J_l(phi) / f
             d x / d b     = -R d / f
             d x / d X     = R
+            d pixel / d e = ((pixel - c) / (r + e_1), I)     c the principal point
         """
-        R, x = self._in_camera(poses, points, photo)
-        K = self.K[photo]
-        h = np.einsum("oij,oj->oi", K, x)
-        phi = poses[:, :3] * self.angle_unit[:, None]
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            pixels = h[:, :2] / h[:, 2:]
-            J_pixel_wrt_x = (K[:, :2] - pixels[:, :, None] * K[:, 2:]) / h[:, 2, None, None]
-            turned = -J_pixel_wrt_x @ cross_matrices(x) @ (left_jacobians(phi) * self.angle_unit[:, None, None])[photo]
-            by_point = J_pixel_wrt_x @ R[photo]
-            shifted = -by_point * self.length_unit[photo, None, None]
-        return Projected(pixels, h[:, 2], np.concatenate([turned, shifted], axis=2), by_point)
-
-    def _in_camera(self, poses: np.ndarray, points: np.ndarray, photo: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Rotations (v, 3, 3), and points (o, 3) in the axes of their cameras, world units."""
-        R, c = self.rotations_at(poses), self.centers_at(poses)
-        return R, np.einsum("oij,oj->oi", R[photo], points - c[photo])
+        turns = left_jacobians(poses[:, :3] * self.angle_unit[:, None]) * self.angle_unit[:, None, None]
+        radius = self.radius + (poses[:, PARAMETERS] if self.adjusts_lens else 0)
+        return Projected(
+            *compiled.linearise(
+                self.intrinsics_at(poses), self.rotations_at(poses), self.centers_at(poses), turns, self.length_unit,
+                radius, self.given.shape[1], observed.positions, observed.point, observed.photo,
+            )
+        )  # fmt: skip
 
 
 def cross_matrices(vectors: np.ndarray) -> np.ndarray:

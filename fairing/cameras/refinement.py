@@ -7,24 +7,47 @@ from typing import Any
 import numpy as np
 
 from fairing.camera import Camera
-from fairing.cameras.adjustment import Deviations
+from fairing.cameras.adjustment import Deviations, residual_lengths
 from fairing.cameras.corrected_scene import triangulated_again, with_cameras
-from fairing.cameras.estimation import Estimate, estimate_poses
+from fairing.cameras.estimation import MOST_STEPS, Estimate, estimate_poses
 from fairing.cameras.judge import FEWEST_POINTS, HELD_OUT, CameraJudgement, is_held_out, judge_cameras
+from fairing.cameras.misfits import misfits_of, photo_medians
 from fairing.cameras.observed_points import ObservedPoints
 from fairing.cameras.pose_model import PoseModel
+from fairing.errors import Cancelled
 from fairing.features.find import find_keypoints, find_points
-from fairing.features.keypoints import Keypoints
 from fairing.features.options import FeatureOptions
 from fairing.features.points import FeaturePoints
 from fairing.scene import Scene, View
 
 FIRST_SEARCH = FeatureOptions(epipolar_distance=6.0, residual=6.0)
 """Of the search with the given cameras: its limits are wide, because wrong cameras move points off their epipolar lines."""
+WIDE_SEARCH = FeatureOptions(epipolar_distance=24.0, residual=24.0)
+"""Made where a photo shows fewer points than `FEW` of the median photo: its camera may be wrong by more than the first limits."""
+FEW = 0.3
 SECOND_SEARCH = FeatureOptions()
+LARGE_CORRECTION = 3.0  # px: given cameras that are kept do not fit if the adjustment moves them farther
+FIRST_KEYPOINTS, SECOND_KEYPOINTS = 4000, 8000
+"""Of a photo, the strongest ones, which the searches use (ledger: keypoints of refinement)."""
 
 Progress = Callable[[float, str], None]
 """Called with the finished part, 0 to 1, and a line."""
+
+
+@dataclass(frozen=True, eq=False)
+class Iteration:
+    """One state of an adjustment: the camera v has the rotation exp([turns_v]x) R_v and the centre c_v + shifts_v, R_v and c_v
+    those of the given camera.
+
+    Attributes:
+        turns: (v, 3) float, radians.
+        shifts: (v, 3) float, world units.
+        errors: (v,) float, px: median reprojection error in each photo; 0 where it shows no point.
+    """
+
+    turns: np.ndarray
+    shifts: np.ndarray
+    errors: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,13 +55,16 @@ class Refinement:
     """What refinement found.
 
     Attributes:
-        scene: with the corrected cameras and with points moved accordingly; the scene as it was if they are not taken.
+        scene: with the corrected cameras and with points moved accordingly; the scene as it was if they are not taken. Points
+            found in the photos are left out: its run finds them anew.
         taken: whether the corrected cameras are used.
         reason: why, or why not, as one sentence.
         cameras: the corrected cameras, one a photo, also where they are not taken.
         corrections: (v,) float, px: median displacement of the images of points in each photo; 0 where a photo shows none.
         judgement: held-out points with both sets of cameras; None without points.
         sigma: estimated standard deviations, px; None without points.
+        iterations: of the adjustments, in their order; the first is the given state.
+        found: the points that a run of the scene would find in its photos, if they were asked for.
     """
 
     scene: Scene
@@ -48,6 +74,38 @@ class Refinement:
     corrections: np.ndarray
     judgement: CameraJudgement | None = None
     sigma: Deviations | None = None
+    iterations: tuple[Iteration, ...] = ()
+    found: FeaturePoints | None = None
+
+    @property
+    def errors(self) -> tuple[np.ndarray, np.ndarray]:
+        """(v,) float each, px: median reprojection error of each photo with the given and with the corrected cameras."""
+        if not self.iterations:
+            return np.zeros(len(self.corrections)), np.zeros(len(self.corrections))
+        return self.iterations[0].errors, self.iterations[-1].errors
+
+    @property
+    def misfits(self) -> np.ndarray:
+        """(v,) bool: photos whose camera does not fit: also after the adjustment, or kept although that would move it far."""
+        moves_far = self.corrections > LARGE_CORRECTION
+        return misfits_of(self.errors[1]) | (moves_far & (not self.taken))
+
+    @classmethod
+    def of_facts(
+        cls, scene: Scene, facts: dict[str, Any], cameras: Sequence[Camera], iterations: Sequence[Iteration]
+    ) -> "Refinement":
+        """From what `facts` returned for the same scene, and the corrected cameras."""
+        held_out, sigma = facts["held_out"], facts["sigma_px"]
+        return cls(
+            _corrected(scene, cameras) if facts["taken"] else scene,
+            facts["taken"],
+            facts["reason"],
+            tuple(cameras),
+            np.array([photo["correction_px"] for photo in facts["photos"]]),
+            None if held_out is None else CameraJudgement(**held_out),
+            None if sigma is None else Deviations(**sigma),
+            tuple(iterations),
+        )
 
     def facts(self) -> dict[str, Any]:
         """The refinement for a report in JSON."""
@@ -57,8 +115,13 @@ class Refinement:
             "held_out": None if self.judgement is None else vars(self.judgement),
             "sigma_px": None if self.sigma is None else vars(self.sigma),
             "photos": [
-                {"name": view.name, "correction_px": correction}
-                for view, correction in zip(self.scene.views, self.corrections.tolist(), strict=True)
+                {"name": view.name, "correction_px": correction, "error_before_px": before, "error_after_px": after}
+                for view, correction, before, after in zip(
+                    self.scene.views,
+                    self.corrections.tolist(),
+                    *(errors.tolist() for errors in self.errors),
+                    strict=True,
+                )
             ],
         }
 
@@ -68,23 +131,35 @@ def refine(
     threads: int = 0,
     on_progress: Progress = lambda fraction, line: None,
     cancel_requested: Callable[[], bool] = lambda: False,
+    finds_points: bool = False,
+    adjusts_lens: bool = False,
 ) -> Refinement:
     """Correct the poses of a scene's cameras, and keep the correction where held-out points are clearly better with it.
 
-    The mesh stays as it is: the frame is held by the given poses. Points of the choice "own" are found anew in the photos;
-    other sparse points with observations are triangulated again. Intrinsics are kept.
+    The mesh stays as it is: the frame is held by the given poses. Given sparse points with observations are triangulated
+    again.
 
     Args:
         threads: 0 for one a core.
-        cancel_requested: polled several times a second while points are found.
+        cancel_requested: polled several times a second while points are found, and after each step of an adjustment.
+        finds_points: also find the points that a run would find in the photos, from the same keypoints.
+        adjusts_lens: correct focal lengths and principal points, too; photos with the same given intrinsics share them.
 
     Raises:
         InputError: a photo or mask cannot be decoded.
         Cancelled: `cancel_requested` returned True.
     """
-    search = _Search(scene.views, threads, on_progress, cancel_requested)
+    work = _Work(on_progress, cancel_requested)
+    search = _Search(scene.views, finds_points, threads, work)
+    result = _refined(scene, search, work, adjusts_lens)
+    if not finds_points:
+        return result
+    return replace(result, found=search.points([view.camera for view in result.scene.views], SECOND_SEARCH))
+
+
+def _refined(scene: Scene, search: "_Search", work: "_Work", adjusts_lens: bool) -> Refinement:
     given = [view.camera for view in scene.views]
-    found = ObservedPoints.of_features(search.points(given, FIRST_SEARCH))
+    found = _first_points(search, given)
     held_out = found.chosen(is_held_out(len(found))) if len(found) else found
     if len(held_out) < FEWEST_POINTS:
         reason = (
@@ -92,17 +167,20 @@ def refine(
         )
         return Refinement(scene, False, reason, tuple(given), np.zeros(len(given)))
     training = found.chosen(~is_held_out(len(found)))
-    model = PoseModel.of(given, training)
-    estimate = estimate_poses(model, training)
+    model = PoseModel.of(given, training, adjusts_lens)
+    adjusting = _Adjusting(model, training, work)
+    estimate = estimate_poses(model, training, on_step=adjusting.show)
     cameras, judgement = _judged(model, estimate, given, held_out)
     if judgement.is_clear:
-        again = ObservedPoints.of_features(search.points(cameras, SECOND_SEARCH))
+        again = ObservedPoints.of_features(search.points(cameras, SECOND_SEARCH, SECOND_KEYPOINTS))
         again = again.chosen(~again.shares_observation(held_out)) if len(again) else again
         if len(again) >= len(training) // 2:
-            second = estimate_poses(model, again, estimate.poses)
+            further = _Adjusting(model, again, work, estimate.poses)
+            second = estimate_poses(estimate.model, again, estimate.poses, further.show)
             cameras_then, judgement_then = _judged(model, second, given, held_out)
             if judgement_then.loss_after <= judgement.loss_after:
                 estimate, cameras, judgement, training = second, cameras_then, judgement_then, again
+                adjusting.iterations += further.iterations
     corrections = _corrections(given, cameras, training)
     before, after = judgement.error_before, judgement.error_after
     compared = (
@@ -110,40 +188,94 @@ def refine(
     )
     if not judgement.is_clear:
         reason = f"cameras as given: {compared}, which is no clear improvement"
-        return Refinement(scene, False, reason, tuple(cameras), corrections, judgement, estimate.sigma)
+        return Refinement(
+            scene, False, reason, tuple(cameras), corrections, judgement, estimate.sigma, tuple(adjusting.iterations)
+        )
     reason = f"cameras corrected by {np.median(corrections):.2f} px (at most {corrections.max():.2f}): {compared}"
     return Refinement(
-        _corrected(scene, cameras, search), True, reason, tuple(cameras), corrections, judgement, estimate.sigma
-    )
+        _corrected(scene, cameras), True, reason, tuple(cameras), corrections, judgement, estimate.sigma,
+        tuple(adjusting.iterations),
+    )  # fmt: skip
+
+
+class _Work:
+    """Progress and cancellation of a refinement: 0.4 of the work finds keypoints, 0.1 is each search and adjustment."""
+
+    def __init__(self, progress: Progress, cancel_requested: Callable[[], bool]) -> None:
+        self._progress, self._begun = progress, 0.0
+        self.cancel_requested = cancel_requested
+
+    def share(self, share: float) -> Callable[[float, str], None]:
+        """A callback for the next part of the work, (finished part of it, line)."""
+        begun, self._begun = self._begun, self._begun + share
+        return lambda part, line: self._progress(begun + share * min(part, 1.0), f"refining cameras: {line}")
 
 
 class _Search:
-    """Finds points with different cameras, keypoints once: 0.55 of the work, and 0.15 for each of at most three searches."""
+    """Finds points with different cameras, keypoints once.
+
+    Args:
+        all_needed: whether `points` will be called without a limit of keypoints.
+    """
+
+    def __init__(self, views: Sequence[View], all_needed: bool, threads: int, work: _Work) -> None:
+        self._views, self._threads, self._work = views, threads, work
+        show, most = work.share(0.4), 0 if all_needed else SECOND_KEYPOINTS
+        self._keypoints = find_keypoints(
+            views, SECOND_SEARCH, threads, lambda done, count: show(done / count, f"keypoints of {len(views)} photos"),
+            work.cancel_requested, most,
+        )  # fmt: skip
+
+    def points(self, cameras: Sequence[Camera], options: FeatureOptions, most: int = 0) -> FeaturePoints:
+        """Points at the strongest `most` keypoints of each photo; with 0, the points that a run would find."""
+        keypoints = [found.strongest(most) for found in self._keypoints] if most else self._keypoints
+        views = [replace(view, camera=camera) for view, camera in zip(self._views, cameras, strict=True)]
+        show = self._work.share(0.1)
+        return find_points(
+            views, options, self._threads, lambda done, count: show(done / count, "matching photos"),
+            self._work.cancel_requested, keypoints,
+        )  # fmt: skip
+
+
+class _Adjusting:
+    """Keeps the iterations of an adjustment, shows its progress and ends it on request.
+
+    Args:
+        start: (v, n) float, px: first poses; default: the given ones, which are kept as the first iteration.
+    """
 
     def __init__(
-        self, views: Sequence[View], threads: int, progress: Progress, cancel_requested: Callable[[], bool]
+        self, model: PoseModel, observed: ObservedPoints, work: _Work, start: np.ndarray | None = None
     ) -> None:
-        self._views, self._threads, self._progress, self._cancelled = views, threads, progress, cancel_requested
-        self._keypoints: list[Keypoints] | None = None
-        self._done = 0.0
+        self._model, self._work, self._show, self._steps = model, work, work.share(0.1), 0
+        self.iterations: list[Iteration] = []
+        if start is None:
+            self._keep(model.given, observed)
 
-    def points(self, cameras: Sequence[Camera], options: FeatureOptions) -> FeaturePoints:
-        """The points that the photos show with these cameras."""
-        if self._keypoints is None:
-            self._keypoints = find_keypoints(
-                self._views, options, self._threads, self._share(0.55, "keypoints"), self._cancelled
-            )
-        views = [replace(view, camera=camera) for view, camera in zip(self._views, cameras, strict=True)]
-        show = self._share(0.15, "matching photos")
-        return find_points(views, options, self._threads, show, self._cancelled, self._keypoints)
+    def show(self, poses: np.ndarray, observed: ObservedPoints) -> None:
+        """Called after each step, see `OnStep`."""
+        self._keep(poses, observed)
+        self._steps += 1
+        error = np.median(self.iterations[-1].errors)
+        self._show(self._steps / MOST_STEPS, f"adjustment, step {self._steps}, reprojection error {error:.2f} px")
+        if self._work.cancel_requested():
+            raise Cancelled
 
-    def _share(self, share: float, line: str) -> Callable[[int, int], None]:
-        begun, self._done = self._done, self._done + share
+    def _keep(self, poses: np.ndarray, observed: ObservedPoints) -> None:
+        errors = photo_medians(residual_lengths(self._model, poses, observed), observed.photo, len(poses))
+        turns, shifts = self._model.displacements(poses)
+        self.iterations.append(Iteration(turns, shifts, errors))
 
-        def show(done: int, count: int) -> None:
-            self._progress(begun + share * done / max(count, 1), f"refining cameras: {line}")
 
-        return show
+def _first_points(search: _Search, given: Sequence[Camera]) -> ObservedPoints:
+    """Points found with the given cameras."""
+    found = ObservedPoints.of_features(search.points(given, FIRST_SEARCH, FIRST_KEYPOINTS))
+    counts = np.bincount(found.photo, minlength=len(given))
+    if counts.min() >= FEW * np.median(counts):
+        return found
+    wider = ObservedPoints.of_features(search.points(given, WIDE_SEARCH, FIRST_KEYPOINTS))
+    is_more = np.bincount(wider.photo, minlength=len(given)) > counts
+    return wider if is_more[counts < FEW * np.median(counts)].any() else found
 
 
 def _judged(
@@ -155,25 +287,16 @@ def _judged(
 
 def _corrections(given: Sequence[Camera], cameras: Sequence[Camera], observed: ObservedPoints) -> np.ndarray:
     """(v,) float, px: see `Refinement.corrections`."""
-    result = np.zeros(len(given))
-    for v, (before, after) in enumerate(zip(given, cameras, strict=True)):
-        points = observed.positions[observed.point[observed.photo == v]]
-        if len(points):
-            moved = after.project(points)[0] - before.project(points)[0]
-            result[v] = np.median(np.linalg.norm(moved, axis=1))
-    return result
+    models = [PoseModel.of(c, observed) for c in (given, cameras)]
+    before, after = (model.project(model.given, observed)[0] for model in models)
+    return photo_medians(np.linalg.norm(after - before, axis=1), observed.photo, len(given))
 
 
-def _corrected(scene: Scene, cameras: Sequence[Camera], search: _Search) -> Scene:
-    """The scene with other cameras, and the sparse points as `refine` describes."""
+def _corrected(scene: Scene, cameras: Sequence[Camera]) -> Scene:
+    """The scene with other cameras, and the sparse points as `Refinement` describes."""
     corrected, points = with_cameras(scene, cameras), scene.sparse_points
-    if scene.points_choice == "own" or (points is not None and points.origin == "own"):
-        # The points that a run would find, from the keypoints at hand: detection takes most of a search's time.
-        found = search.points(cameras, SECOND_SEARCH)
-        if len(found):
-            line = f"{len(found)} points were found in the photos with corrected cameras"
-            warnings = (*scene.warnings, line)
-            return replace(corrected, sparse_points=found.sparse_points(), points_choice="own", warnings=warnings)
     if points is None or points.origin == "given":
         return corrected
+    if points.origin == "own":
+        return replace(corrected, sparse_points=None, points_choice="own")
     return replace(corrected, sparse_points=triangulated_again(points, cameras))

@@ -17,6 +17,8 @@ MAX_OWN_REPROJECTION = (
     0.7  # px, of points found in the photos, whose errors beyond 1 px are dropped (ledger: own points judge)
 )
 MIN_OWN_SHARE = 0.1  # of the median photo's points found in the photos (ledger: own points judge)
+MAX_CORRECTION = 0.7  # px, median over the photos (ledger: check of cameras)
+MAX_PHOTO_CORRECTION = 3.0  # px, of a photo, and so many times the median
 MIN_FOOTPRINT = 8.0  # px
 MAX_BLANK = 0.3  # of the faces that take part
 MIN_IN_FRONT = 0.5  # of the vertices
@@ -37,11 +39,39 @@ _REMEDIES = {
 }
 
 
+def _wrong_cameras(check: SceneCheck) -> list[str]:
+    """Hints about what refinement of the cameras found."""
+    cameras = check.cameras
+    if cameras is None:
+        return []
+    hints = []
+    if cameras.correction > MAX_CORRECTION:
+        hints.append(
+            f"the cameras are off by {cameras.correction:.1f} px (median over the photos): a run corrects them, and held-out "
+            f"points then lie {cameras.error_after:.2f} px from their observations instead of {cameras.error_before:.2f} px; "
+            "calibrate again for a better result"
+        )
+    hints += [
+        f"photo {view.name}: its camera is off by {view.correction:.1f} px, more than the others; a run corrects it"
+        for view in check.views
+        if view.correction is not None
+        and view.correction > MAX_PHOTO_CORRECTION * max(1.0, cameras.correction)
+        and view.name not in cameras.misfits
+    ]
+    hints += [
+        f"photo {name}: its camera does not fit those of the others, and no correction was found: calibrate again, or try "
+        f"--leave-out {name}"
+        for name in cameras.misfits
+    ]
+    return hints
+
+
 def find_hints(check: SceneCheck) -> list[str]:
     """Problems of the scene and their remedies, in order of importance."""
     hints = [] if check.mistake is None else [f"{check.mistake}; correct the cameras"]
     if check.placement.verdict == "elsewhere":
         hints.append(check.placement.line)
+    hints += _wrong_cameras(check)
     faces = check.faces
     out = check.n_faces - check.faces_in_part
     if out > (1 - MIN_FACES_IN_PART) * check.n_faces:

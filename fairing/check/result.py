@@ -31,6 +31,7 @@ class ViewCheck:
         shift: median of projection minus observation, px: the systematic part of that error; None for fewer than five.
         exposure: brightness relative to the median photo, from faces that several photos show; None if unknown.
         masked: fraction of the photo that its mask excludes, 0 to 1.
+        correction: correction of its camera, px (see `CamerasCheck`); None if cameras were not refined.
     """
 
     name: str
@@ -45,6 +46,27 @@ class ViewCheck:
     shift: tuple[float, float] | None
     exposure: float | None
     masked: float
+    correction: float | None = None
+
+
+@dataclass(frozen=True)
+class CamerasCheck:
+    """Findings about the cameras by refinement (`fairing.cameras`).
+
+    Attributes:
+        corrected: whether the scene has corrected cameras, because held-out points are clearly better with them.
+        line: what was found, as a sentence.
+        correction: median over the photos, px; 0 if the cameras are kept as given.
+        error_before, error_after: median reprojection error of held-out points, px, with the given and the corrected cameras.
+        misfits: names of the photos whose camera does not fit the others, also if it was corrected.
+    """
+
+    corrected: bool
+    line: str
+    correction: float
+    error_before: float
+    error_after: float
+    misfits: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,6 +130,7 @@ class SceneCheck:
         warnings: of the scene.
         hints: problems and their remedies, in order of importance.
         suggestions: options and changes worth trying; they do not affect the verdict.
+        cameras: None if they were not refined.
     """
 
     verdict: Literal["good", "doubtful", "unusable"]
@@ -128,12 +151,14 @@ class SceneCheck:
     warnings: tuple[str, ...]
     hints: tuple[str, ...]
     suggestions: tuple[str, ...]
+    cameras: CamerasCheck | None = None
 
     def as_dict(self) -> dict[str, Any]:
         """Plain values for JSON. Faces are lists with one entry per face, null where unknown."""
         values = {name: getattr(self, name) for name in self.__dataclass_fields__ if name != "visibility"}
         values["placement"] = self.placement.as_dict()
         values["views"] = [asdict(view) for view in self.views]
+        values["cameras"] = None if self.cameras is None else asdict(self.cameras)
         values["faces"] = {
             name: [round(value, 3) if isinstance(value, float) else value for value in np.asarray(column).tolist()]
             for name, column in vars(self.faces).items()

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from fairing.cameras.refinement import Refinement
 from fairing.cells.context import CellContext, build_context
 from fairing.cells.scale_space import ScaleSpace
 from fairing.cells.visibility import Visibility, mesh_orientation
@@ -14,7 +15,7 @@ from fairing.check.appearance import Appearance, exposures, measure_appearance
 from fairing.check.conventions import explain_reprojection, median_shift
 from fairing.check.hints import find_hints, find_suggestions
 from fairing.check.memory import memory_needed
-from fairing.check.result import SEEN, FaceChecks, SceneCheck, ViewCheck
+from fairing.check.result import SEEN, CamerasCheck, FaceChecks, SceneCheck, ViewCheck
 from fairing.geometry.rasterize import rasterize
 from fairing.options import FairingOptions
 from fairing.placement.judge import judge_placement
@@ -33,8 +34,13 @@ class _MasksOnly(ScaleSpace):
         return np.zeros(0, dtype=np.float32), dict.fromkeys(requested, 0)
 
 
-def check_scene(scene: Scene, options: FairingOptions | None = None) -> SceneCheck:
+def check_scene(
+    scene: Scene, options: FairingOptions | None = None, refinement: Refinement | None = None
+) -> SceneCheck:
     """Check a scene at the finest level of the options.
+
+    Args:
+        refinement: of its cameras, the scene having those that a run would use.
 
     Raises:
         InputError: a photo cannot be decoded.
@@ -72,7 +78,12 @@ def check_scene(scene: Scene, options: FairingOptions | None = None) -> SceneChe
         warnings=scene.warnings,
         hints=(),
         suggestions=(),
+        cameras=None if refinement is None else _check_cameras(scene, refinement),
     )
+    if refinement is not None and refinement.taken:
+        corrections = refinement.corrections.tolist()
+        views = tuple(replace(view, correction=px) for view, px in zip(views, corrections, strict=True))
+        check = replace(check, views=views)
     hints = find_hints(check)
     return replace(
         check,
@@ -83,6 +94,18 @@ def check_scene(scene: Scene, options: FairingOptions | None = None) -> SceneChe
         else "good",
         hints=tuple(hints),
         suggestions=tuple(find_suggestions(scene, check, options)),
+    )
+
+
+def _check_cameras(scene: Scene, refinement: Refinement) -> CamerasCheck:
+    judgement = refinement.judgement
+    return CamerasCheck(
+        corrected=refinement.taken,
+        line=refinement.reason,
+        correction=float(np.median(refinement.corrections)) if refinement.taken else 0.0,
+        error_before=0.0 if judgement is None else judgement.error_before,
+        error_after=0.0 if judgement is None else judgement.error_after,
+        misfits=tuple(scene.views[v].name for v in np.flatnonzero(refinement.misfits)),
     )
 
 

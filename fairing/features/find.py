@@ -87,13 +87,18 @@ def find_keypoints(
     threads: int = 0,
     on_progress: Progress | None = None,
     cancel_requested: Callable[[], bool] | None = None,
+    most: int = 0,
 ) -> list[Keypoints]:
-    """The keypoints of each photo, which do not depend on cameras. Arguments and exceptions as of `find_points`."""
+    """The keypoints of each photo, which do not depend on cameras. Arguments and exceptions as of `find_points`; further:
+
+    Args:
+        most: of each photo only so many, the strongest; 0 for all.
+    """
     progress, cancelled = on_progress or (lambda done, count: None), cancel_requested or (lambda: False)
     count = len(views) * PHOTO_WORK
     work = _Work(threads or os.cpu_count() or 1, lambda done: progress(done, count), cancelled)
     try:
-        return _detected(work, views, options or FeatureOptions())
+        return _detected(work, views, options or FeatureOptions(), most)
     finally:
         work.end()
 
@@ -104,8 +109,8 @@ def progress_line(done: int, n_photos: int) -> str:
     return f"finding points: photo {photo} of {n_photos}" if photo <= n_photos else "finding points: matching photos"
 
 
-def _detected(work: "_Work", views: Sequence[View], options: FeatureOptions) -> list[Keypoints]:
-    return work.all_of([lambda view=view: detect_keypoints(view, options) for view in views], PHOTO_WORK)
+def _detected(work: "_Work", views: Sequence[View], options: FeatureOptions, most: int = 0) -> list[Keypoints]:
+    return work.all_of([lambda view=view: detect_keypoints(view, options, most) for view in views], PHOTO_WORK)
 
 
 def _triangulated(

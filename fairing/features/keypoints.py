@@ -28,19 +28,31 @@ class Keypoints:
         scale: (n,) float, px: standard deviation of the Gaussian at which the keypoint was found.
         descriptors: (n, 128) uint8: RootSIFT (Arandjelovic and Zisserman, CVPR 2012) times `DESCRIPTOR_LENGTH`, rounded.
         colors: (n, 3) uint8, RGB of the nearest pixel.
+        contrast: (n,) float: fraction of the grey range.
     """
 
     pixels: np.ndarray
     scale: np.ndarray
     descriptors: np.ndarray
     colors: np.ndarray
+    contrast: np.ndarray
 
     def __len__(self) -> int:
         return len(self.pixels)
 
+    def strongest(self, count: int) -> "Keypoints":
+        """The `count` keypoints of the highest contrast, and those that equal the last of them."""
+        if len(self) <= count:
+            return self
+        kept = self.contrast >= np.partition(self.contrast, -count)[-count]
+        return Keypoints(*(values[kept] for values in vars(self).values()))
 
-def detect_keypoints(view: View, options: FeatureOptions) -> Keypoints:
+
+def detect_keypoints(view: View, options: FeatureOptions, most: int = 0) -> Keypoints:
     """The keypoints of a view's photo, none within two scales of a pixel that its mask excludes.
+
+    Args:
+        most: only so many, see `Keypoints.strongest`; 0 for all.
 
     OpenCV's default doubles the photo with its outer borders unmoved, which places every keypoint 0.25 px too far right
     and down; `enable_precise_upscale` keeps pixel centres where they are.
@@ -55,11 +67,16 @@ def detect_keypoints(view: View, options: FeatureOptions) -> Keypoints:
     grey = cv2.cvtColor(photo, cv2.COLOR_RGB2GRAY)
     if reduced != size:
         grey = cv2.resize(grey, reduced, interpolation=cv2.INTER_AREA)
-    sift = cv2.SIFT.create(0, OCTAVE_LAYERS, options.contrast, EDGE_THRESHOLD, FIRST_BLUR, True)
+    # Without a mask OpenCV can choose the strongest itself, and then computes no descriptors of the others.
+    sift = cv2.SIFT.create(
+        most if view.mask is None else 0, OCTAVE_LAYERS, options.contrast, EDGE_THRESHOLD, FIRST_BLUR, True
+    )
     found, descriptors = sift.detectAndCompute(grey, None)  # pyright: ignore[reportArgumentType, reportCallIssue]
     if len(found) == 0:
-        return Keypoints(np.zeros((0, 2)), np.zeros(0), np.zeros((0, 128), np.uint8), np.zeros((0, 3), np.uint8))
-    raw = np.array([(*point.pt, point.size / 2, point.angle) for point in found])
+        return Keypoints(
+            np.zeros((0, 2)), np.zeros(0), np.zeros((0, 128), np.uint8), np.zeros((0, 3), np.uint8), np.zeros(0)
+        )
+    raw = np.array([(*point.pt, point.size / 2, point.angle, point.response) for point in found])
     photo_from_reduced = resizing(reduced, size)
     pixels = raw[:, :2] @ photo_from_reduced[:2, :2].T + photo_from_reduced[:2, 2]
     scale = raw[:, 2] / shrink
@@ -72,7 +89,10 @@ def detect_keypoints(view: View, options: FeatureOptions) -> Keypoints:
             counts.astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE
         )  # fmt: skip
         kept = kept[(clear[row, column] > 2 * scale)[kept]]
-    return Keypoints(pixels[kept], scale[kept], _root_sift(descriptors[kept]), photo[row[kept], column[kept]])
+    keypoints = Keypoints(
+        pixels[kept], scale[kept], _root_sift(descriptors[kept]), photo[row[kept], column[kept]], raw[kept, 4]
+    )
+    return keypoints.strongest(most) if most else keypoints
 
 
 def relative_sigma(scale: np.ndarray) -> np.ndarray:

@@ -92,6 +92,7 @@ def find_points_once(
     on_progress: Progress | None = None,
     cancel_requested: Callable[[], bool] | None = None,
     is_cache: bool = False,
+    found: FeaturePoints | None = None,
 ) -> FeaturePoints:
     """The points of a file where they were made of the same photos, cameras and options; else found and written there.
 
@@ -99,6 +100,7 @@ def find_points_once(
 
     Args:
         is_cache: create missing folders of the file; a file that cannot be written is no error.
+        found: what `find_points` returned for these arguments; it is written.
 
     Raises:
         InputError: the file cannot be written.
@@ -111,7 +113,7 @@ def find_points_once(
             return points
     except InputError:
         pass  # missing, damaged or of another version
-    points = find_points(views, options, threads, on_progress, cancel_requested)
+    points = found if found is not None else find_points(views, options, threads, on_progress, cancel_requested)
     if is_cache:
         with suppress(OSError, InputError):
             path.parent.mkdir(parents=True, exist_ok=True)

@@ -36,7 +36,7 @@ from fairing.io.points_file import read_points
 from fairing.io.scene_points import Progress, choose_points
 from fairing.io.upright import settle_orientations
 from fairing.mesh import Mesh
-from fairing.scene import PointsChoice, Scene
+from fairing.scene import CamerasChoice, PointsChoice, Scene
 from fairing.weld import Welded, welded
 
 READERS: tuple[Reader, ...] = (
@@ -57,6 +57,7 @@ def load_scene(
     mesh: str | Path | None = None,
     choice: PhotoChoice | None = None,
     points: PointsChoice = "automatic",
+    cameras: CamerasChoice = "automatic",
     points_file: Path | None = None,
     on_progress: Progress = lambda fraction, line: None,
     skip_requested: Callable[[], bool] = lambda: False,
@@ -72,6 +73,7 @@ def load_scene(
         choice: the format, photos left out, masks and weights.
         points: the sparse points that a run of the scene uses, see `Session.find_points`. A demo scene has a choice of its own
             in place of "automatic".
+        cameras: the cameras that a run of the scene uses, see `Session.find_points`.
         points_file: the points that a run recorded beside its trace, instead.
         on_progress: called with the finished part, 0 to 1, and a line while points are found, triangulated, or photos rendered.
         skip_requested: polled while points are found; where it returns True, the given ones are triangulated.
@@ -80,7 +82,9 @@ def load_scene(
         InputError: the input cannot be used; the message is one line.
     """
     if (scene := _named(path, mesh, choice, on_progress)) is not None:
-        return scene if points == "automatic" else replace(scene, points_choice=points)
+        points = scene.points_choice if points == "automatic" else points
+        return replace(scene, points_choice=points, cameras_choice="given" if cameras == "automatic" else cameras)
+    cameras_choice = "refine" if cameras == "automatic" else cameras
     capture, path = read_capture(path, choice), Path(path)
     if points_file is not None:
         capture = capture._replace(sparse_points=read_points(points_file, len(capture.views)))
@@ -88,7 +92,8 @@ def load_scene(
     folder = path if path.is_dir() else path.parent
     found = Path(mesh) if mesh is not None else capture.mesh
     if found is None and not _meshes_in(folder):
-        return _triangulated(path.resolve().name, folder, capture, points, on_progress, skip_requested)
+        scene = _triangulated(path.resolve().name, folder, capture, points, on_progress, skip_requested)
+        return replace(scene, cameras_choice=cameras_choice)
     mesh_path = found or only_mesh(folder)
     vertices, faces = read_mesh(mesh_path)
     name = path.resolve().name
@@ -98,7 +103,7 @@ def load_scene(
     capture = in_frame_of_mesh(capture, as_read)
     facts = inspect_mesh(surface.all_faces)
     scene = Scene.of_surface(name, surface, capture.views, sparse_points=capture.sparse_points, points_choice=points)
-    scene = replace(scene, mesh_file=mesh_path.absolute())
+    scene = replace(scene, mesh_file=mesh_path.absolute(), cameras_choice=cameras_choice)
     check_mesh_in_view(scene)
     _, input_vertices = np.unique(scene.original_from_welded, return_index=True)
     return replace(scene, warnings=capture.warnings + _rounded_copies(surface) + facts.warnings(input_vertices))

@@ -26,6 +26,7 @@ def with_points(
     on_progress: Progress = lambda fraction, line: None,
     cancel_requested: Callable[[], bool] = lambda: False,
     skip_requested: Callable[[], bool] = lambda: False,
+    found: FeaturePoints | None = None,
 ) -> Scene:
     """The scene with the sparse points of its `points_choice`, and a warning where they are not the given ones.
 
@@ -42,6 +43,7 @@ def with_points(
         on_progress,
         cancel_requested,
         skip_requested,
+        found,
     )
     return replace(scene, sparse_points=points, points_choice="given", warnings=(*scene.warnings, *warnings))
 
@@ -55,6 +57,7 @@ def choose_points(
     on_progress: Progress = lambda fraction, line: None,
     cancel_requested: Callable[[], bool] = lambda: False,
     skip_requested: Callable[[], bool] = lambda: False,
+    found: FeaturePoints | None = None,
 ) -> tuple[SparsePoints | None, tuple[str, ...]]:
     """The chosen points, and a warning where they are not the given ones.
 
@@ -67,6 +70,7 @@ def choose_points(
         n_vertices: of the mesh; None without a mesh.
         cancel_requested: polled several times a second while points are found.
         skip_requested: polled alike; where it returns True, the given points are used.
+        found: the points in the photos, if they were found with these cameras already.
 
     Raises:
         InputError: a photo or mask cannot be decoded.
@@ -87,7 +91,12 @@ def choose_points(
 
     try:
         found = find_points_once(
-            views, _cache_file(name, views), on_progress=show, cancel_requested=ends, is_cache=True
+            views,
+            cache_file("points", name, views),
+            on_progress=show,
+            cancel_requested=ends,
+            is_cache=True,
+            found=found,
         )
     except Cancelled:
         if cancel_requested():
@@ -123,11 +132,11 @@ def _joined(given: SparsePoints, own: SparsePoints) -> SparsePoints:
     )
 
 
-def _cache_file(name: str, views: Sequence[View]) -> Path:
-    """File in the user's cache folder for the points found in these photos: one for the photos of a capture at one size."""
+def cache_file(kind: str, name: str, views: Sequence[View]) -> Path:
+    """File in a folder of the user's cache for what is computed from these photos: one for a capture at one size."""
     photos = [(view.name, _file_of(view.photo), view.camera.width, view.camera.height) for view in views]
     digest = hashlib.sha256(repr((name, photos)).encode("utf-8", "surrogateescape")).hexdigest()[:16]
-    return cache_folder() / "points" / f"{re.sub(r'[^A-Za-z0-9._-]', '-', name)[:60]}-{digest}.npz"
+    return cache_folder() / kind / f"{re.sub(r'[^A-Za-z0-9._-]', '-', name)[:60]}-{digest}.npz"
 
 
 def _file_of(photo: Photo) -> str:

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fairing.creases.alignment import STAGES
 from fairing.creases.edges import find_creases
 from fairing.creases.offsets import measure_offsets
 from fairing.features.points import FeaturePoints
@@ -21,6 +20,7 @@ from fairing.run.session import Session
 from fairing.solve.point_split import fitting_points, observed_fitting_points
 from fairing.terms.axes import relations
 from fairing.terms.closest_points import MAX_DISTANCE, MIN_COSINE
+from fairing.terms.image_edges import SEARCHES
 from fairing.terms.point_rays import points_on_surface
 
 REJECTED = 0.1  # associations whose weight is below this part of the full one hardly pull
@@ -100,7 +100,7 @@ def seen_faces(session: Session, moment: int) -> np.ndarray:
 
 
 def image_edges(session: Session, moment: int, view: int) -> ImageEdges:
-    """The image edges that the creases seen in a photo would be drawn to, by the widest search of the alignment.
+    """The image edges that the creases seen in a photo would be drawn to, by the widest search.
 
     Args:
         view: id of the photo.
@@ -111,7 +111,7 @@ def image_edges(session: Session, moment: int, view: int) -> ImageEdges:
     scene, vertices = session.scene, session.trace.vertices_at(moment)
     camera, faces = scene.views[view].camera, scene.mesh.faces
     creases = find_creases(vertices, faces, session.orientation)
-    reach, scale = STAGES[0]
+    reach, scale = SEARCHES[0]
     photo = grey_levels(scene.views[view].photo.full_depth())
     found = measure_offsets(photo, camera, vertices, faces, creases, reach)
     ends = creases.ends[found.crease]

@@ -12,12 +12,11 @@ from fairing.cells.visibility import Visibility
 from fairing.options import options_to_dict
 from fairing.run.recorded_stages import recorded_stages
 from fairing.run.session import Session
+from fairing.run.trace_header import REFINEMENT
 from fairing.stage_kind import StageKind
 from fairing.trace import StepReason, StepRecord, Trace
 
 PACKAGES = ("eigenfairing", "numpy", "scipy", "numba", "opencv-python-headless", "trimesh")
-REFINEMENT = "refinement"
-"""Key of a trace's header: what refinement of the cameras found, see `fairing.cameras.refinement.Refinement.facts`."""
 
 
 @dataclass
@@ -104,7 +103,7 @@ def run_report(session: Session, preset: str, seconds: dict[str, float], quality
         "options": options_to_dict(session.options),
         "versions": versions(),
         "scene": _scene_facts(session),
-        "cameras": session.trace.header.get(REFINEMENT),
+        "cameras": _cameras(session.trace),
         "stages": _stages(session.trace),
         "stop_reason": session.stop_reason,
         "finished": session.finished,
@@ -151,6 +150,12 @@ def _stages(trace: Trace) -> list[dict[str, Any]]:
             }
         stages.append(entry)
     return stages
+
+
+def _cameras(trace: Trace) -> dict[str, Any] | None:
+    """What refinement of the cameras found; None without refinement."""
+    refinement = trace.header.get(REFINEMENT)
+    return refinement and {name: value for name, value in refinement.items() if name != "iterations"}
 
 
 def _scene_facts(session: Session) -> dict[str, Any]:

@@ -1,6 +1,7 @@
 """Terms of an objective: robust rows, and quadratic anchors."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -41,6 +42,10 @@ class Term(Protocol):
 
     def hessians(self, vertices: np.ndarray) -> np.ndarray:
         """(n, 3, 3) float: normal matrix of each vertex, the others held."""
+        ...
+
+    def around(self, ids: np.ndarray) -> "Term":
+        """What of the term depends on vertices `ids` (u,) int."""
         ...
 
 
@@ -103,6 +108,21 @@ class Rows:
             np.add.at(result, self.ids[:, corner], weights[:, None, None] * d[:, :, None] * d[:, None])
         return result
 
+    def around(self, ids: np.ndarray) -> "Rows":
+        near = np.isin(self.ids, ids).any(axis=1)
+        of_rows = {name: getattr(self, name)[near] for name in ("ids", "derivatives", "residuals", "information")}
+        return replace(self, **of_rows)
+
+    def scaled(self, by_vertex: np.ndarray) -> "Rows":
+        """With information times factors (n,) float of the vertices, see `weighted`."""
+        return self.weighted(by_vertex[self.ids])
+
+    def weighted(self, factors: np.ndarray) -> "Rows":
+        """With information times the mean of factors (r, c) float of its vertices, by how much each moves the residual."""
+        share = np.linalg.norm(self.derivatives, axis=2)
+        share /= np.maximum(share.sum(axis=1, keepdims=True), 1e-300)
+        return replace(self, information=self.information * (share * factors).sum(axis=1))
+
     def _energies(self, vertices: np.ndarray) -> np.ndarray:
         return self.information * self.loss.value(self.residuals_at(vertices))
 
@@ -135,3 +155,16 @@ class Anchor:
 
     def hessians(self, vertices: np.ndarray) -> np.ndarray:
         return self.precision
+
+    def around(self, ids: np.ndarray) -> "Anchor":
+        return self
+
+
+def linearised_sum(terms: Sequence[Term], vertices: np.ndarray) -> Linearised:
+    """The normal equations of all terms together at positions (n, 3) float, world units."""
+    n = 3 * len(vertices)
+    each = [term.linearise(vertices) for term in terms]
+    return Linearised(
+        sum((one.matrix for one in each), csc_array((n, n))),
+        sum((one.gradient for one in each), np.zeros(vertices.shape)),
+    )

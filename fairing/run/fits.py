@@ -9,22 +9,18 @@ from fairing.cells.level_choice import typical_footprint
 from fairing.features.points import FeaturePoints
 from fairing.features.surface_sweep import HALF_WINDOW, SurfaceSweep, reduction
 from fairing.geometry.pixel_size import pixel_size
-from fairing.optimize.iteration import iterate
 from fairing.optimize.rows import Term
 from fairing.run.history import History
 from fairing.run.stages import Axes, ClosestPoints, PointGates, Stage
 from fairing.run.start_error import measured_start_error
-from fairing.solve.normal_equations import QuadraticPrior
 from fairing.solve.point_split import fitting_points
 from fairing.solve.problem import Problem
 from fairing.terms.axes import broad_terms, narrow_terms, relations
 from fairing.terms.closest_points import anchor, average_information, closest_points
-from fairing.terms.names import POINTS
 from fairing.terms.point_rays import PointRays, points_on_surface
 from fairing.terms.points import PointFit
 from fairing.trace import SchedulePosition, Trace
 
-PRIOR_ROUNDS = 2  # of closest points, for the targets of the prior to the points
 LEAST_ERROR = 3.0  # px: that a search for points near the mesh allows for
 # A start is far off if a fit to the sparse points moves this part of its vertices that far (ledger: surface sweep: which starts).
 FAR_PART, FAR_PX = 0.25, 0.9
@@ -110,27 +106,6 @@ def points_on_mesh(problem: Problem, vertices: np.ndarray, near: FeaturePoints |
         observed = observed.joined(near)
     cameras = [view.camera for view in problem.scene.views]
     return observed.positions[points_on_surface(problem.scene.mesh.moved(vertices), cameras, observed)]
-
-
-def points_prior(problem: Problem, vertices: np.ndarray, near: FeaturePoints | None) -> QuadraticPrior:
-    """A prior that pulls vertices (n, 3) float, world units, to where a few rounds of closest points take them.
-
-    Its Hessians are those of the points, 1 in a direction that they determine as well as an average one.
-
-    Raises:
-        Cancelled: cancellation was requested.
-    """
-    points, free, places = points_on_mesh(problem, vertices, near), ~problem.locked, vertices
-    average, hessians = 0.0, np.zeros((len(vertices), 3, 3))
-    for _ in range(PRIOR_ROUNDS):
-        problem.raise_if_cancelled()
-        closest = closest_points(problem.scene.mesh.moved(places), points, vertices)
-        average = average or average_information(closest, places, free)
-        if average == 0:
-            break
-        hessians = closest.hessians(places) / average
-        places = iterate((closest, anchor(vertices, average)), places, np.flatnonzero(free), problem.unfolded).after
-    return QuadraticPrior(hessians, places, POINTS)
 
 
 class Fits:

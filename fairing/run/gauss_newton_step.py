@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fairing.optimize.iteration import OBJECTIVE_TOLERANCE
+from fairing.optimize.rows import Term, linearised_sum
 from fairing.options import StepOptions
 from fairing.run.records import Energies, SolverState, build_record
 from fairing.run.sweep import SweepState
@@ -35,7 +36,7 @@ class Proposal(NamedTuple):
     Attributes:
         system: normal equations of the photos at the positions before the step.
         hessians: (u, 3, 3) float: normal matrices of the vertices from the photos alone, energy / world unit^2.
-        gradients: (u, 3) float: of photos and priors, energy / world unit.
+        gradients: (u, 3) float: of all terms, energy / world unit.
         damping: (u,) float, relative.
         rejections: (u,) int: consecutive ones so far.
         proposed: (u, 3) float: the solution, world units.
@@ -76,13 +77,16 @@ def propose(
     damping, rejections = damping_and_rejections(options, ids, previous)
     system = system or problem.linearise(sweep.context, vertices, block.faces, block.corners, sweep.scale)
     H, g = vertex_systems(mesh, system)
-    g[ids] += sweep.prior.gradient(vertices, ids)
+    terms = terms_around(sweep, block)
+    others = linearised_sum(terms, vertices)
+    g += others.gradient
     if block.coupled:
         free = np.zeros(len(vertices), dtype=bool)
         free[ids] = True
-        proposed = solve_jointly(mesh, system, sweep.prior.hessians, g, free, float(damping.max(initial=0)))[ids]
+        proposed = solve_jointly(mesh, system, others.matrix, g, free, float(damping.max(initial=0)))[ids]
     else:
-        proposed = solve_vertices(H[ids] + sweep.prior.hessians[ids], g[ids], damping)
+        own = sum((term.hessians(vertices)[ids] for term in terms), H[ids])
+        proposed = solve_vertices(own, g[ids], damping)
         proposed[rejections > options.max_rejections] = 0
     shortened = problem.shortened(sweep.context, vertices, ids, proposed)
     limited = _limited(sweep, vertices, ids, shortened)
@@ -198,6 +202,11 @@ def damping_and_rejections(
     return np.full(len(ids), _usual_damping(options)), np.zeros(len(ids), dtype=np.int64)
 
 
+def terms_around(sweep: SweepState, block: Block) -> list[Term]:
+    """What of the terms beside the photos depends on the vertices of a block."""
+    return [*sweep.terms] if block.coupled else [term.around(block.vertices) for term in sweep.terms]
+
+
 def _limited(sweep: SweepState, vertices: np.ndarray, ids: np.ndarray, steps: np.ndarray) -> np.ndarray:
     """Steps (u, 3) after which no vertex is farther from its origin than the stage allows, or than it was before.
 
@@ -215,9 +224,12 @@ def _limited(sweep: SweepState, vertices: np.ndarray, ids: np.ndarray, steps: np
 
 
 def _objective(sweep: SweepState, block: Block, system: FaceSystem, vertices: np.ndarray) -> np.ndarray:
-    """(u,) float: energy plus prior of each vertex of the block; in a coupled block the shares of the vertices."""
+    """(u,) float: energy of all terms around each vertex of the block; in a coupled block their sum is that of the mesh."""
     energy = np.bincount(block.owner, weights=system.energy, minlength=len(block.vertices))
-    return energy + sweep.prior.energy(vertices, block.vertices)
+    terms = terms_around(sweep, block)
+    if block.coupled:
+        return energy + sum(term.total(vertices) for term in terms) / len(energy)
+    return energy + sum(term.by_vertex(vertices)[block.vertices] for term in terms)
 
 
 def _usual_damping(options: StepOptions) -> float:

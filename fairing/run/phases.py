@@ -12,10 +12,7 @@ from fairing.trace import SchedulePosition
 
 MOST_SWEEPS = 50  # of photos at a level, for the numbers of the sweeps after them
 MAX_DISPLACEMENT = 1.3  # in units of the start's measured error (ledger: bounded displacement)
-FITTED_SIGMA = (
-    1.9  # px: standard deviation of a start fitted to points, for `StepOptions.prior` = 1 (ledger: prior to the start)
-)
-SIGMA_WITH_EDGES = 1.8  # factor of the standard deviation of the start where image edges hold its creases
+FITTED_SIGMA = 1.2  # px: of a start fitted to points, for `StepOptions.prior` = 1 (ledger: prior to the start)
 
 
 @dataclass(frozen=True)
@@ -151,8 +148,7 @@ def _start_sigma(options: FairingOptions, plan: RunPlan, number: int) -> float:
         return 0.0
     if not _is_start_measured(options, plan, number):
         return FITTED_SIGMA
-    holds_less = options.level(number).creases > 0 and plan.represents_surface
-    return plan.start_sigma * (SIGMA_WITH_EDGES if holds_less else 1.0)
+    return plan.start_sigma
 
 
 def _is_start_measured(options: FairingOptions, plan: RunPlan, number: int) -> bool:

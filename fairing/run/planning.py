@@ -4,7 +4,6 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from fairing.cells.level_choice import first_fine_level, first_level
-from fairing.creases.alignment import STAGES
 from fairing.geometry.normal_filter import smoothed
 from fairing.options import FairingOptions
 from fairing.placement.judge import refuse_elsewhere
@@ -16,6 +15,7 @@ from fairing.run.sweep_cache import SweepCache
 from fairing.run_plan import RunPlan
 from fairing.solve.point_split import fitting_points
 from fairing.solve.problem import Problem
+from fairing.terms.image_edges import SEARCHES
 from fairing.terms.point_judge import loss_of_points
 from fairing.trace import StepRecord
 
@@ -141,9 +141,9 @@ def _level_by_points(measured: _Measured, is_fitted: bool, options: FairingOptio
 
 
 def _edge_reach(measured: float) -> float:
-    """How far image edges are sought from creases, px: as far as the start's measured error, px, and the alignment reach.
+    """How far image edges are sought from creases, px: as far as the start's measured error, px, and the first search reach.
 
     (ledger: reach of image edges)
     """
-    farthest, _ = STAGES[0]
+    farthest, _ = SEARCHES[0]
     return min(max(measured, RunPlan.edge_reach), farthest)

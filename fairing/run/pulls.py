@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from scipy.sparse import csc_array
 
 from fairing.geometry.pixel_size import pixel_size
 from fairing.optimize.iteration import step_parts
@@ -88,13 +89,15 @@ def pulls_at(
     mesh, n = problem.scene.mesh, len(vertices)
     everything = np.arange(len(mesh.faces))
     system = system or problem.linearise(sweep.context, vertices, everything, np.full(len(everything), -1), sweep.scale)
-    terms, ids = sweep.prior.terms, np.arange(n)
+    terms, ids = sweep.terms, np.arange(n)
     H_photos, g_photos = vertex_systems(mesh, system)
-    hessians = np.stack([H_photos, *(term.hessians for term in terms)])
-    gradients = np.stack([g_photos, *(term.gradient(vertices, ids) for term in terms)], axis=-1)
-    parts = _parts(problem, sweep, block, previous, system, hessians, gradients)
+    hessians = np.stack([H_photos, *(term.hessians(vertices) for term in terms)])
+    linear = [term.linearise(vertices) for term in terms]
+    gradients = np.stack([g_photos, *(each.gradient for each in linear)], axis=-1)
+    others = sum((each.matrix for each in linear), csc_array((3 * n, 3 * n)))
+    parts = _parts(problem, sweep, block, previous, system, hessians, others, gradients)
     around = np.bincount(mesh.faces[system.faces].ravel(), weights=np.repeat(system.energy, 3), minlength=n)
-    energies = [around, *(term.energy(vertices, ids) for term in terms)]
+    energies = [around, *(term.by_vertex(vertices) for term in terms)]
     names, steps, whole = [PHOTOS, *(term.name for term in terms)], np.moveaxis(parts, -1, 0), parts.sum(axis=-1)
     px = [problem.pixels_moved(sweep.context, vertices, ids, step) for step in steps]
     # A quadratic form may come out below zero by rounding.
@@ -121,6 +124,7 @@ def _parts(
     previous: StepRecord | None,
     system: FaceSystem,
     hessians: np.ndarray,
+    others: csc_array,
     gradients: np.ndarray,
 ) -> np.ndarray:
     """(n, 3, T) float: the part of each term in the proposed step, world units.
@@ -128,6 +132,7 @@ def _parts(
     Args:
         system: of all faces by all corners.
         hessians: (T, n, 3, 3) float: normal matrices of the terms by vertex, the photos first.
+        others: (3 n, 3 n): normal matrix of the terms beside the photos.
         gradients: (n, 3, T) float.
     """
     n, options = len(gradients), problem.options.step
@@ -142,8 +147,7 @@ def _parts(
     if not moves.any():
         return parts
     if any(each.coupled for each in sweep.blocks):
-        priors = sweep.prior.hessians
-        return solve_jointly(problem.scene.mesh, system, priors, gradients, moves, float(damping[moves].max()))
+        return solve_jointly(problem.scene.mesh, system, others, gradients, moves, float(damping[moves].max()))
     moves &= rejections <= options.max_rejections
     parts[moves] = solve_vertices(hessians.sum(axis=0)[moves], gradients[moves], damping[moves])
     return parts

@@ -1,9 +1,9 @@
 """Session: a fairing run that can be stepped, stopped, moved back, branched and resumed.
 
-A run is a function of the scene and the options. Its sparse points are chosen first (`Session.find_points`), then it is
-planned (`Session.make_plan`), each once; after that every step is computed from the vertices, the recorded position in the
-schedule and the plan alone. A run resumed from its trace therefore writes the same bytes as one that was never stopped.
-Properties never compute: they are functions of trace, options and plan.
+A run is a function of the scene and the options. Its cameras and sparse points are chosen first (`Session.find_points`),
+then it is planned (`Session.make_plan`), each once; after that every step is computed from the vertices, the recorded
+position in the schedule and the plan alone. A run resumed from its trace therefore writes the same bytes as one that was
+never stopped. Properties never compute: they are functions of trace, options and plan.
 """
 
 import time
@@ -14,9 +14,10 @@ import numpy as np
 
 from fairing.cells.context import CellContext
 from fairing.cells.point_spread import PATCH_MARGIN
-from fairing.io.scene_points import Progress, with_points
+from fairing.io.scene_points import Progress
 from fairing.option_check import check_options
 from fairing.options import FairingOptions, options_from_dict, options_to_dict
+from fairing.run.chosen_inputs import with_chosen_inputs
 from fairing.run.manual_edits import manual_step
 from fairing.run.planning import make_plan
 from fairing.run.pulls import Pull
@@ -25,7 +26,7 @@ from fairing.run.stages import Photos, Stage
 from fairing.run.stepper import Stepper, Trial
 from fairing.run.sweep import SweepState
 from fairing.run.sweep_cache import SweepCache
-from fairing.run.trace_header import check_same_scene, header_of, recorded_points, scene_of_trace
+from fairing.run.trace_header import check_same_scene, header_of, inputs_of, scene_of_trace
 from fairing.run_plan import RunPlan
 from fairing.scene import Scene
 from fairing.solve.energy import FaceSystem
@@ -45,7 +46,7 @@ class Session:
         like: a session on the same scene and start, whose photos in memory this one uses.
 
     Attributes:
-        scene: with the chosen sparse points from `find_points` on.
+        scene: with the chosen cameras and sparse points from `find_points` on.
         moment: the present moment; the next step continues from there.
         cancel_requested: called within long computations, from any thread; where it returns True, the method that computes
             raises `Cancelled` and changes nothing.
@@ -245,31 +246,34 @@ class Session:
         on_progress: Progress = lambda fraction, line: None,
         skip_requested: Callable[[], bool] = lambda: False,
     ) -> None:
-        """Choose the sparse points by `Scene.points_choice`, and find them in the photos where the choice requires it.
+        """Choose cameras and sparse points by `Scene.cameras_choice` and `Scene.points_choice`.
 
-        The first call does so and records it; `make_plan` calls it. It may take minutes.
+        Cameras are refined and points found in the photos where the choices require it. The first call does so and records
+        it; `make_plan` calls it. It may take minutes.
 
         Args:
-            on_progress: called with the finished part, 0 to 1, and a line while points are found.
-            skip_requested: polled several times a second while points are found; where it returns True, the given ones are used.
+            on_progress: called with the finished part, 0 to 1, and a line.
+            skip_requested: polled several times a second; where it returns True, the given cameras and points are used.
 
         Raises:
             InputError: a photo or mask cannot be decoded, or the trace was recorded with other points.
             Cancelled: `cancel_requested` returned True; nothing has changed.
         """
-        if self.scene.points_choice == "given":
+        if self.scene.points_choice == "given" and self.scene.cameras_choice == "given":
             return
-        with self.work.doing("choosing the sparse points") as work:
+        with self.work.doing("choosing cameras and sparse points") as work:
 
             def show(fraction: float, line: str) -> None:
                 work.text, work.done = line, fraction
                 on_progress(fraction, line)
 
-            scene = with_points(self.scene, show, self.cancel_requested, skip_requested)
+            scene, refinement = with_chosen_inputs(
+                self.scene, self.options.threads, show, self.cancel_requested, skip_requested
+            )
         check_same_scene(scene, self.trace)
         self.scene = scene
         self._set_problem(self._problem)
-        self.trace.record_points(recorded_points(scene))
+        self.trace.record_inputs(inputs_of(scene, refinement))
 
     def make_plan(self) -> RunPlan:
         """The plan of the run, computed and recorded on the first call. It reads the photos and may take many seconds.

@@ -5,29 +5,31 @@ from dataclasses import dataclass
 import numpy as np
 
 from fairing.cells.context import CellContext
-from fairing.creases.alignment import aligned_to_image_edges
 from fairing.features.points import FeaturePoints
 from fairing.geometry.normal_filter import smoothed
 from fairing.geometry.normals import unit_normals
+from fairing.geometry.pixel_size import pixel_size
 from fairing.mesh import Mesh
-from fairing.run.fits import points_prior
+from fairing.optimize.rows import Anchor, Rows, Term
+from fairing.run.fits import points_on_mesh
 from fairing.run.phases import Level
 from fairing.run.stages import Photos
 from fairing.scene import Scene
 from fairing.solve.blocks import Block, plan_blocks
 from fairing.solve.energy import FaceSystem, robust_scale
 from fairing.solve.face_loss import loss_of_faces
-from fairing.solve.normal_equations import Prior, QuadraticPrior, faded, vertex_systems
+from fairing.solve.normal_equations import vertex_systems
 from fairing.solve.problem import Problem
 from fairing.solve.step_limits import pixels_moved, pixels_per_unit
-from fairing.terms.names import IMAGE_EDGES, SMOOTHNESS, START
+from fairing.terms.axes import related, relations
+from fairing.terms.closest_points import average_information, closest_points
+from fairing.terms.image_edges import SEARCHES, image_edges
+from fairing.terms.names import SMOOTHNESS, START
 
 # Of the residuals around a vertex, grey levels^2: the prior to the points fades below it (ledger: prior to points).
 POINTS_VARIANCE = 8.0
 # px^2 of the photos: the area over which residuals of what is not on the mesh agree (ledger: prior to the start).
 RESIDUAL_AREA = 10_000.0
-CREASE_PRECISION = 4.0  # 1 / px^2: of a vertex aligned with image edges, at most (ledger: prior to image edges)
-BUILDING = 2.0  # factor of the strength of image edges where the mesh has a Manhattan frame (ledger: Manhattan frame)
 FLAT = 0.01  # variance of the unit normals around a vertex along a direction below which the surface is flat along it
 VERTEX_PASSES = 3  # of the filter that gives the targets of the smoothness prior
 
@@ -42,7 +44,7 @@ class SweepState:
         context: cells and visibility.
         sigma: (m,) float: scale parameter of the robust loss by face, grey levels.
         scale: (m,) float: the value of the kernels for it, see `robust_scale`.
-        prior: quadratic priors of the vertices.
+        terms: of the objective beside the photos.
         origin: (n, 3) float: positions at the prepared start, or after the last manual edit of a vertex, world units.
         free: (n,) bool: vertices that are not locked and that enough photos see.
         blocks: in their order.
@@ -56,7 +58,7 @@ class SweepState:
     context: CellContext
     sigma: np.ndarray
     scale: np.ndarray
-    prior: Prior
+    terms: tuple[Term, ...]
     origin: np.ndarray
     free: np.ndarray
     blocks: list[Block]
@@ -79,16 +81,18 @@ def begin_sweep(
     vertices: np.ndarray,
     origin: np.ndarray,
     near_points: FeaturePoints | None = None,
+    number: int = 0,
 ) -> SweepState:
-    """Compute visibility, robust scale, priors and blocks.
+    """Compute visibility, robust scale, terms and blocks.
 
     Args:
-        level: gives the strengths of the priors.
+        level: gives the strengths of the terms.
         stage: the stage the sweep belongs to.
         moment: of the beginning.
         vertices: (n, 3) float: positions then, world units.
         origin: (n, 3) float, see `SweepState`.
         near_points: see `SweepState`.
+        number: of the sweep in its stage.
 
     Raises:
         InputError: no photo sees any face well enough at the last level.
@@ -108,17 +112,17 @@ def begin_sweep(
     loss = _vertex_losses(mesh, context, system)
     is_smoothed = level.smoothing > 0 and informed.any()
     if level.start_sigma > 0:
-        terms = [_to_start(origin, loss, level.prior * (pixels / level.start_sigma) ** 2)]
+        terms: list[Term] = [_to_start(origin, loss, level.prior * (pixels / level.start_sigma) ** 2)]
     else:
         terms = [_within_surface(mesh, vertices, origin, context.takes_part, level.prior * np.maximum(information, 0))]
     if is_smoothed:
         terms.append(_to_smoothed(mesh, vertices, level.smoothing * typical))
     if level.attraction > 0:
         variance = _vertex_losses(mesh, context, system, sigma**2)
-        terms.append(_to_points(problem, vertices, near_points, level.attraction * typical, variance))
+        terms += _points(problem, vertices, near_points, level.attraction * typical, variance)
     if level.creases > 0:
-        strength = level.creases * RESIDUAL_AREA * loss
-        terms.append(_to_image_edges(problem, vertices, level.edge_reach, pixels, strength, H))
+        search = _search(level.edge_reach, number)
+        terms += _edges_and_axes(problem, vertices, search, level.creases * RESIDUAL_AREA * loss, H)
     free = ~problem.locked & (informed | is_smoothed)  # the smoothness prior determines vertices that no photo sees
     movable = free & ((pixels > 0) | is_smoothed)
     blocks = plan_blocks(mesh, movable, options.schedule.order, system.energy)
@@ -128,7 +132,7 @@ def begin_sweep(
         context,
         sigma,
         scale,
-        Prior(tuple(terms)),
+        tuple(terms),
         origin,
         free,
         blocks,
@@ -138,7 +142,7 @@ def begin_sweep(
     )
 
 
-def _to_start(origin: np.ndarray, loss: np.ndarray, precision: np.ndarray) -> QuadraticPrior:
+def _to_start(origin: np.ndarray, loss: np.ndarray, precision: np.ndarray) -> Anchor:
     """Prior to the origin (n, 3): strong where photos contradict each other, negligible where they agree.
 
     It holds what nothing else determines. (ledger: prior to the start)
@@ -148,12 +152,12 @@ def _to_start(origin: np.ndarray, loss: np.ndarray, precision: np.ndarray) -> Qu
         precision: (n,) float: 1 / variance of the start, 1 / world unit^2.
     """
     strength = RESIDUAL_AREA * loss * precision
-    return QuadraticPrior(strength[:, None, None] * np.eye(3), origin, START)
+    return Anchor(START, strength[:, None, None] * np.eye(3), origin)
 
 
 def _within_surface(
     mesh: Mesh, vertices: np.ndarray, origin: np.ndarray, takes_part: np.ndarray, strength: np.ndarray
-) -> QuadraticPrior:
+) -> Anchor:
     """Prior to the origin (n, 3) in directions in which the surface moves within itself: within a plane, along an edge.
 
     The normals of the faces around a vertex have no spread along these. Photos that show little texture there would let the
@@ -173,58 +177,77 @@ def _within_surface(
     np.add.at(total, mesh.faces.ravel(), weight)
     values, vectors = np.linalg.eigh(spread / np.maximum(total, 1e-300)[:, None, None])
     flat = (values < FLAT) * strength[:, None]
-    return QuadraticPrior(np.einsum("vik,vk,vjk->vij", vectors, flat, vectors), origin, START)
+    return Anchor(START, np.einsum("vik,vk,vjk->vij", vectors, flat, vectors), origin)
 
 
-def _to_smoothed(mesh: Mesh, vertices: np.ndarray, strength: float) -> QuadraticPrior:
+def _to_smoothed(mesh: Mesh, vertices: np.ndarray, strength: float) -> Anchor:
     """Smoothness prior: to vertices (n, 3) after smoothing; strength: energy / world unit^2."""
-    hessians = np.tile(strength * np.eye(3), (len(vertices), 1, 1))
-    return QuadraticPrior(hessians, smoothed(mesh, vertices, VERTEX_PASSES), SMOOTHNESS)
+    precision = np.tile(strength * np.eye(3), (len(vertices), 1, 1))
+    return Anchor(SMOOTHNESS, precision, smoothed(mesh, vertices, VERTEX_PASSES))
 
 
-def _to_points(
+def _points(
     problem: Problem, vertices: np.ndarray, near_points: FeaturePoints | None, strength: float, variance: np.ndarray
-) -> QuadraticPrior:
-    """Prior to the vertices (n, 3) fitted to the points; it fades where the photos agree.
+) -> list[Rows]:
+    """The term of the points at their closest faces; it fades where the photos agree.
 
     Args:
         near_points: see `SweepState`.
-        strength: energy / world unit^2 in an average direction of a vertex.
+        strength: energy / world unit^2 in a direction that the points determine as well as an average one.
         variance: (n,) float: of the residuals around each vertex, grey levels^2; 0 where no photo sees the mesh.
     """
-    to_points = points_prior(problem, vertices, near_points)
+    on_mesh = points_on_mesh(problem, vertices, near_points)
+    points = closest_points(problem.scene.mesh.moved(vertices), on_mesh, vertices)
+    average = average_information(points, vertices, ~problem.locked)
+    if average == 0:
+        return []
     share = np.minimum(1.0, np.where(variance == 0, np.inf, variance) / POINTS_VARIANCE)
-    return to_points._replace(hessians=(strength * share)[:, None, None] * to_points.hessians)
+    return [points.scaled(strength / average * share)]
 
 
-def _to_image_edges(
-    problem: Problem, vertices: np.ndarray, reach: float, pixels: np.ndarray, strength: np.ndarray, H: np.ndarray
-) -> QuadraticPrior:
-    """Prior to the vertices aligned with image edges; it fades in directions that the cells determine better.
+def _search(reach: float, number: int) -> tuple[float, float]:
+    """The search for image edges of a sweep: largest offset, within the reach, and scale of the loss, px."""
+    first = sum(farthest > reach for farthest, _ in SEARCHES[:-1])
+    return SEARCHES[min(first + number, len(SEARCHES) - 1)]
+
+
+def _edges_and_axes(
+    problem: Problem, vertices: np.ndarray, search: tuple[float, float], strength: np.ndarray, H: np.ndarray
+) -> list[Rows]:
+    """The terms of image edges and, on buildings, of axes.
+
+    They fade in directions that the cells determine better: offsets are less accurate then (ledger: fading of image edges).
 
     Args:
         vertices: (n, 3) float, world units.
-        reach: distance from a crease within which its image edge is sought, px.
-        pixels: (n,) float: largest motion in a photo, px per world unit.
+        search: see `image_edges`.
         strength: (n,) float: energy of a deviation, times px^2.
         H: (n, 3, 3) float: normal matrices of the cells, energy / world unit^2.
     """
-    aligned = aligned_to_image_edges(
-        problem.scene.views,
-        vertices,
-        problem.scene.mesh.faces,
-        problem.locked,
-        problem.orientation,
-        reach,
-        problem.evaluator.pool,
-        problem.raise_if_cancelled,
-    )
-    # Offsets of one vertex err together, so that more of them add nothing beyond a limit.
-    largest = np.linalg.eigvalsh(aligned.information)[:, 2]
-    limited = np.minimum(1.0, CREASE_PRECISION * pixels**2 / np.where(largest > 0, largest, np.inf))
-    edges = (strength * limited * (BUILDING if aligned.is_building else 1.0))[:, None, None] * aligned.information
-    # Offsets are less accurate than vertices that the cells determine well (ledger: prior to image edges).
-    return QuadraticPrior(faded(edges, H), aligned.vertices, IMAGE_EDGES)
+    views, faces = problem.scene.views, problem.scene.mesh.faces
+    terms = [
+        image_edges(
+            views, vertices, faces, problem.orientation, search, problem.evaluator.pool, problem.raise_if_cancelled
+        )
+    ]
+    found = relations(vertices, faces, pixel_size([view.camera for view in views], vertices))
+    if len(found.pairs):
+        terms.append(related(found, vertices))
+    terms = [term.scaled(strength) for term in terms]
+    own = np.sum([term.hessians(vertices) for term in terms], axis=0)
+    return [_faded(term, own, H) for term in terms]
+
+
+def _faded(rows: Rows, own: np.ndarray, others: np.ndarray) -> Rows:
+    """Residuals times their share of the information along their derivatives, the mean of their vertices.
+
+    Args:
+        own, others: (n, 3, 3) float: normal matrices of what fades, and of what it fades beside, energy / world unit^2.
+    """
+    d = rows.derivatives
+    # A quadratic form may come out below zero by rounding.
+    own_along, others_along = (np.maximum(np.einsum("rci,rcij,rcj->rc", d, H[rows.ids], d), 0) for H in (own, others))
+    return rows.weighted(own_along / np.maximum(own_along + others_along, 1e-300))
 
 
 def _vertex_losses(mesh: Mesh, context: CellContext, system: FaceSystem, unit: np.ndarray | None = None) -> np.ndarray:

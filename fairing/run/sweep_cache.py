@@ -128,6 +128,7 @@ class SweepCache:
             trace.vertices_at(moment),
             history.origin_at(moment),
             near_points=near,
+            number=position.sweep - stage.first_sweep,
         )
 
     def _photo_bytes(self) -> int:

@@ -9,10 +9,14 @@ import numpy as np
 
 from fairing.camera import Camera
 from fairing.cameras.corrected_scene import with_cameras
+from fairing.cameras.refinement import Refinement
 from fairing.errors import InputError
 from fairing.options import FairingOptions, options_to_dict
 from fairing.scene import Scene
 from fairing.trace import Trace
+
+REFINEMENT = "refinement"
+"""Key of a header: what refinement of the cameras found, see `Refinement.facts`, and its iterations."""
 
 
 def header_of(scene: Scene, options: FairingOptions) -> dict[str, Any]:
@@ -20,20 +24,31 @@ def header_of(scene: Scene, options: FairingOptions) -> dict[str, Any]:
     return {
         "scene": scene.name,
         "views": [view.name for view in scene.views],
-        "sparse_points": recorded_points(scene),
         "options": options_to_dict(options),
         "versions": {name: version(name) for name in ("numpy", "scipy", "numba")},
-    } | ({"cameras": _recorded_cameras(scene)} if scene.cameras_origin == "corrected" else {})
+    } | inputs_of(scene)
+
+
+def inputs_of(scene: Scene, refinement: Refinement | None = None) -> dict[str, Any]:
+    """The entries of a header about cameras and sparse points, see `Trace.header`."""
+    inputs: dict[str, Any] = {"sparse_points": recorded_points(scene)}
+    if scene.cameras_origin == "corrected":
+        inputs["cameras"] = _recorded_cameras(scene)
+    if refinement is not None:
+        inputs[REFINEMENT] = refinement.facts() | {"iterations": _recorded_iterations(refinement)}
+    return inputs
 
 
 def scene_of_trace(scene: Scene, trace: Trace) -> Scene:
-    """The scene with the corrected cameras that the trace was recorded with, if any.
+    """The scene with the cameras that the trace was recorded with: corrected ones, or the given ones of the scene.
 
     Its points are the given ones instead of an "automatic" choice if the trace was recorded with them.
 
     Traces of versions that did not record the points were recorded with those of the scene.
     """
     scene = _with_recorded_cameras(scene, trace)
+    if REFINEMENT in trace.header or trace.header.get("sparse_points") is not None or trace.plan or len(trace):
+        scene = replace(scene, cameras_choice="given")
     if scene.points_choice != "automatic":
         return scene
     recorded = trace.header.get("sparse_points")
@@ -57,7 +72,7 @@ def check_same_scene(scene: Scene, trace: Trace) -> None:
             f"found those of {scene.name}; open it with its own scene"
         )
     recorded = trace.header.get("sparse_points")
-    if scene.points_choice != "given" or recorded is None or _same(recorded, scene):
+    if scene.points_choice != "given" or scene.cameras_choice != "given" or recorded is None or _same(recorded, scene):
         return
     if any(trace.header["options"]["step"]["points"]):
         raise InputError(
@@ -67,8 +82,8 @@ def check_same_scene(scene: Scene, trace: Trace) -> None:
 
 
 def recorded_points(scene: Scene) -> dict[str, Any] | None:
-    """Count and digest of the sparse points, which identify them, and their origin; None while a choice of points is left."""
-    if scene.points_choice != "given":
+    """Count, digest and origin of the sparse points, which identify them; None while a choice of points or cameras is left."""
+    if scene.points_choice != "given" or scene.cameras_choice != "given":
         return None
     points = scene.sparse_positions
     digest = hashlib.blake2b(points.tobytes(), digest_size=16).hexdigest()
@@ -78,9 +93,18 @@ def recorded_points(scene: Scene) -> dict[str, Any] | None:
 
 def _same(recorded: dict[str, Any], scene: Scene) -> bool:
     """Whether recorded points are those that a scene has."""
-    found = recorded_points(replace(scene, points_choice="given"))
+    found = recorded_points(replace(scene, points_choice="given", cameras_choice="given"))
     assert found is not None, "no choice is left"
     return all(recorded[name] == found[name] for name in ("count", "digest"))
+
+
+def _recorded_iterations(refinement: Refinement) -> list[dict[str, Any]]:
+    """Iterations for a header, with six significant digits: they are only shown."""
+
+    def rounded(values: np.ndarray) -> list[Any]:
+        return np.array([float(f"{value:.6g}") for value in values.ravel().tolist()]).reshape(values.shape).tolist()
+
+    return [{name: rounded(values) for name, values in vars(state).items()} for state in refinement.iterations]
 
 
 def _recorded_cameras(scene: Scene) -> list[dict[str, Any]]:
