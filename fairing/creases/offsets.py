@@ -12,23 +12,19 @@ from numba import njit
 
 from fairing.camera import Camera
 from fairing.creases.edges import Creases
-from fairing.geometry.normals import unit_normals
 from fairing.geometry.rasterize import rasterize_inverse
 
 SMOOTHING, SMOOTHING_SIZE = 0.7, 7  # sigma and width of the kernel, px of the photo
 SPACING = 1.5  # px between samples along a crease
 SEGMENT = 14.0  # px
-MARGIN = 3.0  # px left out at both ends of a crease, at most a quarter of it
-MIN_LENGTH = 6.0  # px
 MAX_LENGTH = 5000.0  # px: longer projections come from vertices close to the camera's plane
-MIN_SAMPLES = 4  # of a segment
-MIN_FACING = 0.05  # cosine: one of the two faces is seen at least so obliquely
+MIN_SAMPLES = 4  # of a segment, and of a crease
 HIDDEN = 1.5  # px' worth of depth (depth / focal length) behind the nearest surface
 BORDER = 3.0  # px from a profile to the border of the photo
 STEP = 0.25  # px between samples of a profile
 HALF_STEPS = 2  # the derivative is taken over +- this many steps
 CORRELATION = 2.5  # px along the crease over which residuals of the profiles agree
-MIN_NOISE, MIN_CONTRAST = 0.5, 1.5  # grey levels per px
+MIN_NOISE = 0.5  # grey levels per px
 MIN_SIGNIFICANCE = 3.0  # of a peak, in units of its noise; three times as much has full weight
 LEAST_UNIQUENESS = 0.05  # weight of a peak that another one equals
 CONCAVE_WEIGHT = 0.3  # concave creases have contact shadows and reflections beside them (ledger: creases)
@@ -69,8 +65,7 @@ def measure_offsets(
     direction = uv[second] - uv[first]
     with np.errstate(invalid="ignore"):
         length = np.linalg.norm(direction, axis=1)
-        shown = (depth[first] > 0) & (depth[second] > 0) & (length > MIN_LENGTH) & (length < MAX_LENGTH)
-    shown &= _facing(camera, vertices, faces, creases) > MIN_FACING
+        shown = (depth[first] > 0) & (depth[second] > 0) & (length >= MIN_SAMPLES * SPACING) & (length < MAX_LENGTH)
     seen = np.flatnonzero(shown)
     if len(seen) == 0:
         return _none()
@@ -116,17 +111,9 @@ class _Samples(NamedTuple):
     sizes: np.ndarray
 
 
-def _facing(camera: Camera, vertices: np.ndarray, faces: np.ndarray, creases: Creases) -> np.ndarray:
-    """(e,) float: the larger cosine between the line of sight and the normals of the two faces, by magnitude."""
-    normals, _ = unit_normals(vertices, faces)
-    sight = camera.center - vertices[creases.ends].mean(axis=1)
-    sight /= np.maximum(np.linalg.norm(sight, axis=1, keepdims=True), 1e-300)
-    return np.abs((normals[creases.faces] * sight[:, None]).sum(axis=2)).max(axis=1)
-
-
 def _sample_counts(length: np.ndarray) -> np.ndarray:
     """(c,) int: samples on creases of these lengths (c,) float, px."""
-    return np.maximum(MIN_SAMPLES, (length / SPACING).astype(int))
+    return (length / SPACING).astype(int)
 
 
 def _samples_along(projected: _Projected, ends: np.ndarray, farthest: np.ndarray, border: float) -> _Samples:
@@ -142,8 +129,7 @@ def _samples_along(projected: _Projected, ends: np.ndarray, farthest: np.ndarray
     count = _sample_counts(length)
     row = np.repeat(np.arange(len(ends)), count)
     k = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
-    margin = np.minimum(MARGIN / length, 0.25)[row]
-    in_image = margin + (1 - 2 * margin) * (k + 0.5) / count[row]
+    in_image = (k + 0.5) / count[row]
     # Along the image of a line, inverse depth is linear.
     at_first, at_second = 1 / projected.depth[first][row], 1 / projected.depth[second][row]
     inverse = (1 - in_image) * at_first + in_image * at_second
@@ -247,7 +233,7 @@ def _peaks(contrast: np.ndarray, noise: np.ndarray, places: np.ndarray, reach: f
     for neighbour in (-1, 0, 1):
         others[rows, best + neighbour] = 0
     uniqueness = np.clip(1 - others.max(axis=1) / np.maximum(top, 1e-300), LEAST_UNIQUENESS, 1)
-    counts = (score[rows, best] > 0) & (significance > MIN_SIGNIFICANCE) & (top > MIN_CONTRAST)
+    counts = (score[rows, best] > 0) & (significance > MIN_SIGNIFICANCE)
     weight = np.where(counts, np.minimum(significance / MIN_SIGNIFICANCE, 3) / 3 * uniqueness, 0.0)
     return places[best] + STEP * shift, weight
 
