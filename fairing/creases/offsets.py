@@ -138,7 +138,7 @@ def _samples_along(projected: _Projected, ends: np.ndarray, farthest: np.ndarray
     segment = (k * np.maximum(1, np.rint(length / SEGMENT).astype(int))[row]) // count[row]
 
     height, width = farthest.shape
-    visible = ((pixels > border) & (pixels < [width - 1 - border, height - 1 - border])).all(axis=1)
+    visible = np.all((pixels > border) & (pixels < [width - 1 - border, height - 1 - border]), axis=1)
     x, y = np.rint(pixels[visible]).astype(int).T
     tolerance = HIDDEN / np.linalg.norm(projected.camera.image_from_world[0, :3])
     visible[visible] = inverse[visible] > (1 - tolerance) * farthest[y, x]
