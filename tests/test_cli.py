@@ -47,7 +47,7 @@ def one_line(capsys) -> str:
 
 def test_fair_writes_a_mesh_in_the_input_s_order_a_report_and_a_trace(scene, tmp_path):
     out = tmp_path / "out"
-    assert fair(scene, out, "--schedule.max-sweeps", "3", *FIRST) == 0
+    assert fair(scene, out, "--schedule.max-sweeps", "4", *FIRST) == 0
     vertices, faces = read_mesh(out / "mesh.ply")
     before, faces_before = read_mesh(scene / "mesh.obj")
     assert np.array_equal(faces, faces_before)

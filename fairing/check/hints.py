@@ -18,7 +18,10 @@ MAX_OWN_REPROJECTION = (
 )
 MIN_OWN_SHARE = 0.1  # of the median photo's points found in the photos (ledger: own points judge)
 MAX_CORRECTION = 0.7  # px, median over the photos (ledger: check of cameras)
-MAX_PHOTO_CORRECTION = 3.0  # px, of a photo, and so many times the median
+MAX_PHOTO_CORRECTION, TIMES_MEDIAN = (
+    1.5,
+    3.0,
+)  # of a photo: px, and in medians over the photos (ledger: check of cameras)
 MIN_FOOTPRINT = 8.0  # px
 MAX_BLANK = 0.3  # of the faces that take part
 MIN_IN_FRONT = 0.5  # of the vertices
@@ -55,7 +58,7 @@ def _wrong_cameras(check: SceneCheck) -> list[str]:
         f"photo {view.name}: its camera is off by {view.correction:.1f} px, more than the others; a run corrects it"
         for view in check.views
         if view.correction is not None
-        and view.correction > MAX_PHOTO_CORRECTION * max(1.0, cameras.correction)
+        and view.correction > max(MAX_PHOTO_CORRECTION, TIMES_MEDIAN * cameras.correction)
         and view.name not in cameras.misfits
     ]
     hints += [

@@ -17,6 +17,7 @@ from fairing.geometry.rasterize import rasterize_inverse
 SMOOTHING, SMOOTHING_SIZE = 0.7, 7  # sigma and width of the kernel, px of the photo
 SPACING = 1.5  # px between samples along a crease
 SEGMENT = 14.0  # px
+MARGIN = 3.0  # px left out at both ends of a crease, at most a quarter of it
 MAX_LENGTH = 5000.0  # px: longer projections come from vertices close to the camera's plane
 MIN_SAMPLES = 4  # of a segment, and of a crease
 HIDDEN = 1.5  # px' worth of depth (depth / focal length) behind the nearest surface
@@ -129,7 +130,8 @@ def _samples_along(projected: _Projected, ends: np.ndarray, farthest: np.ndarray
     count = _sample_counts(length)
     row = np.repeat(np.arange(len(ends)), count)
     k = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
-    in_image = (k + 0.5) / count[row]
+    margin = np.minimum(MARGIN / length, 0.25)[row]
+    in_image = margin + (1 - 2 * margin) * (k + 0.5) / count[row]
     # Along the image of a line, inverse depth is linear.
     at_first, at_second = 1 / projected.depth[first][row], 1 / projected.depth[second][row]
     inverse = (1 - in_image) * at_first + in_image * at_second
