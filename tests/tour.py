@@ -39,7 +39,7 @@ SETTLED = 3  # so many shots in a row must be the same
 MOST_SHOTS = 60
 STORY_SCENE, STORY_VERTEX = "building:14", 42
 STORY_STAGES = (StageKind.POINTS, StageKind.AXES, StageKind.SURFACE_POINTS)  # before the photos
-STORY_BELOW = 130  # px, of the caption and the table
+STORY_BELOW = 152  # px, of the caption and the table
 BACKGROUND = (26, 27, 30)
 SHARES = (0.0, 0.3, 0.6, 0.95)  # of the corner's way to the truth, in the row of shots of a run
 
@@ -199,6 +199,7 @@ def _column(visitor: Visitor, moment: int, stage: str) -> np.ndarray:
     column = Image.new("RGB", (width, width + STORY_BELOW), BACKGROUND)
     column.paste(view, (0, 0))
     if not app.controller.state.finished:
+        table.evaluate("element => element.scrollIntoView({block: 'end'})")
         box = visitor.box_of(table)
         pulls = Image.fromarray(_shot(page, (box["x"], box["y"], box["width"], box["height"])))
         pulls = pulls.resize((width - 16, round(pulls.height * (width - 16) / pulls.width)))
