@@ -22,6 +22,7 @@ STYLE = f"""
 .mantine-Flex-root label {{ color: var(--dim); }}
 .mantine-Spotlight-action .mantine-Spotlight-actionDescription {{ color: var(--dim); opacity: 1; }}
 [role=tab][aria-selected=true][role=tab] {{ color: {css(BRAND_TEXT)} !important; }}
+[data-dock-tab] {{ padding: 0 0.55em !important; }} [data-dock-tab] > div:first-child {{ margin-right: 0.35em !important; }}
 div:has(> .ef > .pinned) {{ position: sticky; top: 0; z-index: 5; background: var(--mantine-color-body);
   padding-top: 10px; margin-top: -10px; }}
 div:has(> div > div > div > .ef > .pinned) {{ overflow: clip !important; }}
