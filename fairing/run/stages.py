@@ -44,7 +44,7 @@ class Stage:
 
 @dataclass(frozen=True)
 class Photos(Stage):
-    """Gauss-Newton sweeps of the photos and their priors.
+    """Gauss-Newton sweeps of the photos and the terms beside them.
 
     Attributes:
         tolerance: the stage ends after a sweep that moves no vertex by as much as this, px.

@@ -26,7 +26,7 @@ from fairing.terms.closest_points import average_information, closest_points
 from fairing.terms.image_edges import SEARCHES, image_edges
 from fairing.terms.names import SMOOTHNESS, START
 
-# Of the residuals around a vertex, grey levels^2: the prior to the points fades below it (ledger: prior to points).
+# Of the residuals around a vertex, grey levels^2: the points fade below it (ledger: prior to points).
 POINTS_VARIANCE = 8.0
 # px^2 of the photos: the area over which residuals of what is not on the mesh agree (ledger: prior to the start).
 RESIDUAL_AREA = 10_000.0
