@@ -8,7 +8,7 @@ from app.files.document import NEUTRAL, banner, bullets, document, jpeg_uri, til
 from app.html import text
 from app.palette import BRAND, NOW, REJECTED, SELECTED, START, css
 from app.pictures.check_pictures import HELD_BACK, IN_PART, OUT
-from fairing.check.hints import MAX_PHOTO_CORRECTION
+from fairing.check.hints import is_off_alone
 from fairing.check.result import BLANK_TEXTURE, SceneCheck, ViewCheck
 from fairing.placement.judge import Placement
 from fairing.scene import Scene
@@ -39,7 +39,7 @@ def check_page(scene: Scene, check: SceneCheck, thumbnails: Sequence[np.ndarray]
         bullets("Suggestions", check.suggestions, css(BRAND)),
         bullets("Notes from loading the scene", check.warnings, NEUTRAL),
         _faces(check),
-        _photos(check.views),
+        _photos(check.views, 0.0 if check.cameras is None else check.cameras.correction),
         _pictures(check, thumbnails, overlays),
     ]
     return document(f"Check of {scene.name}", sections)
@@ -122,7 +122,8 @@ def _range(low: float, high: float, whole: bool) -> str:
     return f"{(low + high) / 2:.0f}" if whole and high - low == 1 else f"{low:.1f} to {high:.1f}"
 
 
-def _photos(views: Sequence[ViewCheck]) -> str:
+def _photos(views: Sequence[ViewCheck], correction_of_all: float) -> str:
+    """The table of photos; correction_of_all: median of their corrections, px."""
     most = max((view.faces for view in views), default=0) or 1
     rows = []
     for view in views:
@@ -141,7 +142,7 @@ def _photos(views: Sequence[ViewCheck]) -> str:
             (f"{100 * view.in_front:.0f} %", view.in_front < 0.5),
             (off, (view.reprojection or 0) > 1.5),
             (shift, max(map(abs, view.shift or (0, 0))) > 0.4),
-            (correction, (view.correction or 0) > MAX_PHOTO_CORRECTION),
+            (correction, view.correction is not None and is_off_alone(view.correction, correction_of_all)),
             (exposure, not 0.7 < (view.exposure or 1) < 1.4),
             (f"{100 * view.masked:.0f} %" if view.masked else "–", False),
         ]

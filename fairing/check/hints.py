@@ -42,6 +42,11 @@ _REMEDIES = {
 }
 
 
+def is_off_alone(correction: float, median: float) -> bool:
+    """Whether the camera of a photo is off by more than those of the others; correction of the photo, median of all, px."""
+    return correction > max(MAX_PHOTO_CORRECTION, TIMES_MEDIAN * median)
+
+
 def _wrong_cameras(check: SceneCheck) -> list[str]:
     """Hints about what refinement of the cameras found."""
     cameras = check.cameras
@@ -58,7 +63,7 @@ def _wrong_cameras(check: SceneCheck) -> list[str]:
         f"photo {view.name}: its camera is off by {view.correction:.1f} px, more than the others; a run corrects it"
         for view in check.views
         if view.correction is not None
-        and view.correction > max(MAX_PHOTO_CORRECTION, TIMES_MEDIAN * cameras.correction)
+        and is_off_alone(view.correction, cameras.correction)
         and view.name not in cameras.misfits
     ]
     hints += [

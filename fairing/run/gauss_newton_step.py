@@ -35,6 +35,7 @@ class Proposal(NamedTuple):
 
     Attributes:
         system: normal equations of the photos at the positions before the step.
+        terms: what of the terms beside the photos depends on the block.
         hessians: (u, 3, 3) float: normal matrices of the vertices from the photos alone, energy / world unit^2.
         gradients: (u, 3) float: of all terms, energy / world unit.
         damping: (u,) float, relative.
@@ -47,6 +48,7 @@ class Proposal(NamedTuple):
     """
 
     system: FaceSystem
+    terms: list[Term]
     hessians: np.ndarray
     gradients: np.ndarray
     damping: np.ndarray
@@ -77,7 +79,7 @@ def propose(
     damping, rejections = damping_and_rejections(options, ids, previous)
     system = system or problem.linearise(sweep.context, vertices, block.faces, block.corners, sweep.scale)
     H, g = vertex_systems(mesh, system)
-    terms = terms_around(sweep, block)
+    terms = _terms_around(sweep, block)
     others = linearised_sum(terms, vertices)
     g += others.gradient
     if block.coupled:
@@ -91,7 +93,7 @@ def propose(
     shortened = problem.shortened(sweep.context, vertices, ids, proposed)
     limited = _limited(sweep, vertices, ids, shortened)
     tried, folds = problem.unfolded(vertices, ids, limited)
-    return Proposal(system, H[ids], g[ids], damping, rejections, proposed, shortened, limited, tried, folds)
+    return Proposal(system, terms, H[ids], g[ids], damping, rejections, proposed, shortened, limited, tried, folds)
 
 
 def gauss_newton_step(
@@ -149,8 +151,8 @@ def judge(
         else problem.linearise(sweep.context, after, block.faces, block.corners, sweep.scale)
     )
 
-    old_objective = _objective(sweep, block, system, vertices)
-    new_objective = _objective(sweep, block, new_system, after)
+    old_objective = _objective(proposal.terms, block, system, vertices)
+    new_objective = _objective(proposal.terms, block, new_system, after)
     if block.coupled:
         accepted = np.full(len(ids), new_objective.sum() <= old_objective.sum() * (1 + OBJECTIVE_TOLERANCE))
     else:
@@ -202,7 +204,7 @@ def damping_and_rejections(
     return np.full(len(ids), _usual_damping(options)), np.zeros(len(ids), dtype=np.int64)
 
 
-def terms_around(sweep: SweepState, block: Block) -> list[Term]:
+def _terms_around(sweep: SweepState, block: Block) -> list[Term]:
     """What of the terms beside the photos depends on the vertices of a block."""
     return [*sweep.terms] if block.coupled else [term.around(block.vertices) for term in sweep.terms]
 
@@ -223,10 +225,9 @@ def _limited(sweep: SweepState, vertices: np.ndarray, ids: np.ndarray, steps: np
     return np.where((length > farthest)[:, None], limited, steps)
 
 
-def _objective(sweep: SweepState, block: Block, system: FaceSystem, vertices: np.ndarray) -> np.ndarray:
+def _objective(terms: list[Term], block: Block, system: FaceSystem, vertices: np.ndarray) -> np.ndarray:
     """(u,) float: energy of all terms around each vertex of the block; in a coupled block their sum is that of the mesh."""
     energy = np.bincount(block.owner, weights=system.energy, minlength=len(block.vertices))
-    terms = terms_around(sweep, block)
     if block.coupled:
         return energy + sum(term.total(vertices) for term in terms) / len(energy)
     return energy + sum(term.by_vertex(vertices)[block.vertices] for term in terms)
