@@ -16,7 +16,7 @@ def fair(
 ) -> Session:
     """Fair the mesh of a scene: move its vertices to the positions where the photos agree.
 
-    Sparse points are found in the photos first where `Scene.points_choice` requires it, see `Session.find_points`.
+    Sparse points are found in the photos first where `Scene.points_choice` requires it, see `Session.choose_inputs`.
 
     Args:
         options: default: the preset `accurate`.

@@ -132,7 +132,7 @@ class Scene:
         original_faces: (m_input, 3) int: all faces of the input, as indices of its vertices.
         input_faces: (m,) int: for each face of `mesh` its index in the input.
 
-    `points_choice` is the choice of sparse points that a run still has to make: `Session.find_points` makes it, and its scene has
+    `points_choice` is the choice of sparse points that a run still has to make: `Session.choose_inputs` makes it, and its scene has
     the chosen points as "given" ones. Without it the sparse points are used as they are.
 
     Raises:

@@ -84,7 +84,11 @@ def _loss(found: Assignment, point: int, sigma: float) -> float:
 
 def closest_fit(problem: Problem, vertices: np.ndarray, rounds: int) -> Anchor:
     """Vertices (n, 3) after some rounds of closest points, with the Hessians of the points in the last one."""
-    points, free, places = points_on_mesh(problem, vertices, None), ~problem.locked, vertices
+    points, free, places = (
+        points_on_mesh(problem.scene, problem.observed_points, vertices, None),
+        ~problem.locked,
+        vertices,
+    )
     hessians = np.zeros((len(vertices), 3, 3))
     for _ in range(rounds):
         closest = closest_points(problem.scene.mesh.moved(places), points, vertices)

@@ -14,6 +14,7 @@ from demo_scenes.building.scene import scene_of_plan
 from fairing.judge.associations import REJECTED, axis_edges, image_edges, point_feet, seen_faces
 from fairing.judge.inspect import face_cells
 from fairing.run.session import Session
+from fairing.terms.image_edges import SEARCHES
 from tests.small_building import small_building
 from tests.small_scene import VERTICES, corner_scene, observed, on_the_faces, small_options, sparse_points
 
@@ -41,8 +42,10 @@ def test_a_photo_sees_the_faces_whose_cells_are_taken_from_it():
     assert len(lines) == len(sides), "an edge between two faces is drawn once"
 
 
-def test_image_edges_lie_on_the_true_crease_where_the_mesh_is_off_it():
+def test_image_edges_lie_on_the_true_crease_where_the_mesh_is_off_it(monkeypatch: pytest.MonkeyPatch):
     session = Session(corner_scene((0.03, -0.03, 0.02)), small_options())
+    widest = replace(session.sweep_state(0), edge_search=SEARCHES[0])  # as a start begins that is far off
+    monkeypatch.setattr(session, "sweep_state", lambda moment: widest)
     off, found_off = [], []
     for view, camera in enumerate(v.camera for v in session.scene.views):
         edges = image_edges(session, 0, view)

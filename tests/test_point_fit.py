@@ -22,7 +22,7 @@ from fairing.run.stages import Photos
 from fairing.run.sweep import RESIDUAL_AREA, SweepState, begin_sweep
 from fairing.scene import Scene
 from fairing.solve.normal_equations import vertex_systems
-from fairing.solve.point_split import fitting_points, kept_points, observed_fitting_points, observed_kept_points
+from fairing.solve.point_split import fitting_points, held_out_points, observed_fitting_points, observed_held_out_points
 from fairing.solve.problem import Problem
 from fairing.stage_kind import StageKind
 from fairing.terms.closest_points import closest_points
@@ -61,8 +61,8 @@ def test_points_are_halved_and_none_is_in_both_halves():
     positions = np.random.default_rng(1).standard_normal((7, 3))
     scene = replace(corner_scene(), sparse_points=sparse_points(positions))
     assert np.array_equal(fitting_points(scene), positions[[0, 2, 4, 6]])
-    assert np.array_equal(kept_points(scene), positions[[1, 3, 5]])
-    assert len(fitting_points(corner_scene())) == len(kept_points(corner_scene())) == 0
+    assert np.array_equal(held_out_points(scene), positions[[1, 3, 5]])
+    assert len(fitting_points(corner_scene())) == len(held_out_points(corner_scene())) == 0
 
 
 def test_points_at_vertices_of_the_start_are_not_held_out():
@@ -71,8 +71,8 @@ def test_points_at_vertices_of_the_start_are_not_held_out():
     positions[[7, 8]] = start.vertices[[2, 3]].astype(np.float32)  # as a mesh file rounds them
     scene = observed(corner_scene(), positions)
     twice = scene.sparse_positions
-    assert np.array_equal(kept_points(scene), twice[[p for p in range(1, len(twice), 2) if p not in (15, 17)]])
-    assert len(observed_kept_points(scene)) == len(kept_points(scene))
+    assert np.array_equal(held_out_points(scene), twice[[p for p in range(1, len(twice), 2) if p not in (15, 17)]])
+    assert len(observed_held_out_points(scene)) == len(held_out_points(scene))
     assert len(observed_fitting_points(scene)) == len(fitting_points(scene)) == len(positions)
 
 
@@ -416,7 +416,11 @@ def test_the_points_fade_at_vertices_around_which_photos_agree(monkeypatch):
     points = begin_sweep(problem, level, stage, 0, VERTICES, problem.start).terms[-1]
     assert plain.system is not None
     typical = np.median(np.linalg.eigvalsh(vertex_systems(problem.scene.mesh, plain.system)[0])[:, 2])
-    fitted = closest_points(problem.scene.mesh.moved(VERTICES), points_on_mesh(problem, VERTICES, None), VERTICES)
+    fitted = closest_points(
+        problem.scene.mesh.moved(VERTICES),
+        points_on_mesh(problem.scene, problem.observed_points, VERTICES, None),
+        VERTICES,
+    )
     average = np.einsum("vii->vi", fitted.hessians(VERTICES))
     assert variance.max() > 1.15 * variance.min(), "one factor for all vertices would not do"
     assert isinstance(points, Rows)

@@ -174,7 +174,7 @@ def test_a_run_records_its_points_and_opens_with_them(tmp_path, monkeypatch):
     shutil.rmtree(tmp_path / "cache")
     monkeypatch.setattr(feature_points, "find_points", lambda *_: pytest.fail("points are found again"))
     scene = recorded.load()
-    Session(scene, trace=trace).find_points()
+    Session(scene, trace=trace).choose_inputs()
     assert scene.sparse_points is not None
     assert scene.sparse_points.origin == "own"
     moved = tmp_path / "moved"

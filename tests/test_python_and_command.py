@@ -144,13 +144,13 @@ def test_the_search_is_cancelled_reports_its_progress_and_can_be_skipped(
     def show(fraction: float, line: str) -> None:
         shown.append((fraction, line, session.work.current[0].text))
 
-    session.find_points(show)
+    session.choose_inputs(show)
     assert shown[0][1] == f"refining cameras: keypoints of {len(files.scene.views)} photos"
     assert all(line == text for _, line, text in shown)
     assert [fraction for fraction, *_ in shown] == sorted(fraction for fraction, *_ in shown)
     assert session.scene.sparse_points is not None
     (tmp_path / "points").rename(tmp_path / "elsewhere")
-    skipped.find_points(skip_requested=lambda: True)
+    skipped.choose_inputs(skip_requested=lambda: True)
     assert skipped.scene.sparse_points is None
     assert any("no points were looked for in the photos, on request" in line for line in skipped.warnings)
 

@@ -188,7 +188,7 @@ def test_a_run_refines_the_cameras_of_its_scene_and_keeps_the_result(tmp_path, m
     monkeypatch.setenv("EIGENFAIRING_CACHE", str(tmp_path))
     wrong = replace(turned(exact_scene(), 0.5), cameras_choice="refine")
     session = Session(wrong)
-    session.find_points()
+    session.choose_inputs()
     for view, camera in zip(session.scene.views, refined(0.5).cameras, strict=True):
         np.testing.assert_array_equal(view.camera.image_from_world, camera.image_from_world)
     assert session.scene.given_cameras == tuple(view.camera for view in wrong.views)
@@ -197,7 +197,7 @@ def test_a_run_refines_the_cameras_of_its_scene_and_keeps_the_result(tmp_path, m
     monkeypatch.setattr(refined_once, "refine", lambda *_: pytest.fail("the cache has it"))
     monkeypatch.setattr(feature_points, "find_points", lambda *_: pytest.fail("the cache has them"))
     again = Session(wrong)
-    again.find_points()
+    again.choose_inputs()
     assert json.dumps(again.trace.header) == json.dumps(session.trace.header)
     resumed = Session(wrong, trace=session.trace)
     assert resumed.scene.cameras_choice == "given"
@@ -209,7 +209,7 @@ def test_a_run_whose_given_cameras_were_kept_is_the_run_without_refinement(tmp_p
     monkeypatch.setenv("EIGENFAIRING_CACHE", str(tmp_path))
     sessions = [Session(replace(exact_scene(), cameras_choice=choice)) for choice in ("given", "refine")]
     for session in sessions:
-        session.find_points()
+        session.choose_inputs()
     given, kept = (session.scene for session in sessions)
     assert kept.given_cameras is None
     assert kept.views == given.views
@@ -223,10 +223,10 @@ def test_refinement_in_a_run_can_be_skipped_and_cancelled():
     session = Session(replace(turned(exact_scene(), 0.7), cameras_choice="refine", sparse_points=None))
     session.cancel_requested = lambda: True
     with pytest.raises(Cancelled):
-        session.find_points()
+        session.choose_inputs()
     assert session.scene.cameras_choice == "refine"
     session.cancel_requested = lambda: False
-    session.find_points(skip_requested=lambda: True)
+    session.choose_inputs(skip_requested=lambda: True)
     assert session.scene.given_cameras is None
     assert "cameras were not refined, on request" in session.warnings
 
@@ -260,7 +260,7 @@ def test_the_command_writes_corrected_cameras_and_resumes_with_them(tmp_path):
     assert "iterations" not in report["cameras"]
     python = load_scene(capture, points="own")
     session = Session(python, options)
-    session.find_points()
+    session.choose_inputs()
     recorded = Trace.load(out / "run.trace").header
     assert json.loads(json.dumps(session.trace.header["cameras"])) == recorded["cameras"]
     assert json.loads(json.dumps(session.trace.header["refinement"])) == recorded["refinement"]
@@ -291,7 +291,7 @@ def test_a_run_can_refine_intrinsics_too(tmp_path, monkeypatch):
     focal = {}
     for choice in ("refine", "refine_lens"):
         session = Session(replace(wrong, cameras_choice=choice))
-        session.find_points()
+        session.choose_inputs()
         focal[choice] = session.scene.views[0].camera.K[0, 0]
         focal["error", choice] = session.trace.header["refinement"]["held_out"]["error_after"]
     true, given = (scene.views[0].camera.K[0, 0] for scene in (exact_scene(), wrong))

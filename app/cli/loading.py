@@ -86,7 +86,7 @@ def open_session(
         from fairing.run.session import Session  # imported on first use: the page is served before the engine is loaded
 
         session = Session(load(progress), options, trace)
-        session.find_points(progress, opening.skip_points)
+        session.choose_inputs(progress, opening.skip_points)
         return session
 
     return load_with_bar(source.scene, opened, console, opening.show)

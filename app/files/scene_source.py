@@ -169,7 +169,7 @@ class SceneSource:
         header[_KEY] = {"scene": self.scene, "mesh": self.mesh, "photos": photos, "points": self.points}
 
     def load(self, progress: Progress | None = None, skip_points: Callable[[], bool] = lambda: False) -> "Scene":
-        """The scene; its run finds the sparse points, see `Session.find_points`. Without a mesh they are triangulated here.
+        """The scene; its run finds the sparse points, see `Session.choose_inputs`. Without a mesh they are triangulated here.
 
         Args:
             progress: called with the fraction done and a line while photos are rendered, points found or triangulated.

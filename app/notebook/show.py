@@ -67,7 +67,7 @@ def _frame_of_path(path: Path, height: int) -> Frame:
     trace, source, where = find_run(path, None, None, PhotoChoice())
     with progress(f"Opening {source.scene}") as bar:
         session = Session(source.load(lambda fraction, _: bar(fraction)), trace=trace)
-        session.find_points(lambda fraction, _: bar(fraction))
+        session.choose_inputs(lambda fraction, _: bar(fraction))
     line = outside_photos(source.scene, session.scene.views)
     if line:
         warnings.warn(line, stacklevel=3)

@@ -70,7 +70,7 @@ class SessionResources:
         Raises:
             InputError: `save_to` cannot be written, or the bookmarks cannot be read.
         """
-        session.find_points()
+        session.choose_inputs()
         scene = session.scene
         stage = Stage.of(scene)
         controller = Controller(session, save_to, recorded_in, compilation=compilation)

@@ -71,9 +71,9 @@ def load_scene(
             holds a capture.
         mesh: a mesh file; default: the one that the format names, or the only one in the folder.
         choice: the format, photos left out, masks and weights.
-        points: the sparse points that a run of the scene uses, see `Session.find_points`. A demo scene has a choice of its own
+        points: the sparse points that a run of the scene uses, see `Session.choose_inputs`. A demo scene has a choice of its own
             in place of "automatic".
-        cameras: the cameras that a run of the scene uses, see `Session.find_points`.
+        cameras: the cameras that a run of the scene uses, see `Session.choose_inputs`.
         points_file: the points that a run recorded beside its trace, instead.
         on_progress: called with the finished part, 0 to 1, and a line while points are found, triangulated, or photos rendered.
         skip_requested: polled while points are found; where it returns True, the given ones are triangulated.

@@ -78,10 +78,10 @@ def choose_points(
     """
     n_given = 0 if given is None else given.n_observed
     was_chosen = given is not None and given.origin != "given" and choice in ("automatic", given.origin)
-    if choice == "given" or was_chosen or (choice == "automatic" and are_enough(n_given, n_vertices)):
-        return given, ()
     if choice == "none":
         return None, ()
+    if was_chosen or not needs_found_points(given, choice, n_vertices):
+        return given, ()
 
     def show(done: int, count: int) -> None:
         on_progress(done / count, progress_line(done, len(views)))
@@ -105,6 +105,13 @@ def choose_points(
         return given, (line,)
     points, line = _chosen(choice, given, n_given, found)
     return points, (line,)
+
+
+def needs_found_points(given: SparsePoints | None, choice: PointsChoice, n_vertices: int | None) -> bool:
+    """Whether the points of a choice are found in the photos; arguments as of `choose_points`."""
+    if choice == "automatic":
+        return not are_enough(0 if given is None else given.n_observed, n_vertices)
+    return choice in ("own", "both")
 
 
 def _chosen(

@@ -8,20 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from fairing.creases.edges import find_creases
-from fairing.creases.offsets import measure_offsets
-from fairing.features.points import FeaturePoints
-from fairing.geometry.closest_point import SurfaceTree
-from fairing.geometry.normals import unit_normals
 from fairing.geometry.pixel_size import pixel_size
-from fairing.geometry.triangles import closest_on_triangles
-from fairing.optimize.loss import GemanMcClure
-from fairing.photo import grey_levels
+from fairing.optimize.loss import GemanMcClure, Huber
+from fairing.run.fits import points_on_mesh
 from fairing.run.session import Session
-from fairing.solve.point_split import fitting_points, observed_fitting_points
+from fairing.solve.point_split import observed_fitting_points
 from fairing.terms.axes import relations
-from fairing.terms.closest_points import MAX_DISTANCE, MIN_COSINE
-from fairing.terms.image_edges import SEARCHES
-from fairing.terms.point_rays import points_on_surface
+from fairing.terms.closest_points import feet_of
+from fairing.terms.image_edges import offsets_in
 
 REJECTED = 0.1  # associations whose weight is below this part of the full one hardly pull
 SAME_AXIS = 0.999  # cosine: directions within it of each other are one axis
@@ -100,20 +94,18 @@ def seen_faces(session: Session, moment: int) -> np.ndarray:
 
 
 def image_edges(session: Session, moment: int, view: int) -> ImageEdges:
-    """The image edges that the creases seen in a photo would be drawn to, by the widest search.
+    """The image edges that the creases seen in a photo are drawn to, by the search of the sweep.
 
     Args:
         view: id of the photo.
 
-    Raises:
-        InputError: the photo cannot be read.
+    Raises: as `Session.sweep_state`.
     """
     scene, vertices = session.scene, session.trace.vertices_at(moment)
     camera, faces = scene.views[view].camera, scene.mesh.faces
     creases = find_creases(vertices, faces, session.orientation)
-    reach, scale = SEARCHES[0]
-    photo = grey_levels(scene.views[view].photo.full_depth())
-    found = measure_offsets(photo, camera, vertices, faces, creases, reach)
+    reach, scale = session.sweep_state(moment).edge_search
+    found = offsets_in(scene.views[view], vertices, faces, creases, reach)
     ends = creases.ends[found.crease]
     first, second = vertices[ends[:, 0]], vertices[ends[:, 1]]
     places = first + found.along[:, None] * (second - first)
@@ -151,31 +143,14 @@ def point_feet(session: Session, moment: int) -> PointFeet:
 
     Raises: as `Session.sweep_state`.
     """
-    mesh = session.scene.mesh.moved(session.trace.vertices_at(moment))
-    positions = _points_of_fit(session, moment)
-    if len(positions) == 0:
-        none = np.zeros((0, 3))
-        return PointFeet(none, none, np.zeros(0, dtype=int), np.zeros(0))
-    distance, face = SurfaceTree(mesh).closest(positions)
-    corners = mesh.vertices[mesh.faces]
-    feet = closest_on_triangles(corners[face], positions)
-    longest = MAX_DISTANCE * np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).mean(axis=1)
-    normals, _ = unit_normals(mesh.vertices, mesh.faces)
-    in_front = np.abs(((positions - feet) * normals[face]).sum(axis=1)) >= MIN_COSINE * distance
-    takes_part = (distance < longest[face]) & in_front
-    scale = 1.4826 * float(np.median(distance[takes_part])) if takes_part.any() else 0.0
-    weights = np.where(takes_part, np.minimum(1.0, scale / np.maximum(distance, 1e-300)), 0.0)
-    return PointFeet(positions, feet, face, weights)
-
-
-def _points_of_fit(session: Session, moment: int) -> np.ndarray:
-    """(p, 3) float, world units: the fitting points on the surface; all of them if their photos are not known."""
-    scene = session.scene
-    observed: FeaturePoints = observed_fitting_points(scene)
-    if len(observed) == 0:
-        return fitting_points(scene) if scene.sparse_points is not None else np.zeros((0, 3))
-    near = session.sweep_state(moment).near_points
-    if near is not None:
-        observed = observed.joined(near)
-    mesh, cameras = scene.mesh.moved(session.trace.vertices_at(moment)), [view.camera for view in scene.views]
-    return observed.positions[points_on_surface(mesh, cameras, observed)]
+    scene, vertices = session.scene, session.trace.vertices_at(moment)
+    observed, near = observed_fitting_points(scene), None
+    if len(observed):
+        near = session.sweep_state(moment).near_points
+    elif scene.sparse_points is None:
+        return PointFeet(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0, dtype=int), np.zeros(0))
+    positions = points_on_mesh(scene, observed, vertices, near)
+    feet = feet_of(scene.mesh.moved(vertices), positions, vertices)
+    distance = np.linalg.norm(positions - feet.places, axis=1)
+    weights = np.where(feet.belong, Huber(feet.scale).weight(distance), 0.0)
+    return PointFeet(positions, feet.places, feet.faces, weights)

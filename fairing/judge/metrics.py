@@ -15,7 +15,7 @@ from fairing.mesh import Mesh
 from fairing.run.session import Session
 from fairing.scene import Scene
 from fairing.solve.energy import Evaluator
-from fairing.solve.point_split import kept_points, observed_kept_points
+from fairing.solve.point_split import held_out_points, observed_held_out_points
 from fairing.terms.point_rays import FARTHEST, points_on_surface
 
 SURFACE_SAMPLES = 20_000
@@ -198,8 +198,8 @@ def held_out_distances(scene: Scene, start: np.ndarray, end: np.ndarray) -> Held
     Returns:
         None if the scene has no such points.
     """
-    kept, observed = kept_points(scene), observed_kept_points(scene)
-    if len(kept) == 0:
+    held_out, observed = held_out_points(scene), observed_held_out_points(scene)
+    if len(held_out) == 0:
         return None
     meshes, diagonal = [scene.mesh.moved(vertices) for vertices in (start, end)], scene.mesh.diagonal
     trees = [SurfaceTree(mesh) for mesh in meshes]
@@ -208,10 +208,10 @@ def held_out_distances(scene: Scene, start: np.ndarray, end: np.ndarray) -> Held
         belongs = np.logical_or(*(points_on_surface(mesh, cameras, observed) for mesh in meshes))
         before, after = (tree.distance(observed.positions[belongs]) for tree in trees)
     else:
-        before, after = (tree.distance(kept) for tree in trees)
+        before, after = (tree.distance(held_out) for tree in trees)
         belongs = np.minimum(before, after) < FARTHEST / 100 * diagonal
         before, after = before[belongs], after[belongs]
-    return HeldOutDistances(Distances(before, diagonal), Distances(after, diagonal), len(kept))
+    return HeldOutDistances(Distances(before, diagonal), Distances(after, diagonal), len(held_out))
 
 
 def reprojection_error(scene: Scene, vertices: np.ndarray, determined_only: bool = True) -> np.ndarray:

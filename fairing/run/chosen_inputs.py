@@ -5,8 +5,7 @@ from dataclasses import replace
 
 from fairing.cameras.refinement import Refinement
 from fairing.errors import Cancelled
-from fairing.io.points_choice import are_enough
-from fairing.io.scene_points import Progress, with_points
+from fairing.io.scene_points import Progress, needs_found_points, with_points
 from fairing.run.refined_once import refine_once
 from fairing.scene import Scene
 
@@ -52,9 +51,7 @@ def with_chosen_inputs(
 
 
 def _finds_points(scene: Scene) -> bool:
-    """Whether a run finds points in the photos."""
+    """Whether a run finds points in the photos: also where it found them before, with cameras that are corrected now."""
     points = scene.sparse_points
-    n_given = 0 if points is None else points.n_observed
-    if scene.points_choice == "automatic":
-        return not are_enough(n_given, len(scene.mesh.vertices))
-    return scene.points_choice in ("own", "both") or (points is not None and points.origin == "own")
+    was_found = points is not None and points.origin == "own"
+    return was_found or needs_found_points(points, scene.points_choice, len(scene.mesh.vertices))

@@ -13,6 +13,7 @@ from fairing.optimize.rows import Term
 from fairing.run.history import History
 from fairing.run.stages import Axes, ClosestPoints, PointGates, Stage
 from fairing.run.start_error import measured_start_error
+from fairing.scene import Scene
 from fairing.solve.point_split import fitting_points
 from fairing.solve.problem import Problem
 from fairing.terms.axes import broad_terms, narrow_terms, relations
@@ -90,22 +91,24 @@ class Fit:
         return self._point_fits[surface]
 
 
-def points_on_mesh(problem: Problem, vertices: np.ndarray, near: FeaturePoints | None) -> np.ndarray:
+def points_on_mesh(
+    scene: Scene, observed: FeaturePoints, vertices: np.ndarray, near: FeaturePoints | None
+) -> np.ndarray:
     """(p, 3) float: the fitting points on the surface with vertices (n, 3), or all of them if their photos are not known.
 
     Points of the ground and the background lie near the boundary of the mesh too, but their own photos do not see the mesh at
     their place.
 
     Args:
+        observed: see `observed_fitting_points`.
         near: points near the mesh, which count like those of the capture (ledger: surface sweep).
     """
-    observed = problem.observed_points
     if len(observed) == 0:
-        return fitting_points(problem.scene)
+        return fitting_points(scene)
     if near is not None:
         observed = observed.joined(near)
-    cameras = [view.camera for view in problem.scene.views]
-    return observed.positions[points_on_surface(problem.scene.mesh.moved(vertices), cameras, observed)]
+    cameras = [view.camera for view in scene.views]
+    return observed.positions[points_on_surface(scene.mesh.moved(vertices), cameras, observed)]
 
 
 class Fits:
@@ -185,7 +188,7 @@ def terms_of_sweep(
     if isinstance(stage, Axes) and not stage.is_broad:
         return narrow_terms(vertices, mesh.faces, pixel)
     near, begun = fits.surface_points(history, begins[0], moment), vertices_at(begins[1])
-    closest = closest_points(mesh, points_on_mesh(problem, begun, near), begun)
+    closest = closest_points(mesh, points_on_mesh(problem.scene, problem.observed_points, begun, near), begun)
     average = average_information(closest, vertices, ~problem.locked)
     if isinstance(stage, ClosestPoints):
         return closest, anchor(begun, average)

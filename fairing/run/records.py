@@ -8,7 +8,7 @@ import numpy as np
 from fairing.cells.context import CellContext
 from fairing.run.sweep import SweepState
 from fairing.solve.energy import FaceSystem
-from fairing.solve.point_split import observed_kept_points
+from fairing.solve.point_split import observed_held_out_points
 from fairing.solve.problem import Problem
 from fairing.stage_kind import StageKind
 from fairing.terms.point_judge import points_prefer
@@ -196,11 +196,11 @@ def held_out_points_prefer(problem: Problem, before: np.ndarray, after: np.ndarr
     Args:
         without: the answer where there are no such points, or the run does without points.
     """
-    kept = observed_kept_points(problem.scene)
-    if not any(problem.options.step.points) or len(kept) == 0:
+    held_out = observed_held_out_points(problem.scene)
+    if not any(problem.options.step.points) or len(held_out) == 0:
         return without
     mesh, cameras = problem.scene.mesh, [view.camera for view in problem.scene.views]
-    return points_prefer(mesh.moved(before), mesh.moved(after), cameras, kept)
+    return points_prefer(mesh.moved(before), mesh.moved(after), cameras, held_out)
 
 
 def _energies(evaluation: Evaluation) -> Energies:

@@ -1,6 +1,6 @@
 """Session: a fairing run that can be stepped, stopped, moved back, branched and resumed.
 
-A run is a function of the scene and the options. Its cameras and sparse points are chosen first (`Session.find_points`),
+A run is a function of the scene and the options. Its cameras and sparse points are chosen first (`Session.choose_inputs`),
 then it is planned (`Session.make_plan`), each once; after that every step is computed from the vertices, the recorded
 position in the schedule and the plan alone. A run resumed from its trace therefore writes the same bytes as one that was
 never stopped. Properties never compute: they are functions of trace, options and plan.
@@ -46,7 +46,7 @@ class Session:
         like: a session on the same scene and start, whose photos in memory this one uses.
 
     Attributes:
-        scene: with the chosen cameras and sparse points from `find_points` on.
+        scene: with the chosen cameras and sparse points from `choose_inputs` on.
         moment: the present moment; the next step continues from there.
         cancel_requested: called within long computations, from any thread; where it returns True, the method that computes
             raises `Cancelled` and changes nothing.
@@ -241,7 +241,7 @@ class Session:
 
     # ------------------------------------------------------------------ steps
 
-    def find_points(
+    def choose_inputs(
         self,
         on_progress: Progress = lambda fraction, line: None,
         skip_requested: Callable[[], bool] = lambda: False,
@@ -282,7 +282,7 @@ class Session:
             InputError: no photo sees any face well enough; or the trace's disk is full.
             Cancelled: `cancel_requested` returned True; nothing has changed.
         """
-        self.find_points()
+        self.choose_inputs()
         if self.trace.plan is None:
             began = time.perf_counter()
             planned = make_plan(self._problem)

@@ -50,6 +50,7 @@ class SweepState:
         blocks: in their order.
         pixels_per_unit: (n,) float: largest motion of a vertex in a photo, px per world unit; 0 where unseen.
         near_points: of the surface sweeps of the last fit; None without any.
+        edge_search: for image edges: largest offset, and scale of the loss, px.
         system: normal equations of all faces at the beginning, by all corners, for a first step of all vertices at once; else None.
     """
 
@@ -64,6 +65,7 @@ class SweepState:
     blocks: list[Block]
     pixels_per_unit: np.ndarray
     near_points: FeaturePoints | None
+    edge_search: tuple[float, float]
     system: FaceSystem | None
 
     def longest_move(self, scene: Scene, vertices: np.ndarray) -> float:
@@ -120,8 +122,8 @@ def begin_sweep(
     if level.attraction > 0:
         variance = _vertex_losses(mesh, context, system, sigma**2)
         terms += _points(problem, vertices, near_points, level.attraction * typical, variance)
+    search = _search(level.edge_reach, number)
     if level.creases > 0:
-        search = _search(level.edge_reach, number)
         terms += _edges_and_axes(problem, vertices, search, level.creases * RESIDUAL_AREA * loss, H)
     free = ~problem.locked & (informed | is_smoothed)  # the smoothness prior determines vertices that no photo sees
     movable = free & ((pixels > 0) | is_smoothed)
@@ -138,6 +140,7 @@ def begin_sweep(
         blocks,
         pixels,
         near_points,
+        search,
         system if options.schedule.order == "joint" else None,
     )
 
@@ -196,7 +199,7 @@ def _points(
         strength: energy / world unit^2 in a direction that the points determine as well as an average one.
         variance: (n,) float: of the residuals around each vertex, grey levels^2; 0 where no photo sees the mesh.
     """
-    on_mesh = points_on_mesh(problem, vertices, near_points)
+    on_mesh = points_on_mesh(problem.scene, problem.observed_points, vertices, near_points)
     points = closest_points(problem.scene.mesh.moved(vertices), on_mesh, vertices)
     average = average_information(points, vertices, ~problem.locked)
     if average == 0:

@@ -16,7 +16,7 @@ SAME = 1e-5  # of the mesh's diagonal: mesh files round positions
 
 def fitting_points(scene: Scene) -> np.ndarray:
     """(p, 3) float, world units: the sparse points used for the fit, every second one."""
-    return scene.sparse_positions[~_is_kept(scene)]
+    return scene.sparse_positions[~_is_second(scene)]
 
 
 def observed_fitting_points(scene: Scene) -> FeaturePoints:
@@ -25,16 +25,16 @@ def observed_fitting_points(scene: Scene) -> FeaturePoints:
     They cover all that the photos show, the ground and the background too, so they take part only where their own photos see
     the mesh.
     """
-    return _observed(scene, ~_is_kept(scene))
+    return _observed(scene, ~_is_second(scene))
 
 
-def observed_kept_points(scene: Scene) -> FeaturePoints:
-    """The points kept for evaluation that at least two photos observe, with their observations and covariances."""
+def observed_held_out_points(scene: Scene) -> FeaturePoints:
+    """The points held out for evaluation that at least two photos observe, with their observations and covariances."""
     return _observed(scene, _is_held_out(scene))
 
 
-def kept_points(scene: Scene) -> np.ndarray:
-    """(p, 3) float, world units: the sparse points kept for evaluation."""
+def held_out_points(scene: Scene) -> np.ndarray:
+    """(p, 3) float, world units: the sparse points held out for evaluation."""
     return scene.sparse_positions[_is_held_out(scene)]
 
 
@@ -48,14 +48,14 @@ def _observed(scene: Scene, taking_part: np.ndarray) -> FeaturePoints:
     return FeaturePoints.of_sparse_points(sparse, [view.camera for view in scene.views])
 
 
-def _is_kept(scene: Scene) -> np.ndarray:
+def _is_second(scene: Scene) -> np.ndarray:
     """(p,) bool: the half that no fit uses."""
     return np.arange(len(scene.sparse_positions)) % 2 == 1
 
 
 def _is_held_out(scene: Scene) -> np.ndarray:
     """(p,) bool: that half without points at vertices of the start."""
-    return _is_kept(scene) & ~_are_vertices(scene)
+    return _is_second(scene) & ~_are_vertices(scene)
 
 
 def _are_vertices(scene: Scene) -> np.ndarray:

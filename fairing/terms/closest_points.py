@@ -8,6 +8,8 @@ within the basin of attraction of a vertex; where they agree with the photos, th
 used; reports are evaluated on the others. (ledger: fit to sparse points)
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from fairing.geometry.closest_point import SurfaceTree
@@ -19,25 +21,60 @@ from fairing.optimize.rows import Anchor, Rows
 from fairing.terms.names import POINTS, START
 
 MAX_DISTANCE = 0.5  # of a point to a face, in mean edges of the face: points farther away belong to other surfaces
-MIN_COSINE = (
-    0.5  # between the face normal and the direction to the point: other points lie beyond the boundary of the mesh
-)
+MIN_COSINE = 0.5  # between face normal and direction to the point: others lie beyond the boundary of the mesh
 ROUNDING = 1e-6  # in units of the maximum distance: smaller residuals are equal
 REGULARIZATION = 0.03  # precision of the anchor, relative to the mean diagonal of the normal matrix (ledger)
 
 
-def closest_points(mesh: Mesh, points: np.ndarray, origin: np.ndarray) -> Rows:
-    """The term of points (p, 3) float, world units, whose closest faces are those of a mesh.
+class Feet(NamedTuple):
+    """Points with the closest point of a mesh each.
+
+    Attributes:
+        positions: (q, 3) float: of the points, world units.
+        places: (q, 3) float: of the feet, world units.
+        faces: (q,) int: of the feet.
+        directions: (q, 3) float: unit vectors from the feet to the points; normals where both are the same.
+        belong: (q,) bool: whether the point is taken to lie on the face: it is near it and in front of it.
+        scale: world units: of Huber's loss of those, 1.4826 times their median distance.
+    """
+
+    positions: np.ndarray
+    places: np.ndarray
+    faces: np.ndarray
+    directions: np.ndarray
+    belong: np.ndarray
+    scale: float
+
+
+def feet_of(mesh: Mesh, points: np.ndarray, origin: np.ndarray) -> Feet:
+    """The feet of points (p, 3) float, world units.
 
     Args:
         origin: (n, 3) float, world units: before the fit; edges there say how far a point may be from its face.
     """
     edges = origin[np.roll(mesh.faces, -1, axis=1)] - origin[mesh.faces]
-    max_distance = MAX_DISTANCE * np.linalg.norm(edges, axis=2).mean(axis=1)
-    corners, derivatives, residuals = _residuals(mesh, points, max_distance)
-    measured = 1.4826 * float(np.median(np.abs(residuals))) if len(residuals) else 0.0
-    loss = Huber(max(measured, ROUNDING * float(max_distance.max(initial=1e-300))))
-    return Rows(POINTS, corners, derivatives, residuals, mesh.vertices, np.ones(len(residuals)), loss)
+    reach = MAX_DISTANCE * np.linalg.norm(edges, axis=2).mean(axis=1)
+    distance, face = SurfaceTree(mesh).closest(points)
+    places = closest_on_triangles(mesh.vertices[mesh.faces[face]], points)
+    normals = unit_normals(mesh.vertices, mesh.faces)[0][face]
+    # Beside an edge the direction to the point is no face's normal, and the same for both faces at the edge.
+    equal = ROUNDING * float(reach.max(initial=1e-300))
+    to_point = (points - places) / np.maximum(distance, 1e-300)[:, None]
+    directions = np.where((distance > equal)[:, None], to_point, normals)
+    belong = (distance < reach[face]) & (np.abs((directions * normals).sum(axis=1)) > MIN_COSINE)
+    median = float(np.median(distance[belong])) if belong.any() else 0.0
+    return Feet(points, places, face, directions, belong, max(1.4826 * median, equal))
+
+
+def closest_points(mesh: Mesh, points: np.ndarray, origin: np.ndarray) -> Rows:
+    """The term of points (p, 3) float, world units, whose closest faces are those of a mesh. Arguments as of `feet_of`."""
+    feet = feet_of(mesh, points, origin)
+    kept = feet.belong
+    corners, directions = mesh.faces[feet.faces[kept]], feet.directions[kept]
+    weights = barycentric(mesh.vertices[corners], feet.places[kept])
+    residuals = ((feet.places - feet.positions)[kept] * directions).sum(axis=1)
+    derivatives = weights[:, :, None] * directions[:, None, :]
+    return Rows(POINTS, corners, derivatives, residuals, mesh.vertices, np.ones(len(residuals)), Huber(feet.scale))
 
 
 def average_information(points: Rows, vertices: np.ndarray, free: np.ndarray) -> float:
@@ -56,26 +93,3 @@ def anchor(origin: np.ndarray, average: float) -> Anchor:
     """What holds vertices (n, 3) to where they were before the fit, for points of an average information; 0: nothing else does."""
     precision = REGULARIZATION * (average or 1.0) * np.eye(3)
     return Anchor(START, np.tile(precision, (len(origin), 1, 1)), origin)
-
-
-def _residuals(mesh: Mesh, points: np.ndarray, max_distance: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Point-to-plane residuals of the points (p, 3) float that are within `max_distance` (m,) of their closest face.
-
-    Returns:
-        Vertices of the faces (q, 3) int, derivatives of the residuals with respect to them (q, 3, 3) float, and residuals
-        (q,) float, world units.
-    """
-    distance, face = SurfaceTree(mesh).closest(points)
-    near = distance < max_distance[face]
-    distance, target, corners = distance[near, None], points[near], mesh.faces[face[near]]
-    triangles = mesh.vertices[corners]
-    foot = closest_on_triangles(triangles, target)
-    normals, _ = unit_normals(mesh.vertices, corners)
-    # Beside an edge the direction to the point is no face's normal, and the same for both faces at the edge.
-    to_point = (target - foot) / np.maximum(distance, 1e-300)
-    direction = np.where(distance > ROUNDING * max_distance.max(initial=0), to_point, normals)
-    in_front = np.abs((direction * normals).sum(axis=1)) > MIN_COSINE
-    direction, triangles, foot = direction[in_front], triangles[in_front], foot[in_front]
-    weights = barycentric(triangles, foot)
-    residual = ((foot - target[in_front]) * direction).sum(axis=1)
-    return corners[in_front], weights[:, :, None] * direction[:, None, :], residual

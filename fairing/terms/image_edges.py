@@ -11,7 +11,7 @@ from concurrent.futures import Executor
 
 import numpy as np
 
-from fairing.creases.edges import find_creases
+from fairing.creases.edges import Creases, find_creases
 from fairing.creases.offsets import Offsets, measure_offsets
 from fairing.optimize.loss import GemanMcClure
 from fairing.optimize.rows import Rows
@@ -21,6 +21,11 @@ from fairing.terms.names import IMAGE_EDGES
 
 # px: largest offset, and scale of the loss, in each sweep; the last holds for all further ones. (ledger: stages of the alignment)
 SEARCHES = ((6.0, 2.0), (3.5, 1.2), (2.0, 0.5))
+
+
+def offsets_in(view: View, vertices: np.ndarray, faces: np.ndarray, creases: Creases, reach: float) -> Offsets:
+    """Offsets of creases in a photo; arguments as of `measure_offsets`."""
+    return measure_offsets(grey_levels(view.photo.full_depth()), view.camera, vertices, faces, creases, reach)
 
 
 def image_edges(
@@ -48,7 +53,7 @@ def image_edges(
 
     def measured(view: View) -> Offsets:
         raise_if_cancelled()
-        return measure_offsets(grey_levels(view.photo.full_depth()), view.camera, vertices, faces, creases, reach)
+        return offsets_in(view, vertices, faces, creases, reach)
 
     found = Offsets(*(np.concatenate(part) for part in zip(*executor.map(measured, views), strict=True)))
     derivatives = np.stack([1 - found.along, found.along], axis=1)[:, :, None] * found.px_per_move[:, None]
