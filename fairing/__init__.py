@@ -17,6 +17,8 @@ Files: `read_mesh`, `write_mesh`, and `PhotoChoice`, the part of a capture's pho
 
 Records: `Trace` of `StepRecord`s, each with its `StepReason`; `FlipTrace`, the record of `triangulate`.
 
+Terms: of one's own, `OwnTerm` and its `Residuals`, with the losses `Huber` and `GemanMcClure`; pass them to `fair` or `Session`.
+
 Errors: `InputError`, one line about what cannot be used.
 """
 

@@ -8,6 +8,8 @@ from .io.photo_choice import PhotoChoice as PhotoChoice
 from .judge.inspect import FaceCells as FaceCells
 from .judge.inspect import face_cells as face_cells
 from .mesh import Mesh as Mesh
+from .optimize.loss import GemanMcClure as GemanMcClure
+from .optimize.loss import Huber as Huber
 from .options import PRESETS as PRESETS
 from .options import FairingOptions as FairingOptions
 from .photo import ArrayPhoto as ArrayPhoto
@@ -17,6 +19,8 @@ from .scene import Scene as Scene
 from .scene import SparsePoints as SparsePoints
 from .scene import Truth as Truth
 from .scene import View as View
+from .terms.own import OwnTerm as OwnTerm
+from .terms.own import Residuals as Residuals
 from .trace import StepReason as StepReason
 from .trace import StepRecord as StepRecord
 from .trace import Trace as Trace

@@ -1,10 +1,11 @@
 """`fair`: a complete run in one call."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from fairing.options import FairingOptions
 from fairing.run.session import Session
 from fairing.scene import Scene
+from fairing.terms.own import OwnTerm
 from fairing.trace import StepRecord
 
 
@@ -13,6 +14,7 @@ def fair(
     options: FairingOptions | None = None,
     should_stop: Callable[[], bool] = lambda: False,
     on_step: Callable[[StepRecord], None] = lambda _: None,
+    terms: Sequence[OwnTerm] = (),
 ) -> Session:
     """Fair the mesh of a scene: move its vertices to the positions where the photos agree.
 
@@ -22,6 +24,7 @@ def fair(
         options: default: the preset `accurate`.
         should_stop: called before every step; True ends the run.
         on_step: called with the record of every step.
+        terms: terms of one's own, beside the built-in ones, see `OwnTerm`.
 
     Returns:
         The session after its last step. `session.scene.unweld(session.vertices)` are the positions, (N, 3) float in world
@@ -29,8 +32,8 @@ def fair(
         for the end, as a sentence.
 
     Raises:
-        InputError: an option or the scene cannot be used.
+        InputError: an option, a term or the scene cannot be used.
     """
-    session = Session(scene, options)
+    session = Session(scene, options, terms=terms)
     session.run(should_stop, on_step)
     return session

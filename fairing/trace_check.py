@@ -15,6 +15,8 @@ from fairing.option_check import check_options
 from fairing.options import options_from_dict
 from fairing.util.guards import check_coordinates
 
+OWN_TERMS, TERM_FACTS = "own_terms", ("name", "meaning", "file", "digest")
+"""Key of a header: the terms of one's own, and the facts of each; the digest is that of its code."""
 _LARGEST_COUNT = 1 << 40  # of levels, sweeps, blocks, iterations and rejections
 
 
@@ -39,6 +41,21 @@ def naming_block(place: str) -> Iterator[None]:
         yield
     except (ValueError, OverflowError) as error:  # InputError is a ValueError, too
         raise InputError(f"{place}: {error}") from None
+
+
+def check_own_terms(header: dict[str, Any]) -> None:
+    """Refuse a header whose terms of one's own make no sense.
+
+    Raises:
+        InputError: with what is expected.
+    """
+    found = header.get(OWN_TERMS, [])
+    if not isinstance(found, list) or not all(
+        isinstance(term, dict) and all(isinstance(term.get(fact), str) for fact in TERM_FACTS) for term in found
+    ):
+        raise InputError(
+            f"header: expected {OWN_TERMS} as a list of {', '.join(TERM_FACTS)} each; record the run again"
+        )
 
 
 def read_header(texts: dict[str, str]) -> dict[str, Any]:
@@ -72,6 +89,7 @@ def check_run_header(header: dict[str, Any]) -> None:
     check_options(options_from_dict(header["options"]))
     if not isinstance(header.get("refinement", {}), dict):
         raise InputError("header: expected what refinement of the cameras found, as an object; record the run again")
+    check_own_terms(header)
     points = header.get("sparse_points")
     if points is not None and not (isinstance(points, dict) and {"count", "digest"} <= points.keys()):
         raise InputError("header: expected count and digest of sparse_points, found neither; record the run again")

@@ -57,7 +57,7 @@ def test_dir_shows_the_names_of_the_stub_each_of_which_exists(package: ModuleTyp
 def test_the_docstring_of_the_package_lists_every_name_in_a_group():
     assert fairing.__doc__ is not None
     groups = re.findall(
-        r"^(?:Run|Scenes|Files|Records|Errors): .*?(?=^$|\Z)", fairing.__doc__, re.MULTILINE | re.DOTALL
+        r"^(?:Run|Scenes|Files|Records|Terms|Errors): .*?(?=^$|\Z)", fairing.__doc__, re.MULTILINE | re.DOTALL
     )
     listed = re.findall(r"`(\w+)`", "".join(groups))
     assert set(listed) == set(fairing.__all__)

@@ -23,6 +23,17 @@ class Loss(Protocol):
 
 
 @dataclass(frozen=True)
+class LeastSquares:
+    """r^2 / 2: no residual is rejected."""
+
+    def value(self, residuals: np.ndarray) -> np.ndarray:
+        return 0.5 * residuals**2
+
+    def weight(self, residuals: np.ndarray) -> np.ndarray:
+        return np.ones(residuals.shape)
+
+
+@dataclass(frozen=True)
 class GemanMcClure:
     """s^2 r^2 / (2 (s^2 + r^2)) at scale s: a residual of s has a quarter of the weight, distant ones have none."""
 

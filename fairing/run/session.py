@@ -7,7 +7,7 @@ never stopped. Properties never compute: they are functions of trace, options an
 """
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -21,6 +21,7 @@ from fairing.run.chosen_inputs import with_chosen_inputs
 from fairing.run.manual_edits import manual_step
 from fairing.run.planning import make_plan
 from fairing.run.pulls import Pull
+from fairing.run.recorded_terms import check_terms_of_trace, header_of_terms, recorded_terms
 from fairing.run.schedule import fraction_done, most_blocks
 from fairing.run.stages import Photos, Stage
 from fairing.run.stepper import Stepper, Trial
@@ -32,6 +33,8 @@ from fairing.scene import Scene
 from fairing.solve.energy import FaceSystem
 from fairing.solve.problem import Problem
 from fairing.stage_kind import StageKind
+from fairing.terms.names import BUILT_IN, TERMS
+from fairing.terms.own import OwnTerm, check_terms
 from fairing.trace import SchedulePosition, StepReason, StepRecord, Trace
 from fairing.work import WorkLog
 
@@ -44,6 +47,7 @@ class Session:
         options: default: the preset `accurate`.
         trace: continue this run, under its own options; default: a new run.
         like: a session on the same scene and start, whose photos in memory this one uses.
+        terms: terms of one's own, see `OwnTerm`. A run that was recorded with some can be shown without them, but not continued.
 
     Attributes:
         scene: with the chosen cameras and sparse points from `choose_inputs` on.
@@ -63,7 +67,9 @@ class Session:
         options: FairingOptions | None = None,
         trace: Trace | None = None,
         like: "Session | None" = None,
+        terms: Sequence[OwnTerm] = (),
     ) -> None:
+        check_terms(terms, BUILT_IN)
         if trace is not None:
             scene = scene_of_trace(scene, trace)
             check_same_scene(scene, trace)
@@ -71,8 +77,9 @@ class Session:
         self.options = options or FairingOptions()
         check_options(self.options)
         if trace is None:
-            trace = Trace(header_of(scene, self.options), scene.mesh.vertices, scene.mesh.faces)
-        self.scene, self.trace = scene, trace
+            trace = Trace(header_of(scene, self.options, terms), scene.mesh.vertices, scene.mesh.faces)
+        self.scene, self.trace, self.terms = scene, trace, tuple(terms)
+        TERMS.update(recorded_terms(trace))
         self.moment = len(self.trace)
         self.cancel_requested: Callable[[], bool] = lambda: False
         self.on_photo: Callable[[int, int], None] = lambda done, count: None
@@ -92,7 +99,7 @@ class Session:
             like,
             self.work,
         )
-        self._sweeps = SweepCache(self._problem, self.trace)
+        self._sweeps = SweepCache(self._problem, self.trace, self.terms)
         self._stepper = Stepper(self._problem, self.trace, self._sweeps)
 
     # ------------------------------------------------------------------ state
@@ -215,22 +222,23 @@ class Session:
             raise IndexError(f"moment {moment}: this run has moments 0 to {len(self.trace)}")
         self.moment = moment
 
-    def branch(self, options: FairingOptions | None = None) -> "Session":
-        """A new session with the steps of this one up to the present moment, under the same or other options.
+    def branch(self, options: FairingOptions | None = None, terms: Sequence[OwnTerm] | None = None) -> "Session":
+        """A new session with the steps of this one up to the present moment, under the same or other options and own terms.
 
-        Under other options the sweep of the next step begins anew, and the branch has no plan yet. Both remain if only
+        Under others the sweep of the next step begins anew; under other options the branch has no plan yet. Both remain if only
         the number of threads differs.
         """
-        options = options or self.options
+        options, terms = options or self.options, self.terms if terms is None else tuple(terms)
         trace = self.trace.cut(self.moment)
-        trace.header["options"] = options_to_dict(options)
-        if replace(options, threads=self.options.threads) != self.options:
+        trace.header |= {"options": options_to_dict(options), **header_of_terms(terms)}
+        is_same = replace(options, threads=self.options.threads) == self.options
+        if not is_same:
             trace.plan = None
-            if self.moment and not self.finished:
-                trace.continue_at(self.position._replace(block=0, iteration=0))
-        branch = Session(self.scene, trace=trace, like=self)
+        if (not is_same or terms != self.terms) and self.moment and not self.finished:
+            trace.continue_at(self.position._replace(block=0, iteration=0))
+        branch = Session(self.scene, trace=trace, like=self, terms=terms)
         if branch.options == self.options:
-            branch._sweeps.share(self._sweeps, self.moment)
+            branch._sweeps.share(self._sweeps, self.moment, with_sweeps=terms == self.terms)
             branch._stepper.rehearsed = self._stepper.rehearsed
         return branch
 
@@ -308,6 +316,7 @@ class Session:
             self.moment += 1
             return self.trace.steps[self.moment - 1]
         self.make_plan()
+        check_terms_of_trace(self.trace, self.terms)
         began = time.perf_counter()
         record = self._stepper.step_after(self.moment)
         self.trace.append(record)
@@ -439,6 +448,7 @@ class Session:
         if not 0 <= moment <= len(self.trace):
             raise IndexError(f"moment {moment}: this run has moments 0 to {len(self.trace)}")
         self.make_plan()
+        check_terms_of_trace(self.trace, self.terms)
         return self._stepper.pulls_at(moment)
 
     def trial(self, vertex: int, moment: int | None = None) -> Trial | None:

@@ -1,5 +1,6 @@
 """State of a sweep: visibility, robust scale, the terms of the objective, and the blocks of vertices in their order."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,6 +26,7 @@ from fairing.terms.axes import related, relations
 from fairing.terms.closest_points import average_information, closest_points
 from fairing.terms.image_edges import SEARCHES, image_edges
 from fairing.terms.names import SMOOTHNESS, START
+from fairing.terms.own import OwnTerm, begun
 
 # Of the residuals around a vertex, grey levels^2: the points fade below it (ledger: prior to points).
 POINTS_VARIANCE = 8.0
@@ -84,6 +86,7 @@ def begin_sweep(
     origin: np.ndarray,
     near_points: FeaturePoints | None = None,
     number: int = 0,
+    own_terms: Sequence[OwnTerm] = (),
 ) -> SweepState:
     """Compute visibility, robust scale, terms and blocks.
 
@@ -95,9 +98,10 @@ def begin_sweep(
         origin: (n, 3) float, see `SweepState`.
         near_points: see `SweepState`.
         number: of the sweep in its stage.
+        own_terms: beside the built-in ones.
 
     Raises:
-        InputError: no photo sees any face well enough at the last level.
+        InputError: no photo sees any face well enough at the last level; or a term of one's own failed.
         Cancelled: cancellation was requested.
     """
     options, mesh = problem.options, problem.scene.mesh
@@ -125,6 +129,8 @@ def begin_sweep(
     search = _search(level.edge_reach, number)
     if level.creases > 0:
         terms += _edges_and_axes(problem, vertices, search, level.creases * RESIDUAL_AREA * loss, H)
+    own = [begun(term, problem.scene, vertices, ~problem.locked, typical) for term in own_terms]
+    terms += [term for term in own if term is not None]
     free = ~problem.locked & (informed | is_smoothed)  # the smoothness prior determines vertices that no photo sees
     movable = free & ((pixels > 0) | is_smoothed)
     blocks = plan_blocks(mesh, movable, options.schedule.order, system.energy)

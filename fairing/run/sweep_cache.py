@@ -1,5 +1,6 @@
 """Sweep cache: the sweep states of a recorded run at its moments."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 from fairing.run.fits import Fits
@@ -10,6 +11,7 @@ from fairing.run.sweep import SweepState, begin_sweep
 from fairing.run_plan import RunPlan
 from fairing.solve.problem import Problem
 from fairing.stage_kind import StageKind
+from fairing.terms.own import OwnTerm
 from fairing.trace import SchedulePosition, Trace
 
 MAX_SWEEPS = 4  # so that stepping back and forth does not compute visibility again
@@ -17,10 +19,14 @@ MAX_BYTES = 1 << 26  # of blurred photos that cached sweeps refer to
 
 
 class SweepCache:
-    """Positions in the schedule and sweep states, by moment. States need the plan of the trace; positions do not."""
+    """Positions in the schedule and sweep states, by moment. States need the plan of the trace; positions do not.
 
-    def __init__(self, problem: Problem, trace: Trace) -> None:
-        self._problem, self._trace = problem, trace
+    Args:
+        own_terms: of the objective in sweeps of photos, beside the built-in ones.
+    """
+
+    def __init__(self, problem: Problem, trace: Trace, own_terms: Sequence[OwnTerm] = ()) -> None:
+        self._problem, self._trace, self._own_terms = problem, trace, own_terms
         self._sweeps: list[SweepState] = []  # the most recently used is the last
         self._scheduled: tuple[RunPlan, Schedule] | None = None
         self.fits = Fits(problem, trace)
@@ -103,9 +109,9 @@ class SweepCache:
         """The most recently used sweep; None if the cache is empty."""
         return self._sweeps[-1] if self._sweeps else None
 
-    def share(self, other: "SweepCache", moment: int) -> None:
-        """Take the sweeps of a run with the same past up to a moment."""
-        self._sweeps = [sweep for sweep in other._sweeps if sweep.moment <= moment]
+    def share(self, other: "SweepCache", moment: int, with_sweeps: bool = True) -> None:
+        """Take the fits of a run with the same past up to a moment, and its sweeps, if their terms are the same."""
+        self._sweeps = [sweep for sweep in other._sweeps if with_sweeps and sweep.moment <= moment]
         self.fits.share(other.fits, moment)
 
     def clear(self) -> None:
@@ -129,6 +135,7 @@ class SweepCache:
             history.origin_at(moment),
             near_points=near,
             number=position.sweep - stage.first_sweep,
+            own_terms=self._own_terms,
         )
 
     def _photo_bytes(self) -> int:

@@ -1,6 +1,7 @@
 """Trace headers: the scene, options and library versions of a recorded run."""
 
 import hashlib
+from collections.abc import Sequence
 from dataclasses import replace
 from importlib.metadata import version
 from typing import Any
@@ -12,21 +13,27 @@ from fairing.cameras.corrected_scene import with_cameras
 from fairing.cameras.refinement import Refinement
 from fairing.errors import InputError
 from fairing.options import FairingOptions, options_to_dict
+from fairing.run.recorded_terms import header_of_terms
 from fairing.scene import Scene
+from fairing.terms.own import OwnTerm
 from fairing.trace import Trace
 
 REFINEMENT = "refinement"
 """Key of a header: what refinement of the cameras found, see `Refinement.facts`, and its iterations."""
 
 
-def header_of(scene: Scene, options: FairingOptions) -> dict[str, Any]:
-    """The header of a new trace, see `Trace.header`."""
-    return {
-        "scene": scene.name,
-        "views": [view.name for view in scene.views],
-        "options": options_to_dict(options),
-        "versions": {name: version(name) for name in ("numpy", "scipy", "numba")},
-    } | inputs_of(scene)
+def header_of(scene: Scene, options: FairingOptions, terms: Sequence[OwnTerm] = ()) -> dict[str, Any]:
+    """The header of a new trace, see `Trace.header`; terms: of one's own."""
+    return (
+        {
+            "scene": scene.name,
+            "views": [view.name for view in scene.views],
+            "options": options_to_dict(options),
+            "versions": {name: version(name) for name in ("numpy", "scipy", "numba")},
+        }
+        | inputs_of(scene)
+        | header_of_terms(terms)
+    )
 
 
 def inputs_of(scene: Scene, refinement: Refinement | None = None) -> dict[str, Any]:

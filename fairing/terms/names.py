@@ -15,4 +15,6 @@ TERMS: dict[str, str] = {
     SMOOTHNESS: "vertices that lie off the smoothed mesh",
     START: "vertices that lie off the start; the more, the less the photos agree",
 }
-"""What adds to the energy of each term."""
+"""What adds to the energy of each term; terms of one's own come after the built-in ones once a session has them."""
+
+BUILT_IN = tuple(TERMS)
