@@ -35,6 +35,8 @@ TERM_COLORS: tuple[RGB, ...] = (
     (60, 128, 235), (234, 148, 19), (164, 41, 61), (230, 147, 220), (39, 199, 150), (120, 63, 150),
 )  # fmt: skip
 
+OWN_TERM_COLORS: tuple[RGB, ...] = ((120, 200, 60), (0, 170, 190), (200, 110, 100))  # of terms of one's own
+
 # Kinds of stages, in the order of `fairing.stage_kind.StageKind`; those of a term have its colour. They are told apart by names
 # and patterns, too (`app.pictures.stage_colors`).
 STAGE_COLORS: tuple[RGB, ...] = (

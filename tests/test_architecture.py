@@ -74,6 +74,7 @@ ALLOWED: dict[str, set[str]] = {
     "demo_scenes": DATA | {"fairing.util", "fairing.geometry"},
     "demo_scenes.building": DATA | {"demo_scenes", "fairing.geometry", "fairing.triangulation"},
     "demo_scenes.range_data": DATA | {"demo_scenes", "fairing.geometry", "fairing.registration"},
+    "demo_scenes.terms": {"fairing"},
     "app": DATA | {"fairing.util", "fairing.geometry", "fairing.judge", "app.cli.main"},
     "app.debugger": {"app", "engine"},
     "app.viser_bridge": {"app", "fairing"},

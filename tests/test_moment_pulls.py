@@ -8,7 +8,7 @@ import pytest
 
 from app.debugger.commands import JumpTo, Run
 from app.debugger.controller import Controller
-from app.debugger.moment_pulls import WORDS, moment_pulls
+from app.debugger.moment_pulls import moment_pulls, term_words
 from app.debugger.quantities import StepContext, limits_of, parse_step_condition, quantities_of
 from app.debugger.watch import needs_pulls, parse_watch, value_with_pulls
 from app.layers.pull_arrows import arrow_lines, pull_lines
@@ -66,14 +66,14 @@ def test_conditions_read_the_pulls_at_the_moment_after_the_step(session: Session
         return parse_watch(text, session.scene).evaluate(ask)
 
     pulls = {pull.name: pull for pull in session.pulls(moment)}
-    for word, name in WORDS.items():
+    for word, name in term_words().items():
         px = pulls[name].step_px if name in pulls else np.zeros(len(VERTICES))
         assert value(f"pull({word})") == px.max()
         for vertex in range(len(VERTICES)):
             assert value(f"pull({word}, {vertex})") == px[vertex]
     for share, name in zip(shares(session.pulls(moment)), pulls, strict=True):
         assert value(f"share({name.replace(' ', '_')}, 0)") == pytest.approx(share[0])
-    assert sum(value(f"share({word})") for word in WORDS) == pytest.approx(1)
+    assert sum(value(f"share({word})") for word in term_words()) == pytest.approx(1)
     assert np.isnan(value("pull(photos, 2 + 99)"))
 
 
@@ -121,7 +121,7 @@ def test_a_mistake_in_a_term_is_shown_at_its_place(scene: Scene, text: str, mist
 
 def test_terms_are_offered_and_what_is_offered_is_understood(scene: Scene):
     words = dict(words_for(PageState(Selection((3,)))))
-    assert set(WORDS) <= set(words)
+    assert set(term_words()) <= set(words)
     assert {"pull(photos, 3)", "share(photos, 3)"} <= set(words)
     parse_step_condition("pull(photos, 3) > 1 and share(image_edges) < 0.2", limits_of(scene))
     for condition in ready_made(PageState(Selection((3,)))).values():

@@ -32,7 +32,7 @@ class Planarity(OwnTerm):
             normal = np.cross(b - a, c - a)
             return ((d - a) * normal).sum(axis=1) / np.linalg.norm(normal, axis=1)
 
-        return Residuals(PAIRS, residual)
+        return Residuals(PAIRS, residual, GemanMcClure(0.05))
 
 
 class Pinned(OwnTerm):
@@ -62,21 +62,19 @@ def rows(term: OwnTerm, vertices: np.ndarray) -> OwnRows:
 
 def test_the_gradient_and_the_normal_matrix_are_those_of_the_energy():
     vertices = VERTICES + np.random.default_rng(0).normal(size=VERTICES.shape) * 0.03
-    term = Planarity()
-    term.loss = GemanMcClure(0.05)
-    found = rows(term, vertices)
+    found = rows(Planarity(), vertices)
     linear = found.linearise(vertices)
     energy = lambda x: found.total(x.reshape(-1, 3))  # noqa: E731
     assert linear.gradient.ravel() == pytest.approx(approx_fprime(vertices.ravel(), energy, 1e-7), rel=1e-3, abs=1e-4)
     residuals = lambda x: found.residual(x.reshape(-1, 3))  # noqa: E731
     J = approx_fprime(vertices.ravel(), residuals, 1e-8)
-    weights = found.information * term.loss.weight(residuals(vertices))
+    weights = found.information * found.loss.weight(residuals(vertices))
     assert linear.matrix.toarray() == pytest.approx(J.T * weights @ J, rel=1e-4, abs=1e-3)
     blocks = [linear.matrix.toarray()[3 * v : 3 * v + 3, 3 * v : 3 * v + 3] for v in range(len(vertices))]
     assert found.hessians(vertices) == pytest.approx(np.array(blocks))
     assert found.by_vertex(vertices).sum() == pytest.approx(4 * found.total(vertices))
     assert found.around(np.array([1])).total(vertices) == pytest.approx(
-        sum(found.information * term.loss.value(residuals(vertices))[:1])
+        sum(found.information * found.loss.value(residuals(vertices))[:1])
     )
 
 

@@ -67,6 +67,15 @@ CamerasArgument = Annotated[
         "given.",
     ),
 ]
+TermsArgument = Annotated[
+    tuple[Path, ...],
+    tyro.conf.arg(
+        name="with",
+        metavar="FILE",
+        help="Python files with terms of your own (subclasses of fairing.OwnTerm): their code is executed. The debugger loads "
+        "a file anew when it is saved.",
+    ),
+]
 RunArgument = Annotated[
     Path | None,
     tyro.conf.Positional,

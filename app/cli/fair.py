@@ -1,7 +1,7 @@
 """`fair`: a run without a browser, from a scene to a folder of results."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
@@ -18,6 +18,7 @@ from app.cli.arguments import (
     PointsArgument,
     Preset,
     SceneArgument,
+    TermsArgument,
 )
 from app.cli.interrupt import Interrupt
 from app.cli.lines import note_outside_photos, print_line
@@ -58,6 +59,7 @@ def fair_command(default: FairingOptions) -> Callable[..., int]:
         points: PointsArgument = "automatic",
         photos: PhotosArgument = ALL_PHOTOS,
         cameras: CamerasArgument = "automatic",
+        terms: TermsArgument = (),
         options: Annotated[FairingOptions, tyro.conf.arg(name="")] = default,
     ) -> int:
         """Refine the mesh of a scene without a browser. Writes mesh.ply, report.json and run.trace.
@@ -70,7 +72,7 @@ def fair_command(default: FairingOptions) -> Callable[..., int]:
             resume: Continue the run in `out`, which was recorded on the same scene with the same options. Its cameras are used.
         """
         source = SceneSource.typed(scene, mesh, photos, points, cameras)
-        return fair_to_folder(source, out, preset, options, resume, extras, Console(stderr=True))
+        return fair_to_folder(source, out, preset, options, resume, extras, Console(stderr=True), terms)
 
     return fair
 
@@ -83,6 +85,7 @@ def fair_to_folder(
     resume: bool,
     extras: RunExtras,
     console: Console,
+    terms: Sequence[Path] = (),
 ) -> int:
     """Run to the end or to Ctrl-C and write mesh, report and trace; after the end also the extras.
 
@@ -95,7 +98,7 @@ def fair_to_folder(
     check_options(options)
     beside = extras.other_mesh()
     with locked_output_folder(out):
-        return _fair(source, out, preset, options, resume, extras, beside, console)
+        return _fair(source, out, preset, options, resume, extras, beside, console, terms)
 
 
 def _fair(
@@ -107,6 +110,7 @@ def _fair(
     extras: RunExtras,
     beside: Mesh | None,
     console: Console,
+    terms: Sequence[Path],
 ) -> int:
     began = time.perf_counter()
     trace = _earlier_run(out / TRACE, options) if resume else None
@@ -116,7 +120,7 @@ def _fair(
         source = source.resumed(trace.header, out / TRACE)
     if trace is not None and source.cameras.startswith("refine") and REFINEMENT not in trace.header:
         raise InputError(f"{out / TRACE}: was recorded with the given cameras; continue without --cameras refine")
-    session = open_session(source, console, options, trace)
+    session = open_session(source, console, options, trace, terms=terms)
     scene = session.scene
     if trace is None and (refinement := session.trace.header.get(REFINEMENT)):
         print_line(console, refinement["reason"])

@@ -1,9 +1,10 @@
 """Loading a scene and opening a run with a progress bar."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from rich.console import Console
@@ -68,6 +69,7 @@ def open_session(
     trace: "Trace | None" = None,
     opening: OpeningProgress | None = None,
     load: Callable[[Callable[[float, str], None]], Scene] | None = None,
+    terms: Sequence[Path] = (),
 ) -> "Session":
     """A session on the scene of a source, with its cameras and sparse points. The bar shows what `load_with_points` does.
 
@@ -75,6 +77,7 @@ def open_session(
         options, trace: of the run, see `Session`.
         opening: what is shown of it elsewhere.
         load: loads the scene; default: that of the source.
+        terms: files with terms of one's own.
 
     Raises:
         InputError: the scene, an option or the trace cannot be used.
@@ -84,8 +87,10 @@ def open_session(
 
     def opened(progress: Callable[[float, str], None]) -> "Session":
         from fairing.run.session import Session  # imported on first use: the page is served before the engine is loaded
+        from fairing.terms.own_file import load_terms
 
-        session = Session(load(progress), options, trace)
+        own = load_terms(terms)  # before photos are read: a mistake there is told at once
+        session = Session(load(progress), options, trace, terms=own)
         session.choose_inputs(progress, opening.skip_points)
         return session
 

@@ -30,6 +30,7 @@ from app.cli.arguments import (
     RecordedMeshArgument,
     RecordedSceneArgument,
     SceneArgument,
+    TermsArgument,
     with_current_flags,
 )
 from app.cli.loading import OpeningProgress, open_session
@@ -62,6 +63,7 @@ def view(
     points: PointsArgument = "automatic",
     photos: PhotosArgument = ALL_PHOTOS,
     cameras: CamerasArgument = "automatic",
+    terms: TermsArgument = (),
 ) -> int:
     """Open the debugger on a scene, paused.
 
@@ -81,7 +83,7 @@ def view(
         load = scene_of_lesson(lesson, source)
 
     def open_run(opening: OpeningProgress) -> "Session":
-        session = open_session(source, console, PRESETS[preset], opening=opening, load=load)
+        session = open_session(source, console, PRESETS[preset], opening=opening, load=load, terms=terms)
         if lesson is None or session.scene.name == source.scene:  # a lesson's own scene has no name to find it by
             source.resolved(session.scene.sparse_points).note_in(session.trace.header)
         if save_to is not None:
@@ -111,6 +113,7 @@ def replay(
     page: PageArgument = DEFAULT_PAGE,
     at: str = "start",
     photos: PhotosArgument = ALL_PHOTOS,
+    terms: TermsArgument = (),
 ) -> int:
     """Open the debugger on a recorded run, with the scene and the photos it was recorded on.
 
@@ -123,7 +126,7 @@ def replay(
     wanted = parse_moment_id(at, options_from_dict(trace.header["options"]).n_levels)
 
     def open_run(opening: OpeningProgress) -> "Session":
-        session = open_session(source, Console(stderr=True), trace=trace, opening=opening)
+        session = open_session(source, Console(stderr=True), trace=trace, opening=opening, terms=terms)
         session.go_to(find_moment(trace, wanted))
         return session
 

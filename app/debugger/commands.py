@@ -3,6 +3,7 @@
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass
 from enum import IntEnum
+from pathlib import Path
 from typing import Any
 
 from app.debugger.condition import Condition
@@ -105,6 +106,13 @@ class Branch:
 
 
 @dataclass(frozen=True)
+class LoadTerms:
+    """Branch at the present moment with the terms of one's own that these files define now; the present run is kept."""
+
+    files: tuple[Path, ...]
+
+
+@dataclass(frozen=True)
 class Place:
     """Move vertices manually and continue from there. At a past moment this branches a new run.
 
@@ -188,6 +196,7 @@ Command = (
     | JumpTo
     | Restart
     | Branch
+    | LoadTerms
     | Place
     | Reset
     | Lock

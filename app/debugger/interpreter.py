@@ -15,6 +15,7 @@ from app.debugger.commands import (
     Extent,
     Forward,
     JumpTo,
+    LoadTerms,
     Lock,
     Pause,
     Place,
@@ -41,6 +42,7 @@ from app.debugger.step_text import step_outcome
 from fairing.errors import Cancelled
 from fairing.options import FairingOptions
 from fairing.run.session import Session
+from fairing.terms.own_file import load_terms
 
 STEPS_TIMED = 8  # recent steps in the mean computing time
 
@@ -113,6 +115,11 @@ class Interpreter:
             case Branch(options):
                 self._add(session.branch(options), session.moment)
                 return f"branched at moment {session.moment} with other options; the previous run is kept"
+            case LoadTerms(files):
+                terms = load_terms(files)
+                self._add(session.branch(terms=terms), session.moment)
+                names = ", ".join(term.name for term in terms)
+                return f"branched at moment {session.moment} with {names} as saved; the previous run is kept"
             case Place(vertices, positions):
                 ids = check_vertices(session, vertices)
                 places = check_positions(ids, positions)

@@ -8,8 +8,10 @@ from fairing.run.pulls import Pull, shares, shares_of_all
 from fairing.run.session import Session
 from fairing.terms.names import TERMS
 
-WORDS: dict[str, str] = {name.replace(" ", "_"): name for name in TERMS}
-"""Terms by the word that names them in conditions."""
+
+def term_words() -> dict[str, str]:
+    """Terms by the word that names them in conditions."""
+    return {name.replace(" ", "_"): name for name in TERMS}
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,7 @@ from types import MappingProxyType
 import numpy as np
 
 from app.debugger.condition import ANY, Condition, Quantities, parse_condition
-from app.debugger.moment_pulls import WORDS, MomentPulls, moment_pulls
+from app.debugger.moment_pulls import MomentPulls, moment_pulls, term_words
 from app.debugger.step_text import short_reason, slot_of
 from fairing.cells.visibility import Visibility
 from fairing.errors import Cancelled, InputError
@@ -17,6 +17,7 @@ from fairing.judge.inspect import face_cells
 from fairing.run.session import Session, SweepState
 from fairing.scene import Scene
 from fairing.stage_kind import StageKind
+from fairing.terms.names import TERMS
 from fairing.trace import StepReason, StepRecord
 
 MAX_FACES = 60  # whose cells are computed for one value of `outliers`
@@ -66,7 +67,11 @@ OF_PULLS = frozenset({"pull", "share"})
 PREDICATES = {"about", "stage"}
 STAGE_WORDS: dict[str, StageKind] = {kind.label.replace(" ", "_"): kind for kind in StageKind}
 """Kinds of stages by the word that names them in conditions."""
-ITEM_WORDS: dict[str, tuple[str, ...]] = {"term": tuple(WORDS), "stage": tuple(STAGE_WORDS)}
+
+
+def item_words() -> dict[str, tuple[str, ...]]:
+    """The words that a condition may use for a term and for a kind of stage."""
+    return {"term": tuple(term_words()), "stage": tuple(STAGE_WORDS)}
 
 
 def parse_step_condition(text: str, limits: Mapping[str, int] = MappingProxyType({})) -> Condition:
@@ -80,7 +85,7 @@ def parse_step_condition(text: str, limits: Mapping[str, int] = MappingProxyType
             constant.
     """
     condition = parse_condition(
-        text, set(VALUES), set(FUNCTIONS), limits, items=ITEMS, predicates=PREDICATES, words=ITEM_WORDS
+        text, set(VALUES), set(FUNCTIONS), limits, items=ITEMS, predicates=PREDICATES, words=item_words()
     )
     if condition.is_constant:
         raise InputError(
@@ -168,13 +173,13 @@ def quantities_of(
 
     def pull(term: float, vertex: float = ANY) -> float:
         found = known_pulls()
-        return float("nan") if found is None else _of_any(found.px_of(_TERMS[int(term)]), vertex)
+        return float("nan") if found is None else _of_any(found.px_of(tuple(TERMS)[int(term)]), vertex)
 
     def share(term: float, vertex: float = ANY) -> float:
         found = known_pulls()
         if found is None:
             return float("nan")
-        k = found.index_of(_TERMS[int(term)])
+        k = found.index_of(tuple(TERMS)[int(term)])
         if k is None:
             return 0.0
         return float(found.shares_of_all[k]) if vertex == ANY else _of_vertex(found.shares[k], vertex)
@@ -210,7 +215,6 @@ def quantities_of(
     return Quantities(values, functions)
 
 
-_TERMS = tuple(WORDS.values())
 _STAGES = tuple(STAGE_WORDS.values())
 
 

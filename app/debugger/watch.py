@@ -4,11 +4,11 @@ from app.debugger.condition import Condition, parse_condition
 from app.debugger.moment_pulls import MomentPulls
 from app.debugger.quantities import (
     FUNCTIONS,
-    ITEM_WORDS,
     ITEMS,
     OF_PULLS,
     PREDICATES,
     VALUES,
+    item_words,
     limits_of,
     quantities_of,
 )
@@ -32,7 +32,7 @@ def parse_watch(expression: str, scene: Scene) -> Condition:
         raise InputError("watch: expected an expression such as energy / 1000 or moved(0)")
     names, functions = set(VALUES) - COMPUTED, set(FUNCTIONS) - COMPUTED
     watch = parse_condition(
-        expression, names, functions, limits_of(scene), "watch", ITEMS, PREDICATES, COMPUTED, ITEM_WORDS
+        expression, names, functions, limits_of(scene), "watch", ITEMS, PREDICATES, COMPUTED, item_words()
     )
     if watch.is_constant:
         raise InputError(

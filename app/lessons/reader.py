@@ -18,7 +18,7 @@ from importlib.resources import files
 from pathlib import Path
 
 from app.debugger.condition import Condition, parse_condition
-from app.debugger.quantities import ITEM_WORDS
+from app.debugger.quantities import item_words
 from app.lessons.engine_actions import Advance, EngineAction
 from app.lessons.facts import FUNCTIONS, VALUES
 from app.lessons.lesson import ANY_SCENE, Kept, Lesson, LessonStep, Question, Switches
@@ -149,7 +149,7 @@ def numbers_in(text: str) -> list[str]:
 
 
 def _expression(text: str, kept: set[str]) -> Condition:
-    return parse_condition(text, {*VALUES, *kept}, set(FUNCTIONS), items={"pull": "term"}, words=ITEM_WORDS)
+    return parse_condition(text, {*VALUES, *kept}, set(FUNCTIONS), items={"pull": "term"}, words=item_words())
 
 
 def _question(written: str) -> Question:

@@ -13,6 +13,7 @@ from app.debugger.engine_compilation import EngineCompilation
 from app.debugger.error_history import RunErrors, knows_truth
 from app.debugger.history import EnergyHistory, PathHistory
 from app.debugger.run_state import RunState
+from app.debugger.term_files import TermFiles
 from app.experiments.experiment_runner import ExperimentRunner
 from app.layers.cameras import Thumbnails
 from app.pictures.photo_store import PhotoStore
@@ -49,6 +50,7 @@ class SessionResources:
     experiments: ExperimentRunner
     change_scene: ChangeScene
     refinement: RecordedRefinement | None
+    term_files: TermFiles
 
     @classmethod
     def open(
@@ -92,6 +94,7 @@ class SessionResources:
             ExperimentRunner(scene, scene.name, controller.republish),
             change_scene,
             RecordedRefinement.of(scene, session.trace.header),
+            TermFiles(session.terms, controller.post),
         )
 
     def for_page(self) -> "SessionResources":
@@ -113,6 +116,7 @@ class SessionResources:
 
     def close(self) -> None:
         """End the controller, which closes the trace's file, and the workers."""
+        self.term_files.close()
         self.controller.close()
         self.texturer.close()
         self.background.close()

@@ -4,7 +4,7 @@ from collections.abc import Callable, Set
 
 import viser
 
-from app.debugger.moment_pulls import WORDS
+from app.debugger.moment_pulls import term_words
 from app.debugger.quantities import FUNCTIONS, ITEMS, STAGE_WORDS, VALUES
 from app.html import text
 from app.page_state.page_state import PageState
@@ -78,8 +78,8 @@ def words_for(page_state: PageState) -> list[Word]:
             return f"{function}(points)"
         return f"{function}({item if chosen[item] is None else chosen[item]})"
 
-    terms = ((word, f"term: {TERMS[name]}") for word, name in WORDS.items())
-    stages = ((word, f"stage: {kind.text}") for word, kind in STAGE_WORDS.items() if word not in WORDS)
+    terms = ((word, f"term: {TERMS[name]}") for word, name in term_words().items())
+    stages = ((word, f"stage: {kind.text}") for word, kind in STAGE_WORDS.items() if word not in term_words())
     return [*VALUES.items(), *((call(name), meaning) for name, meaning in FUNCTIONS.items()), *terms, *stages]
 
 

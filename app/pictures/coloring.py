@@ -4,7 +4,7 @@ Faces read their colours from a small texture of the scale, so that values rathe
 vertices. Viser's tone mapping makes the mesh slightly brighter than the legend (ledger: surface colours).
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
@@ -18,7 +18,7 @@ from fairing.judge import quantities
 from fairing.judge.face_residuals import FaceResiduals, face_residuals
 from fairing.run.session import Session
 from fairing.scene import Scene
-from fairing.terms.names import PHOTOS
+from fairing.terms.names import PHOTOS, TERMS
 from fairing.trace import StepReason
 
 SHADES = 256
@@ -69,7 +69,7 @@ class Coloring:
         unknown: why values are unknown; may be empty.
         of_photo: returns the values (m,) in one photo (its index), or over all photos (None); None: not known by photo.
         of_pulls: returns the values (n,) from the pulls at a moment and the term chosen by the page.
-        categories: value, name and colour of each, for `Scale.CATEGORY`.
+        categories: returns value, name and colour of each, for `Scale.CATEGORY`.
     """
 
     label: str
@@ -81,12 +81,18 @@ class Coloring:
     unknown: str = ""
     of_photo: Callable[[FaceResiduals, int | None], np.ndarray] | None = None
     of_pulls: Callable[[MomentPulls, str], np.ndarray] | None = None
-    categories: tuple[tuple[int, str, RGB], ...] = ()
+    categories: Callable[[], Sequence[tuple[int, str, RGB]]] = tuple
 
 
 DIFFERENCE, STRONGEST, PULL = "difference", "strongest", "pull"
-REASON_CATEGORIES = tuple((int(reason), name, color) for reason, (name, color) in REASON_COLORS.items())
-TERM_CATEGORIES = tuple((k, name, color) for k, (name, color) in enumerate(COLOR_OF_TERM.items()))
+
+
+def _reasons() -> list[tuple[int, str, RGB]]:
+    return [(int(reason), name, color) for reason, (name, color) in REASON_COLORS.items()]
+
+
+def _terms() -> list[tuple[int, str, RGB]]:
+    return [(k, name, COLOR_OF_TERM[name]) for k, name in enumerate(TERMS)]
 
 
 def _no_reference(session: Session, moment: int) -> np.ndarray:
@@ -135,11 +141,11 @@ COLORINGS: dict[str, Coloring] = {
     ),
     "reason": Coloring(
         "Last step", "Last step of each vertex", "", False, Scale.CATEGORY, quantities.last_reason, unknown=NO_STEP,
-        categories=REASON_CATEGORIES,
+        categories=_reasons,
     ),
     STRONGEST: Coloring(
         *("Strongest pull", "Term with the longest part of the next step", "", False, Scale.CATEGORY, _strongest_pull),
-        unknown="no step", of_pulls=lambda found, _: found.strongest(), categories=TERM_CATEGORIES,
+        unknown="no step", of_pulls=lambda found, _: found.strongest(), categories=_terms,
     ),
     PULL: Coloring(
         *("One pull", "Part of a term in the next step", "px", False, Scale.LINEAR, _photo_pull), of_pulls=MomentPulls.px_of
@@ -207,7 +213,7 @@ def color_mesh(coloring: Coloring, values: np.ndarray, vertices: np.ndarray, fac
     if coloring.scale is Scale.CATEGORY:
         corners, owner = _around_each_vertex(vertices, faces)
         at, legend = _by_category(coloring, values)
-        colors = np.array([color for _, _, color in coloring.categories], dtype=np.uint8)
+        colors = np.array([color for _, _, color in coloring.categories()], dtype=np.uint8)
         corner_at = at[owner]
     else:
         corners = vertices[faces].reshape(-1, 3)
@@ -252,10 +258,10 @@ def _by_value(coloring: Coloring, values: np.ndarray) -> tuple[np.ndarray, Legen
 def _by_category(coloring: Coloring, values: np.ndarray) -> tuple[np.ndarray, Legend]:
     """Position of each category in the texture, 0 to 1, NaN where unknown; and the legend."""
     at = np.full(len(values), np.nan)
-    categories = []
-    for k, (value, name, color) in enumerate(coloring.categories):
+    categories, known = [], coloring.categories()
+    for k, (value, name, color) in enumerate(known):
         chosen = values == value
-        at[chosen] = k / (len(coloring.categories) - 1)
+        at[chosen] = k / (len(known) - 1)
         if chosen.any():
             categories.append((name, color, int(chosen.sum())))
     return at, Legend(coloring, unknown=int(np.isnan(values).sum()), categories=tuple(categories))

@@ -1,6 +1,14 @@
 """Colours of the terms of the objective, for arrows, legends, tables and surfaces."""
 
-from app.palette import RGB, TERM_COLORS
-from fairing.terms.names import TERMS
+from app.palette import OWN_TERM_COLORS, RGB, TERM_COLORS
+from fairing.terms.names import BUILT_IN, TERMS
 
-COLOR_OF_TERM: dict[str, RGB] = dict(zip(TERMS, TERM_COLORS, strict=True))
+
+class _TermColors(dict[str, RGB]):
+    """Colours of the built-in terms; those of one's own take further ones in turn."""
+
+    def __missing__(self, name: str) -> RGB:
+        return OWN_TERM_COLORS[(list(TERMS).index(name) - len(BUILT_IN)) % len(OWN_TERM_COLORS)]
+
+
+COLOR_OF_TERM = _TermColors(zip(BUILT_IN, TERM_COLORS, strict=True))

@@ -47,10 +47,12 @@ class Residuals:
     Attributes:
         ids: (r, c) int: the vertices that each residual depends on.
         residual: from vertices (n, 3) float, world units, to (r,) float.
+        loss: of the residuals, in their unit.
     """
 
     ids: np.ndarray
     residual: Callable[[np.ndarray], np.ndarray]
+    loss: Loss = field(default_factory=LeastSquares)
 
 
 class OwnTerm:
@@ -59,13 +61,11 @@ class OwnTerm:
     Attributes:
         name: a word or two, as in tables and conditions.
         strength: 1: at an average vertex it determines as much as the photos do.
-        loss: of the residuals, in their unit.
         file: with the code of the subclass; empty where it was typed, as in a notebook.
     """
 
     name: str = ""
     strength: float = 0.3
-    loss: Loss = LeastSquares()
     file: str = ""
     _code: bytes = b""
 
@@ -90,8 +90,8 @@ class OwnTerm:
 
     @property
     def digest(self) -> str:
-        """Changes with its code, strength and loss."""
-        return hashlib.blake2b(self._code + repr((self.strength, self.loss)).encode(), digest_size=16).hexdigest()
+        """Changes with its code and strength."""
+        return hashlib.blake2b(self._code + repr(self.strength).encode(), digest_size=16).hexdigest()
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,7 +169,7 @@ def begun(term: OwnTerm, scene: Scene, vertices: np.ndarray, free: np.ndarray, t
             )
         return values
 
-    rows = OwnRows(term.name, ids, residual, term.loss, 1.0, STEP * scene.mesh.diagonal, _apart(ids, len(vertices)))
+    rows = OwnRows(term.name, ids, residual, found.loss, 1.0, STEP * scene.mesh.diagonal, _apart(ids, len(vertices)))
     diagonal = np.einsum("vii->vi", rows.hessians(vertices))[free]
     determined = diagonal[diagonal > 0]
     if len(determined) == 0 or term.strength == 0:

@@ -1,0 +1,109 @@
+"""Terms of one's own in the debugger: loaded from a file, shown like the others, loaded anew when the file is saved."""
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import demo_scenes
+from app.debugger.commands import Extent, Forward
+from app.debugger.controller import Controller
+from app.debugger.moment_pulls import moment_pulls
+from app.debugger.quantities import StepContext, quantities_of
+from app.debugger.term_files import TermFiles
+from app.debugger.watch import parse_watch
+from app.pictures.term_colors import COLOR_OF_TERM
+from fairing.errors import InputError
+from fairing.run.session import Session
+from fairing.terms.own_file import load_terms
+from tests.small_scene import corner_scene, small_options
+from tests.waiting import wait_for
+
+EXAMPLES = Path(demo_scenes.__file__).parent / "terms"
+
+
+def example(tmp_path: Path, name: str = "planarity") -> Path:
+    return Path(shutil.copy(EXAMPLES / f"{name}.py", tmp_path))
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("file", sorted(EXAMPLES.glob("[a-z]*.py")), ids=lambda file: file.stem)
+def test_every_example_pulls(file: Path):
+    (term,) = load_terms([file])
+    session = Session(corner_scene(), small_options(), terms=[term])
+    session.step()
+    pulls = {pull.name: pull for pull in session.pulls()}
+    assert file.stem in pulls
+    assert np.isfinite(pulls[file.stem].step).all()
+
+
+@pytest.mark.compiled
+def test_conditions_and_colours_know_the_term(tmp_path):
+    session = Session(corner_scene(), small_options(), terms=load_terms([example(tmp_path)]))
+    session.step()
+    ask = quantities_of(session.trace.steps[0], 1, StepContext(session, session.trace.start))
+    value = parse_watch("pull(planarity, 0)", session.scene).evaluate(ask)
+    found = moment_pulls(session, 1)
+    assert value == found.px_of("planarity")[0]
+    assert COLOR_OF_TERM["planarity"] not in [COLOR_OF_TERM[name] for name in ("photos", "points", "start")]
+
+
+MISTAKES = {
+    "this is no Python": ("SyntaxError", r"mine.py, line 1: "),
+    "import fairing\nx = 1 / 0\n": ("ZeroDivisionError", r"mine.py, line 2: ZeroDivisionError"),
+    "x = 1\n": ("none", r"expected subclasses of fairing.OwnTerm, found none"),
+    "import fairing\nclass A(fairing.OwnTerm):\n    pass\n": ("name", r"expected a name of words"),
+}
+
+
+@pytest.mark.parametrize("code", MISTAKES, ids=[name for name, _ in MISTAKES.values()])
+def test_mistakes_in_a_file_are_one_line(code: str, tmp_path):
+    file = tmp_path / "mine.py"
+    file.write_text(code)
+    with pytest.raises(InputError, match=MISTAKES[code][1]):
+        load_terms([file])
+
+
+def test_a_file_that_is_missing_is_named():
+    with pytest.raises(InputError, match=r"missing.py: expected a Python file"):
+        load_terms([Path("missing.py")])
+
+
+@pytest.mark.compiled
+def test_a_saved_file_branches_the_run_and_a_mistake_pauses_it(tmp_path):
+    file = example(tmp_path)
+    session = Session(corner_scene(), small_options(), terms=load_terms([file]))
+    controller = Controller(session)
+    files = TermFiles(session.terms, controller.post)
+    try:
+        controller.post(Forward(Extent.ITERATION))
+        state = controller.wait_until_idle()
+        first = state.run_id
+        assert state.moment == 1
+        file.write_text(file.read_text().replace("strength = 0.3", "strength = 5.0"))
+        wait_for(lambda: controller.state.run_id != first)
+        state = controller.wait_until_idle()
+        assert state.moment == 1
+        assert "planarity as saved" in state.reason
+        file.write_text(file.read_text().replace("residual(vertices):", "residual(vertices)"))
+        wait_for(lambda: "line" in controller.state.problem)
+        assert len(controller.state.runs) == 2
+        assert "planarity.py, line" in controller.state.problem
+    finally:
+        files.close()
+        controller.close()
+
+
+@pytest.mark.slow
+def test_the_command_fairs_with_a_term_and_continues_with_the_same_alone(tmp_path):
+    file, out = example(tmp_path, "rigidity"), tmp_path / "out"
+    fair = [sys.executable, "-m", "app", "fair", "cube", "--out", str(out), "--schedule.blur", "2"]
+
+    def run(*flags: str) -> subprocess.CompletedProcess:
+        return subprocess.run([*fair, *flags], capture_output=True, text=True, timeout=600, check=False)
+
+    assert run("--with", str(file)).returncode == 0
+    assert run("--resume", "--with", str(file)).returncode == 0
