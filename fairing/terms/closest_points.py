@@ -23,7 +23,8 @@ from fairing.terms.names import POINTS, START
 MAX_DISTANCE = 0.5  # of a point to a face, in mean edges of the face: points farther away belong to other surfaces
 MIN_COSINE = 0.5  # between face normal and direction to the point: others lie beyond the boundary of the mesh
 ROUNDING = 1e-6  # in units of the maximum distance: smaller residuals are equal
-REGULARIZATION = 0.03  # precision of the anchor, relative to the mean diagonal of the normal matrix (ledger)
+# Precision of the anchor, relative to the mean diagonal of the normal matrix (ledger: regularization of the fit).
+REGULARIZATION = 0.03
 
 
 class Feet(NamedTuple):
