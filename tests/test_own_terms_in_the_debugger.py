@@ -107,3 +107,14 @@ def test_the_command_fairs_with_a_term_and_continues_with_the_same_alone(tmp_pat
 
     assert run("--with", str(file)).returncode == 0
     assert run("--resume", "--with", str(file)).returncode == 0
+
+
+@pytest.mark.compiled
+def test_the_readme_s_term_runs_as_it_is_written():
+    readme = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
+    (code,) = (block for block in readme.split("```python")[1:] if "OwnTerm" in block.split("```")[0])
+    names: dict = {}
+    exec(code.split("```")[0], names)
+    session = Session(corner_scene(), small_options(), terms=[names["Rigidity"]()])
+    session.step()
+    assert "rigidity" in {pull.name for pull in session.pulls()}

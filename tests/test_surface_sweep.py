@@ -114,9 +114,9 @@ def test_the_correlation_is_that_of_the_windows():
     assert second[9, 12] < 0.9
 
 
-def test_the_place_of_the_best_score_is_that_of_a_parabola_and_0_where_it_is_at_an_end_or_too_small():
+def test_the_place_of_the_best_score_is_that_of_a_parabola_and_0_where_it_is_at_an_end_or_below_0():
     places = np.arange(7.0)
-    profiles = [0.9 - 0.05 * (places - 3.3) ** 2, 0.9 - 0.01 * places, 0.3 - 0.05 * (places - 3.3) ** 2]
+    profiles = [0.9 - 0.05 * (places - 3.3) ** 2, 0.9 - 0.01 * places, -0.1 - 0.05 * (places - 3.3) ** 2]
     scores = np.array(profiles, np.float32).T[:, None].copy()
     place, top = np.empty((1, 3), np.float32), np.empty((1, 3), np.float32)
     surface_sweep._peaks(scores, place, top)

@@ -18,16 +18,12 @@ SMOOTHING, SMOOTHING_SIZE = 0.7, 7  # sigma and width of the kernel, px of the p
 SPACING = 1.5  # px between samples along a crease
 SEGMENT = 14.0  # px
 MARGIN = 3.0  # px left out at both ends of a crease, at most a quarter of it
-MAX_LENGTH = 5000.0  # px: longer projections come from vertices close to the camera's plane
 MIN_SAMPLES = 4  # of a segment, and of a crease
 HIDDEN = 1.5  # px' worth of depth (depth / focal length) behind the nearest surface
-BORDER = 3.0  # px from a profile to the border of the photo
 STEP = 0.25  # px between samples of a profile
 HALF_STEPS = 2  # the derivative is taken over +- this many steps
 CORRELATION = 2.5  # px along the crease over which residuals of the profiles agree
-MIN_NOISE = 0.5  # grey levels per px
 MIN_SIGNIFICANCE = 3.0  # of a peak, in units of its noise; three times as much has full weight
-LEAST_UNIQUENESS = 0.05  # weight of a peak that another one equals
 CONCAVE_WEIGHT = 0.3  # concave creases have contact shadows and reflections beside them (ledger: creases)
 BATCH = 28_000  # samples of a profile taken at a time; OpenCV maps at most 32,767 rows
 
@@ -66,7 +62,9 @@ def measure_offsets(
     direction = uv[second] - uv[first]
     with np.errstate(invalid="ignore"):
         length = np.linalg.norm(direction, axis=1)
-        shown = (depth[first] > 0) & (depth[second] > 0) & (length >= MIN_SAMPLES * SPACING) & (length < MAX_LENGTH)
+        # Longer than the photo's sides together: from vertices close to the camera's plane.
+        shown = (length >= MIN_SAMPLES * SPACING) & (length < camera.width + camera.height)
+        shown &= (depth[first] > 0) & (depth[second] > 0)
     seen = np.flatnonzero(shown)
     if len(seen) == 0:
         return _none()
@@ -75,13 +73,20 @@ def measure_offsets(
     inverse_depth = rasterize_inverse(vertices, faces, camera)[1]
     farthest = cv2.erode(inverse_depth.astype(np.float32), np.ones((3, 3)))
     projected = _Projected(camera, vertices, uv, depth)
+    places = _places(reach)
     batch = np.cumsum(_sample_counts(length[seen])) // BATCH
     batches = np.array_split(seen, np.flatnonzero(np.diff(batch)) + 1)
     parts = []
     for ids in batches:
-        samples = _samples_along(projected, creases.ends[ids], farthest, reach + BORDER)
-        parts.append(_measured(image, projected, creases, ids, samples, reach))
+        samples = _samples_along(projected, creases.ends[ids], farthest, places[-1])
+        parts.append(_measured(image, projected, creases, ids, samples, places))
     return Offsets(*(np.concatenate(values) for values in zip(*parts, strict=True)))
+
+
+def _places(reach: float) -> np.ndarray:
+    """Samples of a profile, px from the crease: up to the reach, and what the derivative there needs."""
+    steps = round(reach / STEP) + 2 * HALF_STEPS
+    return np.arange(-steps, steps + 1) * STEP
 
 
 class _Projected(NamedTuple):
@@ -152,24 +157,23 @@ def _samples_along(projected: _Projected, ends: np.ndarray, farthest: np.ndarray
 
 
 def _measured(
-    image: np.ndarray, projected: _Projected, creases: Creases, ids: np.ndarray, samples: _Samples, reach: float
+    image: np.ndarray, projected: _Projected, creases: Creases, ids: np.ndarray, samples: _Samples, places: np.ndarray
 ) -> Offsets:
     """Offsets of the segments of creases `ids` (c,); see `measure_offsets`.
 
     Args:
         image: (height, width, 3) float32: the smoothed photo.
+        places: see `_places`.
     """
     row, along, pixels, across, starts, sizes = samples
     if len(row) == 0:
         return _none()
-    steps = round((reach + 2 * HALF_STEPS * STEP) / STEP)
-    places = np.arange(-steps, steps + 1) * STEP
     x, y = _places_across(pixels, across, places)
     profile = cv2.remap(image, x, y, cv2.INTER_LINEAR)
     contrast, variance = _slopes(profile, starts, sizes)
     independent = np.maximum(1.0, sizes * SPACING / CORRELATION)
-    noise = np.sqrt(variance / independent[:, None] + MIN_NOISE**2)
-    offset, weight = _peaks(contrast, noise, places[HALF_STEPS:-HALF_STEPS], reach)
+    noise = np.sqrt(variance / independent[:, None])
+    offset, weight = _peaks(contrast, noise, places[HALF_STEPS:-HALF_STEPS])
     centre, own = np.add.reduceat(along, starts) / sizes, ids[row[starts]]
     first, second = projected.vertices[creases.ends[own]].transpose(1, 0, 2)
     J = projected.camera.J_image_wrt_point(first + centre[:, None] * (second - first))
@@ -219,8 +223,9 @@ def _slopes(profile, starts, sizes):
     return contrast, variance
 
 
-def _peaks(contrast: np.ndarray, noise: np.ndarray, places: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
+def _peaks(contrast: np.ndarray, noise: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Place and weight (s,) of the largest local maximum of each profile (s, p) within the reach; weight 0 without one."""
+    reach = places[-1] - HALF_STEPS * STEP
     is_peak = np.zeros(contrast.shape, dtype=bool)
     inner = contrast[:, 1:-1]
     is_peak[:, 1:-1] = (inner >= contrast[:, :-2]) & (inner > contrast[:, 2:])
@@ -230,11 +235,11 @@ def _peaks(contrast: np.ndarray, noise: np.ndarray, places: np.ndarray, reach: f
     left, top, right = (contrast[rows, best + shift] for shift in (-1, 0, 1))
     curvature = left - 2 * top + right
     shift = np.where(curvature < 0, 0.5 * (left - right) / np.where(curvature < 0, curvature, 1.0), 0.0)
-    significance = top / noise[rows, best]
+    significance = top / np.maximum(noise[rows, best], 1e-300)
     others = score.copy()
     for neighbour in (-1, 0, 1):
         others[rows, best + neighbour] = 0
-    uniqueness = np.clip(1 - others.max(axis=1) / np.maximum(top, 1e-300), LEAST_UNIQUENESS, 1)
+    uniqueness = np.clip(1 - others.max(axis=1) / np.maximum(top, 1e-300), 0, 1)  # 0: another one equals it
     counts = (score[rows, best] > 0) & (significance > MIN_SIGNIFICANCE)
     weight = np.where(counts, np.minimum(significance / MIN_SIGNIFICANCE, 3) / 3 * uniqueness, 0.0)
     return places[best] + STEP * shift, weight

@@ -42,19 +42,11 @@ SMOOTHING = 0.5
 MIDDLE_GREY = 128.0
 """Subtracted from grey levels, for accuracy: sums of squares are in single precision."""
 NOISE = 4.0
-"""Grey levels^2: added to the variances of a window ..."""
-LEAST_VARIANCE = 1.5 * NOISE
-"""... and their least sum for it to have texture."""
-LEAST_CORRELATION = 0.6
-"""Of the best copy."""
+"""Grey levels^2: added to the variances of a window, so that those without texture do not correlate."""
 SPACING = 3
 """px between the points of a photo."""
 POINTS_PER_FACE = 50
 """Of all photos, at most; evenly left out beyond."""
-VIEWS = 2
-"""Photos whose depths agree at a point, at least ..."""
-AGREEMENT = 1.0
-"""... within this many steps."""
 SIGMA = 0.4
 """Steps: standard deviation of a point along its line of sight."""
 SIGMA_ACROSS = 0.3
@@ -150,8 +142,7 @@ class SurfaceSweep:
             found = np.where(place > 0, displaced + (place - 1 - count) * step, 0.0)
             depth = np.where(top > best, found, depth)
             np.maximum(best, top, out=best)
-        is_known = (inverse > 0) & _inside(contrast < LEAST_VARIANCE**-0.5)
-        unknown[area] = np.where(is_known, depth, 0.0)
+        unknown[area] = np.where(_inside(inverse > 0), depth, 0.0)
         return _Depths(unknown, step, face)
 
     def _score(
@@ -186,24 +177,25 @@ class SurfaceSweep:
     def _points_of(
         self, photos: list[_Reduced], number: int, depths: list[_Depths]
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Positions (p, 3), covariances (p, 3, 3), photo (p,) and face (p,) of the points of a photo."""
+        """Positions (p, 3), covariances (p, 3, 3), photo (p,) and face (p,) of the points of a photo.
+
+        The depth of another photo must agree within a step.
+        """
         camera, (inverse, step, face) = photos[number].camera, depths[number]
         row, column = np.mgrid[SPACING // 2 : camera.height : SPACING, SPACING // 2 : camera.width : SPACING]
         row, column = row[inverse[row, column] > 0], column[inverse[row, column] > 0]
         at = inverse[row, column]
         rays = np.column_stack([column, row, np.ones(len(row))]) @ np.linalg.inv(camera.image_from_world[:, :3]).T
         positions = camera.center + rays / at[:, None]
-        agrees = np.zeros((len(positions), len(photos)), dtype=bool)
-        agrees[:, number] = True
+        kept = np.zeros(len(positions), dtype=bool)
         for k in self._neighbors[number]:
             other = photos[k].camera
             uv, depth = other.project(positions)
             u, v = np.rint(np.nan_to_num(uv, nan=-1.0)).clip(-1, 1 << 20).astype(int).T
             inside = np.flatnonzero((depth > 0) & (u >= 0) & (v >= 0) & (u < other.width) & (v < other.height))
             there, its_step = depths[k].inverse[v[inside], u[inside]], depths[k].step
-            near = np.abs(there - 1 / depth[inside]) < AGREEMENT * max(step, its_step)
-            agrees[inside[(there > 0) & near], k] = True
-        kept = agrees.sum(axis=1) >= VIEWS
+            near = np.abs(there - 1 / depth[inside]) < max(step, its_step)
+            kept[inside[(there > 0) & near]] = True
         positions, at, face = positions[kept], at[kept], face[row, column][kept]
         sight = (positions - camera.center) / np.linalg.norm(positions - camera.center, axis=1, keepdims=True)
         across = (SIGMA_ACROSS / (at * camera.K[0, 0])) ** 2
@@ -389,7 +381,7 @@ def _peaks(scores, place, top):
         for x in range(width):
             k = best[x]
             place[y, x] = 0
-            if 0 < k < count - 1 and top[y, x] > LEAST_CORRELATION:
+            if 0 < k < count - 1 and top[y, x] > 0:
                 before, after = scores[k - 1, y, x], scores[k + 1, y, x]
                 curvature = before - 2 * top[y, x] + after
                 place[y, x] = k + 1 + (0.5 * (before - after) / curvature if curvature < 0 else 0.0)
