@@ -19,7 +19,6 @@ from fairing.solve.step_limits import unfolded
 from fairing.terms.axes import broad_terms, narrow_terms
 from fairing.terms.closest_points import anchor, average_information, closest_points
 from fairing.terms.names import POINTS
-from fairing.terms.point_judge import WIDEST
 from fairing.terms.point_rays import Assignment, PointRays
 from fairing.terms.points import GATES, STEPS, PointFit
 
@@ -67,7 +66,7 @@ def fit_of_points(
     for gate in GATES:
         for _ in range(STEPS):
             vertices = iterate(fit.terms(vertices, gate), vertices, ids, guard).after
-    before, after = (rays.assign(each, WIDEST * unit) for each in (mesh, mesh.moved(vertices)))
+    before, after = (rays.assign(each, max(GATES) * unit) for each in (mesh, mesh.moved(vertices)))
     error = 1.4826 * float(np.median(np.abs(before.distances))) if len(before.points) else 0.0
     judges = np.union1d(before.points, after.points)
     losses = [

@@ -8,7 +8,7 @@ import pytest
 from fairing import options
 from fairing.errors import InputError
 from fairing.options import PRESETS
-from fairing.run import fits, phases, planning
+from fairing.run import phases, planning, start_error
 from tests import ablation
 from tests.ablation import SETTINGS, Setting, ablation_table, measure_ablation, scaled, set_constant, with_option
 from tests.family import code_digest
@@ -35,19 +35,19 @@ def test_a_constant_changes_where_it_was_imported_and_no_other_of_its_name_does(
     home, constant, least = (
         "fairing.options.FINE_BLUR",
         options.FINE_BLUR,
-        fits.LEAST_ERROR,
+        start_error.FAR_ERROR,
     )
     others = planning.LEAST_ERROR
     assert constant == phases.FINE_BLUR
     try:
         set_constant(home, 7.5)
-        set_constant("fairing.run.fits.LEAST_ERROR", 5)
+        set_constant("fairing.run.start_error.FAR_ERROR", 5)
         assert options.FINE_BLUR == phases.FINE_BLUR == 7.5
-        assert fits.LEAST_ERROR == 5
+        assert start_error.FAR_ERROR == 5
         assert others == planning.LEAST_ERROR
     finally:
         set_constant(home, constant)
-        set_constant("fairing.run.fits.LEAST_ERROR", least)
+        set_constant("fairing.run.start_error.FAR_ERROR", least)
 
 
 def test_the_table_shows_factors_of_the_committed_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]):

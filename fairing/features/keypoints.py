@@ -9,9 +9,6 @@ from fairing.camera import resizing
 from fairing.features.options import FeatureOptions
 from fairing.scene import View
 
-OCTAVE_LAYERS = 3
-EDGE_THRESHOLD = 10.0
-FIRST_BLUR = 1.6  # px
 BLUNT_SCALE = 1.5
 """Scale in px from which on a keypoint's error grows with its scale (ledger: keypoint sigma)."""
 DESCRIPTOR_LENGTH = 512
@@ -69,7 +66,7 @@ def detect_keypoints(view: View, options: FeatureOptions, most: int = 0) -> Keyp
         grey = cv2.resize(grey, reduced, interpolation=cv2.INTER_AREA)
     # Without a mask OpenCV can choose the strongest itself, and then computes no descriptors of the others.
     sift = cv2.SIFT.create(
-        most if view.mask is None else 0, OCTAVE_LAYERS, options.contrast, EDGE_THRESHOLD, FIRST_BLUR, True
+        most if view.mask is None else 0, contrastThreshold=options.contrast, enable_precise_upscale=True
     )
     found, descriptors = sift.detectAndCompute(grey, None)  # pyright: ignore[reportArgumentType, reportCallIssue]
     if len(found) == 0:

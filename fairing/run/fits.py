@@ -12,7 +12,7 @@ from fairing.geometry.pixel_size import pixel_size
 from fairing.optimize.rows import Term
 from fairing.run.history import History
 from fairing.run.stages import Axes, ClosestPoints, PointGates, Stage
-from fairing.run.start_error import measured_start_error
+from fairing.run.start_error import FAR_ERROR, measured_start_error
 from fairing.scene import Scene
 from fairing.solve.point_split import fitting_points
 from fairing.solve.problem import Problem
@@ -22,7 +22,6 @@ from fairing.terms.point_rays import PointRays, points_on_surface
 from fairing.terms.points import PointFit
 from fairing.trace import SchedulePosition, Trace
 
-LEAST_ERROR = 3.0  # px: that a search for points near the mesh allows for
 # A start is far off if a fit to the sparse points moves this part of its vertices that far (ledger: surface sweep: which starts).
 FAR_PART, FAR_PX = 0.25, 0.9
 # px of the photos of a search: height of large faces; windows on smaller ones hold several (ledger: surface sweep: which starts).
@@ -50,7 +49,7 @@ class Fit:
 
     def allowed_error(self, number: int) -> float:
         """px: error of the vertices that the search for points of a number allows for; each for half of that of the one before."""
-        return max(self.error / 2**number, LEAST_ERROR)
+        return max(self.error / 2**number, FAR_ERROR)
 
     def needs_surface_points(self, vertices: np.ndarray) -> bool:
         """Whether points are sought near the mesh with vertices (n, 3), world units, that the sparse points alone have moved.

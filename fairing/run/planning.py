@@ -5,12 +5,13 @@ from typing import NamedTuple
 
 from fairing.cells.level_choice import first_fine_level, first_level
 from fairing.geometry.normal_filter import smoothed
+from fairing.io.points_choice import are_enough
 from fairing.options import FairingOptions
 from fairing.placement.judge import refuse_elsewhere
 from fairing.run.phases import schedule_of
 from fairing.run.rehearsal import Rehearsal, rehearse
 from fairing.run.stages import PASSES
-from fairing.run.start_error import measured_start_error
+from fairing.run.start_error import FAR_ERROR, measured_start_error
 from fairing.run.sweep_cache import SweepCache
 from fairing.run_plan import RunPlan
 from fairing.solve.point_split import fitting_points
@@ -20,9 +21,6 @@ from fairing.terms.point_judge import loss_of_points
 from fairing.trace import StepRecord
 
 LEAST_ERROR = 1.0  # px: Gauss-Newton reaches that far at every level
-OBSERVED_PER_VERTEX = 1  # points whose photos are known that a fit needs (ledger: points for a fit)
-POINTS_PER_VERTEX = 3  # other points that a fit needs: one for each coordinate
-FAR_ERROR = 3.0  # px: Gauss-Newton reaches that far at coarse levels alone (ledger: level after a fit)
 
 
 class Planned(NamedTuple):
@@ -87,14 +85,14 @@ def points_can_judge(problem: Problem) -> bool:
 
 
 def _points_suffice(problem: Problem) -> bool:
-    """Whether there are points enough for a fit: fewer would be met with all their noise.
+    """Whether there are points enough for a fit: fewer would be met with all their noise. (ledger: points for a fit)
 
     The robust fit, to points whose photos are known, has a prior for what they leave undetermined.
     """
     n_free, n_observed = int((~problem.locked).sum()), len(problem.observed_points)
     if n_observed:
-        return n_observed >= OBSERVED_PER_VERTEX * n_free
-    return len(fitting_points(problem.scene)) >= POINTS_PER_VERTEX * n_free
+        return n_observed >= n_free
+    return are_enough(len(fitting_points(problem.scene)), n_free)
 
 
 class _Measured(NamedTuple):

@@ -18,7 +18,6 @@ AXES_ITERATIONS = 3  # more hardly move anything (ledger: iterations of the axes
 BROAD_SWEEPS = 4  # each allows for half the error of the one before (ledger: broad relations)
 CLOSEST_ROUNDS = 12  # of a fit to points whose photos are not known
 ROUNDS_AFTER_GATES = 4  # (ledger: choice of the fit)
-ROUNDS_AFTER_AXES = 1  # (ledger: broad relations)
 
 
 @dataclass(frozen=True)
@@ -135,7 +134,7 @@ def fit_stages(has_photos_of_points: bool) -> tuple[Stage, ...]:
             stages += [PointGates(StageKind.SURFACE_POINTS, len(near), gates=near, surface=number), axes]
     rounds = ROUNDS_AFTER_GATES if has_photos_of_points else CLOSEST_ROUNDS
     stages += [ClosestPoints(StageKind.CLOSEST_POINTS, rounds), broad]
-    stages += [ClosestPoints(StageKind.CLOSEST_POINTS, ROUNDS_AFTER_AXES, follows_axes=True), broad]
+    stages += [ClosestPoints(StageKind.CLOSEST_POINTS, follows_axes=True), broad]
     return (*stages, Judge(StageKind.JUDGE, by="photos"))
 
 

@@ -5,6 +5,9 @@ import numpy as np
 from fairing.solve.problem import Problem
 from fairing.terms.point_rays import displacement, distances_px
 
+FAR_ERROR = 3.0
+"""px: Gauss-Newton reaches that far at coarse levels alone (ledger: level after a fit, one surface sweep)."""
+
 
 def measured_start_error(problem: Problem, start: np.ndarray) -> float:
     """Distance of the start's vertices from their true positions, px, by the observed sparse points; 0 without points.

@@ -8,10 +8,8 @@ from fairing.camera import Camera
 from fairing.features.points import FeaturePoints
 from fairing.mesh import Mesh
 from fairing.terms.point_rays import Assignment, PointRays
-from fairing.terms.points import PRIOR_SIGMA
+from fairing.terms.points import GATES, PRIOR_SIGMA
 
-WIDEST = 2.0
-"""Percent of the diagonal: points farther from their face judge nothing."""
 JUDGING_SIGMA = 0.2
 """Percent of the diagonal: scale of the loss that compares a smoothed start with the start."""
 GAIN = 0.1
@@ -27,7 +25,7 @@ def loss_of_points(mesh: Mesh, cameras: Sequence[Camera], points: FeaturePoints)
         cameras: of the photos that `points.photos` counts.
     """
     unit = mesh.diagonal / 100
-    found = PointRays(cameras, points).assign(mesh, WIDEST * unit)
+    found = PointRays(cameras, points).assign(mesh, max(GATES) * unit)
     return float(_losses(found, len(points), JUDGING_SIGMA * unit).mean()) if len(points) else 1.0
 
 
@@ -40,7 +38,7 @@ def points_prefer(before: Mesh, after: Mesh, cameras: Sequence[Camera], points: 
         cameras: of the photos that `points.photos` counts.
     """
     rays, unit = PointRays(cameras, points), before.diagonal / 100
-    found = [rays.assign(mesh, WIDEST * unit) for mesh in (before, after)]
+    found = [rays.assign(mesh, max(GATES) * unit) for mesh in (before, after)]
     judges = np.union1d(found[0].points, found[1].points)
     if len(judges) < 2:
         return False
