@@ -10,6 +10,7 @@ from .judge.inspect import face_cells as face_cells
 from .mesh import Mesh as Mesh
 from .options import PRESETS as PRESETS
 from .options import FairingOptions as FairingOptions
+from .options import LevelOptions as LevelOptions
 from .photo import ArrayPhoto as ArrayPhoto
 from .photo import FilePhoto as FilePhoto
 from .run.session import Session as Session

@@ -27,10 +27,8 @@ from fairing.trace import SchedulePosition, StepReason, StepRecord, Trace, stage
 from tests.commands import do
 from tests.small_scene import write_corner
 
-OPTIONS = FairingOptions(
-    schedule=ScheduleOptions(
-        blur=(3.6, 2.0), order="sequential", max_sweeps=(2,), max_iterations=(3,), first_level="first"
-    )
+OPTIONS = FairingOptions(schedule=ScheduleOptions(order="sequential", first_level="first")).with_levels(
+    blur=(3.6, 2.0), max_sweeps=2, max_iterations=3
 )
 
 
@@ -147,7 +145,7 @@ def test_the_energies_of_a_run_are_those_it_had_when_it_was_at_hand(scene: Scene
 
 
 def test_an_energy_counts_as_measured_once_a_step_has_faces(scene: Scene):
-    controller = Controller(Session(scene, replace(OPTIONS, step=replace(OPTIONS.step, smoothing=(0.1,)))))
+    controller = Controller(Session(scene, OPTIONS.with_levels(smoothing=0.1)))
     try:
         energies = EnergyHistory(len(scene.mesh.faces))
         assert not energies.is_measured

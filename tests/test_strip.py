@@ -16,10 +16,8 @@ from demo_scenes import Photography, load_demo
 from fairing.options import FairingOptions, ScheduleOptions
 from fairing.run.session import Session
 
-OPTIONS = FairingOptions(
-    schedule=ScheduleOptions(
-        blur=(3.6, 2.0), order="sequential", max_sweeps=(2,), max_iterations=(3,), first_level="first"
-    )
+OPTIONS = FairingOptions(schedule=ScheduleOptions(order="sequential", first_level="first")).with_levels(
+    blur=(3.6, 2.0), max_sweeps=2, max_iterations=3
 )
 
 

@@ -8,7 +8,7 @@ from functools import cache
 from typing import Any, Literal
 
 from fairing.errors import InputError
-from fairing.options import FairingOptions
+from fairing.options import LEVEL_GROUPS, FairingOptions, LevelOptions
 
 NOT_COMPARABLE = "energies before and after the change are not comparable"
 NEXT_STEP = "from the next step on"
@@ -30,7 +30,8 @@ class OptionField:
     """One option.
 
     Attributes:
-        path: names from the top, such as ("cells", "warp").
+        path: group, if it belongs to one, and name, such as ("cells", "warp").
+        hint: type of its value; of an option by level a tuple.
         meaning: the documentation string of the field.
         kind: "choice", "switch", "whole", "number" or "list".
         choices: valid values of a choice, or of the items of a list; empty: numbers.
@@ -38,10 +39,15 @@ class OptionField:
     """
 
     path: tuple[str, ...]
+    hint: Any
     meaning: str
     kind: Literal["choice", "switch", "whole", "number", "list"]
     choices: tuple[str, ...] = ()
     whole: bool = False
+
+    @property
+    def name(self) -> str:
+        return ".".join(self.path)
 
     @property
     def label(self) -> str:
@@ -59,7 +65,9 @@ class OptionField:
         return f"Affects {what}. Takes effect {when}."
 
     def of(self, options: FairingOptions) -> Any:
-        """The value of this field."""
+        """The value of this field; by level see `FairingOptions.by_level`."""
+        if _is_by_level(self.path):
+            return options.by_level(self.path[-1])
         value: Any = options
         for name in self.path:
             value = getattr(value, name)
@@ -76,7 +84,7 @@ class OptionField:
         Raises:
             InputError: it is not valid for this field.
         """
-        name = ".".join(self.path)
+        name = self.name
         if self.kind == "switch":
             if not isinstance(typed, bool):
                 raise InputError(f"option {name}: expected on or off, found {typed!r}")
@@ -94,22 +102,22 @@ class OptionField:
         return typed
 
 
-def option_fields(kind: type = FairingOptions, above: tuple[str, ...] = ()) -> list[OptionField]:
-    """All fields of the options; groups follow the fields of their owner."""
-    hints, meanings = typing.get_type_hints(kind), field_meanings(kind)
-    own, nested = [], []
-    for field in fields(kind):
-        hint, path = hints[field.name], (*above, field.name)
-        if is_dataclass(hint) and isinstance(hint, type):
-            nested += option_fields(hint, path)
-        else:
-            own.append(_field(path, hint, meanings.get(field.name, "")))
-    return own + nested
+@cache
+def option_fields() -> tuple[OptionField, ...]:
+    """All fields of the options; groups follow the fields of their owner, in each those by level first."""
+    return tuple(_fields(FairingOptions, ()))
 
 
 def changed_options(options: FairingOptions, values: dict[tuple[str, ...], Any]) -> FairingOptions:
-    """The options with the fields at these paths replaced."""
-    return _changed(options, values, ())
+    """The options with the fields at these paths replaced; those by level as by `FairingOptions.with_levels`."""
+    by_level = {path[-1]: value for path, value in values.items() if _is_by_level(path)}
+    return _changed(options, values, ()).with_levels(**by_level)
+
+
+def differing_fields(before: FairingOptions, after: FairingOptions) -> list[OptionField]:
+    """The fields that differ; levels that were added or removed make a difference of the blur alone."""
+    same_blurs = before.with_levels(blur=after.by_level("blur"))
+    return [f for f in option_fields() if f.of(before if f.name == "schedule.blur" else same_blurs) != f.of(after)]
 
 
 @cache
@@ -129,18 +137,43 @@ def field_meanings(kind: type) -> dict[str, str]:
     return meanings
 
 
+def _is_by_level(path: tuple[str, ...]) -> bool:
+    return LEVEL_GROUPS.get(path[-1]) == path[0]
+
+
+def _fields(kind: type, above: tuple[str, ...]) -> list[OptionField]:
+    hints, meanings = typing.get_type_hints(kind), field_meanings(kind)
+    own, nested = _fields_by_level(above), []
+    for name, hint in hints.items():
+        path = (*above, name)
+        if is_dataclass(hint) and isinstance(hint, type):
+            nested += _fields(hint, path)
+        elif name != "levels":
+            own.append(_field(path, hint, meanings.get(name, "")))
+    return own + nested
+
+
+def _fields_by_level(group: tuple[str, ...]) -> list[OptionField]:
+    hints, meanings = typing.get_type_hints(LevelOptions), field_meanings(LevelOptions)
+    return [
+        _field((*group, name), tuple[hint, ...], f"{meanings[name]} One value per level.")
+        for name, hint in hints.items()
+        if (LEVEL_GROUPS[name],) == group
+    ]
+
+
 def _field(path: tuple[str, ...], hint: Any, meaning: str) -> OptionField:
     origin, arguments = typing.get_origin(hint), typing.get_args(hint)
     if origin is Literal:
-        return OptionField(path, meaning, "choice", tuple(map(str, arguments)))
+        return OptionField(path, hint, meaning, "choice", tuple(map(str, arguments)))
     if origin is tuple:
         part = arguments[0]
         if typing.get_origin(part) is Literal:
-            return OptionField(path, meaning, "list", tuple(map(str, typing.get_args(part))))
-        return OptionField(path, meaning, "list", whole=part is int)
+            return OptionField(path, hint, meaning, "list", tuple(map(str, typing.get_args(part))))
+        return OptionField(path, hint, meaning, "list", whole=part is int)
     if hint is bool:
-        return OptionField(path, meaning, "switch")
-    return OptionField(path, meaning, "whole" if hint is int else "number")
+        return OptionField(path, hint, meaning, "switch")
+    return OptionField(path, hint, meaning, "whole" if hint is int else "number")
 
 
 def _changed(options: Any, values: dict[tuple[str, ...], Any], above: tuple[str, ...]) -> Any:

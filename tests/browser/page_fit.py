@@ -6,10 +6,8 @@ from playwright.sync_api import ViewportSize
 from fairing.options import FairingOptions, ScheduleOptions
 from tests.browser.driver import WINDOW, Visitor
 
-OPTIONS = FairingOptions(
-    schedule=ScheduleOptions(
-        blur=(3.6, 2.0), order="sequential", max_sweeps=(1,), max_iterations=(2,), first_level="first"
-    )
+OPTIONS = FairingOptions(schedule=ScheduleOptions(order="sequential", first_level="first")).with_levels(
+    blur=(3.6, 2.0), max_sweeps=1, max_iterations=2
 )
 SIZES: tuple[ViewportSize, ViewportSize] = (WINDOW, {"width": 1440, "height": 900})
 TABS = (

@@ -19,10 +19,8 @@ from tests.waiting import PATIENCE, wait_for
 
 pytestmark = IN_BROWSER
 
-OPTIONS = FairingOptions(
-    schedule=ScheduleOptions(
-        blur=(3.6, 2.0), order="sequential", max_sweeps=(2,), max_iterations=(3,), first_level="first"
-    )
+OPTIONS = FairingOptions(schedule=ScheduleOptions(order="sequential", first_level="first")).with_levels(
+    blur=(3.6, 2.0), max_sweeps=2, max_iterations=3
 )
 
 
@@ -211,7 +209,7 @@ def test_another_k_makes_a_branch_from_here(visitor: Visitor):
     entry.fill("1")
     visitor.page.get_by_text("Changed: dimensions").wait_for()
     visitor.button("Continue from here").click()
-    wait_for(lambda: visitor.app.controller.state.options.eigenspace.dimensions == (1,))
+    wait_for(lambda: visitor.app.controller.state.options.by_level("dimensions") == (1,))
     state = visitor.app.controller.wait_until_idle()
     assert state.moment == state.length == began.moment
     visitor.sees_vertices(page_vertices(visitor.app, state.moment))
@@ -236,7 +234,7 @@ def test_a_busy_page_loses_neither_what_was_typed_nor_the_press_after_it(visitor
         }""",
         arg=entry.element_handle(),
     )
-    wait_for(lambda: visitor.app.controller.state.options.eigenspace.dimensions == (3,))
+    wait_for(lambda: visitor.app.controller.state.options.by_level("dimensions") == (3,))
     visitor.app.controller.wait_until_idle()
     visitor.page.get_by_role("tab", name="Vertex").click()
 

@@ -1,7 +1,5 @@
 """What the page says of a vertex: cells, photos, plots, recorded values, watches; in a real browser."""
 
-from dataclasses import replace
-
 import pytest
 
 from app.debugger.commands import JumpTo
@@ -20,10 +18,8 @@ STEPS = 8
 
 @pytest.fixture(scope="module")
 def app():
-    schedule = ScheduleOptions(
-        blur=(3.6, 2.0), order="sequential", max_sweeps=(2,), max_iterations=(3,), first_level="first"
-    )
-    session = Session(load_demo("cube"), replace(FairingOptions(), schedule=schedule))
+    options = FairingOptions(schedule=ScheduleOptions(order="sequential", first_level="first"))
+    session = Session(load_demo("cube"), options.with_levels(blur=(3.6, 2.0), max_sweeps=2, max_iterations=3))
     for _ in range(STEPS):
         session.step()
     app = start(session, port=0)

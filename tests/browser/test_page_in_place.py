@@ -17,10 +17,8 @@ from tests.waiting import PATIENCE, wait_for
 
 pytestmark = IN_BROWSER
 
-OPTIONS = FairingOptions(
-    schedule=ScheduleOptions(
-        blur=(3.6, 2.0), order="sequential", max_sweeps=(9,), max_iterations=(9,), first_level="first"
-    )
+OPTIONS = FairingOptions(schedule=ScheduleOptions(order="sequential", first_level="first")).with_levels(
+    blur=(3.6, 2.0), max_sweeps=9, max_iterations=9
 )
 
 

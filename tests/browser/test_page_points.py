@@ -16,8 +16,8 @@ from tests.waiting import wait_for
 
 pytestmark = [*IN_BROWSER, pytest.mark.slow]
 
-OPTIONS = FairingOptions(
-    schedule=ScheduleOptions(blur=(2.0,), order="sequential", max_sweeps=(1,), max_iterations=(1,), first_level="first")
+OPTIONS = FairingOptions(schedule=ScheduleOptions(order="sequential", first_level="first")).with_levels(
+    blur=(2.0,), max_sweeps=1, max_iterations=1
 )
 
 

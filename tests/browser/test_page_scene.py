@@ -23,8 +23,8 @@ from tests.waiting import PATIENCE, wait_for
 
 pytestmark = IN_BROWSER
 
-OPTIONS = FairingOptions(
-    schedule=ScheduleOptions(blur=(3.6, 2.0), order="joint", max_sweeps=(1,), max_iterations=(3,), first_level="first")
+OPTIONS = FairingOptions(schedule=ScheduleOptions(order="joint", first_level="first")).with_levels(
+    blur=(3.6, 2.0), max_sweeps=1, max_iterations=3
 )
 
 

@@ -17,10 +17,8 @@ from tests.waiting import wait_for
 
 pytestmark = IN_BROWSER
 
-OPTIONS = FairingOptions(
-    schedule=ScheduleOptions(
-        blur=(3.6, 2.0), order="sequential", max_sweeps=(2,), max_iterations=(3,), first_level="first"
-    )
+OPTIONS = FairingOptions(schedule=ScheduleOptions(order="sequential", first_level="first")).with_levels(
+    blur=(3.6, 2.0), max_sweeps=2, max_iterations=3
 )
 
 
