@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from fairing import options
 from app.debugger.option_fields import changed_options
+from fairing import options
 from fairing.errors import InputError
 from fairing.options import PRESETS
 from fairing.run import fits, phases, planning

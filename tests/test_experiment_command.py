@@ -207,7 +207,7 @@ def test_ctrl_c_keeps_what_is_done_and_resume_ends_where_an_unbroken_one_ends(tm
         assert names[0].read_bytes() == names[1].read_bytes(), ending
     record = json.loads((broken / "capture-range.json").read_text())
     assert record["finished"]
-    assert record["options"]["cells"]["size"] == [32]
+    assert {level["size"] for level in record["options"]["levels"]} == {32}
     assert record["versions"]["numpy"] == np.__version__
 
 
