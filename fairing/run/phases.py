@@ -21,11 +21,11 @@ class Level:
 
     Attributes:
         number: its index, from 0.
-        smoothing: strength of the smoothness prior, see `StepOptions.smoothing`; 0: none.
-        attraction: strength of the sparse points, see `StepOptions.points`; 0: none.
+        smoothing: strength of the smoothness prior, see `LevelOptions.smoothing`; 0: none.
+        attraction: strength of the sparse points, see `LevelOptions.points`; 0: none.
         start_sigma: standard deviation of the start in the prior to it, px; 0: no points tell it.
         prior: strength of the prior to the start, see `StepOptions.prior`; 1 where points measured it.
-        creases: strength of image edges and axes, see `StepOptions.creases`; 0: none.
+        creases: strength of image edges and axes, see `LevelOptions.creases`; 0: none.
         edge_reach: see `RunPlan`.
         stages: in the order in which they run.
     """
