@@ -185,6 +185,12 @@ ACCURATE_LEVELS = (
         point_spread="common", smoothing=0.0, creases=1.0,
     ),
 )  # fmt: skip
+PAPER_LEVELS = tuple(
+    LevelOptions(
+        blur, dimensions=5, sigma_rule="paper", max_sweeps=10, max_iterations=20, size=128, smoothing=0.0, points=0.0,
+    )
+    for blur in (6.0, 4.8, 3.6, 2.4, 1.2)
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -259,19 +265,7 @@ PRESETS: dict[str, FairingOptions] = {
         cells=CellOptions(warp="affine", adaptive=False, weighting="cell"),
         step=StepOptions(solver="alternating", prior=0.0),
         schedule=ScheduleOptions(first_level="first", order="sequential"),
-        levels=tuple(
-            LevelOptions(
-                blur,
-                size=128,
-                dimensions=5,
-                sigma_rule="paper",
-                max_sweeps=10,
-                max_iterations=20,
-                smoothing=0.0,
-                points=0.0,
-            )
-            for blur in (6.0, 4.8, 3.6, 2.4, 1.2)
-        ),
+        levels=PAPER_LEVELS,
     ),
 }
 
@@ -281,10 +275,11 @@ def options_to_dict(options: FairingOptions) -> dict[str, Any]:
     return asdict(options)
 
 
-def options_from_dict(values: dict[str, Any]) -> FairingOptions:
+def options_from_dict(values: dict[str, Any], default: FairingOptions = PRESETS["accurate"]) -> FairingOptions:
     """The inverse of `options_to_dict`; former names (`FORMER_NAMES`, `FORMER_OPTIONS`) are accepted.
 
-    A group may also hold lists by level, as `with_levels` takes them: {"schedule": {"blur": [2.0, 1.0]}}.
+    Options that are not in `values` are as in `default`. A group may also hold lists by level, as `with_levels` takes them:
+    {"schedule": {"blur": [2.0, 1.0]}}.
 
     Raises:
         InputError: unknown name, or a value of the wrong kind.
@@ -297,7 +292,7 @@ def options_from_dict(values: dict[str, Any]) -> FairingOptions:
             values = values | {group: {key: value for key, value in members.items() if key != name}}
             if not isinstance(lists[name], list | tuple):
                 raise InputError(f"options.{group}.{name}: expected a list of values, found {lists[name]!r:.60}")
-    return _from_dict(FairingOptions(), values, "options").with_levels(**lists)
+    return _from_dict(default, values, "options").with_levels(**lists)
 
 
 def _at(values: Sequence[Any], level: int) -> Any:

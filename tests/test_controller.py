@@ -31,7 +31,7 @@ from app.debugger.run_state import Activity, RunState
 from app.debugger.schedule_extents import boundary_before
 from demo_scenes import Photography, load_demo
 from fairing.errors import Cancelled
-from fairing.options import FairingOptions, ScheduleOptions
+from fairing.options import FairingOptions
 from fairing.run.session import Session
 from fairing.scene import Scene
 from fairing.solve.problem import Problem
@@ -39,11 +39,10 @@ from fairing.stage_kind import StageKind
 from fairing.trace import Trace
 from tests.commands import do
 from tests.small_scene import corner_scene, small_options
+from tests.two_levels import two_levels
 from tests.waiting import wait_for
 
-OPTIONS = FairingOptions(schedule=ScheduleOptions(order="sequential", first_level="first")).with_levels(
-    blur=(3.6, 2.0), max_sweeps=2, max_iterations=3
-)
+OPTIONS = two_levels("sequential", sweeps=2, iterations=3)
 
 
 @pytest.fixture(scope="module")

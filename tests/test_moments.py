@@ -20,16 +20,15 @@ from app.debugger.moment_id import find_moment, moment_id, parse_moment_id
 from app.debugger.runs import options_differing, run_title
 from demo_scenes import Photography, load_demo
 from fairing.errors import InputError
-from fairing.options import PRESETS, FairingOptions, ScheduleOptions
+from fairing.options import PRESETS
 from fairing.run.session import Session
 from fairing.scene import Scene
 from fairing.trace import SchedulePosition, StepReason, StepRecord, Trace, stage_of_reasons
 from tests.commands import do
 from tests.small_scene import write_corner
+from tests.two_levels import two_levels
 
-OPTIONS = FairingOptions(schedule=ScheduleOptions(order="sequential", first_level="first")).with_levels(
-    blur=(3.6, 2.0), max_sweeps=2, max_iterations=3
-)
+OPTIONS = two_levels("sequential", sweeps=2, iterations=3)
 
 
 @pytest.fixture(scope="module")

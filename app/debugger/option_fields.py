@@ -3,12 +3,12 @@
 import ast
 import inspect
 import typing
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass, is_dataclass
 from functools import cache
 from typing import Any, Literal
 
 from fairing.errors import InputError
-from fairing.options import LEVEL_GROUPS, FairingOptions, LevelOptions
+from fairing.options import LEVEL_GROUPS, FairingOptions, LevelOptions, options_from_dict
 
 NOT_COMPARABLE = "energies before and after the change are not comparable"
 NEXT_STEP = "from the next step on"
@@ -22,6 +22,7 @@ GROUP_EFFECTS: dict[str, tuple[str, str]] = {
     "schedule": ("levels, sweeps and their order", "only in a new run"),
     "general": ("which vertices may move", NEXT_STEP),
 }
+Kind = Literal["choice", "switch", "whole", "number", "list"]
 SPEED_ONLY = ("the speed only; the result stays identical", NEXT_STEP)
 
 
@@ -41,7 +42,7 @@ class OptionField:
     path: tuple[str, ...]
     hint: Any
     meaning: str
-    kind: Literal["choice", "switch", "whole", "number", "list"]
+    kind: Kind
     choices: tuple[str, ...] = ()
     whole: bool = False
 
@@ -66,7 +67,7 @@ class OptionField:
 
     def of(self, options: FairingOptions) -> Any:
         """The value of this field; by level see `FairingOptions.by_level`."""
-        if _is_by_level(self.path):
+        if LEVEL_GROUPS.get(self.path[-1]) == self.group:
             return options.by_level(self.path[-1])
         value: Any = options
         for name in self.path:
@@ -104,14 +105,27 @@ class OptionField:
 
 @cache
 def option_fields() -> tuple[OptionField, ...]:
-    """All fields of the options; groups follow the fields of their owner, in each those by level first."""
-    return tuple(_fields(FairingOptions, ()))
+    """All options: those without a group, then group by group, in each those by level first."""
+    own, grouped = [], []
+    for name, hint, meaning in _explained(FairingOptions):
+        if is_dataclass(hint):
+            grouped += [
+                _field((name, part), tuple[kind, ...], f"{about} One value per level.")
+                for part, kind, about in _explained(LevelOptions)
+                if LEVEL_GROUPS[part] == name
+            ]
+            grouped += [_field((name, part), kind, about) for part, kind, about in _explained(hint)]
+        elif name != "levels":
+            own.append(_field((name,), hint, meaning))
+    return (*own, *grouped)
 
 
 def changed_options(options: FairingOptions, values: dict[tuple[str, ...], Any]) -> FairingOptions:
     """The options with the fields at these paths replaced; those by level as by `FairingOptions.with_levels`."""
-    by_level = {path[-1]: value for path, value in values.items() if _is_by_level(path)}
-    return _changed(options, values, ()).with_levels(**by_level)
+    nested: dict[str, Any] = {path[0]: {} for path in values if len(path) > 1}
+    for (*group, name), value in values.items():
+        (nested[group[0]] if group else nested)[name] = value
+    return options_from_dict(nested, options)
 
 
 def differing_fields(before: FairingOptions, after: FairingOptions) -> list[OptionField]:
@@ -137,54 +151,19 @@ def field_meanings(kind: type) -> dict[str, str]:
     return meanings
 
 
-def _is_by_level(path: tuple[str, ...]) -> bool:
-    return LEVEL_GROUPS.get(path[-1]) == path[0]
-
-
-def _fields(kind: type, above: tuple[str, ...]) -> list[OptionField]:
-    hints, meanings = typing.get_type_hints(kind), field_meanings(kind)
-    own, nested = _fields_by_level(above), []
-    for name, hint in hints.items():
-        path = (*above, name)
-        if is_dataclass(hint) and isinstance(hint, type):
-            nested += _fields(hint, path)
-        elif name != "levels":
-            own.append(_field(path, hint, meanings.get(name, "")))
-    return own + nested
-
-
-def _fields_by_level(group: tuple[str, ...]) -> list[OptionField]:
-    hints, meanings = typing.get_type_hints(LevelOptions), field_meanings(LevelOptions)
-    return [
-        _field((*group, name), tuple[hint, ...], f"{meanings[name]} One value per level.")
-        for name, hint in hints.items()
-        if (LEVEL_GROUPS[name],) == group
-    ]
+def _explained(kind: Any) -> list[tuple[str, Any, str]]:
+    """Name, type and documentation string of the fields of a dataclass."""
+    meanings = field_meanings(kind)
+    return [(name, hint, meanings.get(name, "")) for name, hint in typing.get_type_hints(kind).items()]
 
 
 def _field(path: tuple[str, ...], hint: Any, meaning: str) -> OptionField:
-    origin, arguments = typing.get_origin(hint), typing.get_args(hint)
-    if origin is Literal:
-        return OptionField(path, hint, meaning, "choice", tuple(map(str, arguments)))
-    if origin is tuple:
-        part = arguments[0]
-        if typing.get_origin(part) is Literal:
-            return OptionField(path, hint, meaning, "list", tuple(map(str, typing.get_args(part))))
-        return OptionField(path, hint, meaning, "list", whole=part is int)
-    if hint is bool:
-        return OptionField(path, hint, meaning, "switch")
-    return OptionField(path, hint, meaning, "whole" if hint is int else "number")
-
-
-def _changed(options: Any, values: dict[tuple[str, ...], Any], above: tuple[str, ...]) -> Any:
-    changes = {}
-    for field in fields(options):
-        path, current = (*above, field.name), getattr(options, field.name)
-        if is_dataclass(current):
-            changes[field.name] = _changed(current, values, path)
-        elif path in values:
-            changes[field.name] = values[path]
-    return replace(options, **changes)
+    is_list = typing.get_origin(hint) is tuple
+    item = typing.get_args(hint)[0] if is_list else hint
+    choices = tuple(map(str, typing.get_args(item))) if typing.get_origin(item) is Literal else ()
+    of_type: dict[type, Kind] = {bool: "switch", int: "whole", float: "number"}
+    kind = "list" if is_list else "choice" if choices else of_type[item]
+    return OptionField(path, hint, meaning, kind, choices, whole=item is int)
 
 
 def _plain(value: Any) -> str:

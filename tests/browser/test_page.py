@@ -12,16 +12,14 @@ from app.debugger.commands import JumpTo
 from app.debugger.run_state import Activity
 from app.page.server import App, start
 from demo_scenes import load_demo
-from fairing.options import FairingOptions, ScheduleOptions
 from fairing.run.session import Session
 from tests.browser.driver import IN_BROWSER, Visitor, letterboxed, page_of
+from tests.two_levels import two_levels
 from tests.waiting import PATIENCE, wait_for
 
 pytestmark = IN_BROWSER
 
-OPTIONS = FairingOptions(schedule=ScheduleOptions(order="sequential", first_level="first")).with_levels(
-    blur=(3.6, 2.0), max_sweeps=2, max_iterations=3
-)
+OPTIONS = two_levels("sequential", sweeps=2, iterations=3)
 
 
 @pytest.fixture(scope="module")

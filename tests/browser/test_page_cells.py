@@ -6,9 +6,9 @@ from app.debugger.commands import JumpTo
 from app.page.server import start
 from app.page_state.cells_state import PARTS
 from demo_scenes import load_demo
-from fairing.options import FairingOptions, ScheduleOptions
 from fairing.run.session import Session
 from tests.browser.driver import IN_BROWSER, Visitor, page_of
+from tests.two_levels import two_levels
 from tests.waiting import wait_for
 
 pytestmark = IN_BROWSER
@@ -18,8 +18,7 @@ STEPS = 8
 
 @pytest.fixture(scope="module")
 def app():
-    options = FairingOptions(schedule=ScheduleOptions(order="sequential", first_level="first"))
-    session = Session(load_demo("cube"), options.with_levels(blur=(3.6, 2.0), max_sweeps=2, max_iterations=3))
+    session = Session(load_demo("cube"), two_levels("sequential", sweeps=2, iterations=3))
     for _ in range(STEPS):
         session.step()
     app = start(session, port=0)
