@@ -2,9 +2,11 @@
 
 import ast
 import inspect
+import sys
 import typing
 from dataclasses import dataclass, is_dataclass
 from functools import cache
+from itertools import pairwise
 from typing import Any, Literal
 
 from fairing.errors import InputError
@@ -137,10 +139,9 @@ def differing_fields(before: FairingOptions, after: FairingOptions) -> list[Opti
 @cache
 def field_meanings(kind: type) -> dict[str, str]:
     """The documentation string under each field of a dataclass, by field name."""
-    body = ast.parse(inspect.getsource(kind).lstrip()).body[0]
-    assert isinstance(body, ast.ClassDef)
+    body = _classes(kind.__module__)[kind.__name__].body
     meanings = {}
-    for statement, following in zip(body.body, body.body[1:], strict=False):
+    for statement, following in pairwise(body):
         if (
             isinstance(statement, ast.AnnAssign)
             and isinstance(statement.target, ast.Name)
@@ -149,6 +150,13 @@ def field_meanings(kind: type) -> dict[str, str]:
         ):
             meanings[statement.target.id] = " ".join(str(following.value.value).split())
     return meanings
+
+
+@cache
+def _classes(module: str) -> dict[str, ast.ClassDef]:
+    """The classes of a module, parsed once for all of them."""
+    statements = ast.parse(inspect.getsource(sys.modules[module])).body
+    return {statement.name: statement for statement in statements if isinstance(statement, ast.ClassDef)}
 
 
 def _explained(kind: Any) -> list[tuple[str, Any, str]]:
