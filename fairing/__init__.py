@@ -8,7 +8,8 @@ positions = session.scene.unweld(session.vertices)
 ```
 
 Run: `load_scene` reads a capture or opens a demo scene, `fair` runs to the end, `Session` runs step by step,
-`FairingOptions` and `PRESETS` control it, `triangulate` makes a start mesh, `face_cells` (`FaceCells`) shows what a run compares.
+`FairingOptions` with its `LevelOptions` and `PRESETS` control it, `triangulate` makes a start mesh, `face_cells` (`FaceCells`)
+shows what a run compares.
 
 Scenes: `Scene`, `View`, `Camera`, `Mesh`, `SparsePoints`, `Truth`, and photos in memory or in files, `ArrayPhoto` and
 `FilePhoto`.

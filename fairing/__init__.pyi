@@ -12,6 +12,7 @@ from .optimize.loss import GemanMcClure as GemanMcClure
 from .optimize.loss import Huber as Huber
 from .options import PRESETS as PRESETS
 from .options import FairingOptions as FairingOptions
+from .options import LevelOptions as LevelOptions
 from .photo import ArrayPhoto as ArrayPhoto
 from .photo import FilePhoto as FilePhoto
 from .run.session import Session as Session

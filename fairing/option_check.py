@@ -4,7 +4,7 @@ from dataclasses import fields, is_dataclass
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 from fairing.errors import InputError
-from fairing.options import FairingOptions
+from fairing.options import LEVEL_GROUPS, FairingOptions, LevelOptions
 
 # name: (lower bound, whether the bound itself is allowed). Numbers that are not listed only have to be finite.
 _LOWEST: dict[str, tuple[float, bool]] = {
@@ -33,7 +33,6 @@ _LOWEST: dict[str, tuple[float, bool]] = {
     "threads": (0, True),
 }
 _BOXES = ("locked_boxes", "region")
-_MAY_BE_EMPTY = ("locked_vertices", *_BOXES)
 
 
 def check_options(options: FairingOptions) -> None:
@@ -43,22 +42,24 @@ def check_options(options: FairingOptions) -> None:
         InputError: with the name of the option, the expected and the given value.
     """
     _check(options, "")
+    for level in options.levels:
+        _check(level, "")
 
 
 def _check(options: Any, prefix: str) -> None:
     hints = get_type_hints(type(options))
     for field in fields(options):
-        name, value = prefix + field.name, getattr(options, field.name)
+        group = LEVEL_GROUPS[field.name] + "." if isinstance(options, LevelOptions) else prefix
+        name, value = group + field.name, getattr(options, field.name)
         if is_dataclass(value):
             _check(value, name + ".")
+        if is_dataclass(value) or name == "levels":
             continue
         values = value if isinstance(value, tuple) else (value,)
         for item in values:
             _check_type(name, item, hints[field.name])
         if name in _BOXES:
             _check_boxes(name, values)
-        if not values and name not in _MAY_BE_EMPTY:
-            raise InputError(f"option {name}: expected at least one value, found none")
         for item in values:
             if isinstance(item, bool) or not isinstance(item, int | float):
                 continue

@@ -1,12 +1,13 @@
 """Options of the engine: defaults, units and meanings.
 
-The flags of the command line and the widgets of the page are generated from these fields, with their texts. Values "by level"
-are tuples; the last value holds for all further levels. The measurements behind the defaults are in the ledger
+The flags of the command line and the widgets of the page are generated from these fields, with their texts. What differs
+between levels is in `LevelOptions`, the rest in groups. The measurements behind the defaults are in the ledger
 (`tests/ledger.md`).
 """
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
-from typing import Any, Literal
+from typing import Annotated, Any, Literal, get_type_hints
 
 from fairing.errors import InputError
 
@@ -34,25 +35,8 @@ class CellOptions:
 
     warp: Literal["homography", "affine"] = "homography"
     """homography: exact for a plane. affine: the approximation of the paper, which biases the minimum."""
-    size: tuple[int, ...] = (64, 64, 64, 64, 256)
-    """Size of the largest cell, by level: samples along an edge. With `adaptive`, cells larger than 64 are made smaller if all
-    cells together would have more than 10 million samples."""
     adaptive: bool = True
     """Use smaller cells for smaller footprints: one sample per `spacing` of the footprint. Off: always `size`."""
-    spacing: tuple[float, ...] = (1.0,)
-    """Distance between samples with `adaptive`, by level, in units of max(1 px, blur of the level)."""
-    inset: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 2.0)
-    """Width of the border of a face that is left out, by level, photo px: the texture of the neighbouring face mixes in there."""
-    interpolation: tuple[Literal["bilinear", "cubic"], ...] = (
-        "bilinear", "bilinear", "bilinear", "bilinear", "cubic",
-    )  # fmt: skip
-    """Interpolation between photo pixels, by level. cubic: B-spline without interpolation blur, 3 to 4 times slower."""
-    point_spread: tuple[Literal["as_seen", "common"], ...] = (
-        "as_seen", "as_seen", "as_seen", "as_seen", "common",
-    )  # fmt: skip
-    """Point spread function (PSF) of the photos on a face, by level. common: each photo is blurred just enough that all photos of
-    the face have the same PSF on it; the blur of the level is the smallest sigma of that PSF, the PSF of the lens included.
-    as_seen: every photo is blurred by the same number of pixels."""
     color: bool = False
     """Stack the red, green and blue channels instead of using grey levels."""
     remove_bias: bool = False
@@ -66,8 +50,6 @@ class CellOptions:
 class EigenspaceOptions:
     """The subspace that explains the cells of one face."""
 
-    dimensions: tuple[int, ...] = (3, 3, 1, 1, 2)
-    """k, by level, at most views - 2. To first order a misalignment spans three dimensions, so a large k absorbs it."""
     centered: bool = False
     """Subtract the mean cell first (PCA). The paper does not."""
 
@@ -79,11 +61,6 @@ class RobustOptions:
     norm: Literal["geman_mcclure", "geman_mcclure_printed", "huber", "least_squares"] = "geman_mcclure"
     """geman_mcclure: e^2 / (sigma^2 + e^2); its outlier threshold is sigma / sqrt(3), as in the figure of the paper.
     geman_mcclure_printed: e^2 / (sigma + e^2), the formula as printed; its outlier threshold is sqrt(sigma / 3)."""
-    sigma_rule: tuple[Literal["paper", "convex", "mad", "fixed"], ...] = (
-        "paper", "paper", "fixed", "fixed", "paper",
-    )  # fmt: skip
-    """Scale parameter of the loss, by level. paper: max|e| / sqrt(3). convex: sqrt(3) max|e|. mad: median absolute residual times
-    `mad_factor`. fixed: `sigma`."""
     sigma: float = 20.0
     """Scale for the rule `fixed`, grey levels."""
     mad_factor: float = 4.0
@@ -114,16 +91,6 @@ class StepOptions:
     """Strength of the prior to the start, unless points measure how far it is off. Without points it acts where the surface moves
     within itself (within a plane, along an edge), relative to the largest eigenvalue of the vertex's normal matrix; after a fit to
     points in all directions, relative to a start that is 2 px off. 0: none."""
-    smoothing: tuple[float, ...] = (0.1, 0.1, 0.1, 0.1, 0.0)
-    """Strength of the smoothness prior, by level, for a start whose smoothed version fits the photos better; relative to the median
-    of the vertices' largest eigenvalues. 0 on all levels: smooth nothing, not even the start."""
-    points: tuple[float, ...] = (0.3,)
-    """Strength of the prior to the sparse points, by level, if fitting the start to them lowers the photo loss; relative to the
-    median of the vertices' largest eigenvalues, for a direction that the points determine as well as an average one. Every
-    second point is used. 0 on all levels: do not use the points."""
-    creases: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 1.0)
-    """Strength of image edges, by level: creases of the mesh are drawn to edges in the photos, and edges of a building to its axes.
-    1: a deviation by a pixel weighs as much as the residuals of the photos there over 10,000 px. 0: none."""
     min_quality: float = 0.05
     """Smallest ratio of height to longest edge of a face after a step, unless the face was thinner before."""
     max_turn: float = 60.0
@@ -151,41 +118,79 @@ class VisibilityOptions:
 
 @dataclass(frozen=True)
 class ScheduleOptions:
-    """Coarse-to-fine levels, and the order in which vertices move."""
+    """Where a run begins, the order in which vertices move, and when a level ends."""
 
-    blur: tuple[float, ...] = (6.0, 3.6, 2.0, 1.2, 0.5)
-    """sigma_smooth, by level, photo pixels."""
     first_level: Literal["auto", "first"] = "auto"
     """Where the run begins. auto: skip levels whose blur exceeds 1/12 of the median height of the faces' footprints, and
     coarse levels where sparse points measure the start. first: at the first level."""
     order: Literal["joint", "independent", "sequential", "worst_first"] = "joint"
     """joint: all vertices in one sparse system. independent: sets of vertices that share no face, one set after another.
     sequential: one vertex at a time, as in the paper. worst_first: one at a time, largest energy first."""
-    max_sweeps: tuple[int, ...] = (12, 5, 3, 3, 5)
-    """Largest number of Gauss-Newton sweeps, by level; visibility is updated at the beginning of each."""
-    max_iterations: tuple[int, ...] = (4, 4, 3)
-    """Largest number of Gauss-Newton iterations of a block of vertices within a sweep, by level."""
     sweep_tolerance: float = 0.02
     """A level ends when no vertex moved more than this in a sweep, in units of the blur of the level."""
 
 
 @dataclass(frozen=True)
 class LevelOptions:
-    """The options of one level, from those that are given by level under the same names."""
+    """The options of one level. Each belongs to a group, by which flags and widgets name it, such as `schedule.blur`."""
 
-    blur: float
-    size: int
-    spacing: float
-    inset: float
-    interpolation: str
-    point_spread: str
-    dimensions: int
-    sigma_rule: str
-    smoothing: float
-    points: float
-    creases: float
-    max_sweeps: int
-    max_iterations: int
+    blur: Annotated[float, "schedule"] = 1.2
+    """sigma_smooth, photo pixels."""
+    max_sweeps: Annotated[int, "schedule"] = 3
+    """Largest number of Gauss-Newton sweeps; visibility is updated at the beginning of each."""
+    max_iterations: Annotated[int, "schedule"] = 3
+    """Largest number of Gauss-Newton iterations of a block of vertices within a sweep."""
+    size: Annotated[int, "cells"] = 64
+    """Size of the largest cell: samples along an edge. With `adaptive`, cells larger than 64 are made smaller if all cells
+    together would have more than 10 million samples."""
+    spacing: Annotated[float, "cells"] = 1.0
+    """Distance between samples with `adaptive`, in units of max(1 px, blur of the level)."""
+    inset: Annotated[float, "cells"] = 0.0
+    """Width of the border of a face that is left out, photo px: the texture of the neighbouring face mixes in there."""
+    interpolation: Annotated[Literal["bilinear", "cubic"], "cells"] = "bilinear"
+    """Interpolation between photo pixels. cubic: B-spline without interpolation blur, 3 to 4 times slower."""
+    point_spread: Annotated[Literal["as_seen", "common"], "cells"] = "as_seen"
+    """Point spread function (PSF) of the photos on a face. common: each photo is blurred just enough that all photos of the face
+    have the same PSF on it; the blur of the level is the smallest sigma of that PSF, the PSF of the lens included. as_seen: every
+    photo is blurred by the same number of pixels."""
+    dimensions: Annotated[int, "eigenspace"] = 1
+    """k, at most views - 2. To first order a misalignment spans three dimensions, so a large k absorbs it."""
+    sigma_rule: Annotated[Literal["paper", "convex", "mad", "fixed"], "robust"] = "fixed"
+    """Scale parameter of the loss. paper: max|e| / sqrt(3). convex: sqrt(3) max|e|. mad: median absolute residual times
+    `mad_factor`. fixed: `sigma`."""
+    smoothing: Annotated[float, "step"] = 0.1
+    """Strength of the smoothness prior for a start whose smoothed version fits the photos better; relative to the median of the
+    vertices' largest eigenvalues. 0 on all levels: smooth nothing, not even the start."""
+    points: Annotated[float, "step"] = 0.3
+    """Strength of the prior to the sparse points, if fitting the start to them lowers the photo loss; relative to the median of the
+    vertices' largest eigenvalues, for a direction that the points determine as well as an average one. Every second point is
+    used. 0 on all levels: do not use the points."""
+    creases: Annotated[float, "step"] = 0.0
+    """Strength of image edges: creases of the mesh are drawn to edges in the photos, and edges of a building to its axes. 1: a
+    deviation by a pixel weighs as much as the residuals of the photos there over 10,000 px. 0: none."""
+
+
+LEVEL_GROUPS: dict[str, str] = {
+    name: hint.__metadata__[0] for name, hint in get_type_hints(LevelOptions, include_extras=True).items()
+}
+"""The group of each field of `LevelOptions`."""
+
+ACCURATE_LEVELS = (
+    LevelOptions(blur=6.0, dimensions=3, sigma_rule="paper", max_sweeps=12, max_iterations=4),
+    LevelOptions(blur=3.6, dimensions=3, sigma_rule="paper", max_sweeps=5, max_iterations=4),
+    LevelOptions(blur=2.0),
+    LevelOptions(blur=1.2),
+    LevelOptions(
+        blur=0.5, dimensions=2, sigma_rule="paper", max_sweeps=5, size=256, inset=2.0, interpolation="cubic",
+        point_spread="common", smoothing=0.0, creases=1.0,
+    ),
+)  # fmt: skip
+PAPER_LEVELS = tuple(
+    LevelOptions(
+        blur, dimensions=5, sigma_rule="paper", max_sweeps=10, max_iterations=20, size=128, smoothing=0.0, points=0.0,
+    )
+    for blur in (6.0, 4.8, 3.6, 2.4, 1.2)
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -198,6 +203,8 @@ class FairingOptions:
     step: StepOptions = field(default_factory=StepOptions)
     visibility: VisibilityOptions = field(default_factory=VisibilityOptions)
     schedule: ScheduleOptions = field(default_factory=ScheduleOptions)
+    levels: tuple[LevelOptions, ...] = ACCURATE_LEVELS
+    """The levels, from coarse to fine; at least one."""
     lock_boundary: bool = False
     """Lock the vertices at the boundary of the mesh."""
     locked_vertices: tuple[int, ...] = ()
@@ -209,40 +216,56 @@ class FairingOptions:
     threads: int = 0
     """Number of threads; 0: one per core. The result does not depend on it."""
 
+    def __post_init__(self) -> None:
+        if not self.levels:
+            raise _no_value("blur")
+
     @property
     def n_levels(self) -> int:
-        return len(self.schedule.blur)
+        return len(self.levels)
 
-    def level(self, number: int) -> LevelOptions:
-        """The options of a level, from 0. Where a list of values is shorter than the levels, its last value holds for the rest."""
-        groups = (self.cells, self.eigenspace, self.robust, self.step, self.schedule)
-        values = {name: value for group in groups for name, value in vars(group).items() if isinstance(value, tuple)}
-        chosen = {field.name: values[field.name] for field in fields(LevelOptions)}
-        return LevelOptions(**{name: each[min(number, len(each) - 1)] for name, each in chosen.items()})
+    @property
+    def uses_points(self) -> bool:
+        """Whether any level uses the sparse points."""
+        return any(level.points for level in self.levels)
+
+    def with_levels(self, **values: Any) -> "FairingOptions":
+        """These options with other values at their levels, such as `with_levels(blur=(2.0, 1.0), dimensions=1)`.
+
+        Args:
+            values: by name of a field of `LevelOptions`: a list from the first level on, whose last value holds for the rest, or
+                one value for all levels. There are as many levels as blurs, if they are given; more than before are like the last.
+
+        Raises:
+            InputError: there is no such field, or a list is empty.
+        """
+        lists = {name: value if isinstance(value, list | tuple) else (value,) for name, value in values.items()}
+        for name, each in lists.items():
+            if name not in LEVEL_GROUPS:
+                raise InputError(f"unknown option of a level: {name}; known are {', '.join(LEVEL_GROUPS)}")
+            if not each:
+                raise _no_value(name)
+        levels = (
+            replace(_at(self.levels, k), **{name: _at(each, k) for name, each in lists.items()})
+            for k in range(len(lists.get("blur", self.levels)))
+        )
+        return replace(self, levels=tuple(levels))
+
+    def by_level(self, name: str) -> tuple[Any, ...]:
+        """The values of a field of `LevelOptions`, as short as `with_levels` takes them; the blurs in full."""
+        values = [getattr(level, name) for level in self.levels]
+        while name != "blur" and len(values) > 1 and values[-1] == values[-2]:
+            values.pop()
+        return tuple(values)
 
 
 PRESETS: dict[str, FairingOptions] = {
     "accurate": FairingOptions(),
     "paper": FairingOptions(
-        cells=CellOptions(
-            warp="affine",
-            size=(128,),
-            adaptive=False,
-            inset=(0.0,),
-            interpolation=("bilinear",),
-            point_spread=("as_seen",),
-            weighting="cell",
-        ),
-        eigenspace=EigenspaceOptions(dimensions=(5,)),
-        robust=RobustOptions(sigma_rule=("paper",)),
-        step=StepOptions(solver="alternating", prior=0.0, smoothing=(0.0,), points=(0.0,), creases=(0.0,)),
-        schedule=ScheduleOptions(
-            blur=(6.0, 4.8, 3.6, 2.4, 1.2),
-            first_level="first",
-            order="sequential",
-            max_sweeps=(10,),
-            max_iterations=(20,),
-        ),
+        cells=CellOptions(warp="affine", adaptive=False, weighting="cell"),
+        step=StepOptions(solver="alternating", prior=0.0),
+        schedule=ScheduleOptions(first_level="first", order="sequential"),
+        levels=PAPER_LEVELS,
     ),
 }
 
@@ -252,13 +275,32 @@ def options_to_dict(options: FairingOptions) -> dict[str, Any]:
     return asdict(options)
 
 
-def options_from_dict(values: dict[str, Any]) -> FairingOptions:
+def options_from_dict(values: dict[str, Any], default: FairingOptions = PRESETS["accurate"]) -> FairingOptions:
     """The inverse of `options_to_dict`; former names (`FORMER_NAMES`, `FORMER_OPTIONS`) are accepted.
+
+    Options that are not in `values` are as in `default`. A group may also hold lists by level, as `with_levels` takes them:
+    {"schedule": {"blur": [2.0, 1.0]}}.
 
     Raises:
         InputError: unknown name, or a value of the wrong kind.
     """
-    return _from_dict(FairingOptions(), values, "options")
+    lists = {}
+    for name, group in LEVEL_GROUPS.items():
+        members = values.get(group) if isinstance(values, dict) else None
+        if isinstance(members, dict) and name in members:
+            lists[name] = members[name]
+            values = values | {group: {key: value for key, value in members.items() if key != name}}
+            if not isinstance(lists[name], list | tuple):
+                raise InputError(f"options.{group}.{name}: expected a list of values, found {lists[name]!r:.60}")
+    return _from_dict(default, values, "options").with_levels(**lists)
+
+
+def _at(values: Sequence[Any], level: int) -> Any:
+    return values[min(level, len(values) - 1)]
+
+
+def _no_value(name: str) -> InputError:
+    return InputError(f"option {LEVEL_GROUPS[name]}.{name}: expected at least one value, found none")
 
 
 def _from_dict(default: Any, values: dict[str, Any], where: str) -> Any:
@@ -280,6 +322,8 @@ def _from_dict(default: Any, values: dict[str, Any], where: str) -> Any:
             changes[name] = _from_dict(current, value, f"{where}.{name}")
         elif isinstance(current, tuple) != isinstance(value, list | tuple):
             raise InputError(f"{where}.{name}: expected a value such as {current!r:.60}, found {value!r:.60}")
+        elif name == "levels":
+            changes[name] = tuple(_from_dict(LevelOptions(), level, f"{where}.levels") for level in value)
         else:
             changes[name] = tuple(value) if isinstance(current, tuple) else value
     return replace(default, **changes)

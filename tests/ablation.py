@@ -18,12 +18,13 @@ from typing import Any
 
 import numpy as np
 
+from app.debugger.option_fields import changed_options, option_fields
 from app.files.scene_source import SceneSource
 from demo_scenes.cache import cache_folder
 from fairing.errors import InputError
 from fairing.io import read_mesh
 from fairing.mesh import Mesh
-from fairing.options import PRESETS, FairingOptions
+from fairing.options import PRESETS
 from fairing.scene import Scene, Truth
 from tests.family import code_digest, run_scene
 
@@ -54,8 +55,7 @@ class Setting:
         if self.name.startswith("fairing."):
             module, constant = self.name.rsplit(".", 1)
             return getattr(import_module(module), constant)
-        group, option = self.name.split(".")
-        return getattr(getattr(PRESETS["accurate"], group), option)
+        return next(field for field in option_fields() if field.name == self.name).of(PRESETS["accurate"])
 
     def alternatives(self) -> dict[str, Any]:
         """Values to run, by name."""
@@ -171,7 +171,7 @@ def run_variant(scene: str, setting: str, value: Any) -> dict[str, Any]:
     if setting.startswith("fairing."):
         set_constant(setting, value)
     elif setting:
-        options = with_option(options, setting, value)
+        options = changed_options(options, {tuple(setting.split(".")): value})
     run = run_scene(scene_with_truth(scene), "start", options)
     if "failed" in run:
         return run
@@ -189,12 +189,6 @@ def scene_with_truth(name: str) -> Scene:
     reference = Mesh(*read_mesh(path.parent / REFERENCE))
     scene = SceneSource.typed(str(path.parent), path, points="automatic").load()
     return replace(scene, truth=Truth(surface=reference))
-
-
-def with_option(options: FairingOptions, name: str, value: Any) -> FairingOptions:
-    """The options with one of them changed."""
-    group, option = name.split(".")
-    return replace(options, **{group: replace(getattr(options, group), **{option: value})})
 
 
 def set_constant(name: str, value: Any) -> None:

@@ -71,11 +71,9 @@ def least_seconds_of_each(works: list[Callable[[], object]], repetitions: int) -
 
 def one_level(options: FairingOptions, blur: float, size: int) -> FairingOptions:
     """A single level with cells of exactly one size and no search."""
-    return replace(
-        options,
-        cells=replace(options.cells, adaptive=False, size=(size,)),
-        schedule=replace(options.schedule, blur=(blur,), first_level="first"),
-    )
+    schedule = replace(options.schedule, first_level="first")
+    options = replace(options, cells=replace(options.cells, adaptive=False), schedule=schedule)
+    return options.with_levels(blur=blur, size=size)
 
 
 def kernel(quick: bool) -> Table:
@@ -129,7 +127,7 @@ def kernel(quick: bool) -> Table:
 def steps(quick: bool) -> Table:
     """Engine time of a Gauss-Newton iteration of one vertex, with cells of 64, and of a sweep's preparation."""
     options = replace(one_level(ACCURATE, 1.2, 64), locked_vertices=CORNER_ONLY)
-    options = replace(options, schedule=replace(options.schedule, order="sequential", max_iterations=(12,)))
+    options = replace(options, schedule=replace(options.schedule, order="sequential")).with_levels(max_iterations=12)
     iterations, vertices, preparations = [], [], []
     for _ in range(2 if quick else 5):
         session = Session(load_demo("cube"), options)
@@ -374,8 +372,8 @@ def _surface_run(name: str) -> Table:
 
 
 def _one_sweep(folder: Path) -> Table:
-    schedule = replace(ACCURATE.schedule, blur=(1.2,), first_level="first", max_sweeps=(1,), max_iterations=(1,))
-    options = replace(ACCURATE, schedule=schedule, step=replace(ACCURATE.step, smoothing=(0.0,)))
+    options = replace(ACCURATE, schedule=replace(ACCURATE.schedule, first_level="first"))
+    options = options.with_levels(blur=1.2, max_sweeps=1, max_iterations=1, smoothing=0.0)
     began = time.process_time()
     scene = load_scene(folder)
     needed, loaded = memory_needed(scene, options), time.process_time()

@@ -295,9 +295,8 @@ def _options(rng: random.Random, variants: list[FairingOptions]) -> FairingOptio
     options = rng.choice(variants)
     if rng.random() < 0.2:
         broken = [
-            replace(options, cells=replace(options.cells, size=(-3,))),
-            replace(options, schedule=replace(options.schedule, blur=())),
-            replace(options, eigenspace=replace(options.eigenspace, dimensions=(10**6,))),
+            options.with_levels(size=-3),
+            options.with_levels(dimensions=10**6),
             replace(options, step=replace(options.step, max_step=float("nan"))),
             replace(options, locked_vertices=(10**9,)),
         ]

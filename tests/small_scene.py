@@ -32,11 +32,9 @@ def small_options(preset: str = "accurate", **changes) -> FairingOptions:
         changes: stage={option: value} or option=value.
     """
     values = options_to_dict(PRESETS[preset])
-    for stage in ("cells", "eigenspace", "robust", "schedule"):
-        for name, value in values[stage].items():
-            values[stage][name] = value[-3:] if isinstance(value, tuple) else value
-    values["schedule"] |= {"blur": [2.0, 1.2, 0.6]}
-    values["step"] |= {"smoothing": [0.0], "points": [0.0]}
+    values["levels"] = values["levels"][-3:]
+    values["schedule"] |= {"blur": [2.0, 1.2, 0.6], "max_iterations": [4, 4, 3] if preset == "accurate" else [20]}
+    values["step"] |= {"smoothing": [0.0], "points": [0.0], "creases": [0.0]}
     for name, value in changes.items():
         values[name] = values[name] | value if isinstance(value, dict) else value
     return options_from_dict(values)

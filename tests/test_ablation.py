@@ -5,12 +5,13 @@ from pathlib import Path
 
 import pytest
 
+from app.debugger.option_fields import changed_options
 from fairing import options
 from fairing.errors import InputError
 from fairing.options import PRESETS
 from fairing.run import phases, planning, start_error
 from tests import ablation
-from tests.ablation import SETTINGS, Setting, ablation_table, measure_ablation, scaled, set_constant, with_option
+from tests.ablation import SETTINGS, Setting, ablation_table, measure_ablation, scaled, set_constant
 from tests.family import code_digest
 from tests.small_scene import corner_scene
 
@@ -23,7 +24,7 @@ def test_every_setting_has_a_value_and_alternatives_of_its_kind(setting: Setting
         assert value != setting.value
         assert isinstance(value, tuple) == isinstance(setting.value, tuple)
         if not setting.name.startswith("fairing."):
-            with_option(PRESETS["accurate"], setting.name, value)
+            assert changed_options(PRESETS["accurate"], {tuple(setting.name.split(".")): value}) != PRESETS["accurate"]
 
 
 def test_halves_and_doubles_keep_whole_numbers_whole():

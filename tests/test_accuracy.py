@@ -41,8 +41,7 @@ def test_a_corner_at_its_place_stays_there():
 
 def test_the_paper_s_way_lowers_the_energy_and_the_error():
     """A tenth of the preset's steps, which are 10 to 200 times too short."""
-    preset = PRESETS["paper"]
-    options = replace(preset, schedule=replace(preset.schedule, max_sweeps=(2,), max_iterations=(4,)))
+    options = PRESETS["paper"].with_levels(max_sweeps=2, max_iterations=4)
     session = fair(load_demo("cube"), options)
     n_faces = len(session.scene.mesh.faces)
     sweep, energy = None, np.full(n_faces, np.nan)

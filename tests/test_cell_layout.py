@@ -1,21 +1,22 @@
 """Layout of cells: the size of each face's grid, and the limit on the samples of all faces together."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from fairing.cells import layout
 from fairing.cells.layout import GRID_SIZES, LEAST_LARGEST, MAX_SAMPLES, plan_cells
-from fairing.options import CellOptions, FairingOptions, ScheduleOptions
+from fairing.options import CellOptions, FairingOptions, LevelOptions
 
-OPTIONS = CellOptions(size=(256,), spacing=(1.0,))
+OPTIONS = FairingOptions(levels=(LevelOptions(blur=1.0, size=256),))
 
 
-def planned(longest: np.ndarray, n_photos: int, options: CellOptions = OPTIONS) -> tuple[np.ndarray, int]:
+def planned(longest: np.ndarray, n_photos: int, options: FairingOptions = OPTIONS) -> tuple[np.ndarray, int]:
     """Size of each face's cells (m,), and the samples of all cells together, for faces seen in as many photos each."""
     seen = np.ones((len(longest), n_photos), dtype=bool)
     edges = np.repeat(longest[:, None], n_photos, axis=1)
-    options_of_run = FairingOptions(cells=options, schedule=ScheduleOptions(blur=(1.0,)))
-    found = plan_cells(options_of_run, 0, edges, 0.8 * edges, seen)
+    found = plan_cells(options, 0, edges, 0.8 * edges, seen)
     return found.grid_sizes[found.face_grid], int(found.samples.sum()) * n_photos
 
 
@@ -42,5 +43,5 @@ def test_many_faces_share_the_samples_and_only_large_cells_shrink(faces: int):
 
 def test_cells_of_one_size_keep_it(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(layout, "MAX_SAMPLES", 10)
-    sizes, _ = planned(np.full(5, 200.0), 4, CellOptions(size=(128,), adaptive=False))
+    sizes, _ = planned(np.full(5, 200.0), 4, replace(OPTIONS, cells=CellOptions(adaptive=False)).with_levels(size=128))
     assert (sizes == 128).all()

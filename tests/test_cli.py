@@ -84,7 +84,7 @@ def test_the_report_adds_up(scene, tmp_path):
     report = json.loads((out / "report.json").read_text())
     trace = Trace.load(out / "run.trace")
     assert report["preset"] == "accurate"
-    assert report["options"]["schedule"]["blur"] == [2.0, 1.0]
+    assert [level["blur"] for level in report["options"]["levels"]] == [2.0, 1.0]
     assert report["finished"]
     assert report["stop_reason"].startswith("finished")
     assert [(s["level"], s["sweep"]) for s in report["sweeps"]] == [(0, 0), (1, 0)]
@@ -114,7 +114,7 @@ def test_flags_overlay_the_chosen_preset(scene, tmp_path):
     options = json.loads((out / "report.json").read_text())["options"]
     assert options["cells"]["warp"] == "affine"
     assert options["step"]["solver"] == "alternating"
-    assert options["eigenspace"]["dimensions"] == [2]
+    assert {level["dimensions"] for level in options["levels"]} == {2}
 
 
 def test_the_trace_says_where_its_scene_is(scene, tmp_path, monkeypatch):

@@ -31,7 +31,7 @@ from app.debugger.run_state import Activity, RunState
 from app.debugger.schedule_extents import boundary_before
 from demo_scenes import Photography, load_demo
 from fairing.errors import Cancelled
-from fairing.options import FairingOptions, ScheduleOptions
+from fairing.options import FairingOptions
 from fairing.run.session import Session
 from fairing.scene import Scene
 from fairing.solve.problem import Problem
@@ -39,13 +39,10 @@ from fairing.stage_kind import StageKind
 from fairing.trace import Trace
 from tests.commands import do
 from tests.small_scene import corner_scene, small_options
+from tests.two_levels import two_levels
 from tests.waiting import wait_for
 
-OPTIONS = FairingOptions(
-    schedule=ScheduleOptions(
-        blur=(3.6, 2.0), order="sequential", max_sweeps=(2,), max_iterations=(3,), first_level="first"
-    )
-)
+OPTIONS = two_levels("sequential", sweeps=2, iterations=3)
 
 
 @pytest.fixture(scope="module")
@@ -178,9 +175,9 @@ def test_restarting_an_empty_run_leaves_one_run(controller: Controller):
 def test_a_branch_shares_the_past_and_takes_the_new_options(controller: Controller):
     do(controller, Forward(Extent.SWEEP))
     before = do(controller, Back(Extent.BLOCK))
-    options = replace(OPTIONS, eigenspace=replace(OPTIONS.eigenspace, dimensions=(1,)))
+    options = OPTIONS.with_levels(dimensions=1)
     after = do(controller, Branch(options))
-    assert after.options.eigenspace.dimensions == (1,)
+    assert after.options.by_level("dimensions") == (1,)
     assert after.moment == after.length == before.moment
     np.testing.assert_array_equal(after.vertices, before.vertices)
 
@@ -188,7 +185,7 @@ def test_a_branch_shares_the_past_and_takes_the_new_options(controller: Controll
 def test_a_branch_leaves_the_other_record_and_says_where_it_forked_and_how_it_differs(controller: Controller):
     before = do(controller, Forward(Extent.SWEEP))
     forked = do(controller, Back(Extent.BLOCK)).moment
-    options = replace(OPTIONS, eigenspace=replace(OPTIONS.eigenspace, dimensions=(1,)))
+    options = OPTIONS.with_levels(dimensions=1)
     after = do(controller, Branch(options), Forward(Extent.BLOCK))
     old, new = after.runs
     assert (old.length, old.moment) == (before.length, forked)

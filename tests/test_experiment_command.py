@@ -22,6 +22,7 @@ from app.experiments.record import Record
 from app.experiments.workers import measure_all
 from fairing.errors import InputError
 from fairing.experiments import EXPERIMENTS, CaptureRange, Row, Setting, WarpComparison, results
+from fairing.options import LEVEL_GROUPS
 from tests.small_scene import corner_scene, small_options
 from tests.waiting import wait_for
 
@@ -201,13 +202,17 @@ def test_ctrl_c_keeps_what_is_done_and_resume_ends_where_an_unbroken_one_ends(tm
     assert 1 <= len(record["rows"]) < 4
     assert not record["finished"]
     assert (broken / "capture-range.png").exists()
+    levels = record["options"].pop("levels")  # as records had them before: lists by group
+    for name, group in LEVEL_GROUPS.items():
+        record["options"][group][name] = [level[name] for level in levels]
+    (broken / "capture-range.json").write_text(json.dumps(record))
     assert command(broken, "--resume") == 0
     for ending in ("csv", "png", "json"):
         names = [folder / f"capture-range.{ending}" for folder in (whole, broken)]
         assert names[0].read_bytes() == names[1].read_bytes(), ending
     record = json.loads((broken / "capture-range.json").read_text())
     assert record["finished"]
-    assert record["options"]["cells"]["size"] == [32]
+    assert {level["size"] for level in record["options"]["levels"]} == {32}
     assert record["versions"]["numpy"] == np.__version__
 
 

@@ -158,7 +158,7 @@ def residual_of(session: Session, sweep, face: int, corner_place: np.ndarray) ->
     data, cells = sweep.context.kernel, []
     for pair in range(data.pair_start[face], data.pair_start[face + 1]):
         uv, _ = session.scene.views[data.pair_view[pair]].camera.project(bary @ corners)
-        photo = blurred_photo(int(data.pair_view[pair]), session.options.schedule.blur[0])
+        photo = blurred_photo(int(data.pair_view[pair]), session.options.levels[0].blur)
         cells.append(map_coordinates(photo, [uv[:, 1], uv[:, 0]], order=3, mode="mirror", prefilter=False))
     return np.array(cells)
 

@@ -79,7 +79,7 @@ def test_each_sample_is_at_its_position_in_the_photo():
     session = run(0, small_options(cells={"warp": "affine", "adaptive": False, "size": [24]}))
     cells = face_cells(session, 1)
     images = cells.as_images(cells.observed)
-    photo = blurred(cells.views[0], session.options.schedule.blur[0])
+    photo = blurred(cells.views[0], session.options.levels[0].blur)
     for row, column in [(0, 0), (0, 23), (23, 0), (7, 9)]:
         a, b = (column + 1 / 3) / 24, (row + 1 / 3) / 24
         x, y = a * cells.corners_px[0, 0] + b * cells.corners_px[0, 1] + (1 - a - b) * cells.corners_px[0, 2]

@@ -20,18 +20,15 @@ from app.debugger.moment_id import find_moment, moment_id, parse_moment_id
 from app.debugger.runs import options_differing, run_title
 from demo_scenes import Photography, load_demo
 from fairing.errors import InputError
-from fairing.options import PRESETS, FairingOptions, ScheduleOptions
+from fairing.options import PRESETS
 from fairing.run.session import Session
 from fairing.scene import Scene
 from fairing.trace import SchedulePosition, StepReason, StepRecord, Trace, stage_of_reasons
 from tests.commands import do
 from tests.small_scene import write_corner
+from tests.two_levels import two_levels
 
-OPTIONS = FairingOptions(
-    schedule=ScheduleOptions(
-        blur=(3.6, 2.0), order="sequential", max_sweeps=(2,), max_iterations=(3,), first_level="first"
-    )
-)
+OPTIONS = two_levels("sequential", sweeps=2, iterations=3)
 
 
 @pytest.fixture(scope="module")
@@ -147,7 +144,7 @@ def test_the_energies_of_a_run_are_those_it_had_when_it_was_at_hand(scene: Scene
 
 
 def test_an_energy_counts_as_measured_once_a_step_has_faces(scene: Scene):
-    controller = Controller(Session(scene, replace(OPTIONS, step=replace(OPTIONS.step, smoothing=(0.1,)))))
+    controller = Controller(Session(scene, OPTIONS.with_levels(smoothing=0.1)))
     try:
         energies = EnergyHistory(len(scene.mesh.faces))
         assert not energies.is_measured

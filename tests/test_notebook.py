@@ -15,11 +15,10 @@ from app.notebook.live import LiveDebugger
 from demo_scenes import load_demo
 from fairing import PRESETS, FairingOptions, InputError, Session
 from fairing.experiments import CaptureRange, Setting
-from fairing.options import ScheduleOptions
 from tests.small_scene import corner_scene
 
 NOTEBOOKS = sorted((Path(__file__).parents[1] / "demo_scenes" / "notebooks").glob("*.ipynb"))
-QUICK = FairingOptions(schedule=ScheduleOptions(blur=(2.0, 1.0), max_sweeps=(1,)))
+QUICK = FairingOptions().with_levels(blur=(2.0, 1.0), max_sweeps=1)
 BLOCKED = ("IPython", "ipykernel", "nbclient", "nbformat", "jupyter_client", "jupyter_core", "ipywidgets", "tqdm")
 
 

@@ -71,16 +71,12 @@ def test_cells_of_a_plane_seen_without_perspective_are_explained_by_one_basis_im
 def test_the_preset_paper_takes_the_steps_of_the_paper(k: int, rounding: float, monkeypatch: pytest.MonkeyPatch):
     scene, options = grey_corner(), PRESETS["paper"]
     monkeypatch.setattr(paper, "DIMENSIONS", k)
-    options = replace(
-        options,
-        visibility=replace(options.visibility, edge_margin=0.0),
-        eigenspace=replace(options.eigenspace, dimensions=(k,)),
-    )
+    options = replace(options, visibility=replace(options.visibility, edge_margin=0.0)).with_levels(dimensions=k)
     session = Session(scene, options)
     sweep = session.sweep_state()
     sweep.context.kernel.pair_mask[:] = -1  # the paper leaves out no sample
     object.__setattr__(sweep, "system", None)
-    twin = begun(scene, options.schedule.blur[0])
+    twin = begun(scene, options.levels[0].blur)
     assert (twin.seen == (sweep.context.reasons <= 1)).all()
     twin = twin._replace(sigma=sweep.sigma)  # the engine's is without the samples that masks leave out
     for _ in range(4):

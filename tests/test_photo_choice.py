@@ -49,7 +49,7 @@ def test_samples_of_a_cell_stay_clear_of_the_mask(tmp_path: Path):
     counts[STICKER] = False
     session = Session(with_mask(corner_scene(), 2, counts, tmp_path), small_options())
     session.step()
-    blur = session.options.schedule.blur[session.trace.steps[0].position.level]
+    blur = session.options.levels[session.trace.steps[0].position.level].blur
     (y0, y1), (x0, x1) = ((part.start, part.stop - 1) for part in STICKER)
     checked = 0
     for face in range(6):

@@ -303,8 +303,7 @@ def test_a_fit_to_points_of_surface_sweeps_needs_little_photo_gain(
 
 
 def test_the_points_measure_how_far_off_the_start_is():
-    default = PRESETS["accurate"]
-    options = replace(default, step=replace(default.step, smoothing=(0.0,)))
+    options = PRESETS["accurate"].with_levels(smoothing=0.0)
     far, near = (corner_scene(at) for at in (tuple(1.3 * x for x in START), (0.0, 0.0, 0.0)))
     sigma_far, sigma_near = (
         Session(observed(scene, on_the_faces(600)), options).make_plan().start_sigma for scene in (far, near)
@@ -433,7 +432,7 @@ def test_the_points_fade_at_vertices_around_which_photos_agree(monkeypatch):
 
 def test_the_prior_to_the_start_is_planned_where_points_measure_the_start():
     near, far = (corner_scene(tuple(factor * x for x in START)) for factor in (0.1, 1.3))
-    options = replace(PRESETS["accurate"], step=replace(PRESETS["accurate"].step, smoothing=(0.0,)))
+    options = PRESETS["accurate"].with_levels(smoothing=0.0)
     without = Session(near, options).make_plan()
     measured, reached = (Session(observed(scene, on_the_faces(600)), options).make_plan() for scene in (near, far))
     assert without.start_sigma == 0
@@ -442,7 +441,7 @@ def test_the_prior_to_the_start_is_planned_where_points_measure_the_start():
 
 def test_a_start_near_its_points_begins_at_the_last_level():
     off_the_mesh = on_the_faces(600) + np.random.default_rng(3).choice([-0.06, 0.06], (600, 1))
-    options = replace(PRESETS["accurate"], step=replace(PRESETS["accurate"].step, smoothing=(0.0,)))
+    options = PRESETS["accurate"].with_levels(smoothing=0.0)
     near, moved = (corner_scene(tuple(factor * x for x in START)) for factor in (0.1, 1.3))
     last = options.n_levels - 1
 
@@ -455,7 +454,7 @@ def test_a_start_near_its_points_begins_at_the_last_level():
 
 def test_edges_are_sought_as_far_as_the_start_is_off_where_the_mesh_fits_the_points():
     off_the_mesh = on_the_faces(600) + np.random.default_rng(3).choice([-0.06, 0.06], (600, 1))
-    options = replace(PRESETS["accurate"], step=replace(PRESETS["accurate"].step, smoothing=(0.0,)))
+    options = PRESETS["accurate"].with_levels(smoothing=0.0)
     starts = (tuple(factor * x for x in START) for factor in (0.1, 1.3))
     near, far = (Session(observed(corner_scene(start), on_the_faces(600)), options).make_plan() for start in starts)
     coarse = Session(observed(corner_scene(FAR), off_the_mesh), options).make_plan()

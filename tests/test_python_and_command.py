@@ -3,7 +3,7 @@
 import json
 import subprocess
 import sys
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +20,7 @@ from fairing.scene import Scene
 from tests.family import errors_of
 from tests.small_building import small_building
 
-QUICK = replace(PRESETS["accurate"], schedule=replace(PRESETS["accurate"].schedule, blur=(2.0,), max_sweeps=(1,)))
+QUICK = PRESETS["accurate"].with_levels(blur=2.0, max_sweeps=1)
 
 
 @dataclass(frozen=True)

@@ -19,11 +19,8 @@ from fairing.scene import Scene
 from fairing.stage_kind import StageKind
 
 OPTIONS = FairingOptions(
-    robust=RobustOptions(sigma_rule=("fixed",), sigma=3),
-    schedule=ScheduleOptions(
-        blur=(3.6, 2.0), order="sequential", max_sweeps=(2,), max_iterations=(3,), first_level="first"
-    ),
-)
+    robust=RobustOptions(sigma=3), schedule=ScheduleOptions(order="sequential", first_level="first")
+).with_levels(sigma_rule="fixed", blur=(3.6, 2.0), max_sweeps=2, max_iterations=3)
 
 
 @pytest.fixture(scope="module")

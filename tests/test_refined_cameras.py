@@ -250,7 +250,7 @@ def test_the_command_writes_corrected_cameras_and_resumes_with_them(tmp_path):
     prepare_output_folder(capture)
     write_capture(capture, "scene.json", wrong.views, None, (wrong.mesh.vertices, wrong.mesh.faces))
     source = SceneSource.typed(str(capture), None, points="own", cameras="automatic")
-    options = replace(PRESETS["accurate"], schedule=replace(PRESETS["accurate"].schedule, max_sweeps=(1, 1, 1, 1, 1)))
+    options = PRESETS["accurate"].with_levels(max_sweeps=1)
     console = Console(file=(said := io.StringIO()), width=400)
     arguments = (source, out, "accurate", options)
     assert fair_to_folder(*arguments, False, RunExtras(), console) == 0

@@ -147,8 +147,7 @@ def test_a_branch_within_a_fit_goes_on_as_the_run_did(whole: Session, kind: Stag
 def test_a_branch_within_a_fit_goes_on_under_other_options(whole: Session, kind: StageKind, order: str):
     whole.go_to(moment_in(whole, kind))
     length, changed = len(whole.trace), options(order, locked_vertices=(0,))
-    changed = replace(changed, schedule=replace(changed.schedule, max_sweeps=(1,)))
-    branch = whole.branch(changed)
+    branch = whole.branch(changed.with_levels(max_sweeps=1))
     branch.trace.record_plan(PLAN)
     assert branch.next_stage is kind
     assert branch.position == whole.position._replace(iteration=0)

@@ -13,7 +13,7 @@ from fairing.cells.layout import plan_cells
 from fairing.cells.sample_masks import mask_views
 from fairing.cells.visibility import Visibility, footprints_in_views
 from fairing.geometry.rasterize import HIDDEN_DEPTH, rasterize
-from fairing.options import FairingOptions, ScheduleOptions, VisibilityOptions
+from fairing.options import FairingOptions, VisibilityOptions
 from tests.terrain_scene import pinhole
 
 pytestmark = pytest.mark.compiled
@@ -76,7 +76,7 @@ def test_a_mask_has_the_samples_that_the_photo_shows(blur: float, reduction: int
         reasons = outlines.reason
         is_candidate = reasons == Visibility.SEEN
         layout = plan_cells(
-            FairingOptions(schedule=ScheduleOptions(blur=(blur,))),
+            FairingOptions().with_levels(blur=(blur,)),
             0,
             outlines.longest_edge,
             outlines.height,

@@ -155,7 +155,7 @@ def test_a_line_says_what_goes_on_in_the_stage(trace: Trace, stages: list[Record
     assert [lines[stages[2].begin + k] for k in range(2)] == ["axes · iteration 1", "axes · iteration 2"]
     assert lines[stages[3].end - 1] == "surface points · sweep 2 of 2, iteration 8"
     photos = next(stage for stage in stages if stage.kind is StageKind.PHOTOS)
-    blur = OPTIONS.schedule.blur[photos.level]
+    blur = OPTIONS.levels[photos.level].blur
     assert lines[photos.begin] == f"photos {blur:g} px · sweep 1, iteration 1"
     assert progress_lines(trace, 5)[-1] == "points · gate 3", (
         "how many gates there are is known at the end of the stage"

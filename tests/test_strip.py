@@ -13,14 +13,10 @@ from app.page_state.past_moment import at_viewed_moment
 from app.palette import NOW, REJECTED, START
 from app.pictures.strip import KINDS, MAX_PIXELS, StepHistory, _log_part
 from demo_scenes import Photography, load_demo
-from fairing.options import FairingOptions, ScheduleOptions
 from fairing.run.session import Session
+from tests.two_levels import two_levels
 
-OPTIONS = FairingOptions(
-    schedule=ScheduleOptions(
-        blur=(3.6, 2.0), order="sequential", max_sweeps=(2,), max_iterations=(3,), first_level="first"
-    )
-)
+OPTIONS = two_levels("sequential", sweeps=2, iterations=3)
 
 
 @pytest.fixture(scope="module")

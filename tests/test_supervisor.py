@@ -250,7 +250,7 @@ def test_the_report_has_what_a_developer_needs(controller: Controller, tmp_path:
     report = json.loads(controller.save_report(tmp_path / "report.json").read_text())
     assert report["scene"]["vertices"] == 7
     assert len(report["scene"]["photos"]) == 8
-    assert report["options"]["schedule"]["blur"] == [2.0, 1.2, 0.6]
+    assert [level["blur"] for level in report["options"]["levels"]] == [2.0, 1.2, 0.6]
     assert [command.split("(")[0] for command in report["commands"]] == ["Forward", "JumpTo"]
     assert set(report["threads"]) == {"engine", "publisher"}
     assert report["run"]["length"] == 1

@@ -14,6 +14,7 @@ from app.cli.arguments import Preset, SceneArgument, chosen_preset
 from app.cli.interrupt import Interrupt
 from app.cli.lines import print_line
 from app.cli.loading import load_with_points
+from app.cli.option_flags import flags_of, options_of
 from app.experiments.record import Record
 from app.experiments.workers import MOST_WORKERS, measure_all
 from app.files.scene_source import SceneSource
@@ -50,6 +51,8 @@ def experiment_commands(arguments: Sequence[str]) -> dict[str, Callable[..., int
 def _command(kind: type[Experiment], default: FairingOptions) -> Callable[..., int]:
     """The command of one experiment: its fields and the options of the preset are flags."""
 
+    flags = flags_of(default)
+
     def command(
         out: Path,
         scene: SceneArgument = "cube",
@@ -57,7 +60,7 @@ def _command(kind: type[Experiment], default: FairingOptions) -> Callable[..., i
         preset: Preset = "accurate",
         resume: bool = False,
         experiment: Annotated[kind, tyro.conf.arg(name="")] = kind(),  # pyright: ignore[reportInvalidTypeForm]  # noqa: B008
-        options: Annotated[FairingOptions, tyro.conf.arg(name="")] = default,
+        options: Annotated[type(flags), tyro.conf.arg(name="")] = flags,  # pyright: ignore[reportInvalidTypeForm]
     ) -> int:
         """Args:
         out: Folder for the table (.csv), the chart (.png) and the record (.json): new, empty, or of an earlier run.
@@ -71,7 +74,7 @@ def _command(kind: type[Experiment], default: FairingOptions) -> Callable[..., i
                 "the truth, which is known for demos only"
             )
         source = SceneSource.typed(scene, None, points="automatic")
-        return experiment_to_folder(experiment, source, out, vertex, options, resume, Console(stderr=True))
+        return experiment_to_folder(experiment, source, out, vertex, options_of(options), resume, Console(stderr=True))
 
     command.__doc__ = f"{kind.question}\n\n{command.__doc__}"
     return command

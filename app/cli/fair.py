@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -23,9 +23,11 @@ from app.cli.arguments import (
 from app.cli.interrupt import Interrupt
 from app.cli.lines import note_outside_photos, print_line
 from app.cli.loading import open_session
+from app.cli.option_flags import flags_of, options_of
 from app.cli.refined_cameras import write_cameras
 from app.cli.run_extras import RunExtras, predict_left_out, write_models
 from app.cli.run_progress import RunProgress
+from app.debugger.option_fields import differing_fields
 from app.files.json_file import write_json
 from app.files.run_files import CAMERAS, MESH, REPORT, TRACE
 from app.files.scene_source import SceneSource, write_points_of_run
@@ -49,6 +51,8 @@ NO_EXTRAS = RunExtras()
 def fair_command(default: FairingOptions) -> Callable[..., int]:
     """The command `fair`, with the options of the chosen preset as the defaults of its flags."""
 
+    flags = flags_of(default)
+
     def fair(
         scene: SceneArgument,
         out: Path,
@@ -60,7 +64,7 @@ def fair_command(default: FairingOptions) -> Callable[..., int]:
         photos: PhotosArgument = ALL_PHOTOS,
         cameras: CamerasArgument = "automatic",
         terms: TermsArgument = (),
-        options: Annotated[FairingOptions, tyro.conf.arg(name="")] = default,
+        options: Annotated[type(flags), tyro.conf.arg(name="")] = flags,  # pyright: ignore[reportInvalidTypeForm]
     ) -> int:
         """Refine the mesh of a scene without a browser. Writes mesh.ply, report.json and run.trace.
 
@@ -72,7 +76,7 @@ def fair_command(default: FairingOptions) -> Callable[..., int]:
             resume: Continue the run in `out`, which was recorded on the same scene with the same options. Its cameras are used.
         """
         source = SceneSource.typed(scene, mesh, photos, points, cameras)
-        return fair_to_folder(source, out, preset, options, resume, extras, Console(stderr=True), terms)
+        return fair_to_folder(source, out, preset, options_of(options), resume, extras, Console(stderr=True), terms)
 
     return fair
 
@@ -230,7 +234,7 @@ def _earlier_run(path: Path, options: FairingOptions) -> Trace | None:
     if not path.exists():
         return None
     trace = Trace.load(path)
-    difference = _first_difference(options_from_dict(trace.header["options"]), options, "")
+    difference = _first_difference(options_from_dict(trace.header["options"]), options)
     if difference:
         raise InputError(
             f"{path}: was recorded with other options ({difference}); give the same options or another --out"
@@ -238,11 +242,7 @@ def _earlier_run(path: Path, options: FairingOptions) -> Trace | None:
     return trace
 
 
-def _first_difference(recorded: Any, wanted: Any, prefix: str) -> str:
-    for field in fields(recorded):
-        one, other = getattr(recorded, field.name), getattr(wanted, field.name)
-        if one == other or field.name == "threads":
-            continue
-        name = prefix + field.name
-        return _first_difference(one, other, name + ".") if is_dataclass(one) else f"{name} was {one}, now {other}"
+def _first_difference(recorded: FairingOptions, wanted: FairingOptions) -> str:
+    for field in differing_fields(recorded, replace(wanted, threads=recorded.threads)):
+        return f"{field.name} was {field.of(recorded)}, now {field.of(wanted)}"
     return ""

@@ -2,13 +2,15 @@
 
 import ast
 import inspect
+import sys
 import typing
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass, is_dataclass
 from functools import cache
+from itertools import pairwise
 from typing import Any, Literal
 
 from fairing.errors import InputError
-from fairing.options import FairingOptions
+from fairing.options import LEVEL_GROUPS, FairingOptions, LevelOptions, options_from_dict
 
 NOT_COMPARABLE = "energies before and after the change are not comparable"
 NEXT_STEP = "from the next step on"
@@ -22,6 +24,7 @@ GROUP_EFFECTS: dict[str, tuple[str, str]] = {
     "schedule": ("levels, sweeps and their order", "only in a new run"),
     "general": ("which vertices may move", NEXT_STEP),
 }
+Kind = Literal["choice", "switch", "whole", "number", "list"]
 SPEED_ONLY = ("the speed only; the result stays identical", NEXT_STEP)
 
 
@@ -30,7 +33,8 @@ class OptionField:
     """One option.
 
     Attributes:
-        path: names from the top, such as ("cells", "warp").
+        path: group, if it belongs to one, and name, such as ("cells", "warp").
+        hint: type of its value; of an option by level a tuple.
         meaning: the documentation string of the field.
         kind: "choice", "switch", "whole", "number" or "list".
         choices: valid values of a choice, or of the items of a list; empty: numbers.
@@ -38,10 +42,15 @@ class OptionField:
     """
 
     path: tuple[str, ...]
+    hint: Any
     meaning: str
-    kind: Literal["choice", "switch", "whole", "number", "list"]
+    kind: Kind
     choices: tuple[str, ...] = ()
     whole: bool = False
+
+    @property
+    def name(self) -> str:
+        return ".".join(self.path)
 
     @property
     def label(self) -> str:
@@ -59,7 +68,9 @@ class OptionField:
         return f"Affects {what}. Takes effect {when}."
 
     def of(self, options: FairingOptions) -> Any:
-        """The value of this field."""
+        """The value of this field; by level see `FairingOptions.by_level`."""
+        if LEVEL_GROUPS.get(self.path[-1]) == self.group:
+            return options.by_level(self.path[-1])
         value: Any = options
         for name in self.path:
             value = getattr(value, name)
@@ -76,7 +87,7 @@ class OptionField:
         Raises:
             InputError: it is not valid for this field.
         """
-        name = ".".join(self.path)
+        name = self.name
         if self.kind == "switch":
             if not isinstance(typed, bool):
                 raise InputError(f"option {name}: expected on or off, found {typed!r}")
@@ -94,31 +105,43 @@ class OptionField:
         return typed
 
 
-def option_fields(kind: type = FairingOptions, above: tuple[str, ...] = ()) -> list[OptionField]:
-    """All fields of the options; groups follow the fields of their owner."""
-    hints, meanings = typing.get_type_hints(kind), field_meanings(kind)
-    own, nested = [], []
-    for field in fields(kind):
-        hint, path = hints[field.name], (*above, field.name)
-        if is_dataclass(hint) and isinstance(hint, type):
-            nested += option_fields(hint, path)
-        else:
-            own.append(_field(path, hint, meanings.get(field.name, "")))
-    return own + nested
+@cache
+def option_fields() -> tuple[OptionField, ...]:
+    """All options: those without a group, then group by group, in each those by level first."""
+    own, grouped = [], []
+    for name, hint, meaning in _explained(FairingOptions):
+        if is_dataclass(hint):
+            grouped += [
+                _field((name, part), tuple[kind, ...], f"{about} One value per level.")
+                for part, kind, about in _explained(LevelOptions)
+                if LEVEL_GROUPS[part] == name
+            ]
+            grouped += [_field((name, part), kind, about) for part, kind, about in _explained(hint)]
+        elif name != "levels":
+            own.append(_field((name,), hint, meaning))
+    return (*own, *grouped)
 
 
 def changed_options(options: FairingOptions, values: dict[tuple[str, ...], Any]) -> FairingOptions:
-    """The options with the fields at these paths replaced."""
-    return _changed(options, values, ())
+    """The options with the fields at these paths replaced; those by level as by `FairingOptions.with_levels`."""
+    nested: dict[str, Any] = {path[0]: {} for path in values if len(path) > 1}
+    for (*group, name), value in values.items():
+        (nested[group[0]] if group else nested)[name] = value
+    return options_from_dict(nested, options)
+
+
+def differing_fields(before: FairingOptions, after: FairingOptions) -> list[OptionField]:
+    """The fields that differ; levels that were added or removed make a difference of the blur alone."""
+    same_blurs = before.with_levels(blur=after.by_level("blur"))
+    return [f for f in option_fields() if f.of(before if f.name == "schedule.blur" else same_blurs) != f.of(after)]
 
 
 @cache
 def field_meanings(kind: type) -> dict[str, str]:
     """The documentation string under each field of a dataclass, by field name."""
-    body = ast.parse(inspect.getsource(kind).lstrip()).body[0]
-    assert isinstance(body, ast.ClassDef)
+    body = _classes(kind.__module__)[kind.__name__].body
     meanings = {}
-    for statement, following in zip(body.body, body.body[1:], strict=False):
+    for statement, following in pairwise(body):
         if (
             isinstance(statement, ast.AnnAssign)
             and isinstance(statement.target, ast.Name)
@@ -129,29 +152,26 @@ def field_meanings(kind: type) -> dict[str, str]:
     return meanings
 
 
+@cache
+def _classes(module: str) -> dict[str, ast.ClassDef]:
+    """The classes of a module, parsed once for all of them."""
+    statements = ast.parse(inspect.getsource(sys.modules[module])).body
+    return {statement.name: statement for statement in statements if isinstance(statement, ast.ClassDef)}
+
+
+def _explained(kind: Any) -> list[tuple[str, Any, str]]:
+    """Name, type and documentation string of the fields of a dataclass."""
+    meanings = field_meanings(kind)
+    return [(name, hint, meanings.get(name, "")) for name, hint in typing.get_type_hints(kind).items()]
+
+
 def _field(path: tuple[str, ...], hint: Any, meaning: str) -> OptionField:
-    origin, arguments = typing.get_origin(hint), typing.get_args(hint)
-    if origin is Literal:
-        return OptionField(path, meaning, "choice", tuple(map(str, arguments)))
-    if origin is tuple:
-        part = arguments[0]
-        if typing.get_origin(part) is Literal:
-            return OptionField(path, meaning, "list", tuple(map(str, typing.get_args(part))))
-        return OptionField(path, meaning, "list", whole=part is int)
-    if hint is bool:
-        return OptionField(path, meaning, "switch")
-    return OptionField(path, meaning, "whole" if hint is int else "number")
-
-
-def _changed(options: Any, values: dict[tuple[str, ...], Any], above: tuple[str, ...]) -> Any:
-    changes = {}
-    for field in fields(options):
-        path, current = (*above, field.name), getattr(options, field.name)
-        if is_dataclass(current):
-            changes[field.name] = _changed(current, values, path)
-        elif path in values:
-            changes[field.name] = values[path]
-    return replace(options, **changes)
+    is_list = typing.get_origin(hint) is tuple
+    item = typing.get_args(hint)[0] if is_list else hint
+    choices = tuple(map(str, typing.get_args(item))) if typing.get_origin(item) is Literal else ()
+    of_type: dict[type, Kind] = {bool: "switch", int: "whole", float: "number"}
+    kind = "list" if is_list else "choice" if choices else of_type[item]
+    return OptionField(path, hint, meaning, kind, choices, whole=item is int)
 
 
 def _plain(value: Any) -> str:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from app.debugger.option_fields import option_fields
+from app.debugger.option_fields import differing_fields
 from app.debugger.session_snapshot import recorded_position
 from fairing.errors import InputError
 from fairing.options import PRESETS, FairingOptions
@@ -254,8 +254,10 @@ def options_differing(before: FairingOptions, after: FairingOptions) -> str:
 
 
 def _differences(before: FairingOptions, after: FairingOptions) -> list[str]:
-    changed = [field for field in option_fields() if field.of(before) != field.of(after)]
-    return [f"{field.label} {_short(field.shown(before))} → {_short(field.shown(after))}" for field in changed]
+    return [
+        f"{field.label} {_short(field.shown(before))} → {_short(field.shown(after))}"
+        for field in differing_fields(before, after)
+    ]
 
 
 def _listed(words: list[str]) -> str:

@@ -17,7 +17,7 @@ def stage_name(kind: StageKind, level: int, options: FairingOptions) -> str:
 
 def blur_text(level: int, options: FairingOptions) -> str:
     """The blur of the photos at a level, with its unit."""
-    return f"{options.schedule.blur[level]:g} px"
+    return f"{options.levels[level].blur:g} px"
 
 
 def stage_hint(stage: RecordedStage, options: FairingOptions) -> str:

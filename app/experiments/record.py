@@ -4,7 +4,7 @@ import csv
 import io
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,7 @@ from fairing.errors import InputError
 from fairing.experiments import Experiment, Row, Setting
 from fairing.io import write_atomically
 from fairing.judge.report import versions
-from fairing.options import options_to_dict
+from fairing.options import FairingOptions, options_from_dict, options_to_dict
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,14 +75,12 @@ class Record:
 
     def identity(self) -> dict[str, Any]:
         """The parameters that all rows have in common; the number of threads is not one of them."""
-        options = options_to_dict(self.setting.options)
-        del options["threads"]
         return {
             "experiment": self.experiment.name,
             "scene": self.scene,
             "vertex": self.setting.vertex,
             "fields": _plain(asdict(self.experiment)),  # pyright: ignore[reportArgumentType]
-            "options": _plain(options),
+            "options": _option_values(self.setting.options),
         }
 
     def save(self, folder: Path, rows: Sequence[Row], *, picture: bool) -> None:
@@ -112,6 +110,7 @@ class Record:
             known = {_key(case) for case in self.cases}
             names = list(self.cases[0])
             wanted = self.identity()
+            found["options"] = _option_values(options_from_dict(found["options"]))
             different = [name for name, value in wanted.items() if found.get(name) != value]
             if not different and not (is_whole and all(_key({n: r[n] for n in names}) in known for r in rows)):
                 raise ValueError
@@ -126,6 +125,11 @@ class Record:
 
 def _key(case: Row) -> tuple[Any, ...]:
     return tuple(case.items())
+
+
+def _option_values(options: FairingOptions) -> Any:
+    """The options that decide results, as JSON values."""
+    return _plain(options_to_dict(replace(options, threads=0)))
 
 
 def _plain(values: Any) -> Any:

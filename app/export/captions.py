@@ -75,7 +75,7 @@ def moment_words(facts: RunFacts, moment: int) -> list[str]:
     where = "the start"
     if moment:
         stage, level = facts.trace.steps[moment - 1].stage, facts.trace.steps[moment - 1].position.level
-        blurred = f"photos blurred by {facts.options.schedule.blur[level]:g} px"
+        blurred = f"photos blurred by {facts.options.levels[level].blur:g} px"
         where = f"level {level + 1} of {facts.options.n_levels}, {f'fit: {stage.label}' if stage.is_fit else blurred}"
     energy = facts.energy_at(moment)
     figures = [f"energy {energy:,.0f}"] if np.isfinite(energy) else []

@@ -160,7 +160,7 @@ def _choices(facts: RunFacts, key: tuple[int, int], state: SweepState, faces: li
     for row, of_face in enumerate(pairs):
         samples = sizes[row] * (sizes[row] + 1) // 2
         masks += [_bits(data.masks, start, samples) for start in data.pair_mask[of_face].tolist()]
-    is_common = facts.options.level(context.level).point_spread == "common" and not context.point_spread_fallback
+    is_common = facts.options.levels[context.level].point_spread == "common" and not context.point_spread_fallback
     of_pairs = np.repeat(sizes, np.diff(starts))
     return _Sweep(
         key=key,
@@ -196,7 +196,7 @@ def _blur(
     is_common: bool,
 ) -> np.ndarray:
     """(P, 3) float: covariance xx, xy, yy, px^2, of each pair's blur, as in `fairing.cells.context.build_context`."""
-    blur = facts.options.schedule.blur[context.level]
+    blur = facts.options.levels[context.level].blur
     cameras = [view.camera for view in facts.scene.views]
     corners = context.vertices[facts.scene.mesh.faces[faces]]
     face = np.repeat(np.arange(len(faces)), np.diff(starts))
@@ -287,7 +287,7 @@ def _packed_sweeps(facts: RunFacts, sweeps: list[_Sweep], rows: list[int]) -> di
     options = facts.options
     return {
         "level": levels,
-        "cubic": [options.level(level).interpolation == "cubic" for level in levels],
+        "cubic": [options.levels[level].interpolation == "cubic" for level in levels],
         "common": [sweep.is_common for sweep in sweeps],
         "k": of_faces("k", np.uint8),
         "size": of_faces("size", np.uint16),

@@ -187,7 +187,7 @@ def _stages(facts: RunFacts) -> list[dict[str, Any]]:
 def _levels(facts: RunFacts) -> list[dict[str, Any]]:
     levels = facts.energies.levels
     result = []
-    for level, blur in enumerate(facts.options.schedule.blur):
+    for level, blur in enumerate(facts.options.by_level("blur")):
         steps = np.flatnonzero(levels == level)
         first, end = (int(steps[0]), int(steps[-1]) + 1) if len(steps) else (0, 0)
         text = level_text(facts.options, level)

@@ -119,7 +119,7 @@ def _pictures(facts: RunFacts, on_progress: Callable[[float], None]) -> str:
 def _curves(facts: RunFacts) -> str:
     if facts.length == 0:
         return ""
-    blur = facts.options.schedule.blur
+    blur = facts.options.by_level("blur")
     bands = [
         (stage.begin, stage.end, f"σ {blur[stage.level]:g}" if stage.kind is StageKind.PHOTOS else stage.kind.label)
         for stage in facts.energies.stages(facts.length)

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from app.debugger.option_fields import option_fields
+from app.debugger.option_fields import differing_fields, option_fields
 from app.export.run_facts import RunFacts
 from app.html import number, text
 from fairing.options import PRESETS, FairingOptions
@@ -79,7 +79,7 @@ def figures_table(facts: RunFacts) -> str:
 def options_list(options: FairingOptions) -> str:
     """Markup of all options with their meanings; options that differ from the nearest preset are marked."""
     fields = option_fields()
-    changed = {name: [f for f in fields if f.of(preset) != f.of(options)] for name, preset in PRESETS.items()}
+    changed = {name: differing_fields(preset, options) for name, preset in PRESETS.items()}
     nearest = min(changed, key=lambda name: len(changed[name]))
     parts = [f"<h2>Options</h2><p class='dim'>Preset {nearest}; {len(changed[nearest])} options differ from it.</p>"]
     for group in dict.fromkeys(field.group for field in fields):

@@ -81,7 +81,7 @@ def kind_of(record: StepRecord) -> int:
 
 def level_text(options: FairingOptions, level: int) -> str:
     """One sentence about the purpose of a level."""
-    blur = options.schedule.blur[level]
+    blur = options.levels[level].blur
     if level == options.n_levels - 1:
         return f"The finest level: photos blurred by only {blur:g} px. It refines positions to hundredths of a pixel."
     return (

@@ -102,7 +102,7 @@ def read_changes(written: str | None) -> Changes:
     Raises:
         InputError: there is no such option or value.
     """
-    fields = {".".join(option.path): option for option in option_fields()}
+    fields = {option.name: option for option in option_fields()}
     changes = []
     for piece in (written or "").split():
         name, _, value = piece.partition("=")

@@ -6,7 +6,7 @@ import viser
 
 from app.debugger.commands import Branch, Restart
 from app.debugger.controller import Controller
-from app.debugger.option_fields import OptionField, changed_options, option_fields
+from app.debugger.option_fields import OptionField, changed_options, differing_fields, option_fields
 from app.debugger.run_state import RunState
 from app.html import button, text
 from app.page_state.page_state import PageState
@@ -57,9 +57,10 @@ class OptionsPanel:
         if self._preset.value != preset:
             self._preset.value = preset
         try:
-            changed = [(f, w.value) for f, w in self._widgets if f.read(w.value) != f.of(state.options)]
-            note = text(f"Changed: {', '.join(f.label for f, _ in changed)}" if changed else "No changes.")
-            details = "".join(_change(f, value, state.options) for f, value in changed[:MAX_DETAILS])
+            typed = self._read(state.options)
+            changed = differing_fields(state.options, typed)
+            note = text(f"Changed: {', '.join(field.label for field in changed)}" if changed else "No changes.")
+            details = "".join(_change(field, typed, state.options) for field in changed[:MAX_DETAILS])
         except InputError as error:
             note, details = text(error), ""
         go_on = button(
@@ -76,15 +77,18 @@ class OptionsPanel:
         values = [widget.value for _, widget in self._widgets]
         return next((name for name, shown in self._presets.items() if shown == values), FROM_WIDGETS)
 
+    def _read(self, options: FairingOptions) -> FairingOptions:
+        return changed_options(options, {field.path: field.read(widget.value) for field, widget in self._widgets})
+
     def _typed(self) -> FairingOptions:
-        values = {field.path: field.read(widget.value) for field, widget in self._widgets}
-        options = changed_options(self._controller.state.options, values)
+        options = self._read(self._controller.state.options)
         check_options(options)
         return options
 
     def _go_on(self) -> None:
         options, state = self._typed(), self._controller.state
-        if options.schedule != state.options.schedule and state.moment > 0:
+        is_other_schedule = any(field.group == "schedule" for field in differing_fields(state.options, options))
+        if is_other_schedule and state.moment > 0:
             raise InputError("the schedule cannot change within a run; use Start over")
         self._controller.post(Branch(options))
 
@@ -105,11 +109,11 @@ class OptionsPanel:
                 widget.value = value
 
 
-def _change(field: OptionField, value: object, options: FairingOptions) -> str:
+def _change(field: OptionField, typed: FairingOptions, options: FairingOptions) -> str:
     """What was changed, from what to what, what it means and when it takes effect."""
     return (
         f"<div class='breakpoint'><b>{text(field.label)}</b> <code>{text(field.shown(options))}</code> → "
-        f"<code>{text(value)}</code><div class='dim'>{text(field.meaning)}</div><div>{text(field.effect)}</div></div>"
+        f"<code>{text(field.shown(typed))}</code><div class='dim'>{text(field.meaning)}</div><div>{text(field.effect)}</div></div>"
     )
 
 

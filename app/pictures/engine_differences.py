@@ -20,7 +20,7 @@ def difference_at(part: str, options: FairingOptions, facts: IterationFacts) -> 
     if part == "residual":
         return "As in the paper; samples that a photo does not show (grey) are left out."
     if part == "weights":
-        rule = options.level(level).sigma_rule
+        rule = options.levels[level].sigma_rule
         if rule == "paper":
             return "As in the paper: σ = max|e| / √3 at the beginning of the sweep."
         return f"The paper sets σ = max|e| / √3; on this level the engine uses the rule “{rule}”."
@@ -44,7 +44,7 @@ def difference_at(part: str, options: FairingOptions, facts: IterationFacts) -> 
             )
         return "As in the paper: one 3 × 3 system for each vertex, with damping after a rejection."
     if part == "limit":
-        longest = options.step.max_step * max(1.0, options.level(level).blur)
+        longest = options.step.max_step * max(1.0, options.levels[level].blur)
         return (
             f"The paper gives no limit; here a step moves no vertex farther than {longest:.3g} px in a photo and folds no "
             "face."

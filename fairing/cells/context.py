@@ -109,7 +109,7 @@ def build_context(
     Raises:
         InputError: a photo cannot be decoded.
     """
-    faces, at = scene.mesh.faces, options.level(level)
+    faces, at = scene.mesh.faces, options.levels[level]
     blur = at.blur
     cameras = [view.camera for view in scene.views]
     outlines = footprints_in_views(vertices, faces, cameras, orientation, options.visibility, blur, pool)
@@ -220,7 +220,7 @@ def _pair_photos(
 ) -> tuple[PairPhotos, bool]:
     """The pixels of all pairs by the level's point spread option, and whether memory forced photos as seen instead."""
     cameras = [view.camera for view in scene.views]
-    at = options.level(level)
+    at = options.levels[level]
     blur, cubic = at.blur, at.interpolation == "cubic"
     longest, height = outlines.longest_edge[pairs.face, pairs.view], outlines.height[pairs.face, pairs.view]
     spacing = longest / layout.grid_sizes[layout.face_grid[pairs.face]]

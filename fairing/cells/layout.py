@@ -63,7 +63,7 @@ def plan_cells(
         longest_edge, height: (m, V) float, px, see `Footprints`.
         is_candidate: (m, V) bool: photos that show the face by its outline.
     """
-    at = options.level(level)
+    at = options.levels[level]
     size, adaptive = at.size, options.cells.adaptive
     grid_sizes = [s for s in GRID_SIZES if s < size] + [size] if adaptive else [size]
     needed = np.where(is_candidate, longest_edge, 0).max(axis=1) / (at.spacing * max(1.0, at.blur))

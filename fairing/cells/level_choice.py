@@ -52,4 +52,4 @@ def first_fine_level(options: FairingOptions) -> int:
 
 def _first_level_of_blur(most: float, options: FairingOptions) -> int:
     """The first level whose blur is at most that, px; the last level if there is none."""
-    return next((k for k, blur in enumerate(options.schedule.blur) if blur <= most), options.n_levels - 1)
+    return next((k for k, level in enumerate(options.levels) if level.blur <= most), options.n_levels - 1)

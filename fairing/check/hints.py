@@ -143,14 +143,13 @@ def find_suggestions(scene: Scene, check: SceneCheck, options: FairingOptions) -
         return []
     suggestions = []
     typical = check.footprint[2]
-    blurs = options.schedule.blur
     first = level_for_footprint(typical, options)
     coarsest = "" if first == 0 else "; --schedule.first-level first starts at the coarsest"
     suggestions.append(
-        f"faces measure {typical:.0f} px, so a run starts at about level {first + 1} of {len(blurs)} (blur "
-        f"{blurs[first]:g} px){coarsest}"
+        f"faces measure {typical:.0f} px, so a run starts at about level {first + 1} of {options.n_levels} (blur "
+        f"{options.levels[first].blur:g} px){coarsest}"
     )
-    largest = max(options.cells.size)
+    largest = max(level.size for level in options.levels)
     if check.footprint[4] > 1.5 * largest:
         suggestions.append(
             f"the largest face measures {check.footprint[4]:.0f} px, more than the {largest} samples of the finest cells: "

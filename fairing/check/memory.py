@@ -82,15 +82,14 @@ def _pixels_laid_out(scene: Scene, options: FairingOptions, scale: float, sizes:
         longest, height = scale * outline.longest_edge[is_seen], scale * outline.height[is_seen]
         patches[is_seen] += patch_pixels(longest, height)
         count[is_seen] += 1
-        for level, blur in enumerate(options.schedule.blur):
-            octaves = np.unique(blur_octaves(longest / options.level(level).size, blur)).tolist()
+        for level, at in enumerate(options.levels):
+            octaves = np.unique(blur_octaves(longest / at.size, at.blur)).tolist()
             for octave in octaves or [0]:
                 size = (view.camera.width, view.camera.height)
-                factor = reduction(size, blur_of_octave(octave, blur), blur, is_large)
+                factor = reduction(size, blur_of_octave(octave, at.blur), at.blur, is_large)
                 laid_out[level] += sizes[v] / factor**2
     of_patches = float((patches * np.minimum(1, options.visibility.max_views / np.maximum(count, 1))).sum())
-    spreads = [options.level(level).point_spread for level in range(options.n_levels)]
-    uses_patches = [spread == "common" and of_patches <= MAX_PATCH_PIXELS for spread in spreads]
+    uses_patches = [level.point_spread == "common" and of_patches <= MAX_PATCH_PIXELS for level in options.levels]
     largest = max(of_patches if patched else float(laid_out[level]) for level, patched in enumerate(uses_patches))
     return largest, float(laid_out[np.logical_not(uses_patches)].sum())
 

@@ -48,7 +48,7 @@ def check_scene(
     options = options or FairingOptions()
     all_faces = np.ones(len(scene.mesh.faces), dtype=bool)
     vertices, level = scene.mesh.vertices, options.n_levels - 1
-    as_seen = replace(options, cells=replace(options.cells, point_spread=("as_seen",)))  # reads no photos
+    as_seen = options.with_levels(point_spread="as_seen")  # reads no photos
     with ThreadPoolExecutor(options.threads or os.cpu_count()) as pool:
         context = build_context(
             scene, _MasksOnly(scene, color=False), as_seen, level, vertices, mesh_orientation(scene, vertices), all_faces, pool

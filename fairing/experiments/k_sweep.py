@@ -53,9 +53,8 @@ class KSweep:
 
     def measure(self, setting: Setting, case: Row) -> Row:
         direction = setting.directions(self.directions)[case["direction"]]
-        eigenspace = replace(setting.options.eigenspace, dimensions=(case["k"],))
         scene = setting.displaced(START_PERCENT, direction)
-        session = setting.session(scene, replace(setting.options, eigenspace=eigenspace))
+        session = setting.session(scene, setting.options.with_levels(dimensions=case["k"]))
         session.run()
         return {
             "end_percent": setting.distance(session.vertices),
@@ -122,9 +121,9 @@ def _weighted(cells: FaceCells, views: np.ndarray, shown: np.ndarray) -> np.ndar
 def _at_one_level(setting: Setting, percent: float, direction: np.ndarray) -> Session:
     """A run at its start, with a single level and cells of one size, so that cells are comparable sample by sample."""
     options: FairingOptions = setting.options
-    cells = CellOptions(warp=options.cells.warp, size=(CELL_SIZE,), adaptive=False, inset=(0.0,))
-    cells = replace(cells, interpolation=("bilinear",), weighting=options.cells.weighting)
-    schedule = replace(options.schedule, blur=(BLUR,), first_level="first")
-    step = replace(options.step, smoothing=(0.0,))
-    options = replace(options, cells=cells, schedule=schedule, step=step)
+    cells = CellOptions(warp=options.cells.warp, adaptive=False, weighting=options.cells.weighting)
+    options = replace(options, cells=cells, schedule=replace(options.schedule, first_level="first"))
+    options = options.with_levels(
+        blur=BLUR, size=CELL_SIZE, inset=0.0, interpolation="bilinear", point_spread="as_seen", smoothing=0.0
+    )
     return setting.session(setting.displaced(percent, direction), options)

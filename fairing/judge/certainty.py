@@ -84,7 +84,7 @@ def certainties(session: Session, vertices: np.ndarray, moment: int | None = Non
     system = session.linearise_by_photos(faces, moment)
     H, _ = vertex_systems(mesh, system)
     loss, pixels = loss_of_faces(sweep.context, system.energy, faces)
-    correlated = max(1.0, 4 * np.pi * session.options.schedule.blur[sweep.context.level] ** 2)
+    correlated = max(1.0, 4 * np.pi * session.options.levels[sweep.context.level].blur ** 2)
     found = []
     for vertex in vertices.tolist():
         around = (mesh.faces[faces] == vertex).any(axis=1)

@@ -111,7 +111,7 @@ def run_report(session: Session, preset: str, seconds: dict[str, float], quality
         "samples": session.samples,
         "samples_per_second": session.samples / computing,
         "sweeps": [
-            vars(sweep) | {"blur_px": session.options.schedule.blur[sweep.level]}
+            vars(sweep) | {"blur_px": session.options.levels[sweep.level].blur}
             for sweep in sweep_energies(session.trace)
         ],
         "skipped": _skipped(session, context),
@@ -184,7 +184,7 @@ def _skipped(session: Session, context: CellContext | None) -> dict[str, Any]:
     scene = session.scene
     number, n_views = scene.input_faces, len(scene.views)
     without_area = np.setdiff1d(np.arange(len(scene.original_faces)), number)
-    requested = session.options.level(context.level).dimensions
+    requested = session.options.levels[context.level].dimensions
     takes_part = context.takes_part
     out = np.flatnonzero(~takes_part)
     lowered = np.flatnonzero(takes_part & (context.kernel.face_dimensions < requested))

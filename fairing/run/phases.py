@@ -21,11 +21,11 @@ class Level:
 
     Attributes:
         number: its index, from 0.
-        smoothing: strength of the smoothness prior, see `StepOptions.smoothing`; 0: none.
-        attraction: strength of the sparse points, see `StepOptions.points`; 0: none.
+        smoothing: strength of the smoothness prior, see `LevelOptions.smoothing`; 0: none.
+        attraction: strength of the sparse points, see `LevelOptions.points`; 0: none.
         start_sigma: standard deviation of the start in the prior to it, px; 0: no points tell it.
         prior: strength of the prior to the start, see `StepOptions.prior`; 1 where points measured it.
-        creases: strength of image edges and axes, see `StepOptions.creases`; 0: none.
+        creases: strength of image edges and axes, see `LevelOptions.creases`; 0: none.
         edge_reach: see `RunPlan`.
         stages: in the order in which they run.
     """
@@ -105,7 +105,7 @@ def schedule_of(options: FairingOptions, plan: RunPlan) -> Schedule:
 
 
 def _level(options: FairingOptions, plan: RunPlan, number: int) -> Level:
-    at = options.level(number)
+    at = options.levels[number]
     return Level(
         number,
         smoothing=at.smoothing if plan.is_smoothed else 0.0,
@@ -121,7 +121,7 @@ def _level(options: FairingOptions, plan: RunPlan, number: int) -> Level:
 def _stages(options: FairingOptions, plan: RunPlan, number: int) -> tuple[Stage, ...]:
     """The stages of a level. Numbers of sweeps are the same for every plan and level, and for other options unless these allow
     more than `MOST_SWEEPS`, so that branches keep theirs: photos have the first ones, whatever runs before them."""
-    schedule, at = options.schedule, options.level(number)
+    schedule, at = options.schedule, options.levels[number]
     photos = Photos(
         StageKind.PHOTOS,
         at.max_sweeps,
@@ -129,7 +129,7 @@ def _stages(options: FairingOptions, plan: RunPlan, number: int) -> tuple[Stage,
         tolerance=schedule.sweep_tolerance * at.blur,
         max_displacement=MAX_DISPLACEMENT * plan.start_sigma or np.inf,
     )
-    first_after = max(MOST_SWEEPS, *schedule.max_sweeps)
+    first_after = max(MOST_SWEEPS, *(each.max_sweeps for each in options.levels))
     end = Judge(StageKind.JUDGE, by="end", first_sweep=first_after)
     smoothing = numbered(smoothing_stages(), first_after + 1)
     fit = numbered(fit_stages(plan.has_photos_of_points), smoothing[-1].first_sweep + 1)
@@ -156,4 +156,4 @@ def _is_start_measured(options: FairingOptions, plan: RunPlan, number: int) -> b
 
     It does not at coarse levels, whose loss is that of the displacement, too, nor after a fit to points.
     """
-    return plan.start_sigma > 0 and options.level(number).blur <= FINE_BLUR and not plan.follows_points
+    return plan.start_sigma > 0 and options.levels[number].blur <= FINE_BLUR and not plan.follows_points

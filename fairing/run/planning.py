@@ -48,15 +48,16 @@ def make_plan(problem: Problem) -> Planned:
         Cancelled: cancellation was requested.
     """
     refuse_elsewhere(problem.scene)
-    step = problem.options.step
-    first = first_level(problem.scene, problem.start, problem.orientation, problem.options)
+    options = problem.options
+    first = first_level(problem.scene, problem.start, problem.orientation, options)
     plan = RunPlan(first, False, False, has_photos_of_points=len(problem.observed_points) > 0, records_fit=True)
-    smooths = any(step.smoothing) and (not points_can_judge(problem) or points_accept_smoothing(problem))
-    rehearsal = rehearse(problem, plan, smooths, fits=any(step.points) and _points_suffice(problem))
+    smooths = any(level.smoothing for level in options.levels)
+    smooths = smooths and (not points_can_judge(problem) or points_accept_smoothing(problem))
+    rehearsal = rehearse(problem, plan, smooths, fits=options.uses_points and _points_suffice(problem))
     plan = rehearsal.plan
     measured = _measure(problem, rehearsal)
-    if measured is not None and problem.options.schedule.first_level == "auto":
-        first = max(first, _level_by_points(measured, plan.is_fitted_to_points, problem.options))
+    if measured is not None and options.schedule.first_level == "auto":
+        first = max(first, _level_by_points(measured, plan.is_fitted_to_points, options))
     represents = measured is not None and measured.represents_surface
     is_far = measured is not None and represents and plan.is_fitted_to_points
     plan = replace(
@@ -66,7 +67,7 @@ def make_plan(problem: Problem) -> Planned:
         edge_reach=_edge_reach(measured.error) if measured is not None and is_far else RunPlan.edge_reach,
         represents_surface=represents,
     )
-    return Planned(plan, rehearsal.steps_under(schedule_of(problem.options, plan)), rehearsal.sweeps)
+    return Planned(plan, rehearsal.steps_under(schedule_of(options, plan)), rehearsal.sweeps)
 
 
 def points_accept_smoothing(problem: Problem) -> bool:
@@ -81,7 +82,7 @@ def points_accept_smoothing(problem: Problem) -> bool:
 
 def points_can_judge(problem: Problem) -> bool:
     """Whether there are enough points whose photos are known: they show which faces the points belong to."""
-    return any(problem.options.step.points) and _points_suffice(problem) and len(problem.observed_points) > 0
+    return problem.options.uses_points and _points_suffice(problem) and len(problem.observed_points) > 0
 
 
 def _points_suffice(problem: Problem) -> bool:

@@ -197,7 +197,7 @@ def held_out_points_prefer(problem: Problem, before: np.ndarray, after: np.ndarr
         without: the answer where there are no such points, or the run does without points.
     """
     held_out = observed_held_out_points(problem.scene)
-    if not any(problem.options.step.points) or len(held_out) == 0:
+    if not problem.options.uses_points or len(held_out) == 0:
         return without
     mesh, cameras = problem.scene.mesh, [view.camera for view in problem.scene.views]
     return points_prefer(mesh.moved(before), mesh.moved(after), cameras, held_out)

@@ -12,7 +12,7 @@ from fairing.camera import Camera
 from fairing.cameras.corrected_scene import with_cameras
 from fairing.cameras.refinement import Refinement
 from fairing.errors import InputError
-from fairing.options import FairingOptions, options_to_dict
+from fairing.options import FairingOptions, options_from_dict, options_to_dict
 from fairing.run.recorded_terms import header_of_terms
 from fairing.scene import Scene
 from fairing.terms.own import OwnTerm
@@ -81,7 +81,7 @@ def check_same_scene(scene: Scene, trace: Trace) -> None:
     recorded = trace.header.get("sparse_points")
     if scene.points_choice != "given" or scene.cameras_choice != "given" or recorded is None or _same(recorded, scene):
         return
-    if any(trace.header["options"]["step"]["points"]):
+    if options_from_dict(trace.header["options"]).uses_points:
         raise InputError(
             f"trace of scene {trace.header.get('scene')}: expected the sparse points it was recorded with "
             f"({recorded['count']} of them), found {len(scene.sparse_positions)}, or others; open it with the scene as it was"

@@ -164,7 +164,7 @@ class Evaluator:
 
 def fixed_sigma(options: FairingOptions, level: int) -> float | None:
     """Scale parameter sigma of a level whose rule does not depend on the residuals, grey levels; else None."""
-    is_fixed = options.level(level).sigma_rule == "fixed"
+    is_fixed = options.levels[level].sigma_rule == "fixed"
     return max(options.robust.sigma, options.robust.sigma_floor) if is_fixed else None
 
 
@@ -177,7 +177,7 @@ def robust_sigma(options: FairingOptions, level: int, system: FaceSystem) -> np.
     Returns:
         (F,) float, grey levels, for the faces of `system`.
     """
-    robust, rule = options.robust, options.level(level).sigma_rule
+    robust, rule = options.robust, options.levels[level].sigma_rule
     if rule == "paper":
         sigma = system.largest / np.sqrt(3)
     elif rule == "convex":

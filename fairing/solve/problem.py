@@ -94,7 +94,7 @@ class Problem:
             Cancelled: cancellation was requested.
         """
         began, photos_before = time.perf_counter(), self._photos.seconds
-        self._photos.begin_level(self.options.schedule.blur[level])
+        self._photos.begin_level(self.options.levels[level].blur)
         every_face = np.ones(len(self.scene.mesh.faces), dtype=bool)
         context = self.context_of(every_face, level, vertices, self.options)
         on_photos = self._photos.seconds - photos_before
@@ -223,7 +223,7 @@ class Problem:
 
     def shortened(self, context: CellContext, vertices: np.ndarray, ids: np.ndarray, steps: np.ndarray) -> np.ndarray:
         """Steps (u, 3) float shortened to the capture range of the context's level, world units."""
-        longest = self.options.step.max_step * max(1.0, self.options.schedule.blur[context.level])
+        longest = self.options.step.max_step * max(1.0, self.options.levels[context.level].blur)
         return shortened(self.scene.views, context.vertex_views, vertices, ids, steps, longest)
 
     def unfolded(self, vertices: np.ndarray, ids: np.ndarray, steps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -16,14 +16,7 @@ from fairing.cells.scale_space import ScaleSpace
 from fairing.cells.visibility import mesh_orientation
 from fairing.geometry.normals import face_normals
 from fairing.mesh import Mesh
-from fairing.options import (
-    CellOptions,
-    EigenspaceOptions,
-    FairingOptions,
-    RobustOptions,
-    ScheduleOptions,
-    VisibilityOptions,
-)
+from fairing.options import FairingOptions, LevelOptions, VisibilityOptions
 from fairing.scene import Scene
 from fairing.solve.energy import Evaluator
 from fairing.triangulation.options import TriangulationOptions
@@ -42,10 +35,7 @@ def judging_options(options: TriangulationOptions) -> FairingOptions:
     face (fairing: 12), so that neighbouring faces use the same photos.
     """
     return FairingOptions(
-        cells=CellOptions(size=(64,), spacing=(1.0,), inset=(0.0,), interpolation=("bilinear",)),
-        eigenspace=EigenspaceOptions(dimensions=(1,)),
-        robust=RobustOptions(sigma_rule=("fixed",)),
-        schedule=ScheduleOptions(blur=(options.blur,)),
+        levels=(LevelOptions(options.blur, dimensions=1, sigma_rule="fixed"),),
         visibility=VisibilityOptions(min_footprint=1.0, max_views=20),
         threads=options.threads,
     )

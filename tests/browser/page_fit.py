@@ -3,14 +3,10 @@
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import ViewportSize
 
-from fairing.options import FairingOptions, ScheduleOptions
 from tests.browser.driver import WINDOW, Visitor
+from tests.two_levels import two_levels
 
-OPTIONS = FairingOptions(
-    schedule=ScheduleOptions(
-        blur=(3.6, 2.0), order="sequential", max_sweeps=(1,), max_iterations=(2,), first_level="first"
-    )
-)
+OPTIONS = two_levels("sequential", sweeps=1, iterations=2)
 SIZES: tuple[ViewportSize, ViewportSize] = (WINDOW, {"width": 1440, "height": 900})
 TABS = (
     *("Experiments", "Lessons", "Cells"),

@@ -12,18 +12,14 @@ from app.debugger.commands import JumpTo
 from app.debugger.run_state import Activity
 from app.page.server import App, start
 from demo_scenes import load_demo
-from fairing.options import FairingOptions, ScheduleOptions
 from fairing.run.session import Session
 from tests.browser.driver import IN_BROWSER, Visitor, letterboxed, page_of
+from tests.two_levels import two_levels
 from tests.waiting import PATIENCE, wait_for
 
 pytestmark = IN_BROWSER
 
-OPTIONS = FairingOptions(
-    schedule=ScheduleOptions(
-        blur=(3.6, 2.0), order="sequential", max_sweeps=(2,), max_iterations=(3,), first_level="first"
-    )
-)
+OPTIONS = two_levels("sequential", sweeps=2, iterations=3)
 
 
 @pytest.fixture(scope="module")
@@ -211,7 +207,7 @@ def test_another_k_makes_a_branch_from_here(visitor: Visitor):
     entry.fill("1")
     visitor.page.get_by_text("Changed: dimensions").wait_for()
     visitor.button("Continue from here").click()
-    wait_for(lambda: visitor.app.controller.state.options.eigenspace.dimensions == (1,))
+    wait_for(lambda: visitor.app.controller.state.options.by_level("dimensions") == (1,))
     state = visitor.app.controller.wait_until_idle()
     assert state.moment == state.length == began.moment
     visitor.sees_vertices(page_vertices(visitor.app, state.moment))
@@ -236,7 +232,7 @@ def test_a_busy_page_loses_neither_what_was_typed_nor_the_press_after_it(visitor
         }""",
         arg=entry.element_handle(),
     )
-    wait_for(lambda: visitor.app.controller.state.options.eigenspace.dimensions == (3,))
+    wait_for(lambda: visitor.app.controller.state.options.by_level("dimensions") == (3,))
     visitor.app.controller.wait_until_idle()
     visitor.page.get_by_role("tab", name="Vertex").click()
 

@@ -1,16 +1,14 @@
 """What the page says of a vertex: cells, photos, plots, recorded values, watches; in a real browser."""
 
-from dataclasses import replace
-
 import pytest
 
 from app.debugger.commands import JumpTo
 from app.page.server import start
 from app.page_state.cells_state import PARTS
 from demo_scenes import load_demo
-from fairing.options import FairingOptions, ScheduleOptions
 from fairing.run.session import Session
 from tests.browser.driver import IN_BROWSER, Visitor, page_of
+from tests.two_levels import two_levels
 from tests.waiting import wait_for
 
 pytestmark = IN_BROWSER
@@ -20,10 +18,7 @@ STEPS = 8
 
 @pytest.fixture(scope="module")
 def app():
-    schedule = ScheduleOptions(
-        blur=(3.6, 2.0), order="sequential", max_sweeps=(2,), max_iterations=(3,), first_level="first"
-    )
-    session = Session(load_demo("cube"), replace(FairingOptions(), schedule=schedule))
+    session = Session(load_demo("cube"), two_levels("sequential", sweeps=2, iterations=3))
     for _ in range(STEPS):
         session.step()
     app = start(session, port=0)

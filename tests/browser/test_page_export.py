@@ -20,7 +20,7 @@ from demo_scenes import load_demo
 from fairing.judge.inspect import face_cells
 from fairing.judge.metrics import quality_report
 from fairing.judge.report import run_report
-from fairing.options import FairingOptions, ScheduleOptions
+from fairing.options import FairingOptions
 from fairing.run.session import Session
 from tests.browser.driver import IN_BROWSER, WINDOW, chromium
 from tests.waiting import wait_for
@@ -28,7 +28,7 @@ from tests.waiting import wait_for
 pytestmark = IN_BROWSER
 
 # Coarse and finest level of the cube: cells and textures are as large as in a full run.
-OPTIONS = FairingOptions(schedule=ScheduleOptions(blur=(6.0, 6.0, 2.0, 2.0, 2.0, 2.0, 0.5), max_sweeps=(1,)))
+OPTIONS = FairingOptions().with_levels(blur=(6.0, 6.0, 2.0, 2.0, 2.0, 2.0, 0.5), max_sweeps=1)
 
 
 class Reader:

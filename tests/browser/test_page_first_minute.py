@@ -18,16 +18,14 @@ from app.viser_bridge.error_toasts import TOAST_SECONDS
 from app.viser_bridge.server import start_viewer
 from demo_scenes import load_demo
 from fairing.errors import Cancelled
-from fairing.options import FairingOptions, ScheduleOptions
 from fairing.run.session import Session
 from tests.browser.driver import IN_BROWSER, WINDOW, Visitor, input_of, page_of
+from tests.two_levels import two_levels
 from tests.waiting import PATIENCE, wait_for
 
 pytestmark = IN_BROWSER
 
-OPTIONS = FairingOptions(
-    schedule=ScheduleOptions(blur=(3.6, 2.0), order="joint", max_sweeps=(9,), max_iterations=(9,), first_level="first")
-)
+OPTIONS = two_levels("joint", sweeps=9, iterations=9)
 
 TEXTURED = """() => {
     const {nodeRefFromName} = window.__viserMutable;

@@ -185,7 +185,8 @@ def test_position_and_energy_fit_in_one_line_each_with_large_numbers(visitor: Vi
     assert len(state.record.faces)
     status = next(panel for panel in page.panels._panels if isinstance(panel, Status))
     blur = (10.0, 8.5, 6.0, 4.5, 3.0, 1.25, 0.65)
-    options = FairingOptions(schedule=ScheduleOptions(blur=blur, order=order, max_sweeps=(12,), max_iterations=(10,)))  # pyright: ignore[reportArgumentType]
+    options = FairingOptions(schedule=ScheduleOptions(order=order))  # pyright: ignore[reportArgumentType]
+    options = options.with_levels(blur=blur, max_sweeps=12, max_iterations=10)
     large = replace(state, options=options, position=SchedulePosition(6, 11, 2477, 9), moment=1, length=2)
     show, energies = status.show, status._energies
     status._energies = SimpleNamespace(  # of the same step, with large numbers

@@ -10,18 +10,14 @@ import pytest
 from app.debugger.commands import JumpTo, Pause, Run
 from app.debugger.run_state import Activity
 from app.page_state.selection import Selection
-from fairing.options import FairingOptions, ScheduleOptions
 from fairing.run.session import Session
 from tests.browser.driver import IN_BROWSER, Visitor, page_of
+from tests.two_levels import two_levels
 from tests.waiting import PATIENCE, wait_for
 
 pytestmark = IN_BROWSER
 
-OPTIONS = FairingOptions(
-    schedule=ScheduleOptions(
-        blur=(3.6, 2.0), order="sequential", max_sweeps=(9,), max_iterations=(9,), first_level="first"
-    )
-)
+OPTIONS = two_levels("sequential", sweeps=9, iterations=9)
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from playwright.sync_api import Browser
 
 from app import show
 from app.notebook.frame import MAX_BYTES
-from fairing.options import FairingOptions, ScheduleOptions
+from fairing.options import FairingOptions
 from fairing.run.session import Session
 from tests.browser.driver import IN_BROWSER, WINDOW
 from tests.browser.lesson_reader import Reader
@@ -16,7 +16,7 @@ from tests.small_scene import corner_scene
 
 pytestmark = IN_BROWSER
 
-QUICK = FairingOptions(schedule=ScheduleOptions(blur=(2.0, 1.0), max_sweeps=(1,)))
+QUICK = FairingOptions().with_levels(blur=(2.0, 1.0), max_sweeps=1)
 
 
 def test_a_shown_session_plays_in_its_frame_and_makes_no_request(browser: Browser):

@@ -8,17 +8,15 @@ from app.layers.vertices import RING
 from app.page.server import start
 from app.page_state.selection import Selection
 from demo_scenes import load_demo
-from fairing.options import FairingOptions, ScheduleOptions
 from fairing.run.session import Session
 from fairing.scene import Scene
 from tests.browser.driver import IN_BROWSER, Visitor, page_of
+from tests.two_levels import two_levels
 from tests.waiting import wait_for
 
 pytestmark = [*IN_BROWSER, pytest.mark.slow]
 
-OPTIONS = FairingOptions(
-    schedule=ScheduleOptions(blur=(2.0,), order="sequential", max_sweeps=(1,), max_iterations=(1,), first_level="first")
-)
+OPTIONS = two_levels("sequential", sweeps=1, iterations=1).with_levels(blur=2.0)
 
 
 @pytest.fixture(scope="module")

@@ -16,16 +16,14 @@ from app.palette import NOW
 from app.viser_bridge.line_node import LineNode
 from demo_scenes import load_demo
 from fairing.judge.face_residuals import FaceResiduals
-from fairing.options import FairingOptions, ScheduleOptions
 from fairing.run.session import Session
 from tests.browser.driver import IN_BROWSER, WINDOW, Visitor, page_of
+from tests.two_levels import two_levels
 from tests.waiting import PATIENCE, wait_for
 
 pytestmark = IN_BROWSER
 
-OPTIONS = FairingOptions(
-    schedule=ScheduleOptions(blur=(3.6, 2.0), order="joint", max_sweeps=(1,), max_iterations=(3,), first_level="first")
-)
+OPTIONS = two_levels("joint", sweeps=1, iterations=3)
 
 
 @pytest.fixture(scope="module")

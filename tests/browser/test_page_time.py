@@ -10,18 +10,14 @@ from app.debugger.run_state import Activity
 from app.page.server import start
 from app.palette import REFERENCE, css
 from demo_scenes import load_demo
-from fairing.options import FairingOptions, ScheduleOptions
 from fairing.run.session import Session
 from tests.browser.driver import IN_BROWSER, Visitor, page_of
+from tests.two_levels import two_levels
 from tests.waiting import wait_for
 
 pytestmark = IN_BROWSER
 
-OPTIONS = FairingOptions(
-    schedule=ScheduleOptions(
-        blur=(3.6, 2.0), order="sequential", max_sweeps=(2,), max_iterations=(3,), first_level="first"
-    )
-)
+OPTIONS = two_levels("sequential", sweeps=2, iterations=3)
 
 
 @pytest.fixture(scope="module")

@@ -9,17 +9,13 @@ from app.page_state.selection import Selection
 from app.page_state.vertex_marks import vertex_colors
 from app.viser_bridge.linear_colors import linear_from_srgb
 from app.viser_bridge.picking_camera import camera_of
-from fairing.options import FairingOptions, ScheduleOptions
 from tests.browser.driver import IN_BROWSER, Visitor, page_of
+from tests.two_levels import two_levels
 from tests.waiting import wait_for
 
 pytestmark = IN_BROWSER
 
-OPTIONS = FairingOptions(
-    schedule=ScheduleOptions(
-        blur=(3.6, 2.0), order="sequential", max_sweeps=(2,), max_iterations=(3,), first_level="first"
-    )
-)
+OPTIONS = two_levels("sequential", sweeps=2, iterations=3)
 
 
 @pytest.fixture

@@ -3,15 +3,13 @@
 import numpy as np
 import pytest
 
-from fairing.options import FairingOptions, ScheduleOptions
 from tests.browser.driver import IN_BROWSER, Visitor, page_of
+from tests.two_levels import two_levels
 from tests.waiting import wait_for
 
 pytestmark = IN_BROWSER
 
-OPTIONS = FairingOptions(
-    schedule=ScheduleOptions(blur=(3.6, 2.0), order="joint", max_sweeps=(1,), max_iterations=(3,), first_level="first")
-)
+OPTIONS = two_levels("joint", sweeps=1, iterations=3)
 
 
 @pytest.fixture(autouse=True)
