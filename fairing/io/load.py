@@ -24,14 +24,13 @@ from fairing.io import (
     transforms_json,
     visualsfm,
 )
-from fairing.io.capture import PHOTO_SUFFIXES, Capture, MissingPhoto, Reader, files_in, listed, naming, reading
-from fairing.io.find_photo import PHOTO_FOLDERS
+from fairing.io.capture import Capture, MissingPhoto, Reader, files_in, listed, naming, reading
 from fairing.io.in_view import check_mesh_in_view
-from fairing.io.mask_files import MASK_FOLDER
 from fairing.io.mesh_file import MESH_SUFFIXES, has_faces, read_mesh
 from fairing.io.mesh_place import in_frame_of_mesh
 from fairing.io.named_scenes import module_of_scene, scene_names
 from fairing.io.photo_choice import PhotoChoice, SceneFormat, apply_choice
+from fairing.io.photo_folder import photos_alone
 from fairing.io.points_file import read_points
 from fairing.io.scene_points import Progress, choose_points
 from fairing.io.upright import settle_orientations
@@ -228,30 +227,14 @@ def _completeness(capture: Capture) -> tuple[int, bool, bool]:
 
 
 def _unsupported(path: Path) -> InputError:
-    if photos := _photos_alone(path):
+    if photos := photos_alone(path):
         return InputError(
-            f"{path}: expected cameras beside the {len(photos)} photos, found none; compute them, for example with COLMAP: "
-            f"`colmap automatic_reconstructor --workspace_path WORK --image_path {photos[0].parent}`, then give WORK with its "
-            "photos in WORK/images; or export them from RealityScan, Metashape or WebODM beside the photos"
+            f"{path}: expected cameras beside the {len(photos)} photos, found none; compute them with `eigenfairing cameras "
+            f"{photos[0].parent} --out CAPTURE` and give CAPTURE; or export them from RealityScan, Metashape or WebODM beside "
+            "the photos"
         )
     supported = "; ".join(reader.FORMAT for reader in READERS)
     return InputError(f"{path}: expected one of: {supported}; found {_contents(path)}")
-
-
-def _photos_alone(path: Path) -> list[Path]:
-    """The photos of a folder, or a photo, without anything that could describe cameras; else none."""
-    if path.is_file():
-        return [path] if path.suffix.lower() in PHOTO_SUFFIXES else []
-    folders = (*PHOTO_FOLDERS, MASK_FOLDER)
-    with reading(path, "a folder"):
-        others = [
-            entry
-            for entry in path.iterdir()
-            if entry.suffix.lower() not in PHOTO_SUFFIXES | MESH_SUFFIXES
-            and not (entry.name in folders or entry.name.startswith("."))
-        ]
-    found = [files_in(folder, PHOTO_SUFFIXES) for folder in (path, *(path / name for name in PHOTO_FOLDERS))]
-    return [] if others else max(found, key=len)
 
 
 def _contents(path: Path) -> str:
