@@ -119,7 +119,9 @@ def read_shot(path: Path) -> Shot:
         orientation = AS_STORED if image.format == "TIFF" else _orientation_tag(image)
         names = [str(exif.get(tag, "")).strip("\0 ") for tag in (ExifTags.Base.Make, ExifTags.Base.Model)]
         names.append(str(details.get(ExifTags.Base.LensModel, "")).strip("\0 "))
-        lengths = (_positive(details.get(tag)) for tag in (ExifTags.Base.FocalLength, ExifTags.Base.FocalLengthIn35mmFilm))
+        lengths = (
+            _positive(details.get(tag)) for tag in (ExifTags.Base.FocalLength, ExifTags.Base.FocalLengthIn35mmFilm)
+        )
         return Shot(_decoded_size(image), orientation, " ".join(filter(None, names)), *lengths)
 
 

@@ -9,9 +9,18 @@ from PIL import Image
 from rich.console import Console
 from rich.table import Table
 
-from app.cli.arguments import ALL_PHOTOS, CamerasArgument, MeshArgument, PhotosArgument, PointsArgument, SceneArgument
+from app.cli.arguments import (
+    ALL_PHOTOS,
+    AroundArgument,
+    CamerasArgument,
+    MeshArgument,
+    PhotosArgument,
+    PointsArgument,
+    SceneArgument,
+)
 from app.cli.lines import note_outside_photos, print_line
 from app.cli.loading import load_with_refinement
+from app.cli.photos_alone import with_cameras
 from app.files.check_page import VERDICTS, check_page
 from app.files.json_file import write_json
 from app.files.scene_source import SceneSource
@@ -32,13 +41,14 @@ def check(
     points: PointsArgument = "automatic",
     photos: PhotosArgument = ALL_PHOTOS,
     cameras: CamerasArgument = "automatic",
+    around: AroundArgument = "automatic",
 ) -> int:
     """Check whether a scene can be refined: cameras, coverage, sizes, and what to do.
 
     Args:
         out: Folder for check.html, check.json and the mesh drawn over every photo.
     """
-    return check_to_console(SceneSource.typed(scene, mesh, photos, points, cameras), out, Console())
+    return check_to_console(SceneSource.typed(scene, mesh, photos, points, cameras, around), out, Console())
 
 
 def check_to_console(source: SceneSource, out: Path | None, console: Console) -> int:
@@ -48,6 +58,7 @@ def check_to_console(source: SceneSource, out: Path | None, console: Console) ->
         Exit code: 1 if the input cannot be used.
     """
     with nullcontext() if out is None else locked_output_folder(out):
+        source = with_cameras(source, Console(stderr=True))
         scene, refinement = load_with_refinement(source, console)
         findings = check_scene(scene, refinement=refinement)
         _print(scene, findings, console)

@@ -12,6 +12,7 @@ from rich.console import Console
 
 from app.cli.arguments import (
     ALL_PHOTOS,
+    AroundArgument,
     CamerasArgument,
     MeshArgument,
     PhotosArgument,
@@ -22,11 +23,12 @@ from app.cli.arguments import (
 from app.cli.interrupt import Interrupt
 from app.cli.lines import note_outside_photos, print_line
 from app.cli.loading import open_session
+from app.cli.photos_alone import with_cameras
 from app.cli.refined_cameras import write_cameras
 from app.cli.run_extras import RunExtras, predict_left_out, write_models
 from app.cli.run_progress import RunProgress
 from app.files.json_file import write_json
-from app.files.run_files import CAMERAS, MESH, REPORT, TRACE
+from app.files.run_files import CAMERAS, CAPTURE, MESH, REPORT, TRACE
 from app.files.scene_source import SceneSource, write_points_of_run
 from fairing.check.memory import memory_warning
 from fairing.errors import Cancelled, InputError
@@ -58,18 +60,20 @@ def fair_command(default: FairingOptions) -> Callable[..., int]:
         points: PointsArgument = "automatic",
         photos: PhotosArgument = ALL_PHOTOS,
         cameras: CamerasArgument = "automatic",
+        around: AroundArgument = "automatic",
         options: Annotated[FairingOptions, tyro.conf.arg(name="")] = default,
     ) -> int:
         """Refine the mesh of a scene without a browser. Writes mesh.ply, report.json and run.trace.
 
-        A start mesh of another format than PLY is also written in its format, with materials, groups and textures.
+        A start mesh of another format than PLY is also written in its format, with materials, groups and textures. Of photos
+        without cameras a capture is made first, in the folder capture of `out`.
 
         Args:
             out: Folder for the results: new, empty, or of an earlier run.
             preset: Options to start from; further flags change single ones.
             resume: Continue the run in `out`, which was recorded on the same scene with the same options. Its cameras are used.
         """
-        source = SceneSource.typed(scene, mesh, photos, points, cameras)
+        source = SceneSource.typed(scene, mesh, photos, points, cameras, around)
         return fair_to_folder(source, out, preset, options, resume, extras, Console(stderr=True))
 
     return fair
@@ -109,9 +113,10 @@ def _fair(
     console: Console,
 ) -> int:
     began = time.perf_counter()
+    source = with_cameras(source, console, out / CAPTURE)
     trace = _earlier_run(out / TRACE, options) if resume else None
     if resume and source.mesh is None and (out / START_MESH).exists():
-        source = replace(source, mesh=str((out / START_MESH).resolve()))
+        source = _with_start_mesh(source, out)
     if trace is not None:
         source = source.resumed(trace.header, out / TRACE)
     if trace is not None and source.cameras.startswith("refine") and REFINEMENT not in trace.header:
@@ -125,7 +130,7 @@ def _fair(
         raise InputError(f"{source.scene}: {low_memory.line}")
     if scene.triangulated:  # kept, so that opening the run needs no triangulation
         write_mesh(out / START_MESH, scene.unweld(scene.mesh.vertices), scene.original_faces)
-        source = replace(source, mesh=str((out / START_MESH).resolve()))
+        source = _with_start_mesh(source, out)
     elif not resume:
         (out / START_MESH).unlink(missing_ok=True)  # of an earlier run
     if low_memory:
@@ -166,6 +171,11 @@ def _fair(
         report["left_out"] = predict_left_out(scene, session.trace.start, session.vertices, beside, out, console)
         write_json(out / REPORT, report)
     return 0
+
+
+def _with_start_mesh(source: SceneSource, out: Path) -> SceneSource:
+    """The source with the mesh that was triangulated for the run."""
+    return replace(source, mesh=str((out / START_MESH).resolve()), around="automatic")
 
 
 def _held_out_line(points: dict[str, Any]) -> str:

@@ -35,7 +35,7 @@ from fairing.io.points_file import read_points
 from fairing.io.scene_points import Progress, choose_points
 from fairing.io.upright import settle_orientations
 from fairing.mesh import Mesh
-from fairing.scene import CamerasChoice, PointsChoice, Scene
+from fairing.scene import Around, CamerasChoice, PointsChoice, Scene
 from fairing.weld import Welded, welded
 
 READERS: tuple[Reader, ...] = (
@@ -57,6 +57,7 @@ def load_scene(
     choice: PhotoChoice | None = None,
     points: PointsChoice = "automatic",
     cameras: CamerasChoice = "automatic",
+    around: Around = "automatic",
     points_file: Path | None = None,
     on_progress: Progress = lambda fraction, line: None,
     skip_requested: Callable[[], bool] = lambda: False,
@@ -73,6 +74,7 @@ def load_scene(
         points: the sparse points that a run of the scene uses, see `Session.choose_inputs`. A demo scene has a choice of its own
             in place of "automatic".
         cameras: the cameras that a run of the scene uses, see `Session.choose_inputs`.
+        around: the points that become vertices, of the object or all; only without a mesh.
         points_file: the points that a run recorded beside its trace, instead.
         on_progress: called with the finished part, 0 to 1, and a line while points are found, triangulated, or photos rendered.
         skip_requested: polled while points are found; where it returns True, the given ones are triangulated.
@@ -81,6 +83,7 @@ def load_scene(
         InputError: the input cannot be used; the message is one line.
     """
     if (scene := _named(path, mesh, choice, on_progress)) is not None:
+        _check_around(around, path)
         points = scene.points_choice if points == "automatic" else points
         return replace(scene, points_choice=points, cameras_choice="given" if cameras == "automatic" else cameras)
     cameras_choice = "refine" if cameras == "automatic" else cameras
@@ -91,9 +94,10 @@ def load_scene(
     folder = path if path.is_dir() else path.parent
     found = Path(mesh) if mesh is not None else capture.mesh
     if found is None and not _meshes_in(folder):
-        scene = _triangulated(path.resolve().name, folder, capture, points, on_progress, skip_requested)
+        scene = _triangulated(path.resolve().name, folder, capture, points, around, on_progress, skip_requested)
         return replace(scene, cameras_choice=cameras_choice)
     mesh_path = found or only_mesh(folder)
+    _check_around(around, mesh_path)
     vertices, faces = read_mesh(mesh_path)
     name = path.resolve().name
     with naming(mesh_path):
@@ -106,6 +110,12 @@ def load_scene(
     check_mesh_in_view(scene)
     _, input_vertices = np.unique(scene.original_from_welded, return_index=True)
     return replace(scene, warnings=capture.warnings + _rounded_copies(surface) + facts.warnings(input_vertices))
+
+
+def _check_around(around: Around, mesh: object) -> None:
+    """Raises InputError where `around` chooses points to triangulate, but there is a mesh."""
+    if around == "object":
+        raise InputError(f"--around object: expected a capture without a mesh, found {mesh}; leave --around out")
 
 
 def _rounded_copies(surface: Welded) -> tuple[str, ...]:
@@ -137,11 +147,13 @@ def _triangulated(
     folder: Path,
     capture: Capture,
     choice: PointsChoice,
+    around: Around,
     on_progress: Progress,
     skip_requested: Callable[[], bool],
 ) -> Scene:
     """The scene of a capture without a mesh: its chosen sparse points, triangulated."""
     from fairing.triangulation import flip_progress, triangulate  # imported where there is no mesh: it takes a while
+    from fairing.triangulation.object_box import points_around
 
     points, warnings = choose_points(
         name, capture.views, capture.sparse_points, choice, None, on_progress, skip_requested=skip_requested
@@ -152,8 +164,15 @@ def _triangulated(
     def show(flips: int, open_edges: int, _: float) -> None:
         on_progress(flip_progress(flips, open_edges), f"triangulating sparse points: {flips} flips")
 
-    scene = triangulate(name, capture.views, points, on_progress=show).result()
-    return replace(scene, points_choice="given", warnings=capture.warnings + warnings + scene.warnings)
+    taken, box, note = points_around(capture.views, points, around)
+    scene = triangulate(name, capture.views, taken, on_progress=show).result()
+    return replace(
+        scene,
+        sparse_points=points,
+        points_choice="given",
+        object_box=box,
+        warnings=capture.warnings + warnings + (note,) * bool(note) + scene.warnings,
+    )
 
 
 def read_capture(path: str | Path, choice: PhotoChoice | None = None) -> Capture:
@@ -185,6 +204,12 @@ def is_capture(path: Path) -> bool:
         except InputError:  # several of this format
             return True
     return False
+
+
+def check_recognized(path: Path) -> None:
+    """Raises InputError if a folder or file holds no cameras in a supported format; damaged ones are accepted."""
+    if not is_capture(path) and not any(path.name == name or (path / name).is_file() for name in _BY_FILE_NAME):
+        raise _unsupported(path)
 
 
 def _read(path: Path) -> Capture:

@@ -13,9 +13,9 @@ from fairing.triangulation.object_box import find_object
 def upright_frame(views: Sequence[View], points: SparsePoints) -> MeshFrame:
     """The frame for a capture in an arbitrary one. Photos alone determine neither its place nor its unit.
 
-    Up is the normal of the ground under the object, else what the photos' horizons give (`up_direction`). Where the cameras go around
-    an object, its box is in the middle and along the axes; else the median point is, and the cameras look along y. The unit is
-    the median distance from a camera to a point that it sees.
+    Up is the normal of the ground under the object, else what the photos' horizons give (`up_direction`). Where the cameras go
+    around an object, its box is in the middle and along the axes; else the median point is, and the cameras look along y. The
+    unit is the median distance from a camera to a point that it sees.
     """
     box = find_object(views, points)
     rotations = np.array([view.camera.camera_from_world[:, :3] for view in views])

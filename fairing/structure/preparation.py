@@ -60,9 +60,10 @@ def prepare_photos(
             raise Cancelled
         size, target = prepared_size(photo, largest_side), work / PHOTOS / prepared_name(i)
         try:
-            if masks[i] is not None and not (mask_path := work / MASKS / f"{prepared_name(i)}.png").exists():
-                counts = replace(masks[i], resized=size).load()
-                _write_png(mask_path, counts.astype(np.uint8) * 255)
+            mask, mask_file = masks[i], work / MASKS / f"{prepared_name(i)}.png"
+            if mask is not None and not mask_file.exists():
+                counts = replace(mask, resized=size).load()
+                _write_png(mask_file, counts.astype(np.uint8) * 255)
             if not target.exists():
                 whole: Photo = FilePhoto(photo.path, orientation=photo.shot.orientation)
                 _write_png(target, (whole if size == photo.size else ResizedPhoto(whole, size)).load())

@@ -18,6 +18,7 @@ from fairing.io import PhotoChoice, locked_output_folder, write_atomically
 from fairing.io.capture import Capture, listed
 from fairing.io.convert import PHOTO_FOLDER, write_capture
 from fairing.io.load import read_capture
+from fairing.io.mask_files import MASK_FOLDER
 from fairing.io.mesh_place import in_frame
 from fairing.structure.child import place_photos
 from fairing.structure.frame import upright_frame
@@ -80,6 +81,7 @@ def capture_of_photos(
     options: StructureOptions | None = None,
     on_progress: Callable[[float, str], None] = lambda fraction, line: None,
     cancel_requested: Callable[[], bool] = lambda: False,
+    reuse: Path | None = None,
 ) -> PlacedPhotos:
     """Compute the cameras of photos and write a capture: undistorted photos and a COLMAP model in text.
 
@@ -90,6 +92,7 @@ def capture_of_photos(
         out: folder for the capture: new, empty, or of an earlier call.
         on_progress: called with the finished part, 0 to 1, and a line.
         cancel_requested: polled several times a second.
+        reuse: a folder whose finished capture of the same photos and options is copied, if it has one.
 
     Raises:
         InputError: pycolmap is not installed, the photos cannot be used, or too few of them could be placed.
@@ -99,6 +102,10 @@ def capture_of_photos(
     photos = read_photo_set(folder)
     key = _key(folder, photos, options)
     if (finished := finished_capture(out)) is not None and finished.key == key:
+        return finished
+    if reuse is not None and (finished := finished_capture(reuse)) is not None and finished.key == key:
+        with locked_output_folder(out):
+            _copy(reuse, out)
         return finished
     check_pycolmap(folder, len(photos.photos))
     with locked_output_folder(out):
@@ -170,7 +177,11 @@ def _placed(
     n_pairs = n_usable * (n_usable - 1) // 2 if n_usable <= MOST_EXHAUSTIVE else n_usable * (NEIGHBOURS + SIMILAR)
     part = _PLACING - _PREPARING
     facts = place_photos(
-        work, n_usable, n_pairs, lambda fraction, line: on_progress(_PREPARING + part * fraction, line), cancel_requested
+        work,
+        n_usable,
+        n_pairs,
+        lambda fraction, line: on_progress(_PREPARING + part * fraction, line),
+        cancel_requested,
     )
     if not facts["groups"] or len(facts["groups"][0]) < MIN_PHOTOS:
         shutil.rmtree(work)
@@ -245,10 +256,20 @@ def _write(
     write_capture(out, "colmap", capture.views, capture.sparse_points, on_photo=show)
 
 
+def _copy(finished: Path, out: Path) -> None:
+    """Copy a finished capture; its report comes last and makes it one."""
+    for folder in (PHOTO_FOLDER, MASK_FOLDER, MODEL):
+        if (finished / folder).is_dir():
+            shutil.copytree(finished / folder, out / folder, dirs_exist_ok=True)
+    shutil.copyfile(finished / REPORT, out / REPORT)
+
+
 def _key(folder: Path, photos: PhotoSet, options: StructureOptions) -> str:
     """Changes with the photos, their masks and the options that the result depends on."""
     files = [photo.path for photo in photos.photos]
-    masks = [path for place in {folder, *(file.parent for file in files)} for path in (place / "masks").glob("**/*")]
+    masks = [
+        path for place in {folder, *(file.parent for file in files)} for path in (place / MASK_FOLDER).glob("**/*")
+    ]
     facts = []
     for path in [*files, *sorted(masks)]:
         status = os.stat(path)

@@ -20,7 +20,6 @@ import threading
 from pathlib import Path
 from typing import Any, TextIO
 
-
 from fairing.structure.pairs import pairs_to_match
 from fairing.structure.preparation import MASKS, PHOTOS, prepared_name
 

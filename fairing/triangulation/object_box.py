@@ -5,17 +5,13 @@ Only where the cameras go around it: photos of a facade or from the middle of a 
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import cv2
 import numpy as np
 
 from fairing.errors import InputError
 from fairing.geometry.up_direction import up_direction
-from fairing.scene import SparsePoints, View
-
-Around = Literal["automatic", "object", "everything"]
-"""Points that become vertices: those in the object's box, or all. "automatic": the object's if the cameras go around it."""
+from fairing.scene import Around, SparsePoints, View
 
 IN_SIGHT = 0.6
 """A point is looked at if so many of the photos have it inside their frame, hidden or not."""
@@ -70,7 +66,7 @@ class ObjectBox:
     def contains(self, points: np.ndarray) -> np.ndarray:
         """(n,) bool for points (n, 3)."""
         along = points @ self.axes.T
-        return ((along >= self.low) & (along <= self.high)).all(axis=1)
+        return np.logical_and(along >= self.low, along <= self.high).all(axis=1, keepdims=True)[:, 0]
 
 
 def find_object(views: Sequence[View], points: SparsePoints) -> ObjectBox | None:
@@ -141,9 +137,7 @@ def points_inside(points: SparsePoints, box: ObjectBox) -> SparsePoints:
     seen = kept[points.observations[:, 0]]
     observations = points.observations[seen].copy()
     observations[:, 0] = new_index[observations[:, 0]]
-    return SparsePoints(
-        points.positions[kept], points.colors[kept], observations, points.pixels[seen], points.origin
-    )
+    return SparsePoints(points.positions[kept], points.colors[kept], observations, points.pixels[seen], points.origin)
 
 
 def _reason(spread: float, miss: float, share: float) -> str:
