@@ -29,6 +29,7 @@ from fairing.check.result import SceneCheck
 from fairing.check.scene_check import check_scene
 from fairing.io import locked_output_folder, write_atomically
 from fairing.io.capture import listed
+from fairing.judge.left_out import memory_of_left_out
 from fairing.scene import Scene
 
 PAGE, DATA, SHEET = "check.html", "check.json", "contact-sheet.png"
@@ -121,7 +122,8 @@ def _print(scene: Scene, check: SceneCheck, console: Console) -> None:
         lines.append(f"place of the mesh: {check.placement.line}")
     if check.cameras is not None:
         lines.append(f"cameras: {check.cameras.line.removeprefix('cameras ')}")
-    lines.append(f"memory of a run: about {check.memory / 1e9:.1f} GB")
+    left_out = max(check.memory, memory_of_left_out(scene))
+    lines.append(f"memory of a run: about {check.memory / 1e9:.1f} GB; with --left-out {left_out / 1e9:.1f} GB")
     lines += [f"note: {warning}" for warning in check.warnings]
     lines += [f"hint: {hint}" for hint in check.hints]
     lines += [f"suggestion: {suggestion}" for suggestion in check.suggestions]

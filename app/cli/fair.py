@@ -34,6 +34,7 @@ from fairing.check.memory import memory_warning
 from fairing.errors import Cancelled, InputError
 from fairing.io import locked_output_folder, write_mesh
 from fairing.io.refined_mesh import write_refined_mesh
+from fairing.judge.left_out import memory_of_left_out
 from fairing.judge.metrics import quality_report
 from fairing.judge.report import run_report
 from fairing.mesh import Mesh
@@ -125,7 +126,10 @@ def _fair(
     scene = session.scene
     if trace is None and (refinement := session.trace.header.get(REFINEMENT)):
         print_line(console, refinement["reason"])
-    low_memory = memory_warning(scene, options)
+    n_states = 0 if not extras.left_out else 2 + (beside is not None)
+    low_memory = memory_warning(
+        scene, options, lambda scale: memory_of_left_out(scene, n_states, scale) if n_states else 0
+    )
     if low_memory and low_memory.is_too_much:
         raise InputError(f"{source.scene}: {low_memory.line}")
     if scene.triangulated:  # kept, so that opening the run needs no triangulation
