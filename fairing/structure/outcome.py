@@ -45,7 +45,7 @@ def reasons_for_missing(facts: dict[str, Any], names: Sequence[str]) -> dict[int
         elif photo not in best_of_all:
             reasons[photo] = "shows nothing that another photo shows from a similar place"
         elif group is not None and photo not in best:
-            reasons[photo] = f"fits only {len(group) - 1} other photos that no photo joins to the rest"
+            reasons[photo] = f"belongs to a group of {len(group)} photos that no photo joins to the others"
         elif photo not in best:
             count, other = best_of_all[photo]
             reasons[photo] = f"matches only photos that are not placed ({count} features of {names[other]})"

@@ -34,7 +34,7 @@ class PhotoFile:
     @property
     def camera_key(self) -> tuple[object, ...]:
         """Equal for photos of one camera with one focal length, at one size."""
-        return (*self.size, self.shot.camera, self.shot.focal_length)
+        return (*self.size, self.shot.camera, self.shot.focal_length, self.shot.focal_length_35)
 
     def focal_length(self, size: tuple[int, int]) -> float | None:
         """Focal length in pixels of the photo at another size, by its 35 mm equivalent; None if the file does not tell."""
