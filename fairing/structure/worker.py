@@ -27,6 +27,8 @@ JOB, FACTS, LOG, DATABASE, MODEL = "job.json", "facts.json", "pycolmap.log", "da
 CAMERA_MODEL = "SIMPLE_RADIAL"
 """Focal length and one coefficient of distortion: what a few photos determine."""
 SEED = 1
+MIN_INLIERS = 15
+"""Points of the model that must fit the pose of a photo, half of COLMAP's number: small photos show few."""
 _IMPORTED = "imported"
 """File that shows that all photos are in the database."""
 
@@ -121,6 +123,7 @@ def _mapped(pycolmap: Any, work: Path, threads: int, on_photo: Any) -> list[Any]
     """The models, each of photos that could be placed together, the one with most photos first."""
     options = pycolmap.IncrementalPipelineOptions()
     options.num_threads, options.min_model_size = threads, 3
+    options.mapper.abs_pose_min_num_inliers = MIN_INLIERS
     options.random_seed = options.mapper.random_seed = options.triangulation.random_seed = SEED
     placed = [0]
 
