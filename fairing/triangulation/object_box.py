@@ -63,6 +63,13 @@ class ObjectBox:
         """(3,) float, world units: lengths of its sides."""
         return self.high - self.low
 
+    def edges(self) -> np.ndarray:
+        """(12, 2, 3) float, world units: the ends of its edges."""
+        low, high = self.low, self.high
+        corners = np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
+        pairs = [(i, i | bit) for i in range(8) for bit in (1, 2, 4) if not i & bit]
+        return corners[np.array(pairs)] @ self.axes
+
     def contains(self, points: np.ndarray) -> np.ndarray:
         """(n,) bool for points (n, 3)."""
         along = points @ self.axes.T
