@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fairing.geometry.normals import face_normals
+from fairing.geometry.up_direction import up_direction
 from fairing.scene import Scene
 
 SIZE = 4.0  # diagonal of the mesh in page units
@@ -19,7 +20,6 @@ MIN_MEAN = 0.3  # length of the mean of the cameras' directions; below it, they 
 ALONG_UP = 0.05  # sine of the angle
 GOOD_ENOUGH = 0.8  # of the best direction's score: then the mean direction is taken
 FILL = 0.68  # fraction of the window's height that the mesh occupies
-MIN_SPREAD_RATIO = 3.0  # of the x axes within and across the ground plane, for the plane to define the up direction
 NEAR_AXIS = np.cos(np.radians(40.0))
 
 
@@ -99,16 +99,8 @@ class Stage:
 
 
 def _upright(rotations: np.ndarray) -> np.ndarray:
-    """(3,) float: the up direction, a unit vector, estimated from the cameras' rotations (V, 3, 3).
-
-    Photos usually have a level horizon: their x axes then span the ground plane, whose normal is up. If all cameras look
-    in the same direction, the x axes do not span it; the mean up direction of the photos is used instead. A world axis
-    near the estimate replaces it.
-    """
-    mean_up = _unit(-rotations[:, 1].mean(0), fallback=np.array([0.0, 0.0, 1.0]))
-    values, vectors = np.linalg.eigh(rotations[:, 0].T @ rotations[:, 0] / len(rotations))
-    normal = vectors[:, 0] * np.sign(vectors[:, 0] @ mean_up or 1.0)
-    guess = normal if values[1] > MIN_SPREAD_RATIO * max(values[0], 1e-3) and normal @ mean_up > 0.5 else mean_up
+    """(3,) float: the up direction of cameras with rotations (V, 3, 3); a world axis near it replaces it."""
+    guess = up_direction(rotations)
     nearest = np.zeros(3)
     nearest[np.argmax(np.abs(guess))] = np.sign(guess[np.argmax(np.abs(guess))])
     return nearest if guess @ nearest > NEAR_AXIS else guess

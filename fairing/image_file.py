@@ -13,10 +13,10 @@ from typing import Any, BinaryIO, NamedTuple
 
 import cv2
 import numpy as np
-from PIL import Image, ImageFile, UnidentifiedImageError
+from PIL import ExifTags, Image, ImageFile, UnidentifiedImageError
 
 from fairing.errors import InputError
-from fairing.image_kinds import kind_not_read
+from fairing.image_kinds import is_heic, kind_not_read
 from fairing.tiff_layout import HEIGHT, PHOTOMETRIC, WHITE_IS_ZERO, WIDTH, bits_of_photo, is_part, read_tags
 from fairing.util.guards import check_regular_file
 from fairing.util.misuse import is_misuse
@@ -25,6 +25,8 @@ from fairing.util.orientation import AS_STORED, INVERSE, TAG, turned_size
 PHOTO_SUFFIXES = frozenset({".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".ppm", ".pgm", ".webp"})
 FORMATS = ("JPEG", "PNG", "TIFF", "BMP", "PPM", "WEBP")
 """Pillow's names of the formats with these suffixes."""
+HEIF, HEIF_SUFFIXES = "HEIF", frozenset({".heic", ".heif"})
+"""Photos of phones; they are read where Pillow's plug-in pillow-heif is installed, which decodes them upright."""
 LARGEST_PIXELS = 500_000_000
 """Of one image; phones and medium-format cameras have up to 200 million, aerial cameras 450 million."""
 PER_GREY_LEVEL = 257
@@ -51,6 +53,24 @@ class ImageHeader(NamedTuple):
 
     size: tuple[int, int]
     has_alpha: bool
+
+
+class Shot(NamedTuple):
+    """What an image file tells of a photo and the camera that took it.
+
+    Attributes:
+        size: (width, height) in pixels, as decoded.
+        orientation: how to turn the decoded pixels upright, see `fairing.util.orientation`.
+        camera: make, model and lens; empty if unknown.
+        focal_length: millimetres; None if unknown.
+        focal_length_35: millimetres, the equivalent for a frame of 36 mm x 24 mm; None if unknown.
+    """
+
+    size: tuple[int, int]
+    orientation: int
+    camera: str
+    focal_length: float | None
+    focal_length_35: float | None
 
 
 class DecodedImage(NamedTuple):
@@ -88,6 +108,23 @@ def read_other_orientation(path: Path) -> int:
         return INVERSE[tag] if image.format == "TIFF" else tag
 
 
+def read_shot(path: Path) -> Shot:
+    """What an image file tells of a photo and its camera (EXIF), without decoding it.
+
+    Raises:
+        InputError: there is no such file, or it is no image of a supported kind.
+    """
+    with _opened(path) as (image, _):
+        exif, details = _exif(image)
+        orientation = AS_STORED if image.format == "TIFF" else _orientation_tag(image)
+        names = [str(exif.get(tag, "")).strip("\0 ") for tag in (ExifTags.Base.Make, ExifTags.Base.Model)]
+        names.append(str(details.get(ExifTags.Base.LensModel, "")).strip("\0 "))
+        lengths = (
+            _positive(details.get(tag)) for tag in (ExifTags.Base.FocalLength, ExifTags.Base.FocalLengthIn35mmFilm)
+        )
+        return Shot(_decoded_size(image), orientation, " ".join(filter(None, names)), *lengths)
+
+
 def decode_image(path: Path) -> DecodedImage:
     """The samples of an image file at full depth: 8 or 16 bits. CMYK, palettes and YCbCr are converted to RGB.
 
@@ -118,12 +155,13 @@ def _opened(path: Path) -> Iterator[tuple[ImageFile.ImageFile, int]]:
     try:
         with path.open("rb") as file:
             head = file.read(_HEAD_BYTES)
-            refused = kind_not_read(head, path)
+            is_heif = is_heic(head) and _reads_heif()
+            refused = None if is_heif else kind_not_read(head, path)
             if refused is not None:
                 raise InputError(f"photo {path}: {refused}")
             largest = _largest_sample(file, head, path)
             file.seek(0)
-            with Image.open(file, formats=FORMATS) as image:
+            with Image.open(file, formats=(HEIF,) if is_heif else FORMATS) as image:
                 _check_size(image, path)
                 _check_pages(image, path)
                 yield image, largest
@@ -163,9 +201,9 @@ def _too_large(path: Path, found: str) -> InputError:
 def _check_pages(image: ImageFile.ImageFile, path: Path) -> None:
     """Refuse animations and TIFF files of several photos; further pages that are thumbnails or masks are accepted.
 
-    The further pictures of a JPEG file (MPO) are previews, depth or gain maps, and are ignored.
+    The further pictures of a JPEG (MPO) or HEIC file are previews, depth or gain maps, and are ignored.
     """
-    if image.format == "MPO" or not getattr(image, "is_animated", False):
+    if image.format in ("MPO", HEIF) or not getattr(image, "is_animated", False):
         return
     if image.format != "TIFF":
         raise InputError(f"photo {path}: an animation is not read; save one picture of it as PNG")
@@ -178,17 +216,39 @@ def _check_pages(image: ImageFile.ImageFile, path: Path) -> None:
 
 
 def _orientation_tag(image: ImageFile.ImageFile) -> int:
-    if image.format == "TIFF":
-        tag = _tags(image).get(TAG, AS_STORED)
-    else:
-        try:
-            # Not `image.getexif`, which decodes a PNG file to find a tag behind its pixels.
-            tag = Image.Image.getexif(image).get(TAG, AS_STORED)
-        except Exception as error:  # damaged EXIF data, of which Pillow's parser raises anything
-            if is_misuse(error):
-                raise
-            tag = AS_STORED
+    tag = _tags(image).get(TAG, AS_STORED) if image.format == "TIFF" else _exif(image)[0].get(TAG, AS_STORED)
     return int(tag) if tag in INVERSE else AS_STORED
+
+
+def _exif(image: ImageFile.ImageFile) -> tuple[Mapping[int, Any], Mapping[int, Any]]:
+    """The EXIF tags of an image, and those of its photo (exposure, lens); none if they are damaged."""
+    try:
+        # Not `image.getexif`, which decodes a PNG file to find a tag behind its pixels.
+        exif = Image.Image.getexif(image)
+        return exif, exif.get_ifd(ExifTags.IFD.Exif)
+    except Exception as error:  # damaged EXIF data, of which Pillow's parser raises anything
+        if is_misuse(error):
+            raise
+        return {}, {}
+
+
+def _positive(value: object) -> float | None:
+    """A positive number of EXIF data; 0 stands for unknown, and fractions may have a denominator of 0."""
+    try:
+        number = float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError, ZeroDivisionError):
+        return None
+    return number if 0 < number < float("inf") else None
+
+
+def _reads_heif() -> bool:
+    """Whether HEIC files are read; registers Pillow's plug-in on first use."""
+    try:
+        import pillow_heif  # pyright: ignore[reportMissingImports] - optional
+    except ImportError:
+        return False
+    pillow_heif.register_heif_opener()
+    return True
 
 
 def _decoded_size(image: ImageFile.ImageFile) -> tuple[int, int]:

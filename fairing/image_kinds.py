@@ -36,8 +36,10 @@ _STARTS: tuple[tuple[bytes, str, str], ...] = (
     (b"FOVb", "a camera raw file", _DEVELOP),
     (b"version https://git-lfs", "a Git LFS pointer, not the photo", "fetch the photos with `git lfs pull`"),
 )
+_HEIC_BRANDS = (b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx", b"mif1", b"msf1")
+_TO_READ_HEIC = "install pillow-heif (`pip install pillow-heif`), or " + _TO_PHOTO
 _BRANDS: dict[bytes, tuple[str, str]] = {
-    **dict.fromkeys((b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx", b"mif1", b"msf1"), ("HEIC", _TO_PHOTO)),
+    **dict.fromkeys(_HEIC_BRANDS, ("HEIC", _TO_READ_HEIC)),
     **dict.fromkeys((b"avif", b"avis"), ("AVIF", _TO_PHOTO)),
     b"crx ": ("a camera raw file", _DEVELOP),
     b"jxl ": ("JPEG XL", _TO_PHOTO),
@@ -64,10 +66,15 @@ OTHER_SUFFIXES = RAW_SUFFIXES | {
 """Of photos that are not read, which are named where there are no others."""
 
 
+def is_heic(head: bytes) -> bool:
+    """Whether a file whose first bytes (12 or more) these are is a HEIC file."""
+    return head[4:8] == b"ftyp" and head[8:12] in _HEIC_BRANDS
+
+
 def kind_not_read(head: bytes, path: PurePath) -> str | None:
     """What a file is and what to do, if its first bytes (64 or more) are of a kind that is not read; else None.
 
-    For example "HEIC is not read; convert it to JPEG or PNG, e.g. `magick 1.heic 1.jpg`".
+    For example "GIF is not read; convert it to JPEG or PNG, e.g. `magick 1.gif 1.jpg`".
     """
     if not head:
         return "is empty; replace or remove it"

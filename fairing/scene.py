@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -14,6 +14,9 @@ from fairing.photo import Mask, Photo, ResizedPhoto
 from fairing.util.guards import check_coordinates, check_name
 from fairing.weld import Welded, welded
 
+if TYPE_CHECKING:
+    from fairing.triangulation.object_box import ObjectBox
+
 PointsChoice = Literal["automatic", "given", "own", "both", "none"]
 """Sparse points of a run: "given" with the capture; "own", found in its photos with its cameras; "both"; "none".
 "automatic": the given ones if they are enough, else its own (`fairing.io.scene_points`)."""
@@ -22,6 +25,10 @@ CamerasChoice = Literal["automatic", "refine", "refine_lens", "given"]
 """Cameras of a run: "given" with the capture, or "refine": poses corrected where held-out points are clearly better with them
 (`fairing.cameras`); "refine_lens": focal lengths and principal points, too. "automatic": "refine" for captures; "given" for
 demo scenes, whose cameras are exact."""
+
+Around = Literal["automatic", "object", "everything"]
+"""Points that become vertices where there is no mesh: those of the object, in a box around what most photos look at, or all.
+"automatic": the object's if the cameras go around it (`fairing.triangulation.object_box`)."""
 
 WEIGHTS = (1e-6, 1e6)
 """Smallest and largest weight of a photo: beyond them the others do not count, and squares of sums lose their digits."""
@@ -150,6 +157,8 @@ class Scene:
     warnings: tuple[str, ...] = field(default=())
     triangulated: bool = False
     """Whether the mesh was triangulated from the sparse points instead of read from a file."""
+    object_box: "ObjectBox | None" = None
+    """The box whose points were triangulated; None where all were, or the mesh was read."""
     mesh_file: Path | None = None
     """The file that the mesh was read from: the mesh is written with its attributes, see `fairing.write_mesh`."""
     points_choice: PointsChoice = "automatic"

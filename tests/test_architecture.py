@@ -66,6 +66,8 @@ ALLOWED: dict[str, set[str]] = {
         "fairing.placement",
         "fairing.triangulation",
     },
+    "fairing.structure": DATA
+    | {"fairing.util", "fairing.geometry", "fairing.io", "fairing.placement", "fairing.triangulation"},
     "fairing.features": DATA | {"fairing.util", "fairing.geometry"},
     "fairing.mesh_formats": DATA | {"fairing.util", "fairing.geometry"},
     "fairing.experiments": DATA | {"fairing.geometry", "fairing.io", "fairing.solve", "fairing.run", "fairing.judge"},

@@ -385,9 +385,7 @@ def test_whatever_is_cut_off_is_read_or_refused_in_one_line(tmp_path: Path, name
 def test_photos_alone_name_what_computes_cameras(tmp_path: Path):
     PLAIN.write_photos(tmp_path / "images")
     for path in (tmp_path, tmp_path / "images", tmp_path / "images" / "a.png"):
-        with pytest.raises(
-            InputError, match="found none; compute them, for example with COLMAP: `colmap automatic_rec"
-        ):
+        with pytest.raises(InputError, match=r"found none; compute them with `eigenfairing cameras .*images --out"):
             read_capture(path)
     (tmp_path / "notes.doc").write_text("cameras")
     with pytest.raises(InputError, match="expected one of: COLMAP"):

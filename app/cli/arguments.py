@@ -11,7 +11,7 @@ from fairing.io import PhotoChoice
 from fairing.io.photo_choice import SceneFormat
 from fairing.io.points_choice import PointsChoice
 from fairing.options import FORMER_OPTIONS, PRESETS, FairingOptions
-from fairing.scene import CamerasChoice
+from fairing.scene import Around, CamerasChoice
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,8 @@ SceneArgument = Annotated[
     tyro.conf.Positional,
     tyro.conf.arg(
         metavar="SCENE",
-        help="Name of a demo (see `eigenfairing demos`), or a folder or file with photos and cameras.",
+        help="Name of a demo (see `eigenfairing demos`), or a folder or file with photos and cameras. Of a folder of "
+        "photos alone, `fair`, `view`, `check` and `triangulate` compute the cameras first.",
     ),
 ]
 MeshArgument = Annotated[
@@ -74,6 +75,13 @@ TermsArgument = Annotated[
         metavar="FILE",
         help="Python files with terms of your own (subclasses of fairing.OwnTerm): their code is executed. The debugger loads "
         "a file anew when it is saved.",
+    ),
+]
+AroundArgument = Annotated[
+    Around,
+    tyro.conf.arg(
+        help="Points that become vertices where there is no mesh: those of the object, in a box around what most photos look at, "
+        "without ground and background, or everything. Automatic: the object if the cameras go around it.",
     ),
 ]
 RunArgument = Annotated[

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 
 from app.cli.arguments import chosen_preset
+from app.cli.cameras import cameras
 from app.cli.check import check
 from app.cli.convert import convert
 from app.cli.demos import demos
@@ -19,6 +20,7 @@ def batch_commands(arguments: Sequence[str]) -> dict[str, Callable[..., int]]:
     """All batch commands by name; the defaults of `fair` depend on the preset among the arguments."""
     return {
         "fair": fair_command(chosen_preset(arguments)),
+        "cameras": cameras,
         "check": check,
         "convert": convert,
         "texture": texture,

@@ -9,9 +9,18 @@ from PIL import Image
 from rich.console import Console
 from rich.table import Table
 
-from app.cli.arguments import ALL_PHOTOS, CamerasArgument, MeshArgument, PhotosArgument, PointsArgument, SceneArgument
+from app.cli.arguments import (
+    ALL_PHOTOS,
+    AroundArgument,
+    CamerasArgument,
+    MeshArgument,
+    PhotosArgument,
+    PointsArgument,
+    SceneArgument,
+)
 from app.cli.lines import note_outside_photos, print_line
 from app.cli.loading import load_with_refinement
+from app.cli.photos_alone import with_cameras
 from app.files.check_page import VERDICTS, check_page
 from app.files.json_file import write_json
 from app.files.scene_source import SceneSource
@@ -20,6 +29,7 @@ from fairing.check.result import SceneCheck
 from fairing.check.scene_check import check_scene
 from fairing.io import locked_output_folder, write_atomically
 from fairing.io.capture import listed
+from fairing.judge.left_out import memory_of_left_out
 from fairing.scene import Scene
 
 PAGE, DATA, SHEET = "check.html", "check.json", "contact-sheet.png"
@@ -32,13 +42,14 @@ def check(
     points: PointsArgument = "automatic",
     photos: PhotosArgument = ALL_PHOTOS,
     cameras: CamerasArgument = "automatic",
+    around: AroundArgument = "automatic",
 ) -> int:
     """Check whether a scene can be refined: cameras, coverage, sizes, and what to do.
 
     Args:
         out: Folder for check.html, check.json and the mesh drawn over every photo.
     """
-    return check_to_console(SceneSource.typed(scene, mesh, photos, points, cameras), out, Console())
+    return check_to_console(SceneSource.typed(scene, mesh, photos, points, cameras, around), out, Console())
 
 
 def check_to_console(source: SceneSource, out: Path | None, console: Console) -> int:
@@ -48,6 +59,7 @@ def check_to_console(source: SceneSource, out: Path | None, console: Console) ->
         Exit code: 1 if the input cannot be used.
     """
     with nullcontext() if out is None else locked_output_folder(out):
+        source = with_cameras(source, Console(stderr=True))
         scene, refinement = load_with_refinement(source, console)
         findings = check_scene(scene, refinement=refinement)
         _print(scene, findings, console)
@@ -110,7 +122,8 @@ def _print(scene: Scene, check: SceneCheck, console: Console) -> None:
         lines.append(f"place of the mesh: {check.placement.line}")
     if check.cameras is not None:
         lines.append(f"cameras: {check.cameras.line.removeprefix('cameras ')}")
-    lines.append(f"memory of a run: about {check.memory / 1e9:.1f} GB")
+    left_out = max(check.memory, memory_of_left_out(scene))
+    lines.append(f"memory of a run: about {check.memory / 1e9:.1f} GB; with --left-out {left_out / 1e9:.1f} GB")
     lines += [f"note: {warning}" for warning in check.warnings]
     lines += [f"hint: {hint}" for hint in check.hints]
     lines += [f"suggestion: {suggestion}" for suggestion in check.suggestions]

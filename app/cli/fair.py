@@ -12,6 +12,7 @@ from rich.console import Console
 
 from app.cli.arguments import (
     ALL_PHOTOS,
+    AroundArgument,
     CamerasArgument,
     MeshArgument,
     PhotosArgument,
@@ -24,17 +25,19 @@ from app.cli.interrupt import Interrupt
 from app.cli.lines import note_outside_photos, print_line
 from app.cli.loading import open_session
 from app.cli.option_flags import flags_of, options_of
+from app.cli.photos_alone import with_cameras
 from app.cli.refined_cameras import write_cameras
 from app.cli.run_extras import RunExtras, predict_left_out, write_models
 from app.cli.run_progress import RunProgress
 from app.debugger.option_fields import differing_fields
 from app.files.json_file import write_json
-from app.files.run_files import CAMERAS, MESH, REPORT, TRACE
+from app.files.run_files import CAMERAS, CAPTURE, MESH, REPORT, TRACE
 from app.files.scene_source import SceneSource, write_points_of_run
 from fairing.check.memory import memory_warning
 from fairing.errors import Cancelled, InputError
 from fairing.io import locked_output_folder, write_mesh
 from fairing.io.refined_mesh import write_refined_mesh
+from fairing.judge.left_out import memory_of_left_out
 from fairing.judge.metrics import quality_report
 from fairing.judge.report import run_report
 from fairing.mesh import Mesh
@@ -63,19 +66,21 @@ def fair_command(default: FairingOptions) -> Callable[..., int]:
         points: PointsArgument = "automatic",
         photos: PhotosArgument = ALL_PHOTOS,
         cameras: CamerasArgument = "automatic",
+        around: AroundArgument = "automatic",
         terms: TermsArgument = (),
         options: Annotated[type(flags), tyro.conf.arg(name="")] = flags,  # pyright: ignore[reportInvalidTypeForm]
     ) -> int:
         """Refine the mesh of a scene without a browser. Writes mesh.ply, report.json and run.trace.
 
-        A start mesh of another format than PLY is also written in its format, with materials, groups and textures.
+        A start mesh of another format than PLY is also written in its format, with materials, groups and textures. Of photos
+        without cameras a capture is made first, in the folder capture of `out`.
 
         Args:
             out: Folder for the results: new, empty, or of an earlier run.
             preset: Options to start from; further flags change single ones.
             resume: Continue the run in `out`, which was recorded on the same scene with the same options. Its cameras are used.
         """
-        source = SceneSource.typed(scene, mesh, photos, points, cameras)
+        source = SceneSource.typed(scene, mesh, photos, points, cameras, around)
         return fair_to_folder(source, out, preset, options_of(options), resume, extras, Console(stderr=True), terms)
 
     return fair
@@ -117,9 +122,10 @@ def _fair(
     terms: Sequence[Path],
 ) -> int:
     began = time.perf_counter()
+    source = with_cameras(source, console, out / CAPTURE)
     trace = _earlier_run(out / TRACE, options) if resume else None
     if resume and source.mesh is None and (out / START_MESH).exists():
-        source = replace(source, mesh=str((out / START_MESH).resolve()))
+        source = _with_start_mesh(source, out)
     if trace is not None:
         source = source.resumed(trace.header, out / TRACE)
     if trace is not None and source.cameras.startswith("refine") and REFINEMENT not in trace.header:
@@ -128,12 +134,15 @@ def _fair(
     scene = session.scene
     if trace is None and (refinement := session.trace.header.get(REFINEMENT)):
         print_line(console, refinement["reason"])
-    low_memory = memory_warning(scene, options)
+    n_states = 0 if not extras.left_out else 2 + (beside is not None)
+    low_memory = memory_warning(
+        scene, options, lambda scale: memory_of_left_out(scene, n_states, scale) if n_states else 0
+    )
     if low_memory and low_memory.is_too_much:
         raise InputError(f"{source.scene}: {low_memory.line}")
     if scene.triangulated:  # kept, so that opening the run needs no triangulation
         write_mesh(out / START_MESH, scene.unweld(scene.mesh.vertices), scene.original_faces)
-        source = replace(source, mesh=str((out / START_MESH).resolve()))
+        source = _with_start_mesh(source, out)
     elif not resume:
         (out / START_MESH).unlink(missing_ok=True)  # of an earlier run
     if low_memory:
@@ -174,6 +183,11 @@ def _fair(
         report["left_out"] = predict_left_out(scene, session.trace.start, session.vertices, beside, out, console)
         write_json(out / REPORT, report)
     return 0
+
+
+def _with_start_mesh(source: SceneSource, out: Path) -> SceneSource:
+    """The source with the mesh that was triangulated for the run."""
+    return replace(source, mesh=str((out / START_MESH).resolve()), around="automatic")
 
 
 def _held_out_line(points: dict[str, Any]) -> str:

@@ -20,6 +20,7 @@ from rich.console import Console
 from app.cli.arguments import (
     ALL_PHOTOS,
     DEFAULT_PAGE,
+    AroundArgument,
     CamerasArgument,
     MeshArgument,
     PageAddress,
@@ -34,6 +35,7 @@ from app.cli.arguments import (
     with_current_flags,
 )
 from app.cli.loading import OpeningProgress, open_session
+from app.cli.photos_alone import check_openable, with_cameras
 from app.debugger.moment_id import START, find_moment, parse_moment_id
 from app.files.recorded_run import find_run
 from app.files.run_files import FLIPS
@@ -63,9 +65,12 @@ def view(
     points: PointsArgument = "automatic",
     photos: PhotosArgument = ALL_PHOTOS,
     cameras: CamerasArgument = "automatic",
+    around: AroundArgument = "automatic",
     terms: TermsArgument = (),
 ) -> int:
     """Open the debugger on a scene, paused.
+
+    Of photos without cameras a capture is made first, in the cache folder.
 
     Args:
         preset: Options to start from.
@@ -74,7 +79,8 @@ def view(
         lesson: Open this lesson, on the scene that it uses: a name, or a Markdown file (.md). The page lists all lessons.
     """
     console = Console(stderr=True)
-    source = SceneSource.typed(scene, mesh, photos, points, cameras)
+    source = SceneSource.typed(scene, mesh, photos, points, cameras, around)
+    check_openable(source)
     wanted = parse_moment_id(at, PRESETS[preset].n_levels)
     load = None
     if lesson is not None:
@@ -83,9 +89,10 @@ def view(
         load = scene_of_lesson(lesson, source)
 
     def open_run(opening: OpeningProgress) -> "Session":
-        session = open_session(source, console, PRESETS[preset], opening=opening, load=load, terms=terms)
+        placed = with_cameras(source, console, show=opening.show)
+        session = open_session(placed, console, PRESETS[preset], opening=opening, load=load, terms=terms)
         if lesson is None or session.scene.name == source.scene:  # a lesson's own scene has no name to find it by
-            source.resolved(session.scene.sparse_points).note_in(session.trace.header)
+            placed.resolved(session.scene.sparse_points).note_in(session.trace.header)
         if save_to is not None:
             write_points_of_run(session.scene.sparse_points, save_to)
         return session

@@ -8,10 +8,11 @@ import tyro
 from rich.console import Console
 from rich.progress import TimeElapsedColumn
 
-from app.cli.arguments import ALL_PHOTOS, PhotosArgument, PointsArgument, SceneArgument
+from app.cli.arguments import ALL_PHOTOS, AroundArgument, PhotosArgument, PointsArgument, SceneArgument
 from app.cli.interrupt import Interrupt
 from app.cli.lines import print_line
 from app.cli.loading import load_with_bar
+from app.cli.photos_alone import with_cameras
 from app.cli.progress_bar import progress_bar
 from app.files.json_file import write_json
 from app.files.run_files import FLIPS, POINTS
@@ -22,6 +23,7 @@ from fairing.io.capture import naming
 from fairing.mesh import Mesh
 from fairing.scene import SparsePoints, View
 from fairing.triangulation import Triangulation, TriangulationOptions, flip_progress, is_flip_record, triangulate
+from fairing.triangulation.object_box import points_around
 
 REPORT_SUFFIX = ".report.json"
 DEFAULTS = TriangulationOptions()
@@ -35,6 +37,7 @@ def triangulate_command(
     spacing: float = DEFAULTS.spacing,
     points: PointsArgument = "automatic",
     photos: PhotosArgument = ALL_PHOTOS,
+    around: AroundArgument = "automatic",
 ) -> int:
     """Make a start mesh from sparse points: the surface between tetrahedra inside and outside, then edge flips.
 
@@ -47,7 +50,8 @@ def triangulate_command(
     options = TriangulationOptions(max_vertices=max_vertices, spacing=spacing)
     if mesh is not None and points == "automatic":
         points = "given"  # the edges of a given mesh are flipped without points
-    return triangulate_to_file(SceneSource.typed(scene, mesh, photos, points), out, options, Console(stderr=True))
+    source = SceneSource.typed(scene, mesh, photos, points, around=around)
+    return triangulate_to_file(source, out, options, Console(stderr=True))
 
 
 def triangulate_to_file(source: SceneSource, out: Path, options: TriangulationOptions, console: Console) -> int:
@@ -60,17 +64,20 @@ def triangulate_to_file(source: SceneSource, out: Path, options: TriangulationOp
         InputError: the input cannot be used, or the output would replace files that are not of an earlier triangulation.
     """
     check_triangulation_output(out)
+    source = with_cameras(source, console)
     mesh = None
     capture = load_with_bar(source.scene, source.load_capture, console)
     if source.mesh is not None:
         mesh = read_mesh(Path(source.mesh))
         with naming(source.mesh):
             Mesh(*mesh)
-    done, interrupted = triangulate_with_progress(
-        source, capture.views, capture.sparse_points, mesh, out, options, console
-    )
-    for warning in capture.warnings:
-        print_line(console, f"note: {warning}")
+    points, notes = capture.sparse_points, list(capture.warnings)
+    if mesh is None and points is not None:
+        points, _, note = points_around(capture.views, points, source.around)
+        notes += [note] * bool(note)
+    done, interrupted = triangulate_with_progress(source, capture.views, points, mesh, out, options, console)
+    for note in notes:
+        print_line(console, f"note: {note}")
     names = f"{out}, {out.with_suffix(FLIPS).name}, {out.with_suffix(REPORT_SUFFIX).name}"
     for line in [*summary_lines(done), f"wrote {names}"]:
         print_line(console, line)

@@ -11,11 +11,11 @@ from demo_scenes import DEMO_NAMES, find_demo, is_demo, load_demo
 from fairing.errors import InputError
 from fairing.io import PhotoChoice
 from fairing.io.photo_choice import check_format
-from fairing.io.points_choice import PointsChoice, check_points_choice
+from fairing.io.points_choice import PointsChoice, check_around, check_points_choice
 
 if TYPE_CHECKING:
     from fairing.io.capture import Capture
-    from fairing.scene import CamerasChoice, Scene, SparsePoints, View
+    from fairing.scene import Around, CamerasChoice, Scene, SparsePoints, View
 
 Progress = Callable[[float, str], None]
 
@@ -34,6 +34,7 @@ class SceneSource:
         points: sparse points. A demo has a choice of its own in place of "automatic".
         points_file: file of a run with the points it was recorded with; where it exists they are not found again.
         cameras: of a new run; recorded runs name theirs.
+        around: points that are triangulated without a mesh.
     """
 
     scene: str
@@ -42,6 +43,7 @@ class SceneSource:
     points: PointsChoice = "given"
     points_file: Path | None = None
     cameras: "CamerasChoice" = "given"
+    around: "Around" = "automatic"
 
     @classmethod
     def typed(
@@ -51,16 +53,17 @@ class SceneSource:
         choice: PhotoChoice = _ALL_PHOTOS,
         points: PointsChoice = "given",
         cameras: "CamerasChoice" = "given",
+        around: "Around" = "automatic",
     ) -> "SceneSource":
         """From the command line. A folder of a demo's name is the folder if it holds a capture."""
         if is_demo(scene) and not _holds_capture(scene):
-            return replace(cls._demo(scene, mesh, choice, points), cameras=cameras)
+            return replace(cls._demo(scene, mesh, choice, points), cameras=cameras, around=around)
         if not Path(scene).exists():
             raise InputError(f"{scene}: expected a demo ({DEMO_NAMES}) or a path, found no such file or folder")
         if choice.masks is not None:
             choice = replace(choice, masks=choice.masks.resolve())
         mesh_path = None if mesh is None else str(mesh.resolve())
-        return cls(str(Path(scene).resolve()), mesh_path, choice, points, cameras=cameras)
+        return cls(str(Path(scene).resolve()), mesh_path, choice, points, cameras=cameras, around=around)
 
     @classmethod
     def _demo(cls, scene: str, mesh: Path | None, choice: PhotoChoice, points: PointsChoice) -> "SceneSource":
@@ -111,8 +114,10 @@ class SceneSource:
             mesh_scale=photos["mesh_scale"].number() if "mesh_scale" in photos else PhotoChoice.mesh_scale,
         )
         points = check_points_choice(path(source, "points") or "given", where)
+        around = check_around(path(source, "around") or "everything", where)  # older runs triangulated all points
         file = where.with_suffix(POINTS)
-        return cls(source["scene"].text(), path(source, "mesh"), choice, points, file if file.exists() else None)
+        points_file = file if file.exists() else None
+        return cls(source["scene"].text(), path(source, "mesh"), choice, points, points_file, around=around)
 
     @classmethod
     def of_replay(
@@ -133,7 +138,8 @@ class SceneSource:
         choice = recorded.choice if choice == _ALL_PHOTOS else choice
         if scene is None and mesh is None and recorded.mesh is not None:
             mesh = Path(recorded.mesh)
-        return cls.typed(scene or recorded.scene, mesh, choice, recorded.points)._with_points_of(recorded)
+        typed = cls.typed(scene or recorded.scene, mesh, choice, recorded.points, around=recorded.around)
+        return typed._with_points_of(recorded)
 
     def resumed(self, header: dict[str, Any], where: Path) -> "SceneSource":
         """With the points of the recorded run to continue, unless others are chosen or the run does not note its scene."""
@@ -167,6 +173,8 @@ class SceneSource:
             if getattr(self.choice, name) != getattr(_ALL_PHOTOS, name):
                 photos[name] = getattr(self.choice, name)
         header[_KEY] = {"scene": self.scene, "mesh": self.mesh, "photos": photos, "points": self.points}
+        if self.mesh is None and self.around != "everything":
+            header[_KEY]["around"] = self.around
 
     def load(self, progress: Progress | None = None, skip_points: Callable[[], bool] = lambda: False) -> "Scene":
         """The scene; its run finds the sparse points, see `Session.choose_inputs`. Without a mesh they are triangulated here.
@@ -182,13 +190,17 @@ class SceneSource:
 
         tell, recorded = progress or (lambda fraction, line: None), self._recorded_points()
         if is_demo(self.scene):
+            if self.around == "object":
+                raise InputError(f"--around object: the demo {self.scene} has its own mesh; leave --around out")
             scene = load_demo(self.scene, progress=progress)
             cameras_choice = "given" if self.cameras == "automatic" else self.cameras
             scene = replace(scene, points_choice=self._choice(scene), cameras_choice=cameras_choice)
             if recorded is not None:
                 scene = replace(scene, sparse_points=self._read_points(recorded, scene.views), points_choice="given")
             return scene
-        scene = load_scene(self.scene, self.mesh, self.choice, self.points, self.cameras, recorded, tell, skip_points)
+        scene = load_scene(
+            self.scene, self.mesh, self.choice, self.points, self.cameras, self.around, recorded, tell, skip_points
+        )
         if recorded is None or scene.sparse_points is None:
             return scene
         return replace(scene, sparse_points=replace(scene.sparse_points, origin=self.points))

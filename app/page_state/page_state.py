@@ -18,6 +18,7 @@ LAYERS: dict[str, str] = {
     "cameras": "Cameras",
     "given cameras": "Given cameras",
     "points": "Sparse points",
+    "object box": "Object's box",
     "pulls": "Pulls of terms",
     "point feet": "Points and their faces",
     "image edges": "Image edges",

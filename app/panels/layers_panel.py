@@ -28,6 +28,7 @@ SWATCHES: dict[str, str] = {
     "cameras": solid(CAMERA),
     "given cameras": solid(GHOST),
     "points": solid(POINTS),
+    "object box": solid(GHOST),
     "pulls": f"linear-gradient(90deg,{solid(TERM_COLORS[0])} 50%,{solid(TERM_COLORS[1])} 50%)",
     "point feet": solid(COLOR_OF_TERM[POINTS_TERM]),
     "image edges": solid(COLOR_OF_TERM[IMAGE_EDGES]),
@@ -48,6 +49,7 @@ def available_layers(scene: Scene) -> list[str]:
         "points": has_no_points,
         "point feet": has_no_points,
         "given cameras": scene.given_cameras is None,
+        "object box": scene.object_box is None,
     }
     return [name for name in LAYERS if not missing.get(name, False)]
 

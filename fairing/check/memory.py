@@ -1,6 +1,7 @@
 """Memory estimate of a run, before it starts: photos dominate, then faces."""
 
 import os
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -120,14 +121,24 @@ class MemoryWarning(NamedTuple):
     is_too_much: bool
 
 
-def memory_warning(scene: Scene, options: FairingOptions) -> MemoryWarning | None:
-    """A warning if a run needs more memory than is available; else None."""
+def memory_warning(
+    scene: Scene, options: FairingOptions, afterwards: Callable[[float], int] = lambda scale: 0
+) -> MemoryWarning | None:
+    """A warning if a run needs more memory than is available; else None.
+
+    Args:
+        afterwards: returns the bytes that what follows the run needs, for a factor of the photos' width and height.
+    """
+
+    def needed_at(scale: float) -> int:
+        return max(memory_needed(scene, options, scale), afterwards(scale))
+
     available = memory_available()
-    needed = memory_needed(scene, options)
+    needed = needed_at(1.0)
     if available is None or needed <= USABLE_PART * min(available):
         return None
     total, free = available
-    scale = next((s for s in PHOTO_SCALES if memory_needed(scene, options, s) <= USABLE_PART * free), None)
+    scale = next((s for s in PHOTO_SCALES if needed_at(s) <= USABLE_PART * free), None)
     remedy = "leave out photos (--leave-out) or use a coarser mesh" if scale is None else f"try --photo-scale {scale:g}"
     line = f"{len(scene.views)} photos and {len(scene.mesh.faces)} faces need about {needed / 1e9:.1f} GB of memory, "
     if needed > total:

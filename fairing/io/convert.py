@@ -6,7 +6,7 @@ interrupted conversion is not recognised as a scene.
 """
 
 import shutil
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
 from typing import Literal
@@ -38,12 +38,14 @@ def write_capture(
     sparse: SparsePoints | None = None,
     mesh: tuple[np.ndarray, np.ndarray] | None = None,
     mesh_file: Path | None = None,
+    on_photo: Callable[[int], None] = lambda done: None,
 ) -> tuple[str, ...]:
     """Write photos, masks, cameras, sparse points and a mesh to a folder made by `prepare_output_folder`.
 
     Args:
         mesh: vertices (n, 3) float, world units, and faces (m, 3) int.
         mesh_file: the file that the mesh was read from, whose attributes are kept as far as a PLY holds them.
+        on_photo: called with the number of photos that are written; what it raises ends the conversion.
 
     Returns:
         Warnings about what the format cannot hold, one line each.
@@ -58,7 +60,8 @@ def write_capture(
         with reading(file, "a file that may be replaced"):
             file.unlink(missing_ok=True)
     names = _names(views)
-    for view, name in zip(views, names, strict=True):
+    for done, (view, name) in enumerate(zip(views, names, strict=True)):
+        on_photo(done)
         _write_photo(view, out / PHOTO_FOLDER / name)
         mask = out / MASK_FOLDER / f"{name}.png"
         if view.mask is not None:

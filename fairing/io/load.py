@@ -24,19 +24,18 @@ from fairing.io import (
     transforms_json,
     visualsfm,
 )
-from fairing.io.capture import PHOTO_SUFFIXES, Capture, MissingPhoto, Reader, files_in, listed, naming, reading
-from fairing.io.find_photo import PHOTO_FOLDERS
+from fairing.io.capture import Capture, MissingPhoto, Reader, files_in, listed, naming, reading
 from fairing.io.in_view import check_mesh_in_view
-from fairing.io.mask_files import MASK_FOLDER
 from fairing.io.mesh_file import MESH_SUFFIXES, has_faces, read_mesh
 from fairing.io.mesh_place import in_frame_of_mesh
 from fairing.io.named_scenes import module_of_scene, scene_names
 from fairing.io.photo_choice import PhotoChoice, SceneFormat, apply_choice
+from fairing.io.photo_folder import photos_alone
 from fairing.io.points_file import read_points
 from fairing.io.scene_points import Progress, choose_points
 from fairing.io.upright import settle_orientations
 from fairing.mesh import Mesh
-from fairing.scene import CamerasChoice, PointsChoice, Scene
+from fairing.scene import Around, CamerasChoice, PointsChoice, Scene
 from fairing.weld import Welded, welded
 
 READERS: tuple[Reader, ...] = (
@@ -58,6 +57,7 @@ def load_scene(
     choice: PhotoChoice | None = None,
     points: PointsChoice = "automatic",
     cameras: CamerasChoice = "automatic",
+    around: Around = "automatic",
     points_file: Path | None = None,
     on_progress: Progress = lambda fraction, line: None,
     skip_requested: Callable[[], bool] = lambda: False,
@@ -74,6 +74,7 @@ def load_scene(
         points: the sparse points that a run of the scene uses, see `Session.choose_inputs`. A demo scene has a choice of its own
             in place of "automatic".
         cameras: the cameras that a run of the scene uses, see `Session.choose_inputs`.
+        around: the points that become vertices, of the object or all; only without a mesh.
         points_file: the points that a run recorded beside its trace, instead.
         on_progress: called with the finished part, 0 to 1, and a line while points are found, triangulated, or photos rendered.
         skip_requested: polled while points are found; where it returns True, the given ones are triangulated.
@@ -82,6 +83,7 @@ def load_scene(
         InputError: the input cannot be used; the message is one line.
     """
     if (scene := _named(path, mesh, choice, on_progress)) is not None:
+        _check_around(around, path)
         points = scene.points_choice if points == "automatic" else points
         return replace(scene, points_choice=points, cameras_choice="given" if cameras == "automatic" else cameras)
     cameras_choice = "refine" if cameras == "automatic" else cameras
@@ -92,9 +94,10 @@ def load_scene(
     folder = path if path.is_dir() else path.parent
     found = Path(mesh) if mesh is not None else capture.mesh
     if found is None and not _meshes_in(folder):
-        scene = _triangulated(path.resolve().name, folder, capture, points, on_progress, skip_requested)
+        scene = _triangulated(path.resolve().name, folder, capture, points, around, on_progress, skip_requested)
         return replace(scene, cameras_choice=cameras_choice)
     mesh_path = found or only_mesh(folder)
+    _check_around(around, mesh_path)
     vertices, faces = read_mesh(mesh_path)
     name = path.resolve().name
     with naming(mesh_path):
@@ -107,6 +110,12 @@ def load_scene(
     check_mesh_in_view(scene)
     _, input_vertices = np.unique(scene.original_from_welded, return_index=True)
     return replace(scene, warnings=capture.warnings + _rounded_copies(surface) + facts.warnings(input_vertices))
+
+
+def _check_around(around: Around, mesh: object) -> None:
+    """Raises InputError where `around` chooses points to triangulate, but there is a mesh."""
+    if around == "object":
+        raise InputError(f"--around object: expected a capture without a mesh, found {mesh}; leave --around out")
 
 
 def _rounded_copies(surface: Welded) -> tuple[str, ...]:
@@ -138,11 +147,13 @@ def _triangulated(
     folder: Path,
     capture: Capture,
     choice: PointsChoice,
+    around: Around,
     on_progress: Progress,
     skip_requested: Callable[[], bool],
 ) -> Scene:
     """The scene of a capture without a mesh: its chosen sparse points, triangulated."""
     from fairing.triangulation import flip_progress, triangulate  # imported where there is no mesh: it takes a while
+    from fairing.triangulation.object_box import points_around
 
     points, warnings = choose_points(
         name, capture.views, capture.sparse_points, choice, None, on_progress, skip_requested=skip_requested
@@ -153,8 +164,15 @@ def _triangulated(
     def show(flips: int, open_edges: int, _: float) -> None:
         on_progress(flip_progress(flips, open_edges), f"triangulating sparse points: {flips} flips")
 
-    scene = triangulate(name, capture.views, points, on_progress=show).result()
-    return replace(scene, points_choice="given", warnings=capture.warnings + warnings + scene.warnings)
+    taken, box, note = points_around(capture.views, points, around)
+    scene = triangulate(name, capture.views, taken, on_progress=show).result()
+    return replace(
+        scene,
+        sparse_points=points,
+        points_choice="given",
+        object_box=box,
+        warnings=capture.warnings + warnings + (note,) * bool(note) + scene.warnings,
+    )
 
 
 def read_capture(path: str | Path, choice: PhotoChoice | None = None) -> Capture:
@@ -186,6 +204,12 @@ def is_capture(path: Path) -> bool:
         except InputError:  # several of this format
             return True
     return False
+
+
+def check_recognized(path: Path) -> None:
+    """Raises InputError if a folder or file holds no cameras in a supported format; damaged ones are accepted."""
+    if not is_capture(path) and not any(path.name == name or (path / name).is_file() for name in _BY_FILE_NAME):
+        raise _unsupported(path)
 
 
 def _read(path: Path) -> Capture:
@@ -228,30 +252,14 @@ def _completeness(capture: Capture) -> tuple[int, bool, bool]:
 
 
 def _unsupported(path: Path) -> InputError:
-    if photos := _photos_alone(path):
+    if photos := photos_alone(path):
         return InputError(
-            f"{path}: expected cameras beside the {len(photos)} photos, found none; compute them, for example with COLMAP: "
-            f"`colmap automatic_reconstructor --workspace_path WORK --image_path {photos[0].parent}`, then give WORK with its "
-            "photos in WORK/images; or export them from RealityScan, Metashape or WebODM beside the photos"
+            f"{path}: expected cameras beside the {len(photos)} photos, found none; compute them with `eigenfairing cameras "
+            f"{photos[0].parent} --out CAPTURE` and give CAPTURE; or export them from RealityScan, Metashape or WebODM beside "
+            "the photos"
         )
     supported = "; ".join(reader.FORMAT for reader in READERS)
     return InputError(f"{path}: expected one of: {supported}; found {_contents(path)}")
-
-
-def _photos_alone(path: Path) -> list[Path]:
-    """The photos of a folder, or a photo, without anything that could describe cameras; else none."""
-    if path.is_file():
-        return [path] if path.suffix.lower() in PHOTO_SUFFIXES else []
-    folders = (*PHOTO_FOLDERS, MASK_FOLDER)
-    with reading(path, "a folder"):
-        others = [
-            entry
-            for entry in path.iterdir()
-            if entry.suffix.lower() not in PHOTO_SUFFIXES | MESH_SUFFIXES
-            and not (entry.name in folders or entry.name.startswith("."))
-        ]
-    found = [files_in(folder, PHOTO_SUFFIXES) for folder in (path, *(path / name for name in PHOTO_FOLDERS))]
-    return [] if others else max(found, key=len)
 
 
 def _contents(path: Path) -> str:

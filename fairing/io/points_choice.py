@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import cast, get_args
 
 from fairing.errors import InputError
-from fairing.scene import PointsChoice
+from fairing.scene import Around, PointsChoice
 
 POINTS_PER_VERTEX = 3
 """Given points are enough for a mesh with that many for each vertex: the three coordinates of a vertex need the distances
@@ -23,11 +23,20 @@ def are_enough(n_points: int, n_vertices: int | None) -> bool:
 
 
 def check_points_choice(name: str, where: Path) -> PointsChoice:
-    """The choice of that name.
+    """The choice of points of that name.
 
     Raises:
         InputError: there is none; the message begins with `where`.
     """
-    if name not in get_args(PointsChoice):
-        raise InputError(f"{where}: points: expected one of {', '.join(get_args(PointsChoice))}, found {name}")
-    return cast("PointsChoice", name)
+    return cast("PointsChoice", _checked(name, get_args(PointsChoice), f"{where}: points"))
+
+
+def check_around(name: str, where: Path) -> Around:
+    """The choice of points to triangulate of that name; raises as `check_points_choice`."""
+    return cast("Around", _checked(name, get_args(Around), f"{where}: around"))
+
+
+def _checked(name: str, choices: tuple[str, ...], where: str) -> str:
+    if name not in choices:
+        raise InputError(f"{where}: expected one of {', '.join(choices)}, found {name}")
+    return name

@@ -8,14 +8,19 @@ import cv2
 import numpy as np
 
 from fairing.cells.scale_space import LUMA
-from fairing.judge.render import PHOTO_BYTES, Renderer
+from fairing.judge.render import DEPTH_BYTES, LARGEST, MOST_SOURCES, PHOTO_BYTES, Renderer
 from fairing.mesh import Mesh
+from fairing.photo import LOADED_BYTES
 from fairing.scene import Scene
 from fairing.util.bounded_cache import BoundedCache
 
 # Wang, Bovik, Sheikh, Simoncelli 2004: Gaussian window of 11 pixels, sigma 1.5, and their constants.
 WINDOW, WINDOW_SIGMA = 11, 1.5
 C1, C2 = (0.01 * 255) ** 2, (0.03 * 255) ** 2
+
+# Bytes, for the estimate of memory: of the program after a run, and of a pixel of all kept face ids and depths; of a photo's
+# pixel for each of its sources (colour and weight), for points, rays and SSIM, and for each rendered state.
+PROGRAM, DEPTH_PIXEL, SOURCE_PIXEL, WORK_PIXEL, STATE_PIXEL = 400_000_000, 12, 16, 160, 40
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,6 +103,24 @@ def leave_one_out(
             ssims[s, i] = ssim_map(_luma(image), _luma(photo))[inner].mean()
             shares[s, i] = known.mean()
     return [LeftOut(views, *row) for row in zip(psnrs, ssims, shares, strict=True)]
+
+
+def memory_of_left_out(scene: Scene, n_states: int = 2, scale: float = 1.0) -> int:
+    """Approximate peak memory of `leave_one_out`, bytes, in a program that has run the scene.
+
+    Args:
+        n_states: states of the mesh.
+        scale: factor of the photos' width and height.
+    """
+    sizes = np.array([view.camera.width * view.camera.height for view in scene.views]) * scale**2
+    sizes = np.minimum(sizes, LARGEST)
+    return int(
+        PROGRAM
+        + min(3 * sizes.sum(), LOADED_BYTES)
+        + min(3 * sizes.sum(), PHOTO_BYTES)
+        + n_states * min(DEPTH_PIXEL * sizes.sum(), DEPTH_BYTES)
+        + sizes.max() * (SOURCE_PIXEL * min(len(sizes) - 1, MOST_SOURCES) + WORK_PIXEL + STATE_PIXEL * n_states)
+    )
 
 
 def left_out_summary(scene: Scene, before: LeftOut, after: LeftOut, beside: LeftOut | None = None) -> dict[str, Any]:

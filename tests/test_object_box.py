@@ -1,0 +1,125 @@
+"""The object of a capture: the box around what most photos look at, without ground and background."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from fairing.camera import Camera
+from fairing.errors import InputError
+from fairing.geometry.up_direction import up_direction
+from fairing.photo import ArrayPhoto
+from fairing.scene import SparsePoints, View
+from fairing.structure.frame import upright_frame
+from fairing.triangulation.object_box import find_object, points_around
+from tests.camera_orbit import looking_at
+
+WIDTH, HEIGHT, FOCAL = 160, 120, 150.0
+SIZE = np.array([2.0, 1.2, 1.5])
+"""Sides of the object, which stands on the ground z = 0."""
+
+
+def photos_of(eyes: np.ndarray, targets: np.ndarray) -> tuple[View, ...]:
+    blank = ArrayPhoto(np.zeros((HEIGHT, WIDTH, 3), np.uint8))
+    K = np.array([[FOCAL, 0, WIDTH / 2], [0, FOCAL, HEIGHT / 2], [0, 0, 1]])
+    poses = [looking_at(eye, target) for eye, target in zip(eyes, targets, strict=True)]
+    cameras = [Camera.from_krt(K, R, -R @ eye, WIDTH, HEIGHT) for R, eye in zip(poses, eyes, strict=True)]
+    return tuple(View(f"{i}.png", camera, blank) for i, camera in enumerate(cameras))
+
+
+def orbit(arc: float, n: int = 20) -> np.ndarray:
+    """Centres of cameras on a part of a circle around the object, at eye height."""
+    angle = np.radians(np.linspace(0, arc, n, endpoint=arc < 360))
+    return np.column_stack([6 * np.cos(angle), 6 * np.sin(angle), np.full(n, 2.0)])
+
+
+def seen(views: tuple[View, ...], positions: np.ndarray) -> SparsePoints:
+    """The points with all their observations."""
+    observations, pixels = [], []
+    for v, view in enumerate(views):
+        uv, depth = view.camera.project(positions)
+        inside = np.flatnonzero((depth > 0) & ((uv > 0) & (uv < (WIDTH - 1, HEIGHT - 1))).all(axis=1))
+        observations.append(np.column_stack([inside, np.full(len(inside), v)]))
+        pixels.append(uv[inside])
+    colors = np.zeros((len(positions), 3), np.uint8)
+    return SparsePoints(positions, colors, np.concatenate(observations), np.concatenate(pixels))
+
+
+def object_and_surroundings() -> tuple[np.ndarray, np.ndarray]:
+    """Points of an object, of the ground around it and of a background; and which are the object's."""
+    rng = np.random.default_rng(4)
+    body = rng.uniform(-0.5, 0.5, (1500, 3))
+    body[np.arange(1500), rng.integers(0, 3, 1500)] = rng.choice([-0.5, 0.5], 1500)  # on the sides of a cube
+    body = (body + np.array([0, 0, 0.5])) * SIZE
+    body = body[body[:, 2] > 0.02]
+    ground = np.column_stack([rng.uniform(-5, 5, (2000, 2)), rng.normal(0, 0.004, 2000)])
+    around = rng.uniform(0, 2 * np.pi, 800)
+    far = np.column_stack([25 * np.cos(around), 25 * np.sin(around), rng.uniform(0, 9, 800)])
+    return np.concatenate([body, ground, far]), np.arange(len(body))
+
+
+@pytest.mark.parametrize("arc", [360, 220])
+def test_the_box_holds_the_object_and_neither_ground_nor_background(arc: int):
+    positions, of_object = object_and_surroundings()
+    eyes = orbit(arc)
+    views = photos_of(eyes, np.tile([0, 0, 0.6], (len(eyes), 1)))
+    box = find_object(views, seen(views, positions))
+    assert box is not None
+    assert box.orbited, box.reason
+    inside = box.contains(positions)
+    assert inside[of_object].mean() > 0.93
+    assert inside.sum() - inside[of_object].sum() < 0.03 * len(of_object)
+    np.testing.assert_allclose(np.sort(box.size[:2]), np.sort(SIZE[:2]), rtol=0.15)
+    np.testing.assert_allclose(box.axes[2], [0, 0, 1], atol=0.01)
+
+
+def test_the_frame_of_a_capture_is_upright_with_the_object_in_the_middle():
+    positions, of_object = object_and_surroundings()
+    rotation = Rotation.from_rotvec([0.8, -1.1, 0.5]).as_matrix()
+    eyes = orbit(360)
+    moved_eyes, moved_targets = 7 * eyes @ rotation.T + 3, 7 * np.tile([0, 0, 0.6], (20, 1)) @ rotation.T + 3
+    blank = ArrayPhoto(np.zeros((HEIGHT, WIDTH, 3), np.uint8))
+    K = np.array([[FOCAL, 0, WIDTH / 2], [0, FOCAL, HEIGHT / 2], [0, 0, 1]])
+    views = []
+    for i, (eye, target) in enumerate(zip(moved_eyes, moved_targets, strict=True)):
+        R = looking_at(eye, target, rotation @ [0, 0, 1])
+        views.append(View(f"{i}.png", Camera.from_krt(K, R, -R @ eye, WIDTH, HEIGHT), blank))
+    points = seen(tuple(views), 7 * positions @ rotation.T + 3)
+    frame = upright_frame(views, points)
+    cameras = [frame.camera(view.camera) for view in views]
+    np.testing.assert_allclose(
+        up_direction(np.array([c.camera_from_world[:, :3] for c in cameras])), [0, 0, 1], atol=0.02
+    )
+    body = frame.mesh_from_world(points.positions)[of_object]
+    np.testing.assert_allclose((body.min(axis=0) + body.max(axis=0)) / 2, 0, atol=0.02)
+    distance = np.concatenate(
+        [np.linalg.norm(frame.mesh_from_world(points.positions[points.observations[points.observations[:, 1] == v, 0]])
+                        - camera.center, axis=1) for v, camera in enumerate(cameras)]
+    )  # fmt: skip
+    assert np.median(distance) == pytest.approx(1)
+
+
+def test_photos_from_one_side_take_everything():
+    positions, _ = object_and_surroundings()
+    views = photos_of(orbit(70), np.tile([0, 0, 0.6], (20, 1)))
+    points = seen(views, positions)
+    taken, box, note = points_around(views, points, "automatic")
+    assert taken is points
+    assert (box, note) == (None, "")
+    chosen, box, note = points_around(views, points, "object")
+    assert box is not None
+    assert len(chosen.positions) == box.n_points < len(positions)
+    assert "because the cameras look from one side" in note
+    uv, _ = views[3].camera.project(chosen.positions[chosen.observations[chosen.observations[:, 1] == 3, 0]])
+    np.testing.assert_allclose(uv, chosen.pixels[chosen.observations[:, 1] == 3], atol=1e-9)
+
+
+def test_photos_from_the_middle_of_a_courtyard_have_no_object():
+    rng = np.random.default_rng(2)
+    around = rng.uniform(0, 2 * np.pi, 3000)
+    walls = np.column_stack([12 * np.cos(around), 12 * np.sin(around), rng.uniform(0, 4, 3000)])
+    eyes = orbit(360) / 2
+    views = photos_of(eyes, np.column_stack([-eyes[:, :2], np.full(20, 2.0)]))
+    points = seen(views, walls)
+    assert points_around(views, points, "automatic")[0] is points
+    with pytest.raises(InputError, match="--around object: no points were found that most photos look at"):
+        points_around(views, points, "object")
