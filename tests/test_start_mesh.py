@@ -15,7 +15,7 @@ from fairing.scene import View
 from fairing.triangulation import TriangulationOptions, start_mesh
 from fairing.triangulation.cut_surface import cut_surface, split_at_vertices
 from fairing.triangulation.minimum_cut import minimum_cut
-from fairing.triangulation.seen_surface import seen_surface
+from fairing.triangulation.seen_surface import Fate, seen_surface
 from fairing.triangulation.sight_lines import BEHIND, sight_costs
 from fairing.triangulation.tetrahedra import CORNERS, Tetrahedra, tetrahedra
 from tests.terrain_scene import BLANK, pinhole, seen_points
@@ -134,14 +134,14 @@ def test_a_line_of_sight_crosses_the_facets_that_a_slow_walk_finds():
     sigma = np.full(60, 0.05)
     lines = [(0, 0), (7, 1), (21, 2), (40, 0), (41, 2)]
     for point, view in lines:
-        crossing, inside = sight_costs(mesh, np.array([point]), np.array([view]), sigma)
+        crossing, inside, _ = sight_costs(mesh, np.array([point]), np.array([view]), sigma)
         slow_crossing, slow_inside = slow_costs(mesh, point, view, 0.05)
         assert (slow_crossing > 0).sum() > 1
         assert np.allclose(crossing, slow_crossing, atol=1e-6)
         assert np.array_equal(inside, slow_inside)
     total = sight_costs(mesh, *(np.array(column) for column in zip(*lines, strict=True)), sigma)
     alone = [sight_costs(mesh, np.array([p]), np.array([v]), sigma) for p, v in lines]
-    assert np.allclose(total[0], sum(crossing for crossing, _ in alone))
+    assert np.allclose(total[0], sum(costs.crossing for costs in alone))
 
 
 def test_the_places_of_a_grid_are_tetrahedra_without_gaps():
@@ -223,7 +223,9 @@ def test_what_no_photo_sees_stays_open():
     outward = (unit_normals(vertices, faces)[0] * vertices[faces[:, 0]]).sum(axis=1) > 0
     faces[~outward] = faces[~outward][:, ::-1]
     front = View("front", pinhole([0, 0, 5], [0, 0, 0]), BLANK)
-    kept, former = seen_surface(vertices, faces, [front], 0.05)
+    kept, former, fates = seen_surface(vertices, faces, [front], 0.05)
+    assert (fates == Fate.KEPT).sum() == len(kept)
+    assert np.array_equal(former[kept], faces[fates == Fate.KEPT])
     assert_manifold(kept, closed=False)
     # A point of the unit sphere is seen from 5 away where its height is more than a fifth.
     heights = vertices[former][kept].mean(axis=1)[:, 2]
