@@ -65,7 +65,7 @@ class Carving:
     @cached_property
     def at_box(self) -> np.ndarray:
         """(T,) bool: tetrahedra with a corner of the box."""
-        return (self.mesh.corners >= self.mesh.n_points).any(axis=1)
+        return np.logical_or.reduce(self.mesh.corners >= self.mesh.n_points, axis=1)
 
     @cached_property
     def facets(self) -> tuple[np.ndarray, np.ndarray]:

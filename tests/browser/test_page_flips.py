@@ -45,7 +45,7 @@ def test_flips_are_stepped_scrubbed_and_played(page: Page, flip_app: FlipApp):
     step = button_of(page, "One flip")
     step.wait_for()
     page.wait_for_function("() => window.__viserMutable?.nodeRefFromName?.['/mesh/now']")
-    trace = flip_app.film.trace
+    trace = flip_app.story.film.trace
 
     def is_at(moment: int) -> None:
         page.get_by_text(f"Flip {moment} of 8", exact=True).wait_for()

@@ -1,0 +1,70 @@
+"""Points, tetrahedra, lines of sight and surfaces of a carving in the 3D view."""
+
+import numpy as np
+import viser
+
+from app.flips.body import edges_of
+from app.flips.drawing import MESHES, Draughtsman, Drawing
+from app.palette import FLOW, SELECTED, TRUTH
+from app.stage import SIZE, Stage
+from app.viser_bridge.line_node import LineNode
+from app.viser_bridge.triangle_node import TriangleNode
+from fairing.triangulation import Carving
+
+POINT_SIZE = 0.0035 * SIZE  # page units
+NEW_SIZE = 1.8 * POINT_SIZE
+MOST_LINES = 150  # through a selected tetrahedron
+
+
+class CarvingLayers:
+    """The drawing of a moment, and the selected tetrahedron with the lines of sight that cross it."""
+
+    def __init__(self, client: viser.ClientHandle, stage: Stage, carving: Carving, draughtsman: Draughtsman) -> None:
+        self._client, self._carving = client, carving
+        self._places = draughtsman.places
+        self._cameras = stage.page_from_world(carving.cameras)
+        self._meshes = {
+            name: TriangleNode(client, f"/carving/{name.replace(' ', '_')}", color)
+            for name, (color, _) in MESHES.items()
+        }
+        self._rays = LineNode(client, "/carving/rays", TRUTH, 0.8)
+        self._edges = LineNode(client, "/carving/edges", (40, 44, 50), 0.9)
+        self._through = LineNode(client, "/carving/through", FLOW, 1.2)
+        self._selected = LineNode(client, "/carving/selected", SELECTED, 3.0, in_front=True)
+        self._clouds = {
+            name: client.scene.add_point_cloud(
+                f"/carving/{name}", np.zeros((1, 3), np.float32), np.zeros((1, 3), np.uint8), point_size=size,
+                point_shape="circle", precision="float32", visible=False,
+            )
+            for name, size in (("points", POINT_SIZE), ("new_points", NEW_SIZE))
+        }  # fmt: skip
+        self._shown_points: dict[str, bytes] = {}
+
+    def show(self, drawing: Drawing | None) -> None:
+        """Draw this; None hides everything."""
+        drawing = drawing or Drawing()
+        for name, node in self._meshes.items():
+            node.show(drawing.meshes.get(name))
+        self._rays.show(drawing.rays)
+        self._edges.show(drawing.edges)
+        for name, color in (("points", None), ("new_points", SELECTED)):
+            self._show_points(name, getattr(drawing, name), color)
+
+    def select(self, tetrahedron: int | None, lines: np.ndarray) -> None:
+        """Mark a tetrahedron and the lines of sight (k,) int, by index, that cross it."""
+        if tetrahedron is None:
+            self._selected.hide()
+            self._through.hide()
+            return
+        self._selected.show(edges_of(self._places[self._carving.mesh.corners[tetrahedron]]))
+        point, view = self._carving.lines[lines[:: max(1, -(-len(lines) // MOST_LINES))]].T
+        self._through.show(np.stack([self._places[point], self._cameras[view]], axis=1))
+
+    def _show_points(self, name: str, ids: np.ndarray, color: tuple[int, int, int] | None) -> None:
+        cloud = self._clouds[name]
+        if len(ids) and self._shown_points.get(name) != ids.tobytes():
+            self._shown_points[name] = ids.tobytes()
+            colors = self._carving.colors[ids] if color is None else np.tile(np.array(color, np.uint8), (len(ids), 1))
+            cloud.points, cloud.colors = self._places[ids], colors
+        if cloud.visible != (len(ids) > 0):
+            cloud.visible = len(ids) > 0
