@@ -18,14 +18,8 @@ from fairing.triangulation.minimum_cut import minimum_cut
 from fairing.triangulation.seen_surface import Fate, seen_surface
 from fairing.triangulation.sight_lines import BEHIND, sight_costs
 from fairing.triangulation.tetrahedra import CORNERS, Tetrahedra, tetrahedra
+from tests.bodies import AROUND, faces_of_sight, points_of
 from tests.terrain_scene import BLANK, pinhole, seen_points
-
-DIRECTIONS = np.array(list(product((-1, 0, 1), repeat=3)), float)
-DIRECTIONS = DIRECTIONS[np.linalg.norm(DIRECTIONS, axis=1) > 0] + 0.01
-AROUND = tuple(
-    View(f"p{i}", pinhole(5 * d / np.linalg.norm(d), [0, 0, 0], up=(0.3, 0.2, 0.9)), BLANK)
-    for i, d in enumerate(DIRECTIONS)
-)
 
 
 def euler_characteristic(faces: np.ndarray) -> int:
@@ -42,29 +36,6 @@ def assert_manifold(faces: np.ndarray, closed: bool) -> None:
     again, former = split_at_vertices(faces)
     assert len(former) == len(np.unique(faces))
     assert len(again) == len(faces)
-
-
-def points_of(kind: str, n: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Points on a surface and its outward normals."""
-    if kind == "sphere":
-        normals = rng.standard_normal((n, 3))
-        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-        return normals.copy(), normals
-    if kind == "box":
-        points, side = rng.uniform(-1, 1, (n, 3)), rng.integers(0, 6, n)
-        normals = np.zeros((n, 3))
-        normals[np.arange(n), side % 3] = np.where(side < 3, 1, -1)
-        points[np.arange(n), side % 3] = np.where(side < 3, 1, -1)
-        return points, normals
-    turn, tube = rng.uniform(0, 2 * np.pi, (2, n))
-    normals = np.column_stack([np.cos(tube) * np.cos(turn), np.cos(tube) * np.sin(turn), np.sin(tube)])
-    return np.column_stack([np.cos(turn), np.sin(turn), np.zeros(n)]) + 0.4 * normals, normals
-
-
-def faces_of_sight(points: np.ndarray, normals: np.ndarray) -> np.ndarray:
-    """(V, n) bool: cameras that a point of a convex body, or of a torus seen steeply enough, faces."""
-    sight = np.array([view.camera.center for view in AROUND])[:, None] - points
-    return (sight * normals).sum(axis=2) > 0.3 * np.linalg.norm(sight, axis=2)
 
 
 @pytest.mark.parametrize(

@@ -35,14 +35,14 @@ def hull_of(carving: Carving, shown: np.ndarray, places: np.ndarray) -> Triangle
     return Triangles(places[mesh.corners[tetrahedron[:, None], CORNERS[facet]]], tetrahedron)
 
 
-def shrunken(carving: Carving, ids: np.ndarray, places: np.ndarray) -> Triangles:
-    """The facets of tetrahedra (k,) int, each shrunken towards its middle."""
+def shrunken(carving: Carving, ids: np.ndarray, places: np.ndarray) -> tuple[Triangles, np.ndarray]:
+    """The facets of tetrahedra (k,) int, each shrunken towards its middle, and their edges (6 k, 2, 3) float32."""
     corners = places[carving.mesh.corners[ids]]
     middle = corners.mean(axis=1, keepdims=True)
     corners = (middle + SHRUNK * (corners - middle)).astype(np.float32)
-    return Triangles(corners[:, CORNERS].reshape(-1, 3, 3), np.repeat(ids, 4))
+    return Triangles(corners[:, CORNERS].reshape(-1, 3, 3), np.repeat(ids, 4)), edges_of(corners)
 
 
 def edges_of(corners: np.ndarray) -> np.ndarray:
-    """(6, 2, 3): the edges of a tetrahedron with corners (4, 3)."""
-    return corners[[[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]]]
+    """(6 k, 2, 3): the edges of tetrahedra with corners (k, 4, 3)."""
+    return corners[:, [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]]].reshape(-1, 2, 3)

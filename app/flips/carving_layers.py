@@ -5,7 +5,7 @@ import viser
 
 from app.flips.body import edges_of
 from app.flips.drawing import MESHES, Draughtsman, Drawing
-from app.palette import FLOW, SELECTED, TRUTH
+from app.palette import BACKGROUND, FLOW, SELECTED, TRUTH
 from app.stage import SIZE, Stage
 from app.viser_bridge.line_node import LineNode
 from app.viser_bridge.triangle_node import TriangleNode
@@ -13,6 +13,7 @@ from fairing.triangulation import Carving
 
 POINT_SIZE = 0.0035 * SIZE  # page units
 NEW_SIZE = 1.8 * POINT_SIZE
+FRONT_LIGHT = 1.2  # intensity
 MOST_LINES = 150  # through a selected tetrahedron
 
 
@@ -27,8 +28,12 @@ class CarvingLayers:
             name: TriangleNode(client, f"/carving/{name.replace(' ', '_')}", color)
             for name, (color, _) in MESHES.items()
         }
+        # The default lights shine from above: the sides of a building, and a section across it, would be dark.
+        self._light = client.scene.add_light_directional(
+            "/carving/light", intensity=FRONT_LIGHT, position=tuple(stage.eye - stage.target), visible=False
+        )
         self._rays = LineNode(client, "/carving/rays", TRUTH, 0.8)
-        self._edges = LineNode(client, "/carving/edges", (40, 44, 50), 0.9)
+        self._edges = LineNode(client, "/carving/edges", BACKGROUND, 0.8)
         self._through = LineNode(client, "/carving/through", FLOW, 1.2)
         self._selected = LineNode(client, "/carving/selected", SELECTED, 3.0, in_front=True)
         self._clouds = {
@@ -42,6 +47,7 @@ class CarvingLayers:
 
     def show(self, drawing: Drawing | None) -> None:
         """Draw this; None hides everything."""
+        self._light.visible = drawing is not None
         drawing = drawing or Drawing()
         for name, node in self._meshes.items():
             node.show(drawing.meshes.get(name))
@@ -56,7 +62,7 @@ class CarvingLayers:
             self._selected.hide()
             self._through.hide()
             return
-        self._selected.show(edges_of(self._places[self._carving.mesh.corners[tetrahedron]]))
+        self._selected.show(edges_of(self._places[self._carving.mesh.corners[[tetrahedron]]]))
         point, view = self._carving.lines[lines[:: max(1, -(-len(lines) // MOST_LINES))]].T
         self._through.show(np.stack([self._places[point], self._cameras[view]], axis=1))
 

@@ -35,6 +35,7 @@ class CarvingView:
         self._selected: int | None = None
         self._drawn: tuple[int, Section] | None = None
         self._drawing = Drawing()
+        self._crossing: tuple[tuple[int, int], np.ndarray] = (-1, -1), np.zeros(0, dtype=int)
 
     def handlers(self) -> dict[str, Handler]:
         """Handlers of the events of its panels."""
@@ -69,19 +70,18 @@ class CarvingView:
         return carving_facts(self._story, moment, self._drawing)
 
     def legend(self, moment: int, events: Events) -> str:
-        """Markup of the legend, the choice of the section and the terms of the selected tetrahedron."""
+        """Markup of the legend and the choice of the section."""
+        legend = carving_legend(self._drawing)
+        return legend + section_choice(self.section, events) if self.is_sectioned(moment) else legend
+
+    def terms(self, moment: int, events: Events) -> str:
+        """Markup of the terms of the selected tetrahedron."""
         chapter = self._story.at(moment)[0].chapter
-        parts = [carving_legend(self._drawing)]
-        if chapter in PICKABLE:
-            sums, is_cut = self._votes.after(self._n_photos(moment)), chapter in (Chapter.CUT, Chapter.SEEN)
-            parts.append(
-                tetrahedron_terms(
-                    self._carving, self._selected, sums, len(self._lines_through(moment)), is_cut=is_cut, events=events
-                )
-            )
-        if self.is_sectioned(moment):
-            parts.append(section_choice(self.section, events))
-        return "".join(parts)
+        if chapter not in PICKABLE:
+            return ""
+        sums, is_cut = self._votes.after(self._n_photos(moment)), chapter in (Chapter.CUT, Chapter.SEEN)
+        n_lines = len(self._lines_through(moment))
+        return tetrahedron_terms(self._carving, self._selected, sums, n_lines, is_cut=is_cut, events=events)
 
     def click(self, event: viser.SceneClickEvent) -> None:
         """Select the tetrahedron under the pointer, or none."""
@@ -112,4 +112,7 @@ class CarvingView:
     def _lines_through(self, moment: int) -> np.ndarray:
         if self._selected is None:
             return np.zeros(0, dtype=int)
-        return self._carving.lines_through(self._selected, range(self._n_photos(moment)))
+        wanted = self._selected, self._n_photos(moment)
+        if self._crossing[0] != wanted:
+            self._crossing = wanted, self._carving.lines_through(wanted[0], range(wanted[1]))
+        return self._crossing[1]

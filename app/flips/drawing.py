@@ -47,7 +47,7 @@ class Drawing:
         counts: number of tetrahedra or faces of each group that the moment has, whether a section shows them or not.
         points, new_points: (k,) int: points that are shown, and those that have just appeared.
         rays: (k, 2, 3) float32: lines of sight.
-        edges: (k, 2, 3) float32: edges of the surface.
+        edges: (k, 2, 3) float32: edges of the surface, or of tetrahedra that are drawn one by one.
         tetrahedra: triangles that can be picked.
     """
 
@@ -126,7 +126,8 @@ class Draughtsman:
         solid = is_behind & ~is_carved
         if as_crystals and section.direction != "off":
             solid &= False
-        parts = [hull_of(carving, solid, self.places), shrunken(carving, np.flatnonzero(crystals), self.places)]
+        crystal_facets, edges = shrunken(carving, np.flatnonzero(crystals), self.places)
+        parts = [hull_of(carving, solid, self.places), crystal_facets]
         shown = Triangles(
             np.concatenate([part.corners for part in parts]), np.concatenate([part.tetrahedra for part in parts])
         )
@@ -135,6 +136,7 @@ class Draughtsman:
             {name: shown.of(group == number) for number, name in names.items()},
             {name: int((inner == number).sum()) for number, name in names.items()},
             rays=np.zeros((0, 2, 3), dtype=np.float32) if rays is None else rays,
+            edges=edges,
             tetrahedra=shown,
         )
 

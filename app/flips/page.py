@@ -66,6 +66,7 @@ class FlipPage:
             self._layers.show(flip, is_playing=player.is_playing, is_textured=self._is_textured, outside=outside)
             if self._carving is not None:
                 self._carving.fill(moment, outside=outside)
+                self._terms.set("" if flip is not None else self._carving.terms(moment, events))
                 self._section.visible = self._carving.is_sectioned(moment) and self._carving.section.direction != "off"
             self._cameras.set_visible(outside)
             self._buttons.set(buttons(events, moment, len(story), is_playing=player.is_playing))
@@ -108,6 +109,7 @@ class FlipPage:
         self._keys = KeysDialog(gui, html_events)
         if self._carving is not None:
             self._section = gui.add_slider("Depth, %", min=-100, max=100, step=1, initial_value=0, visible=False)
+            self._terms = HtmlPanel(gui)
             SyncedSlider(self._section, html_events.guarded(self._carving.move_section))
         timeline = gui.add_panel()
         with timeline.add_tab("Timeline", viser.Icon.CLOCK):

@@ -28,6 +28,8 @@ class VoteCounter:
 
     def after(self, n_photos: int) -> SightCosts:
         """The sums over the lines of sight of the first `n_photos` photos."""
+        if n_photos == len(self._carving.photos):
+            return self._carving.all_votes
         counted, sums = self._counted
         if n_photos != counted:
             if n_photos < counted:
