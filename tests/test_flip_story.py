@@ -4,7 +4,9 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from scipy.spatial import ConvexHull
 
+from app.flips.body import SHRUNK, cross_sections
 from app.flips.carving_panels import carving_facts, tetrahedron_terms
 from app.flips.drawing import Draughtsman
 from app.flips.section import Section
@@ -105,13 +107,37 @@ def test_rays_carve_what_they_cross(story, draughtsman):
 def test_a_section_cuts_the_near_side_away(story, stage, draughtsman, direction):
     section = Section(direction, 5)
     drawing = draughtsman.draw(begin_of(story, Chapter.CUT), section)
+    heights = section.heights(drawing.tetrahedra.corners.reshape(-1, 3), stage).reshape(-1, 3)
+    assert (heights < 1e-5).all()
+    in_plane = (np.abs(heights) < 1e-5).all(axis=1)
+    assert 0 < in_plane.sum() < len(heights)
     corners = draughtsman.places[story.carving.mesh.corners[drawing.tetrahedra.tetrahedra]]
-    heights = section.heights(corners.reshape(-1, 3), stage).reshape(-1, 4)
-    assert (heights.min(axis=1) < 0).all()
+    middles = section.heights(corners.reshape(-1, 3), stage).reshape(-1, 4)
+    crosses = (middles.min(axis=1) < 0) & (middles.max(axis=1) > 0)
+    np.testing.assert_array_equal(crosses, in_plane)
     assert np.linalg.norm(section.normal(stage)) == pytest.approx(1)
     whole = draughtsman.draw(begin_of(story, Chapter.CUT), Section("off"))
-    assert 0 < len(drawing.meshes["cut inside"]) < 2 * len(whole.meshes["cut inside"])
-    assert len(whole.meshes["cut outside"]) == 0
+    assert len(drawing.meshes["cut outside"]) > len(whole.meshes["cut outside"]) == 0
+
+
+def test_cross_sections_have_the_area_of_the_body_in_the_plane():
+    """The cross sections of a grid of cubes, each of five tetrahedra, fill a square of the plane."""
+    five = np.array([[0, 1, 2, 4], [3, 1, 2, 7], [5, 1, 4, 7], [6, 2, 4, 7], [1, 2, 4, 7]])
+    cube = np.array([[x, y, z] for z in (0, 1) for y in (0, 1) for x in (0, 1)], float)
+    tilted = np.linalg.qr(np.random.default_rng(3).standard_normal((3, 3)))[0][0]
+    for normal, expected in ((np.array([0, 0, 1.0]), 1.0), (tilted, None)):
+        heights = (cube - 0.45) @ normal
+        found = cross_sections(cube[five], heights[five], np.arange(5), normal)
+        doubled = np.cross(found.corners[:, 1] - found.corners[:, 0], found.corners[:, 2] - found.corners[:, 0])
+        assert (doubled @ normal > 0).all()
+        if expected is None:  # the hull of the plane's points on all lines between corners of the cube
+            a, b = np.triu_indices(8, 1)
+            crossed = heights[a] * heights[b] < 0
+            a, b = a[crossed], b[crossed]
+            along = (heights[a] / (heights[a] - heights[b]))[:, None]
+            flat = (cube[a] + along * (cube[b] - cube[a])) @ np.linalg.svd(normal[None])[2][1:].T
+            expected = ConvexHull(flat).volume
+        assert (doubled @ normal).sum() / 2 == pytest.approx(expected * SHRUNK**2, rel=1e-5)
 
 
 def test_the_body_is_closed_and_has_the_volume_of_its_tetrahedra(story, draughtsman):

@@ -4,7 +4,7 @@ import numpy as np
 import viser
 
 from app.flips.body import edges_of
-from app.flips.drawing import MESHES, Draughtsman, Drawing
+from app.flips.drawing import CLOSED, MESHES, Draughtsman, Drawing
 from app.palette import BACKGROUND, FLOW, SELECTED, TRUTH
 from app.stage import SIZE, Stage
 from app.viser_bridge.line_node import LineNode
@@ -25,7 +25,7 @@ class CarvingLayers:
         self._places = draughtsman.places
         self._cameras = stage.page_from_world(carving.cameras)
         self._meshes = {
-            name: TriangleNode(client, f"/carving/{name.replace(' ', '_')}", color)
+            name: TriangleNode(client, f"/carving/{name.replace(' ', '_')}", color, closed=name in CLOSED)
             for name, (color, _) in MESHES.items()
         }
         # The default lights shine from above: the sides of a building, and a section across it, would be dark.
@@ -33,7 +33,7 @@ class CarvingLayers:
             "/carving/light", intensity=FRONT_LIGHT, position=tuple(stage.eye - stage.target), visible=False
         )
         self._rays = LineNode(client, "/carving/rays", TRUTH, 0.8)
-        self._edges = LineNode(client, "/carving/edges", BACKGROUND, 0.8)
+        self._sides = TriangleNode(client, "/carving/sides", BACKGROUND, wireframe=True)
         self._through = LineNode(client, "/carving/through", FLOW, 1.2)
         self._selected = LineNode(client, "/carving/selected", SELECTED, 3.0, in_front=True)
         self._clouds = {
@@ -52,7 +52,7 @@ class CarvingLayers:
         for name, node in self._meshes.items():
             node.show(drawing.meshes.get(name))
         self._rays.show(drawing.rays)
-        self._edges.show(drawing.edges)
+        self._sides.show(drawing.sides)
         for name, color in (("points", None), ("new_points", SELECTED)):
             self._show_points(name, getattr(drawing, name), color)
 
@@ -62,7 +62,7 @@ class CarvingLayers:
             self._selected.hide()
             self._through.hide()
             return
-        self._selected.show(edges_of(self._places[self._carving.mesh.corners[[tetrahedron]]]))
+        self._selected.show(edges_of(self._places[self._carving.mesh.corners[tetrahedron]]))
         point, view = self._carving.lines[lines[:: max(1, -(-len(lines) // MOST_LINES))]].T
         self._through.show(np.stack([self._places[point], self._cameras[view]], axis=1))
 

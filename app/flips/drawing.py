@@ -4,12 +4,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from app.flips.body import Triangles, hull_of, shrunken
+from app.flips.body import Triangles, cross_sections, hull_of, sunk
 from app.flips.section import Section
 from app.flips.story import Chapter, Story
 from app.flips.votes import UNDECIDED, Vote, VoteCounter, votes_of
 from app.palette import CURVES, REJECTED, RGB, SURFACE
 from app.stage import Stage
+from app.surface_offset import OFFSET
 from fairing.triangulation import Carving, Fate
 from fairing.triangulation.tetrahedra import CORNERS
 
@@ -33,6 +34,8 @@ MESHES: dict[str, tuple[RGB, str]] = {
     "removed": (REJECTED, "faces that are left out"),
 }
 """Color and meaning of each group of triangles."""
+CLOSED = ("clearly outside", "outside", "none", "inside", "clearly inside", "cut outside", "cut inside")
+"""Groups of whole tetrahedra."""
 VOTE_MESHES: dict[int, str] = dict(
     zip(map(int, Vote), ("clearly outside", "outside", "none", "inside", "clearly inside"), strict=True)
 )
@@ -47,7 +50,7 @@ class Drawing:
         counts: number of tetrahedra or faces of each group that the moment has, whether a section shows them or not.
         points, new_points: (k,) int: points that are shown, and those that have just appeared.
         rays: (k, 2, 3) float32: lines of sight.
-        edges: (k, 2, 3) float32: edges of the surface, or of tetrahedra that are drawn one by one.
+        sides: (m, 3, 3) float32: triangles of which the sides are drawn.
         tetrahedra: triangles that can be picked.
     """
 
@@ -56,7 +59,7 @@ class Drawing:
     points: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=int))
     new_points: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=int))
     rays: np.ndarray = field(default_factory=lambda: np.zeros((0, 2, 3), dtype=np.float32))
-    edges: np.ndarray = field(default_factory=lambda: np.zeros((0, 2, 3), dtype=np.float32))
+    sides: np.ndarray = field(default_factory=lambda: np.zeros((0, 3, 3), dtype=np.float32))
     tetrahedra: Triangles = field(default_factory=lambda: Triangles(np.zeros((0, 3, 3)), np.zeros(0, dtype=int)))
 
 
@@ -81,7 +84,7 @@ class Draughtsman:
             )
         if extent.chapter is Chapter.TETRAHEDRA:
             ids = np.full(len(carving.is_outside), Vote.NONE)
-            return self._sectioned(section, ids, np.zeros(len(ids), dtype=bool), VOTE_MESHES, as_crystals=True)
+            return self._sectioned(section, ids, np.zeros(len(ids), dtype=bool), VOTE_MESHES)
         if extent.chapter is Chapter.RAYS:
             sums = self._votes.after(k + 1)
             is_carved = sums.passing - sums.inside > UNDECIDED
@@ -92,9 +95,7 @@ class Draughtsman:
         if extent.chapter is Chapter.DECIMATION:
             vertices, faces = carving.decimated[k]
             corners = self._stage.page_from_world(vertices)[faces]
-            pairs = np.unique(np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1), axis=0)
-            edges = self._stage.page_from_world(vertices)[pairs]
-            return Drawing({"surface": corners}, {"surface": len(faces)}, edges=edges)
+            return Drawing({"surface": sunk(corners, OFFSET)}, {"surface": len(faces)}, sides=corners)
         return self._surface(None if extent.chapter is Chapter.CUT else k)
 
     def _rays(self, photo: int, only_new: bool) -> np.ndarray:
@@ -114,29 +115,26 @@ class Draughtsman:
         is_carved: np.ndarray,
         names: dict[int, str],
         rays: np.ndarray | None = None,
-        *,
-        as_crystals: bool = False,
     ) -> Drawing:
-        """What is not carved behind the section, and around it what is, tetrahedron by tetrahedron, in colors of their groups."""
+        """What is not carved behind the section, and the cross sections of all tetrahedra, in colors of their groups."""
         carving = self._carving
-        heights = section.heights(self.places, self._stage)[carving.mesh.corners]
-        is_behind = (heights.min(axis=1) < 0) & ~carving.at_box
-        is_across = is_behind & (heights.max(axis=1) > 0)
-        crystals = is_across if as_crystals else is_across & is_carved
-        solid = is_behind & ~is_carved
-        if as_crystals and section.direction != "off":
-            solid &= False
-        crystal_facets, edges = shrunken(carving, np.flatnonzero(crystals), self.places)
-        parts = [hull_of(carving, solid, self.places), crystal_facets]
+        corners = carving.mesh.corners
+        heights = section.heights(self.places, self._stage)[corners]
+        is_behind = (heights.max(axis=1) < 0) & ~carving.at_box
+        ids = np.flatnonzero((heights.min(axis=1) < 0) & (heights.max(axis=1) > 0) & ~carving.at_box)
+        crossed = cross_sections(self.places[corners[ids]], heights[ids], ids, section.normal(self._stage))
+        parts = [hull_of(carving, is_behind & ~is_carved, self.places), crossed]
         shown = Triangles(
             np.concatenate([part.corners for part in parts]), np.concatenate([part.tetrahedra for part in parts])
         )
+        # Nearest first, as seen initially: hidden pixels are then skipped, which without a graphics card takes most of the time.
+        order = np.argsort(np.linalg.norm(shown.corners.mean(axis=1) - self._stage.eye, axis=1))
+        shown = Triangles(shown.corners[order], shown.tetrahedra[order])
         group, inner = groups[shown.tetrahedra], groups[~carving.at_box]
         return Drawing(
             {name: shown.of(group == number) for number, name in names.items()},
             {name: int((inner == number).sum()) for number, name in names.items()},
             rays=np.zeros((0, 2, 3), dtype=np.float32) if rays is None else rays,
-            edges=edges,
             tetrahedra=shown,
         )
 
