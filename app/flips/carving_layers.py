@@ -29,9 +29,7 @@ class CarvingLayers:
             for name, (color, _) in MESHES.items()
         }
         # The default lights shine from above: the sides of a building, and a section across it, would be dark.
-        self._light = client.scene.add_light_directional(
-            "/carving/light", intensity=FRONT_LIGHT, position=tuple(stage.eye - stage.target), visible=False
-        )
+        self._light = client.scene.add_light_directional("/carving/light", intensity=FRONT_LIGHT, visible=False)
         self._rays = LineNode(client, "/carving/rays", TRUTH, 0.8)
         self._sides = TriangleNode(client, "/carving/sides", BACKGROUND, wireframe=True)
         self._through = LineNode(client, "/carving/through", FLOW, 1.2)
@@ -45,8 +43,10 @@ class CarvingLayers:
         }  # fmt: skip
         self._shown_points: dict[str, bytes] = {}
 
-    def show(self, drawing: Drawing | None) -> None:
-        """Draw this; None hides everything."""
+    def show(self, drawing: Drawing | None, light: np.ndarray | None = None) -> None:
+        """Draw this, lit from a direction (3,), page; None hides everything."""
+        if light is not None:
+            self._light.position = (float(light[0]), float(light[1]), float(light[2]))
         self._light.visible = drawing is not None
         drawing = drawing or Drawing()
         for name, node in self._meshes.items():

@@ -22,12 +22,24 @@ PICKABLE = (*SECTIONED, Chapter.SEEN)
 
 
 class CarvingView:
-    """What one browser sees of a carving. `show` is called where it changes."""
+    """What one browser sees of a carving.
+
+    Args:
+        show: called where it changes.
+        look_along: moves the browser's camera, see `PageCamera.look_along`.
+    """
 
     def __init__(
-        self, client: viser.ClientHandle, stage: Stage, story: Story, carving: Carving, show: Callable[[], None]
+        self,
+        client: viser.ClientHandle,
+        stage: Stage,
+        story: Story,
+        carving: Carving,
+        show: Callable[[], None],
+        look_along: Callable[[np.ndarray], None],
     ) -> None:
         self._story, self._carving, self._stage, self._show = story, carving, stage, show
+        self._look_along = look_along
         self._votes = VoteCounter(carving)
         self._draughtsman = Draughtsman(story, carving, stage, self._votes)
         self._layers = CarvingLayers(client, stage, carving, self._draughtsman)
@@ -60,7 +72,8 @@ class CarvingView:
             return
         if self._drawn != (moment, self.section):
             self._drawn, self._drawing = (moment, self.section), self._draughtsman.draw(moment, self.section)
-        self._layers.show(self._drawing if outside else replace(self._drawing, meshes={}))
+        light = self.section.seen_from(self._stage)
+        self._layers.show(self._drawing if outside else replace(self._drawing, meshes={}), light)
         chapter = self._story.at(moment)[0].chapter
         selected = self._selected if outside and chapter in PICKABLE else None
         self._layers.select(selected, self._lines_through(moment))
@@ -96,6 +109,8 @@ class CarvingView:
 
     def _set_direction(self, direction: str) -> None:
         self.section = replace(self.section, direction=direction)
+        if direction != "off":
+            self._look_along(self.section.seen_from(self._stage))
         self._show()
 
     def _select(self, tetrahedron: int | None) -> None:

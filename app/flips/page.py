@@ -42,7 +42,11 @@ class FlipPage:
         self._is_built = False
         self.frame = PageFrame(client, _title(scene, story), stage, scene, lambda _: self.show(), self.show)
         self._layers = FlipLayers(client, stage, scene, story.film, painter, self.show)
-        self._carving = None if story.carving is None else CarvingView(client, stage, story, story.carving, self.show)
+        self._carving = (
+            None
+            if story.carving is None
+            else CarvingView(client, stage, story, story.carving, self.show, self.frame.camera.look_along)
+        )
         background = BackgroundClicks(client, self.frame.toasts(self._click_background))
         enter = self.frame.toasts(self.frame.camera.enter)
         self._cameras = CamerasLayer(client, stage, scene, thumbnails, enter, background)

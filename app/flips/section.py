@@ -1,6 +1,6 @@
 """Section: the plane behind which tetrahedra are shown."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -8,6 +8,7 @@ from app.stage import SIZE, Stage
 
 DIRECTIONS = {"off": "Off", "front": "Front", "side": "Side", "top": "Top"}
 """Where a section is seen from, and its name on the page."""
+TILT = 0.3  # upwards and towards the front, of the direction from which a section is seen
 
 
 @dataclass(frozen=True)
@@ -29,6 +30,14 @@ class Section:
             return np.full(len(points), -1.0)
         normal = self.normal(stage)
         return points @ normal + self.depth / 100 * SIZE / 2
+
+    def seen_from(self, stage: Stage) -> np.ndarray:
+        """(3,) float, page: a direction from which the section and what is behind it are seen."""
+        front = replace(self, direction="front").normal(stage)
+        if self.direction == "off":
+            return front
+        tilted = self.normal(stage) + TILT * (stage.up + front)
+        return tilted / np.linalg.norm(tilted)
 
     def normal(self, stage: Stage) -> np.ndarray:
         """(3,) float, page: unit vector towards the side that is cut away."""

@@ -28,7 +28,7 @@ class TriangleNode:
             np.zeros((1, 3), dtype=np.uint32),
             color=color,
             wireframe=wireframe,
-            flat_shading=True,
+            flat_shading=not wireframe,
             side="front" if closed else "double",
             cast_shadow=False,
             receive_shadow=False,
