@@ -250,6 +250,11 @@ def number(value: float, digits: int = 4) -> str:
     return f"{value:.{digits - 1}e}".replace("-", "\u2212", 1) if value < 0 else f"{value:.{digits - 1}e}"
 
 
+def whole(value: int) -> str:
+    """A whole number with thin spaces between thousands: 12 345."""
+    return f"{value:,}".replace(",", "\u2009")
+
+
 def duration(seconds: float) -> str:
     """A duration for reading: 12 s, 3 min 20 s, 1 h 5 min."""
     whole = max(0, round(seconds))

@@ -67,3 +67,22 @@ def nearest_to_ray(points: np.ndarray, origin: np.ndarray, direction: np.ndarray
     offset = points - origin
     along = offset @ direction
     return int(np.argmax(along / np.maximum(np.linalg.norm(offset, axis=1), 1e-12)))
+
+
+def first_hit(triangles: np.ndarray, origin: np.ndarray, direction: np.ndarray) -> int | None:
+    """Index of the first triangle that a ray meets, from either side; None if it meets none (Moeller and Trumbore 1997).
+
+    Args:
+        triangles: (m, 3, 3) float, any unit.
+        origin, direction: (3,) float, the ray in the same unit.
+    """
+    corners = triangles.astype(np.float64)
+    u, v, offset = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], origin - corners[:, 0]
+    across = np.cross(direction, v)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        inverse = 1 / (u * across).sum(axis=1)
+        a = (offset * across).sum(axis=1) * inverse
+        turned = np.cross(offset, u)
+        b, at = (turned @ direction) * inverse, (turned * v).sum(axis=1) * inverse
+        hits = np.flatnonzero((a >= 0) & (b >= 0) & (a + b <= 1) & (at > 0))
+    return int(hits[np.argmin(at[hits])]) if len(hits) else None

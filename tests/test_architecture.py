@@ -103,7 +103,16 @@ ALLOWED: dict[str, set[str]] = {
         *("app", "app.files", "app.experiments", "app.panels", "app.export", "app.page", "app.viser_bridge", "engine"),
     },
     "app.flips": {
-        *("app", "app.files", "app.viser_bridge", "app.pictures", "app.page_state", "app.layers", "app.panels"),
+        *(
+            "app",
+            "app.debugger",
+            "app.files",
+            "app.viser_bridge",
+            "app.pictures",
+            "app.page_state",
+            "app.layers",
+            "app.panels",
+        ),
         *("app.page", "engine", "demo_scenes"),
     },
     "app.cli": {

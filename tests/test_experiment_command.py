@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from app.cli import experiment as experiment_command
 from app.cli.main import run
 from app.experiments.chart import charts_of
 from app.experiments.experiment_runner import ExperimentRunner, Status
@@ -238,3 +239,31 @@ def test_a_scene_without_truth_is_one_line_and_is_not_even_opened(tmp_path, caps
     assert len(lines) == 1
     assert "expected a demo (cube, facade, archway, dome, building:SEED)" in lines[0]
     assert not (tmp_path / "out").exists()
+
+
+def test_cameras_are_refined_on_request(tmp_path, monkeypatch, capsys):
+    asked: list[str] = []
+
+    def load(source, console):
+        asked.append(source.cameras)
+        raise InputError("enough")
+
+    monkeypatch.setattr(experiment_command, "load_with_points", load)
+    assert command(tmp_path / "one", "--cameras", "refine") == 1
+    assert command(tmp_path / "two") == 1
+    assert asked == ["refine", "automatic"]
+    assert "enough" in capsys.readouterr().err
+
+
+def test_a_record_of_other_cameras_is_not_continued(setting: Setting, tmp_path):
+    record = Record(EXPERIMENT, setting, "corner", EXPERIMENT.cases(setting))
+    record.save(tmp_path, [], picture=False)
+    assert record.earlier_rows(tmp_path) == []
+    path = tmp_path / f"{record.stem}.json"
+    values = json.loads(path.read_text())
+    del values["cameras"]  # as older versions wrote it
+    path.write_text(json.dumps(values))
+    assert record.earlier_rows(tmp_path) == []
+    path.write_text(json.dumps(values | {"cameras": "corrected"}))
+    with pytest.raises(InputError, match="different cameras"):
+        record.earlier_rows(tmp_path)

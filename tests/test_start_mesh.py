@@ -15,17 +15,11 @@ from fairing.scene import View
 from fairing.triangulation import TriangulationOptions, start_mesh
 from fairing.triangulation.cut_surface import cut_surface, split_at_vertices
 from fairing.triangulation.minimum_cut import minimum_cut
-from fairing.triangulation.seen_surface import seen_surface
+from fairing.triangulation.seen_surface import Fate, seen_surface
 from fairing.triangulation.sight_lines import BEHIND, sight_costs
 from fairing.triangulation.tetrahedra import CORNERS, Tetrahedra, tetrahedra
+from tests.bodies import AROUND, faces_of_sight, points_of
 from tests.terrain_scene import BLANK, pinhole, seen_points
-
-DIRECTIONS = np.array(list(product((-1, 0, 1), repeat=3)), float)
-DIRECTIONS = DIRECTIONS[np.linalg.norm(DIRECTIONS, axis=1) > 0] + 0.01
-AROUND = tuple(
-    View(f"p{i}", pinhole(5 * d / np.linalg.norm(d), [0, 0, 0], up=(0.3, 0.2, 0.9)), BLANK)
-    for i, d in enumerate(DIRECTIONS)
-)
 
 
 def euler_characteristic(faces: np.ndarray) -> int:
@@ -42,29 +36,6 @@ def assert_manifold(faces: np.ndarray, closed: bool) -> None:
     again, former = split_at_vertices(faces)
     assert len(former) == len(np.unique(faces))
     assert len(again) == len(faces)
-
-
-def points_of(kind: str, n: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Points on a surface and its outward normals."""
-    if kind == "sphere":
-        normals = rng.standard_normal((n, 3))
-        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-        return normals.copy(), normals
-    if kind == "box":
-        points, side = rng.uniform(-1, 1, (n, 3)), rng.integers(0, 6, n)
-        normals = np.zeros((n, 3))
-        normals[np.arange(n), side % 3] = np.where(side < 3, 1, -1)
-        points[np.arange(n), side % 3] = np.where(side < 3, 1, -1)
-        return points, normals
-    turn, tube = rng.uniform(0, 2 * np.pi, (2, n))
-    normals = np.column_stack([np.cos(tube) * np.cos(turn), np.cos(tube) * np.sin(turn), np.sin(tube)])
-    return np.column_stack([np.cos(turn), np.sin(turn), np.zeros(n)]) + 0.4 * normals, normals
-
-
-def faces_of_sight(points: np.ndarray, normals: np.ndarray) -> np.ndarray:
-    """(V, n) bool: cameras that a point of a convex body, or of a torus seen steeply enough, faces."""
-    sight = np.array([view.camera.center for view in AROUND])[:, None] - points
-    return (sight * normals).sum(axis=2) > 0.3 * np.linalg.norm(sight, axis=2)
 
 
 @pytest.mark.parametrize(
@@ -134,14 +105,14 @@ def test_a_line_of_sight_crosses_the_facets_that_a_slow_walk_finds():
     sigma = np.full(60, 0.05)
     lines = [(0, 0), (7, 1), (21, 2), (40, 0), (41, 2)]
     for point, view in lines:
-        crossing, inside = sight_costs(mesh, np.array([point]), np.array([view]), sigma)
+        crossing, inside, _ = sight_costs(mesh, np.array([point]), np.array([view]), sigma)
         slow_crossing, slow_inside = slow_costs(mesh, point, view, 0.05)
         assert (slow_crossing > 0).sum() > 1
         assert np.allclose(crossing, slow_crossing, atol=1e-6)
         assert np.array_equal(inside, slow_inside)
     total = sight_costs(mesh, *(np.array(column) for column in zip(*lines, strict=True)), sigma)
     alone = [sight_costs(mesh, np.array([p]), np.array([v]), sigma) for p, v in lines]
-    assert np.allclose(total[0], sum(crossing for crossing, _ in alone))
+    assert np.allclose(total[0], sum(costs.crossing for costs in alone))
 
 
 def test_the_places_of_a_grid_are_tetrahedra_without_gaps():
@@ -223,7 +194,9 @@ def test_what_no_photo_sees_stays_open():
     outward = (unit_normals(vertices, faces)[0] * vertices[faces[:, 0]]).sum(axis=1) > 0
     faces[~outward] = faces[~outward][:, ::-1]
     front = View("front", pinhole([0, 0, 5], [0, 0, 0]), BLANK)
-    kept, former = seen_surface(vertices, faces, [front], 0.05)
+    kept, former, fates = seen_surface(vertices, faces, [front], 0.05)
+    assert (fates == Fate.KEPT).sum() == len(kept)
+    assert np.array_equal(former[kept], faces[fates == Fate.KEPT])
     assert_manifold(kept, closed=False)
     # A point of the unit sphere is seen from 5 away where its height is more than a fifth.
     heights = vertices[former][kept].mean(axis=1)[:, 2]

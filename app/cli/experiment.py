@@ -10,7 +10,7 @@ import tyro
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from app.cli.arguments import Preset, SceneArgument, chosen_preset
+from app.cli.arguments import CamerasArgument, Preset, SceneArgument, chosen_preset
 from app.cli.interrupt import Interrupt
 from app.cli.lines import print_line
 from app.cli.loading import load_with_points
@@ -59,6 +59,7 @@ def _command(kind: type[Experiment], default: FairingOptions) -> Callable[..., i
         vertex: int | None = None,
         preset: Preset = "accurate",
         resume: bool = False,
+        cameras: CamerasArgument = "automatic",
         experiment: Annotated[kind, tyro.conf.arg(name="")] = kind(),  # pyright: ignore[reportInvalidTypeForm]  # noqa: B008
         options: Annotated[type(flags), tyro.conf.arg(name="")] = flags,  # pyright: ignore[reportInvalidTypeForm]
     ) -> int:
@@ -73,7 +74,7 @@ def _command(kind: type[Experiment], default: FairingOptions) -> Callable[..., i
                 f"{scene}: expected a demo ({DEMO_NAMES}), found another scene; experiments measure errors against "
                 "the truth, which is known for demos only"
             )
-        source = SceneSource.typed(scene, None, points="automatic")
+        source = SceneSource.typed(scene, None, points="automatic", cameras=cameras)
         return experiment_to_folder(experiment, source, out, vertex, options_of(options), resume, Console(stderr=True))
 
     command.__doc__ = f"{kind.question}\n\n{command.__doc__}"

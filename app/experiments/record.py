@@ -79,6 +79,7 @@ class Record:
             "experiment": self.experiment.name,
             "scene": self.scene,
             "vertex": self.setting.vertex,
+            "cameras": self.setting.scene.cameras_origin,
             "fields": _plain(asdict(self.experiment)),  # pyright: ignore[reportArgumentType]
             "options": _option_values(self.setting.options),
         }
@@ -109,6 +110,7 @@ class Record:
             is_whole = all(set(self.experiment.columns) <= set(row) for row in rows)
             known = {_key(case) for case in self.cases}
             names = list(self.cases[0])
+            found.setdefault("cameras", "given")  # as all were, before they could be refined
             wanted = self.identity()
             found["options"] = _option_values(options_from_dict(found["options"]))
             different = [name for name, value in wanted.items() if found.get(name) != value]

@@ -1,4 +1,6 @@
-"""The page of a flip record: image-consistent triangulation, flip by flip, forwards and backwards.
+"""The page of a record of `triangulate`: how points became a start mesh, and its flips, step by step, forwards and backwards.
+
+`story` has the chapters: those of the carving (`drawing`, `carving_view`) and the flips (`film`).
 
 `server.FlipApp` serves a record; `opening.open_flips` reads it with its photos. Shares its frame (camera, theme, hotkeys,
 HTML events) with the debugger's page. May import `app.page.page_frame` and what that may import; imported by `app.cli`.

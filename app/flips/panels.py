@@ -13,6 +13,7 @@ from app.ticks import ticks
 from app.viser_bridge.html_events import Events
 
 SPEEDS = (2, 10, 50)  # flips a second
+STEP_RATES = (0.4, 1.0, 3.0)  # steps of a carving a second, at these speeds
 
 
 def buttons(events: Events, moment: int, length: int, *, is_playing: bool) -> str:
@@ -100,8 +101,13 @@ def legend(film: FlipFilm, moment: int) -> str:
     return f"<h4>Edges</h4><div class='legend'>{rows}</div>"
 
 
-def strip(film: FlipFilm, moment: int, events: Events, speed: int) -> str:
-    """Speeds, and a pixel a flip: brighter green where the loss fell more; a tick where a round begins."""
+def strip(film: FlipFilm, moment: int | None, events: Events, speed: int, begin: int) -> str:
+    """Speeds, and a pixel a flip: brighter green where the loss fell more; a tick where a round begins.
+
+    Args:
+        moment: of the film; None: before the flips.
+        begin: the moment of the record at which the film begins.
+    """
     speeds = "".join(
         button(
             f"{value} /s",
@@ -120,13 +126,14 @@ def strip(film: FlipFilm, moment: int, events: Events, speed: int) -> str:
     colors = np.round(base + part[:, None] * (np.array(START) - base)).astype(np.uint8)[None]
     begins = np.flatnonzero(np.diff(film.rounds)) + 1
     marks = "".join(f"<s class='level' style='left:{100 * at / len(film):.2f}%'></s>" for at in begins.tolist())
+    here = "" if moment is None else f"<i style='left:{100 * moment / len(film):.2f}%'></i>"
     click = (
         "var r=this.getBoundingClientRect();"
         f"var m=Math.max(1,Math.min({len(film)},Math.ceil((event.clientX-r.left)/r.width*{len(film)})));"
-        + events("jump", "m")
+        + events("jump", f"m+{begin}")
     )
     return (
         f"<div class='row tools'>{speeds}<span class='grow'></span><span class='dim'>brighter: a larger gain; "
         f"lines: rounds</span></div><div class='strip' role='img' aria-label='Gains' onpointerdown=\"{text(click)}\">"
-        f"<img src='{data_uri(colors)}' alt=''>{marks}<i style='left:{100 * moment / len(film):.2f}%'></i></div>"
+        f"<img src='{data_uri(colors)}' alt=''>{marks}{here}</div>"
     )

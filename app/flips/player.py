@@ -5,10 +5,22 @@ from collections.abc import Callable
 
 
 class Player:
-    """Moves through moments 0 to `length`. `on_move` is called after every move, on the thread that moved."""
+    """Moves through moments 0 to `length`.
 
-    def __init__(self, length: int, speed: int, on_move: Callable[[], None]) -> None:
-        self.length, self.speed = length, speed
+    Args:
+        speed: of playback.
+        on_move: called after every move, on the thread that moved.
+        rate: moments a second, from the speed and the present moment; default: the speed.
+    """
+
+    def __init__(
+        self,
+        length: int,
+        speed: int,
+        on_move: Callable[[], None],
+        rate: Callable[[int, int], float] = lambda speed, moment: speed,
+    ) -> None:
+        self.length, self.speed, self._rate = length, speed, rate
         self.moment = 0
         self._on_move = on_move
         self._playing: threading.Event | None = None  # set: stop
@@ -43,7 +55,7 @@ class Player:
             self._playing = None
 
     def _play(self, stopped: threading.Event) -> None:
-        while self.moment < self.length and not stopped.wait(1 / self.speed):
+        while self.moment < self.length and not stopped.wait(1 / self._rate(self.speed, self.moment)):
             with self._moving:
                 if stopped.is_set():
                     return

@@ -58,8 +58,15 @@ class FlipLayers:
         self._shown = -1
         self._wanted = -1
 
-    def show(self, moment: int, *, is_playing: bool, is_textured: bool, outside: bool) -> None:
-        """Show a moment."""
+    def show(self, moment: int | None, *, is_playing: bool, is_textured: bool, outside: bool) -> None:
+        """Show a moment; None: nothing of the mesh."""
+        if moment is None:
+            self._shown = self._wanted = -1
+            self._painted.clear()
+            self._plain.visible = False
+            for lines in self._lines.values():
+                lines.hide()
+            return
         if moment != self._shown:
             self._shown = moment
             self._painted.clear()

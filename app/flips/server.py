@@ -6,8 +6,8 @@ import threading
 import viser
 
 from app.background_worker import BackgroundWorker
-from app.flips.film import FlipFilm
 from app.flips.page import FlipPage
+from app.flips.story import Story
 from app.layers.cameras import Thumbnails
 from app.stage import FIELD_OF_VIEW, Stage
 from app.viser_bridge.server import ViewerServer
@@ -24,7 +24,7 @@ class FlipApp:
 
     def __init__(self, server: ViewerServer, scene: Scene, trace: FlipTrace) -> None:
         self._server, self._scene = server, scene
-        self.film = FlipFilm(trace)
+        self.story = Story(trace)
         self.stage = Stage.of(scene)
         self._thumbnails, self._painter = Thumbnails(scene), BackgroundWorker()
         self.pages: dict[int, FlipPage] = {}
@@ -56,7 +56,7 @@ class FlipApp:
     def _connected(self, client: viser.ClientHandle) -> None:
         try:
             with client.atomic():
-                page = FlipPage(client, self._scene, self.stage, self.film, self._thumbnails, self._painter)
+                page = FlipPage(client, self._scene, self.stage, self.story, self._thumbnails, self._painter)
         except Exception:
             logging.getLogger(__name__).exception("a page could not be built")
             client.add_notification("The page could not be built", "See the terminal for the reason.", color="red")

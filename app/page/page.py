@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import viser
 
-from app.debugger.actions import ACTIONS, KEY_LABELS
+from app.debugger.actions import ACTIONS, KEY_LABELS, key_list
 from app.debugger.compare import Reference
 from app.debugger.run_state import RunState
 from app.lessons.page_settings import AT_CAMERAS, AT_FRONT, AT_MESH
@@ -121,7 +121,7 @@ class Page:
             Hotkey(KEY_LABELS["Shift+K"], lambda: panels.cells_controls.move_part(-1), "K", "shift"),
             Hotkey(KEY_LABELS["X"], panels.surface_controls.before_or_now, "X"),
             Hotkey(KEY_LABELS["-"], panels.surface_controls.toggle_view_dependent, "-"),
-            Hotkey(KEY_LABELS["?"], lambda: self._keys_dialog.open(self._order), "?", "shift"),
+            Hotkey(KEY_LABELS["?"], lambda: self._keys_dialog.open(key_list(self._order)), "?", "shift"),
             Hotkey(KEY_LABELS["F"], interaction.toggle_lock, "F"),
             Hotkey(KEY_LABELS["Z"], interaction.reset, "Z"),
             Hotkey(KEY_LABELS["B"], run.toggle_breakpoint, "B"),

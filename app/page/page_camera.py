@@ -62,6 +62,11 @@ class PageCamera:
             self.camera_view.leave()
             self._on_change(None)
 
+    def look_along(self, direction: np.ndarray) -> None:
+        """Look at the mesh from a direction (3,), page, a unit vector; at the distance of `show_mesh`."""
+        stage = self._stage
+        self._look_from(stage.target + np.linalg.norm(stage.eye - stage.target) * direction)
+
     def show_mesh(self) -> None:
         self._look_from(self._stage.eye)
 

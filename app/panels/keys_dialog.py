@@ -4,7 +4,6 @@ from collections.abc import Callable
 
 import viser
 
-from app.debugger.actions import key_list
 from app.html import button, icon, text
 from app.viser_bridge.html_events import HtmlEvents
 from app.viser_bridge.html_panel import HtmlPanel
@@ -20,10 +19,9 @@ class KeysDialog:
         cross = button("", press, hint="Close (Escape)", icon=icon("leave"), css_class="cross")
         self._cross = cross
 
-    def open(self, order: str) -> None:
-        """Show the keys as they act in this order of the schedule."""
+    def open(self, rows: list[tuple[str, str]]) -> None:
+        """Show keys and what they do."""
         self.close()
-        rows = key_list(order)
         half = -(-len(rows) // 2)
         columns = "".join(key_table(part) for part in (rows[:half], rows[half:]))
         modal = self._gui.add_modal("Keys")

@@ -1,3 +1,4 @@
+from .carving import Carving as Carving
 from .flips import EdgeFlipper as EdgeFlipper
 from .flips import FlipSummary as FlipSummary
 from .initial_mesh import StartMesh as StartMesh
@@ -10,3 +11,5 @@ from .record import is_flip_record as is_flip_record
 from .run import Triangulation as Triangulation
 from .run import flip_progress as flip_progress
 from .run import triangulate as triangulate
+from .seen_surface import Fate as Fate
+from .sight_lines import SightCosts as SightCosts

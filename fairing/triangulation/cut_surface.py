@@ -11,6 +11,18 @@ from scipy.sparse.csgraph import connected_components
 from fairing.triangulation.tetrahedra import CORNERS, Tetrahedra
 
 
+def cut_facets(mesh: Tetrahedra, is_outside: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The facets between tetrahedra inside and outside (T,) bool, without those at the box, in the order of `cut_surface`.
+
+    Returns:
+        (m,) int: the tetrahedron inside; and (m,) int: its corner opposite the facet.
+    """
+    bounds = ~is_outside[:, None] & is_outside[mesh.neighbours] & (mesh.neighbours >= 0)
+    bounds &= (mesh.corners[:, CORNERS] < mesh.n_points).all(axis=2)
+    tetrahedron, facet = np.nonzero(bounds)
+    return tetrahedron, facet
+
+
 def cut_surface(mesh: Tetrahedra, is_outside: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The surface between tetrahedra inside and outside, without facets at the box.
 
@@ -20,10 +32,8 @@ def cut_surface(mesh: Tetrahedra, is_outside: np.ndarray) -> tuple[np.ndarray, n
     Returns:
         (m, 3) int: faces, counter-clockwise seen from outside, as ids of their own; and (n,) int: the point of each id.
     """
-    bounds = ~is_outside[:, None] & is_outside[mesh.neighbours] & (mesh.neighbours >= 0)
-    bounds &= (mesh.corners[:, CORNERS] < mesh.n_points).all(axis=2)
-    tetrahedron, facet = np.nonzero(bounds)
-    number = np.full(bounds.shape, -1)
+    tetrahedron, facet = cut_facets(mesh, is_outside)
+    number = np.full(mesh.corners.shape, -1)
     number[tetrahedron, facet] = np.arange(len(facet))
     points = mesh.corners[tetrahedron[:, None], CORNERS[facet]]
     face = np.repeat(np.arange(len(points)), 3)

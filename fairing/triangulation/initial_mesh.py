@@ -13,13 +13,14 @@ from fairing.errors import InputError
 from fairing.geometry.decimate import decimate
 from fairing.geometry.normals import face_normals
 from fairing.scene import SparsePoints, View
+from fairing.triangulation.carving import MOST_POINTS, Carving
 from fairing.triangulation.cut_surface import cut_surface
 from fairing.triangulation.minimum_cut import minimum_cut
 from fairing.triangulation.options import TriangulationOptions
 from fairing.triangulation.points import judge_points, merge_close
 from fairing.triangulation.seen_surface import seen_surface
 from fairing.triangulation.sight_lines import sight_costs
-from fairing.triangulation.tetrahedra import tetrahedra
+from fairing.triangulation.tetrahedra import Tetrahedra, tetrahedra
 
 MERGED = 2.0
 """Points nearer to a stronger one than this are merged into it, px of a typical photo."""
@@ -30,6 +31,8 @@ QUALITY = 0.2
 CELL, CLOSEST = 2.0, 0.5
 """In units of `TriangulationOptions.spacing`: the surface has a vertex for each square of this side, and neighbours are at least
 this far apart; vertices gather at creases (ledger: start mesh, number of vertices)."""
+DECIMATED = 6
+"""Meshes that the record of a carving holds between the seen surface and the start mesh, and the seen surface."""
 APART = 0.01
 """Vertices at the same place, where parts of the surface touch, move this fraction of the way to their neighbours."""
 
@@ -43,12 +46,14 @@ class StartMesh:
         faces: (m, 3) int, an oriented two-manifold with border where no photo sees the surface.
         n_points: number of points whose tetrahedra were cut.
         left_out: number of other points, by reason.
+        carving: how the surface came about; None of more points than can be recorded.
     """
 
     vertices: np.ndarray
     faces: np.ndarray
     n_points: int
     left_out: dict[str, int]
+    carving: Carving | None
 
 
 def start_mesh(views: Sequence[View], points: SparsePoints, options: TriangulationOptions) -> StartMesh:
@@ -69,10 +74,13 @@ def start_mesh(views: Sequence[View], points: SparsePoints, options: Triangulati
     positions, pixel = positions[kept], facts.pixel[usable][kept]
     lines = np.column_stack([corner[points.observations[:, 0]], points.observations[:, 1]])
     lines = np.unique(lines[lines[:, 0] >= 0], axis=0)
-    faces, vertex = _cut(positions, np.array([view.camera.center for view in views]), lines)
+    mesh = tetrahedra(positions, np.array([view.camera.center for view in views]))
+    sigma = SIGMA * float(np.quantile(mesh.edge_lengths(), 0.25))
+    is_outside = _outside(mesh, lines, sigma)
+    faces, vertex = cut_surface(mesh, is_outside)
     vertices = positions[vertex]
     gap = float(np.median(CELL * options.spacing * pixel)) ** 2
-    faces, former = seen_surface(vertices, faces, views, gap)
+    faces, former, fates = seen_surface(vertices, faces, views, gap)
     if len(faces) == 0:
         raise InputError(
             "triangulation: expected sparse points that span a surface in some photo, found none; "
@@ -82,23 +90,34 @@ def start_mesh(views: Sequence[View], points: SparsePoints, options: Triangulati
     spacing = options.spacing * pixel
     area = np.linalg.norm(face_normals(vertices, faces), axis=1) / 2
     usual = int((area / (CELL * spacing[faces].mean(axis=1)) ** 2).sum())
-    vertices, faces = decimate(vertices, faces, CLOSEST * spacing, usual, options.max_vertices)
     reasons, counts = np.unique(facts.left_out[~facts.usable].astype(str), return_counts=True)
     left_out = dict(zip(reasons.tolist(), counts.tolist(), strict=True))
-    return StartMesh(_apart(vertices, faces), faces, len(positions), left_out)
+    carving = None
+    if len(positions) <= MOST_POINTS:
+        colors = points.colors[usable][kept]
+        names = tuple(view.name for view in views)
+        stages = _decimation(vertices, faces, usual)
+        carving = Carving(mesh, colors, names, lines, sigma, QUALITY, is_outside, fates, stages, left_out)
+    vertices, faces = decimate(vertices, faces, CLOSEST * spacing, usual, options.max_vertices)
+    return StartMesh(_apart(vertices, faces), faces, len(positions), left_out, carving)
 
 
-def _cut(positions: np.ndarray, cameras: np.ndarray, lines: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The closed surface of points (n, 3) with lines of sight (r, 2) to cameras (V, 3), see `cut_surface`."""
-    mesh = tetrahedra(positions, cameras)
-    sigma = np.full(len(positions), SIGMA * np.quantile(mesh.edge_lengths(), 0.25))
-    crossing, inside = sight_costs(mesh, lines[:, 0], lines[:, 1], sigma)
-    costs = crossing + QUALITY * mesh.facet_quality()
-    is_outside = np.zeros(len(costs), dtype=bool)
-    is_outside[mesh.of_cameras] = True
+def _outside(mesh: Tetrahedra, lines: np.ndarray, sigma: float) -> np.ndarray:
+    """(T,) bool: the tetrahedra outside in the minimum cut, with lines of sight (r, 2) from points to cameras."""
+    votes = sight_costs(mesh, lines[:, 0], lines[:, 1], np.full(mesh.n_points, sigma))
+    costs = votes.crossing + QUALITY * mesh.facet_quality()
+    has_camera = np.zeros(len(costs), dtype=bool)
+    has_camera[mesh.of_cameras] = True
     tetrahedron, facet = np.nonzero(mesh.neighbours >= 0)
     ends = np.column_stack([tetrahedron, mesh.neighbours[tetrahedron, facet]])
-    return cut_surface(mesh, minimum_cut(len(costs), ends, costs[tetrahedron, facet], is_outside, inside))
+    return minimum_cut(len(costs), ends, costs[tetrahedron, facet], has_camera, votes.inside)
+
+
+def _decimation(vertices: np.ndarray, faces: np.ndarray, usual: int) -> tuple[tuple[np.ndarray, np.ndarray], ...]:
+    """A surface, and its decimations on the way to the usual number of vertices."""
+    counts = np.geomspace(len(vertices), max(usual, 4), DECIMATED + 1)[1:-1].astype(int)
+    anywhere = np.zeros(len(vertices))
+    return ((vertices, faces), *(decimate(vertices, faces, anywhere, int(count)) for count in counts))
 
 
 def _apart(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:

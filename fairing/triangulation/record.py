@@ -1,4 +1,4 @@
-"""Flip records: every edge flip of a triangulation, appended to a file and readable after a crash.
+"""Flip records: how points became a start mesh, and every edge flip, appended to a file and readable after a crash.
 
 Moment 0 is the start mesh, moment k the mesh after k flips. A flip changes the corners of the quad's two faces; vertices
 and the number and order of faces stay the same.
@@ -16,6 +16,8 @@ import numpy as np
 from fairing.errors import InputError
 from fairing.mesh import Mesh
 from fairing.trace_check import Field, check_counts, check_fields, check_ids, naming_block, read_header
+from fairing.triangulation.carving import Carving
+from fairing.triangulation.carving_file import carving_arrays, carving_names, read_carving
 from fairing.triangulation.quads import Quads, Verdict
 from fairing.util.block_file import BlockFile, blocks_budget, pack, read_blocks, unpack
 from fairing.util.budget import Budget
@@ -75,16 +77,19 @@ class FlipRecord:
 
 
 class FlipTrace:
-    """Start mesh and flips; optionally attached to a file.
+    """Start mesh, how it came about, and flips; optionally attached to a file.
 
     Attributes:
         header: facts of the triangulation that JSON can hold: options, scene.
         vertices: (n, 3) float, world units.
         flips: the records.
+        carving: how points became the start mesh; None of a given mesh, and in older records.
     """
 
-    def __init__(self, header: dict[str, Any], vertices: np.ndarray, faces: np.ndarray) -> None:
-        self.header = header
+    def __init__(
+        self, header: dict[str, Any], vertices: np.ndarray, faces: np.ndarray, carving: Carving | None = None
+    ) -> None:
+        self.header, self.carving = header, carving
         self.vertices = np.array(vertices, dtype=np.float64)
         self._start = np.array(faces, dtype=np.int64)
         self.flips: list[FlipRecord] = []
@@ -122,8 +127,12 @@ class FlipTrace:
         Raises:
             InputError: the disk is full, or the folder is missing.
         """
-        header = pack({"header": json.dumps(self.header)}, vertices=self.vertices, faces=self._start)
-        self._file = BlockFile(path, MAGIC, [header, *map(_pack_flip, self.flips)])
+        texts, carving = {"header": json.dumps(self.header)}, []
+        if self.carving is not None:
+            texts[_CARVING] = carving_names(self.carving)
+            carving = [pack({}, **carving_arrays(self.carving))]
+        header = pack(texts, vertices=self.vertices, faces=self._start)
+        self._file = BlockFile(path, MAGIC, [header, *carving, *map(_pack_flip, self.flips)])
 
     def flush(self) -> None:
         """Write all flips to the disk, so that they survive a crash of the machine."""
@@ -152,9 +161,12 @@ class FlipTrace:
             header = read_header(texts)
             check_fields(arrays, _MESH_FIELDS, {})
             mesh = Mesh(arrays["vertices"], arrays["faces"])
-        trace = cls(header, mesh.vertices, mesh.faces)
+        trace, flips = cls(header, mesh.vertices, mesh.faces), blocks[1:]
+        if _CARVING in texts and flips:
+            with naming_block(f"{kind} {path}: carving"):
+                trace.carving = read_carving(texts[_CARVING], unpack(flips.pop(0), budget)[1])
         faces = mesh.faces.copy()
-        for i, block in enumerate(blocks[1:]):
+        for i, block in enumerate(flips):
             with naming_block(f"{kind} {path}: flip {i + 1}"):
                 flip = _unpack_flip(block, budget, len(mesh.vertices), len(faces))
                 flip.apply_to(faces)
@@ -177,6 +189,8 @@ def _pack_flip(record: FlipRecord) -> bytes:
     return pack({}, **{field.name: np.asarray(getattr(record, field.name)) for field in fields(FlipRecord)})
 
 
+_CARVING = "carving"
+"""Name of the header's text that announces a carving in the second block."""
 _MESH_FIELDS = {"vertices": Field("f", ("n", 3)), "faces": Field("iu", ("m", 3))}
 _FLIP_FIELDS = {
     "round": Field("iu"),

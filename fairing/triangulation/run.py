@@ -110,6 +110,7 @@ def triangulate(
         mesh = start.vertices, start.faces
     scene = Scene.build(name, *mesh, views, sparse_points=points)
     flipper = EdgeFlipper(scene, options)
+    flipper.trace.carving = None if start is None else start.carving
     flipper.trace.header |= (header or {}) | {"options": asdict(options)}
     if record_to is not None:
         flipper.trace.attach(record_to)

@@ -1,6 +1,8 @@
 """The part of a closed surface that photos show: the rest is a guess about what no photo sees."""
 
 from collections.abc import Sequence
+from enum import IntEnum
+from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -21,9 +23,35 @@ PLACES = np.array([[1, 1, 1], [13, 1, 1], [1, 13, 1], [1, 1, 13]]) / np.array([[
 """Barycentric coordinates of the places of a face that must be visible: its centre and a fifth of the way in from its corners."""
 
 
-def seen_surface(
-    vertices: np.ndarray, faces: np.ndarray, views: Sequence[View], gap: float
-) -> tuple[np.ndarray, np.ndarray]:
+class Fate(IntEnum):
+    """What becomes of a face of the closed surface."""
+
+    KEPT = 0
+    UNSEEN = 1
+    LONG = 2
+    SMALL_COMPONENT = 3
+
+    @property
+    def text(self) -> str:
+        """The reason, for users."""
+        return ("kept", "not seen whole by any photo", "too long", "in a small component")[self]
+
+
+class SeenSurface(NamedTuple):
+    """The part of a closed surface that is kept.
+
+    Attributes:
+        faces: (k, 3) int, as ids of their own, an oriented two-manifold with border.
+        former: (n,) int: the former vertex of each id.
+        fates: (m,) int8: `Fate` of each face of the closed surface; `faces` are those that are kept, in the same order.
+    """
+
+    faces: np.ndarray
+    former: np.ndarray
+    fates: np.ndarray
+
+
+def seen_surface(vertices: np.ndarray, faces: np.ndarray, views: Sequence[View], gap: float) -> SeenSurface:
     """Faces that a photo sees whole, without long ones and small components.
 
     Args:
@@ -31,23 +59,23 @@ def seen_surface(
         faces: (m, 3) int, counter-clockwise seen from outside.
         gap: area, world units squared: connected unseen faces of less area stay; else single faces of a rough surface that
             happen to be hidden would leave holes.
-
-    Returns:
-        Faces (k, 3) int, as ids of their own, an oriented two-manifold with border; and the former vertex of each id.
     """
+    fates = np.full(len(faces), Fate.KEPT, dtype=np.int8)
     if len(faces) == 0:
-        return faces, np.zeros(0, dtype=np.int64)
+        return SeenSurface(faces, np.zeros(0, dtype=np.int64), fates)
     sides = np.linalg.norm(vertices[faces] - vertices[faces[:, [1, 2, 0]]], axis=2).max(axis=1)
     area = np.linalg.norm(face_normals(vertices, faces), axis=1) / 2
     unseen = np.flatnonzero(~_seen_whole(vertices, faces, views))
     part = _parts(split_at_vertices(faces[unseen])[0])
     unseen = unseen[np.bincount(part, area[unseen])[part] >= gap]
-    keep = sides <= LONG * np.median(sides)
-    keep[unseen] = False
-    kept, former = split_at_vertices(faces[keep])
+    fates[sides > LONG * np.median(sides)] = Fate.LONG
+    fates[unseen] = Fate.UNSEEN
+    kept, former = split_at_vertices(faces[fates == Fate.KEPT])
     part = _parts(kept)
-    used, corners = np.unique(kept[np.bincount(part)[part] >= LEAST_ISLAND * len(kept)], return_inverse=True)
-    return corners.reshape(-1, 3), former[used]
+    is_large = np.bincount(part)[part] >= LEAST_ISLAND * len(kept)
+    fates[np.flatnonzero(fates == Fate.KEPT)[~is_large]] = Fate.SMALL_COMPONENT
+    used, corners = np.unique(kept[is_large], return_inverse=True)
+    return SeenSurface(corners.reshape(-1, 3), former[used], fates)
 
 
 def _parts(faces: np.ndarray) -> np.ndarray:

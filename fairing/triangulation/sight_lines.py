@@ -5,6 +5,8 @@ a point to a camera adds 1 - exp(-d^2 / (2 sigma^2)), d its distance from the po
 tetrahedron 3 sigma behind the point is inside by 1; facets between it and the point add by the same rule.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
@@ -15,27 +17,37 @@ BEHIND = 3.0
 """The distance behind a point, in sigma, that is taken to be inside."""
 
 
-def sight_costs(
-    mesh: Tetrahedra, point_ids: np.ndarray, view_ids: np.ndarray, sigma: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+class SightCosts(NamedTuple):
+    """Sums over lines of sight.
+
+    Attributes:
+        crossing: (T, 4) float: cost if a tetrahedron is outside and the one beyond a facet inside.
+        inside: (T,) float: cost if a tetrahedron is outside although it is behind points.
+        passing: (T,) float: of each line that reaches a camera through a tetrahedron, the cost of the facet through which it
+            comes from the point. The cut does not use it.
+    """
+
+    crossing: np.ndarray
+    inside: np.ndarray
+    passing: np.ndarray
+
+
+def sight_costs(mesh: Tetrahedra, point_ids: np.ndarray, view_ids: np.ndarray, sigma: np.ndarray) -> SightCosts:
     """Sum the costs of all lines of sight.
 
     Args:
         point_ids, view_ids: (r,) int: the point and the camera of each line.
         sigma: (n,) float: uncertainty of each point along a line of sight, in units of `mesh.places`.
-
-    Returns:
-        (T, 4) float: cost if a tetrahedron is outside and the one beyond a facet inside; (T,) float: cost if a tetrahedron is
-        outside although it is behind points.
     """
-    crossing, inside = np.zeros(mesh.corners.shape), np.zeros(len(mesh.corners))
+    n = len(mesh.corners)
+    costs = SightCosts(np.zeros((n, 4)), np.zeros(n), np.zeros(n))
     order = np.argsort(mesh.corners.ravel(), kind="stable")
     first = np.searchsorted(mesh.corners.ravel()[order], np.arange(len(mesh.places) + 1))
     _walk_all(
         mesh.places, mesh.corners, mesh.neighbours, order // 4, first, mesh.cameras, point_ids, view_ids, sigma,
-        CORNERS, crossing, inside,
+        CORNERS, *costs,
     )  # fmt: skip
-    return crossing, inside
+    return costs
 
 
 @njit(nogil=True, **COMPILED_ONLY)
@@ -89,9 +101,9 @@ def _exit(places, corners, facets, t, entry, ox, oy, oz, x, y, z):
 
 @njit(cache=True, nogil=True)
 def _walk_all(
-    places, corners, neighbours, incident, first, cameras, point_ids, view_ids, sigma, facets, crossing, inside
+    places, corners, neighbours, incident, first, cameras, point_ids, view_ids, sigma, facets, crossing, inside, passing
 ):
-    """Add the costs of all lines into `crossing` and `inside`."""
+    """Add the costs of all lines into `crossing`, `inside` and `passing`."""
     for ray in range(len(point_ids)):
         point, view = point_ids[ray], view_ids[ray]
         ox, oy, oz = places[point, 0], places[point, 1], places[point, 2]
@@ -113,6 +125,7 @@ def _walk_all(
                     back += 1
                 if side > 0:
                     crossing[beyond, back] += weight
+                    passing[beyond] += weight
                 else:
                     crossing[t, facet] += weight
                 t = beyond

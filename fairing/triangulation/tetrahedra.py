@@ -19,13 +19,16 @@ class Tetrahedra:
 
     Attributes:
         places: (n + 8, 3) float: positions, shifted and scaled to an extent of about 1; the last 8 are the box.
+        center: (3,) float, world units: the origin of `places`.
         unit: length of 1 in world units.
         corners: (T, 4) int: vertices, oriented such that `CORNERS` holds.
         neighbours: (T, 4) int: the tetrahedron beyond the facet opposite each vertex, -1 beyond the box.
         of_cameras: (V,) int: the tetrahedron of each camera.
+        cameras: (V, 3) float: positions of the cameras, as `places`.
     """
 
     places: np.ndarray
+    center: np.ndarray
     unit: float
     corners: np.ndarray
     neighbours: np.ndarray
@@ -97,4 +100,23 @@ def tetrahedra(points: np.ndarray, cameras: np.ndarray) -> Tetrahedra:
     inverted = ((b - a) * np.cross(c - a, d - a)).sum(axis=1) < 0
     corners[inverted] = corners[inverted][:, [0, 1, 3, 2]]
     neighbours[inverted] = neighbours[inverted][:, [0, 1, 3, 2]]
-    return Tetrahedra(places, unit, corners, neighbours, found.find_simplex(eyes).astype(np.int64), eyes)
+    of_cameras = found.find_simplex(eyes).astype(np.int64)
+    return Tetrahedra(places, center, unit, corners, neighbours, of_cameras, eyes)
+
+
+def facet_neighbours(corners: np.ndarray) -> np.ndarray:
+    """(T, 4) int: the tetrahedron beyond the facet opposite each corner (T, 4), -1 where there is none.
+
+    Raises:
+        ValueError: more than two tetrahedra share a facet.
+    """
+    facets = np.sort(corners[:, CORNERS], axis=2).reshape(-1, 3)
+    _, facet, count = np.unique(facets, axis=0, return_inverse=True, return_counts=True)
+    if (count > 2).any():
+        raise ValueError("expected a facet of at most two tetrahedra, found more")
+    order = np.argsort(facet.ravel(), kind="stable")
+    order = order[count[facet.ravel()[order]] == 2]
+    one, two = order[::2], order[1::2]
+    neighbours = np.full(corners.size, -1)
+    neighbours[one], neighbours[two] = two // 4, one // 4
+    return neighbours.reshape(-1, 4)

@@ -1,0 +1,95 @@
+"""Chapters of a record: how points became a mesh, and its flips. A moment is a moment of one chapter."""
+
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+
+from app.flips.film import FlipFilm
+from fairing.triangulation import Fate, FlipTrace
+
+
+class Chapter(Enum):
+    """Chapters in order; the value is the chapter's name."""
+
+    POINTS = "Points"
+    TETRAHEDRA = "Tetrahedra"
+    RAYS = "Rays"
+    CUT = "Cut"
+    SEEN = "Seen"
+    DECIMATION = "Decimation"
+    FLIPS = "Flips"
+
+
+@dataclass(frozen=True)
+class Extent:
+    """The moments of a chapter: `count` from `begin`."""
+
+    chapter: Chapter
+    begin: int
+    count: int
+
+    @property
+    def last(self) -> int:
+        return self.begin + self.count - 1
+
+
+class Story:
+    """All moments of a record, 0 to `len(story)`.
+
+    Attributes:
+        film: the flips; their moment 0 is the start mesh.
+        carving: how the start mesh came about; None if the record does not hold it.
+        extents: the chapters that the record has.
+        fates: reasons for which facets of the cut are left out, one a moment of `Chapter.SEEN`.
+    """
+
+    def __init__(self, trace: FlipTrace) -> None:
+        self.film, self.carving = FlipFilm(trace), trace.carving
+        self.fates: tuple[Fate, ...] = ()
+        counts: dict[Chapter, int] = {}
+        if self.carving is not None:
+            n_photos = len(self.carving.photos)
+            self.fates = tuple(fate for fate in Fate if fate != Fate.KEPT and (self.carving.fates == fate).any())
+            counts = {
+                Chapter.POINTS: n_photos + 1,
+                Chapter.TETRAHEDRA: 1,
+                Chapter.RAYS: n_photos,
+                Chapter.CUT: 2,
+                Chapter.SEEN: len(self.fates),
+                Chapter.DECIMATION: len(self.carving.decimated),
+            }
+        counts[Chapter.FLIPS] = len(self.film) + 1
+        extents, begin = [], 0
+        for chapter, count in counts.items():
+            if count:
+                extents.append(Extent(chapter, begin, count))
+                begin += count
+        self.extents = tuple(extents)
+
+    def __len__(self) -> int:
+        return self.extents[-1].last
+
+    def at(self, moment: int) -> tuple[Extent, int]:
+        """The chapter of a moment, and the moment's number within it, from 0."""
+        extent = self.extents[int(np.searchsorted([e.begin for e in self.extents], moment, side="right")) - 1]
+        return extent, moment - extent.begin
+
+    def flip(self, moment: int) -> int | None:
+        """The moment of the film; None in other chapters."""
+        extent, k = self.at(moment)
+        return k if extent.chapter is Chapter.FLIPS else None
+
+    def part_before(self, moment: int) -> int:
+        """Where the last step's chapter, or round of flips, began."""
+        extent, k = self.at(moment)
+        if k == 0:
+            return self.at(moment - 1)[0].begin if moment > 0 else 0
+        return extent.begin + (self.film.round_before(k) if extent.chapter is Chapter.FLIPS else 0)
+
+    def part_after(self, moment: int) -> int:
+        """Where the next chapter begins, or the next step's round of flips ends."""
+        extent, k = self.at(moment)
+        if extent.chapter is Chapter.FLIPS:
+            return extent.begin + self.film.round_after(k)
+        return extent.last + 1
