@@ -106,6 +106,11 @@ class Controller:
         """The newest state."""
         return self._publisher.state
 
+    @property
+    def activity(self) -> Activity:
+        """What the engine thread is doing, which the newest state may not show yet."""
+        return self._activity
+
     def post(self, command: Command) -> None:
         """Add a command to the queue and return at once."""
         with self._changed:

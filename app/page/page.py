@@ -79,7 +79,7 @@ class Page:
         self._resources.follow(state)
         self._name_blocks(state.options.schedule.order)
         state = at_viewed_moment(state, page_state)
-        if state.rival is not None and page_state.reference is None:
+        if state.rival is not None and _refers_to(page_state.reference, state.run_id):
             page_state.reference = Reference(state.rival)
         self.lessons.show(state, page_state)
         self.layers.show(state, page_state)
@@ -145,3 +145,8 @@ class Page:
     def _camera_changed(self, view_id: int | None) -> None:
         self.page_state.entered = view_id
         self._resources.controller.republish()
+
+
+def _refers_to(reference: Reference | None, run_id: int) -> bool:
+    """Whether there is no reference, or it is the run itself, with which a comparison shows nothing."""
+    return reference is None or reference.run_id == run_id

@@ -139,10 +139,10 @@ class PagePanels:
         run = self._run_controls
         self._panels += [
             DebugBar(gui, events, run, self.step_into),
-            Status(gui, resources.energies, events.number(run.to_beginning), events.number(run.jump)),
+            Status(gui, resources.energies, resources.residuals, events.number(run.to_beginning), events.number(run.jump)),
             Plot(
-                gui, resources.scene.mesh, resources.energies, resources.run_energies, resources.run_errors, events,
-                self._page_state, self._pulls, run.jump, self._republish,
+                gui, resources.scene.mesh, resources.energies, resources.run_energies, resources.run_errors,
+                resources.residuals, events, self._page_state, self._pulls, run.jump, self._republish,
             ),
         ]  # fmt: skip
 
@@ -219,7 +219,7 @@ class PagePanels:
         with panel.add_tab("Timeline", viser.Icon.CLOCK):
             self.timeline = Timeline(gui, events, controller, page_state, resources.energies, self._run_controls)
         with panel.add_tab("Runs", viser.Icon.GIT_FORK):
-            self.runs = RunsPanel(gui, events, controller, page_state, resources.run_energies)
+            self.runs = RunsPanel(gui, events, controller, page_state, resources.residuals)
         with panel.add_tab("Bookmarks", viser.Icon.BOOKMARK):
             self.bookmarks = BookmarksPanel(gui, events, controller, page_state)
         self._panels += [self.timeline, self.runs, self.bookmarks]
