@@ -46,6 +46,7 @@ from fairing.mesh import Mesh
 from fairing.stage_kind import StageKind
 from fairing.trace import StepRecord
 
+RISE = 1.01  # times its lowest value: an error that ends higher is explained
 A_WIDTH = 10  # of the mark of A, in units of the plot
 NUMBER_WIDTH = 50  # of the present value
 
@@ -137,14 +138,14 @@ class Plot:
         reference = None if compared is None else (compared.run.run_id, compared.run.length, compared.moment)
         name = self._name(plot)
         known = () if name != TERMS or self._pulls.at(state) is None else tuple(self._pulls.energies(state.run_id))
-        if name == RESIDUAL:
+        if name in (RESIDUAL, ERROR):
             runs = (state.run_id, *(() if compared is None else (compared.run.run_id,)))
             known = tuple(self._residuals.count(run_id) for run_id in runs)
         key = (state.run_id, state.length, state.moment, plot, vertex, page_state.selected, reference, known)
         if key == self._shown:
             return
         self._shown = key
-        chips = self._chips(plot, page_state.selected, vertex, has_steps=state.length > 0)
+        chips = self._chips(state, plot, page_state.selected, vertex)
         if state.length == 0:
             self._panel.set(chips + _empty("No steps yet."))
             return
@@ -223,7 +224,7 @@ class Plot:
             return Series(error)
         return series_of(name, vertex, np.zeros(0, dtype=int) if vertex is None else self._mesh.one_rings[vertex])
 
-    def _chips(self, plot: PlotView, selected: int | None, vertex: int | None, has_steps: bool) -> str:
+    def _chips(self, state: RunState, plot: PlotView, selected: int | None, vertex: int | None) -> str:
         """Buttons for the quantities; below, what the chosen one is (once a step has recorded it), whose it is, and its scale."""
         chosen = self._name(plot)
         is_energy = chosen in ("energy", TERMS)
@@ -244,10 +245,13 @@ class Plot:
         of_vertex = chip(whose, self._events("vertex"), hint, plot.of_vertex, "chip tight")
         log = chip("log", self._events("log"), "Logarithmic scale", self._is_log(plot), "chip tight")
         quantity = self._quantities[chosen]
+        has_steps = state.length > 0
         caption = text((quantity.run_caption if vertex is None else quantity.vertex_caption) if has_steps else "")
         meaning = quantity.meaning[:1].upper() + quantity.meaning[1:]
         if chosen == TERMS:
             caption = self._legend_of_terms()
+        if chosen == ERROR and vertex is None and has_steps and (why := self._why_error_rises(state)):
+            caption, meaning = "Ends above its lowest: why?", f"{why} {meaning}"
         note = f"<span class='dim one grow' title='{text(meaning)}'>{caption}</span>"
         if is_energy:
             hint = "Energy of each term at the moments visited (each costs about one iteration)"
@@ -258,6 +262,26 @@ class Plot:
         return (
             f"<div class='row chips quantities'>{quantities}</div>"
             f"<div class='row chips quantities kind'>{note}{of_sweeps}{of_vertex}{log}</div>"
+        )
+
+    def _why_error_rises(self, state: RunState) -> str:
+        """Why the error of a finished run ends above its lowest value at the end of a stage; empty if it does not."""
+        assert self._run_errors is not None
+        values = self._run_errors.values_of(state)
+        ends = np.array([0, *(stage.end for stage in self._energies.stages(state.length))])
+        lowest = int(ends[values[ends].argmin()])
+        if not state.finished or values[-1] < RISE * values[lowest]:
+            return ""
+        known = self._residuals.of(state).by_moment
+        before, after = known.get(lowest), known.get(state.length)
+        change = "" if before is None or after is None else (
+            f" (residual {number(before.mean, 4)} at moment {lowest}, {number(after.mean, 4)} at the end)"
+        )  # fmt: skip
+        error = number(float(values[lowest]), 3)
+        return (
+            f"The error was lower at moment {lowest}, {error} %. The judge keeps the end by the energy of "
+            f"the photos and by held-out points{change}: it does not know the truth. Along directions that the photos hardly "
+            "determine, a mesh that explains them better may lie farther from it."
         )
 
     def _legend_of_terms(self) -> str:

@@ -65,13 +65,13 @@ function showStep() {
   const outcome = $("outcome"), change = $("change");
   outcome.textContent = step ? step.outcome : "";
   change.textContent = "";
-  if (step) {
-    if (step.after !== null) { // null where no energy was measured, because nothing could move
-      const percent = step.before ? 100 * (step.after - step.before) / step.before : 0;
-      change.append(step.measure === "energy" ? "sweep energy " : `${step.measure} `, element("b", {}, brief(step.after, 5)), " ", element("span", { className: percent < 0 ? "good" : "dim" }, `${percent > 0 ? "+" : ""}${brief(percent)} %`));
-    }
-    if (step.longest > 0) change.append(`${step.after !== null ? " · " : ""}longest step ${brief(step.longest)} px`);
+  const { moments, values } = data.residual, known = moments.findLastIndex((each) => each <= m);
+  if (known >= 0) {
+    const percent = 100 * (values[known] / values[0] - 1), since = ` ${percent > 0 ? "+" : ""}${brief(percent)} % since the start`;
+    change.append("residual ", element("b", {}, brief(values[known], 4)), " grey levels", element("span", { className: percent < 0 ? "good" : "dim" }, m ? since : ""));
   }
+  if (step?.longest > 0) change.append(`${known >= 0 ? " · " : ""}longest step ${brief(step.longest)} px`);
+  change.title = step && step.after !== null ? `By this step: ${step.measure === "energy" ? "sweep energy" : step.measure} ${brief(step.before, 5)} → ${brief(step.after, 5)}` : "";
   $("what").textContent = step ? data.kinds[step.kind].title : "Before the first step";
   $("why").textContent = step ? data.kinds[step.kind].text : data.intro;
   $("level-text").textContent = step?.measure === "objective" ? "" : step ? data.levels[step.level - 1].text : data.levels[0]?.text ?? "";
