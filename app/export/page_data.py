@@ -217,9 +217,13 @@ def _levels(facts: RunFacts) -> list[dict[str, Any]]:
 
 
 def _first_vertex(facts: RunFacts, cells: dict[str, Any]) -> int:
-    """The vertex selected at first: among those with cells in the file, the one that moved most."""
-    order, faces = chosen_vertices(facts).tolist(), set(cells["faces"])
-    return next((v for v in order if faces & set(facts.scene.mesh.one_rings[v].tolist())), order[0])
+    """The vertex selected at first: among those with cells in the file, the one around which the run changed most."""
+    rings, faces = facts.scene.mesh.one_rings, cells["faces"]
+    order = [v for v in chosen_vertices(facts).tolist() if set(faces) & set(rings[v].tolist())]
+    before, after = (facts.residual(moment).loss_by_face() for moment in (0, facts.length))
+    change = np.zeros(len(before))
+    change[faces] = np.abs(after - before)[faces]
+    return max(order, key=lambda v: float(change[rings[v]].sum())) if order else int(chosen_vertices(facts)[0])
 
 
 def _frusta(facts: RunFacts) -> np.ndarray:

@@ -81,6 +81,7 @@ class Page:
         state = at_viewed_moment(state, page_state)
         if state.rival is not None and _refers_to(page_state.reference, state.run_id):
             page_state.reference = Reference(state.rival)
+        self._pick_face(state)
         self.lessons.show(state, page_state)
         self.layers.show(state, page_state)
         self.panels.show(state, surface.legend, surface.is_painting)
@@ -89,6 +90,17 @@ class Page:
         self._problems = state.problems
         vertices = surface.vertices_of(state, page_state.shape)
         self.camera.camera_view.show_overlay(state, vertices, page_state)
+
+    def _pick_face(self, state: RunState) -> None:
+        """Show the face with the largest energy around a vertex that was just selected, once energies are known."""
+        page_state, mesh = self.page_state, self._resources.scene.mesh
+        if not page_state.picks_face or page_state.selected is None:
+            return
+        ring = mesh.one_rings[page_state.selected]
+        known = self._resources.residuals.of(state)
+        if len(ring) and (found := known.up_to(state.moment)) is not None:
+            losses = known.by_moment[found[0]].loss_by_face()[ring]
+            page_state.face, page_state.picks_face = int(ring[losses.argmax()]), False
 
     def open_lesson(self, name: str) -> None:
         """Begin a lesson that fits the scene."""

@@ -52,7 +52,7 @@ from app.viser_bridge.html_events import whole_number
 from app.viser_bridge.tabs import show_tab
 
 UPDATE_SECONDS = 0.25  # while the mesh moves, panels are updated this often (ledger: updates of panels)
-CELLS_WIDTH = 362  # px
+CELLS_WIDTH = 374  # px: three cells of 110 px beside each other
 
 
 class PagePanels:
@@ -234,5 +234,5 @@ class PagePanels:
 
     def _choose_face(self, face: object) -> None:
         faces = self._resources.scene.mesh.faces
-        self._page_state.face = whole_number(face, 0, len(faces) - 1, "face")
+        self._page_state.face, self._page_state.picks_face = whole_number(face, 0, len(faces) - 1, "face"), False
         self._republish()

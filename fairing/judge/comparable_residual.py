@@ -73,6 +73,10 @@ class MeasuredResidual:
             for pair in np.flatnonzero((self.faces == face) & (self.pixels > 0))
         }
 
+    def loss_by_face(self) -> np.ndarray:
+        """(m,) float, grey levels^2 px: the sum of the losses of each face; 0 for a face that is not measured."""
+        return np.bincount(self.faces, self.loss, self.n_faces)
+
     def by_face(self) -> np.ndarray:
         """(m,) float, grey levels: the residual of each face; NaN for a face that is not measured."""
         return self._rooted(*(np.bincount(self.faces, values, self.n_faces) for values in (self.loss, self.pixels)))

@@ -122,8 +122,9 @@ const ring = (vertex) => facesAround(arrays.faces, vertex);
 function select(vertex) {
   state.vertex = vertex;
   const faces = ring(vertex).filter((f) => cells.has(f));
-  const bestSeen = faces.reduce((best, f) => (best !== null && cells.photosOf(f, state.moment) <= cells.photosOf(best, state.moment) ? best : f), null);
-  state.face = faces.includes(state.face) ? state.face : bestSeen;
+  const photos = (face) => cells.photosOf(face, state.moment);
+  const most = faces.reduce((best, f) => (best !== null && (change(f) - change(best) || photos(f) - photos(best)) <= 0 ? best : f), null);
+  state.face = faces.includes(state.face) ? state.face : most;
   if (viewer) { viewer.selected = vertex; viewer.redraw(); }
   $("faces").replaceChildren(...faces.map((f) => element("button", { type: "button", className: "chip", onclick: () => { state.face = f; showCells(); }, textContent: `face ${f}`, "data-face": f })));
   showCells();
@@ -137,6 +138,13 @@ function comparableResidual(face, view, moment) {
   return { value: at < 0 ? null : values[view]?.[at] ?? null, most: Math.max(1e-9, ...Object.values(values).flat()) };
 }
 
+// How much the comparable residual of a face changed in a photo, or in all photos.
+function changeIn(face, view) {
+  const values = data.residuals.faces[face]?.[view];
+  return values ? Math.abs(values.at(-1) - values[0]) : 0;
+}
+function change(face) { return Object.keys(data.residuals.faces[face] ?? {}).reduce((sum, view) => sum + changeIn(face, view), 0); }
+
 function showCells() {
   const began = performance.now();
   const isKept = state.face !== null;
@@ -145,7 +153,8 @@ function showCells() {
   $("no-cells").textContent = state.vertex === null ? "Click a vertex to see the cells of its faces." : `This file has no photos around vertex ${state.vertex}; it contains those around the vertices that moved most. `;
   if (!isKept) { $("no-cells").append(...(state.vertex === null ? [] : [element("button", { type: "button", className: "chip", onclick: () => select(data.chosen), textContent: `vertex ${data.chosen}` })])); return; }
   for (const chip of $("faces").children) chip.classList.toggle("on", Number(chip.dataset.face) === state.face);
-  const { moment } = state, found = cells.at(state.face, moment, verticesAt(moment)), views = cells.viewsOf(state.face);
+  const { moment } = state, found = cells.at(state.face, moment, verticesAt(moment));
+  const views = cells.viewsOf(state.face).toSorted((a, b) => changeIn(state.face, b) - changeIn(state.face, a)); // first where most happened
   $("cell-facts").textContent = found ? `k = ${found.k} · blur ${data.levels[data.cells.sweeps.level[data.cells.sweepAt[moment]]].blur} px · sweep energy ${brief(found.energy, 4)}` : "fewer than three photos see the face well enough at this moment";
   $("residual-scale").textContent = found ? `±${brief(found.scale.residual)} grey levels` : "";
   const tall = $("cells").style, side = Math.round(parseFloat(getComputedStyle($("sprite")).getPropertyValue("--tile")) || 60);
