@@ -13,6 +13,7 @@ from app.page.page_frame import Hotkey, PageFrame
 from app.page.page_layers import PageLayers
 from app.page.page_panels import PagePanels
 from app.page.page_updates import PageUpdates
+from app.page.palette_entries import option_entries, scene_entries, view_entries
 from app.page.resources import SessionResources
 from app.page.vertex_interaction import VertexInteraction
 from app.page_state.association_source import AssociationSource
@@ -61,7 +62,16 @@ class Page:
         self.layers = PageLayers(client, self.frame, resources, self.interaction, certainty, pulls, associations)
         self._order = ""
         self._keys_dialog = KeysDialog(client.gui, events)
-        self.frame.add_hotkeys([*self._hotkeys(), *self.frame.camera_hotkeys(), *self.lessons.hotkeys()])
+        self.frame.add_hotkeys(
+            [
+                *self._hotkeys(),
+                *self.frame.camera_hotkeys(),
+                *self.lessons.hotkeys(),
+                *view_entries(client, scene, page_state, controller.republish),
+                *option_entries(client, controller, self.panels.runs.compare_presets),
+                *scene_entries(self.lessons.open_scene),
+            ]
+        )
 
     def follow(self) -> None:
         """From now on show every state, on a thread of the page's own."""

@@ -44,7 +44,7 @@ class RunsPanel:
                 "mark": press(self.mark_now),
                 "clear": press(lambda: self._refer_to(None)),
                 "visit": press(self._visit),
-                "race": press(self._race),
+                "race": press(self.compare_presets),
             }
         )
         self._errors: dict[int, tuple[int, str]] = {}
@@ -61,7 +61,8 @@ class RunsPanel:
         if compared is not None:
             self._controller.post(SwitchTo(compared.run.run_id, compared.moment))
 
-    def _race(self) -> None:
+    def compare_presets(self) -> None:
+        """Run both presets from the start in turn; A becomes the run of the other one."""
         locked = self._controller.state.options.locked_vertices
         first, second = (replace(PRESETS[name], locked_vertices=locked) for name in ("paper", "accurate"))
         self._page_state.reference, self._other_racer = None, first
