@@ -41,7 +41,9 @@ def test_it_is_the_same_whatever_the_options_and_the_moment_of_the_run(session: 
         assert ComparableResidual(paper, threads=1).measure(vertices).mean == measure.measure(vertices).mean
 
 
-def test_it_is_the_bounded_root_mean_square_of_the_residuals_of_the_cells(session: Session, measure: ComparableResidual):
+def test_it_is_the_bounded_root_mean_square_of_the_residuals_of_the_cells(
+    session: Session, measure: ComparableResidual
+):
     """Against the residuals that a look at a face shows, sample by sample."""
     problem = session.problem_under(OPTIONS)
     every = np.ones(len(session.scene.mesh.faces), dtype=bool)

@@ -134,6 +134,10 @@ class Controller:
         """Deliver the present state again, for example because a page shows it in another way from now on."""
         self._publisher.republish()
 
+    def file_of(self, run_id: int) -> Path | None:
+        """The file with the record of a run; None if there is none."""
+        return self._runs.file_of(run_id)
+
     def edit_breakpoints(self, edit: Callable[[Breakpoints], Breakpoints]) -> None:
         """Replace the breakpoints by the result of `edit`. Raises what `edit` raises."""
         with self._changed:

@@ -13,7 +13,7 @@ from app.page.page_frame import Hotkey, PageFrame
 from app.page.page_layers import PageLayers
 from app.page.page_panels import PagePanels
 from app.page.page_updates import PageUpdates
-from app.page.palette_entries import option_entries, scene_entries, view_entries
+from app.page.palette_entries import export_entries, option_entries, scene_entries, view_entries
 from app.page.resources import SessionResources
 from app.page.vertex_interaction import VertexInteraction
 from app.page_state.association_source import AssociationSource
@@ -69,6 +69,7 @@ class Page:
                 *self.lessons.hotkeys(),
                 *view_entries(client, scene, page_state, controller.republish),
                 *option_entries(client, controller, self.panels.runs.compare_presets),
+                *export_entries(self.panels.show_result, self.panels.sharing.make),
                 *scene_entries(self.lessons.open_scene),
             ]
         )

@@ -1,4 +1,4 @@
-"""Palette entries without keys: layers, surfaces, plots, columns, presets, options and scenes, by the words that name them."""
+"""Palette entries without keys: layers, surfaces, plots, columns, presets, options, exports and scenes, by their words."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import replace
@@ -11,6 +11,7 @@ from app.debugger.option_fields import option_fields
 from app.debugger.series import QUANTITIES, RESIDUAL
 from app.lessons.scenes import LESSON_SCENES
 from app.page.page_frame import Hotkey
+from app.page.sharing import SHARE_KINDS
 from app.page_state.cells_state import HEADS, KINDS
 from app.page_state.page_state import LAYERS, SURFACES, PageState
 from app.panels.layers_panel import available_layers
@@ -77,6 +78,13 @@ def option_entries(client: viser.ClientHandle, controller: Controller, compare: 
         yield Hotkey(
             f"Option: {field.label} ({field.group})", lambda folder=folder, label=field.label: show(folder, label)
         )
+
+
+def export_entries(show_result: Callable[[], None], make: Callable[[str], None]) -> Iterable[Hotkey]:
+    """The result of the run, and the files that can be made of it."""
+    yield Hotkey("Result of the run", show_result)
+    for name, kind in SHARE_KINDS.items():
+        yield Hotkey(f"Export: {kind.title.lower()} ({kind.ending})", lambda name=name: make(name))
 
 
 def scene_entries(open_scene: Callable[[str], None]) -> Iterable[Hotkey]:

@@ -14,7 +14,7 @@ from app.debugger.residual_history import ResidualHistory
 from app.debugger.run_state import Activity, RunState
 from app.debugger.stage_text import blur_text, stage_line, sweep_word
 from app.debugger.step_text import step_outcome
-from app.html import copy_button, number, text
+from app.html import button, copy_button, number, text
 from app.page_state.page_state import PageState
 from app.palette import css
 from app.pictures.stage_colors import COLOR_OF_STAGE
@@ -35,15 +35,17 @@ class Status:
         residuals: ResidualHistory,
         to_beginning: Callable[[str], str],
         go_to: Callable[[str], str],
+        show_result: str,
     ) -> None:
         """
         Args:
             to_beginning: JavaScript that goes to the beginning of an extent, given its number.
             go_to: JavaScript that goes to a moment, given its number.
+            show_result: JavaScript that shows the result of the run.
         """
         self._panel = HtmlPanel(gui)
         self._energies, self._residuals = energies, residuals
-        self._to_beginning, self._go_to = to_beginning, go_to
+        self._to_beginning, self._go_to, self._show_result = to_beginning, go_to, show_result
 
     def show(self, state: RunState, page_state: PageState) -> None:
         record = state.record
@@ -62,13 +64,21 @@ class Status:
                       f"<div style='width:{done}%'></div></div>"  # fmt: skip
         self._panel.set(
             f"<div class='pinned'><div class='row'><span class='big'>{_headline(state, page_state)}</span>"
-            f"{self._stage(state)}</div>"
+            f"{self._stage(state)}{self._result(state, page_state)}</div>"
             f"<div class='crumbs row'>{self._crumbs(state)}</div>"
             f"<div class='row'><span class='one grow'>{self._residual(state)}</span>"
             f"<span class='dim' style='flex:none'>{_speed(state)}</span></div>"
             f"<div class='dim one' title='{text(last)}'>{text(last)}</div>"
             f"<div class='row'><span class='{color} grow work-line' title='{text(line)}'>{_work_line(line)}</span>"
             f"<span class='dim' style='flex:none'>{text(left)}</span></div>{bar}</div>"
+        )
+
+    def _result(self, state: RunState, page_state: PageState) -> str:
+        """A button to the result of a finished run, while a selected vertex takes its place."""
+        if state.is_working or not state.finished or page_state.selected is None:
+            return ""
+        return button(
+            "Result", self._show_result, hint="Result of the run: did it help? (deselects)", css_class="small"
         )
 
     def _crumbs(self, state: RunState) -> str:
