@@ -46,7 +46,21 @@ class ResultFacts:
 
     @property
     def helped(self) -> bool:
+        """Whether the photos agree clearly better with the end than with the start."""
         return self.residual[1] < HELPED * self.residual[0]
+
+    @property
+    def objection(self) -> str:
+        """What speaks against the end although the photos agree better with it, as a clause; empty if nothing does."""
+        if self.error is not None and self.error[1] >= self.error[0]:
+            return "the mesh is no nearer to the truth"
+        if self.held_out is not None:
+            before, after = (float(np.median(each.values)) for each in (self.held_out.before, self.held_out.after))
+            if after > before / HELPED:
+                return "held-out points lie farther from the surface"
+        if self.left_out is not None and self.left_out[1] < self.left_out[0]:
+            return "left-out photos are predicted worse"
+        return ""
 
 
 def result_facts(

@@ -163,7 +163,9 @@ class Plot:
         if compared is not None and compared.run.run_id != state.run_id and compared.run.length:
             energies = self._run_energies.of(compared.run)
             others = self._lines(compared.run, energies, name, vertex, "reference")
-        self._panel.set(chips + self._picture(state, plot, lines, colors, compared, others))
+        picture = self._picture(state, plot, lines, colors, compared, others)
+        why = self._why_error_rises(state) if name == ERROR and vertex is None else ""
+        self._panel.set(chips + picture + (why and f"<div class='dim note'>{text(why)}</div>"))
 
     def _why_empty(self, state: RunState, name: str) -> str:
         """Why there is nothing to plot."""
@@ -250,8 +252,6 @@ class Plot:
         meaning = quantity.meaning[:1].upper() + quantity.meaning[1:]
         if chosen == TERMS:
             caption = self._legend_of_terms()
-        if chosen == ERROR and vertex is None and has_steps and (why := self._why_error_rises(state)):
-            caption, meaning = "Ends above its lowest: why?", f"{why} {meaning}"
         note = f"<span class='dim one grow' title='{text(meaning)}'>{caption}</span>"
         if is_energy:
             hint = "Energy of each term at the moments visited (each costs about one iteration)"

@@ -100,11 +100,11 @@ class ResultCard:
         before, after = facts.residual
         percent = 100 * (after / before - 1) if before > 0 else 0.0
         change = f"the residual is {number(abs(percent), 3)} % {'lower' if percent < 0 else 'higher'} than at the start"
-        if facts.helped:
-            return f"<div class='big start'>Yes: {change}.</div>"
-        if facts.error is not None and facts.error[1] < facts.error[0]:
-            return f"<div class='big'>A little: {change}.</div>"
-        return f"<div class='big selected'>Hardly: {change}.</div>"
+        if not facts.helped:
+            return f"<div class='big selected'>Hardly: {change}.</div>"
+        if facts.objection:
+            return f"<div class='big selected'>Not surely: {change}, but {text(facts.objection)}.</div>"
+        return f"<div class='big start'>Yes: {change}.</div>"
 
     def _paper(self, facts: ResultFacts) -> str:
         """Why the preset `paper` ends far from the truth, where it does."""
@@ -201,6 +201,6 @@ def _figures(facts: ResultFacts) -> str:
         )
     return (
         f"<table class='photos result'><tr><th></th><th class='n'>before</th><th class='n'>after</th></tr>{body}</table>"
-        f"<div>{int(moved.sum())} of {len(moved)} vertices moved: median {median} %, at most {most} %. "
-        f"<span class='dim'>% of the mesh's diagonal.</span></div>{cameras}"
+        f"<div>{int(moved.sum())} of {len(moved)} vertices moved: median {median} % of the diagonal, at most {most} %."
+        f"</div>{cameras}"
     )

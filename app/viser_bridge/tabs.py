@@ -47,8 +47,8 @@ def show_field(client: viser.ClientHandle, folder: str, label: str) -> None:
     """Open the folder with this title if it is closed, and scroll to the field with this label, as soon as it is there."""
     source = f"""
         let left = {SCROLL_TRIES};
-        const named = text => Array.from(document.querySelectorAll('label, p, div, span'))
-            .find(e => e.childElementCount === 0 && e.textContent.trim() === text && e.offsetParent);
+        const named = text => Array.from(document.querySelectorAll('label, p, div, span')).find(e =>
+            e.childElementCount === 0 && e.textContent.trim() === text && e.offsetParent && !e.closest('[role=tab], .ef'));
         const scroll = () => {{
             const field = named({json.dumps(label)}), title = named({json.dumps(folder)});
             if (field) {{
