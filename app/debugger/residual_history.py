@@ -1,5 +1,7 @@
 """Residual history: the comparable residual of all runs at the moments where it is known, measured in the background."""
 
+import os
+import sys
 import threading
 import time
 from collections.abc import Callable, Collection, Iterator
@@ -24,6 +26,7 @@ REFINED = 100
 REST_SECONDS = 0.4
 """The engine rests so long before something is measured that no running stage waits for."""
 POLL = 0.05  # s
+NICENESS = 10  # of the thread that measures, see nice(2)
 
 
 class _Job(NamedTuple):
@@ -150,6 +153,7 @@ class ResidualHistory:
         return self._known[run.run_id]
 
     def _measured(self, job: _Job) -> MeasuredResidual:
+        _give_way()
         self._wait(self._is_cancelled)
         rest = time.monotonic() + (0 if job.during_run else REST_SECONDS)
         while time.monotonic() < rest:
@@ -165,6 +169,8 @@ class ResidualHistory:
         is_allowed = activity is Activity.PAUSED or (
             activity is Activity.RUNNING and job is not None and job.during_run
         )
+        if is_allowed and activity is Activity.RUNNING:
+            time.sleep(POLL)  # leaves the processor to the run and to what its pages draw
         return self._is_closing or not is_allowed
 
     def _store(self, job: _Job, result: MeasuredResidual | Exception) -> None:
@@ -183,6 +189,12 @@ class ResidualHistory:
             return  # the state after the command that goes first brings the job back
         if state is not None:
             self.follow(state)
+
+
+def _give_way() -> None:
+    """Let other threads go first where the processor is busy; threads that this one starts give way, too."""
+    if sys.platform == "linux":  # elsewhere threads have no priority of their own
+        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), NICENESS)
 
 
 def _middle_of_largest_gap(known: Collection[int], length: int) -> int | None:
