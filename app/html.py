@@ -63,6 +63,7 @@ STYLE = f"""
  .ef .pulls tr:last-child > * {{ border-top: 1px solid var(--line); }}
 .ef .photos {{ table-layout: fixed; }} .ef .photos th:first-child {{ width: 44%; }} .ef .photos th.n {{ text-align: right; }}
 .ef .photos th {{ vertical-align: bottom; }}
+.ef .result th:first-child {{ width: 62%; }}
 .ef .layer.off .swatch {{ opacity: .35; }}
 .ef .one {{ white-space: nowrap; overflow: hidden; text-overflow: ellipsis; }}
 .ef .pinned .one, .ef .kind .one, .ef .work-line {{ contain: inline-size; }}

@@ -19,7 +19,10 @@ TURN_UP = np.radians(20.0)
 MIN_MEAN = 0.3  # length of the mean of the cameras' directions; below it, they surround the mesh
 ALONG_UP = 0.05  # sine of the angle
 GOOD_ENOUGH = 0.8  # of the best direction's score: then the mean direction is taken
-FILL = 0.68  # fraction of the window's height that the mesh occupies
+FILL = 0.85  # of the free view that the mesh occupies in width or height
+# The view that panels leave free, in heights of the window (ledger: free view). The timeline covers its lower part.
+FREE_WIDTH, FREE_HEIGHT = 0.78, 0.75
+OUTLIERS = 0.005  # of the vertices at each side of a mesh, which do not count
 NEAR_AXIS = np.cos(np.radians(40.0))
 
 
@@ -52,14 +55,12 @@ class Stage:
         rotations = np.array([view.camera.camera_from_world[:, :3] for view in scene.views])
         centers = (np.array([view.camera.center for view in scene.views]) - origin) * scale
         up = _upright(rotations)
-        distance = SIZE / 2 / FILL / np.tan(FIELD_OF_VIEW / 2)
-        eye = distance * _first_direction(scene, centers / np.linalg.norm(centers, axis=1, keepdims=True), up)
+        direction = _first_direction(scene, centers / np.linalg.norm(centers, axis=1, keepdims=True), up)
+        distance, target = _framed((used - origin) * scale, direction, up)
         apart = np.linalg.norm(centers[:, None] - centers, axis=-1)
         spacing = float(np.median((apart + np.diag(np.full(len(apart), np.inf))).min(axis=1)))
-        # The timeline covers the window's lower part.
-        target = -0.07 * distance * up
         camera_scale = float(np.clip(0.2 * spacing, 0.01 * SIZE, 0.06 * SIZE))
-        return cls(origin, scale, up, eye + target, target, camera_scale, centers)
+        return cls(origin, scale, up, distance * direction + target, target, camera_scale, centers)
 
     def frontal(self) -> np.ndarray:
         """(3,) float, page: an eye position in the cameras' mean direction, at the initial distance."""
@@ -78,7 +79,7 @@ class Stage:
         timeline covers the lower part of the window."""
         level = self.frontal() - self.target
         level = level - (level @ self.up) * self.up
-        return float(np.linalg.norm(self.target)) * _unit(level, np.roll(self.up, 1))
+        return abs(float(self.target @ self.up)) * _unit(level, np.roll(self.up, 1))
 
     def overview(self) -> np.ndarray:
         """(3,) float, page: an eye position from which mesh and cameras are visible, beside the initial direction."""
@@ -96,6 +97,25 @@ class Stage:
     def world_from_page(self, points: np.ndarray) -> np.ndarray:
         """World units (..., 3) float from page units (..., 3)."""
         return np.asarray(points, dtype=np.float64) / self.scale + self.origin
+
+
+def _framed(points: np.ndarray, direction: np.ndarray, up: np.ndarray) -> tuple[float, np.ndarray]:
+    """The distance of the eye from its target along a direction (3,), and the target (3,): points (n, 3) then fill `FILL` of the
+    free view, in its middle."""
+    right = _unit(np.cross(up, direction), np.roll(up, 1))
+    upward = np.cross(direction, right)
+    window = 2 * np.tan(FIELD_OF_VIEW / 2)
+    x, y, near = points @ right, points @ upward, points @ direction
+    middle = np.array([0.0, window * (1 - FREE_HEIGHT) / 2])  # of the free view
+    shift, distance = np.zeros(2), float(near.max()) + SIZE / window
+    for _ in range(30):
+        depth = np.maximum(distance - near, 1e-3 * SIZE)
+        uv = np.stack([x - shift[0], y - shift[1]]) / depth
+        low, high = np.quantile(uv, (OUTLIERS, 1 - OUTLIERS), axis=1)
+        shift += ((low + high) / 2 - middle) * distance
+        filled = float(((high - low) / (FILL * window * np.array([FREE_WIDTH, FREE_HEIGHT]))).max())
+        distance *= max(filled, 0.1) ** 0.5
+    return distance, shift[0] * right + shift[1] * upward
 
 
 def _upright(rotations: np.ndarray) -> np.ndarray:

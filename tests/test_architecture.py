@@ -92,7 +92,7 @@ ALLOWED: dict[str, set[str]] = {
     },
     "app.page": {
         *("app", "app.debugger", "app.page_state", "app.viser_bridge", "app.pictures", "app.layers", "app.panels"),
-        *("app.lessons", "app.experiments", "engine"),
+        *("app.lessons", "app.experiments", "app.export", "app.files", "engine"),
     },
     "app.export": {"app", "app.debugger", "app.files", "app.pictures", "engine"},
     "app.lesson_pages": {

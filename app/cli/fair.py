@@ -37,6 +37,7 @@ from fairing.check.memory import memory_warning
 from fairing.errors import Cancelled, InputError
 from fairing.io import locked_output_folder, write_mesh
 from fairing.io.refined_mesh import write_refined_mesh
+from fairing.judge.comparable_residual import stage_residuals
 from fairing.judge.left_out import memory_of_left_out
 from fairing.judge.metrics import quality_report
 from fairing.judge.report import run_report
@@ -174,6 +175,11 @@ def _fair(
     print_line(console, f"{reason}; wrote {out / MESH}, {REPORT}, {TRACE}")
     if stopped:
         return 130
+    if report["residual"]["after"] is not None:
+        print_line(
+            console,
+            "residual at the finest level: {before:.4g} -> {after:.4g} grey levels".format(**report["residual"]),
+        )
     if points := report["quality"].get("sparse_points_to_surface"):
         print_line(console, _held_out_line(points))
     if extras.any:
@@ -236,7 +242,9 @@ def _save(session: Session, out: Path, preset: str, loading: float, console: Con
 def _report(session: Session, preset: str, loading: float) -> dict[str, Any]:
     began = time.perf_counter()
     quality = quality_report(session.scene, session.trace.start, session.vertices)
-    return run_report(session, preset, {"loading": loading, "metrics": time.perf_counter() - began}, quality)
+    residuals = stage_residuals(session) if session.finished else {}
+    seconds = {"loading": loading, "metrics": time.perf_counter() - began}
+    return run_report(session, preset, seconds, quality, residuals)
 
 
 def _earlier_run(path: Path, options: FairingOptions) -> Trace | None:

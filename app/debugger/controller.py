@@ -106,6 +106,11 @@ class Controller:
         """The newest state."""
         return self._publisher.state
 
+    @property
+    def activity(self) -> Activity:
+        """What the engine thread is doing, which the newest state may not show yet."""
+        return self._activity
+
     def post(self, command: Command) -> None:
         """Add a command to the queue and return at once."""
         with self._changed:
@@ -128,6 +133,10 @@ class Controller:
     def republish(self) -> None:
         """Deliver the present state again, for example because a page shows it in another way from now on."""
         self._publisher.republish()
+
+    def file_of(self, run_id: int) -> Path | None:
+        """The file with the record of a run; None if there is none."""
+        return self._runs.file_of(run_id)
 
     def edit_breakpoints(self, edit: Callable[[Breakpoints], Breakpoints]) -> None:
         """Replace the breakpoints by the result of `edit`. Raises what `edit` raises."""

@@ -12,7 +12,7 @@ from typing import Any, Literal
 from fairing.errors import InputError
 from fairing.options import LEVEL_GROUPS, FairingOptions, LevelOptions, options_from_dict
 
-NOT_COMPARABLE = "energies before and after the change are not comparable"
+NOT_COMPARABLE = "energies of sweeps before and after the change do not compare, residuals at the finest level do"
 NEXT_STEP = "from the next step on"
 # By group: what its options affect, and from when on if they are applied at the present moment.
 GROUP_EFFECTS: dict[str, tuple[str, str]] = {

@@ -10,6 +10,8 @@ from app.debugger.step_text import slot_of
 from fairing.trace import StepReason, StepRecord
 
 NAN = float("nan")
+RESIDUAL = "residual"
+"""The comparable residual; `app.debugger.residual_history` knows its values."""
 
 
 @dataclass(frozen=True)
@@ -50,13 +52,6 @@ def _rejected(reasons: np.ndarray) -> float:
 
 
 QUANTITIES: dict[str, Quantity] = {
-    "energy": Quantity(
-        "energy",
-        "energy; for a vertex: of the faces around it. Every sweep of every level measures anew, with cells of its own, so only "
-        "points connected by a line compare",
-        "Only connected points compare", "Energy of the faces around the vertex", False,
-        lambda record: record.energy_after, _energy_around,
-    ),
     "step": Quantity(
         "step", "longest step tried, px in a photo", "Longest step tried, px in a photo", "Step tried, px in a photo", True,
         lambda record: float(record.step_px.max(initial=0)), lambda record, slot, ring: float(record.step_px[slot]),
@@ -76,6 +71,13 @@ QUANTITIES: dict[str, Quantity] = {
         "rejected", "vertices whose step was rejected; for a vertex: consecutive rejections",
         "Vertices whose step was rejected", "Rejections in a row", False,
         lambda record: _rejected(record.reasons), lambda record, slot, ring: float(record.rejections[slot]),
+    ),
+    "energy": Quantity(
+        "sweep energy",
+        "what the steps of a sweep minimize (expert's view); for a vertex: of the faces around it. Every sweep of every level "
+        "measures anew, with cells, blur and robust scale of its own, so only points connected by a line compare",
+        "Expert: only connected points compare", "Expert: energy of the faces around the vertex", False,
+        lambda record: record.energy_after, _energy_around,
     ),
 }  # fmt: skip
 

@@ -1,4 +1,4 @@
-"""Captions of exported pictures and video frames: lines of text and a curve of the energy.
+"""Captions of exported pictures and video frames: lines of text and a curve of the residual.
 
 Pillow's built-in font has Latin letters only, so captions contain no Greek letters and no arrows.
 """
@@ -16,16 +16,16 @@ LINE: RGB = (61, 68, 77)
 
 
 class Caption:
-    """A strip (height, width), px, with lines of text at the left and, with `with_curve`, the energy at the right."""
+    """A strip (height, width), px, with lines of text at the left and, with `with_curve`, the residual at the right."""
 
     def __init__(self, facts: RunFacts, width: int, height: int, with_curve: bool) -> None:
         self._facts, self._size = facts, (width, height)
         self._fonts = [ImageFont.load_default(size=round(part * height)) for part in (0.24, 0.19)]
         self._empty = Image.new("RGB", self._size, GROUND)
         self._curve = (0.45 * width, 0.34 * height, width - 0.3 * height, 0.86 * height)
-        self._has_curve = with_curve and facts.length > 1 and len(facts.energy_lines) > 0
+        self._has_curve = with_curve and facts.length > 1 and len(facts.residual_line.moments) > 1
         if self._has_curve:
-            self._moments, self._values = (np.concatenate(part) for part in zip(*facts.energy_lines, strict=True))
+            self._moments, self._values = facts.residual_line
             self._lowest, self._range = float(self._values.min()), float(np.ptp(self._values)) or 1.0
             self._draw_curve()
 
@@ -55,14 +55,12 @@ class Caption:
         return np.asarray(image)
 
     def _draw_curve(self) -> None:
-        """Draw one line per sweep: energies of different sweeps are not comparable."""
         draw = ImageDraw.Draw(self._empty)
         left, _, right, bottom = self._curve
         draw.line([(left, bottom), (right, bottom)], fill=LINE)
-        draw.text((left, 0.06 * self._size[1]), "energy, one line per sweep", DIM, font=self._fonts[1])
-        for moments, values in self._facts.energy_lines:
-            points = zip(moments.tolist(), values.tolist(), strict=True)
-            draw.line([self._place(moment, value) for moment, value in points], fill=NOW, width=2)
+        draw.text((left, 0.06 * self._size[1]), "residual at the finest level", DIM, font=self._fonts[1])
+        points = zip(self._moments.tolist(), self._values.tolist(), strict=True)
+        draw.line([self._place(moment, value) for moment, value in points], fill=NOW, width=2)
 
     def _place(self, moment: float, value: float) -> tuple[float, float]:
         left, top, right, bottom = self._curve
@@ -71,17 +69,24 @@ class Caption:
 
 
 def moment_words(facts: RunFacts, moment: int) -> list[str]:
-    """Two or three lines about a moment: its number, the level or the fit, energy and error."""
+    """Two or three lines about a moment: its number, the level or the fit, residual and error."""
     where = "the start"
     if moment:
         stage, level = facts.trace.steps[moment - 1].stage, facts.trace.steps[moment - 1].position.level
         blurred = f"photos blurred by {facts.options.levels[level].blur:g} px"
         where = f"level {level + 1} of {facts.options.n_levels}, {f'fit: {stage.label}' if stage.is_fit else blurred}"
-    energy = facts.energy_at(moment)
-    figures = [f"energy {energy:,.0f}"] if np.isfinite(energy) else []
+    known, values = facts.residual_line
+    at = int(np.searchsorted(known, moment, side="right")) - 1
+    figures = residual_words(facts, int(known[at])) if len(values) else []
     if facts.errors is not None:
         figures.append(f"error {error_words(float(facts.errors[moment]))}")
     return [f"Moment {moment} of {facts.length}", where, *([", ".join(figures)] if figures else [])]
+
+
+def residual_words(facts: RunFacts, moment: int) -> list[str]:
+    """The comparable residual at a moment as text; nothing where no face is measured."""
+    residual = facts.residual(moment).mean
+    return [f"residual {residual:.4g} grey levels"] if np.isfinite(residual) else []
 
 
 def error_words(percent: float) -> str:

@@ -22,6 +22,7 @@ from app.export.step_kinds import INTRO, KINDS, kind_of, level_text
 from app.export.texture_keyframes import TextureKeyframe, texture_keyframes
 from app.palette import CAMERA, NOW, SELECTED, START, TRUTH, css, solid
 from app.pictures.stage_colors import COLOR_OF_STAGE, stage_ground
+from app.plot_line import Line
 from fairing.trace import StepReason, StepRecord
 
 KEYFRAMES = 8
@@ -51,6 +52,7 @@ def page_data(facts: RunFacts, at: int, on_progress: Callable[[float], None]) ->
         "intro": INTRO,
         "reasons": {int(reason): reason.text for reason in StepReason},
         "cells": cells,
+        "residuals": residuals_of_faces(facts, cells["faces"]),
         "pulls": pulls,
         "chosen": _first_vertex(facts, cells),
     }
@@ -90,10 +92,29 @@ def run_data(facts: RunFacts) -> dict[str, Any]:
         **_changes(facts),
         "steps": _steps(facts),
         "sweeps": np.unique(facts.energies.sweeps).tolist(),
+        "residual": _line(facts.residual_line),
         "energy": [{"moments": m.tolist(), "values": values.tolist()} for m, values in facts.energy_lines],
         "errors": None if facts.errors is None else facts.errors.tolist(),
         "levels": _levels(facts),
         "stages": _stages(facts),
+    }
+
+
+def _line(line: Line) -> dict[str, Any]:
+    return {"moments": line.moments.tolist(), "values": np.round(line.values, 5).tolist()}
+
+
+def residuals_of_faces(facts: RunFacts, faces: list[int]) -> dict[str, Any]:
+    """For each face the comparable residual in each photo, grey levels, by known moment; what its bars show."""
+    moments = facts.residual_line.moments.tolist()
+    by_moment = [facts.residual(moment) for moment in moments]
+    return {
+        "moments": moments,
+        "faces": {
+            face: {view: [round(each[view], 4) for each in found] for view in (found[0] if found else {})}
+            for face in faces
+            for found in [[each.of_face_by_view(face) for each in by_moment]]
+        },
     }
 
 
@@ -196,9 +217,13 @@ def _levels(facts: RunFacts) -> list[dict[str, Any]]:
 
 
 def _first_vertex(facts: RunFacts, cells: dict[str, Any]) -> int:
-    """The vertex selected at first: among those with cells in the file, the one that moved most."""
-    order, faces = chosen_vertices(facts).tolist(), set(cells["faces"])
-    return next((v for v in order if faces & set(facts.scene.mesh.one_rings[v].tolist())), order[0])
+    """The vertex selected at first: among those with cells in the file, the one around which the run changed most."""
+    rings, faces = facts.scene.mesh.one_rings, cells["faces"]
+    order = [v for v in chosen_vertices(facts).tolist() if set(faces) & set(rings[v].tolist())]
+    before, after = (facts.residual(moment).loss_by_face() for moment in (0, facts.length))
+    change = np.zeros(len(before))
+    change[faces] = np.abs(after - before)[faces]
+    return max(order, key=lambda v: float(change[rings[v]].sum())) if order else int(chosen_vertices(facts)[0])
 
 
 def _frusta(facts: RunFacts) -> np.ndarray:

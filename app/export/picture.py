@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from app.export.captions import Caption, error_words, moment_words
+from app.export.captions import Caption, error_words, moment_words, residual_words
 from app.export.frame import framing_camera
 from app.export.run_facts import RunFacts
 from app.export.texture_keyframes import KeyframeRenderer, texture_keyframes
@@ -52,8 +52,8 @@ def framed(facts: RunFacts, moments: list[int], width: int, height: int | None =
 
 
 def _words(facts: RunFacts, moment: int, head: str) -> list[str]:
-    """Caption of start or end, with comparable figures: error, and energy at the finest level."""
-    figures = [f"energy at the finest level {facts.fine_energy(moment):,.0f}"]
+    """Caption of start or end, with comparable figures: error, and the residual at the finest level."""
+    figures = residual_words(facts, moment)
     if facts.errors is not None:
         figures.insert(0, f"error {error_words(float(facts.errors[moment]))}")
     return [head, ", ".join(figures)]

@@ -78,10 +78,10 @@ def _sections(facts: RunFacts, on_progress: Callable[[float], None]) -> list[str
 def _tiles(facts: RunFacts, report: dict[str, Any]) -> str:
     moved = np.array([vertex["moved"] for vertex in report["vertices"]])
     diagonal = report["scene"]["diagonal"]
-    before, after = facts.fine_energy(0), facts.fine_energy(facts.length)
+    before, after = facts.residual(0).mean, facts.residual(facts.length).mean
     change = f"{_signed(100 * (after - before) / before)} %" if before > 0 else "–"
     tiles = [
-        tile(change, f"energy at the finest level: {_figure(before)} → {_figure(after)}"),
+        tile(change, f"residual at the finest level, grey levels: {_figure(before)} → {_figure(after)}"),
         tile(f"{int((moved > 0).sum())} of {len(moved)}", "vertices moved"),
         tile(
             f"{number(100 * float(np.median(moved)) / diagonal, 3)} %",
@@ -124,12 +124,11 @@ def _curves(facts: RunFacts) -> str:
         (stage.begin, stage.end, f"σ {blur[stage.level]:g}" if stage.kind is StageKind.PHOTOS else stage.kind.label)
         for stage in facts.energies.stages(facts.length)
     ]
-    title = "Energy by moment, one line per sweep. Sweeps have different cells, so their energies are not comparable"
     charts = []
-    if facts.energy_lines:
-        charts.append(
-            f"<div>{title}{curve_chart(facts.energy_lines, bands, facts.length, NOW, 'Energy by moment')}</div>"
-        )
+    if len(facts.residual_line.moments):
+        title = "Residual at the finest level, grey levels: the same faces, photos and samples at all moments"
+        chart = curve_chart([facts.residual_line], bands, facts.length, NOW, "Residual by moment")
+        charts.append(f"<div>{title}{chart}</div>")
     if facts.errors is not None:
         line = (np.arange(len(facts.errors)), facts.errors)
         chart = curve_chart([line], bands, facts.length, TRUTH, "Error by moment", is_log=True)
@@ -137,7 +136,14 @@ def _curves(facts: RunFacts) -> str:
             f"<div>RMS distance of the vertices to the truth along directions the photos determine, % of the diagonal{chart}"
             "</div>"
         )
-    return f"<h2>Progress</h2><div class='two'>{''.join(charts)}</div>"
+    energy = ""
+    if facts.energy_lines:
+        why = "One line per sweep: each has its own cells, blur and robust scale, so energies of different sweeps do not compare."
+        chart = curve_chart(facts.energy_lines, bands, facts.length, NOW, "Energy of the sweeps by moment")
+        energy = (
+            f"<details><summary>Expert's view: energy of the sweeps</summary><p class='dim'>{why}</p>{chart}</details>"
+        )
+    return f"<h2>Progress</h2><div class='two'>{''.join(charts)}</div>{energy}"
 
 
 def _skipped(report: dict[str, Any]) -> list[str]:

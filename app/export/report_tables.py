@@ -42,8 +42,8 @@ def levels_table(report: dict[str, Any]) -> str:
         "steps",
         "accepted",
         "longest step",
-        "energy, first sweep",
-        "energy, last sweep",
+        "sweep energy, first",
+        "sweep energy, last",
     )
     return _table("Levels", names, rows)
 
@@ -57,10 +57,13 @@ def stages_table(report: dict[str, Any]) -> str:
             str(stage["level"] + 1),
             str(stage["steps"]),
             f"{number(100 * stage['objective_left'], 3)} %" if "objective_left" in stage else "–",
+            number(stage["residual"], 4) if "residual" in stage else "–",
         )
         for stage in stages
     ]
-    return _table("Stages", ("stage", "level", "steps", "objective left by the fit"), rows)
+    return _table(
+        "Stages", ("stage", "level", "steps", "objective left by the fit", "residual after it, grey levels"), rows
+    )
 
 
 def left_out_table(report: dict[str, Any], picture: Path | None) -> str:

@@ -14,11 +14,13 @@ from app.files.run_files import REPORT
 from app.plot_line import Line
 from app.stage import Stage
 from fairing.errors import InputError
+from fairing.judge.comparable_residual import ComparableResidual, MeasuredResidual
 from fairing.judge.metrics import determined_part, quality_report
 from fairing.judge.report import run_report
 from fairing.run.session import Session
-from fairing.solve.energy import Evaluator
 
+RESIDUALS = 40
+"""Moments at which exports show the residual, besides the ends of stages."""
 REPORT_FORMAT = "eigenfairing report 1"
 _NEEDED = {
     "stop_reason",
@@ -54,6 +56,7 @@ class RunFacts:
         self.scene, self.trace, self.options = session.scene, session.trace, session.options
         self.length = len(session.trace)
         self.stage = Stage.of(session.scene)
+        self._residuals: dict[int, MeasuredResidual] = {}
 
     @cached_property
     def energies(self) -> EnergyHistory:
@@ -67,13 +70,24 @@ class RunFacts:
             return float("nan")
         return float(self.energies.after[moment - 1] if moment else self.energies.before[0])
 
-    def fine_energy(self, moment: int) -> float:
-        """Energy of the whole mesh with the cells of the last sweep, comparable between moments."""
-        sweep = self.session.sweep_state(self.length)
-        faces = np.arange(len(self.trace.faces))
-        vertices = self.trace.vertices_at(moment)
-        found = Evaluator(self.options.threads).energies(sweep.context, vertices, faces, sweep.scale)
-        return float(found.energy.sum())
+    def residual(self, moment: int) -> MeasuredResidual:
+        """The residuals at a moment, which compare with those of all other moments and runs."""
+        if moment not in self._residuals:
+            self._residuals[moment] = self._measure.measure(self.trace.vertices_at(moment))
+        return self._residuals[moment]
+
+    @cached_property
+    def _measure(self) -> ComparableResidual:
+        return ComparableResidual(self.session, threads=self.options.threads)
+
+    @cached_property
+    def residual_line(self) -> Line:
+        """The comparable residual, grey levels, at the ends of the stages and at moments between them."""
+        ends = [stage.end for stage in self.energies.stages(self.length)]
+        moments = sorted({*ends, *self.key_moments(RESIDUALS)})
+        line = Line(np.array(moments), np.array([self.residual(moment).mean for moment in moments]))
+        known = np.isfinite(line.values)
+        return Line(line.moments[known], line.values[known])
 
     @cached_property
     def energy_lines(self) -> list[Line]:
@@ -123,7 +137,9 @@ class RunFacts:
         path = None if self.folder is None else self.folder / REPORT
         if path is None or not path.exists():
             quality = quality_report(self.scene, self.trace.start, self.trace.vertices_at(self.length))
-            return run_report(self.session, self.title, {}, quality)
+            line = self.residual_line
+            residuals = dict(zip(line.moments.tolist(), line.values.tolist(), strict=True))
+            return run_report(self.session, self.title, {}, quality, residuals)
         try:
             found = json.loads(path.read_text(encoding="utf-8"))
         except ValueError as error:

@@ -13,6 +13,10 @@ Rows = list[tuple[str, str]]
 def figure_rows(report: dict[str, Any]) -> Rows:
     """Figures of the result from report.json: names, and values as markup."""
     rows: Rows = [("ended", text(_sentence(str(report["stop_reason"]))))]
+    residual = report.get("residual", {})
+    if residual.get("after") is not None:
+        shown = f"{number(residual['before'], 4)} → <b>{number(residual['after'], 4)}</b>"
+        rows.append(("residual at the finest level, grey levels", shown))
     for name, key, unit in (
         ("vertices to truth, rms, along directions the photos determine", "vertices_determined", "%"),
         ("vertices to truth, rms", "vertices_total", "%"),

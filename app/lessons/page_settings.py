@@ -40,7 +40,7 @@ class PageSettings:
         if self.vertices is not None:
             page_state.selection, page_state.point = Selection(self.vertices), None
         if self.face is not None or self.vertices is not None:
-            page_state.face = self.face
+            page_state.face, page_state.picks_face = self.face, False
         for name, value in self.settings.items():
             setattr(page_state, name, value)
         page_state.cells = replace(page_state.cells, **self.cells)  # pyright: ignore[reportArgumentType] - checked on reading

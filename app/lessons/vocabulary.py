@@ -15,7 +15,7 @@ look at mesh | look at front | look at cameras | look through photo 3
 show truth, start | hide cameras                                  layers
 surface flat | shape truth | magnify 10                           surface and its vertices; magnification of paths
 page cells | columns photo, weight | k 5 | k own | arrows 30 | pair 1 8 | crops path     the cells
-plot energy | plot step of the vertex
+plot residual | plot step of the vertex
 compare with a | compare with nothing
 tab Runs
 """
@@ -27,7 +27,7 @@ from dataclasses import replace
 from app.debugger.commands import Command, Extent, Forward, JumpTo, Run
 from app.debugger.option_fields import changed_options, option_fields
 from app.debugger.quantities import parse_step_condition
-from app.debugger.series import QUANTITIES
+from app.debugger.series import QUANTITIES, RESIDUAL
 from app.lessons.engine_actions import (
     Advance,
     Changes,
@@ -195,7 +195,9 @@ def _arrows(found: re.Match, _: set[str]) -> SettingsChange:
 
 
 def _plot(found: re.Match, _: set[str]) -> SettingsChange:
-    return _setting("plot", PlotView(_one_of(found[1], QUANTITIES, "plot"), of_vertex=found[2] is not None))
+    return _setting(
+        "plot", PlotView(_one_of(found[1], (RESIDUAL, *QUANTITIES), "plot"), of_vertex=found[2] is not None)
+    )
 
 
 def _compare(found: re.Match, names: set[str]) -> SettingsChange:

@@ -76,25 +76,34 @@ class LessonDock:
         """Begin a lesson. If it uses another scene, open that, after a confirmation if runs on this one would be closed."""
         lesson = load_lesson(name)
         if lesson.scene == ANY_SCENE and is_lesson_scene("cube", self._controller.scene):
-            self._offer(lesson, STAND_IN, _ON_A_CAPTURE, "Stay with the cube", lambda: self._begin(lesson))
+            self._offer(lesson.name, STAND_IN, _ON_A_CAPTURE, "Stay with the cube", lambda: self._begin(lesson))
         elif self.player.fits(lesson):
             self._begin(lesson)
         elif self.player.lesson is None and any(run.length for run in self._controller.state.runs):
-            self._offer(lesson, lesson.scene, _LEAVES_RUNS, "Stay here", lambda: None)
+            self._offer(lesson.name, lesson.scene, _LEAVES_RUNS, "Stay here", lambda: None)
         else:
             self._change_scene(self._client, lesson.scene, name)
+
+    def open_scene(self, name: str) -> None:
+        """Open another scene, after a confirmation if runs on this one would be closed."""
+        if is_lesson_scene(name, self._controller.scene):
+            raise NothingToDo(f"{LESSON_SCENES[name].title} is open")
+        if any(run.length for run in self._controller.state.runs):
+            self._offer("", name, _LEAVES_RUNS.replace("This lesson uses", "This opens"), "Stay here", lambda: None)
+        else:
+            self._change_scene(self._client, name, "")
 
     def _begin(self, lesson: Lesson) -> None:
         self.player.open(lesson)
         show_tab(self._client, "Cells")
 
-    def _offer(self, lesson: Lesson, scene: str, why: str, otherwise: str, do_otherwise: Callable[[], None]) -> None:
-        """Ask the user whether to open another scene for a lesson."""
+    def _offer(self, lesson: str, scene: str, why: str, otherwise: str, do_otherwise: Callable[[], None]) -> None:
+        """Ask the user whether to open another scene, for a lesson if one is named."""
         gui, title = self._client.gui, LESSON_SCENES[scene].title
         with gui.add_modal(f"Open {title}?") as modal:
             HtmlPanel(gui, why)
             choices = [
-                (gui.add_button(f"Open {title}"), lambda: self._change_scene(self._client, scene, lesson.name)),
+                (gui.add_button(f"Open {title}"), lambda: self._change_scene(self._client, scene, lesson)),
                 (gui.add_button(otherwise), do_otherwise),
             ]
 

@@ -13,6 +13,7 @@ from app.page.page_frame import Hotkey, PageFrame
 from app.page.page_layers import PageLayers
 from app.page.page_panels import PagePanels
 from app.page.page_updates import PageUpdates
+from app.page.palette_entries import export_entries, option_entries, scene_entries, view_entries
 from app.page.resources import SessionResources
 from app.page.vertex_interaction import VertexInteraction
 from app.page_state.association_source import AssociationSource
@@ -61,7 +62,17 @@ class Page:
         self.layers = PageLayers(client, self.frame, resources, self.interaction, certainty, pulls, associations)
         self._order = ""
         self._keys_dialog = KeysDialog(client.gui, events)
-        self.frame.add_hotkeys([*self._hotkeys(), *self.frame.camera_hotkeys(), *self.lessons.hotkeys()])
+        self.frame.add_hotkeys(
+            [
+                *self._hotkeys(),
+                *self.frame.camera_hotkeys(),
+                *self.lessons.hotkeys(),
+                *view_entries(client, scene, page_state, controller.republish),
+                *option_entries(client, controller, self.panels.runs.compare_presets),
+                *export_entries(self.panels.show_result, self.panels.sharing.make),
+                *scene_entries(self.lessons.open_scene),
+            ]
+        )
 
     def follow(self) -> None:
         """From now on show every state, on a thread of the page's own."""
@@ -79,8 +90,9 @@ class Page:
         self._resources.follow(state)
         self._name_blocks(state.options.schedule.order)
         state = at_viewed_moment(state, page_state)
-        if state.rival is not None and page_state.reference is None:
+        if state.rival is not None and _refers_to(page_state.reference, state.run_id):
             page_state.reference = Reference(state.rival)
+        self._pick_face(state)
         self.lessons.show(state, page_state)
         self.layers.show(state, page_state)
         self.panels.show(state, surface.legend, surface.is_painting)
@@ -89,6 +101,17 @@ class Page:
         self._problems = state.problems
         vertices = surface.vertices_of(state, page_state.shape)
         self.camera.camera_view.show_overlay(state, vertices, page_state)
+
+    def _pick_face(self, state: RunState) -> None:
+        """Show the face with the largest energy around a vertex that was just selected, once energies are known."""
+        page_state, mesh = self.page_state, self._resources.scene.mesh
+        if not page_state.picks_face or page_state.selected is None:
+            return
+        ring = mesh.one_rings[page_state.selected]
+        known = self._resources.residuals.of(state)
+        if len(ring) and (found := known.up_to(state.moment)) is not None:
+            losses = known.by_moment[found[0]].loss_by_face()[ring]
+            page_state.face, page_state.picks_face = int(ring[losses.argmax()]), False
 
     def open_lesson(self, name: str) -> None:
         """Begin a lesson that fits the scene."""
@@ -145,3 +168,8 @@ class Page:
     def _camera_changed(self, view_id: int | None) -> None:
         self.page_state.entered = view_id
         self._resources.controller.republish()
+
+
+def _refers_to(reference: Reference | None, run_id: int) -> bool:
+    """Whether there is no reference, or it is the run itself, with which a comparison shows nothing."""
+    return reference is None or reference.run_id == run_id

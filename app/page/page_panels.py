@@ -3,14 +3,17 @@
 import threading
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import viser
 
 from app.debugger.run_state import Activity, RunState
+from app.files.run_files import REPORT
 from app.page.lesson_dock import LessonDock
 from app.page.page_frame import PageFrame
 from app.page.resources import SessionResources
+from app.page.sharing import SHARE_KINDS, Sharing
 from app.page.vertex_interaction import VertexInteraction
 from app.page_state.association_source import AssociationSource
 from app.page_state.cells_controls import CellsControls
@@ -39,6 +42,7 @@ from app.panels.photo_pages import PhotoPages
 from app.panels.plot import Plot
 from app.panels.point_photos import PointPhotos
 from app.panels.pulls_panel import PullsPanel
+from app.panels.result_card import ResultCard
 from app.panels.runs_panel import RunsPanel
 from app.panels.selection_panel import SelectionNote, SelectionPanel
 from app.panels.status import Status
@@ -52,12 +56,12 @@ from app.viser_bridge.html_events import whole_number
 from app.viser_bridge.tabs import show_tab
 
 UPDATE_SECONDS = 0.25  # while the mesh moves, panels are updated this often (ledger: updates of panels)
-CELLS_WIDTH = 362  # px
+CELLS_WIDTH = 374  # px: three cells of 110 px beside each other
 
 
 class PagePanels:
     """Attributes:
-    surface_controls, cells_controls, timeline, runs, bookmarks: what hotkeys call, too.
+    surface_controls, cells_controls, timeline, runs, bookmarks, sharing: what hotkeys call, too.
     """
 
     def __init__(
@@ -81,6 +85,7 @@ class PagePanels:
         self._timer: threading.Timer | None = None
         self._panels: list[Panel] = []
         self.surface_controls = SurfaceControls(frame.html_events, resources.scene, page_state, self._republish)
+        self.sharing = Sharing(client, resources.controller, frame.toasts)
         self._add_bar()
         self._add_tabs()
         self._add_cells(lessons)
@@ -115,6 +120,7 @@ class PagePanels:
 
     def close(self) -> None:
         """The browser has disconnected."""
+        self.sharing.close()
         if self._timer is not None:
             self._timer.cancel()
 
@@ -139,10 +145,13 @@ class PagePanels:
         run = self._run_controls
         self._panels += [
             DebugBar(gui, events, run, self.step_into),
-            Status(gui, resources.energies, events.number(run.to_beginning), events.number(run.jump)),
+            Status(
+                gui, resources.energies, resources.residuals, events.number(run.to_beginning), events.number(run.jump),
+                events.button(self.show_result),
+            ),
             Plot(
-                gui, resources.scene.mesh, resources.energies, resources.run_energies, resources.run_errors, events,
-                self._page_state, self._pulls, run.jump, self._republish,
+                gui, resources.scene.mesh, resources.energies, resources.run_energies, resources.run_errors,
+                resources.residuals, events, self._page_state, self._pulls, run.jump, self._republish,
             ),
         ]  # fmt: skip
 
@@ -193,6 +202,7 @@ class PagePanels:
                     PointPhotos(scene, resources.photos, enter),
                     background,
                     controls,
+                    self._result_card(lessons),
                     choose_face,
                     enter,
                     events.guarded,
@@ -212,6 +222,38 @@ class PagePanels:
         self._panels += lessons.build(cells)
         self._panels.append(CellLens(gui, scene, source, pages, background, controls, enter, self._frame.view_width))
 
+    def _result_card(self, lessons: LessonDock) -> ResultCard:
+        resources, controller = self._resources, self._resources.controller
+
+        def report_of(run_id: int) -> Path | None:
+            record = controller.file_of(run_id)
+            return None if record is None else record.with_name(REPORT)
+
+        return ResultCard(
+            resources.scene,
+            self._frame.html_events,
+            resources.residuals,
+            resources.background,
+            self.sharing,
+            {name: kind.title for name, kind in SHARE_KINDS.items()},
+            self._fly_to,
+            lessons.open,
+            report_of,
+            self.surface_controls.before_or_now,
+        )
+
+    def _fly_to(self, vertex: int) -> None:
+        self._interaction.select(vertex)
+        vertices = self._resources.stage.page_from_world(self._resources.controller.state.vertices)
+        self._frame.camera.fly_to(vertex, vertices.astype(np.float64))
+
+    def show_result(self) -> None:
+        """Show the result of a finished run, which is beside no selected vertex."""
+        if not self._resources.controller.state.finished:
+            raise NothingToDo("the run has not finished yet; press Run")
+        self._interaction.set_selection(Selection())
+        show_tab(self._client, "Cells")
+
     def _add_timeline(self) -> viser.PanelHandle:
         gui, events, resources = self._client.gui, self._frame.html_events, self._resources
         controller, page_state = resources.controller, self._page_state
@@ -219,7 +261,7 @@ class PagePanels:
         with panel.add_tab("Timeline", viser.Icon.CLOCK):
             self.timeline = Timeline(gui, events, controller, page_state, resources.energies, self._run_controls)
         with panel.add_tab("Runs", viser.Icon.GIT_FORK):
-            self.runs = RunsPanel(gui, events, controller, page_state, resources.run_energies)
+            self.runs = RunsPanel(gui, events, controller, page_state, resources.residuals)
         with panel.add_tab("Bookmarks", viser.Icon.BOOKMARK):
             self.bookmarks = BookmarksPanel(gui, events, controller, page_state)
         self._panels += [self.timeline, self.runs, self.bookmarks]
@@ -234,5 +276,5 @@ class PagePanels:
 
     def _choose_face(self, face: object) -> None:
         faces = self._resources.scene.mesh.faces
-        self._page_state.face = whole_number(face, 0, len(faces) - 1, "face")
+        self._page_state.face, self._page_state.picks_face = whole_number(face, 0, len(faces) - 1, "face"), False
         self._republish()

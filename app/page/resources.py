@@ -12,6 +12,7 @@ from app.debugger.controller import Controller
 from app.debugger.engine_compilation import EngineCompilation
 from app.debugger.error_history import RunErrors, knows_truth
 from app.debugger.history import EnergyHistory, PathHistory
+from app.debugger.residual_history import ResidualHistory
 from app.debugger.run_state import RunState
 from app.debugger.term_files import TermFiles
 from app.experiments.experiment_runner import ExperimentRunner
@@ -31,6 +32,7 @@ class SessionResources:
     """Attributes:
     energies, paths: of the run that a page shows; every page has its own, see `for_page`.
     run_errors: distances to the truth; None where it is not known.
+    residuals: comparable residuals of all runs.
     refinement: of the cameras; None if they are the given ones.
     change_scene: shows another scene of the lessons, and opens a lesson in the browser that requested it; called with
         the browser, the scene's name and the lesson's name.
@@ -42,6 +44,7 @@ class SessionResources:
     energies: EnergyHistory
     run_energies: RunEnergies
     run_errors: RunErrors | None
+    residuals: ResidualHistory
     paths: PathHistory
     thumbnails: Thumbnails
     texturer: Texturer
@@ -84,6 +87,13 @@ class SessionResources:
             FollowedEnergies(run_energies, len(scene.mesh.faces)),
             run_energies,
             RunErrors(scene) if knows_truth(scene) else None,
+            ResidualHistory(
+                session,
+                run_energies,
+                lambda: controller.activity,
+                compilation.wait if compilation else lambda cancelled: None,
+                controller.republish,
+            ),
             PathHistory(len(scene.mesh.vertices)),
             Thumbnails(scene),
             Texturer(
@@ -107,9 +117,11 @@ class SessionResources:
         """Bring this page's histories up to a state."""
         self.energies.update(state)
         self.paths.update(state)
+        self.residuals.follow(state)
 
     def forget_deleted_runs(self, state: RunState) -> None:
         run_ids = [run.run_id for run in state.runs]
+        self.residuals.keep(run_ids)
         self.run_energies.keep(run_ids)
         if self.run_errors is not None:
             self.run_errors.keep(run_ids)
@@ -117,6 +129,7 @@ class SessionResources:
     def close(self) -> None:
         """End the controller, which closes the trace's file, and the workers."""
         self.term_files.close()
+        self.residuals.close()
         self.controller.close()
         self.texturer.close()
         self.background.close()

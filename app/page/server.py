@@ -50,7 +50,7 @@ class App:
         self._lock = threading.Lock()  # of the attributes; held for moments only, never while a page or scene is made
         self._loading = threading.Lock()  # while another scene is loaded
         self._free_memory = FreeMemory()
-        self._lesson_due = lesson
+        self._lesson_due = lesson or None
         self._latest = PageState.of_mesh(len(session.scene.mesh.vertices))
         self.resources = SessionResources.open(session, save_to, recorded_in, self._change_scene, compilation)
         self._show_session(self.resources)
@@ -109,7 +109,7 @@ class App:
             with self._lock:
                 old, self.resources = self.resources, resources
                 self._latest = PageState.of_mesh(len(resources.scene.mesh.vertices))
-                self._lesson_due = lesson
+                self._lesson_due = lesson or None
             self._close(old, self._take_pages())
             self._show_session(resources)
         finally:

@@ -45,8 +45,9 @@ class VertexInteraction:
         )
 
     def set_selection(self, selection: Selection) -> None:
-        """Select these vertices and no others."""
+        """Select these vertices and no others; of the current one the face with the largest energy is shown."""
         self._page_state.selection, self._page_state.point = selection, None
+        self._page_state.face, self._page_state.picks_face = None, True
         self._controller.republish()
 
     def select(self, vertex: object) -> None:

@@ -21,7 +21,7 @@ PARTS: dict[str, str] = {
 KINDS: dict[str, str] = {
     "photo": "Observed cell I, contrast stretched to the grey levels of the face",
     "reconstruction": "Reconstruction U c from the eigenspace",
-    "residual": "Signed residual I − U c: blue negative, red positive, saturated from e_T",
+    "residual": "Signed residual I − U c: blue negative, red positive; full colour at the 99th percentile, at most at e_T",
     "weight": "Robust weight ρ'(e)/e: bright is full weight, yellow an outlier beyond e_T",
     "norm": "Robust norm ρ(e)",
     "model": "Displacement field υ of the last step of this vertex, over the residual before it",
@@ -64,7 +64,7 @@ class CellsView:
 
     page: str = "cells"
     part: str = "warp"
-    columns: tuple[str, ...] = ("photo", "reconstruction", "residual", "weight", "model", "flow")
+    columns: tuple[str, ...] = ("photo", "reconstruction", "residual")
     arrow_scale: int = 10
     enlarged: tuple[int, str] | None = None
     hovered: tuple[int, str] | None = None

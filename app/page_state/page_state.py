@@ -60,6 +60,7 @@ class PageState:
         selection: the selected vertices.
         point: the selected sparse point, whose photos are shown while no vertex is selected; None: none.
         face: the face whose cells are shown; None: the first face of the current vertex.
+        picks_face: whether the face with the largest energy around the current vertex is shown as soon as it is known.
         entered: the camera whose view is shown; None: the free view.
         magnification: of displacements, 1 to `MAX_MAGNIFICATION`.
         adjustment_step: the iteration of the adjustment of cameras that the layer "given cameras" shows; 0: the given ones.
@@ -86,6 +87,7 @@ class PageState:
     selection: Selection = field(default_factory=Selection)
     point: int | None = None
     face: int | None = None
+    picks_face: bool = False
     entered: int | None = None
     magnification: float = 1.0
     adjustment_step: int = 0

@@ -14,8 +14,8 @@ from app.pictures.cell_images import FLOW_COLORS, GAP, CellPictures, strip_of_ba
 from fairing.judge.inspect import FaceCells
 from fairing.scene import Scene
 
-WIDTH = 326  # px within the panel
-MAX_TILE = 106
+WIDTH = 338  # px within the panel
+MAX_TILE = 112
 CHART = (158, 54)
 
 
@@ -32,7 +32,7 @@ def cell_table(
     tile = min(MAX_TILE, (WIDTH - GAP * (len(cells_view.columns) - 1)) // len(cells_view.columns))
     pictures = CellPictures(cells, facts.flows)
     heads = "".join(
-        f"<span style='width:{tile + GAP}px' title='{text(KINDS[kind])}'>{text(HEADS[kind])}</span>"
+        f"<span style='width:{tile + GAP}px' title='{text(KINDS[kind])}'>{_head(kind, pictures)}</span>"
         for kind in cells_view.columns
     )
     rows = "".join(
@@ -42,6 +42,12 @@ def cell_table(
         f"{_facts(facts, controls)}{_basis(facts, controls)}<h4>Cells by photo</h4>{_chips(facts, cells_view, controls)}"
         f"<div class='row kinds'>{heads}</div>{rows}"
     )
+
+
+def _head(kind: str, pictures: CellPictures) -> str:
+    """The head of a column; above residuals with the grey levels of full colour."""
+    scale = f" <span class='dim'>±{number(pictures.residual_scale, 2)}</span>" if kind == "residual" else ""
+    return text(HEADS[kind]) + scale
 
 
 def _facts(facts: CellFacts, controls: CellsControls) -> str:

@@ -18,6 +18,7 @@ from app.panels.iteration_page import IterationSource, iteration_page
 from app.panels.keys_dialog import key_table
 from app.panels.photo_pages import PhotoPages
 from app.panels.point_photos import PointPhotos
+from app.panels.result_card import ResultCard
 from app.query_cache import QueryCache
 from app.viser_bridge.html_panel import HtmlPanel
 from app.viser_bridge.synced_widget import SyncedSlider
@@ -45,12 +46,13 @@ class CellsPanel:
         point_photos: PointPhotos,
         background: BackgroundWorker,
         controls: CellsControls,
+        result: ResultCard,
         choose_face: Callable[[str], str],
         enter: Callable[[str], str],
         guarded: Callable[[Callable[..., None]], Callable[..., None]],
     ) -> None:
         self._scene, self._source, self._pages, self._controls = scene, source, pages, controls
-        self._iterations = iterations
+        self._iterations, self._result = iterations, result
         self._choose_face, self._enter, self._point_photos = choose_face, enter, point_photos
         self._head = HtmlPanel(gui)
         self._k = gui.add_slider(
@@ -73,7 +75,7 @@ class CellsPanel:
             if page_state.selected is not None:
                 note = f"No face uses vertex {page_state.selected}."
             self._k.visible = False
-            self._show_point(page_state, note)
+            self._show_point(state, page_state, note)
             return
         if page_state.cells.page == "cells":
             moment = self._show_cells(state, page_state)
@@ -154,12 +156,12 @@ class CellsPanel:
         self._draw(("pair", key, face, cells_view.pair), lambda: pages.pair(known, face, slot, cells_view, affine))
         return key[1]
 
-    def _show_point(self, page_state: PageState, note: str) -> None:
-        """The selected sparse point in its photos; a note and the first keys if there is none."""
+    def _show_point(self, state: RunState, page_state: PageState, note: str) -> None:
+        """The selected sparse point in its photos; without one, the result of a finished run, or a note and the first keys."""
         point, points, pictures = page_state.point, self._scene.sparse_points, self._point_photos
         self._head.set("" if point is not None else f"<span class='dim'>{note}</span>")
         if point is None or points is None:
-            self._body.set(FIRST_MOVES)
+            self._body.set(self._result.markup(state, page_state) or FIRST_MOVES)
             return
         self._draw(("point", point), lambda: pictures.draw(points, point))
 

@@ -12,8 +12,9 @@ import viser
 from app.debugger.compare import Compared, RunEnergies, look_up
 from app.debugger.error_history import RunErrors
 from app.debugger.history import EnergyHistory, Recorded
+from app.debugger.residual_history import ResidualHistory
 from app.debugger.run_state import RunState
-from app.debugger.series import NAN, QUANTITIES, Quantity, Series, series_of
+from app.debugger.series import NAN, QUANTITIES, RESIDUAL, Quantity, Series, series_of
 from app.debugger.stage_text import blur_text, fit_lines, stage_name
 from app.debugger.step_text import slot_of
 from app.html import number, text
@@ -29,7 +30,9 @@ from app.panels.plot_drawing import (
     TOP,
     WIDTH,
     band,
+    cursor,
     frame,
+    known_points,
     line_at,
     value_scale,
 )
@@ -38,14 +41,23 @@ from app.pictures.term_colors import COLOR_OF_TERM
 from app.plot_line import Line, intervals
 from app.viser_bridge.html_events import Handler, HtmlEvents, choice_of, press
 from app.viser_bridge.html_panel import HtmlPanel
+from fairing.judge.comparable_residual import SIGMA
 from fairing.mesh import Mesh
 from fairing.stage_kind import StageKind
 from fairing.trace import StepRecord
 
+RISE = 1.01  # times its lowest value: an error that ends higher is explained
 A_WIDTH = 10  # of the mark of A, in units of the plot
 NUMBER_WIDTH = 50  # of the present value
 
 ERROR, FIT, TERMS = "error", "fit", "terms"
+_RESIDUAL = Quantity(
+    RESIDUAL, "what the photos do not agree about: the same faces, photos and samples at the finest level at all moments and in "
+    f"all runs, so that all points compare. Root mean square, in which more than {SIGMA:g} grey levels count as {SIGMA:g}. "
+    "Measured at the ends of stages, and in between while the run is paused",
+    "Residual at the finest level, grey levels", "Residual of its faces at the finest level, grey levels", False,
+    lambda record: NAN, lambda record, slot, ring: NAN,
+)  # fmt: skip
 _ERROR = Quantity(
     ERROR, "distance to the truth along directions the photos determine, % of the diagonal; of the run: RMS",
     "RMS distance to the truth, % of diagonal", "Distance to the truth, % of diagonal", False,
@@ -65,8 +77,8 @@ _TERMS = Quantity(
 
 
 class Plot:
-    """The energy of the run has one line per sweep, because energies of different sweeps are not comparable: every
-    sweep defines its own cells."""
+    """The residual at the finest level compares throughout. The energy has one line per sweep, because every sweep has its own
+    cells."""
 
     def __init__(
         self,
@@ -75,6 +87,7 @@ class Plot:
         energies: EnergyHistory,
         run_energies: RunEnergies,
         run_errors: RunErrors | None,
+        residuals: ResidualHistory,
         html_events: HtmlEvents,
         page_state: PageState,
         pulls: PullSource,
@@ -82,8 +95,9 @@ class Plot:
         republish: Callable[[], None],
     ) -> None:
         self._mesh, self._energies, self._run_energies, self._run_errors = mesh, energies, run_energies, run_errors
-        self._pulls = pulls
-        self._quantities = ({} if run_errors is None else {ERROR: _ERROR}) | QUANTITIES | {FIT: _FIT, TERMS: _TERMS}
+        self._pulls, self._residuals = pulls, residuals
+        errors = {} if run_errors is None else {ERROR: _ERROR}
+        self._quantities = {RESIDUAL: _RESIDUAL} | errors | QUANTITIES | {FIT: _FIT, TERMS: _TERMS}
 
         def change(**changes: object) -> None:
             page_state.plot = replace(page_state.plot, **changes)
@@ -107,12 +121,8 @@ class Plot:
         self._shown: object = None
 
     def _name(self, plot: PlotView) -> str:
-        """The quantity that is plotted: the user's choice, else the error where the truth is known, else the energy, or the
-        objective of the fits until a step has measured an energy."""
-        if plot.name in self._quantities:
-            return plot.name
-        first = next(iter(self._quantities))
-        return FIT if first == "energy" and self._has_fits() and not self._energies.is_measured else first
+        """The quantity that is plotted: the user's choice, else the residual, which compares throughout."""
+        return plot.name if plot.name in self._quantities else RESIDUAL
 
     def _has_fits(self) -> bool:
         return bool(np.isin(self._energies.curves.kinds, [kind for kind in StageKind if kind.is_fit]).any())
@@ -128,11 +138,14 @@ class Plot:
         reference = None if compared is None else (compared.run.run_id, compared.run.length, compared.moment)
         name = self._name(plot)
         known = () if name != TERMS or self._pulls.at(state) is None else tuple(self._pulls.energies(state.run_id))
+        if name in (RESIDUAL, ERROR):
+            runs = (state.run_id, *(() if compared is None else (compared.run.run_id,)))
+            known = tuple(self._residuals.count(run_id) for run_id in runs)
         key = (state.run_id, state.length, state.moment, plot, vertex, page_state.selected, reference, known)
         if key == self._shown:
             return
         self._shown = key
-        chips = self._chips(plot, page_state.selected, vertex, has_steps=state.length > 0)
+        chips = self._chips(state, plot, page_state.selected, vertex)
         if state.length == 0:
             self._panel.set(chips + _empty("No steps yet."))
             return
@@ -143,14 +156,25 @@ class Plot:
         if name == TERMS:
             lines, colors = self._lines_of_terms(state, vertex)
         if not lines:
-            why = "Computing…" if name == TERMS else "No step has recorded this yet."
+            why = self._why_empty(state, name)
             self._panel.set(chips + _empty(why))
             return
         others: list[Line] = []
         if compared is not None and compared.run.run_id != state.run_id and compared.run.length:
             energies = self._run_energies.of(compared.run)
             others = self._lines(compared.run, energies, name, vertex, "reference")
-        self._panel.set(chips + self._picture(state, plot, lines, colors, compared, others))
+        picture = self._picture(state, plot, lines, colors, compared, others)
+        why = self._why_error_rises(state) if name == ERROR and vertex is None else ""
+        self._panel.set(chips + picture + (why and f"<div class='dim note'>{text(why)}</div>"))
+
+    def _why_empty(self, state: RunState, name: str) -> str:
+        """Why there is nothing to plot."""
+        if name == TERMS:
+            return "Computing…"
+        if name == RESIDUAL:
+            why_not = self._residuals.of(state).why_not
+            return text(f"Not measured: {why_not}") if why_not else "Measuring…"
+        return "No step has recorded this yet."
 
     def _lines_of_terms(self, state: RunState, vertex: int | None) -> tuple[list[Line], list[RGB]]:
         """Lines of the terms at the moments whose pulls are known, one a sweep, and their colours."""
@@ -170,6 +194,9 @@ class Plot:
     def _lines(self, run: Recorded, energies: EnergyHistory, name: str, vertex: int | None, role: str) -> list[Line]:
         if name == TERMS:
             return []
+        if name == RESIDUAL:
+            line = self._residuals.of(run).line(None if vertex is None else self._mesh.one_rings[vertex])
+            return [line] if len(line.moments) else []
         if name == FIT:
             return fit_lines(run.trace.steps, energies.stages(run.length))
         if name == "energy" and vertex is None:
@@ -199,17 +226,17 @@ class Plot:
             return Series(error)
         return series_of(name, vertex, np.zeros(0, dtype=int) if vertex is None else self._mesh.one_rings[vertex])
 
-    def _chips(self, plot: PlotView, selected: int | None, vertex: int | None, has_steps: bool) -> str:
+    def _chips(self, state: RunState, plot: PlotView, selected: int | None, vertex: int | None) -> str:
         """Buttons for the quantities; below, what the chosen one is (once a step has recorded it), whose it is, and its scale."""
         chosen = self._name(plot)
         is_energy = chosen in ("energy", TERMS)
-        left_out = {TERMS} if self._has_fits() else {TERMS, FIT}
+        left_out = {"energy", TERMS} if self._has_fits() else {"energy", TERMS, FIT}
         quantities = "".join(
             chip(
                 quantity.title,
                 self._events("quantity", n),
                 f"Plot {quantity.meaning}",
-                name == chosen or (name == "energy" and is_energy),
+                name == chosen,
                 "chip tight",
             )
             for n, (name, quantity) in enumerate(self._quantities.items())
@@ -220,6 +247,7 @@ class Plot:
         of_vertex = chip(whose, self._events("vertex"), hint, plot.of_vertex, "chip tight")
         log = chip("log", self._events("log"), "Logarithmic scale", self._is_log(plot), "chip tight")
         quantity = self._quantities[chosen]
+        has_steps = state.length > 0
         caption = text((quantity.run_caption if vertex is None else quantity.vertex_caption) if has_steps else "")
         meaning = quantity.meaning[:1].upper() + quantity.meaning[1:]
         if chosen == TERMS:
@@ -228,9 +256,32 @@ class Plot:
         if is_energy:
             hint = "Energy of each term at the moments visited (each costs about one iteration)"
             note += chip("terms", self._events("terms"), hint, chosen == TERMS, "chip tight")
+        energy = self._quantities["energy"]
+        at = list(self._quantities).index("energy")
+        of_sweeps = chip("energy", self._events("quantity", at), f"Plot {energy.meaning}", is_energy, "chip tight")
         return (
             f"<div class='row chips quantities'>{quantities}</div>"
-            f"<div class='row chips quantities kind'>{note}{of_vertex}{log}</div>"
+            f"<div class='row chips quantities kind'>{note}{of_sweeps}{of_vertex}{log}</div>"
+        )
+
+    def _why_error_rises(self, state: RunState) -> str:
+        """Why the error of a finished run ends above its lowest value at the end of a stage; empty if it does not."""
+        assert self._run_errors is not None
+        values = self._run_errors.values_of(state)
+        ends = np.array([0, *(stage.end for stage in self._energies.stages(state.length))])
+        lowest = int(ends[values[ends].argmin()])
+        if not state.finished or values[-1] < RISE * values[lowest]:
+            return ""
+        known = self._residuals.of(state).by_moment
+        before, after = known.get(lowest), known.get(state.length)
+        change = "" if before is None or after is None else (
+            f" (residual {number(before.mean, 4)} at moment {lowest}, {number(after.mean, 4)} at the end)"
+        )  # fmt: skip
+        error = number(float(values[lowest]), 3)
+        return (
+            f"The error was lower at moment {lowest}, {error} %. The judge keeps the end by the energy of "
+            f"the photos and by held-out points{change}: it does not know the truth. Along directions that the photos hardly "
+            "determine, a mesh that explains them better may lie farther from it."
         )
 
     def _legend_of_terms(self) -> str:
@@ -253,11 +304,17 @@ class Plot:
         """
         name = self._name(plot)
         everything = np.concatenate([line.values for line in (*lines, *others)])
-        length = max(state.length, *(int(line.moments[-1]) for line in others), 1)
+        length, length_of_a = max(state.length, 1), 1 if compared is None else max(compared.run.length, 1)
+        by_share = bool(others) and compared is not None and not _share_steps(state, compared)
+        if others and not by_share:
+            length = length_of_a = max(length, length_of_a)
         scale = value_scale(everything, self._is_log(plot))
 
         def x(moment: np.ndarray | float) -> np.ndarray:
             return LEFT + (WIDTH - LEFT - RIGHT) * np.asarray(moment) / length
+
+        def x_of_a(moment: np.ndarray | float) -> np.ndarray:
+            return x(np.asarray(moment) * length / length_of_a)
 
         def y(values: np.ndarray | float) -> np.ndarray:
             return HEIGHT - BOTTOM - (HEIGHT - TOP - BOTTOM) * scale.heights(values)
@@ -274,22 +331,34 @@ class Plot:
             color, is_empty = COLOR_OF_STAGE[stage.kind], not shown[stage.begin + 1 : stage.end + 1].any()
             left, right = float(x(stage.begin)), float(x(stage.end))
             parts.append(
-                band(left, right, label, color, is_empty=is_empty and name != TERMS, has_border=stage.begin > 0)
+                band(
+                    left,
+                    right,
+                    label,
+                    color,
+                    is_empty=is_empty and name not in (TERMS, RESIDUAL),
+                    has_border=stage.begin > 0,
+                )
             )
+        at_a = 0.0
         # Lines of A are pale beyond A's moment; the other lines are pale beyond the current moment.
-        parts.extend(line_at(line, compared.moment, x, y, length, REFERENCE) for line in others if compared)
+        parts.extend(line_at(line, compared.moment, x_of_a, y, length_of_a, REFERENCE) for line in others if compared)
         for line, color in zip(lines, colors or [NOW] * len(lines), strict=True):
             parts.append(line_at(line, state.moment, x, y, length, color))
+            if name == RESIDUAL:
+                parts.append(known_points(line, state.moment, x, y, color))
         if compared is not None:
-            parts.append(_mark_of_a(float(x(min(compared.moment, length)))))
+            at_a = float((x if compared.run.run_id == state.run_id else x_of_a)(compared.moment))
+            parts.append(_mark_of_a(at_a))
         here = [line for line in lines if line.moments[0] <= state.moment]
         if name in (FIT, "energy") and not plot.of_vertex:  # no line reaches a stage that has no such values
             here = [line for line in here if state.moment <= line.moments[-1]]
-        if here and name != TERMS:
+        if name == RESIDUAL and not np.isin(state.moment, lines[0].moments):
+            parts.append(cursor(float(x(state.moment))))
+        elif here and name != TERMS:
             value = here[-1].values[np.searchsorted(here[-1].moments, state.moment, side="right") - 1]
             parts.append(f'<circle cx="{x(state.moment):.1f}" cy="{y(value):.1f}" r="4" fill="{css(SELECTED)}"/>')
             right = WIDTH - RIGHT - 2
-            at_a = 0.0 if compared is None else float(x(min(compared.moment, length)))
             if at_a > right - NUMBER_WIDTH:  # the mark of A would cover the number
                 right = at_a - A_WIDTH
             parts.append(f'<text x="{right:.1f}" y="{TOP + 6}" text-anchor="end">{number(float(value), 4)}</text>')
@@ -301,12 +370,19 @@ class Plot:
             + self._events("jump", "m")
         )
         meaning = self._quantities[name].meaning
+        along = "share of the steps of each run" if by_share else "moment"
         # Not onclick: while a run redraws the plot, press and release may hit two different elements.
         return (
             f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" class="plot" role="img" '
             f'aria-label="{text(self._quantities[name].title.capitalize())} plot" onpointerdown="{text(press)}">'
-            f"<title>By moment: {text(meaning)}. Click to go to a moment</title>{''.join(parts)}</svg>"
+            f"<title>By {along}: {text(meaning)}. Click to go to a moment</title>{''.join(parts)}</svg>"
         )
+
+
+def _share_steps(state: RunState, compared: Compared) -> bool:
+    """Whether one of the two runs was branched from the other, so that their moments compare."""
+    parents = {run.run_id: run.parent for run in state.runs}
+    return parents.get(state.run_id) == compared.run.run_id or compared.run.parent == state.run_id
 
 
 def _empty(note: str) -> str:

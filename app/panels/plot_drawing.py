@@ -7,7 +7,7 @@ import numpy as np
 
 from app.debugger.series import thinned
 from app.html import text
-from app.palette import RGB, css
+from app.palette import RGB, SELECTED, css
 from app.plot_line import Line
 from app.ticks import log_ticks, tick_labels, ticks
 
@@ -15,6 +15,7 @@ WIDTH, HEIGHT = 312, 132
 LEFT, RIGHT, TOP, BOTTOM = 46, 6, 8, 18
 MARGIN = 0.05  # of the range of values, above and below them
 LETTER = 5.6  # width of a letter of a label, at most
+MOST_POINTS = 40
 ZERO_BELOW = 0.15  # of the height: room for the label of zero
 
 
@@ -104,6 +105,24 @@ def line_at(
     past = moments <= moment
     pale = "" if past.all() else _polyline(x(moments), y(values), css(color, 0.35))
     return pale + (_polyline(x(moments[past]), y(values[past]), css(color)) if past.any() else "")
+
+
+def known_points(
+    line: Line, moment: int, x: Callable[[np.ndarray], np.ndarray], y: Callable[[np.ndarray], np.ndarray], color: RGB
+) -> str:
+    """The points of a line that is known at some moments only, while they are few enough to be told apart; pale beyond the
+    current moment."""
+    if len(line.moments) > MOST_POINTS:
+        return ""
+    return "".join(
+        f'<circle cx="{at:.1f}" cy="{height:.1f}" r="2" fill="{css(color, 1 if known <= moment else 0.5)}"/>'
+        for known, at, height in zip(line.moments.tolist(), x(line.moments), y(line.values), strict=True)
+    )
+
+
+def cursor(x: float) -> str:
+    """A mark of the current moment, where the line is not known."""
+    return f'<line x1="{x:.1f}" x2="{x:.1f}" y1="{TOP}" y2="{HEIGHT - BOTTOM}" stroke="{css(SELECTED)}"/>'
 
 
 def _polyline(x: np.ndarray, y: np.ndarray, color: str) -> str:

@@ -6,8 +6,9 @@ import numpy as np
 import viser
 
 from app.debugger.commands import DeleteRun, Pause, Race, SwitchTo
-from app.debugger.compare import Reference, RunEnergies, distances, look_up
+from app.debugger.compare import Reference, distances, look_up
 from app.debugger.controller import Controller
+from app.debugger.residual_history import ResidualHistory
 from app.debugger.run_state import RunState
 from app.debugger.runs import RunInfo
 from app.html import button, icon, number, text
@@ -16,7 +17,7 @@ from app.palette import REFERENCE, css
 from app.viser_bridge.html_events import HtmlEvents, integer, press
 from app.viser_bridge.html_panel import HtmlPanel
 from fairing.judge.metrics import vertex_errors
-from fairing.options import PRESETS
+from fairing.options import PRESETS, FairingOptions
 
 MAX_RUN_ID = 10**6
 A = f"<b class='tag' style='background:{css(REFERENCE)}'>A</b>"
@@ -31,10 +32,10 @@ class RunsPanel:
         html_events: HtmlEvents,
         controller: Controller,
         page_state: PageState,
-        energies: RunEnergies,
+        residuals: ResidualHistory,
     ) -> None:
         self._scene, self._controller, self._page_state = controller.scene, controller, page_state
-        self._energies = energies
+        self._residuals = residuals
         self._events = html_events.named(
             {
                 "switch": integer(lambda n: controller.post(SwitchTo(n)), "run", 1, MAX_RUN_ID),
@@ -43,10 +44,11 @@ class RunsPanel:
                 "mark": press(self.mark_now),
                 "clear": press(lambda: self._refer_to(None)),
                 "visit": press(self._visit),
-                "race": press(self._race),
+                "race": press(self.compare_presets),
             }
         )
         self._errors: dict[int, tuple[int, str]] = {}
+        self._other_racer: FairingOptions | None = None  # the run with which the presets are compared becomes A
         self._panel = HtmlPanel(gui)
 
     def mark_now(self) -> None:
@@ -59,17 +61,28 @@ class RunsPanel:
         if compared is not None:
             self._controller.post(SwitchTo(compared.run.run_id, compared.moment))
 
-    def _race(self) -> None:
+    def compare_presets(self) -> None:
+        """Run both presets from the start in turn; A becomes the run of the other one."""
         locked = self._controller.state.options.locked_vertices
         first, second = (replace(PRESETS[name], locked_vertices=locked) for name in ("paper", "accurate"))
+        self._page_state.reference, self._other_racer = None, first
         self._controller.post(Pause())
         self._controller.post(Race(first, second))
+
+    def _refer_to_other_racer(self, state: RunState) -> None:
+        """Compare with the other run even where both were finished before, so that no state showed them racing."""
+        others = [run for run in state.runs if run.options == self._other_racer and run.parent is None]
+        if others and others[-1].run_id != state.run_id and self._page_state.reference is None:
+            self._page_state.reference = Reference(others[-1].run_id)
+        self._other_racer = None
 
     def _refer_to(self, reference: Reference | None) -> None:
         self._page_state.reference = reference
         self._controller.republish()
 
     def show(self, state: RunState, page_state: PageState) -> None:
+        if self._other_racer is not None and not state.is_working:
+            self._refer_to_other_racer(state)
         knows_truth = self._scene.truth is not None and self._scene.truth.vertices is not None
         error = (
             "<th class='n' title='RMS distance to the truth along directions the photos determine, % of the diagonal'>"
@@ -80,7 +93,8 @@ class RunsPanel:
             f"{self._comparison(state, page_state)}"
             f"<div class='scroll'><table class='runs'><tr><th>run</th><th>options</th>"
             "<th class='n' title='Recorded steps; so far: the run has not finished'>steps</th>"
-            "<th class='n' title='Not comparable between runs with different cells or dimensions'>energy</th>"
+            "<th class='n' title='Residual of the last recorded mesh at the finest level, grey levels: the same faces, photos and "
+            "samples in all runs'>residual</th>"
             f"{error if knows_truth else ''}<th></th></tr>{rows}</table></div>"
         )
 
@@ -138,15 +152,15 @@ class RunsPanel:
             enabled=len(state.runs) > 1,
         )
         fork = "" if run.parent is None else f"from run {run.parent} at moment {run.forked_at}: "
-        lines = self._energies.of(run).lines(run.length)
-        energy = number(float(lines[-1].values[-1]), 5) if lines else "–"
+        found = self._residuals.of(run).by_moment.get(run.length)
+        residual = "…" if found is None else number(found.mean, 4)
         error = f"<td class='n'>{self._error(run, state)}</td>" if knows_truth else ""
         return (
             f"<tr class='{'current' if is_current else ''}'><td>{name}</td>"
             f"<td class='what' title='{text(fork + run.differs)}'><span class='dim'>{text(fork)}</span>"
             f"{text(run.differs)}</td>"
             f"<td class='n'>{run.length}{'' if run.finished else '<span class=dim> so far</span>'}</td>"
-            f"<td class='n'>{energy}</td>{error}<td><div class='row tools'>{compare}{remove}</div></td></tr>"
+            f"<td class='n'>{residual}</td>{error}<td><div class='row tools'>{compare}{remove}</div></td></tr>"
         )
 
     def _error(self, run: RunInfo, state: RunState) -> str:

@@ -1,18 +1,20 @@
-"""Status: the position in the schedule, the outcome of the last step, and the energy."""
+"""Status: the position in the schedule, the outcome of the last step, and the residual."""
 
 import re
 from collections.abc import Callable
 
+import numpy as np
 import viser
 
 from app.debugger.actions import BLOCK_NAMES
 from app.debugger.commands import Extent
 from app.debugger.history import EnergyHistory
 from app.debugger.moment_id import moment_id
+from app.debugger.residual_history import ResidualHistory
 from app.debugger.run_state import Activity, RunState
 from app.debugger.stage_text import blur_text, stage_line, sweep_word
 from app.debugger.step_text import step_outcome
-from app.html import copy_button, number, text
+from app.html import button, copy_button, number, text
 from app.page_state.page_state import PageState
 from app.palette import css
 from app.pictures.stage_colors import COLOR_OF_STAGE
@@ -30,16 +32,20 @@ class Status:
         self,
         gui: viser.GuiApi,
         energies: EnergyHistory,
+        residuals: ResidualHistory,
         to_beginning: Callable[[str], str],
         go_to: Callable[[str], str],
+        show_result: str,
     ) -> None:
         """
         Args:
             to_beginning: JavaScript that goes to the beginning of an extent, given its number.
             go_to: JavaScript that goes to a moment, given its number.
+            show_result: JavaScript that shows the result of the run.
         """
         self._panel = HtmlPanel(gui)
-        self._energies, self._to_beginning, self._go_to = energies, to_beginning, go_to
+        self._energies, self._residuals = energies, residuals
+        self._to_beginning, self._go_to, self._show_result = to_beginning, go_to, show_result
 
     def show(self, state: RunState, page_state: PageState) -> None:
         record = state.record
@@ -58,13 +64,21 @@ class Status:
                       f"<div style='width:{done}%'></div></div>"  # fmt: skip
         self._panel.set(
             f"<div class='pinned'><div class='row'><span class='big'>{_headline(state, page_state)}</span>"
-            f"{self._stage(state)}</div>"
+            f"{self._stage(state)}{self._result(state, page_state)}</div>"
             f"<div class='crumbs row'>{self._crumbs(state)}</div>"
-            f"<div class='row'><span class='one grow'>{self._energy(state)}</span>"
+            f"<div class='row'><span class='one grow'>{self._residual(state)}</span>"
             f"<span class='dim' style='flex:none'>{_speed(state)}</span></div>"
             f"<div class='dim one' title='{text(last)}'>{text(last)}</div>"
             f"<div class='row'><span class='{color} grow work-line' title='{text(line)}'>{_work_line(line)}</span>"
             f"<span class='dim' style='flex:none'>{text(left)}</span></div>{bar}</div>"
+        )
+
+    def _result(self, state: RunState, page_state: PageState) -> str:
+        """A button to the result of a finished run, while a selected vertex takes its place."""
+        if state.is_working or not state.finished or page_state.selected is None:
+            return ""
+        return button(
+            "Result", self._show_result, hint="Result of the run: did it help? (deselects)", css_class="small"
         )
 
     def _crumbs(self, state: RunState) -> str:
@@ -120,21 +134,40 @@ class Status:
         press = text(self._to_beginning(str(int(extent))))
         return f'<button type="button" title="To the beginning of this {name}" onclick="{press}">{content}</button>'
 
-    def _energy(self, state: RunState) -> str:
-        record, what = state.record, "Energy"
+    def _residual(self, state: RunState) -> str:
+        """The residual at the finest level, its change since the start, and as a hint what the last step minimized."""
+        hint, found = self._step(state), self._residuals.of(state)
+        if found.why_not:
+            return f"<span title='{text(hint)}'>Residual <span class='dim'>not measured: {text(found.why_not)}</span></span>"
+        known, start = found.up_to(state.moment), found.by_moment.get(0)
+        if known is None or not np.isfinite(known[1]):
+            line = "is measured when the run pauses" if known is None else "no face is seen by three photos"
+            return f"<span title='{text(hint)}'>Residual <span class='dim'>{line}</span></span>"
+        moment, value = known
+        unit = "grey levels" if moment == state.moment else f"at moment {moment}"
+        change = ""
+        if start is not None and moment > 0 and start.mean > 0:
+            percent = 100 * (value / start.mean - 1)
+            color = "start" if percent < 0 else "dim" if percent == 0 else "rejected"
+            change = f" <span class='{color}'>{_signed(percent, 3)} %</span>"
+            hint = f"{_signed(percent, 3)} % since the start. {hint}"
+        return f"<span title='{text(hint)}'>Residual <b>{number(value, 4)}</b> <span class='dim'>{unit}</span>{change}</span>"
+
+    def _step(self, state: RunState) -> str:
+        """What the last step minimized; it compares with nothing but the other steps of its sweep."""
+        record, what = state.record, "Sweep energy"
         if record is not None and record.stage.is_fit and len(record.faces) == 0:
-            what, before, after = "Objective", record.objective_before, record.objective_after
+            what, before, after = "Objective of the fit", record.objective_before, record.objective_after
         elif record is None or len(record.faces) == 0:
-            return f"Energy <span class='dim'>not measured {'yet' if record is None else 'in this step'}</span>"
+            return f"Sweep energy: not measured {'yet' if record is None else 'in this step'}"
         else:
             before, after = (float(curve[state.moment - 1]) for curve in (self._energies.before, self._energies.after))
         change = after - before
         percent = 100 * change / before if before else 0.0
-        share = "&lt;\u20090.01" if 0 < abs(percent) < 0.01 else _signed(percent, 3)
-        color = "start" if change < 0 else ("dim" if change == 0 else "rejected")
-        digits = 6 if what == "Energy" else 5
-        changed = f"{_signed(change, digits - 2)} ({share} %)"
-        return f"{what} <b>{number(after, digits)}</b> <span class='{color}'>{changed}</span>"
+        share = "<\u20090.01" if 0 < abs(percent) < 0.01 else _signed(percent, 3)
+        return (
+            f"{what} {number(after, 6)}, {_signed(change, 4)} ({share} %) by the last step; compares within its sweep"
+        )
 
 
 def _shown_position(state: RunState) -> SchedulePosition | None:

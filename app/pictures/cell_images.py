@@ -27,7 +27,7 @@ class CellPictures:
     Args:
         cells: of the face.
         flows: flow vectors and the cells they are drawn over; without them, flow columns are dark.
-        residual_scale: residual shown at full colour, grey levels; default: the outlier threshold.
+        residual_scale: residual shown at full colour, grey levels; default: what makes these residuals visible.
     """
 
     def __init__(self, cells: FaceCells, flows: StepFlows | None = None, residual_scale: float | None = None) -> None:
@@ -36,7 +36,7 @@ class CellPictures:
         low, high = (float(value) for value in np.percentile(shown, (0.5, 99.5)))
         self.dark, self.bright = low, max(high, low + 8.0)
         self.threshold = _threshold(cells)
-        scale = residual_scale or self.threshold
+        scale = self.residual_scale = residual_scale or min(self.threshold, _visible_scale(cells))
         self.largest_rho = max(float(np.percentile(cells.rho, 99.5)), 1e-12)
         self.largest_weight = max(float(cells.weights.max(initial=0)), 1e-12)
         self._draw: dict[str, Callable[[int], np.ndarray]] = {
@@ -101,7 +101,8 @@ class CellPictures:
         if kind in ("photo", "reconstruction"):
             return _bar("#000", "#fff", number(self.dark, 3), "grey levels", number(self.bright, 3))
         if kind == "residual":
-            edge, name = number(self.threshold, 3), self._threshold_name()
+            edge = number(self.residual_scale, 3)
+            name = self._threshold_name() if self.residual_scale == self.threshold else "the 99th percentile"
             return _gradient(
                 _css_gradient(_signed(np.linspace(-1, 1, 17))), f"−{edge}", f"0; ends at {name}", f"+{edge}"
             )
@@ -190,6 +191,12 @@ def _threshold(cells: FaceCells) -> float:
     if np.isfinite(cells.outlier_threshold):
         return max(float(cells.outlier_threshold), 1e-6)
     return max(3 * float(np.std(cells.residual[cells.counts])) if cells.counts.any() else 1.0, 1e-6)
+
+
+def _visible_scale(cells: FaceCells) -> float:
+    """Grey levels that 1 % of the residuals exceed; at least one grey level, or quantisation would look like a residual."""
+    shown = np.abs(cells.residual[cells.counts])
+    return max(float(np.percentile(shown, 99)), 1.0) if len(shown) else 1.0
 
 
 def _placed(cells: FaceCells, colors: np.ndarray, counts: np.ndarray | None) -> np.ndarray:

@@ -43,6 +43,27 @@ def show_heading(client: viser.ClientHandle, title: str) -> None:
     run_in_page(client.gui, f"(() => {{{source}}})()")
 
 
+def show_field(client: viser.ClientHandle, folder: str, label: str) -> None:
+    """Open the folder with this title if it is closed, and scroll to the field with this label, as soon as it is there."""
+    source = f"""
+        let left = {SCROLL_TRIES};
+        const named = text => Array.from(document.querySelectorAll('label, p, div, span')).find(e =>
+            e.childElementCount === 0 && e.textContent.trim() === text && e.offsetParent && !e.closest('[role=tab], .ef'));
+        const scroll = () => {{
+            const field = named({json.dumps(label)}), title = named({json.dumps(folder)});
+            if (field) {{
+                field.scrollIntoView({{block: 'center'}});
+                field.animate([{{color: '#ffd43b'}}, {{}}], 3000);
+                return;
+            }}
+            if (title && left % 10 === 0) title.click();
+            if (left-- > 0) setTimeout(scroll, 100);
+        }};
+        scroll();
+    """
+    run_in_page(client.gui, f"(() => {{{source}}})()")
+
+
 def reload_page(client: viser.ClientHandle, after: float) -> None:
     """Reload the page in `after` seconds."""
     run_in_page(client.gui, f"setTimeout(() => location.reload(), {1000 * after:.0f})")

@@ -1,8 +1,10 @@
 """Run report: the contents of `report.json`, and energies sweep by sweep."""
 
 import platform
+from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -83,13 +85,21 @@ def sweep_energies(trace: Trace) -> list[SweepEnergy]:
     return tally.sweeps
 
 
-def run_report(session: Session, preset: str, seconds: dict[str, float], quality: dict[str, Any]) -> dict[str, Any]:
+def run_report(
+    session: Session,
+    preset: str,
+    seconds: dict[str, float],
+    quality: dict[str, Any],
+    residuals: Mapping[int, float] = MappingProxyType({}),
+) -> dict[str, Any]:
     """The report of a run, ready for JSON.
 
     Args:
         preset: name of the preset that the options started from.
         seconds: time spent outside the session, by stage (loading, for example).
         quality: from `fairing.judge.metrics.quality_report`.
+        residuals: comparable residuals by moment, grey levels, see `fairing.judge.comparable_residual`; those of the ends of
+            stages are reported.
     """
     own = dict(session.seconds)
     # For a run stopped between two sweeps, preparing the next one only for this report could take minutes.
@@ -104,7 +114,8 @@ def run_report(session: Session, preset: str, seconds: dict[str, float], quality
         "versions": versions(),
         "scene": _scene_facts(session),
         "cameras": _cameras(session.trace),
-        "stages": _stages(session.trace),
+        "residual": {when: residuals.get(moment) for when, moment in (("before", 0), ("after", session.moment))},
+        "stages": _stages(session.trace, residuals),
         "stop_reason": session.stop_reason,
         "finished": session.finished,
         "seconds": {"total": sum(stages.values())} | stages,
@@ -134,13 +145,15 @@ def _version(package: str) -> str | None:
         return None
 
 
-def _stages(trace: Trace) -> list[dict[str, Any]]:
-    """Kind, level and steps of every stage, and of a fit its objective, which stands for the associations of its sweep:
-    `objective_left` is the product of what each step left of it."""
+def _stages(trace: Trace, residuals: Mapping[int, float]) -> list[dict[str, Any]]:
+    """Kind, level and steps of every stage, the residual after it if it is known, and of a fit its objective, which stands for
+    the associations of its sweep: `objective_left` is the product of what each step left of it."""
     stages = []
     for stage in recorded_stages(trace):
         steps = trace.steps[stage.begin : stage.end]
-        entry = {"kind": stage.kind.name.lower(), "level": stage.level, "steps": len(steps)}
+        entry: dict[str, Any] = {"kind": stage.kind.name.lower(), "level": stage.level, "steps": len(steps)}
+        if stage.end in residuals:
+            entry["residual"] = residuals[stage.end]
         if stage.kind.is_fit:
             left = [step.objective_after / step.objective_before for step in steps if step.objective_before > 0]
             entry |= {

@@ -505,6 +505,15 @@ class Session:
             faces & (context.n_views > 0), context.level, context.vertices, self.options, margin
         )
 
+    def problem_under(self, options: FairingOptions, cancel_requested: Callable[[], bool] = lambda: False) -> Problem:
+        """The energy of the same scene and start under other options; it shares the photos in memory, and its own
+        cancellation is requested by `cancel_requested`. Another thread may use it beside the session.
+
+        Raises:
+            InputError: an option contradicts the scene.
+        """
+        return Problem(self.scene, options, self.trace.start, cancel_requested, like=self._problem)
+
     def linearise_by_photos(self, faces: np.ndarray, moment: int) -> FaceSystem:
         """Energy and normal equations of faces (F,) int at a moment, by all corners, with the eigenspace eliminated.
 

@@ -142,7 +142,7 @@ def test_keys_step_jump_and_play_to_the_end(replay, facts):
 
 
 def test_the_plots_are_cursors_and_controls(replay, facts):
-    box = replay.page.locator("#energy").bounding_box()
+    box = replay.page.locator("#residual").bounding_box()
     replay.page.mouse.click(box["x"] + box["width"] - 12, box["y"] + 60)
     assert replay.moment() > 0.9 * facts.length
     replay.page.keyboard.press("End")

@@ -11,11 +11,13 @@ function svg(name, attributes, parent) {
 }
 
 class Plot {
-  // lines: [{moments, values}]; others: lines for comparison, in `otherColor`; bands: [{first, end, tint}], tint: a colour or none; onJump: called with
-  // a moment.
-  constructor(host, { title, unit, lines, others = [], otherColor, bands, length, isLog, color, onJump }) {
-    Object.assign(this, { host, title, unit, lines, others, otherColor, bands, length, isLog, color });
-    this.last = Math.max(1, length, ...others.flatMap((line) => line.moments)); // moment at the right border
+  // lines: [{moments, values}]; others: lines of another run for comparison, in `otherColor`, of `otherLength` steps: the axis is the share of each
+  // run; bands: [{first, end, tint}], tint: a colour or none; isKnownAtPoints: lines have values at some moments only; onJump: called with a moment.
+  constructor(host, { title, unit, lines, others = [], otherColor, otherLength = 0, bands, length, isLog, isKnownAtPoints = false, color, onJump }) {
+    const share = Math.max(1, length) / Math.max(1, otherLength);
+    others = others.map(({ moments, values }) => ({ moments: moments.map((moment) => moment * share), values }));
+    Object.assign(this, { host, title, unit, lines, others, otherColor, bands, length, isLog, isKnownAtPoints, color });
+    this.last = Math.max(1, length); // moment at the right border
     const values = [...lines, ...others].flatMap((line) => line.values).filter((value) => Number.isFinite(value) && (!isLog || value > 0));
     this.floor = Math.min(...values);
     const scaled = values.map((value) => this.scaled(value));
@@ -81,22 +83,26 @@ class Plot {
     return result;
   }
 
+  // The moment and value that the dot marks: of the last known one where lines are known at points; null between lines: a fit reads no photo.
   value(moment) {
     let found = null;
-    for (const { moments, values } of this.lines)
-      if (moments[0] <= moment) found = values[moment - moments[0]] ?? null; // null between lines: a fit reads no photo
+    for (const { moments, values } of this.lines) {
+      if (moments[0] > moment) continue;
+      const at = this.isKnownAtPoints ? moments.findLastIndex((m) => m <= moment) : moment - moments[0];
+      found = at < values.length ? [moments[at], values[at]] : null;
+    }
     return found;
   }
 
   cursor(moment) {
     this.moment = moment;
-    const value = this.value(moment), x = this.x(moment);
+    const [known, value] = this.value(moment) ?? [moment, null], x = this.x(moment);
     this.bar.setAttribute("x1", x);
     this.bar.setAttribute("x2", x);
     this.dot.setAttribute("visibility", value === null ? "hidden" : "visible");
     this.reading.textContent = value === null ? "" : `${brief(value, 3)}${this.unit}`;
     if (value === null) return;
-    this.dot.setAttribute("cx", x);
+    this.dot.setAttribute("cx", this.x(known));
     this.dot.setAttribute("cy", this.y(value));
   }
 }

@@ -65,13 +65,13 @@ function showStep() {
   const outcome = $("outcome"), change = $("change");
   outcome.textContent = step ? step.outcome : "";
   change.textContent = "";
-  if (step) {
-    if (step.after !== null) { // null where no energy was measured, because nothing could move
-      const percent = step.before ? 100 * (step.after - step.before) / step.before : 0;
-      change.append(`${step.measure} `, element("b", {}, brief(step.after, 5)), " ", element("span", { className: percent < 0 ? "good" : "dim" }, `${percent > 0 ? "+" : ""}${brief(percent)} %`));
-    }
-    if (step.longest > 0) change.append(`${step.after !== null ? " · " : ""}longest step ${brief(step.longest)} px`);
+  const { moments, values } = data.residual, known = moments.findLastIndex((each) => each <= m);
+  if (known >= 0) {
+    const percent = 100 * (values[known] / values[0] - 1), since = ` ${percent > 0 ? "+" : ""}${brief(percent)} % since the start`;
+    change.append("residual ", element("b", {}, brief(values[known], 4)), " grey levels", element("span", { className: percent < 0 ? "good" : "dim" }, m ? since : ""));
   }
+  if (step?.longest > 0) change.append(`${known >= 0 ? " · " : ""}longest step ${brief(step.longest)} px`);
+  change.title = step && step.after !== null ? `By this step: ${step.measure === "energy" ? "sweep energy" : step.measure} ${brief(step.before, 5)} → ${brief(step.after, 5)}` : "";
   $("what").textContent = step ? data.kinds[step.kind].title : "Before the first step";
   $("why").textContent = step ? data.kinds[step.kind].text : data.intro;
   $("level-text").textContent = step?.measure === "objective" ? "" : step ? data.levels[step.level - 1].text : data.levels[0]?.text ?? "";
@@ -122,13 +122,28 @@ const ring = (vertex) => facesAround(arrays.faces, vertex);
 function select(vertex) {
   state.vertex = vertex;
   const faces = ring(vertex).filter((f) => cells.has(f));
-  const bestSeen = faces.reduce((best, f) => (best !== null && cells.photosOf(f, state.moment) <= cells.photosOf(best, state.moment) ? best : f), null);
-  state.face = faces.includes(state.face) ? state.face : bestSeen;
+  const photos = (face) => cells.photosOf(face, state.moment);
+  const most = faces.reduce((best, f) => (best !== null && (change(f) - change(best) || photos(f) - photos(best)) <= 0 ? best : f), null);
+  state.face = faces.includes(state.face) ? state.face : most;
   if (viewer) { viewer.selected = vertex; viewer.redraw(); }
   $("faces").replaceChildren(...faces.map((f) => element("button", { type: "button", className: "chip", onclick: () => { state.face = f; showCells(); }, textContent: `face ${f}`, "data-face": f })));
   showCells();
   showVertex();
 }
+
+// The comparable residual of a face in a photo at the last known moment, and its largest value in any photo at any moment: of a full bar.
+function comparableResidual(face, view, moment) {
+  const { moments, faces } = data.residuals, values = faces[face] ?? {};
+  const at = moments.findLastIndex((known) => known <= moment);
+  return { value: at < 0 ? null : values[view]?.[at] ?? null, most: Math.max(1e-9, ...Object.values(values).flat()) };
+}
+
+// How much the comparable residual of a face changed in a photo, or in all photos.
+function changeIn(face, view) {
+  const values = data.residuals.faces[face]?.[view];
+  return values ? Math.abs(values.at(-1) - values[0]) : 0;
+}
+function change(face) { return Object.keys(data.residuals.faces[face] ?? {}).reduce((sum, view) => sum + changeIn(face, view), 0); }
 
 function showCells() {
   const began = performance.now();
@@ -138,16 +153,18 @@ function showCells() {
   $("no-cells").textContent = state.vertex === null ? "Click a vertex to see the cells of its faces." : `This file has no photos around vertex ${state.vertex}; it contains those around the vertices that moved most. `;
   if (!isKept) { $("no-cells").append(...(state.vertex === null ? [] : [element("button", { type: "button", className: "chip", onclick: () => select(data.chosen), textContent: `vertex ${data.chosen}` })])); return; }
   for (const chip of $("faces").children) chip.classList.toggle("on", Number(chip.dataset.face) === state.face);
-  const { moment } = state, found = cells.at(state.face, moment, verticesAt(moment)), views = cells.viewsOf(state.face);
-  $("cell-facts").textContent = found ? `k = ${found.k} · blur ${data.levels[data.cells.sweeps.level[data.cells.sweepAt[moment]]].blur} px · energy ${brief(found.energy, 4)}` : "fewer than three photos see the face well enough at this moment";
+  const { moment } = state, found = cells.at(state.face, moment, verticesAt(moment));
+  const views = cells.viewsOf(state.face).toSorted((a, b) => changeIn(state.face, b) - changeIn(state.face, a)); // first where most happened
+  $("cell-facts").textContent = found ? `k = ${found.k} · blur ${data.levels[data.cells.sweeps.level[data.cells.sweepAt[moment]]].blur} px · sweep energy ${brief(found.energy, 4)}` : "fewer than three photos see the face well enough at this moment";
   $("residual-scale").textContent = found ? `±${brief(found.scale.residual)} grey levels` : "";
   const tall = $("cells").style, side = Math.round(parseFloat(getComputedStyle($("sprite")).getPropertyValue("--tile")) || 60);
   tall.setProperty("--rows", views.length);
   cells.draw($("sprite"), found, views, Math.round(side * Math.min(2, window.devicePixelRatio || 1)), 4);
   $("cell-rows").replaceChildren(...views.map((view) => {
-    const { name } = data.cells.photos.views[view], at = found ? found.views.indexOf(view) : -1;
-    const bar = element("i", { style: `width:${at < 0 ? 0 : Math.min(100, 100 * found.energies[at] / found.scale.energy)}%` });
-    return element("div", { title: name }, element("b", {}, name), element("span", {}, at < 0 ? "not used" : `energy ${brief(found.energies[at])}`), bar);
+    const { name } = data.cells.photos.views[view], { value, most } = comparableResidual(state.face, view, moment);
+    const words = value !== null ? `residual ${brief(value)}` : found?.views.includes(view) ? "not measured" : "not used";
+    const bar = element("i", { style: `width:${value === null ? 0 : 100 * value / most}%` });
+    return element("div", { title: name }, element("b", {}, name), element("span", { title: "Grey levels at the finest level, comparable between moments" }, words), bar);
   }));
   $("cell-moment").textContent = `moment ${moment}`;
   cellsDue = performance.now() + 2 * (performance.now() - began);
@@ -158,10 +175,15 @@ function showCells() {
 const bands = data.stages.map((stage) => ({ ...stage, tint: stage.is_fit ? stage.color : null }));
 function showPlots() {
   $("plots").hidden = !data.length;
-  $("energy").hidden = !data.energy.length;
+  $("residual").hidden = !data.residual.moments.length;
   $("error").hidden = !data.errors;
+  $("expert").hidden = !data.energy.length;
   if (!data.length) return;
-  if (data.energy.length) plots.push(new Plot($("energy"), { title: data.errors ? "Energy" : "Energy, one line per sweep", unit: "", lines: data.energy, bands, length: data.length, isLog: false, color: data.css.now, onJump: jump }));
+  const common = { bands, length: data.length, isLog: false, color: data.css.now, onJump: jump };
+  if (data.residual.moments.length) {
+    plots.push(new Plot($("residual"), { ...common, title: data.errors ? "Residual, grey levels" : "Residual at the finest level, grey levels", unit: "", lines: [data.residual], isKnownAtPoints: true }));
+  }
+  if (data.energy.length) plots.push(new Plot($("energy"), { ...common, title: "Energy, one line per sweep", unit: "", lines: data.energy }));
   if (data.errors) {
     plots.push(new Plot($("error"), { title: "Error", unit: " %", lines: [{ moments: data.errors.map((_, m) => m), values: data.errors }], bands, length: data.length, isLog: true, color: data.css.truth, onJump: jump }));
   }

@@ -239,17 +239,19 @@ function movedMost(record) {
 }
 
 function showPlots() {
-  const { record } = run(), { levels, length, energy, errors } = record.run, other = step().compared ? runs[step().compared[0]] : null;
+  const { record } = run(), { levels, length, residual, errors } = record.run, other = step().compared ? runs[step().compared[0]] : null;
   const bands = levels.filter((level) => level.end > level.first);
   plots = [];
-  for (const host of [$("energy"), $("error")]) host.replaceChildren();
+  for (const host of [$("residual"), $("error")]) host.replaceChildren();
   if (!length) return;
   const make = (host, settings) => {
     const place = element("div", { className: "plot" });
     host.append(place);
-    plots.push(new Plot(place, { bands, length, onJump: jump, otherColor: "var(--reference)", ...settings }));
+    plots.push(new Plot(place, { bands, length, onJump: jump, otherColor: "var(--reference)", otherLength: other?.record.run.length, ...settings }));
   };
-  make($("energy"), { title: "E by sweep", unit: "", lines: energy, others: other?.record.run.energy ?? [], isLog: false, color: data.css.now });
+  if (residual.moments.length) {
+    make($("residual"), { title: "Residual, grey levels", unit: "", lines: [residual], others: other ? [other.record.run.residual] : [], isLog: false, isKnownAtPoints: true, color: data.css.now });
+  }
   const line = (values) => ({ moments: values.map((_, m) => m), values });
   const vertex = state.vertices.at(-1) ?? movedMost(record), isOfVertex = arrays.truth && data.isCube;
   const error = (of) => [line(isOfVertex ? Array.from({ length: of.record.length + 1 }, (_, m) => offAt(of, vertex, m)) : of.record.run.errors)];
