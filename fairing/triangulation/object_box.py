@@ -73,7 +73,7 @@ class ObjectBox:
     def contains(self, points: np.ndarray) -> np.ndarray:
         """(n,) bool for points (n, 3)."""
         along = points @ self.axes.T
-        return np.logical_and(along >= self.low, along <= self.high).all(axis=1, keepdims=True)[:, 0]
+        return np.all((along >= self.low) & (along <= self.high), axis=1)
 
 
 def find_object(views: Sequence[View], points: SparsePoints) -> ObjectBox | None:
