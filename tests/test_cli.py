@@ -344,8 +344,16 @@ def test_the_debugger_says_its_address_before_it_imports_the_engine():
     assert done.stdout.split() == []
 
 
-def test_a_scene_that_cannot_be_opened_is_one_line_after_the_address(tmp_path, capsys):
+def test_a_folder_that_is_no_scene_is_one_line_without_an_address(tmp_path, capsys):
     assert run(["view", str(tmp_path), "--no-browser", "--port", "0"]) == 1
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert len(said.err.splitlines()) == 1
+
+
+def test_a_scene_that_cannot_be_opened_is_one_line_after_the_address(scene, capsys):
+    (scene / "mesh.obj").write_text("damaged")
+    assert run(["view", str(scene), "--no-browser", "--port", "0"]) == 1
     said = capsys.readouterr()
     assert "http://127.0.0.1:" in said.out
     assert len(said.err.splitlines()) == 1

@@ -196,7 +196,7 @@ def test_progressive_and_cmyk_jpeg_show_the_picture(tmp_path):
         (
             "a.heic",
             b"\0\0\0\x18ftypheic",
-            r"HEIC is not read; convert it to JPEG or PNG, e\.g\. `magick a\.heic a\.jpg`",
+            r"HEIC is not read; install pillow-heif .*, or convert it to JPEG or PNG, e\.g\. `magick a\.heic a\.jpg`",
         ),
         ("a.jpg", b"\0\0\0\x18ftypmif1", r"HEIC is not read"),
         ("a.avif", b"\0\0\0\x18ftypavif", r"AVIF is not read"),
@@ -236,7 +236,7 @@ def test_photos_of_a_kind_that_is_not_read_are_named_in_a_capture(tmp_path):
     for photo in (tmp_path / "images").glob("*.png"):
         photo.unlink()
         written(tmp_path / "images", f"{photo.stem}.heic", b"\0\0\0\x18ftypheic".ljust(200, b"\0"))
-    with pytest.raises(InputError, match=r"photo0\.heic: HEIC is not read; convert it to JPEG"):
+    with pytest.raises(InputError, match=r"photo0\.heic: HEIC is not read; install pillow-heif"):
         read_capture(tmp_path)
 
 

@@ -1,17 +1,23 @@
 """The object of a capture: the box around what most photos look at, without ground and background."""
 
+from pathlib import Path
+from typing import get_args
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from app.files.scene_source import SceneSource
 from fairing.camera import Camera
 from fairing.errors import InputError
 from fairing.geometry.up_direction import up_direction
+from fairing.io import load_scene
 from fairing.photo import ArrayPhoto
-from fairing.scene import SparsePoints, View
+from fairing.scene import Around, SparsePoints, View
 from fairing.structure.frame import upright_frame
 from fairing.triangulation.object_box import find_object, points_around
 from tests.camera_orbit import looking_at
+from tests.small_scene import write_corner
 
 WIDTH, HEIGHT, FOCAL = 160, 120, 150.0
 SIZE = np.array([2.0, 1.2, 1.5])
@@ -70,6 +76,11 @@ def test_the_box_holds_the_object_and_neither_ground_nor_background(arc: int):
     assert inside.sum() - inside[of_object].sum() < 0.03 * len(of_object)
     np.testing.assert_allclose(np.sort(box.size[:2]), np.sort(SIZE[:2]), rtol=0.15)
     np.testing.assert_allclose(box.axes[2], [0, 0, 1], atol=0.01)
+    edges = box.edges()
+    assert edges.shape == (12, 2, 3)
+    lengths = np.linalg.norm(edges[:, 1] - edges[:, 0], axis=1)
+    np.testing.assert_allclose(np.sort(lengths), np.sort(np.repeat(box.size, 4)))
+    assert box.contains(box.middle + 0.999 * (edges.reshape(-1, 3) - box.middle)).all()
 
 
 def test_the_frame_of_a_capture_is_upright_with_the_object_in_the_middle():
@@ -123,3 +134,19 @@ def test_photos_from_the_middle_of_a_courtyard_have_no_object():
     assert points_around(views, points, "automatic")[0] is points
     with pytest.raises(InputError, match="--around object: no points were found that most photos look at"):
         points_around(views, points, "object")
+
+
+def test_a_run_records_which_points_were_triangulated(tmp_path: Path):
+    header: dict = {}
+    for around in get_args(Around):
+        SceneSource(str(tmp_path), around=around).note_in(header)
+        assert SceneSource.of_run(header, tmp_path / "run.trace").around == around
+    header["source"]["around"] = "nothing"
+    with pytest.raises(InputError, match="around: expected one of automatic, object, everything, found nothing"):
+        SceneSource.of_run(header, tmp_path / "run.trace")
+
+
+def test_with_a_mesh_there_is_nothing_to_triangulate(tmp_path: Path):
+    write_corner(tmp_path)
+    with pytest.raises(InputError, match=r"--around object: expected a capture without a mesh, found .*mesh\.obj"):
+        load_scene(tmp_path, around="object")

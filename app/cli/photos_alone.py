@@ -66,7 +66,12 @@ def with_cameras(
 
 def is_photos_alone(source: SceneSource) -> bool:
     """Whether the scene of a source is a folder of photos without cameras."""
-    return not is_demo(source.scene) and Path(source.scene).is_dir() and bool(photos_alone(Path(source.scene)))
+    folder = Path(source.scene)
+    if is_demo(source.scene) or not folder.is_dir() or not photos_alone(folder):
+        return False
+    from fairing.io.load import is_capture  # cameras may lie among the photos; imported on first use: it takes a second
+
+    return not is_capture(folder)
 
 
 def check_openable(source: SceneSource) -> None:
