@@ -39,7 +39,8 @@ class TriangleNode:
     def show(self, triangles: np.ndarray | None) -> None:
         """Draw triangles (m, 3, 3) float, scene units; None or m = 0 hides the node."""
         is_visible = triangles is not None and len(triangles) > 0
-        if triangles is not None and is_visible and not np.array_equal(triangles, self._shown):
+        is_new = self._shown is None or triangles is None or not np.array_equal(triangles, self._shown)
+        if triangles is not None and is_visible and is_new:
             corners = triangles.reshape(-1, 3)
             n_before = 0 if self._shown is None else self._shown.size // 3
             # Faces never refer to vertices that are not there yet, or no more.
