@@ -352,7 +352,7 @@ def test_a_folder_that_is_no_scene_is_one_line_without_an_address(tmp_path, caps
 
 
 def test_a_scene_that_cannot_be_opened_is_one_line_after_the_address(scene, capsys):
-    (scene / "mesh.obj").write_text("damaged")
+    (scene / "other.obj").write_bytes((scene / "mesh.obj").read_bytes())
     assert run(["view", str(scene), "--no-browser", "--port", "0"]) == 1
     said = capsys.readouterr()
     assert "http://127.0.0.1:" in said.out
