@@ -101,7 +101,7 @@ class Carving:
         """(k,) int: the lines of sight of some photos that reach their camera through a tetrahedron."""
         corners = self.mesh.places[self.mesh.corners[tetrahedron]]
         begin, end = self.mesh.places[self.lines[:, 0]], self.mesh.cameras[self.lines[:, 1]]
-        inwards = np.linalg.inv(np.column_stack([corners[1:] - corners[0]]).T)
+        inwards = np.linalg.pinv((corners[1:] - corners[0]).T)  # also of a flat one
         # Barycentric coordinates, linear along a line: from and up to where along it all are positive.
         b, e = ((x - corners[0]) @ inwards.T for x in (begin, end))
         b, e = (np.column_stack([1 - x.sum(axis=1), x]) for x in (b, e))
