@@ -28,7 +28,9 @@ def measure(session: Session) -> ComparableResidual:
 
 
 def test_it_falls_towards_the_truth(session: Session, measure: ComparableResidual):
+    assert session.scene.truth is not None
     start, truth = session.trace.start, session.scene.truth.vertices
+    assert truth is not None
     values = [measure.measure(start + share * (truth - start)).mean for share in (0.0, 0.5, 0.9, 1.0)]
     assert values == sorted(values, reverse=True)
     assert measure.measure(session.vertices).mean < 0.4 * values[0]

@@ -31,8 +31,8 @@ def facts(session: Session) -> ResultFacts:
 
 def facts_of(session: Session, report: Path | None) -> ResultFacts:
     measure, (run,) = ComparableResidual(session), Runs(session, None).infos()
-    ends = (session.trace.start, session.vertices)
-    return result_facts(session.scene, run, *map(measure.measure, ends), report)
+    before, after = measure.measure(session.trace.start), measure.measure(session.vertices)
+    return result_facts(session.scene, run, before, after, report)
 
 
 def test_a_run_that_found_the_corner_helped(session: Session, facts: ResultFacts):

@@ -42,7 +42,7 @@ class PlotView:
     """Settings of the plot.
 
     Attributes:
-        name: of a quantity in `app.debugger.series`; None: the error where the truth is known, else the energy.
+        name: of a quantity in `app.debugger.series`; None: the residual at the finest level.
         of_vertex: whether it is that of the selected vertex instead of the run.
         is_log: logarithmic scale; None: the default of the quantity.
     """

@@ -1,8 +1,9 @@
 """Evaluation of runs and meshes: accuracy, certainty, reports, and displays of cells and flow.
 
 What belongs here: computations on a run that do not change it. Accuracy against truth, sparse points and left-out photos
-(`metrics`, `quantities`, `left_out`, `render`), certainty of vertices (`certainty`, `cramer_rao`), the cells of a recorded
-moment (`inspect`) and their flow (`flow`), and the report of a run (`report`).
+(`metrics`, `quantities`, `left_out`, `render`), the residual that compares all moments and runs (`comparable_residual`),
+certainty of vertices (`certainty`, `cramer_rao`), the cells of a recorded moment (`inspect`) and their flow (`flow`), and the
+report of a run (`report`).
 
 May import: the data modules of `fairing`, `fairing.util`, `fairing.geometry`, `fairing.kernels`, `fairing.cells`,
 `fairing.solve` and `fairing.run`.
