@@ -78,7 +78,8 @@ def _place(work: Path, job: dict[str, Any], lines: TextIO) -> None:
     )
 
     with pycolmap.Database.open(database) as opened:
-        ids = [opened.read_image_with_name(name).image_id for name in names]
+        id_of = {image.name: image.image_id for image in opened.read_all_images()}
+        ids = [id_of[name] for name in names]
         _tell(lines, stage="pairs", count=len(names))
         pairs = pairs_to_match(
             len(names), lambda i: opened.read_descriptors(ids[i]).data, lambda done: _tell(lines, done=done)
