@@ -49,8 +49,31 @@ class Term(Protocol):
         ...
 
 
+class SumOfRows:
+    """Energy of a term that is a sum over rows, each of which depends on several vertices.
+
+    Attributes:
+        ids: (r, c) int: the vertices of each row.
+    """
+
+    ids: np.ndarray
+
+    def energies(self, vertices: np.ndarray) -> np.ndarray:
+        """(r,) float: of the rows with the vertices at positions (n, 3), world units."""
+        raise NotImplementedError
+
+    def total(self, vertices: np.ndarray) -> float:
+        """See `Term`."""
+        return float(self.energies(vertices).sum())
+
+    def by_vertex(self, vertices: np.ndarray) -> np.ndarray:
+        """See `Term`."""
+        energies = np.repeat(self.energies(vertices), self.ids.shape[1])
+        return np.bincount(self.ids.ravel(), weights=energies, minlength=len(vertices))
+
+
 @dataclass(frozen=True, eq=False)
-class Rows:
+class Rows(SumOfRows):
     """sum_r information_r rho(residual_r), with residuals that are linear in the vertices they depend on.
 
     Attributes:
@@ -79,13 +102,6 @@ class Rows:
     def weights_at(self, vertices: np.ndarray) -> np.ndarray:
         """(r,) float: information times the robust weight; 0 where the loss rejects a residual."""
         return self.information * self.loss.weight(self.residuals_at(vertices))
-
-    def total(self, vertices: np.ndarray) -> float:
-        return float(self._energies(vertices).sum())
-
-    def by_vertex(self, vertices: np.ndarray) -> np.ndarray:
-        energies = np.repeat(self._energies(vertices), self.ids.shape[1])
-        return np.bincount(self.ids.ravel(), weights=energies, minlength=len(vertices))
 
     def linearise(self, vertices: np.ndarray) -> Linearised:
         residuals = self.residuals_at(vertices)
@@ -123,7 +139,7 @@ class Rows:
         share /= np.maximum(share.sum(axis=1, keepdims=True), 1e-300)
         return replace(self, information=self.information * (share * factors).sum(axis=1))
 
-    def _energies(self, vertices: np.ndarray) -> np.ndarray:
+    def energies(self, vertices: np.ndarray) -> np.ndarray:
         return self.information * self.loss.value(self.residuals_at(vertices))
 
 

@@ -33,7 +33,7 @@ import numpy as np
 
 from fairing.errors import Cancelled, InputError
 from fairing.optimize.loss import LeastSquares, Loss
-from fairing.optimize.rows import Linearised, Rows
+from fairing.optimize.rows import Linearised, Rows, SumOfRows
 from fairing.scene import Scene
 
 STEP = 1e-6
@@ -95,7 +95,7 @@ class OwnTerm:
 
 
 @dataclass(frozen=True, eq=False)
-class OwnRows:
+class OwnRows(SumOfRows):
     """sum_r information rho(residual_r) with residuals of one's own, see `fairing.optimize.rows.Term`.
 
     Attributes:
@@ -126,13 +126,6 @@ class OwnRows:
         information = np.full(len(residuals), self.information)
         return Rows(self.name, self.ids, derivatives, residuals, vertices, information, self.loss)
 
-    def total(self, vertices: np.ndarray) -> float:
-        return float(self._energies(vertices).sum())
-
-    def by_vertex(self, vertices: np.ndarray) -> np.ndarray:
-        energies = np.repeat(self._energies(vertices), self.ids.shape[1])
-        return np.bincount(self.ids.ravel(), weights=energies, minlength=len(vertices))
-
     def linearise(self, vertices: np.ndarray) -> Linearised:
         return self.rows_at(vertices).linearise(vertices)
 
@@ -143,7 +136,7 @@ class OwnRows:
         near, residual = np.isin(self.ids, ids).any(axis=1), self.residual
         return replace(self, ids=self.ids[near], residual=lambda vertices: residual(vertices)[near])
 
-    def _energies(self, vertices: np.ndarray) -> np.ndarray:
+    def energies(self, vertices: np.ndarray) -> np.ndarray:
         return self.information * self.loss.value(self.residual(vertices))
 
 
