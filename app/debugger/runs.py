@@ -192,7 +192,7 @@ class Runs:
         """
         for kept in self._kept.values():
             old, moment = kept.session, kept.session.moment
-            session = Session(old.scene, trace=old.trace.cut(len(old.trace)))
+            session = Session(old.scene, trace=old.trace.cut(len(old.trace)), terms=old.terms)
             session.go_to(min(moment, len(session.trace)))
             if self._save_to is not None and kept.file is not None:
                 old.trace.detach()

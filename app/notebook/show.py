@@ -78,7 +78,7 @@ def _run_frame(session: Session, moment: int, folder: Path | None, height: int) 
     from app.export.page import page_of
     from app.export.run_facts import RunFacts
 
-    copy = Session(session.scene, trace=session.trace.cut(len(session.trace)), like=session)
+    copy = Session(session.scene, trace=session.trace.cut(len(session.trace)), like=session, terms=session.terms)
     with progress("Making the page") as bar:
         html = page_of(RunFacts(copy, folder), moment, bar)
     return Frame(html, f"{session.scene.name}: {len(session.trace)} steps", height)
