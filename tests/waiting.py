@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable
 
 # A busy machine may first have to compile the engine's kernels: only what never happens is a failure.
-PATIENCE = 300.0  # s
+PATIENCE = 120.0  # s
 
 
 def wait_for(condition: Callable[[], bool], seconds: float = PATIENCE) -> None:

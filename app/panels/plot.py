@@ -55,7 +55,7 @@ _RESIDUAL = Quantity(
     RESIDUAL, "what the photos do not agree about: the same faces, photos and samples at the finest level at all moments and in "
     f"all runs, so that all points compare. Root mean square, in which more than {SIGMA:g} grey levels count as {SIGMA:g}. "
     "Measured at the ends of stages, and in between while the run is paused",
-    "Residual at the finest level, grey levels", "Residual of its faces at the finest level, grey levels", False,
+    "RMS at the finest level, grey levels", "Its faces, finest level, grey levels", False,
     lambda record: NAN, lambda record, slot, ring: NAN,
 )  # fmt: skip
 _ERROR = Quantity(

@@ -143,7 +143,7 @@ def test_a_click_on_the_plot_goes_to_that_moment_also_the_second_time(visitor: V
         visitor.app.controller.post(JumpTo(0))
         before = visitor.app.controller.wait_until_idle().serial
         time.sleep(0.3)  # a second click at once is the same click
-        plot = visitor.page.get_by_role("img", name="Error plot")
+        plot = visitor.page.get_by_role("img", name="Residual plot")
         box = visitor.box_of(plot)
         plot.click(position={"x": 0.6 * box["width"], "y": box["height"] / 2})  # scrolls to it where need be
         wait_for(lambda before=before: visitor.app.controller.state.serial > before)

@@ -43,7 +43,7 @@ def test_a_cell_is_enlarged_and_says_its_values_under_the_pointer(visitor: Visit
     page, view = visitor.page, page_of(visitor.app).page_state
     name = visitor.app.controller.scene.views[2].name
     strip = page.get_by_role("button", name=f"Enlarge a cell in {name}", exact=True)
-    strip.wait_for()
+    strip.scroll_into_view_if_needed()
     box = visitor.box_of(strip)
     page.mouse.click(box["x"] + 3, box["y"] + 5)
     picture = page.get_by_alt_text("enlarged cell")

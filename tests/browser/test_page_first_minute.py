@@ -137,7 +137,7 @@ def test_the_texture_stays_on_the_moving_mesh_and_is_painted_again(visitor: Visi
 def test_the_plot_shows_what_compares_first_and_says_what_energies_compare(visitor: Visitor):
     visitor.press("Step one sweep")
     visitor.page.get_by_role("img", name="Residual plot").wait_for()
-    visitor.page.get_by_text("Residual at the finest level, grey levels", exact=True).wait_for()
+    visitor.page.get_by_text("RMS at the finest level, grey levels", exact=True).wait_for()
     visitor.page.locator(".quantities").get_by_text("error", exact=True).click()
     visitor.page.get_by_role("img", name="Error plot").wait_for()
     visitor.page.get_by_text("RMS distance to the truth, % of diagonal", exact=True).wait_for()

@@ -75,7 +75,7 @@ def test_the_status_line_names_the_stage_and_leads_to_its_beginning(visitor: Vis
     go_to(visitor, 5)
     line = visitor.page.locator(".ef button.in-stage")
     line.get_by_text("points · gate 3 of 20", exact=True).wait_for()
-    visitor.page.get_by_text("Objective").first.wait_for()
+    visitor.page.locator("[title*='Objective of the fit']").wait_for()
     before = visitor.app.controller.state.serial
     line.click()
     assert visitor.settle(before).moment == 0

@@ -88,7 +88,7 @@ def test_restart_keeps_the_run_and_a_click_on_its_name_switches_to_it(visitor: V
     visitor.press("Step one vertex")
     visitor.button("Compare with Run 1").click()
     # Both curves: that of A is drawn in A's colour.
-    visitor.page.locator(f"svg[aria-label='Error plot'] polyline[stroke='{css(REFERENCE)}']").first.wait_for(
+    visitor.page.locator(f"svg[aria-label='Residual plot'] polyline[stroke='{css(REFERENCE)}']").first.wait_for(
         state="attached"
     )
     visitor.button("Switch to Run 1").click()
