@@ -41,7 +41,7 @@ OWN_TERM_COLORS: tuple[RGB, ...] = ((120, 200, 60), (0, 170, 190), (200, 110, 10
 # and patterns, too (`app.pictures.stage_colors`).
 STAGE_COLORS: tuple[RGB, ...] = (
     TERM_COLORS[0], TERM_COLORS[4], TERM_COLORS[1], (240, 200, 110), TERM_COLORS[3], (186, 130, 50), (150, 158, 168), HAND,
-    (222, 128, 64),
+    (222, 128, 64), HAND,
 )  # fmt: skip
 
 # Edges that are parallel to the three axes of a building.

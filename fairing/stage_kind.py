@@ -15,6 +15,7 @@ class StageKind(IntEnum):
     JUDGE = 6
     MANUAL = 7
     FIT = 8
+    SNAPSHOT = 9
 
     @property
     def label(self) -> str:
@@ -54,4 +55,5 @@ _TEXTS = {
     StageKind.JUDGE: ("judge", "What points or photos find worse than before goes back."),
     StageKind.MANUAL: ("by hand", "Vertices were moved by hand."),
     StageKind.FIT: ("fit to points", "The whole fit to the sparse points as one step, as former versions recorded it."),
+    StageKind.SNAPSHOT: ("meshes", "Each step is the next mesh that another program made."),
 }

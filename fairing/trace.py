@@ -57,6 +57,7 @@ class StepReason(IntEnum):
     FOUND_TOGETHER = 14
     FITTED_AGAIN = 15
     REJECTED_FIT = 16
+    READ_FROM_FILE = 17
 
     @property
     def text(self) -> str:
@@ -81,8 +82,9 @@ _REASON_TEXTS = {
     StepReason.FITTED_TO_POINTS: "fitted to the sparse points: half of them are used, and the photos agree",
     StepReason.FITTED_AGAIN: "fitted again: to the sparse points, from where the photos had taken the mesh, and the photos agree",
     StepReason.REJECTED_FIT: "returned: the photos do not agree with the smoothing or the fit",
+    StepReason.READ_FROM_FILE: "read from a file: the position that another program gave it",
 }
-MANUAL_REASONS = (StepReason.MOVED_MANUALLY, StepReason.RESET_MANUALLY)
+MANUAL_REASONS = (StepReason.MOVED_MANUALLY, StepReason.RESET_MANUALLY, StepReason.READ_FROM_FILE)
 
 
 class SchedulePosition(NamedTuple):
@@ -151,7 +153,7 @@ class StepRecord:
 
     @property
     def is_manual(self) -> bool:
-        """Whether a user made this step."""
+        """Whether a user made this step, by hand or with another program."""
         return len(self.reasons) > 0 and int(self.reasons[0]) in MANUAL_REASONS
 
     def applied_to(self, vertices: np.ndarray) -> np.ndarray:
@@ -416,6 +418,7 @@ _STAGES = {
     StepReason.RETURNED: StageKind.JUDGE,
     StepReason.MOVED_MANUALLY: StageKind.MANUAL,
     StepReason.RESET_MANUALLY: StageKind.MANUAL,
+    StepReason.READ_FROM_FILE: StageKind.SNAPSHOT,
 }
 
 

@@ -34,7 +34,7 @@ from app.cli.arguments import (
     TermsArgument,
     with_current_flags,
 )
-from app.cli.loading import OpeningProgress, open_session
+from app.cli.loading import OpeningProgress, load_with_bar, open_session
 from app.cli.photos_alone import check_openable, with_cameras
 from app.debugger.moment_id import START, find_moment, parse_moment_id
 from app.files.recorded_run import find_run
@@ -42,7 +42,7 @@ from app.files.run_files import FLIPS
 from app.files.scene_source import SceneSource, write_points_of_run
 from fairing.errors import InputError
 from fairing.io import PhotoChoice
-from fairing.options import PRESETS, options_from_dict
+from fairing.options import PRESETS, FairingOptions, options_from_dict
 
 if TYPE_CHECKING:
     from app.viser_bridge.server import ViewerServer
@@ -108,25 +108,37 @@ def view(
 
 def replay(
     run: Annotated[
-        Path,
+        Path | None,
         tyro.conf.Positional,
         tyro.conf.arg(
             metavar="RUN",
-            help="The folder that `fair` wrote, or its run.trace; or the .flips file that `triangulate` wrote.",
+            help="The folder that `fair` wrote, or its run.trace; or the .flips file that `triangulate` wrote. With --meshes: "
+            "the folder or file with photos and cameras.",
         ),
-    ],
+    ] = None,
     scene: RecordedSceneArgument = None,
     mesh: RecordedMeshArgument = None,
     page: PageArgument = DEFAULT_PAGE,
     at: str = "start",
     photos: PhotosArgument = ALL_PHOTOS,
     terms: TermsArgument = (),
+    meshes: tuple[Path, ...] = (),
+    save_to: Path | None = None,
 ) -> int:
     """Open the debugger on a recorded run, with the scene and the photos it was recorded on.
 
+    With --meshes the moments are the meshes that another program made.
+
     Args:
         at: The moment to open at: level:sweep:vertex:iteration from 1, `start` or `end`.
+        meshes: Mesh files of another program, in their order, on the photos of RUN (or of the last word of the list).
+        save_to: With --meshes: file for the record, for `replay` and `export`.
     """
+    if meshes:
+        return _replay_meshes(run, meshes, mesh, page, at, photos, save_to)
+    if run is None or save_to is not None:
+        found = "no RUN" if run is None else f"--save-to {save_to} without --meshes"
+        raise InputError(f"replay: expected RUN, or --meshes with files, found {found}")
     if run.suffix == FLIPS:
         return _replay_flips(run, scene, page, photos)
     trace, source, path = find_run(run, scene, mesh, photos)
@@ -150,6 +162,30 @@ def _replay_flips(run: Path, scene: str | None, page: PageAddress, photos: Photo
 
     serve_app(open_app, page)
     return 0
+
+
+def _replay_meshes(
+    capture: Path | None,
+    meshes: Sequence[Path],
+    faces: Path | None,
+    page: PageAddress,
+    at: str,
+    photos: PhotoChoice,
+    save_to: Path | None,
+) -> int:
+    from app.files.mesh_series import open_series
+
+    if capture is None:  # the shell put it at the end of the list
+        *meshes, capture = meshes
+    series = open_series(str(capture), meshes, faces, photos)
+    wanted = parse_moment_id(at, FairingOptions().n_levels)
+
+    def open_run(opening: OpeningProgress) -> "Session":
+        session = load_with_bar(series.source.scene, series.session, Console(stderr=True), opening.show)
+        session.go_to(find_moment(session.trace, wanted))
+        return session
+
+    return _serve(open_run, page, title=series.source.title, save_to=save_to)
 
 
 def _serve(open_run: Callable[[OpeningProgress], "Session"], page: PageAddress, **how: Any) -> int:

@@ -31,7 +31,7 @@ def stage_line(record: StepRecord, progress: StageProgress, options: FairingOpti
     """The stage of a step, and what the step is in it: "points · gate 3 of 20", "judge · 4 vertices go back"."""
     kind = record.stage
     name = stage_name(kind, record.position.level, options)
-    if kind in (StageKind.MANUAL, StageKind.FIT):
+    if kind in (StageKind.MANUAL, StageKind.FIT, StageKind.SNAPSHOT):
         return name
     if kind is StageKind.JUDGE:
         count = int((record.before != record.after).any(axis=1).sum())

@@ -70,7 +70,7 @@ _OF_REASON = {
 
 def kind_of(record: StepRecord) -> int:
     """Index into `KINDS`."""
-    if record.stage is StageKind.JUDGE or (
+    if record.stage in (StageKind.JUDGE, StageKind.SNAPSHOT) or (
         record.stage.is_fit and not set(record.reasons.tolist()) & _OF_REASON.keys()
     ):
         return NOTHING_MOVES + 1 + record.stage

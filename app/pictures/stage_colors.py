@@ -10,6 +10,7 @@ _PATTERNS = {
     StageKind.SURFACE_POINTS: "repeating-linear-gradient(45deg,{line} 0 1.5px,transparent 1.5px 5px)",
     StageKind.CLOSEST_POINTS: "repeating-linear-gradient(-45deg,{line} 0 1.5px,transparent 1.5px 5px)",
     StageKind.FIT: "repeating-linear-gradient(0deg,{line} 0 1px,transparent 1px 4px)",
+    StageKind.SNAPSHOT: "radial-gradient(circle,{line} 2px,transparent 2.5px) 0 0/10px 10px",
     StageKind.AXES: "repeating-linear-gradient(90deg,{line} 0 1px,transparent 1px 5px)",
 }
 _SOLID = frozenset({StageKind.JUDGE, StageKind.MANUAL})

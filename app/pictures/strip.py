@@ -5,6 +5,7 @@ import numpy as np
 from app.debugger.history import REJECTIONS
 from app.debugger.run_state import RunState
 from app.palette import BACKGROUND, HAND, NOW, REJECTED, RGB, START
+from fairing.stage_kind import StageKind
 from fairing.trace import StepRecord
 
 KINDS: dict[str, str] = {
@@ -55,7 +56,7 @@ def _towards(colors: np.ndarray, target: RGB, part: np.ndarray) -> np.ndarray:
 
 
 def _measures(record: StepRecord) -> tuple[float, float, float, float]:
-    if record.is_manual:
+    if record.stage is StageKind.MANUAL:
         return 0.0, 0.0, 0.0, 1.0
     before, after = record.energy_before, record.energy_after
     if record.stage.is_fit and len(record.faces) == 0:

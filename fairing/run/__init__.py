@@ -9,7 +9,7 @@ Before its plan a run chooses cameras and sparse points: `chosen_inputs`, `refin
 
 Beside them: `history` (where parts of a recorded run began), `schedule` (positions), `sweep_cache`, `records` (builders of step
 records), `recorded_stages` (a trace cut into stages), `trace_header` (what a trace says about its run), `pulls` (the part of each
-term in a step), `manual_edits`, `start_error`.
+term in a step), `manual_edits`, `snapshots` (meshes of another program as a run), `start_error`.
 
 Imports the data modules of `fairing`, `fairing.util`, `fairing.cameras`, `fairing.geometry`, `fairing.cells`, `fairing.terms`,
 `fairing.optimize`, `fairing.solve`.

@@ -71,13 +71,14 @@ def manual_step(
 
     Raises:
         InputError: a vertex is locked or would be behind a camera that sees it, or a face would be flipped or
-            collapsed.
+            collapsed, which only positions read from a file may do.
         Cancelled: cancellation was requested.
     """
     mesh = problem.scene.mesh
     after = before.copy()
     after[vertices] = positions
-    check_positions(problem.scene, before, after, problem.start, problem.locked, vertices, problem.options.step)
+    if reason is not StepReason.READ_FROM_FILE:
+        check_positions(problem.scene, before, after, problem.start, problem.locked, vertices, problem.options.step)
     faces = np.flatnonzero(np.isin(mesh.faces, vertices).any(axis=1))
     here, there = (
         Evaluation(v, sweep.context, problem.linearise(sweep.context, v, faces, np.full(len(faces), -1), sweep.scale))

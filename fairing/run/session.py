@@ -165,7 +165,7 @@ class Session:
             record
             for record in steps
             if len(record.vertices)
-            and (record.stage in (StageKind.PHOTOS, StageKind.MANUAL) or (record.reasons == StepReason.RETURNED).all())
+            and (record.stage is StageKind.PHOTOS or record.is_manual or (record.reasons == StepReason.RETURNED).all())
             and not (record.stage is StageKind.JUDGE and len(record.faces) == 0)
         ]
 
