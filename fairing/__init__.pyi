@@ -7,6 +7,8 @@ from .io.mesh_file import write_mesh as write_mesh
 from .io.photo_choice import PhotoChoice as PhotoChoice
 from .judge.inspect import FaceCells as FaceCells
 from .judge.inspect import face_cells as face_cells
+from .judge.mesh_comparison import MeshFigures as MeshFigures
+from .judge.mesh_comparison import compare_meshes as compare_meshes
 from .mesh import Mesh as Mesh
 from .optimize.loss import GemanMcClure as GemanMcClure
 from .optimize.loss import Huber as Huber

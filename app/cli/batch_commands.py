@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 from app.cli.arguments import chosen_preset
 from app.cli.cameras import cameras
 from app.cli.check import check
+from app.cli.compare import compare
 from app.cli.convert import convert
 from app.cli.demos import demos
 from app.cli.experiment import experiment
@@ -28,6 +29,7 @@ def batch_commands(arguments: Sequence[str]) -> dict[str, Callable[..., int]]:
         "points": points,
         "register": register,
         "export": export,
+        "compare": compare,
         "demos": demos,
         "experiment": experiment,
     }

@@ -15,11 +15,9 @@ from app.pictures.left_out_sheet import LeftOutSheet
 from fairing.errors import InputError
 from fairing.io import read_mesh, write_atomically
 from fairing.io.textured_mesh import write_textured
-from fairing.judge.left_out import leave_one_out, left_out_summary
+from fairing.judge.left_out import judged_views, leave_one_out, left_out_summary
 from fairing.mesh import Mesh
 from fairing.scene import Scene
-
-MOST_LEFT_OUT = 40  # photos; of more, an evenly spaced selection is predicted
 
 
 @dataclass(frozen=True)
@@ -74,9 +72,7 @@ def predict_left_out(
     Args:
         beside: another mesh; all meshes are judged on the pixels that every one of them covers.
     """
-    count = len(scene.views)
-    views = np.unique(np.linspace(0, count - 1, min(count, MOST_LEFT_OUT)).round().astype(int)).tolist()
-    sheet = LeftOutSheet(scene)
+    views, sheet = judged_views(scene), LeftOutSheet(scene)
     with progress_bar(console) as bar:
         task = bar.add_task("predicting left-out photos", total=len(views))
 

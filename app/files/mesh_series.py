@@ -9,6 +9,7 @@ from app.files.scene_source import SceneSource
 from demo_scenes import is_demo
 from fairing.errors import InputError
 from fairing.io import PhotoChoice
+from fairing.io.points_choice import PointsChoice
 
 if TYPE_CHECKING:
     from fairing.mesh import Mesh
@@ -48,17 +49,29 @@ def open_series(capture: str, files: Sequence[Path], faces: Path | None, photos:
     Raises:
         InputError: a file cannot be read, or there are fewer than two.
     """
+    if len(files) < 2:
+        raise InputError(f"--meshes: expected at least two mesh files and a capture, found {len(files)} mesh files")
+    return MeshSeries(source_of_meshes(capture, faces or files[-1], photos), tuple(read_meshes(files)))
+
+
+def source_of_meshes(capture: str, mesh: Path, photos: PhotoChoice, points: PointsChoice = "given") -> SceneSource:
+    """The source of photos, cameras and sparse points for meshes, with one of them; a demo has its own mesh."""
+    source = SceneSource.typed(capture, None, photos, points)
+    return source if is_demo(source.scene) else replace(source, mesh=str(mesh.resolve()))
+
+
+def read_meshes(files: Sequence[Path]) -> "list[Mesh]":
+    """The meshes of files as read.
+
+    Raises:
+        InputError: a file cannot be read, or its mesh cannot be used.
+    """
     from fairing.io.capture import naming
     from fairing.io.mesh_file import read_mesh
     from fairing.mesh import Mesh
 
-    if len(files) < 2:
-        raise InputError(f"--meshes: expected at least two mesh files and a capture, found {len(files)} mesh files")
     meshes = []
     for file in files:
         with naming(file):
             meshes.append(Mesh(*read_mesh(file)))
-    source = SceneSource.typed(capture, None, photos)
-    if not is_demo(source.scene):  # a demo shows its own faces
-        source = replace(source, mesh=str((faces or files[-1]).resolve()))
-    return MeshSeries(source, tuple(meshes))
+    return meshes

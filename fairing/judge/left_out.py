@@ -23,6 +23,10 @@ C1, C2 = (0.01 * 255) ** 2, (0.03 * 255) ** 2
 PROGRAM, DEPTH_PIXEL, SOURCE_PIXEL, WORK_PIXEL, STATE_PIXEL = 400_000_000, 12, 16, 160, 40
 
 
+MOST_JUDGED = 40
+"""Photos that are predicted; of more, as many evenly spread ones."""
+
+
 @dataclass(frozen=True, eq=False)
 class LeftOut:
     """How well one state of the mesh predicts photos, each rendered from the others.
@@ -103,6 +107,12 @@ def leave_one_out(
             ssims[s, i] = ssim_map(_luma(image), _luma(photo))[inner].mean()
             shares[s, i] = known.mean()
     return [LeftOut(views, *row) for row in zip(psnrs, ssims, shares, strict=True)]
+
+
+def judged_views(scene: Scene) -> list[int]:
+    """Ids of the photos to predict: all, or of many photos `MOST_JUDGED`."""
+    count = len(scene.views)
+    return np.unique(np.linspace(0, count - 1, min(count, MOST_JUDGED)).round().astype(int)).tolist()
 
 
 def memory_of_left_out(scene: Scene, n_states: int = 2, scale: float = 1.0) -> int:

@@ -3,6 +3,7 @@
 Distances are given in world units and in percent of the diagonal of the scene's start mesh.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -198,20 +199,28 @@ def held_out_distances(scene: Scene, start: np.ndarray, end: np.ndarray) -> Held
     Returns:
         None if the scene has no such points.
     """
+    found = held_out_distances_of(scene, [scene.mesh.moved(vertices) for vertices in (start, end)])
+    return None if found is None else HeldOutDistances(found[0], found[1], len(held_out_points(scene)))
+
+
+def held_out_distances_of(scene: Scene, meshes: Sequence[Mesh]) -> tuple[Distances, ...] | None:
+    """Distances of the same held-out sparse points to the surfaces of several meshes: of those that belong to any of them.
+
+    A point belongs to a surface as in `held_out_distances`, which also says when the result is None.
+    """
     held_out, observed = held_out_points(scene), observed_held_out_points(scene)
     if len(held_out) == 0:
         return None
-    meshes, diagonal = [scene.mesh.moved(vertices) for vertices in (start, end)], scene.mesh.diagonal
-    trees = [SurfaceTree(mesh) for mesh in meshes]
+    diagonal, trees = scene.mesh.diagonal, [SurfaceTree(mesh) for mesh in meshes]
     if len(observed):
         cameras = [view.camera for view in scene.views]
-        belongs = np.logical_or(*(points_on_surface(mesh, cameras, observed) for mesh in meshes))
-        before, after = (tree.distance(observed.positions[belongs]) for tree in trees)
+        belongs = np.logical_or.reduce([points_on_surface(mesh, cameras, observed) for mesh in meshes])
+        found = [tree.distance(observed.positions[belongs]) for tree in trees]
     else:
-        before, after = (tree.distance(held_out) for tree in trees)
-        belongs = np.minimum(before, after) < FARTHEST / 100 * diagonal
-        before, after = before[belongs], after[belongs]
-    return HeldOutDistances(Distances(before, diagonal), Distances(after, diagonal), len(held_out))
+        found = [tree.distance(held_out) for tree in trees]
+        belongs = np.min(found, axis=0) < FARTHEST / 100 * diagonal
+        found = [distances[belongs] for distances in found]
+    return tuple(Distances(distances, diagonal) for distances in found)
 
 
 def reprojection_error(scene: Scene, vertices: np.ndarray, determined_only: bool = True) -> np.ndarray:
