@@ -149,7 +149,8 @@ def test_what_a_term_returns_is_checked(term: OwnTerm, message: str):
         ([Planarity(), Planarity()], "already"),
         ([Named("")], "expected a name of words"),
         ([Named("<b>")], "expected a name of words"),
-        ([Planarity], r"write terms=\[.*\(\)\]"),
+        ([Planarity], r"found the class Planarity; write terms=\[Planarity\(\)\]"),
+        (["planarity"], "found str"),
     ],
 )
 def test_terms_that_cannot_be_told_apart_are_refused(terms: list, message: str):

@@ -1,5 +1,7 @@
 """Terms of one's own in the debugger: loaded from a file, shown like the others, loaded anew when the file is saved."""
 
+import json
+import re
 import shutil
 import subprocess
 import sys
@@ -15,11 +17,14 @@ from app.debugger.moment_pulls import moment_pulls
 from app.debugger.quantities import StepContext, quantities_of
 from app.debugger.term_files import TermFiles
 from app.debugger.watch import parse_watch
+from app.files.scene_source import SceneSource
 from app.pictures.term_colors import COLOR_OF_TERM
+from demo_scenes import load_demo
 from fairing.errors import InputError
 from fairing.run.session import Session
 from fairing.terms.own_file import load_terms
 from tests.small_scene import corner_scene, small_options
+from tests.two_levels import two_levels
 from tests.waiting import wait_for
 
 EXAMPLES = Path(demo_scenes.__file__).parent / "terms"
@@ -107,6 +112,29 @@ def test_the_command_fairs_with_a_term_and_continues_with_the_same_alone(tmp_pat
 
     assert run("--with", str(file)).returncode == 0
     assert run("--resume", "--with", str(file)).returncode == 0
+
+
+@pytest.mark.slow
+def test_a_run_is_exported_without_its_terms_but_then_without_pulls(tmp_path):
+    scene, trace = load_demo("cube"), tmp_path / "run.trace"
+    file = example(tmp_path, "rigidity")
+    session = Session(scene, two_levels("joint", sweeps=1, iterations=1), terms=load_terms([file]))
+    SceneSource("cube").note_in(session.trace.header)
+    session.run()
+    session.trace.attach(trace)
+    session.trace.detach()
+
+    def pulls(*flags: str) -> tuple[list[str], str]:
+        page = tmp_path / "page.html"
+        command = [sys.executable, "-m", "app", "export", str(trace), "--out", str(page), *flags]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=600, check=True)
+        (data,) = re.findall(r'<script type="application/json" id="data">(.*?)</script>', page.read_text(), re.DOTALL)
+        return [term["name"] for term in json.loads(data)["pulls"]["terms"]], done.stderr
+
+    assert "rigidity" in pulls("--with", str(file))[0]
+    names, lines = pulls()
+    assert names == []
+    assert "without pulls: give the files of the run's own terms with --with" in lines
 
 
 @pytest.mark.compiled

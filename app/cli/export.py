@@ -1,11 +1,18 @@
 """`export`: a recorded run as a page, a report, a picture or a video; and lessons as pages."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from rich.console import Console
 
-from app.cli.arguments import ALL_PHOTOS, PhotosArgument, RecordedMeshArgument, RecordedSceneArgument, RunArgument
+from app.cli.arguments import (
+    ALL_PHOTOS,
+    PhotosArgument,
+    RecordedMeshArgument,
+    RecordedSceneArgument,
+    RunArgument,
+    TermsArgument,
+)
 from app.cli.export_lesson import export_lesson, export_lessons
 from app.cli.lines import note_outside_photos, print_line
 from app.cli.loading import open_session
@@ -35,6 +42,7 @@ def export(
     scene: RecordedSceneArgument = None,
     mesh: RecordedMeshArgument = None,
     photos: PhotosArgument = ALL_PHOTOS,
+    terms: TermsArgument = (),
 ) -> int:
     """Write a recorded run as one file to share: a page (.html), a picture (.png) or a video (.mp4, .webm, .gif).
     With --lesson or --lessons: a lesson, or all lessons, as pages that need no server.
@@ -52,9 +60,9 @@ def export(
     if [run is not None, lesson is not None, lessons].count(True) != 1:
         raise InputError("export: expected one of RUN, --lesson NAME and --lessons")
     if run is not None:
-        return export_to_file(lambda: find_run(run, scene, mesh, photos), out, at, report, console)
-    if at is not None or report:
-        raise InputError("--at, --report: apply to a RUN; leave them out with --lesson and --lessons")
+        return export_to_file(lambda: find_run(run, scene, mesh, photos), out, at, report, console, terms)
+    if at is not None or report or terms:
+        raise InputError("--at, --report, --with: apply to a RUN; leave them out with --lesson and --lessons")
     if lesson is not None:
         source = None if scene is None else SceneSource.typed(scene, mesh, photos, "automatic")
         return export_lesson(lesson, source, out, console)
@@ -66,7 +74,12 @@ def export(
 
 
 def export_to_file(
-    find_run: Callable[[], tuple[Trace, SceneSource, Path]], out: Path, at: str | None, report: bool, console: Console
+    find_run: Callable[[], tuple[Trace, SceneSource, Path]],
+    out: Path,
+    at: str | None,
+    report: bool,
+    console: Console,
+    terms: Sequence[Path] = (),
 ) -> int:
     """Write the file in the format of its ending. An existing file is replaced only by a complete one.
 
@@ -74,6 +87,7 @@ def export_to_file(
         find_run: returns the trace, its scene and its path; called after the other arguments are checked.
         at: name of a moment.
         report: with .html: the report instead of the replay.
+        terms: files with the run's own terms, for their pulls.
 
     Returns:
         Exit code 0.
@@ -85,7 +99,7 @@ def export_to_file(
     _check(out, ending, at, report)
     trace, source, path = find_run()
     wanted = None if at is None else parse_moment_id(at, options_from_dict(trace.header["options"]).n_levels)
-    session = open_session(source, console, trace=trace)
+    session = open_session(source, console, trace=trace, terms=terms)
     note_outside_photos(console, source.scene, session.scene.views)
     moment = None if wanted is None else find_moment(trace, wanted)
     facts = RunFacts(session, path.parent)

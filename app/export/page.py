@@ -17,6 +17,7 @@ from app.export.run_facts import RunFacts
 from app.export.run_tables import figures_table, options_list
 from app.html import icon, text
 from fairing.io import write_atomically
+from fairing.run.recorded_terms import has_terms_of_trace
 
 _SCRIPTS = (
     *("unpack.js", "record.js", "plot.js", "viewer.js", "fourier.js", "photos.js", "eigenspace.js", "cells.js"),
@@ -31,12 +32,16 @@ def write_page(facts: RunFacts, out: Path, at: int, on_progress: Callable[[float
         on_progress: called with the fraction that is done.
 
     Returns:
-        A note on faces whose cells are not in the file, to limit its size; empty if all cells are.
+        A note on what is not in the file: cells, to limit its size, and pulls without the code of the run's own terms; empty if
+        all is.
     """
     data = page_data(facts, at, on_progress)
     write_atomically(out, lambda file: file.write(_page(facts, data).encode()))
     kept, count = len(data["cells"]["faces"]), len(facts.scene.mesh.faces)
-    return f"cells of {kept} of {count} faces, around the vertices that moved most" if kept < count else ""
+    notes = [f"cells of {kept} of {count} faces, around the vertices that moved most"] if kept < count else []
+    if not has_terms_of_trace(facts.trace, facts.session.terms):
+        notes.append("without pulls: give the files of the run's own terms with --with")
+    return "; ".join(notes)
 
 
 def page_of(facts: RunFacts, at: int, on_progress: Callable[[float], None]) -> str:

@@ -10,6 +10,7 @@ from app.export.packing import packed
 from app.export.run_facts import RunFacts
 from app.palette import solid
 from app.pictures.term_colors import COLOR_OF_TERM
+from fairing.run.recorded_terms import has_terms_of_trace
 from fairing.terms.names import TERMS
 
 MOST_MOMENTS = 24  # each costs about one iteration
@@ -44,8 +45,11 @@ def pulls_of_run(facts: RunFacts, on_progress: Callable[[float], None]) -> dict[
 
 
 def pull_moments(facts: RunFacts) -> list[int]:
-    """At most `MOST_MOMENTS` moments: where stages begin, and where sweeps do if there is room for them."""
-    if facts.length == 0:
+    """At most `MOST_MOMENTS` moments: where stages begin, and where sweeps do if there is room for them.
+
+    None without the code of the run's own terms, whose pulls cannot be computed.
+    """
+    if facts.length == 0 or not has_terms_of_trace(facts.trace, facts.session.terms):
         return []
     stages = [stage.begin for stage in facts.energies.stages(facts.length)]
     sweeps = np.setdiff1d(np.unique(facts.energies.sweeps), stages).tolist()

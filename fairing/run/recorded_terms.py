@@ -20,14 +20,19 @@ def recorded_terms(trace: Trace) -> dict[str, str]:
     return {term["name"]: term["meaning"] for term in _recorded(trace.header) if term["name"] not in BUILT_IN}
 
 
+def has_terms_of_trace(trace: Trace, terms: Sequence[OwnTerm]) -> bool:
+    """Whether terms of one's own are those that a run was recorded with."""
+    recorded = [(term["name"], term["digest"]) for term in _recorded(trace.header)]
+    return recorded == [(term.name, term.digest) for term in terms]
+
+
 def check_terms_of_trace(trace: Trace, terms: Sequence[OwnTerm]) -> None:
     """Refuse to continue a run without its own terms, or with others.
 
     Raises:
         InputError: it was recorded with others, which the message names.
     """
-    recorded = [(term["name"], term["digest"]) for term in _recorded(trace.header)]
-    if recorded != [(term.name, term.digest) for term in terms]:
+    if not has_terms_of_trace(trace, terms):
         names = ", ".join(f"{term['name']} ({term['file']})" for term in _recorded(trace.header)) or "none"
         raise InputError(
             f"trace: recorded with the own terms {names}, found {', '.join(term.name for term in terms) or 'none'} or other code; "

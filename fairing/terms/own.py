@@ -182,8 +182,12 @@ def check_terms(terms: Sequence[OwnTerm], known: Sequence[str]) -> None:
     names = list(known)
     for term in terms:
         kind = type(term).__name__
+        if isinstance(term, type) and issubclass(term, OwnTerm):
+            raise InputError(
+                f"terms: expected instances, found the class {term.__name__}; write terms=[{term.__name__}()]"
+            )
         if not isinstance(term, OwnTerm):
-            raise InputError(f"terms: expected instances of fairing.OwnTerm, found {kind}; write terms=[{kind}()]")
+            raise InputError(f"terms: expected instances of fairing.OwnTerm, found {kind}")
         if not term.name or not all(word.isidentifier() for word in term.name.split(" ")):
             raise InputError(f"term {kind}: expected a name of words such as 'planarity', found {term.name!r:.60}")
         if term.name in names:
