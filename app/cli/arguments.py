@@ -74,7 +74,7 @@ TermsArgument = Annotated[
         name="with",
         metavar="FILE",
         help="Python files with terms of your own (subclasses of fairing.OwnTerm): their code is executed. The debugger loads "
-        "a file anew when it is saved.",
+        "a file anew when it is saved. Or names of terms that installed packages offer.",
     ),
 ]
 AroundArgument = Annotated[

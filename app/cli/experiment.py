@@ -20,7 +20,7 @@ from app.experiments.workers import MOST_WORKERS, measure_all
 from app.files.scene_source import SceneSource
 from demo_scenes import DEMO_NAMES, is_demo
 from fairing.errors import InputError
-from fairing.experiments import EXPERIMENTS, Experiment, Row, Setting
+from fairing.experiments import Experiment, Row, Setting, experiments
 from fairing.experiments.experiment import open_cases
 from fairing.io import locked_output_folder
 from fairing.option_check import check_options
@@ -37,15 +37,15 @@ def experiment() -> int:
 
 def list_experiments(console: Console) -> int:
     """Print name and question of each experiment."""
-    for name, experiment in EXPERIMENTS.items():
+    for name, experiment in experiments().items():
         print_line(console, f"{name:15}{experiment.question}")
     console.print("\neigenfairing experiment NAME [SCENE] --out DIR   (SCENE: cube)", highlight=False)
     return 0
 
 
 def experiment_commands(arguments: Sequence[str]) -> dict[str, Callable[..., int]]:
-    """One command for each of `EXPERIMENTS`; the defaults of options depend on the preset among the arguments."""
-    return {name: _command(kind, chosen_preset(arguments)) for name, kind in EXPERIMENTS.items()}
+    """One command for each of `experiments`; the defaults of options depend on the preset among the arguments."""
+    return {name: _command(kind, chosen_preset(arguments)) for name, kind in experiments().items()}
 
 
 def _command(kind: type[Experiment], default: FairingOptions) -> Callable[..., int]:

@@ -56,7 +56,7 @@ class Chart:
 
 
 def charts_of(experiment: Experiment, cases: Sequence[Row], rows: Sequence[Row]) -> list[Chart]:
-    """The charts of the results so far.
+    """The charts of the results so far; of an experiment of another package one for each measured number, over the cases.
 
     Args:
         cases: all cases of the experiment.
@@ -68,7 +68,26 @@ def charts_of(experiment: Experiment, cases: Sequence[Row], rows: Sequence[Row])
         KSweep.name: _k_sweep,
         WarpComparison.name: _warps,
     }
+    if experiment.name not in draw:
+        return _by_case(experiment, cases, rows)
     return draw[experiment.name](cases, rows)
+
+
+def _by_case(experiment: Experiment, cases: Sequence[Row], rows: Sequence[Row]) -> list[Chart]:
+    settings = set(cases[0])
+    number_of = {tuple(case.values()): n + 1 for n, case in enumerate(cases)}
+    charts = []
+    for name, meaning in experiment.columns.items():
+        at = sorted((number_of[tuple(row[key] for key in cases[0])], row[name]) for row in rows if name in row)
+        if name in settings or not all(isinstance(value, int | float) for _, value in at):
+            continue
+        x, y = np.array(at, dtype=float).reshape(-1, 2).T
+        limits = (min(0.0, *y), 1.08 * max(1e-9, *y)) if len(y) else (0.0, 1.0)
+        series = Series("", x, y, BLUE, "points")
+        charts.append(
+            Chart(name, "number of the case", meaning, (0.4, len(cases) + 0.6), limits, (series,), y_log=False)
+        )
+    return charts
 
 
 def _capture_range(cases: Sequence[Row], rows: Sequence[Row]) -> list[Chart]:

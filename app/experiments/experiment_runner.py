@@ -15,7 +15,7 @@ from app.background_worker import BackgroundWorker
 from app.experiments.record import Record
 from app.experiments.workers import measure_all
 from fairing.errors import InputError
-from fairing.experiments import EXPERIMENTS, Experiment, Row, Setting, check_truth
+from fairing.experiments import Experiment, Row, Setting, check_truth, experiments
 from fairing.options import FairingOptions
 from fairing.scene import Scene
 
@@ -108,7 +108,7 @@ class ExperimentRunner:
         with self._lock:
             busy = self.working
             if busy is not None:
-                raise InputError(f"{EXPERIMENTS[busy].title} is running; wait for its end or cancel it")
+                raise InputError(f"{experiments()[busy].title} is running; wait for its end or cancel it")
             self._outcomes[experiment.name] = Outcome(experiment, setting)
         self._cancelled.clear()
         self._worker.post(self, lambda: self._run(experiment.name), lambda _: None)

@@ -15,6 +15,7 @@ directives:
 import re
 from functools import cache
 from importlib.resources import files
+from importlib.resources.abc import Traversable
 from pathlib import Path
 
 from app.debugger.condition import Condition, parse_condition
@@ -26,6 +27,7 @@ from app.lessons.scenes import LESSON_SCENES
 from app.lessons.vocabulary import Action, read_changes, understand_action
 from app.pictures.paper_code import LINES
 from fairing.errors import InputError
+from fairing.util.plugins import offered
 
 FEWEST_STEPS, MOST_STEPS = 6, 12
 # The recommended order.
@@ -51,9 +53,12 @@ _BLOCKS = {"do", "code", "keep", "claim", "ask", "switch"}
 
 @cache
 def lesson_names() -> tuple[str, ...]:
-    """Names of all lessons: those of `ORDER`, then any others by name."""
-    found = {file.name.removesuffix(".md") for file in (files("app.lessons") / "texts").iterdir()}
-    return (*(name for name in ORDER if name in found), *sorted(found.difference(ORDER)))
+    """Names of all lessons: those of `ORDER`, then any others by name, also those of other packages.
+
+    Another package offers the Markdown files of one of its packages by an entry point of the group `eigenfairing.lessons`.
+    """
+    found = _lesson_files()
+    return (*(name for name in ORDER if name in found), *sorted(found.keys() - set(ORDER)))
 
 
 @cache
@@ -74,7 +79,21 @@ def load_lesson(name: str) -> Lesson:
             raise InputError(f"lesson {name}: cannot be read ({error})") from None
     if name not in lesson_names():
         raise InputError(f"lesson {name:.40}: expected one of {', '.join(lesson_names())}, or a file ending in .md")
-    return read_lesson(name, (files("app.lessons") / "texts" / f"{name}.md").read_text(encoding="utf-8"))
+    return read_lesson(name, _lesson_files()[name].read_text(encoding="utf-8"))
+
+
+def _lesson_files() -> dict[str, Traversable]:
+    """The files of all lessons by name; those of this package win."""
+    folders = [
+        *(files(package) for package in offered("eigenfairing.lessons").values()),
+        files("app.lessons") / "texts",
+    ]
+    return {
+        file.name.removesuffix(".md"): file
+        for folder in folders
+        for file in folder.iterdir()
+        if file.name.endswith(".md")
+    }
 
 
 def read_lesson(name: str, written: str) -> Lesson:

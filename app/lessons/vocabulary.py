@@ -43,7 +43,7 @@ from app.page_state.cells_state import ARROW_SCALES, KINDS, PAGES, SPANS
 from app.page_state.page_state import LAYERS, MAX_MAGNIFICATION, NOW_SHAPE, START_SHAPE, SURFACES, TRUE_SHAPE, PlotView
 from app.pictures.coloring import COLORINGS
 from fairing.errors import InputError
-from fairing.experiments import EXPERIMENTS
+from fairing.experiments import experiments
 from fairing.option_check import check_options
 from fairing.options import PRESETS, FairingOptions
 
@@ -256,7 +256,7 @@ _ACTIONS: list[tuple[str, Callable[[re.Match, set[str]], Action]]] = [
     (r"scroll to (\w+)", _scroll),
     (r"plot (\w+)( of the vertex)?", _plot),
     (r"compare with (\w+)", _compare),
-    (r"experiment ([\w-]+)", lambda found, _: _setting("experiment", _one_of(found[1], EXPERIMENTS, "experiment"))),
+    (r"experiment ([\w-]+)", lambda found, _: _setting("experiment", _one_of(found[1], experiments(), "experiment"))),
     (r"tab (\w+)", _tab),
 ]
 _EXAMPLES = ("'start accurate as main'", "'step one sweep'", "'select vertex 0'", "'look at mesh'")

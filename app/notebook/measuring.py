@@ -13,7 +13,7 @@ from app.notebook.frame import Frame
 from app.notebook.progress import progress
 from app.panels.chart_svg import charts_svg
 from fairing.errors import InputError
-from fairing.experiments import EXPERIMENTS, Experiment, Row, Setting
+from fairing.experiments import Experiment, Row, Setting, experiments
 
 HEIGHT = 560  # px
 
@@ -73,7 +73,7 @@ def read_measured(path: Path) -> Measured:
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
         fields = {name: tuple(value) if isinstance(value, list) else value for name, value in found["fields"].items()}
-        experiment = EXPERIMENTS[found["experiment"]](**fields)
+        experiment = experiments()[found["experiment"]](**fields)
         rows = tuple(dict(row) for row in found["rows"])
         if not rows or not all(set(experiment.columns) <= set(row) for row in rows):
             raise ValueError

@@ -20,6 +20,7 @@ from app.layers.surface import SurfaceLayer
 from app.layers.vertices import VerticesLayer
 from app.layers.wireframe import WireframeLayer
 from app.page.page_frame import PageFrame
+from app.page.plugins import offered_layers
 from app.page.resources import SessionResources
 from app.page.vertex_interaction import VertexInteraction
 from app.page_state.association_source import AssociationSource
@@ -65,6 +66,7 @@ class PageLayers:
             ObjectBoxLayer(client, stage, scene),
             GivenCamerasLayer(client, stage, scene, resources.refinement),
             CamerasLayer(client, stage, scene, resources.thumbnails, frame.toasts(frame.camera.enter), background),
+            *offered_layers(client, stage, scene, frame.toasts),
         ]
 
     def show(self, state: RunState, page_state: PageState) -> None:

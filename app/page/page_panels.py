@@ -12,6 +12,7 @@ from app.debugger.run_state import Activity, RunState
 from app.files.run_files import REPORT
 from app.page.lesson_dock import LessonDock
 from app.page.page_frame import PageFrame
+from app.page.plugins import offered_panels
 from app.page.resources import SessionResources
 from app.page.sharing import SHARE_KINDS, Sharing
 from app.page.vertex_interaction import VertexInteraction
@@ -181,6 +182,7 @@ class PagePanels:
             ]
         with tabs.add_tab("Options"):
             self._panels.append(OptionsPanel(gui, events, resources.controller))
+        self._panels += offered_panels(gui, tabs, resources.controller, self._frame.toasts)
 
     def _add_cells(self, lessons: LessonDock) -> None:
         """The docked panel of the cells with the lessons, and the lens that enlarges their images."""

@@ -79,7 +79,7 @@ class PageState:
         is_view_dependent: whether the texture is view-dependent while the run is paused.
         shape: vertex positions of the surface: 0 at the start, 1 now, 2 the truth; values between are interpolated.
         model_share: opacity of the model over the photo in a camera's view, 0 to 1.
-        experiment: the experiment shown, of `fairing.experiments.EXPERIMENTS`.
+        experiment: the experiment shown, of `fairing.experiments.experiments`.
         is_swipe: whether `model_share` is a fraction of the photo's width, from the right, instead of an opacity.
         shown: for each layer whether it is visible.
     """

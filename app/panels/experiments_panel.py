@@ -13,7 +13,7 @@ from app.panels.choice import chip
 from app.viser_bridge.error_toasts import NothingToDo
 from app.viser_bridge.html_events import HtmlEvents, choice_of, press
 from app.viser_bridge.html_panel import HtmlPanel
-from fairing.experiments import EXPERIMENTS
+from fairing.experiments import experiments
 from fairing.options import PRESETS, FairingOptions
 
 
@@ -31,7 +31,7 @@ class ExperimentsPanel:
         self._client, self._runner, self._controller, self._page_state = client, runner, controller, page_state
         self._events = html_events.named(
             {
-                "choose": choice_of(self.choose, lambda: list(EXPERIMENTS), "experiment"),
+                "choose": choice_of(self.choose, lambda: list(experiments()), "experiment"),
                 "start": press(self._begin),
                 "cancel": press(runner.cancel),
                 "csv": press(self._download_csv),
@@ -48,7 +48,7 @@ class ExperimentsPanel:
         self._controller.republish()
 
     def _begin(self) -> None:
-        experiment = EXPERIMENTS[self._page_state.experiment]()
+        experiment = experiments()[self._page_state.experiment]()
         self._runner.start(experiment, self._controller.state.options, self._page_state.selected)
 
     def _download_csv(self) -> None:
@@ -77,16 +77,17 @@ class ExperimentsPanel:
     def _choices(self, page_state: PageState) -> str:
         chips = "".join(
             chip(experiment.title, self._events("choose", n), experiment.question, name == page_state.experiment)
-            for n, (name, experiment) in enumerate(EXPERIMENTS.items())
+            for n, (name, experiment) in enumerate(experiments().items())
         )
-        return f"<div class='row chips'>{chips}</div><div>{text(EXPERIMENTS[page_state.experiment].question)}</div>"
+        return f"<div class='row chips'>{chips}</div><div>{text(experiments()[page_state.experiment].question)}</div>"
 
     def _start(self, state: RunState, page_state: PageState, outcome: Outcome | None) -> str:
         if self._obstacle:
             return f"<div class='note dim'>{text(self._obstacle)}.</div>"
         working = self._runner.working
         if working is not None and working != page_state.experiment:
-            return f"<div class='note dim'>{text(EXPERIMENTS[working].title)} is running; only one experiment runs at a time.</div>"
+            title = text(experiments()[working].title)
+            return f"<div class='note dim'>{title} is running; only one experiment runs at a time.</div>"
         if working is not None and outcome is not None:
             cancel = button("Cancel", self._events("cancel"), hint="Cancel (finished runs are kept)", css_class="main")
             return f"<div class='row note'>{cancel}<span class='dim'>Finished runs are kept.</span></div>"

@@ -8,7 +8,7 @@ What belongs here: `Setting` (the vertex and its options), the `Experiment` prot
 
 May import: every other part of `fairing`.
 
-Offers: `EXPERIMENTS` by name, `Setting`, `results`, `check_truth`.
+Offers: `experiments` by name, `Setting`, `results`, `check_truth`.
 """
 
 from fairing.experiments.capture_range import CaptureRange
@@ -17,10 +17,21 @@ from fairing.experiments.k_sweep import KSweep
 from fairing.experiments.noise import NoiseAgainstBound
 from fairing.experiments.setting import Setting, check_truth
 from fairing.experiments.warps import WarpComparison
+from fairing.util.plugins import offered
 
 EXPERIMENTS: dict[str, type[Experiment]] = {
     experiment.name: experiment for experiment in (CaptureRange, NoiseAgainstBound, KSweep, WarpComparison)
 }
+
+
+def experiments() -> dict[str, type[Experiment]]:
+    """All experiments by name: `EXPERIMENTS`, and those of other packages, entry points of the group `fairing.experiments`.
+
+    Raises:
+        InputError: one of them cannot be loaded.
+    """
+    return EXPERIMENTS | {kind.name: kind for kind in offered("fairing.experiments").values()}
+
 
 __all__ = [
     "EXPERIMENTS",
@@ -32,5 +43,6 @@ __all__ = [
     "Setting",
     "WarpComparison",
     "check_truth",
+    "experiments",
     "results",
 ]

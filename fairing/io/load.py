@@ -36,13 +36,16 @@ from fairing.io.scene_points import Progress, choose_points
 from fairing.io.upright import settle_orientations
 from fairing.mesh import Mesh
 from fairing.scene import Around, CamerasChoice, PointsChoice, Scene
+from fairing.util.plugins import offered
 from fairing.weld import Welded, welded
 
 READERS: tuple[Reader, ...] = (
     colmap, bundler, openmvg, alicevision, opensfm, visualsfm, metashape, realityscan, transforms_json, middlebury, strecha,
     matrices, scene_json,
 )  # fmt: skip
-"""Supported formats. A new one is a module with the names of `Reader`, added here and to `SceneFormat`."""
+"""Supported formats. A new one is a module with the names of `Reader`, added here and to `SceneFormat`; or offered by another
+package as an entry point of the group `fairing.readers`."""
+_GROUP = "fairing.readers"
 _BY_FILE_NAME: dict[str, Reader] = {
     "scene.json": scene_json,
     "transforms.json": transforms_json,
@@ -195,9 +198,14 @@ def read_capture(path: str | Path, choice: PhotoChoice | None = None) -> Capture
     return apply_choice(settle_orientations(capture), choice, path if path.is_dir() else path.parent)
 
 
+def readers() -> tuple[Reader, ...]:
+    """The supported formats, and those of other installed packages."""
+    return (*READERS, *offered(_GROUP).values())
+
+
 def is_capture(path: Path) -> bool:
     """Whether a folder or file holds cameras in a supported format, possibly damaged ones."""
-    for reader in READERS:
+    for reader in readers():
         try:
             if reader.recognises(path):
                 return True
@@ -215,7 +223,7 @@ def check_recognized(path: Path) -> None:
 def _read(path: Path) -> Capture:
     found: list[tuple[Reader, Capture]] = []
     failed: list[tuple[Reader, InputError]] = []
-    for reader in READERS:
+    for reader in readers():
         try:
             if reader.recognises(path):
                 found.append((reader, reader.read(path)))
@@ -258,7 +266,7 @@ def _unsupported(path: Path) -> InputError:
             f"{photos[0].parent} --out CAPTURE` and give CAPTURE; or export them from RealityScan, Metashape or WebODM beside "
             "the photos"
         )
-    supported = "; ".join(reader.FORMAT for reader in READERS)
+    supported = "; ".join(reader.FORMAT for reader in readers())
     return InputError(f"{path}: expected one of: {supported}; found {_contents(path)}")
 
 

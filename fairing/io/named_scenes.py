@@ -4,10 +4,10 @@ A package offers scenes by an entry point of the group `fairing.scenes` that nam
 """
 
 from collections.abc import Callable
-from importlib.metadata import entry_points
 from typing import Protocol
 
 from fairing.scene import Scene
+from fairing.util.plugins import offered
 
 GROUP = "fairing.scenes"
 
@@ -35,7 +35,7 @@ class SceneModule(Protocol):
 
 def scene_modules() -> list[SceneModule]:
     """The modules of the installed packages that offer scenes."""
-    return [entry.load() for entry in entry_points(group=GROUP)]
+    return list(offered(GROUP).values())
 
 
 def module_of_scene(name: str) -> SceneModule | None:

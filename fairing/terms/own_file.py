@@ -9,12 +9,14 @@ from pathlib import Path
 from fairing.errors import InputError
 from fairing.terms.names import BUILT_IN
 from fairing.terms.own import OwnTerm, check_terms
+from fairing.util.plugins import offered
 
 
 def load_terms(files: Iterable[Path]) -> tuple[OwnTerm, ...]:
     """One instance of each subclass of `OwnTerm` that the files define, in their order.
 
-    The code of the files is executed. A file is read anew each time.
+    The code of the files is executed. A file is read anew each time. Instead of a file there may be the name of a term that another
+    package offers, as an entry point of the group `fairing.terms` that is such a class.
 
     Raises:
         InputError: a file cannot be read or executed, or defines no term, or one that cannot be used.
@@ -25,6 +27,8 @@ def load_terms(files: Iterable[Path]) -> tuple[OwnTerm, ...]:
 
 
 def _terms_of(file: Path) -> list[OwnTerm]:
+    if not file.suffix and not file.exists() and (kind := offered("fairing.terms").get(str(file))) is not None:
+        return [kind()]
     file = file.absolute()
     if file.suffix != ".py" or not file.is_file():
         raise InputError(f"{file}: expected a Python file with subclasses of fairing.OwnTerm, found no such file")

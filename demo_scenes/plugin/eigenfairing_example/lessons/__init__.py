@@ -1,0 +1,1 @@
+"""Lessons: the Markdown files in this folder."""
