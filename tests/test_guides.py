@@ -4,6 +4,7 @@ import ast
 import functools
 import importlib.util
 import io
+import json
 import re
 import shlex
 import tomllib
@@ -103,6 +104,13 @@ def test_what_guides_link_to_is_installed_with_the_packages():
             assert is_installed or (guide.name == "README" and name == "README.md"), f"{guide.name}: {name}"
 
 
+def test_the_guide_to_python_names_everything_public():
+    table = GUIDES["python"].text.partition("## The API in groups")[2].partition("\n## ")[0]
+    named = set(re.findall(r"`(\w+)`", table))
+    for package in (fairing, app):
+        assert set(package.__all__) <= named, set(package.__all__) - named
+
+
 def test_the_readme_is_short():
     assert (ROOT / "README.md").stat().st_size <= LONGEST_README
 
@@ -154,8 +162,10 @@ def test_every_link_and_picture_of_the_site_is_in_it_and_no_page_requests_anothe
 def test_the_search_contains_a_word_of_each_guide_and_its_sections(site, name):
     index, guide = (site / "search.js").read_text(), GUIDES[name]
     assert WORDS[name].lower() in index.lower()
+    assert f'"fullname": {json.dumps(guide.title)}' in index
     for section in guide.sections[1:]:
         assert f'"qualname": "{section.anchor}"' in index, section.title
+        assert f'"fullname": {json.dumps(f"{guide.title}: {section.title}")}' in index
 
 
 def test_a_folder_of_somebody_else_is_refused_with_one_line(tmp_path, capsys):
@@ -169,7 +179,7 @@ def test_a_folder_of_somebody_else_is_refused_with_one_line(tmp_path, capsys):
 def test_without_pdoc_one_line_says_what_to_install(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     assert main([str(tmp_path / "site")]) == 1
-    assert re.fullmatch(r"eigenfairing: .*pip install .*pdoc.*\n", capsys.readouterr().err)
+    assert re.fullmatch(r"eigenfairing: .*pip install .*docs.*\n", capsys.readouterr().err)
     assert not (tmp_path / "site").exists()
 
 

@@ -8,5 +8,5 @@ reader of a guide (`guide`), the site (`site`, with pdoc's templates in `templat
 May import: `app.lessons` (formulas), `fairing.io` and `fairing.errors`; never viser. pdoc is imported by `site` alone: it is
 installed by the extra `docs`.
 
-Offers: `write_site`, and `guides`, which are also readable where they are: their links are relative files of this repository.
+Offers: `guides`, and `write_site`. Links of guides are relative paths, so that they also work where the repository is browsed.
 """

@@ -13,7 +13,7 @@ def main(arguments: list[str]) -> int:
         sys.stderr.write(f"{__doc__}\n")
         return 2
     if importlib.util.find_spec("pdoc") is None:
-        sys.stderr.write('eigenfairing: the site needs pdoc; install it with: python3 -m pip install "pdoc>=16,<17"\n')
+        sys.stderr.write('eigenfairing: the site needs pdoc; install it with: pip install "eigenfairing[docs]"\n')
         return 1
     from app.guides.site import write_site
 

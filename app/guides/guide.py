@@ -1,5 +1,6 @@
 """A guide: one Markdown file, with formulas and links in the form that the site needs."""
 
+import html
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -125,7 +126,16 @@ def _pieces(text: str) -> list[str]:
 def _outside_code(text: str, change: Callable[[str], str]) -> str:
     pieces = _pieces(text)
     pieces[::2] = map(change, pieces[::2])
+    pieces[1::2] = map(_as_html, pieces[1::2])
     return "".join(pieces)
+
+
+def _as_html(code: str) -> str:
+    """A block that contains fences, which pdoc's Markdown would take for blocks of their own, as HTML; other code as it is."""
+    if not code.startswith("````"):
+        return code
+    lines = html.escape("\n".join(code.splitlines()[1:-1])).replace("`", "&#96;")
+    return f'<div class="pdoc-code codehilite"><pre><code>{lines}</code></pre></div>'
 
 
 def _typeset(piece: str) -> str:

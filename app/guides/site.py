@@ -46,7 +46,8 @@ def write_site(folder: Path) -> None:
         for name, module in pages.items():
             write(f"{name.replace('.', '/')}.html", pdoc.render.html_module(module, pages))
         write("index.html", pdoc.render.html_index(pages))
-        write("search.js", pdoc.render.search_index({n: _searched(n, guide) for n, guide in found.items()} | api))
+        searched = {guide.title: _searched(name, guide) for name, guide in found.items()}
+        write("search.js", pdoc.render.search_index(searched | api))
         for path in sorted({guide.file_of(target) for guide in found.values() for target in _local(guide)}):
             address = _address_of(path)
             if path.suffix == ".py":
@@ -92,13 +93,14 @@ def _searched(name: str, guide: Guide) -> pdoc.doc.Module:
     """The guide for the search: each section is a member, so that a result is a section and leads to it."""
     first, *others = guide.sections
     module = _module(name, first.text)
+    module.fullname = guide.title  # the heading of a result
     module.own_members = [_member(name, guide, section) for section in others]
     return module
 
 
 def _member(name: str, guide: Guide, section: Section) -> pdoc.doc.Variable:
     member = pdoc.doc.Variable(name, section.anchor, taken_from=(name, section.anchor), docstring=section.text)
-    member.fullname = f"{guide.title}: {section.title}"  # the heading of a result
+    member.fullname = f"{guide.title}: {section.title}"
     return member
 
 

@@ -34,4 +34,8 @@ def test_a_search_leads_to_the_section_of_a_guide_and_nothing_comes_from_elsewhe
         assert min(widths) > 0
         assert page.locator("math").count() > 20
         assert page.evaluate("document.documentElement.scrollWidth <= window.innerWidth")
+        page.goto((site / "guides" / "extending.html").as_uri())
+        step = page.locator("pre", has_text="Back, and two steps at once").inner_text()
+        assert step.count("```") == 4
+        assert "off(0) < begin" in step
         assert all(url.startswith(("file:", "data:")) for url in requests), requests
