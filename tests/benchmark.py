@@ -1,6 +1,6 @@
 """Speed, memory and accuracy: `python -m tests.benchmark [--quick] [--json FILE] [--only PART ...]`.
 
-`--readme` prints the tables of the README anew (`tests/readme_tables.py`).
+`--tables` prints the tables of accuracy anew (`tests/accuracy_tables.py`).
 `--family 12 [--odd]` measures the default engine on seeds of the family `building:SEED` instead (`tests/family.py`), and
 `--ablate` what each of its options and constants contributes (`tests/ablation.py`).
 
@@ -42,10 +42,10 @@ from fairing.run.session import Session
 from fairing.scene import Scene
 from fairing.solve.energy import Evaluator
 from tests import ablation
+from tests.accuracy_tables import GROUPS, print_tables
 from tests.best_mesh import best_mesh
 from tests.family import default_results, family_seeds, measure_family
 from tests.large_capture import write_terrain
-from tests.readme_tables import GROUPS, print_tables
 
 Table = dict[str, Any]
 ACCURATE = PRESETS["accurate"]
@@ -430,12 +430,12 @@ class Arguments:
     json: Path | None = None
     """Write the figures to this file, too (of family and ablation: default in the cache folder; the table goes beside it)."""
     only: Annotated[
-        tuple[str, ...], tyro.conf.arg(help=f"Some of: {', '.join(PARTS)}; with --readme of: {', '.join(GROUPS)}.")
+        tuple[str, ...], tyro.conf.arg(help=f"Some of: {', '.join(PARTS)}; with --tables of: {', '.join(GROUPS)}.")
     ] = ()
-    readme: bool = False
-    """Print the tables of the README anew instead: an hour, a third of it for the buildings."""
+    tables: bool = False
+    """Print the tables of accuracy anew instead: an hour, a third of it for the buildings."""
     buildings: int = 0
-    """With --readme: only so many of the generated buildings."""
+    """With --tables: only so many of the generated buildings."""
     family: int = 0
     """Measure so many seeds of the family instead: 0, 2, 4, ... Runs of the same code in the results file are not repeated."""
     odd: bool = False
@@ -453,7 +453,7 @@ class Arguments:
 def main() -> None:
     """Run the parts asked for and print a table of each."""
     arguments = tyro.cli(Arguments)
-    if arguments.readme:
+    if arguments.tables:
         print_tables(arguments.only, arguments.buildings)
         return
     if seeds := arguments.seeds or family_seeds(arguments.family, arguments.odd):

@@ -1,4 +1,4 @@
-"""Error of corner A of the demo cube after a run, in % of the edge, against the figures of the README."""
+"""Error of corner A of the demo cube after a run, in % of the edge, against the figures of `app/guides/accuracy.md`."""
 
 from dataclasses import replace
 

@@ -105,13 +105,13 @@ def test_the_engine_knows_nothing_of_browsers():
     assert done.stdout.split() == ["False", "False"]
 
 
-def test_the_readme_s_lines_run_as_they_are_written(tmp_path, monkeypatch, capsys):
+def test_the_guide_s_lines_run_as_they_are_written(tmp_path, monkeypatch, capsys):
     write_corner(tmp_path / "capture")
     before, faces = fairing.read_mesh(tmp_path / "capture" / "mesh.obj")
     fairing.write_mesh(str(tmp_path / "start.ply"), before, faces)
     monkeypatch.chdir(tmp_path)
-    readme = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
-    exec(readme.split("```python")[1].split("```")[0], {})
+    guide = (Path(__file__).parents[1] / "app" / "guides" / "python.md").read_text(encoding="utf-8")
+    exec(guide.split("```python")[1].split("```")[0], {})
     assert capsys.readouterr().out.startswith("finished")
     after, _ = fairing.read_mesh("faired.ply")
     assert np.linalg.norm(after[0] - VERTICES[0]) < 0.5 * np.linalg.norm(before[0] - VERTICES[0])

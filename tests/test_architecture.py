@@ -1,4 +1,4 @@
-"""The rooms of the packages: which room may import which. The README's picture of the architecture is this table."""
+"""The rooms of the packages: which room may import which. The guide `extending.md` lists them for readers."""
 
 import ast
 from pathlib import Path
@@ -99,6 +99,7 @@ ALLOWED: dict[str, set[str]] = {
         *("app", "app.debugger", "app.page_state", "app.pictures", "app.layers", "app.panels", "app.lessons"),
         *("app.experiments", "app.export", "engine", "demo_scenes"),
     },
+    "app.guides": {"app", "app.lessons", "fairing", "fairing.io"},
     "app.notebook": {
         *("app", "app.files", "app.experiments", "app.panels", "app.export", "app.page", "app.viser_bridge", "engine"),
     },

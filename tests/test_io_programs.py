@@ -35,7 +35,7 @@ from tests.program_formats import (
 )
 from tests.synthetic_capture import HEIGHT, WIDTH
 
-MAX_ERROR = 0.01  # px, as the README's table of formats states
+MAX_ERROR = 0.01  # px, as the guide to captures states
 PLAIN = ForeignCapture()
 OFF_MIDDLE = (50.2, 34.9)
 Write = Callable[[ForeignCapture, Path], None]

@@ -145,7 +145,7 @@ def test_a_notebook_runs_to_its_end(path: Path, tmp_path: Path):
     assert not [output for cell in code for output in cell.outputs if output.output_type == "error"]
 
 
-def test_there_are_three_notebooks_and_the_readme_links_them():
-    readme = (NOTEBOOKS[0].parents[2] / "README.md").read_text(encoding="utf-8")
+def test_there_are_three_notebooks_and_the_guide_links_them():
+    guide = (NOTEBOOKS[0].parents[2] / "app" / "guides" / "python.md").read_text(encoding="utf-8")
     assert len(NOTEBOOKS) == 3
-    assert all(f"demo_scenes/notebooks/{path.name}" in readme for path in NOTEBOOKS)
+    assert all(f"demo_scenes/notebooks/{path.name}" in guide for path in NOTEBOOKS)

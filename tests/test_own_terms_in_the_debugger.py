@@ -138,11 +138,12 @@ def test_a_run_is_exported_without_its_terms_but_then_without_pulls(tmp_path):
 
 
 @pytest.mark.compiled
-def test_the_readme_s_term_runs_as_it_is_written():
-    readme = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
-    (code,) = (block for block in readme.split("```python")[1:] if "OwnTerm" in block.split("```")[0])
+@pytest.mark.parametrize(("guide", "term"), [("python", "Rigidity"), ("extending", "Closeness")])
+def test_the_term_of_a_guide_runs_as_it_is_written(guide, term):
+    text = (Path(__file__).parents[1] / "app" / "guides" / f"{guide}.md").read_text(encoding="utf-8")
+    (code,) = (block for block in text.split("```python")[1:] if "OwnTerm" in block.split("```")[0])
     names: dict = {}
     exec(code.split("```")[0], names)
-    session = Session(corner_scene(), small_options(), terms=[names["Rigidity"]()])
+    session = Session(corner_scene(), small_options(), terms=[names[term]()])
     session.step()
-    assert "rigidity" in {pull.name for pull in session.pulls()}
+    assert term.lower() in {pull.name for pull in session.pulls()}

@@ -1,5 +1,6 @@
-"""Takes the README's pictures: `python -m tests.tour [NAME ...]` drives the debugger and an exported page in headless Chromium.
+"""Takes the pictures of the README and the guides: `python -m tests.tour [NAME ...]`.
 
+It drives the debugger and an exported page in headless Chromium.
 Every picture is a shot of the page in a window of 1280 x 720, saved as a small JPEG in app/pictures.
 """
 

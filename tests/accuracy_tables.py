@@ -1,7 +1,10 @@
-"""README's tables of accuracy, measured anew on one machine: `python -m tests.benchmark --readme [--only GROUP ...]`.
+"""The tables of accuracy, measured anew on one machine: `python -m tests.benchmark --tables [--only GROUP ...]`.
 
-Runs are made by the commands, as a reader of the README makes them, each in a process of its own. Every group prints the
-tables of its part of the README as Markdown. Groups on photographs need `../shared/captures`, see its README.md; the cache
+All of them are in `app/guides/accuracy.md`; the README repeats two columns of the table of group
+`noisy`, and a line of `buildings`.
+
+Runs are made by the commands, as a reader makes them, each in a process of its own. Every group prints the
+tables of its part of that file as Markdown. Groups on photographs need `../shared/captures`, see its README.md; the cache
 keeps found points and rendered photos between calls.
 
 Processor time is that of a whole command, with one that was run before, so that nothing is compiled. It is stated as a
