@@ -20,7 +20,8 @@ ALLOWED: dict[str, set[str]] = {
     "fairing.solve": DATA | {"fairing.features", "fairing.geometry", "fairing.cells", "fairing.kernels"},
     "fairing.placement": DATA | {"fairing.geometry"},
     "fairing.optimize": set(),
-    "fairing.terms": DATA | {"fairing.util", "fairing.optimize", "fairing.geometry", "fairing.features", "fairing.creases"},
+    "fairing.terms": DATA
+    | {"fairing.util", "fairing.optimize", "fairing.geometry", "fairing.features", "fairing.creases"},
     "fairing.cameras": DATA | {"fairing.optimize", "fairing.features"},
     "fairing.creases": DATA | {"fairing.geometry"},
     "fairing.run": DATA
@@ -70,7 +71,8 @@ ALLOWED: dict[str, set[str]] = {
     | {"fairing.util", "fairing.geometry", "fairing.io", "fairing.placement", "fairing.triangulation"},
     "fairing.features": DATA | {"fairing.util", "fairing.geometry"},
     "fairing.mesh_formats": DATA | {"fairing.util", "fairing.geometry"},
-    "fairing.experiments": DATA | {"fairing.util", "fairing.geometry", "fairing.io", "fairing.solve", "fairing.run", "fairing.judge"},
+    "fairing.experiments": DATA
+    | {"fairing.util", "fairing.geometry", "fairing.io", "fairing.solve", "fairing.run", "fairing.judge"},
     "fairing.api": {"fairing", "fairing.run", "fairing.terms"},
     "fairing.paper": DATA | {"fairing.geometry", "fairing.cells"},
     "demo_scenes": DATA | {"fairing.util", "fairing.geometry"},
