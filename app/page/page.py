@@ -44,7 +44,9 @@ class Page:
         events, toasts = self.frame.html_events, self.frame.toasts
         self.run_controls = RunControls(controller, page_state)
         self.interaction = VertexInteraction(client, stage, scene, controller, page_state, toasts)
-        self.lessons = LessonDock(client, controller, events, self._look_for_lesson, resources.change_scene)
+        self.lessons = LessonDock(
+            client, controller, events, self._look_for_lesson, resources.change_scene, resources.last_lesson
+        )
         certainty, pulls = CertaintySource(controller), PullSource(controller)
         associations = AssociationSource(controller)
         self.panels = PagePanels(
@@ -122,6 +124,7 @@ class Page:
         self._unsubscribe()
         if self._updates is not None:
             self._updates.close()
+        self.lessons.close()
         self.layers.close()
         self.panels.close()
         self.frame.close()

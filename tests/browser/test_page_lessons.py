@@ -122,6 +122,31 @@ def test_a_walk_of_ones_own_is_noticed_and_the_lesson_resumed(visitor: Visitor):
     assert app.controller.wait_until_idle().moment == 0
 
 
+def test_a_lesson_is_resumed_after_the_page_was_reloaded(visitor: Visitor):
+    app = visitor.app
+    choose_lesson(visitor, "beyond")
+    arrive(visitor, 0)
+    visitor.page.keyboard.press("PageDown")
+    arrive(visitor, 1)
+    left, page = app.controller.wait_until_idle(), page_of(app)
+    assert left.locked.any()
+    visitor.open()
+    wait_for(lambda: bool(app.pages) and page_of(app) is not page)
+    visitor.page.get_by_role("tab", name="Lesson", exact=True).wait_for(state="hidden")
+    visitor.page.get_by_role("tab", name="Lessons").click()
+    resume = visitor.button("Go on with the lesson where it was left")
+    visitor.page.get_by_text("step 2 of").wait_for()
+    visitor.wait_until_at_rest(resume)
+    resume.click()
+    arrive(visitor, 1)
+    resume.wait_for(state="hidden")
+    state = app.controller.wait_until_idle()
+    assert (state.run_id, state.moment) == (left.run_id, left.moment)
+    assert (state.locked == left.locked).all()
+    visitor.page.keyboard.press("PageDown")
+    arrive(visitor, 2)
+
+
 @pytest.mark.parametrize("name", CUBE_LESSONS[1:])
 def test_every_lesson_on_the_cube_runs_to_its_end(visitor: Visitor, name: str):
     choose_lesson(visitor, name)
