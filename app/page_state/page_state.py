@@ -30,6 +30,7 @@ ASSOCIATIONS = {"point feet", "image edges", "axes", "seen"}
 HIDDEN_AT_FIRST = {"certainty", "truth", "points", *ASSOCIATIONS}
 HIDDEN_ON_LARGE_MESHES = {"now", "start"}
 LARGE_MESH = 200  # vertices; wireframes of larger meshes hide the surface
+MANY_VERTICES = 500  # marks of more hide the surface
 MAX_MAGNIFICATION = 50
 FLOW_SCALES = (10, 30, 100, 300)
 PULL_SCALES: dict[int, str] = {0: "Auto", 1: "×1", 10: "×10", 100: "×100", 1000: "×1000"}
@@ -112,8 +113,9 @@ class PageState:
 
     @classmethod
     def of_mesh(cls, n_vertices: int) -> "PageState":
-        """The first state on a mesh: without wireframes if it is large."""
+        """The first state on a mesh: without wireframes if it is large, and without marks of very many vertices."""
         hidden = HIDDEN_AT_FIRST | (HIDDEN_ON_LARGE_MESHES if n_vertices > LARGE_MESH else set())
+        hidden |= {"vertices"} if n_vertices > MANY_VERTICES else set()
         return cls(shown={name: name not in hidden for name in LAYERS})
 
     def copy(self) -> "PageState":
