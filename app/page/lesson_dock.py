@@ -22,7 +22,7 @@ from app.panels.lessons_panel import LessonsPanel
 from app.viser_bridge.error_toasts import NothingToDo
 from app.viser_bridge.html_events import HtmlEvents
 from app.viser_bridge.html_panel import HtmlPanel
-from app.viser_bridge.tabs import show_heading, show_tab
+from app.viser_bridge.tabs import show_heading, show_tab, show_top
 
 BACK_KEY, NEXT_KEY = "PageUp", "PageDown"
 STAND_IN = "archway"  # offered in place of a capture
@@ -39,6 +39,7 @@ class LessonDock:
     lead_eye: moves the browser's camera, see `SettingsApplier`.
     change_scene: shows another scene of the lessons, and opens a lesson there; see `SessionResources`.
     last_lesson: kept up to date with the lesson of this page.
+    on_open: called when a lesson has been opened, with True, or closed, with False.
     """
 
     def __init__(
@@ -49,13 +50,18 @@ class LessonDock:
         lead_eye: Callable[[str | int], None],
         change_scene: ChangeScene,
         last_lesson: LastLesson,
+        on_open: Callable[[bool], None],
     ) -> None:
         self._client, self._controller, self._html_events = client, controller, html_events
-        self._change_scene, self._last_lesson = change_scene, last_lesson
+        self._change_scene, self._last_lesson, self._on_open = change_scene, last_lesson, on_open
         self.player = Player(controller, self._changed)
         self._lessons = [load_lesson(name) for name in lesson_names()]
         self._settings_applier = SettingsApplier(
-            self.player, lead_eye, lambda title: show_tab(client, title), lambda title: show_heading(client, title)
+            self.player,
+            lead_eye,
+            lambda title: show_tab(client, title),
+            lambda title: show_heading(client, title),
+            lambda: show_top(client, ".ef .pages"),
         )
         self._open = {name: html_events.button(lambda name=name: self.open(name)) for name in lesson_names()}
 
@@ -163,3 +169,4 @@ class LessonDock:
         is_open = self.player.lesson is not None
         if self._panel.visible != is_open:
             self._panel.visible = is_open
+            self._on_open(is_open)

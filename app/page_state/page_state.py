@@ -81,6 +81,7 @@ class PageState:
         shape: vertex positions of the surface: 0 at the start, 1 now, 2 the truth; values between are interpolated.
         model_share: opacity of the model over the photo in a camera's view, 0 to 1.
         experiment: the experiment shown, of `fairing.experiments.EXPERIMENTS`.
+        is_presenting: whether the page has the presenter layout.
         is_swipe: whether `model_share` is a fraction of the photo's width, from the right, instead of an opacity.
         shown: for each layer whether it is visible.
     """
@@ -108,6 +109,7 @@ class PageState:
     shape: float = NOW_SHAPE
     model_share: float = 0.0
     experiment: str = "capture-range"
+    is_presenting: bool = False
     is_swipe: bool = False
     shown: dict[str, bool] = field(default_factory=lambda: {name: name not in HIDDEN_AT_FIRST for name in LAYERS})
 
@@ -119,8 +121,8 @@ class PageState:
         return cls(shown={name: name not in hidden for name in LAYERS})
 
     def copy(self) -> "PageState":
-        """The same state for another browser, in the free view and at the present moment."""
-        return replace(self, entered=None, viewed_moment=None, shown=dict(self.shown))
+        """The same state for another browser, in the free view, in the usual layout and at the present moment."""
+        return replace(self, entered=None, is_presenting=False, viewed_moment=None, shown=dict(self.shown))
 
     def shows(self, layer: str) -> bool:
         return self.shown[layer]

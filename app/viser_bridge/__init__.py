@@ -29,6 +29,7 @@ Panels
 - `view_overlay`: HTML over the 3D view needs a panel.
 - `floating`, `view_width`: panels can float at a corner, but not span the view; `camera.image_width` counts
   rendered pixels, not those of the page.
+- `presenter_style`: the content of panels is not scaled, and the width of the window is not reported.
 - `synced_widget`: an assignment from Python calls the widget's callbacks, too.
 - `slider_marks`: assignments to `slider.marks` have no effect.
 - `error_toasts`: exceptions in callbacks are only printed.
