@@ -298,6 +298,49 @@ def test_a_lesson_begun_while_the_engine_runs_ends_the_run(player: Player, lesso
     assert controller.wait_until_idle().moment == 0
 
 
+def test_another_player_resumes_a_lesson_at_its_step_with_its_locks_and_computes_nothing_anew(
+    player: Player, controller: Controller
+):
+    player.open(load_lesson("beyond"))
+    arrive(player)
+    player.go(3)
+    arrive(player)
+    left, progress = controller.state, player.progress
+    assert progress is not None
+    assert left.locked.any(), "the lesson locks vertices"
+    player.leave()
+    controller.post(Restart())
+    assert controller.wait_until_idle().run_id != left.run_id
+    other = Player(controller, lambda: None)
+    other.resume(progress)
+    arrive(other)
+    state = controller.state
+    assert (other.lesson, other.step) == (load_lesson("beyond"), 3)
+    assert (state.run_id, state.moment, state.length) == (left.run_id, left.moment, left.length)
+    np.testing.assert_array_equal(state.locked, left.locked)
+    assert other.findings == player.findings
+    assert not other.has_strayed(state, _led(other))
+    other.next()
+    arrive(other)
+    assert all(holds for _, holds in other.findings[4].claims)
+
+
+def test_a_page_that_goes_while_the_engine_is_at_work_leaves_a_step_that_another_player_does_again(
+    player: Player, lesson: Lesson, controller: Controller
+):
+    player.open(lesson)
+    arrive(player)
+    player.go(len(lesson.steps) - 1)
+    progress = player.progress
+    player.leave()
+    assert progress is not None
+    other = Player(controller, lambda: None)
+    other.resume(progress)
+    arrive(other)
+    assert other.step == len(lesson.steps) - 1
+    assert all(holds for _, holds in other.findings[other.step].claims)
+
+
 def test_a_lesson_on_another_scene_is_refused(player: Player, lesson: Lesson):
     with pytest.raises(InputError, match="needs another scene"):
         player.open(replace(lesson, scene="archway"))

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from app.page_state.page_state import PageState
 from app.page_state.selection import Selection, list_vertices, parse_vertices
 from app.picking import nearest_to_ray, point_under_pointer, vertices_within
 from fairing.camera import Camera
@@ -100,3 +101,10 @@ def test_the_point_under_the_pointer_is_the_nearest_to_the_eye():
     assert point_under_pointer(points, eye, ahead, 0.02) == 1
     assert point_under_pointer(points, eye, ahead, 0.005) == 0
     assert point_under_pointer(points[2:], eye, ahead, 0.02) is None
+
+
+def test_marks_and_wireframes_that_would_hide_the_surface_are_hidden_at_first():
+    hidden = {
+        n: {name for name in ("vertices", "now") if not PageState.of_mesh(n).shows(name)} for n in (200, 500, 501)
+    }
+    assert hidden == {200: set(), 500: {"now"}, 501: {"now", "vertices"}}

@@ -84,6 +84,7 @@ VERTEX_KEYS = (
     ("X", "Surface at the start or now"),
     ("-", "Texture: static or view-dependent"),
     ("Y", "Dark or light theme"),
+    ("Shift+P", "Presenter layout"),
     ("M", "View: mesh"),
     ("V", "View: mesh and all cameras"),
     ("Shift+F", "View: front"),

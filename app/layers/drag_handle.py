@@ -13,9 +13,11 @@ from app.picking import nearest_to_ray
 from app.stage import Stage
 from app.viser_bridge.line_node import LineNode
 from app.viser_bridge.node_events import BackgroundClicks, on_node_click, on_node_drag
+from app.viser_bridge.screen_limit import limit_on_screen
 from fairing.mesh import Mesh
 
 LARGER = 2.1  # radius of the ball, in radii of a vertex mark
+LARGEST = 15.0  # screen px: its radius from nearby
 MAX_PREVIEW = 3000  # edges drawn while dragging
 
 
@@ -45,6 +47,7 @@ class DragHandleLayer:
         self._points = stage.page_from_world(mesh.vertices)
         self._grabbed: np.ndarray | None = None
         self._ball = translucent_ball(client, "/drag_handle/ball", SELECTED, 0.45)
+        limit_on_screen(client, "/drag_handle/ball", LARGEST)
         self._edges = LineNode(client, "/drag_handle/edges", SELECTED, 2.0)
         self._displacement = LineNode(client, "/drag_handle/displacement", HAND, 2.0)
 

@@ -8,7 +8,8 @@ from app.debugger.controller import Controller
 from app.export.run_facts import RunFacts
 from app.lessons.lesson import Lesson
 from app.lessons.page_settings import PageSettings
-from app.lessons.player import Findings, Player, Status
+from app.lessons.player import Player, Status
+from app.lessons.progress import Findings
 from fairing.errors import InputError
 from fairing.options import PRESETS
 from fairing.run.session import Session

@@ -3,7 +3,7 @@
 from typing import Any
 
 from app.lessons.lesson import LessonStep, Question
-from app.lessons.player import Findings
+from app.lessons.progress import Findings
 from app.lessons.typeset import line, paragraphs
 from app.pictures.paper_code import LINES, listing
 

@@ -6,5 +6,6 @@ player that runs the actions of a lesson, and the settings that a lesson step ap
 May import: `app.debugger`, `app.page_state`, `app.files`, `app.pictures`, the loose modules of `app`, `demo_scenes` and
 `fairing`; never viser. The panels of a lesson are in `app.panels`.
 
-Offers: `load_lesson` and `lesson_names`, the `Player` of one browser, and `SettingsApplier`.
+Offers: `load_lesson` and `lesson_names`, the `Player` of one browser, the `LessonProgress` that outlives its page, and
+`SettingsApplier`.
 """

@@ -7,7 +7,7 @@ paused. Every step ends at a moment of a run, so going back to a step, or resumi
 import logging
 import threading
 from collections.abc import Callable, Generator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from enum import Enum
 from functools import partial
 from typing import TypeVar
@@ -33,6 +33,7 @@ from app.lessons.engine_actions import Advance, Continue, EngineAction, PlaceVer
 from app.lessons.facts import facts_of, values_used
 from app.lessons.lesson import ANY_SCENE, Lesson, LessonStep, Switches
 from app.lessons.page_settings import PageSettings
+from app.lessons.progress import Ended, Findings, LessonProgress
 from app.lessons.scenes import is_lesson_scene
 from app.page_state.page_state import PageState
 from fairing.errors import InputError
@@ -50,29 +51,6 @@ class Status(Enum):
     THERE = "there"
     CUT_SHORT = "cut short"
     FAILED = "failed"
-
-
-@dataclass(frozen=True)
-class Ended:
-    """The moment at which a step ended."""
-
-    run_id: int
-    moment: int
-
-
-@dataclass(frozen=True)
-class Findings:
-    """Results of a step.
-
-    Attributes:
-        numbers: by expression.
-        claims: with whether they hold.
-        found: for each claim that does not hold, the values of its quantities, such as `off(0) = 12.2`.
-    """
-
-    numbers: dict[str, float]
-    claims: tuple[tuple[str, bool], ...]
-    found: dict[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -140,6 +118,43 @@ class Player:
             self.findings, self.chosen, self._kept, self._runs, self._ends = {}, {}, {}, {}, {}
             self.off, self.measured, self._branches = {}, {}, {}
             self.go(0)
+
+    @property
+    def progress(self) -> LessonProgress | None:
+        """How far the lesson has come; None without one."""
+        with self._lock:
+            if self.lesson is None:
+                return None
+            return LessonProgress(
+                self.lesson,
+                self.step,
+                dict(self.findings),
+                dict(self.chosen),
+                dict(self.measured),
+                dict(self._branches),
+                dict(self._kept),
+                dict(self._runs),
+                dict(self._ends),
+            )
+
+    def resume(self, progress: LessonProgress) -> None:
+        """Go on with a lesson of this scene where another player has left it."""
+        with self._lock:
+            self._drop_work()
+            self.lesson, self.step, self.off = progress.lesson, progress.step, {}
+            self.findings, self.chosen, self.measured = (
+                dict(progress.findings),
+                dict(progress.chosen),
+                dict(progress.measured),
+            )
+            self._branches, self._kept = dict(progress.branches), dict(progress.kept)
+            self._runs, self._ends = dict(progress.runs), dict(progress.ends)
+            self.go(progress.step)
+
+    def leave(self) -> None:
+        """Interrupt what is running: the page of this player has gone."""
+        with self._lock:
+            self._drop_work()
 
     def close(self) -> None:
         """Close the lesson. The run stays at its moment."""

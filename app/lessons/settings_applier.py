@@ -14,7 +14,8 @@ class SettingsApplier:
     Args:
         lead_eye: moves the browser's camera: to AT_MESH, AT_FRONT, AT_CAMERAS or into a photo.
         show_tab: brings a tab to the front.
-        show_heading: scrolls to a heading.
+        show_heading: scrolls to a heading of the cells.
+        show_top: scrolls to the top of the panel with the cells, where the other pages have their pictures.
     """
 
     def __init__(
@@ -23,9 +24,10 @@ class SettingsApplier:
         lead_eye: Callable[[str | int], None],
         show_tab: Callable[[str], None],
         show_heading: Callable[[str], None],
+        show_top: Callable[[], None],
     ) -> None:
         self._player, self._lead_eye = player, lead_eye
-        self._show_tab, self._show_heading = show_tab, show_heading
+        self._show_tab, self._show_heading, self._show_top = show_tab, show_heading, show_top
         self._last = PageSettings()
 
     def show(self, state: RunState, page_state: PageState) -> None:
@@ -42,6 +44,8 @@ class SettingsApplier:
             self._lead_eye(settings.eye)
         if settings.tab is not None and (again or settings.tab != self._last.tab):
             self._show_tab(settings.tab)
-        if settings.heading is not None:  # at every step: the panel may have been redrawn while the engine ran
+        if settings.cells.get("page", "cells") != "cells":
+            self._show_top()
+        elif settings.heading is not None:  # at every step: the panel may have been redrawn while the engine ran
             self._show_heading(settings.heading)
         self._last = settings

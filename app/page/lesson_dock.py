@@ -10,6 +10,7 @@ from app.debugger.controller import Controller
 from app.debugger.run_state import RunState
 from app.lessons.lesson import ANY_SCENE, Lesson
 from app.lessons.player import Player
+from app.lessons.progress import LastLesson
 from app.lessons.reader import lesson_names, load_lesson
 from app.lessons.scenes import LESSON_SCENES, is_lesson_scene
 from app.lessons.settings_applier import SettingsApplier
@@ -21,7 +22,7 @@ from app.panels.lessons_panel import LessonsPanel
 from app.viser_bridge.error_toasts import NothingToDo
 from app.viser_bridge.html_events import HtmlEvents
 from app.viser_bridge.html_panel import HtmlPanel
-from app.viser_bridge.tabs import show_heading, show_tab
+from app.viser_bridge.tabs import show_heading, show_tab, show_top
 
 BACK_KEY, NEXT_KEY = "PageUp", "PageDown"
 STAND_IN = "archway"  # offered in place of a capture
@@ -37,6 +38,8 @@ class LessonDock:
     """Args:
     lead_eye: moves the browser's camera, see `SettingsApplier`.
     change_scene: shows another scene of the lessons, and opens a lesson there; see `SessionResources`.
+    last_lesson: kept up to date with the lesson of this page.
+    on_open: called when a lesson has been opened, with True, or closed, with False.
     """
 
     def __init__(
@@ -46,20 +49,27 @@ class LessonDock:
         html_events: HtmlEvents,
         lead_eye: Callable[[str | int], None],
         change_scene: ChangeScene,
+        last_lesson: LastLesson,
+        on_open: Callable[[bool], None],
     ) -> None:
         self._client, self._controller, self._html_events = client, controller, html_events
-        self._change_scene = change_scene
-        self.player = Player(controller, controller.republish)
+        self._change_scene, self._last_lesson, self._on_open = change_scene, last_lesson, on_open
+        self.player = Player(controller, self._changed)
         self._lessons = [load_lesson(name) for name in lesson_names()]
         self._settings_applier = SettingsApplier(
-            self.player, lead_eye, lambda title: show_tab(client, title), lambda title: show_heading(client, title)
+            self.player,
+            lead_eye,
+            lambda title: show_tab(client, title),
+            lambda title: show_heading(client, title),
+            lambda: show_top(client, ".ef .pages"),
         )
         self._open = {name: html_events.button(lambda name=name: self.open(name)) for name in lesson_names()}
 
     def build(self, cells: viser.PanelHandle) -> list[LessonsPanel | LessonPanel]:
         """Add a tab with the list to the panel of the cells, and above that the open lesson, hidden until there is one."""
         with cells.add_tab("Lessons", viser.Icon.SCHOOL):
-            listed = LessonsPanel(self._client.gui, self.player, self._open, self._lessons)
+            resume = self._html_events.button(self.resume)
+            listed = LessonsPanel(self._client.gui, self.player, self._open, self._lessons, self._last_lesson, resume)
         self._panel = self._client.gui.add_panel(visible=False)
         with self._panel.add_tab("Lesson", viser.Icon.SCHOOL):
             opened = LessonPanel(
@@ -84,6 +94,18 @@ class LessonDock:
         else:
             self._change_scene(self._client, lesson.scene, name)
 
+    def resume(self) -> None:
+        """Go on with the lesson that was open in a page that has gone."""
+        progress = self._last_lesson.progress
+        if progress is None or self.player.lesson is not None:
+            raise NothingToDo("no lesson was left open; choose one under Lessons")
+        self.player.resume(progress)
+        show_tab(self._client, "Cells")
+
+    def close(self) -> None:
+        """The browser has disconnected; its lesson can be resumed in another page."""
+        self.player.leave()
+
     def open_scene(self, name: str) -> None:
         """Open another scene, after a confirmation if runs on this one would be closed."""
         if is_lesson_scene(name, self._controller.scene):
@@ -92,6 +114,10 @@ class LessonDock:
             self._offer("", name, _LEAVES_RUNS.replace("This lesson uses", "This opens"), "Stay here", lambda: None)
         else:
             self._change_scene(self._client, name, "")
+
+    def _changed(self) -> None:
+        self._last_lesson.progress = self.player.progress
+        self._controller.republish()
 
     def _begin(self, lesson: Lesson) -> None:
         self.player.open(lesson)
@@ -127,6 +153,7 @@ class LessonDock:
         opening = [Hotkey(f"Lesson: {lesson.title}", lambda n=lesson.name: self.open(n)) for lesson in self._lessons]
         return [
             *opening,
+            Hotkey("Resume the lesson that was left", self.resume),
             Hotkey(KEY_LABELS["Page Down"], lambda: self._in_lesson(self.player.next), NEXT_KEY),
             Hotkey(KEY_LABELS["Page Up"], lambda: self._in_lesson(self.player.back), BACK_KEY),
         ]
@@ -142,3 +169,4 @@ class LessonDock:
         is_open = self.player.lesson is not None
         if self._panel.visible != is_open:
             self._panel.visible = is_open
+            self._on_open(is_open)

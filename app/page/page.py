@@ -44,7 +44,10 @@ class Page:
         events, toasts = self.frame.html_events, self.frame.toasts
         self.run_controls = RunControls(controller, page_state)
         self.interaction = VertexInteraction(client, stage, scene, controller, page_state, toasts)
-        self.lessons = LessonDock(client, controller, events, self._look_for_lesson, resources.change_scene)
+        self.lessons = LessonDock(
+            client, controller, events, self._look_for_lesson, resources.change_scene, resources.last_lesson,
+            lambda is_open: self.panels.presenter.follow_lesson(is_open),
+        )  # fmt: skip
         certainty, pulls = CertaintySource(controller), PullSource(controller)
         associations = AssociationSource(controller)
         self.panels = PagePanels(
@@ -122,6 +125,7 @@ class Page:
         self._unsubscribe()
         if self._updates is not None:
             self._updates.close()
+        self.lessons.close()
         self.layers.close()
         self.panels.close()
         self.frame.close()
@@ -142,6 +146,7 @@ class Page:
             Hotkey(KEY_LABELS["Shift+I"], panels.step_into, "I", "shift"),
             Hotkey(KEY_LABELS["Shift+J"], lambda: panels.cells_controls.move_part(1), "J", "shift"),
             Hotkey(KEY_LABELS["Shift+K"], lambda: panels.cells_controls.move_part(-1), "K", "shift"),
+            Hotkey(KEY_LABELS["Shift+P"], panels.presenter.switch, "P", "shift"),
             Hotkey(KEY_LABELS["X"], panels.surface_controls.before_or_now, "X"),
             Hotkey(KEY_LABELS["-"], panels.surface_controls.toggle_view_dependent, "-"),
             Hotkey(KEY_LABELS["?"], lambda: self._keys_dialog.open(key_list(self._order)), "?", "shift"),

@@ -13,6 +13,7 @@ from app.files.run_files import REPORT
 from app.page.lesson_dock import LessonDock
 from app.page.page_frame import PageFrame
 from app.page.plugins import offered_panels
+from app.page.presenter import Presenter
 from app.page.resources import SessionResources
 from app.page.sharing import SHARE_KINDS, Sharing
 from app.page.vertex_interaction import VertexInteraction
@@ -54,15 +55,18 @@ from app.panels.watch_panel import WatchPanel
 from app.pictures.coloring import Legend
 from app.viser_bridge.error_toasts import NothingToDo
 from app.viser_bridge.html_events import whole_number
+from app.viser_bridge.presenter_style import STYLE as PRESENTER_STYLE
+from app.viser_bridge.presenter_style import PresenterStyle
 from app.viser_bridge.tabs import show_tab
 
 UPDATE_SECONDS = 0.25  # while the mesh moves, panels are updated this often (ledger: updates of panels)
 CELLS_WIDTH = 374  # px: three cells of 110 px beside each other
+MAIN_WIDTH = 340  # px, as viser has it
 
 
 class PagePanels:
     """Attributes:
-    surface_controls, cells_controls, timeline, runs, bookmarks, sharing: what hotkeys call, too.
+    surface_controls, cells_controls, timeline, runs, bookmarks, sharing, presenter: what hotkeys call, too.
     """
 
     def __init__(
@@ -91,6 +95,9 @@ class PagePanels:
         self._add_tabs()
         self._add_cells(lessons)
         timeline = self._add_timeline()
+        gui, events = client.gui, frame.html_events
+        style = PresenterStyle(gui, events, (self._cells, CELLS_WIDTH), (gui.main_panel, MAIN_WIDTH))
+        self.presenter = Presenter(page_state, style, self._republish)
         self._legend = LegendBox(client, resources.scene.mesh, pulls, associations)
         self._panels.append(
             CameraBox(
@@ -98,7 +105,7 @@ class PagePanels:
                 self._republish,
             )
         )  # fmt: skip
-        frame.finish(timeline, LESSON_STYLE)
+        frame.finish(timeline, LESSON_STYLE + PRESENTER_STYLE)
 
     def show(self, state: RunState, legend: Legend | None, is_painting: bool) -> None:
         """Bring the panels up to date, now or when it is time again: while the mesh moves, they may lag behind it.
@@ -145,7 +152,7 @@ class PagePanels:
         gui, events, resources = self._client.gui, self._frame.html_events, self._resources
         run = self._run_controls
         self._panels += [
-            DebugBar(gui, events, run, self.step_into),
+            DebugBar(gui, events, run, self.step_into, self._switch_layout),
             Status(
                 gui, resources.energies, resources.residuals, events.number(run.to_beginning), events.number(run.jump),
                 events.button(self.show_result),
@@ -155,6 +162,9 @@ class PagePanels:
                 resources.residuals, events, self._page_state, self._pulls, run.jump, self._republish,
             ),
         ]  # fmt: skip
+
+    def _switch_layout(self) -> None:
+        self.presenter.switch()
 
     def _add_tabs(self) -> None:
         gui, events, resources = self._client.gui, self._frame.html_events, self._resources
@@ -178,7 +188,9 @@ class PagePanels:
         with tabs.add_tab("Layers"):
             self._panels += [
                 SurfacePanel(gui, len(scene.mesh.faces), self.surface_controls, events.guarded),
-                LayersPanel(gui, events, scene, page_state, self._frame.camera.switch_theme, republish),
+                LayersPanel(
+                    gui, events, scene, page_state, self._frame.camera.switch_theme, self._switch_layout, republish
+                ),
             ]
         with tabs.add_tab("Options"):
             self._panels.append(OptionsPanel(gui, events, resources.controller))
@@ -219,6 +231,7 @@ class PagePanels:
                 self._panels.append(
                     CamerasPanel(gui, events, scene, resources.refinement, self._page_state, enter, self._republish)
                 )
+        self._cells = cells
         cells.dock_left()
         cells.set_width(CELLS_WIDTH)
         self._panels += lessons.build(cells)

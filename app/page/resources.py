@@ -17,6 +17,7 @@ from app.debugger.run_state import RunState
 from app.debugger.term_files import TermFiles
 from app.experiments.experiment_runner import ExperimentRunner
 from app.layers.cameras import Thumbnails
+from app.lessons.progress import LastLesson
 from app.pictures.photo_store import PhotoStore
 from app.pictures.texturer import Texturer
 from app.stage import Stage
@@ -36,6 +37,7 @@ class SessionResources:
     refinement: of the cameras; None if they are the given ones.
     change_scene: shows another scene of the lessons, and opens a lesson in the browser that requested it; called with
         the browser, the scene's name and the lesson's name.
+    last_lesson: the lesson that a page may go on with after another page was closed, or reloaded.
     """
 
     scene: Scene
@@ -54,6 +56,7 @@ class SessionResources:
     change_scene: ChangeScene
     refinement: RecordedRefinement | None
     term_files: TermFiles
+    last_lesson: LastLesson
 
     @classmethod
     def open(
@@ -105,6 +108,7 @@ class SessionResources:
             change_scene,
             RecordedRefinement.of(scene, session.trace.header),
             TermFiles(session.terms, controller.post),
+            LastLesson(),
         )
 
     def for_page(self) -> "SessionResources":

@@ -7,7 +7,7 @@ from app.debugger.commands import Lock, Pause, Place, Reset
 from app.debugger.controller import Controller
 from app.page_state.page_state import PageState
 from app.page_state.selection import Selection
-from app.picking import point_under_pointer, vertices_within
+from app.picking import nearest_to_ray, point_under_pointer, vertices_within
 from app.stage import Stage
 from app.viser_bridge.error_toasts import NothingToDo
 from app.viser_bridge.html_events import Guarded, whole_number
@@ -15,15 +15,15 @@ from app.viser_bridge.node_events import BackgroundClicks
 from app.viser_bridge.picking_camera import camera_of
 from fairing.scene import Scene
 
-POINTER = 0.012  # of the field of view: 9 px in a view of 720
+POINTER = 0.012  # of the field of view and of the view's height: 9 px in a view of 720
 
 
 class VertexInteraction:
     """The selection of one browser, and what is done with it.
 
     Attributes:
-        background: a click that hits no node selects a sparse point or deselects everything; every clickable node is
-            registered there.
+        background: a click that hits no node selects a vertex without a mark or a sparse point, or deselects everything; every
+            clickable node is registered there.
     """
 
     def __init__(
@@ -97,13 +97,28 @@ class VertexInteraction:
             places = self._stage.page_from_world(points.positions)
             angle = POINTER * float(self._client.camera.fov)
             found = point_under_pointer(places, np.array(event.ray_origin), np.array(event.ray_direction), angle)
-        if found is not None or page_state.selection.vertices or page_state.point is not None:
+        vertex = None if found is not None or page_state.shows("vertices") else self._vertex_at(event)
+        if vertex is not None:
+            self.set_selection(Selection((vertex,)))
+        elif found is not None or page_state.selection.vertices or page_state.point is not None:
             page_state.selection, page_state.point = Selection(), found
             self._controller.republish()
 
+    def _vertex_at(self, event: viser.SceneClickEvent) -> int | None:
+        """The visible vertex nearest to the pointer; None if there is none near it."""
+        camera, (x, y) = camera_of(self._client), event.screen_pos
+        reach = POINTER * camera.height / camera.width
+        found = self._visible_within((x - reach, y - POINTER), (x + reach, y + POINTER))
+        if len(found) == 0:
+            return None
+        places = self._stage.page_from_world(self._controller.state.vertices[found])
+        return int(found[nearest_to_ray(places, np.array(event.ray_origin), np.array(event.ray_direction))])
+
     def _select_rectangle(self, low: tuple[float, float], high: tuple[float, float]) -> None:
+        self.set_selection(self._page_state.selection.extended(self._visible_within(low, high).tolist()))
+
+    def _visible_within(self, low: tuple[float, float], high: tuple[float, float]) -> np.ndarray:
+        """(u,) int: the vertices in a rectangle of the view, without those that the surface hides."""
         vertices = self._stage.page_from_world(self._controller.state.vertices).astype(np.float64)
-        page_state = self._page_state
-        covered = page_state.entered is None and page_state.surface != "none"
-        found = vertices_within(vertices, self._mesh, camera_of(self._client), low, high, see_through=not covered)
-        self.set_selection(page_state.selection.extended(found.tolist()))
+        covered = self._page_state.entered is None and self._page_state.surface != "none"
+        return vertices_within(vertices, self._mesh, camera_of(self._client), low, high, see_through=not covered)

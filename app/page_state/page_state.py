@@ -30,6 +30,7 @@ ASSOCIATIONS = {"point feet", "image edges", "axes", "seen"}
 HIDDEN_AT_FIRST = {"certainty", "truth", "points", *ASSOCIATIONS}
 HIDDEN_ON_LARGE_MESHES = {"now", "start"}
 LARGE_MESH = 200  # vertices; wireframes of larger meshes hide the surface
+MANY_VERTICES = 500  # marks of more hide the surface
 MAX_MAGNIFICATION = 50
 FLOW_SCALES = (10, 30, 100, 300)
 PULL_SCALES: dict[int, str] = {0: "Auto", 1: "×1", 10: "×10", 100: "×100", 1000: "×1000"}
@@ -80,6 +81,7 @@ class PageState:
         shape: vertex positions of the surface: 0 at the start, 1 now, 2 the truth; values between are interpolated.
         model_share: opacity of the model over the photo in a camera's view, 0 to 1.
         experiment: the experiment shown, of `fairing.experiments.experiments`.
+        is_presenting: whether the page has the presenter layout.
         is_swipe: whether `model_share` is a fraction of the photo's width, from the right, instead of an opacity.
         shown: for each layer whether it is visible.
     """
@@ -107,18 +109,20 @@ class PageState:
     shape: float = NOW_SHAPE
     model_share: float = 0.0
     experiment: str = "capture-range"
+    is_presenting: bool = False
     is_swipe: bool = False
     shown: dict[str, bool] = field(default_factory=lambda: {name: name not in HIDDEN_AT_FIRST for name in LAYERS})
 
     @classmethod
     def of_mesh(cls, n_vertices: int) -> "PageState":
-        """The first state on a mesh: without wireframes if it is large."""
+        """The first state on a mesh: without wireframes if it is large, and without marks of very many vertices."""
         hidden = HIDDEN_AT_FIRST | (HIDDEN_ON_LARGE_MESHES if n_vertices > LARGE_MESH else set())
+        hidden |= {"vertices"} if n_vertices > MANY_VERTICES else set()
         return cls(shown={name: name not in hidden for name in LAYERS})
 
     def copy(self) -> "PageState":
-        """The same state for another browser, in the free view and at the present moment."""
-        return replace(self, entered=None, viewed_moment=None, shown=dict(self.shown))
+        """The same state for another browser, in the free view, in the usual layout and at the present moment."""
+        return replace(self, entered=None, is_presenting=False, viewed_moment=None, shown=dict(self.shown))
 
     def shows(self, layer: str) -> bool:
         return self.shown[layer]

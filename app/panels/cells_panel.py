@@ -94,7 +94,7 @@ class CellsPanel:
             chip(title, self._controls.page(str(n)), f"Page: {title}", page == page_state.cells.page)
             for n, (page, title) in enumerate(PANEL_PAGES.items())
         )
-        return f"<div class='row chips'>{pages}</div><div class='row faces'><span class='dim'>Face</span>{faces}</div>"
+        return f"<div class='row chips pages'>{pages}</div><div class='row faces'><span class='dim'>Face</span>{faces}</div>"
 
     def _show_cells(self, state: RunState, page_state: PageState) -> int | None:
         """Show the cells; returns the moment that they belong to, None without any."""

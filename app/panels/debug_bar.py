@@ -20,12 +20,23 @@ class DebugBar:
     """Run controls, a row of forward steps and a row of backward steps, from one iteration to a whole level."""
 
     def __init__(
-        self, gui: viser.GuiApi, html_events: HtmlEvents, run_controls: RunControls, step_into: Callable[[], None]
+        self,
+        gui: viser.GuiApi,
+        html_events: HtmlEvents,
+        run_controls: RunControls,
+        step_into: Callable[[], None],
+        switch_layout: Callable[[], None],
     ) -> None:
         self._panel = HtmlPanel(gui)
         self._order = "sequential"
         self._events = html_events.named({a.name: press(run_controls.poster(a.command)) for a in ACTIONS})
         self._into = button("", html_events.button(step_into), hint=f"{KEY_LABELS[INTO]} ({INTO})", icon=icon("into"))
+        self._leave = button(
+            "Leave presenter layout",
+            html_events.button(switch_layout),
+            hint="Leave presenter layout (Shift+P)",
+            css_class="small wide",
+        )
         self._actions = {action.name: action for action in ACTIONS}
 
     def show(self, state: RunState, page_state: PageState) -> None:
@@ -52,7 +63,8 @@ class DebugBar:
             f'<div class="grid"><span></span>{heads}<span class="left">Forward</span>{forwards}'
             f'<span class="left">Back</span>{backs}</div>'
         )
-        self._panel.set(f"<div class='pinned'>{top}{grid}</div>")
+        leave = f"<div style='margin-top:8px'>{self._leave}</div>" if page_state.is_presenting else ""
+        self._panel.set(f"<div class='pinned'>{top}{grid}{leave}</div>")
 
     def _button(
         self,

@@ -64,6 +64,7 @@ class LayersPanel:
         scene: Scene,
         page_state: PageState,
         switch_theme: Callable[[], None],
+        switch_layout: Callable[[], None],
         republish: Callable[[], None],
     ) -> None:
         self._names = available_layers(scene)
@@ -77,9 +78,19 @@ class LayersPanel:
             republish()
 
         self._events = html_events.named(
-            {"toggle": choice_of(toggle, lambda: self._names, "layer"), "theme": press(switch_theme)}
+            {
+                "toggle": choice_of(toggle, lambda: self._names, "layer"),
+                "theme": press(switch_theme),
+                "layout": press(switch_layout),
+            }
         )
         self._theme = button("Dark or light", self._events("theme"), hint="Dark or light (Y)", css_class="wide")
+        self._layout = button(
+            "Presenter layout",
+            self._events("layout"),
+            hint="Large text and pictures at the left, the step buttons at the right (Shift+P)",
+            css_class="wide",
+        )
         self._panel = HtmlPanel(gui)
         slider = gui.add_slider(
             "Magnify paths",
@@ -95,7 +106,10 @@ class LayersPanel:
         switches = "".join(self._switch(k, name, page_state.shows(name)) for k, name in enumerate(self._names))
         waits = any(page_state.shows(layer) for layer in OF_PHOTO) and page_state.entered is None
         note = f"<div class='dim note'>{_ENTER}</div>" if waits else ""
-        self._panel.set(f"<div class='layers'>{switches}</div>{note}<h4>Theme</h4>{self._theme}")
+        self._panel.set(
+            f"<div class='layers'>{switches}</div>{note}<h4>Theme and layout</h4>"
+            f"<div class='stack'>{self._theme}{self._layout}</div>"
+        )
 
     def _switch(self, k: int, name: str, is_on: bool) -> str:
         swatch = f'<span class="swatch" style="background:{SWATCHES[name]}"></span>'

@@ -8,7 +8,8 @@ from app.debugger.actions import KEY_LABELS
 from app.debugger.run_state import RunState
 from app.html import button, icon, number, table, text
 from app.lessons.lesson import Lesson, LessonStep, Switches
-from app.lessons.player import Findings, Player, Status
+from app.lessons.player import Player, Status
+from app.lessons.progress import Findings
 from app.lessons.typeset import line, paragraphs
 from app.page_state.page_state import PageState
 from app.palette import NOW, SELECTED, START, css

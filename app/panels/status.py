@@ -67,7 +67,7 @@ class Status:
             f"{self._stage(state)}{self._result(state, page_state)}</div>"
             f"<div class='crumbs row'>{self._crumbs(state)}</div>"
             f"<div class='row'><span class='one grow'>{self._residual(state)}</span>"
-            f"<span class='dim' style='flex:none'>{_speed(state)}</span></div>"
+            f"<span class='dim speed' style='flex:none'>{_speed(state)}</span></div>"
             f"<div class='dim one' title='{text(last)}'>{text(last)}</div>"
             f"<div class='row'><span class='{color} grow work-line' title='{text(line)}'>{_work_line(line)}</span>"
             f"<span class='dim' style='flex:none'>{text(left)}</span></div>{bar}</div>"

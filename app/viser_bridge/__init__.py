@@ -29,6 +29,7 @@ Panels
 - `view_overlay`: HTML over the 3D view needs a panel.
 - `floating`, `view_width`: panels can float at a corner, but not span the view; `camera.image_width` counts
   rendered pixels, not those of the page.
+- `presenter_style`: the content of panels is not scaled, and the width of the window is not reported.
 - `synced_widget`: an assignment from Python calls the widget's callbacks, too.
 - `slider_marks`: assignments to `slider.marks` have no effect.
 - `error_toasts`: exceptions in callbacks are only printed.
@@ -44,7 +45,7 @@ Scene
   small shapes as they are.
 - `line_node`, `triangle_node`: a node without line segments or faces is an error in the browser.
 - `linear_colors`: colours of single line ends and instances are drawn too bright.
-- `screen_ring`: shapes have no constant size on the screen.
+- `screen_ring`, `screen_limit`: shapes have no constant size on the screen, and no largest one.
 - `node_events`: a click is reported for the node and for the scene; modifiers match exactly; synchronous callbacks may
   overtake each other. Hover outlines of large meshes are slow (#565), so only marks and frusta are clickable.
 - `camera_pose`: camera setters skip values equal to the browser's last report, which may be out of date.

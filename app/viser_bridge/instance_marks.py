@@ -13,12 +13,13 @@ from app.viser_bridge.node_events import on_node_click
 Shape = tuple[np.ndarray, np.ndarray]
 
 MOST_TRIANGLES = 20_000  # of the instances in view (ledger: vertex mark triangles)
+LARGEST = 8.0  # screen px: radius of an instance from nearby, which else would cover what it marks
 
 # Without a graphics card a browser draws every instance as slowly as a mesh of its own (ledger: vertex marks as one mesh). So
 # the instances are only there to be clicked, and one mesh is drawn in their place. A matrix holds the size of an instance in
 # its first element, and its position from the twelfth on.
 _MAKE = """view => {
-  const {name, shapes, most} = %s;
+  const {name, shapes, most, largest} = %s;
   let marks = null, mesh = null, shape = null, seen = {};
   const isSame = (a, b) => a?.length === b.length && a.every((value, k) => value === b[k]);
   const find = () => {
@@ -61,13 +62,22 @@ _MAKE = """view => {
     for (const part of ['position', 'normal', 'color'])
       mesh.geometry.setAttribute(part, new Attribute(new Float32Array(3 * count * shape.vertices), 3));
   };
-  const fill = (shown, matrices, colors) => {
+  const sizesOf = (shown, matrices) => {
+    const {projectionMatrix, matrixWorldInverse} = view.camera;
+    const m = matrixWorldInverse.clone().multiply(marks.matrixWorld).elements;
+    const unit = 2 * largest / (projectionMatrix.elements[5] * view.canvas.clientHeight);  // of the size at depth 1
+    return shown.map(i => {
+      const depth = -(m[2] * matrices[16 * i + 12] + m[6] * matrices[16 * i + 13] + m[10] * matrices[16 * i + 14] + m[14]);
+      return depth > 0 ? Math.min(matrices[16 * i], unit * depth) : matrices[16 * i];
+    });
+  };
+  const fill = (shown, sizes, matrices, colors) => {
     const {position, normal} = marks.geometry.attributes, to = mesh.geometry.attributes;
     let at = 0;
-    for (const i of shown)
+    for (const [n, i] of shown.entries())
       for (let v = shape.first; v < shape.first + shape.vertices; v++)
         for (let k = 0; k < 3; k++, at++) {
-          to.position.array[at] = matrices[16 * i + 12 + k] + matrices[16 * i] * position.array[3 * v + k];
+          to.position.array[at] = matrices[16 * i + 12 + k] + sizes[n] * position.array[3 * v + k];
           to.normal.array[at] = normal.array[3 * v + k];
           to.color.array[at] = colors[4 * i + k];
         }
@@ -80,11 +90,12 @@ _MAKE = """view => {
     const isChanged = !isSame(seen.matrices, matrices) || !isSame(seen.colors, colors);
     const all = isChanged ? Array.from({length: marks.instancesCount}, (_, i) => i) : [];
     const shown = isChanged ? all.filter(i => matrices[16 * i] > 0) : seen.shown, before = shape;
+    const sizes = sizesOf(shown, matrices);
     shape = shapeFor(shown, matrices);
-    if (!isChanged && shape === before) return;
+    if (!isChanged && shape === before && isSame(seen.sizes, sizes)) return;
     if (shape !== before || shown.length !== seen.shown?.length) resize(shown.length);
-    fill(shown, matrices, colors);
-    seen = {matrices: matrices.slice(), colors: colors.slice(), shown};
+    fill(shown, sizes, matrices, colors);
+    seen = {matrices: matrices.slice(), colors: colors.slice(), shown, sizes};
   };
 }"""
 
@@ -93,7 +104,8 @@ class InstanceMarks:
     """One node with an instance for every position; those that are hidden have zero size.
 
     The fewer instances are in view, the more triangles each has, as many in all as a browser without a graphics card draws
-    without delay. Instances are not rotated.
+    without delay. Instances are not rotated. From nearby they are drawn no larger than `LARGEST`, but can be clicked where they
+    would be.
 
     viser 1.1.1 makes a node anew when its number of instances changes, and a click on it before the browser has its
     bindings is lost, so the number never changes.
@@ -133,7 +145,7 @@ class InstanceMarks:
                 on_click(event.instance_index, with_shift)
 
         on_node_click(self.node, clicked)
-        parameters = {"name": name, "shapes": _parts(shapes), "most": MOST_TRIANGLES}
+        parameters = {"name": name, "shapes": _parts(shapes), "most": MOST_TRIANGLES, "largest": LARGEST}
         call_before_frames(client, name, _MAKE % json.dumps(parameters))
 
     def show(

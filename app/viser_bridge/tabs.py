@@ -43,6 +43,12 @@ def show_heading(client: viser.ClientHandle, title: str) -> None:
     run_in_page(client.gui, f"(() => {{{source}}})()")
 
 
+def show_top(client: viser.ClientHandle, inside: str) -> None:
+    """Scroll the panel with an element, given as a CSS selector, to its top."""
+    find = f"document.querySelector({json.dumps(inside)})"
+    run_in_page(client.gui, f"{find}?.closest('.mantine-ScrollArea-viewport')?.scrollTo(0, 0)")
+
+
 def show_field(client: viser.ClientHandle, folder: str, label: str) -> None:
     """Open the folder with this title if it is closed, and scroll to the field with this label, as soon as it is there."""
     source = f"""

@@ -29,6 +29,11 @@ TOO_WIDE = """() => {
     }
     return found;
 }"""
+CUT = """() => [...document.querySelectorAll('.ef :not(.stage), [data-dock-tab] *')].filter(element => {
+    const words = element.innerText?.trim().toLowerCase(), whole = element.closest('[title]')?.title.toLowerCase() ?? '';
+    return element.checkVisibility() && words && getComputedStyle(element).textOverflow === 'ellipsis'
+        && element.scrollWidth > element.clientWidth + 1 && !whole.includes(words);
+}).map(element => `${element.className}: ${element.innerText}`)"""
 
 _DRAWN = """async () => {
     const extent = () => JSON.stringify([...document.querySelectorAll('.ef')].map(
@@ -89,6 +94,11 @@ def too_wide(visitor: Visitor) -> list[str]:
             return []
         visitor.page.wait_for_timeout(250)
     return visitor.page.evaluate(TOO_WIDE)
+
+
+def cut_texts(visitor: Visitor) -> list[str]:
+    """Texts that end in an ellipsis and are not whole in a tooltip either; in the band of stages there is room for few names."""
+    return visitor.page.evaluate(CUT)
 
 
 def serious_findings(visitor: Visitor) -> list[tuple[str, list]]:

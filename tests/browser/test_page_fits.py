@@ -1,4 +1,4 @@
-"""The page fits its window, and is accessible: widths, names, contrast, the dialog of keys, the palette, the tab's title."""
+"""The page fits its window, and is accessible: widths, cut texts, names, contrast, dialog of keys, palette, tab title."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import Locator
 
-from app.debugger.commands import Restart
+from app.debugger.commands import Restart, Run
 from app.debugger.history import StageProgress
 from app.debugger.run_state import Activity, RunState
 from app.debugger.work_report import WorkReport
@@ -15,7 +15,7 @@ from app.page_state.cells_state import CROP, PAIR_KINDS, CellsView
 from app.page_state.page_state import PlotView
 from app.panels.status import Status, begin_note
 from app.viser_bridge.floating import MARGIN
-from fairing.options import FairingOptions, ScheduleOptions
+from fairing.options import PRESETS, FairingOptions, ScheduleOptions
 from fairing.run.recorded_stages import RecordedStage
 from fairing.run_plan import RunPlan
 from fairing.trace import SchedulePosition
@@ -24,6 +24,7 @@ from tests.browser.page_fit import (
     OPTIONS,
     SIZES,
     TABS,
+    cut_texts,
     enlarge_a_cell,
     serious_findings,
     show,
@@ -32,11 +33,16 @@ from tests.browser.page_fit import (
     too_wide,
     wait_until_calm,
 )
-from tests.waiting import wait_for
+from tests.waiting import PATIENCE, wait_for
 
 pytestmark = [*IN_BROWSER, pytest.mark.slow]
 
 ORDERS = ("sequential", "worst_first", "independent", "joint")
+FINISHED = [
+    (preset, order)
+    for preset, options in PRESETS.items()
+    for order in dict.fromkeys((options.schedule.order, "sequential", "worst_first"))
+]
 ENLARGED = ("residual", "model", CROP, PAIR_KINDS[0])
 COVERED_BUTTONS = """panel => [...panel.querySelectorAll('button')].filter(button => {
     const box = button.getBoundingClientRect();
@@ -64,6 +70,31 @@ def test_no_panel_overflows_or_scrolls_sideways(visitor: Visitor, order: str):
             show(visitor, tab)
             wide = too_wide(visitor)
             assert wide == [], f"{order}, {theme}, {size}, {tab}"
+    visitor.resize(WINDOW)
+
+
+@pytest.mark.parametrize(("preset", "order"), FINISHED)
+def test_nothing_is_cut_or_scrolls_sideways_at_the_end_of_a_run(visitor: Visitor, preset: str, order: str):
+    controller, interaction = visitor.app.controller, page_of(visitor.app).interaction
+    options = PRESETS[preset].with_levels(max_sweeps=1, max_iterations=1)
+    schedule = replace(options.schedule, order=order)  # pyright: ignore[reportArgumentType]
+    controller.post(Restart(replace(options, schedule=schedule)))
+    controller.post(Run())
+    assert controller.wait_until_idle(PATIENCE).finished
+    visitor.button("Result").wait_for()
+    visitor.page.locator(".ef .pinned", has_text="grey levels").wait_for()
+    for theme, size in themes_and_sizes(FINISHED.index((preset, order))):
+        switch_theme(visitor, theme)
+        visitor.resize(size)
+        for tab in TABS:
+            show(visitor, tab)
+            assert too_wide(visitor) == [], f"{preset}, {order}, {theme}, {size}, {tab}"
+            assert cut_texts(visitor) == [], f"{preset}, {order}, {theme}, {size}, {tab}"
+        visitor.button("Result").click()
+        visitor.page.get_by_text("Where the photos agree least").wait_for()
+        assert too_wide(visitor) == [], f"{preset}, {order}, {theme}, {size}, result"
+        assert cut_texts(visitor) == [], f"{preset}, {order}, {theme}, {size}, result"
+        interaction.select(0)
     visitor.resize(WINDOW)
 
 

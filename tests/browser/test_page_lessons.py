@@ -3,17 +3,16 @@
 import pytest
 
 from app.debugger.commands import JumpTo
-from app.lessons.player import Player, Status
 from app.lessons.reader import lesson_names, load_lesson
 from app.lessons.scenes import load_lesson_scene
-from app.page.server import App, start
+from app.page.server import start
 from fairing.run.session import Session
 from tests.browser.driver import IN_BROWSER, Visitor, page_of
+from tests.browser.lesson_visit import SLOW, arrive, choose_lesson, close_lesson, player_of
 from tests.waiting import wait_for
 
 pytestmark = [*IN_BROWSER, pytest.mark.usefixtures("remembered_steps")]
 
-SLOW = 240.0  # s: for a step's work on a loaded machine that compiles the engine first
 PHOTOS = 300.0  # s: for a scene's photos, which are taken on first use
 CUBE_LESSONS = [name for name in lesson_names() if load_lesson(name).scene == "cube"]
 
@@ -25,48 +24,12 @@ def app():
     app.stop()
 
 
-def player_of(app: App) -> Player:
-    return page_of(app).lessons.player
-
-
-def arrive(visitor: Visitor, step: int) -> None:
-    """Wait until the page shows a step whose work is done, and hold its claims against it."""
-    player = player_of(visitor.app)
-    # A click on a lesson may still be on its way.
-    try:
-        wait_for(
-            lambda: player.lesson is not None and player.step == step and player.status is not Status.AT_WORK, SLOW
-        )
-    except AssertionError as error:
-        raise AssertionError(f"wanted step {step}, at {player.step}, {player.status}") from error
-    assert player.status is Status.THERE, player.problem
-    assert player.lesson is not None
-    claims = player.findings[step].claims
-    assert [claim for claim, holds in claims if not holds] == [], f"{player.lesson.name}, step {step + 1}"
-    visitor.page.get_by_role("heading", name=player.lesson.steps[step].title, exact=True).wait_for()
-    if claims:
-        visitor.page.get_by_text(f"{len(claims)} of {len(claims)} claims verified on this run").wait_for()
-
-
-def choose_lesson(visitor: Visitor, name: str) -> None:
-    visitor.page.get_by_role("tab", name="Lessons").click()
-    lesson = visitor.button(f"Lesson: {load_lesson(name).title}")
-    visitor.wait_until_at_rest(lesson)
-    lesson.click()
-
-
 def choose_lesson_by_palette(visitor: Visitor, name: str) -> None:
     title = load_lesson(name).title
     visitor.page.keyboard.press("Control+k")
     visitor.page.get_by_placeholder("Search").fill(title[:20])
     visitor.page.get_by_role("button", name=f"Lesson: {title}").filter(visible=True).first.wait_for()
     visitor.page.keyboard.press("Enter")
-
-
-def close_lesson(visitor: Visitor) -> None:
-    visitor.button("Close the lesson").click()
-    visitor.page.get_by_role("tab", name="Lesson", exact=True).wait_for(state="hidden")
-    wait_for(lambda: player_of(visitor.app).lesson is None)
 
 
 def finish(visitor: Visitor) -> None:
@@ -120,6 +83,31 @@ def test_a_walk_of_ones_own_is_noticed_and_the_lesson_resumed(visitor: Visitor):
     page.keyboard.press("PageUp")
     arrive(visitor, 4)
     assert app.controller.wait_until_idle().moment == 0
+
+
+def test_a_lesson_is_resumed_after_the_page_was_reloaded(visitor: Visitor):
+    app = visitor.app
+    choose_lesson(visitor, "beyond")
+    arrive(visitor, 0)
+    visitor.page.keyboard.press("PageDown")
+    arrive(visitor, 1)
+    left, page = app.controller.wait_until_idle(), page_of(app)
+    assert left.locked.any()
+    visitor.open()
+    wait_for(lambda: bool(app.pages) and page_of(app) is not page)
+    visitor.page.get_by_role("tab", name="Lesson", exact=True).wait_for(state="hidden")
+    visitor.page.get_by_role("tab", name="Lessons").click()
+    resume = visitor.button("Go on with the lesson where it was left")
+    visitor.page.get_by_text("step 2 of").wait_for()
+    visitor.wait_until_at_rest(resume)
+    resume.click()
+    arrive(visitor, 1)
+    resume.wait_for(state="hidden")
+    state = app.controller.wait_until_idle()
+    assert (state.run_id, state.moment) == (left.run_id, left.moment)
+    assert (state.locked == left.locked).all()
+    visitor.page.keyboard.press("PageDown")
+    arrive(visitor, 2)
 
 
 @pytest.mark.parametrize("name", CUBE_LESSONS[1:])

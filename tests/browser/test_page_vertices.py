@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 
 from app.debugger.commands import JumpTo
+from app.layers.drag_handle import LARGEST as LARGEST_BALL
 from app.layers.marks import ball
 from app.page_state.selection import Selection
 from app.page_state.vertex_marks import vertex_colors
+from app.viser_bridge.instance_marks import LARGEST
 from app.viser_bridge.linear_colors import linear_from_srgb
 from app.viser_bridge.picking_camera import camera_of
 from tests.browser.driver import IN_BROWSER, Visitor, page_of
@@ -89,6 +91,79 @@ def test_marks_are_drawn_as_one_mesh_in_place_of_the_instances(visitor: Visitor)
         )
 
     wait_for(is_drawn)
+
+
+def test_a_vertex_without_a_mark_is_selected_by_a_click_on_it_and_a_click_elsewhere_deselects(visitor: Visitor):
+    page, controller = page_of(visitor.app), visitor.app.controller
+    page.page_state.shown["vertices"] = False
+    controller.republish()
+    try:
+        visitor.page.wait_for_function("() => !window.__viserMutable.nodeRefFromName['/vertices/free'].visible")
+        visitor.close_notifications()
+        canvas, corner, other = visitor.canvas_box(), visitor.drawn_at(0), visitor.drawn_at(1)
+        visitor.page.mouse.click(canvas["x"] + corner[0] + 4, canvas["y"] + corner[1] + 3)
+        wait_for(lambda: selected(visitor) == [0])
+        middle = (2 * corner + other) / 3
+        visitor.page.mouse.click(canvas["x"] + middle[0], canvas["y"] + middle[1])
+        wait_for(lambda: selected(visitor) == [])
+    finally:
+        page.page_state.shown["vertices"] = True
+        controller.republish()
+
+
+def test_from_nearby_a_mark_leaves_its_corner_visible(visitor: Visitor):
+    page = page_of(visitor.app)
+    camera, corner = page._client.camera, page_vertices(visitor, 0)[0]
+    page.interaction.set_selection(Selection((0,)))
+    before, target = np.array(camera.position), np.array(camera.look_at)
+
+    def radius() -> float:
+        """Of the mark of vertex 0, screen pixels."""
+        return visitor.page.evaluate(
+            """n => {
+                const {camera, canvas, nodeRefFromName} = window.__viserMutable;
+                let mesh = null;
+                nodeRefFromName['/vertices/free'].traverse(part => {
+                    if (part.isMesh && part.material.vertexColors && !part.matricesTexture) mesh = part;
+                });
+                const {array} = mesh.geometry.attributes.position, center = camera.position.clone().set(0, 0, 0);
+                const points = Array.from({length: n}, (_, k) => center.clone().fromArray(array, 3 * k));
+                for (const point of points) center.addScaledVector(point, 1 / n);
+                const size = center.distanceTo(points[0]), depth = -center.clone().applyMatrix4(mesh.matrixWorld)
+                    .applyMatrix4(camera.matrixWorldInverse).z;
+                return size / depth * camera.projectionMatrix.elements[5] * canvas.clientHeight / 2;
+            }""",
+            len(ball(1)[0]),
+        )
+
+    try:
+        wait_for(lambda: 0.9 * LARGEST < radius() <= 1.01 * LARGEST)
+        camera.look_at = corner
+        camera.position = corner + 0.15 * (before - corner)
+        visitor.page.wait_for_function(
+            """near => {
+                const {camera, nodeRefFromName} = window.__viserMutable, ball = nodeRefFromName['/drag_handle/ball'];
+                const place = camera.position.clone().setFromMatrixPosition(ball.matrixWorld);
+                return ball.visible && Math.abs(camera.position.distanceTo(place) - near) < 0.01 * near;
+            }""",
+            arg=float(np.linalg.norm(0.15 * (before - corner))),
+        )
+        wait_for(lambda: 0.9 * LARGEST < radius() <= 1.01 * LARGEST)
+        size = visitor.page.evaluate(
+            """() => {
+                const {camera, canvas, nodeRefFromName} = window.__viserMutable;
+                let mesh = null;
+                nodeRefFromName['/drag_handle/ball'].traverse(part => { if (part.isMesh) mesh = part; });
+                const place = camera.position.clone().setFromMatrixPosition(mesh.matrixWorld);
+                const depth = -place.applyMatrix4(camera.matrixWorldInverse).z;
+                return mesh.matrixWorld.getMaxScaleOnAxis() / depth * camera.projectionMatrix.elements[5]
+                    * canvas.clientHeight / 2;
+            }"""
+        )
+        assert size == pytest.approx(LARGEST_BALL, rel=0.01)
+    finally:
+        camera.position, camera.look_at = before, target
+        page.interaction.set_selection(Selection())
 
 
 def test_a_rectangle_selects_the_vertices_in_it_and_a_click_on_the_background_deselects(visitor: Visitor):
