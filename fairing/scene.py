@@ -15,6 +15,7 @@ from fairing.util.guards import check_coordinates, check_name
 from fairing.weld import Welded, welded
 
 if TYPE_CHECKING:
+    from fairing.cameras.refinement import Refinement
     from fairing.triangulation.object_box import ObjectBox
 
 PointsChoice = Literal["automatic", "given", "own", "both", "none"]
@@ -166,6 +167,8 @@ class Scene:
     """The choice of cameras that a run still has to make, alike."""
     given_cameras: tuple[Camera, ...] | None = None
     """The cameras of the capture where `fairing.cameras.refine` corrected those of the views; a run records the latter."""
+    refinement: "Refinement | None" = None
+    """What that refinement found, also where it kept the given cameras; None before it."""
 
     def __post_init__(self) -> None:
         if len(self.views) < 3:

@@ -19,7 +19,7 @@ from app.cli.arguments import (
     SceneArgument,
 )
 from app.cli.lines import note_outside_photos, print_line
-from app.cli.loading import load_with_refinement
+from app.cli.loading import load_with_points
 from app.cli.photos_alone import with_cameras
 from app.files.check_page import VERDICTS, check_page
 from app.files.json_file import write_json
@@ -60,8 +60,8 @@ def check_to_console(source: SceneSource, out: Path | None, console: Console) ->
     """
     with nullcontext() if out is None else locked_output_folder(out):
         source = with_cameras(source, Console(stderr=True))
-        scene, refinement = load_with_refinement(source, console)
-        findings = check_scene(scene, refinement=refinement)
+        scene = load_with_points(source, console)
+        findings = check_scene(scene)
         _print(scene, findings, console)
         if out is not None:
             note_outside_photos(console, source.scene, scene.views)

@@ -148,8 +148,9 @@ def _fair(
         (out / START_MESH).unlink(missing_ok=True)  # of an earlier run
     if low_memory:
         print_line(console, f"note: {low_memory.line}")
-    write_cameras(scene, out / CAMERAS, console)
-    source.resolved(scene.sparse_points).note_in(session.trace.header)
+    is_corrected = scene.cameras_origin == "corrected"
+    write_cameras(scene.views if is_corrected else None, scene.sparse_points, out / CAMERAS, console)
+    source.resolved(scene.sparse_points, scene.refinement).note_in(session.trace.header)
     write_points_of_run(scene.sparse_points, out / TRACE)
     session.trace.attach(out / TRACE)
     loading = time.perf_counter() - began

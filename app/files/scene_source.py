@@ -11,10 +11,11 @@ from demo_scenes import DEMO_NAMES, find_demo, is_demo, load_demo
 from fairing.errors import InputError
 from fairing.io import PhotoChoice
 from fairing.io.photo_choice import check_format
-from fairing.io.points_choice import PointsChoice, check_around, check_points_choice
+from fairing.io.points_choice import PointsChoice, check_around, check_cameras_choice, check_points_choice
 
 if TYPE_CHECKING:
-    from fairing.io.capture import Capture
+    from fairing.cameras.refinement import Refinement
+    from fairing.io.chosen_inputs import ChosenInputs
     from fairing.scene import Around, CamerasChoice, Scene, SparsePoints, View
 
 Progress = Callable[[float, str], None]
@@ -33,7 +34,7 @@ class SceneSource:
         choice: photos left out, masks (an absolute path), weights, scale and format.
         points: sparse points. A demo has a choice of its own in place of "automatic".
         points_file: file of a run with the points it was recorded with; where it exists they are not found again.
-        cameras: of a new run; recorded runs name theirs.
+        cameras: of a new run, and of the triangulation of a recorded run; the trace has those of the run.
         around: points that are triangulated without a mesh.
     """
 
@@ -117,7 +118,8 @@ class SceneSource:
         around = check_around(path(source, "around") or "everything", where)  # older runs triangulated all points
         file = where.with_suffix(POINTS)
         points_file = file if file.exists() else None
-        return cls(source["scene"].text(), path(source, "mesh"), choice, points, points_file, around=around)
+        cameras = check_cameras_choice(path(source, "cameras") or "given", where)
+        return cls(source["scene"].text(), path(source, "mesh"), choice, points, points_file, cameras, around)
 
     @classmethod
     def of_replay(
@@ -138,7 +140,7 @@ class SceneSource:
         choice = recorded.choice if choice == _ALL_PHOTOS else choice
         if scene is None and mesh is None and recorded.mesh is not None:
             mesh = Path(recorded.mesh)
-        typed = cls.typed(scene or recorded.scene, mesh, choice, recorded.points, around=recorded.around)
+        typed = cls.typed(scene or recorded.scene, mesh, choice, recorded.points, recorded.cameras, recorded.around)
         return typed._with_points_of(recorded)
 
     def resumed(self, header: dict[str, Any], where: Path) -> "SceneSource":
@@ -154,9 +156,10 @@ class SceneSource:
         """With the recorded points, unless photos are chosen anew: observations refer to photos by index."""
         return replace(self, points_file=recorded.points_file if self.choice == recorded.choice else None)
 
-    def resolved(self, points: "SparsePoints | None") -> "SceneSource":
-        """With the choice that gives the points of the loaded scene again."""
-        return replace(self, points="none" if points is None else points.origin)
+    def resolved(self, points: "SparsePoints | None", refinement: "Refinement | None") -> "SceneSource":
+        """With the choices that give the points and cameras of the loaded scene again."""
+        cameras = "given" if refinement is None else self.cameras
+        return replace(self, points="none" if points is None else points.origin, cameras=cameras)
 
     def note_in(self, header: dict[str, Any]) -> None:
         """Record the source in the header of a trace."""
@@ -175,6 +178,8 @@ class SceneSource:
         header[_KEY] = {"scene": self.scene, "mesh": self.mesh, "photos": photos, "points": self.points}
         if self.mesh is None and self.around != "everything":
             header[_KEY]["around"] = self.around
+        if self.mesh is None and self.cameras != "given":
+            header[_KEY]["cameras"] = self.cameras
 
     def load(self, progress: Progress | None = None, skip_points: Callable[[], bool] = lambda: False) -> "Scene":
         """The scene; its run finds the sparse points, see `Session.choose_inputs`. Without a mesh they are triangulated here.
@@ -205,22 +210,18 @@ class SceneSource:
             return scene
         return replace(scene, sparse_points=replace(scene.sparse_points, origin=self.points))
 
-    def load_capture(self, progress: Progress | None = None) -> "Capture":
-        """The photos, cameras and chosen sparse points, without a mesh. Arguments and exceptions as of `load`."""
-        from fairing.io import read_capture
-        from fairing.io.capture import Capture
-        from fairing.io.scene_points import choose_points
+    def load_capture(self, progress: Progress | None = None) -> "ChosenInputs":
+        """The photos with the chosen cameras and sparse points, without a mesh. Arguments and exceptions as of `load`."""
+        from fairing.io import load_capture
+        from fairing.io.chosen_inputs import inputs_of_demo
 
-        tell, recorded, choice = progress or (lambda fraction, line: None), self._recorded_points(), self.points
+        tell, recorded = progress or (lambda fraction, line: None), self._recorded_points()
+        points = "none" if recorded is not None else self.points
         if is_demo(self.scene):
-            scene = load_demo(self.scene, progress=progress)
-            capture, choice = Capture(scene.views, scene.sparse_points, scene.warnings), self._choice(scene)
+            inputs = inputs_of_demo(load_demo(self.scene, progress=progress), points, self.cameras, tell)
         else:
-            capture = read_capture(self.scene, self.choice)
-        if recorded is not None:
-            return capture._replace(sparse_points=self._read_points(recorded, capture.views))
-        points, warnings = choose_points(self.title, capture.views, capture.sparse_points, choice, None, tell)
-        return capture._replace(sparse_points=points, warnings=(*capture.warnings, *warnings))
+            inputs = load_capture(self.scene, self.choice, points, self.cameras, tell)
+        return inputs if recorded is None else replace(inputs, sparse_points=self._read_points(recorded, inputs.views))
 
     def _choice(self, demo: "Scene") -> PointsChoice:
         return demo.points_choice if self.points == "automatic" else self.points
