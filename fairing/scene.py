@@ -31,6 +31,9 @@ Around = Literal["automatic", "object", "everything"]
 """Points that become vertices where there is no mesh: those of the object, in a box around what most photos look at, or all.
 "automatic": the object's if the cameras go around it (`fairing.triangulation.object_box`)."""
 
+BoxCorners = tuple[float, float, float, float, float, float]
+"""x0 y0 z0 x1 y1 z1, world units, of a box along the world's axes: the corners with the smallest and the largest coordinates."""
+
 WEIGHTS = (1e-6, 1e6)
 """Smallest and largest weight of a photo: beyond them the others do not count, and squares of sums lose their digits."""
 

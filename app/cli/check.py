@@ -12,6 +12,7 @@ from rich.table import Table
 from app.cli.arguments import (
     ALL_PHOTOS,
     AroundArgument,
+    BoxArgument,
     CamerasArgument,
     MeshArgument,
     PhotosArgument,
@@ -43,13 +44,14 @@ def check(
     photos: PhotosArgument = ALL_PHOTOS,
     cameras: CamerasArgument = "automatic",
     around: AroundArgument = "automatic",
+    box: BoxArgument = None,
 ) -> int:
     """Check whether a scene can be refined: cameras, coverage, sizes, and what to do.
 
     Args:
         out: Folder for check.html, check.json and the mesh drawn over every photo.
     """
-    return check_to_console(SceneSource.typed(scene, mesh, photos, points, cameras, around), out, Console())
+    return check_to_console(SceneSource.typed(scene, mesh, photos, points, cameras, around, box), out, Console())
 
 
 def check_to_console(source: SceneSource, out: Path | None, console: Console) -> int:

@@ -21,6 +21,7 @@ from app.cli.arguments import (
     ALL_PHOTOS,
     DEFAULT_PAGE,
     AroundArgument,
+    BoxArgument,
     CamerasArgument,
     MeshArgument,
     PageAddress,
@@ -66,6 +67,7 @@ def view(
     photos: PhotosArgument = ALL_PHOTOS,
     cameras: CamerasArgument = "automatic",
     around: AroundArgument = "automatic",
+    box: BoxArgument = None,
     terms: TermsArgument = (),
 ) -> int:
     """Open the debugger on a scene, paused.
@@ -79,7 +81,7 @@ def view(
         lesson: Open this lesson, on the scene that it uses: a name, or a Markdown file (.md). The page lists all lessons.
     """
     console = Console(stderr=True)
-    source = SceneSource.typed(scene, mesh, photos, points, cameras, around)
+    source = SceneSource.typed(scene, mesh, photos, points, cameras, around, box)
     check_openable(source)
     wanted = parse_moment_id(at, PRESETS[preset].n_levels)
     load = None

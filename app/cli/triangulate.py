@@ -12,6 +12,7 @@ from rich.progress import TimeElapsedColumn
 from app.cli.arguments import (
     ALL_PHOTOS,
     AroundArgument,
+    BoxArgument,
     CamerasArgument,
     PhotosArgument,
     PointsArgument,
@@ -34,7 +35,7 @@ from fairing.mesh import Mesh
 from fairing.run.trace_header import recorded_cameras
 from fairing.scene import SparsePoints
 from fairing.triangulation import Triangulation, TriangulationOptions, flip_progress, is_flip_record, triangulate
-from fairing.triangulation.object_box import points_around
+from fairing.triangulation.points_in_box import points_around
 
 REPORT_SUFFIX = ".report.json"
 DEFAULTS = TriangulationOptions()
@@ -50,6 +51,7 @@ def triangulate_command(
     photos: PhotosArgument = ALL_PHOTOS,
     cameras: CamerasArgument = "automatic",
     around: AroundArgument = "automatic",
+    box: BoxArgument = None,
 ) -> int:
     """Make a start mesh from sparse points: the surface between tetrahedra inside and outside, then edge flips.
 
@@ -63,7 +65,7 @@ def triangulate_command(
     options = TriangulationOptions(max_vertices=max_vertices, spacing=spacing)
     if mesh is not None and points == "automatic":
         points = "given"  # the edges of a given mesh are flipped without points
-    source = SceneSource.typed(scene, mesh, photos, points, cameras, around)
+    source = SceneSource.typed(scene, mesh, photos, points, cameras, around, box)
     return triangulate_to_file(source, out, options, Console(stderr=True))
 
 
@@ -77,6 +79,8 @@ def triangulate_to_file(source: SceneSource, out: Path, options: TriangulationOp
         InputError: the input cannot be used, or the output would replace files that are not of an earlier triangulation.
     """
     check_triangulation_output(out)
+    if source.mesh is not None and source.box is not None:
+        raise InputError(f"--box: expected no mesh, found --mesh {source.mesh}; leave one of them out")
     source = with_cameras(source, console)
     mesh = None
     inputs = load_with_bar(source.scene, source.load_capture, console)
@@ -88,7 +92,7 @@ def triangulate_to_file(source: SceneSource, out: Path, options: TriangulationOp
             Mesh(*mesh)
     points, notes = inputs.sparse_points, list(inputs.warnings)
     if mesh is None and points is not None:
-        points, _, note = points_around(inputs.views, points, source.around)
+        points, _, note = points_around(inputs.views, points, source.around, source.box)
         notes += [note] * bool(note)
     done, interrupted = triangulate_with_progress(source, inputs, points, mesh, out, options, console)
     for note in notes:

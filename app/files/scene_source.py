@@ -16,7 +16,7 @@ from fairing.io.points_choice import PointsChoice, check_around, check_cameras_c
 if TYPE_CHECKING:
     from fairing.cameras.refinement import Refinement
     from fairing.io.chosen_inputs import ChosenInputs
-    from fairing.scene import Around, CamerasChoice, Scene, SparsePoints, View
+    from fairing.scene import Around, BoxCorners, CamerasChoice, Scene, SparsePoints, View
 
 Progress = Callable[[float, str], None]
 
@@ -35,7 +35,7 @@ class SceneSource:
         points: sparse points. A demo has a choice of its own in place of "automatic".
         points_file: file of a run with the points it was recorded with; where it exists they are not found again.
         cameras: of a new run, and of the triangulation of a recorded run; the trace has those of the run.
-        around: points that are triangulated without a mesh.
+        around, box: points that are triangulated without a mesh.
     """
 
     scene: str
@@ -45,6 +45,7 @@ class SceneSource:
     points_file: Path | None = None
     cameras: "CamerasChoice" = "given"
     around: "Around" = "automatic"
+    box: "BoxCorners | None" = None
 
     @classmethod
     def typed(
@@ -55,16 +56,21 @@ class SceneSource:
         points: PointsChoice = "given",
         cameras: "CamerasChoice" = "given",
         around: "Around" = "automatic",
+        box: "BoxCorners | None" = None,
     ) -> "SceneSource":
         """From the command line. A folder of a demo's name is the folder if it holds a capture."""
+        if box is not None:
+            from fairing.triangulation.points_in_box import check_corners
+
+            check_corners(box, around)
         if is_demo(scene) and not _holds_capture(scene):
-            return replace(cls._demo(scene, mesh, choice, points), cameras=cameras, around=around)
+            return replace(cls._demo(scene, mesh, choice, points), cameras=cameras, around=around, box=box)
         if not Path(scene).exists():
             raise InputError(f"{scene}: expected a demo ({DEMO_NAMES}) or a path, found no such file or folder")
         if choice.masks is not None:
             choice = replace(choice, masks=choice.masks.resolve())
         mesh_path = None if mesh is None else str(mesh.resolve())
-        return cls(str(Path(scene).resolve()), mesh_path, choice, points, cameras=cameras, around=around)
+        return cls(str(Path(scene).resolve()), mesh_path, choice, points, cameras=cameras, around=around, box=box)
 
     @classmethod
     def _demo(cls, scene: str, mesh: Path | None, choice: PhotoChoice, points: PointsChoice) -> "SceneSource":
@@ -118,8 +124,9 @@ class SceneSource:
         around = check_around(path(source, "around") or "everything", where)  # older runs triangulated all points
         file = where.with_suffix(POINTS)
         points_file = file if file.exists() else None
+        box = tuple(source["box"].numbers(6).tolist()) if "box" in source else None
         cameras = check_cameras_choice(path(source, "cameras") or "given", where)
-        return cls(source["scene"].text(), path(source, "mesh"), choice, points, points_file, cameras, around)
+        return cls(source["scene"].text(), path(source, "mesh"), choice, points, points_file, cameras, around, box)
 
     @classmethod
     def of_replay(
@@ -140,7 +147,9 @@ class SceneSource:
         choice = recorded.choice if choice == _ALL_PHOTOS else choice
         if scene is None and mesh is None and recorded.mesh is not None:
             mesh = Path(recorded.mesh)
-        typed = cls.typed(scene or recorded.scene, mesh, choice, recorded.points, recorded.cameras, recorded.around)
+        typed = cls.typed(
+            scene or recorded.scene, mesh, choice, recorded.points, recorded.cameras, recorded.around, recorded.box
+        )
         return typed._with_points_of(recorded)
 
     def resumed(self, header: dict[str, Any], where: Path) -> "SceneSource":
@@ -178,6 +187,8 @@ class SceneSource:
         header[_KEY] = {"scene": self.scene, "mesh": self.mesh, "photos": photos, "points": self.points}
         if self.mesh is None and self.around != "everything":
             header[_KEY]["around"] = self.around
+        if self.mesh is None and self.box is not None:
+            header[_KEY]["box"] = list(self.box)
         if self.mesh is None and self.cameras != "given":
             header[_KEY]["cameras"] = self.cameras
 
@@ -197,6 +208,8 @@ class SceneSource:
         if is_demo(self.scene):
             if self.around == "object":
                 raise InputError(f"--around object: the demo {self.scene} has its own mesh; leave --around out")
+            if self.box is not None:
+                raise InputError(f"--box: the demo {self.scene} has its own mesh; leave --box out")
             scene = load_demo(self.scene, progress=progress)
             cameras_choice = "given" if self.cameras == "automatic" else self.cameras
             scene = replace(scene, points_choice=self._choice(scene), cameras_choice=cameras_choice)
@@ -204,7 +217,16 @@ class SceneSource:
                 scene = replace(scene, sparse_points=self._read_points(recorded, scene.views), points_choice="given")
             return scene
         scene = load_scene(
-            self.scene, self.mesh, self.choice, self.points, self.cameras, self.around, recorded, tell, skip_points
+            self.scene,
+            self.mesh,
+            self.choice,
+            self.points,
+            self.cameras,
+            self.around,
+            recorded,
+            self.box,
+            tell,
+            skip_points,
         )
         if recorded is None or scene.sparse_points is None:
             return scene

@@ -36,7 +36,7 @@ from fairing.io.points_file import read_points
 from fairing.io.scene_points import Progress
 from fairing.io.upright import settle_orientations
 from fairing.mesh import Mesh
-from fairing.scene import Around, CamerasChoice, PointsChoice, Scene
+from fairing.scene import Around, BoxCorners, CamerasChoice, PointsChoice, Scene
 from fairing.weld import Welded, welded
 
 if TYPE_CHECKING:
@@ -63,6 +63,7 @@ def load_scene(
     cameras: CamerasChoice = "automatic",
     around: Around = "automatic",
     points_file: Path | None = None,
+    box: BoxCorners | None = None,
     on_progress: Progress = lambda fraction, line: None,
     skip_requested: Callable[[], bool] = lambda: False,
 ) -> Scene:
@@ -81,6 +82,7 @@ def load_scene(
         cameras: the cameras that a run of the scene uses, see `Session.choose_inputs`.
         around: the points that become vertices, of the object or all; only without a mesh.
         points_file: the points that a run recorded beside its trace, instead.
+        box: the points in this box become vertices instead; only without a mesh.
         on_progress: called with the finished part, 0 to 1, and a line while cameras are refined, points found or triangulated, or
             photos rendered.
         skip_requested: polled while cameras are refined and points found; where it returns True, the given ones are used.
@@ -89,7 +91,7 @@ def load_scene(
         InputError: the input cannot be used; the message is one line.
     """
     if (scene := _named(path, mesh, choice, on_progress)) is not None:
-        _check_around(around, path)
+        _check_around(around, box, path)
         points = scene.points_choice if points == "automatic" else points
         return replace(scene, points_choice=points, cameras_choice="given" if cameras == "automatic" else cameras)
     capture, path = read_capture(path, choice), Path(path)
@@ -102,9 +104,9 @@ def load_scene(
         inputs = _chosen(path, capture, points, cameras, on_progress, skip_requested)
         if recorded is not None:  # with the corrected cameras already
             inputs = replace(inputs, sparse_points=recorded)
-        return _triangulated(path.resolve().name, folder, capture, inputs, around, on_progress)
+        return _triangulated(path.resolve().name, folder, capture, inputs, around, box, on_progress)
     mesh_path = found or only_mesh(folder)
-    _check_around(around, mesh_path)
+    _check_around(around, box, mesh_path)
     vertices, faces = read_mesh(mesh_path)
     name = path.resolve().name
     with naming(mesh_path):
@@ -157,10 +159,12 @@ def _chosen(
     return replace(chosen, warnings=(*capture.warnings, *chosen.warnings))
 
 
-def _check_around(around: Around, mesh: object) -> None:
-    """Raises InputError where `around` chooses points to triangulate, but there is a mesh."""
+def _check_around(around: Around, box: BoxCorners | None, mesh: object) -> None:
+    """Raises InputError where points to triangulate are chosen, but there is a mesh."""
     if around == "object":
         raise InputError(f"--around object: expected a capture without a mesh, found {mesh}; leave --around out")
+    if box is not None:
+        raise InputError(f"--box: expected a capture without a mesh, found {mesh}; leave --box out")
 
 
 def _rounded_copies(surface: Welded) -> tuple[str, ...]:
@@ -188,12 +192,18 @@ def _named(
 
 
 def _triangulated(
-    name: str, folder: Path, capture: Capture, inputs: "ChosenInputs", around: Around, on_progress: Progress
+    name: str,
+    folder: Path,
+    capture: Capture,
+    inputs: "ChosenInputs",
+    around: Around,
+    corners: BoxCorners | None,
+    on_progress: Progress,
 ) -> Scene:
     """The scene of a capture without a mesh: its chosen sparse points, triangulated."""
     from fairing.io.chosen_inputs import with_inputs
     from fairing.triangulation import flip_progress, triangulate  # imported where there is no mesh: it takes a while
-    from fairing.triangulation.object_box import points_around
+    from fairing.triangulation.points_in_box import points_around
 
     points = inputs.sparse_points
     if points is None or len(points.positions) == 0:
@@ -202,7 +212,7 @@ def _triangulated(
     def show(flips: int, open_edges: int, _: float) -> None:
         on_progress(flip_progress(flips, open_edges), f"triangulating sparse points: {flips} flips")
 
-    taken, box, note = points_around(inputs.views, points, around)
+    taken, box, note = points_around(inputs.views, points, around, corners)
     triangulated = triangulate(name, inputs.views, taken, on_progress=show).result()
     scene = with_inputs(replace(triangulated, object_box=box, warnings=()), inputs, capture.views)
     return replace(scene, warnings=scene.warnings + (note,) * bool(note) + triangulated.warnings)
