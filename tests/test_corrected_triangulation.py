@@ -142,7 +142,7 @@ def test_a_scene_without_a_mesh_is_triangulated_with_corrected_cameras(wrong: Pa
 def test_a_recorded_scene_without_a_mesh_is_the_same_when_it_is_opened_again(wrong: Path, tmp_path: Path):
     source = SceneSource.typed(str(wrong), None, points="automatic", cameras="automatic")
     scene, header = source.load(), {}
-    source.resolved(scene.sparse_points, scene.refinement).note_in(header)
+    source.resolved(scene.sparse_points, True).note_in(header)
     recorded = SceneSource.of_run(json.loads(json.dumps(header)), tmp_path / "run.trace")
     write_points_of_run(scene.sparse_points, tmp_path / "run.trace")
     with_file = SceneSource.of_run(header, tmp_path / "run.trace")
@@ -158,7 +158,7 @@ def test_a_record_names_the_choice_of_cameras_that_its_triangulation_had(tmp_pat
     for choice in get_args(CamerasChoice):
         SceneSource(str(tmp_path), cameras=choice).note_in(header)
         assert SceneSource.of_run(header, tmp_path / "run.trace").cameras == choice
-    SceneSource(str(tmp_path), cameras="refine").resolved(None, None).note_in(header)  # skipped on request
+    SceneSource(str(tmp_path), cameras="refine").resolved(None, False).note_in(header)  # skipped on request
     assert SceneSource.of_run(header, tmp_path / "run.trace").cameras == "given"
     header["source"]["cameras"] = "best"
     with pytest.raises(InputError, match="cameras: expected one of automatic, refine, refine_lens, given, found best"):

@@ -152,7 +152,7 @@ def _fair(
         print_line(console, f"note: {low_memory.line}")
     is_corrected = scene.cameras_origin == "corrected"
     write_cameras(scene.views if is_corrected else None, scene.sparse_points, out / CAMERAS, console)
-    source.resolved(scene.sparse_points, scene.refinement).note_in(session.trace.header)
+    source.resolved(scene.sparse_points, REFINEMENT in session.trace.header).note_in(session.trace.header)
     write_points_of_run(scene.sparse_points, out / TRACE)
     session.trace.attach(out / TRACE)
     loading = time.perf_counter() - began

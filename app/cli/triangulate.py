@@ -153,7 +153,7 @@ def fair_command_line(source: SceneSource, out: Path) -> str:
 def _header(source: SceneSource, inputs: ChosenInputs) -> dict[str, Any]:
     """What the record of flips says about its scene: where it is, and its cameras if they are corrected."""
     header: dict[str, Any] = {}
-    source.resolved(inputs.sparse_points, inputs.refinement).note_in(header)
+    source.resolved(inputs.sparse_points, inputs.refinement is not None).note_in(header)
     if inputs.refinement is not None and inputs.refinement.taken:
         header |= {"views": list(inputs.refinement.names), "cameras": recorded_cameras(inputs.views)}
     return header

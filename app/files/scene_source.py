@@ -14,7 +14,6 @@ from fairing.io.photo_choice import check_format
 from fairing.io.points_choice import PointsChoice, check_around, check_cameras_choice, check_points_choice
 
 if TYPE_CHECKING:
-    from fairing.cameras.refinement import Refinement
     from fairing.io.chosen_inputs import ChosenInputs
     from fairing.scene import Around, BoxCorners, CamerasChoice, Scene, SparsePoints, View
 
@@ -165,9 +164,13 @@ class SceneSource:
         """With the recorded points, unless photos are chosen anew: observations refer to photos by index."""
         return replace(self, points_file=recorded.points_file if self.choice == recorded.choice else None)
 
-    def resolved(self, points: "SparsePoints | None", refinement: "Refinement | None") -> "SceneSource":
-        """With the choices that give the points and cameras of the loaded scene again."""
-        cameras = "given" if refinement is None else self.cameras
+    def resolved(self, points: "SparsePoints | None", is_refined: bool) -> "SceneSource":
+        """With the choices that give the points and cameras of the loaded scene again.
+
+        Args:
+            is_refined: whether its cameras were refined, with whatever result.
+        """
+        cameras = self.cameras if is_refined else "given"
         return replace(self, points="none" if points is None else points.origin, cameras=cameras)
 
     def note_in(self, header: dict[str, Any]) -> None:
