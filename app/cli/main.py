@@ -91,13 +91,12 @@ def view(
         load = scene_of_lesson(lesson, source)
 
     def open_run(opening: OpeningProgress) -> "Session":
+        # Imported here: the page is served before the engine is loaded.
+        from fairing.run.trace_header import REFINEMENT
+
         placed = with_cameras(source, console, show=opening.show)
         session = open_session(placed, console, PRESETS[preset], opening=opening, load=load, terms=terms)
         if lesson is None or session.scene.name == source.scene:  # a lesson's own scene has no name to find it by
-            from fairing.run.trace_header import (
-                REFINEMENT,
-            )  # imported here: the page is served before the engine is loaded
-
             header = session.trace.header
             placed.resolved(session.scene.sparse_points, REFINEMENT in header).note_in(header)
         if save_to is not None:

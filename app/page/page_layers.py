@@ -43,6 +43,7 @@ class PageLayers:
         certainty: CertaintySource,
         pulls: PullSource,
         associations: AssociationSource,
+        page_state: PageState,
     ) -> None:
         stage, scene = resources.stage, resources.scene
         click, background = frame.toasts(interaction.click_vertex), interaction.background
@@ -62,7 +63,7 @@ class PageLayers:
             AssociationsLayer(client, stage, scene, associations),
             CertaintyLayer(client, stage, scene.mesh, certainty),
             PointsLayer(client, stage, scene),
-            ObjectBoxLayer(client, stage, scene),
+            ObjectBoxLayer(client, stage, scene, page_state, frame.toasts(resources.controller.republish)),
             GivenCamerasLayer(client, stage, scene, resources.refinement),
             CamerasLayer(client, stage, scene, resources.thumbnails, frame.toasts(frame.camera.enter), background),
         ]

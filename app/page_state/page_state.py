@@ -6,6 +6,7 @@ from app.debugger.compare import Reference
 from app.debugger.condition import Condition
 from app.page_state.cells_state import CellsView
 from app.page_state.selection import Selection
+from fairing.scene import BoxCorners
 from fairing.terms.names import PHOTOS
 
 LAYERS: dict[str, str] = {
@@ -82,6 +83,7 @@ class PageState:
         experiment: the experiment shown, of `fairing.experiments.EXPERIMENTS`.
         is_swipe: whether `model_share` is a fraction of the photo's width, from the right, instead of an opacity.
         shown: for each layer whether it is visible.
+        box: corners of the box that is being chosen, whose points another run would triangulate; None: none.
     """
 
     selection: Selection = field(default_factory=Selection)
@@ -109,6 +111,7 @@ class PageState:
     experiment: str = "capture-range"
     is_swipe: bool = False
     shown: dict[str, bool] = field(default_factory=lambda: {name: name not in HIDDEN_AT_FIRST for name in LAYERS})
+    box: BoxCorners | None = None
 
     @classmethod
     def of_mesh(cls, n_vertices: int) -> "PageState":

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from fairing.geometry.up_direction import up_direction
-from fairing.scene import SparsePoints, View
+from fairing.scene import BoxCorners, SparsePoints, View
 
 IN_SIGHT = 0.6
 """A point is looked at if so many of the photos have it inside their frame, hidden or not."""
@@ -79,6 +79,11 @@ class ObjectBox:
         """(n,) bool for points (n, 3)."""
         along = points @ self.axes.T
         return np.all((along >= self.low) & (along <= self.high), axis=1)
+
+
+def box_of_corners(corners: BoxCorners) -> ObjectBox:
+    """The box with these corners, whose points are not counted."""
+    return ObjectBox(np.eye(3), np.array(corners[:3]), np.array(corners[3:]), 0, False, "it was chosen")
 
 
 def find_object(views: Sequence[View], points: SparsePoints) -> ObjectBox | None:

@@ -7,7 +7,7 @@ import numpy as np
 
 from fairing.errors import InputError
 from fairing.scene import Around, BoxCorners, SparsePoints, View
-from fairing.triangulation.object_box import ObjectBox, find_object
+from fairing.triangulation.object_box import ObjectBox, box_of_corners, find_object
 
 FEWEST = 3
 
@@ -65,7 +65,7 @@ def chosen_box(corners: BoxCorners, points: SparsePoints) -> ObjectBox:
         InputError: they are no corners of a box, or fewer than three points are in it.
     """
     check_corners(corners)
-    box = ObjectBox(np.eye(3), np.array(corners[:3]), np.array(corners[3:]), 0, False, "it was chosen")
+    box = box_of_corners(corners)
     count = int(box.contains(points.positions).sum())
     if count < FEWEST:
         low, high = np.quantile(points.positions, (0.05, 0.95), axis=0)
