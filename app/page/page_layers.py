@@ -10,7 +10,7 @@ from app.layers.certainty import CertaintyLayer
 from app.layers.drag_handle import DragHandleLayer
 from app.layers.flow_arrows import FlowArrowsLayer
 from app.layers.given_cameras import GivenCamerasLayer
-from app.layers.object_box import ObjectBoxLayer
+from app.layers.object_box import ChosenBoxLayer, ObjectBoxLayer
 from app.layers.paths import PathsLayer
 from app.layers.points import PointsLayer
 from app.layers.pull_arrows import PullArrowsLayer
@@ -63,10 +63,13 @@ class PageLayers:
             AssociationsLayer(client, stage, scene, associations),
             CertaintyLayer(client, stage, scene.mesh, certainty),
             PointsLayer(client, stage, scene),
-            ObjectBoxLayer(client, stage, scene, page_state, frame.toasts(resources.controller.republish)),
+            ObjectBoxLayer(client, stage, scene),
             GivenCamerasLayer(client, stage, scene, resources.refinement),
             CamerasLayer(client, stage, scene, resources.thumbnails, frame.toasts(frame.camera.enter), background),
         ]
+        if scene.triangulated:
+            republish = frame.toasts.without_event(resources.controller.republish)
+            self._layers.append(ChosenBoxLayer(client, stage, page_state, republish))
 
     def show(self, state: RunState, page_state: PageState) -> None:
         """Bring all layers up to date."""
