@@ -3,26 +3,25 @@
 import json
 import shlex
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
 import numpy as np
 import pytest
 
 from app.cli.main import run
 from app.files.scene_source import SceneSource, write_points_of_run
+from app.flips.opening import open_flips
 from fairing import Session, load_scene, read_mesh, triangulate
 from fairing.camera import Camera
 from fairing.errors import InputError
 from fairing.features import find_points
 from fairing.geometry.closest_point import SurfaceTree
-from fairing.io import load_capture, read_capture
+from fairing.io import PhotoChoice, load_capture, read_capture
 from fairing.io.colmap_text import read_text_model
 from fairing.io.convert import write_capture
 from fairing.io.feature_points import load_points
 from fairing.io.output_folder import prepare_output_folder
-from fairing.run.trace_header import with_recorded_cameras
 from fairing.scene import CamerasChoice, Scene, View
-from fairing.triangulation import FlipTrace
 from tests.wrong_cameras import exact_scene, turned
 
 
@@ -54,7 +53,7 @@ def assert_same_cameras(one: tuple[View, ...], other: list[Camera] | tuple[Camer
         np.testing.assert_allclose(view.camera.image_from_world, camera.image_from_world, rtol=1e-7, atol=1e-6)
 
 
-def test_triangulate_corrects_the_cameras_and_says_how_a_run_has_them(wrong: Path, tmp_path: Path, capsys):
+def test_triangulate_corrects_the_cameras_and_says_how_a_run_has_them(wrong: Path, tmp_path: Path, capsys, monkeypatch):
     out, given = tmp_path / "start.ply", tmp_path / "given.ply"
     assert run(["triangulate", str(wrong), "--out", str(out)]) == 0
     said = " ".join(capsys.readouterr().err.split())
@@ -77,9 +76,13 @@ def test_triangulate_corrects_the_cameras_and_says_how_a_run_has_them(wrong: Pat
     translations = {image.name: image.translation for image in images}
     for view in inputs.views:
         np.testing.assert_allclose(translations[view.name], view.camera.camera_from_world[:, 3], atol=1e-9)
-    record = FlipTrace.load(tmp_path / "start.flips")
-    as_read = Scene.build("wrong", vertices, faces, read_capture(wrong).views)
-    assert_same_cameras(with_recorded_cameras(as_read, record.header).views, [view.camera for view in inputs.views])
+    shown: list[Scene] = []
+    monkeypatch.setattr("app.flips.opening.FlipApp", lambda server, scene, trace: shown.append(scene))
+    nothing: Any = None
+    open_flips(nothing, tmp_path / "start.flips", None, PhotoChoice())
+    assert_same_cameras(shown[0].views, [view.camera for view in inputs.views])
+    assert inputs.sparse_points is not None
+    np.testing.assert_array_equal(shown[0].sparse_positions, inputs.sparse_points.positions)
     words = shlex.split(said.split("`")[1])
     assert words == ["eigenfairing", "fair", str(wrong), "--mesh", str(out)]
     session = Session(load_scene(words[2], mesh=words[4]))
