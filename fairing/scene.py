@@ -15,6 +15,7 @@ from fairing.util.guards import check_coordinates, check_name
 from fairing.weld import Welded, welded
 
 if TYPE_CHECKING:
+    from fairing.cameras.refinement import Refinement
     from fairing.triangulation.object_box import ObjectBox
 
 PointsChoice = Literal["automatic", "given", "own", "both", "none"]
@@ -29,6 +30,9 @@ demo scenes, whose cameras are exact."""
 Around = Literal["automatic", "object", "everything"]
 """Points that become vertices where there is no mesh: those of the object, in a box around what most photos look at, or all.
 "automatic": the object's if the cameras go around it (`fairing.triangulation.object_box`)."""
+
+BoxCorners = tuple[float, float, float, float, float, float]
+"""x0 y0 z0 x1 y1 z1, world units, of a box along the world's axes: the corners with the smallest and the largest coordinates."""
 
 WEIGHTS = (1e-6, 1e6)
 """Smallest and largest weight of a photo: beyond them the others do not count, and squares of sums lose their digits."""
@@ -166,6 +170,8 @@ class Scene:
     """The choice of cameras that a run still has to make, alike."""
     given_cameras: tuple[Camera, ...] | None = None
     """The cameras of the capture where `fairing.cameras.refine` corrected those of the views; a run records the latter."""
+    refinement: "Refinement | None" = None
+    """What that refinement found, also where it kept the given cameras; None before it."""
 
     def __post_init__(self) -> None:
         if len(self.views) < 3:

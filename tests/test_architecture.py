@@ -57,6 +57,7 @@ ALLOWED: dict[str, set[str]] = {
     "fairing.triangulation": DATA | {"fairing.util", "fairing.geometry", "fairing.cells", "fairing.solve"},
     "fairing.io": DATA
     | {
+        "fairing.cameras",
         "fairing.util",
         "fairing.geometry",
         "fairing.check",

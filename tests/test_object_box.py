@@ -1,5 +1,7 @@
 """The object of a capture: the box around what most photos look at, without ground and background."""
 
+import json
+import re
 from pathlib import Path
 from typing import get_args
 
@@ -7,17 +9,22 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from app.cli.main import run
 from app.files.scene_source import SceneSource
 from fairing.camera import Camera
 from fairing.errors import InputError
+from fairing.features import find_points
 from fairing.geometry.up_direction import up_direction
 from fairing.io import load_scene
+from fairing.io.convert import write_capture
 from fairing.photo import ArrayPhoto
 from fairing.scene import Around, SparsePoints, View
 from fairing.structure.frame import upright_frame
-from fairing.triangulation.object_box import find_object, points_around
+from fairing.triangulation.object_box import find_object
+from fairing.triangulation.points_in_box import box_words, points_around
 from tests.camera_orbit import looking_at
 from tests.small_scene import write_corner
+from tests.speckled_corner import views as corner_views
 
 WIDTH, HEIGHT, FOCAL = 160, 120, 150.0
 SIZE = np.array([2.0, 1.2, 1.5])
@@ -143,6 +150,98 @@ def test_a_run_records_which_points_were_triangulated(tmp_path: Path):
         assert SceneSource.of_run(header, tmp_path / "run.trace").around == around
     header["source"]["around"] = "nothing"
     with pytest.raises(InputError, match="around: expected one of automatic, object, everything, found nothing"):
+        SceneSource.of_run(header, tmp_path / "run.trace")
+
+
+CORNERS = (-0.5, -1.0, 0.2, 1.5, 1.0, 2.0)
+WORDS = "--box -0.5000 -1.0000 0.2000 1.5000 1.0000 2.0000"
+
+
+def test_the_points_in_a_chosen_box_are_triangulated():
+    positions, _ = object_and_surroundings()
+    views = photos_of(orbit(70), np.tile([0, 0, 0.6], (20, 1)))
+    points = seen(views, positions)
+    taken, box, note = points_around(views, points, "automatic", CORNERS)
+    inside = ((positions >= CORNERS[:3]) & (positions <= CORNERS[3:])).all(axis=1)
+    assert box is not None
+    assert 0 < inside.sum() < len(positions)
+    np.testing.assert_array_equal(taken.positions, positions[inside])
+    np.testing.assert_array_equal(box.bounds, (CORNERS[:3], CORNERS[3:]))
+    assert note == f"{WORDS}: {inside.sum()} of {len(positions)} sparse points; the mesh covers them alone"
+    with pytest.raises(InputError, match=r"expected at least 3 sparse points in the box, found 0 of .* are in --box -"):
+        points_around(views, points, "automatic", (90, 90, 90, 91, 91, 91))
+
+
+def test_the_box_that_was_found_can_be_chosen_again_and_changed():
+    positions, _ = object_and_surroundings()
+    eyes = orbit(360)
+    views = photos_of(eyes, np.tile([0, 0, 0.6], (len(eyes), 1)))
+    points = seen(views, positions)
+    found, box, note = points_around(views, points, "automatic")
+    assert box is not None
+    words = re.search("change (--box [-0-9. ]+)", note)
+    assert words is not None
+    low, high = box.bounds
+    corners = [float(word) for word in words[1].split()[1:]]
+    np.testing.assert_allclose(corners, [*low, *high], atol=1e-3)
+    chosen, _, _ = points_around(views, points, "automatic", tuple(corners))  # pyright: ignore[reportArgumentType]
+    assert len(found.positions) <= len(chosen.positions) < 1.2 * len(found.positions)
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
+def test_the_words_of_a_box_give_it_again_to_a_ten_thousandth(scale: float):
+    corners = scale * (np.array(CORNERS) + 7000)
+    words = box_words(corners.tolist())
+    assert "e" not in words
+    again = np.array([float(word) for word in words.split()[1:]])
+    assert np.abs(again - corners).max() <= 1e-4 * 2 * scale
+
+
+@pytest.mark.parametrize(
+    ("flags", "line"),
+    [
+        (["--box", *["0", "0", "0", "1", "1", "-1"]], "expected x0 y0 z0 x1 y1 z1 with z0 < z1, found 0 and -1"),
+        (["--box", *["0", "0", "0", "nan", "1", "1"]], "expected x0 y0 z0 x1 y1 z1 with x0 < x1, found 0 and nan"),
+        (["--box", *["0", "0", "0", "1", "inf", "1"]], "with y0 < y1, found 0 and inf"),
+        (
+            ["--box", *["0", "0", "0", "1", "1", "1"], "--around", "object"],
+            "as --around object does; leave one of them out",
+        ),
+        (["--box", *["0", "0", "0", "1", "1", "1"]], "expected a capture without a mesh, found "),
+    ],
+    ids=["inverted", "nan", "infinite", "around", "mesh"],
+)
+def test_a_box_that_cannot_be_used_is_one_line(tmp_path: Path, capsys, flags: list[str], line: str):
+    write_corner(tmp_path / "corner")
+    assert run(["check", str(tmp_path / "corner"), *flags]) == 1
+    said = capsys.readouterr().err
+    assert line in said
+    assert said.count("\n") == 1
+    assert said.startswith("eigenfairing: --box")
+
+
+def test_a_mesh_whose_edges_are_flipped_takes_no_box(tmp_path: Path, capsys):
+    write_corner(tmp_path / "corner")
+    mesh = ["--mesh", str(tmp_path / "corner" / "mesh.obj"), "--out", str(tmp_path / "start.ply")]
+    assert run(["triangulate", str(tmp_path / "corner"), *mesh, "--box", *["0", "0", "0", "1", "1", "1"]]) == 1
+    assert "--box: expected no mesh, found --mesh" in capsys.readouterr().err
+
+
+def test_a_run_in_a_chosen_box_records_it_and_is_opened_again(tmp_path: Path):
+    capture = tmp_path / "corner"
+    write_capture(capture, "scene.json", corner_views(), find_points(corner_views()).sparse_points())
+    source = SceneSource.typed(str(capture), None, points="given", box=(-1, -1, -1, 2, 2, 0.8))
+    scene, header = source.load(), {}
+    assert scene.object_box is not None
+    assert scene.mesh.vertices[:, 2].max() <= 0.8
+    source.note_in(header)
+    again = SceneSource.of_run(json.loads(json.dumps(header)), tmp_path / "run.trace")
+    assert again.box == source.box
+    np.testing.assert_array_equal(again.load().mesh.vertices, scene.mesh.vertices)
+    from_python = load_scene(capture, points="given", cameras="given", box=source.box)
+    np.testing.assert_array_equal(from_python.mesh.vertices, scene.mesh.vertices)
+    header["source"]["box"] = [1, 2]
+    with pytest.raises(InputError, match=r"source.box: expected 6 numbers, found \[1, 2\]"):
         SceneSource.of_run(header, tmp_path / "run.trace")
 
 

@@ -225,7 +225,7 @@ def test_ctrl_c_while_points_are_found_is_one_line(tmp_path, monkeypatch, capsys
     folder = str(matrices_capture(tmp_path / "plain"))
     before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a process in the background may ignore it
     try:
-        assert run(["fair", folder, "--out", str(tmp_path / "run")]) == 130
+        assert run(["fair", folder, "--cameras", "given", "--out", str(tmp_path / "run")]) == 130
     finally:
         signal.signal(signal.SIGINT, before)
     assert capsys.readouterr().err == "eigenfairing: cancelled\n"

@@ -49,13 +49,13 @@ def test_ctrl_c_writes_nothing(
 ):
     real = points_command.find_points_once
 
-    def interrupted(views, path, on_progress, cancel_requested):
+    def interrupted(views, path, on_progress, cancel_requested, found):
         def show(done: int, count: int) -> None:
             on_progress(done, count)
             if done > 0:
                 signal.raise_signal(signal.SIGINT)
 
-        return real(views, path, on_progress=show, cancel_requested=cancel_requested)
+        return real(views, path, on_progress=show, cancel_requested=cancel_requested)  # `found` needs no search
 
     monkeypatch.setattr(points_command, "find_points_once", interrupted)
     assert run(["points", str(capture), "--out", str(tmp_path / "out")]) == 130

@@ -18,18 +18,17 @@ from fairing.cameras import Refinement, refine
 from fairing.cameras.corrected_scene import triangulated_again, with_cameras
 from fairing.errors import Cancelled, InputError
 from fairing.features import find_points
-from fairing.io import feature_points
+from fairing.io import feature_points, refined_once
 from fairing.io.colmap_text import read_text_model
 from fairing.io.convert import write_capture
 from fairing.io.load import load_scene
 from fairing.io.output_folder import prepare_output_folder
 from fairing.options import PRESETS
 from fairing.photo import ArrayPhoto
-from fairing.run import refined_once
 from fairing.run.recorded_refinement import RecordedRefinement
 from fairing.run.session import Session
 from fairing.run.trace_header import header_of, inputs_of, scene_of_trace
-from fairing.scene import SparsePoints
+from fairing.scene import Scene, SparsePoints
 from fairing.trace import Trace
 from tests.wrong_cameras import exact_scene, turned
 
@@ -38,7 +37,15 @@ PARTS = ("keypoints of 9 photos", "matching photos", "adjustment")
 
 @cache
 def refined(px: float) -> Refinement:
-    return refine(turned(exact_scene(), px) if px else exact_scene(), finds_points=True)
+    return refine(scene_at(px).views, finds_points=True)
+
+
+def scene_at(px: float) -> Scene:
+    return turned(exact_scene(), px) if px else exact_scene()
+
+
+def corrected(px: float) -> Scene:
+    return replace(with_cameras(scene_at(px), refined(px).cameras), refinement=refined(px))
 
 
 def rotation_error(cameras: tuple[Camera, ...]) -> float:
@@ -54,7 +61,8 @@ def rotation_error(cameras: tuple[Camera, ...]) -> float:
 def test_exact_cameras_are_given_back_unchanged():
     found = refined(0.0)
     assert not found.taken, found.reason
-    assert found.scene is exact_scene()
+    views = exact_scene().views
+    assert found.corrected_views(views) == views
     assert found.reason.startswith("cameras as given")
 
 
@@ -62,27 +70,26 @@ def test_exact_cameras_are_given_back_unchanged():
 def test_turned_cameras_are_corrected(px):
     found, wrong = refined(px), turned(exact_scene(), px)
     assert found.taken, found.reason
-    before, after = (rotation_error(tuple(v.camera for v in s.views)) for s in (wrong, found.scene))
+    before, after = (rotation_error(tuple(v.camera for v in s.views)) for s in (wrong, corrected(px)))
     assert after < 0.5 * before, (before, after)
     assert found.judgement is not None
     assert found.judgement.error_after < 0.6 * found.judgement.error_before
-    assert found.scene.cameras_origin == "corrected"
     assert found.found is not None
-    searched = find_points(found.scene.views)  # what a run would find with these cameras
+    searched = find_points(found.corrected_views(wrong.views))  # what a run would find with these cameras
     np.testing.assert_array_equal(found.found.positions, searched.positions)
     assert (found.corrections > 0).all()
 
 
 def test_refinement_is_deterministic():
     wrong = turned(exact_scene(), 0.5)
-    one, other = refined(0.5), refine(wrong, threads=1)
+    one, other = refined(0.5), refine(wrong.views, threads=1)
     for a, b in zip(one.cameras, other.cameras, strict=True):
         np.testing.assert_array_equal(a.image_from_world, b.image_from_world)
 
 
 def test_refinement_shows_its_progress():
     lines: list[tuple[float, str]] = []
-    refine(turned(exact_scene(), 0.5), 1, lambda fraction, line: lines.append((fraction, line)))
+    refine(scene_at(0.5).views, 1, lambda fraction, line: lines.append((fraction, line)))
     fractions = [fraction for fraction, _ in lines]
     assert fractions == sorted(fractions)
     assert 0 <= fractions[0] < fractions[-1] <= 1 + 1e-9
@@ -94,7 +101,7 @@ def test_refinement_can_be_cancelled_in_each_of_its_parts(part):
     reached: list[str] = []
     with pytest.raises(Cancelled):
         refine(
-            turned(exact_scene(), 0.5), 1,
+            scene_at(0.5).views, 1,
             lambda _, line: reached.append(line), lambda: any(part in line for line in reached),
         )  # fmt: skip
     assert sum(part in line for line in reached) <= 3
@@ -107,8 +114,8 @@ def test_iterations_of_the_adjustment_are_kept():
     assert len(found.iterations) > 4
     first, last = (np.median(found.iterations[i].errors) for i in (0, -1))
     assert last < 0.5 * first
-    scene = with_cameras(turned(exact_scene(), 0.5), found.cameras)
-    header = json.loads(json.dumps(inputs_of(scene, found)))
+    scene = corrected(0.5)
+    header = json.loads(json.dumps(inputs_of(scene)))
     recorded = RecordedRefinement.of(scene, header)
     assert recorded is not None
     assert len(recorded) == len(found.iterations)
@@ -138,10 +145,10 @@ def test_photos_without_points_keep_their_cameras():
     grey = replace(
         scene, views=tuple(replace(v, photo=ArrayPhoto(np.full((300, 400, 3), 90, np.uint8))) for v in scene.views)
     )
-    found = refine(grey)
+    found = refine(grey.views)
     assert not found.taken
     assert "too few" in found.reason
-    assert found.scene is grey
+    assert found.corrected_views(grey.views) == grey.views
 
 
 def test_given_points_follow_corrected_cameras():
@@ -156,8 +163,7 @@ def test_given_points_follow_corrected_cameras():
 
 
 def test_a_trace_gives_its_corrected_cameras_back_to_the_bit():
-    found = refined(0.5)
-    scene = replace(found.scene, points_choice="given")
+    scene = replace(corrected(0.5), points_choice="given")
     header = json.loads(json.dumps(header_of(scene, Session(scene).options)))
     wrong = replace(turned(exact_scene(), 0.5), points_choice="given")
     again = scene_of_trace(wrong, Trace(header, scene.mesh.vertices, scene.mesh.faces))
@@ -175,13 +181,13 @@ def test_a_trace_with_corrected_cameras_accepts_the_given_points_of_its_scene():
     pixels = np.array([exact.views[v].camera.project(exact.mesh.vertices[p])[0] for p, v in observations])
     given = SparsePoints(exact.mesh.vertices[:4] + 0.01, np.zeros((4, 3), np.uint8), observations, pixels)
     wrong = replace(wrong, sparse_points=given, points_choice="given")
-    corrected = with_cameras(wrong, refined(0.5).cameras)
-    assert corrected.sparse_points is not None
-    assert (corrected.sparse_points.positions != given.positions).any()
-    trace = Session(corrected).trace
+    moved = with_cameras(wrong, refined(0.5).cameras)
+    assert moved.sparse_points is not None
+    assert (moved.sparse_points.positions != given.positions).any()
+    trace = Session(moved).trace
     trace.header = json.loads(json.dumps(trace.header))
     again = Session(wrong, trace=trace).scene
-    np.testing.assert_array_equal(again.sparse_positions, corrected.sparse_positions)
+    np.testing.assert_array_equal(again.sparse_positions, moved.sparse_positions)
 
 
 def test_a_run_refines_the_cameras_of_its_scene_and_keeps_the_result(tmp_path, monkeypatch):

@@ -250,8 +250,8 @@ def test_files_with_a_shift_of_half_a_pixel_are_doubtful(tmp_path: Path):
     assert check.hints[0].startswith("in all photos sparse points are shifted by (+0.50, +0.50) px")
 
 
-def refinement(scene: Scene, taken: bool, corrections: list[float], left: float) -> Refinement:
-    """A refinement with these corrections, px, after which the second photo has the median error `left`, px."""
+def refined(scene: Scene, taken: bool, corrections: list[float], left: float) -> Scene:
+    """The scene after a refinement with these corrections, px, after which the second photo has the median error `left`, px."""
     before, after = np.full(len(scene.views), 0.5), np.full(len(scene.views), 0.1)
     before[1] = max(before[1], left)
     after[1] = left
@@ -260,7 +260,9 @@ def refinement(scene: Scene, taken: bool, corrections: list[float], left: float)
         Iteration(np.zeros((len(errors), 3)), np.zeros((len(errors), 3)), errors) for errors in (before, after)
     )
     cameras = tuple(view.camera for view in scene.views)
-    return Refinement(scene, taken, "cameras corrected", cameras, np.array(corrections), judgement, None, states)
+    names = tuple(view.name for view in scene.views)
+    found = Refinement(names, taken, "cameras corrected", cameras, np.array(corrections), judgement, None, states)
+    return replace(scene, refinement=found)
 
 
 def test_wrong_cameras_are_not_good_and_photos_that_do_not_fit_are_named():
@@ -268,18 +270,18 @@ def test_wrong_cameras_are_not_good_and_photos_that_do_not_fit_are_named():
     n, second = len(scene.views), scene.views[1].name
     assert check_scene(scene).cameras is None
     for px, verdict in ((0.3, "good"), (1.0, "doubtful"), (2.0, "doubtful")):
-        check = check_scene(scene, refinement=refinement(scene, True, [px] * n, 0.1))
+        check = check_scene(refined(scene, True, [px] * n, 0.1))
         assert check.verdict == verdict, check.hints
         assert any(f"off by {px:.1f} px (median" in hint for hint in check.hints) == (verdict == "doubtful")
         assert check.views[0].correction == px
-    kept = check_scene(scene, refinement=refinement(scene, False, [0.1] * n, 0.1))
+    kept = check_scene(refined(scene, False, [0.1] * n, 0.1))
     assert kept.verdict == "good"
     assert kept.views[0].correction is None
-    one = check_scene(scene, refinement=refinement(scene, True, [0.1, 9.0] + [0.1] * (n - 2), 0.1))
+    one = check_scene(refined(scene, True, [0.1, 9.0] + [0.1] * (n - 2), 0.1))
     assert [hint for hint in one.hints if "off by 9.0 px" in hint and second in hint]
-    unlike = check_scene(scene, refinement=refinement(scene, False, [0.1, 9.0] + [0.1] * (n - 2), 0.1))
+    unlike = check_scene(refined(scene, False, [0.1, 9.0] + [0.1] * (n - 2), 0.1))
     assert [hint for hint in unlike.hints if "does not fit" in hint and second in hint]
     for taken in (True, False):
-        lost = check_scene(scene, refinement=refinement(scene, taken, [0.1] * n, 6.0))
+        lost = check_scene(refined(scene, taken, [0.1] * n, 6.0))
         assert [hint for hint in lost.hints if "no correction was found" in hint and second in hint]
         assert json.loads(json.dumps(lost.as_dict()))["cameras"]["misfits"] == [second]

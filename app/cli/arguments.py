@@ -11,7 +11,7 @@ from fairing.io import PhotoChoice
 from fairing.io.photo_choice import SceneFormat
 from fairing.io.points_choice import PointsChoice
 from fairing.options import FORMER_OPTIONS, PRESETS, FairingOptions
-from fairing.scene import Around, CamerasChoice
+from fairing.scene import Around, BoxCorners, CamerasChoice
 
 
 @dataclass(frozen=True)
@@ -82,6 +82,14 @@ AroundArgument = Annotated[
     tyro.conf.arg(
         help="Points that become vertices where there is no mesh: those of the object, in a box around what most photos look at, "
         "without ground and background, or everything. Automatic: the object if the cameras go around it.",
+    ),
+]
+BoxArgument = Annotated[
+    BoxCorners | None,
+    tyro.conf.arg(
+        metavar="X0 Y0 Z0 X1 Y1 Z1",
+        help="The points in this box along the axes of the world become vertices where there is no mesh, instead of those that "
+        "--around chooses: its corners with the smallest and the largest coordinates. The page helps to choose it.",
     ),
 ]
 RunArgument = Annotated[

@@ -12,6 +12,7 @@ from rich.table import Table
 from app.cli.arguments import (
     ALL_PHOTOS,
     AroundArgument,
+    BoxArgument,
     CamerasArgument,
     MeshArgument,
     PhotosArgument,
@@ -19,7 +20,7 @@ from app.cli.arguments import (
     SceneArgument,
 )
 from app.cli.lines import note_outside_photos, print_line
-from app.cli.loading import load_with_refinement
+from app.cli.loading import load_with_points
 from app.cli.photos_alone import with_cameras
 from app.files.check_page import VERDICTS, check_page
 from app.files.json_file import write_json
@@ -43,13 +44,14 @@ def check(
     photos: PhotosArgument = ALL_PHOTOS,
     cameras: CamerasArgument = "automatic",
     around: AroundArgument = "automatic",
+    box: BoxArgument = None,
 ) -> int:
     """Check whether a scene can be refined: cameras, coverage, sizes, and what to do.
 
     Args:
         out: Folder for check.html, check.json and the mesh drawn over every photo.
     """
-    return check_to_console(SceneSource.typed(scene, mesh, photos, points, cameras, around), out, Console())
+    return check_to_console(SceneSource.typed(scene, mesh, photos, points, cameras, around, box), out, Console())
 
 
 def check_to_console(source: SceneSource, out: Path | None, console: Console) -> int:
@@ -60,8 +62,8 @@ def check_to_console(source: SceneSource, out: Path | None, console: Console) ->
     """
     with nullcontext() if out is None else locked_output_folder(out):
         source = with_cameras(source, Console(stderr=True))
-        scene, refinement = load_with_refinement(source, console)
-        findings = check_scene(scene, refinement=refinement)
+        scene = load_with_points(source, console)
+        findings = check_scene(scene)
         _print(scene, findings, console)
         if out is not None:
             note_outside_photos(console, source.scene, scene.views)

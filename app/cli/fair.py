@@ -13,6 +13,7 @@ from rich.console import Console
 from app.cli.arguments import (
     ALL_PHOTOS,
     AroundArgument,
+    BoxArgument,
     CamerasArgument,
     MeshArgument,
     PhotosArgument,
@@ -68,6 +69,7 @@ def fair_command(default: FairingOptions) -> Callable[..., int]:
         photos: PhotosArgument = ALL_PHOTOS,
         cameras: CamerasArgument = "automatic",
         around: AroundArgument = "automatic",
+        box: BoxArgument = None,
         terms: TermsArgument = (),
         options: Annotated[type(flags), tyro.conf.arg(name="")] = flags,  # pyright: ignore[reportInvalidTypeForm]
     ) -> int:
@@ -81,7 +83,7 @@ def fair_command(default: FairingOptions) -> Callable[..., int]:
             preset: Options to start from; further flags change single ones.
             resume: Continue the run in `out`, which was recorded on the same scene with the same options. Its cameras are used.
         """
-        source = SceneSource.typed(scene, mesh, photos, points, cameras, around)
+        source = SceneSource.typed(scene, mesh, photos, points, cameras, around, box)
         return fair_to_folder(source, out, preset, options_of(options), resume, extras, Console(stderr=True), terms)
 
     return fair
@@ -148,8 +150,9 @@ def _fair(
         (out / START_MESH).unlink(missing_ok=True)  # of an earlier run
     if low_memory:
         print_line(console, f"note: {low_memory.line}")
-    write_cameras(scene, out / CAMERAS, console)
-    source.resolved(scene.sparse_points).note_in(session.trace.header)
+    is_corrected = scene.cameras_origin == "corrected"
+    write_cameras(scene.views if is_corrected else None, scene.sparse_points, out / CAMERAS, console)
+    source.resolved(scene.sparse_points, REFINEMENT in session.trace.header).note_in(session.trace.header)
     write_points_of_run(scene.sparse_points, out / TRACE)
     session.trace.attach(out / TRACE)
     loading = time.perf_counter() - began
@@ -193,7 +196,7 @@ def _fair(
 
 def _with_start_mesh(source: SceneSource, out: Path) -> SceneSource:
     """The source with the mesh that was triangulated for the run."""
-    return replace(source, mesh=str((out / START_MESH).resolve()), around="automatic")
+    return replace(source, mesh=str((out / START_MESH).resolve()), around="automatic", box=None)
 
 
 def _held_out_line(points: dict[str, Any]) -> str:

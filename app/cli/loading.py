@@ -16,7 +16,6 @@ from fairing.options import FairingOptions
 from fairing.scene import Scene
 
 if TYPE_CHECKING:
-    from fairing.cameras.refinement import Refinement
     from fairing.run.session import Session
     from fairing.trace import Trace
 
@@ -49,13 +48,8 @@ def load_with_progress(source: SceneSource, console: Console) -> Scene:
 
 def load_with_points(source: SceneSource, console: Console) -> Scene:
     """The scene of a source with the cameras and sparse points that a run of it has. The bar also shows how they are found."""
-    return load_with_refinement(source, console)[0]
-
-
-def load_with_refinement(source: SceneSource, console: Console) -> "tuple[Scene, Refinement | None]":
-    """The scene of `load_with_points`, and the refinement of its cameras; None if there was none."""
     # Imported on first use: the page is served before the engine is loaded.
-    from fairing.run.chosen_inputs import with_chosen_inputs
+    from fairing.io.chosen_inputs import with_chosen_inputs
 
     return load_with_bar(
         source.scene, lambda progress: with_chosen_inputs(source.load(progress), on_progress=progress), console

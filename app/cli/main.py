@@ -21,6 +21,7 @@ from app.cli.arguments import (
     ALL_PHOTOS,
     DEFAULT_PAGE,
     AroundArgument,
+    BoxArgument,
     CamerasArgument,
     MeshArgument,
     PageAddress,
@@ -66,6 +67,7 @@ def view(
     photos: PhotosArgument = ALL_PHOTOS,
     cameras: CamerasArgument = "automatic",
     around: AroundArgument = "automatic",
+    box: BoxArgument = None,
     terms: TermsArgument = (),
 ) -> int:
     """Open the debugger on a scene, paused.
@@ -79,7 +81,7 @@ def view(
         lesson: Open this lesson, on the scene that it uses: a name, or a Markdown file (.md). The page lists all lessons.
     """
     console = Console(stderr=True)
-    source = SceneSource.typed(scene, mesh, photos, points, cameras, around)
+    source = SceneSource.typed(scene, mesh, photos, points, cameras, around, box)
     check_openable(source)
     wanted = parse_moment_id(at, PRESETS[preset].n_levels)
     load = None
@@ -89,10 +91,14 @@ def view(
         load = scene_of_lesson(lesson, source)
 
     def open_run(opening: OpeningProgress) -> "Session":
+        # Imported here: the page is served before the engine is loaded.
+        from fairing.run.trace_header import REFINEMENT
+
         placed = with_cameras(source, console, show=opening.show)
         session = open_session(placed, console, PRESETS[preset], opening=opening, load=load, terms=terms)
         if lesson is None or session.scene.name == source.scene:  # a lesson's own scene has no name to find it by
-            placed.resolved(session.scene.sparse_points).note_in(session.trace.header)
+            header = session.trace.header
+            placed.resolved(session.scene.sparse_points, REFINEMENT in header).note_in(header)
         if save_to is not None:
             write_points_of_run(session.scene.sparse_points, save_to)
         return session

@@ -12,6 +12,7 @@ from app.files.scene_source import SceneSource
 from demo_scenes import is_demo
 from fairing.errors import InputError
 from fairing.io import read_capture, write_mesh
+from fairing.io.chosen_inputs import ChosenInputs
 from fairing.io.scan_file import read_matches, read_scan, write_scan
 from fairing.mesh import Mesh
 from fairing.registration.alignment import Registered, refine_by_closest_points, register_matches
@@ -84,7 +85,9 @@ def register_to_file(
     vertices = seen_points(points, chosen.positions, views, distance)
     # The points already stand as far apart as they should.
     options = TriangulationOptions(spacing=1.0)
-    done, interrupted = triangulate_with_progress(source, views, vertices, None, out, options, console)
+    done, interrupted = triangulate_with_progress(
+        source, ChosenInputs(views, None), vertices, None, out, options, console
+    )
     faces = scan.faces if isinstance(scan, Mesh) else None
     moved = out.with_suffix(SCAN_SUFFIX)
     if faces is not None:

@@ -3,7 +3,7 @@
 MESH, REPORT, TRACE = "mesh.ply", "report.json", "run.trace"
 MODEL, MODEL_BEFORE, LEFT_OUT = "model.glb", "model_before.glb", "left_out.png"
 CAMERAS = "cameras"
-"""Folder of the corrected cameras, a COLMAP model in text."""
+"""Folder of the corrected cameras, a COLMAP model in text; as the suffix of a folder, those of a triangulation."""
 CAPTURE = "capture"
 """Folder of the capture that was made of photos alone."""
 FLIPS = ".flips"

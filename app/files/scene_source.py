@@ -11,11 +11,11 @@ from demo_scenes import DEMO_NAMES, find_demo, is_demo, load_demo
 from fairing.errors import InputError
 from fairing.io import PhotoChoice
 from fairing.io.photo_choice import check_format
-from fairing.io.points_choice import PointsChoice, check_around, check_points_choice
+from fairing.io.points_choice import PointsChoice, check_around, check_cameras_choice, check_points_choice
 
 if TYPE_CHECKING:
-    from fairing.io.capture import Capture
-    from fairing.scene import Around, CamerasChoice, Scene, SparsePoints, View
+    from fairing.io.chosen_inputs import ChosenInputs
+    from fairing.scene import Around, BoxCorners, CamerasChoice, Scene, SparsePoints, View
 
 Progress = Callable[[float, str], None]
 
@@ -33,8 +33,8 @@ class SceneSource:
         choice: photos left out, masks (an absolute path), weights, scale and format.
         points: sparse points. A demo has a choice of its own in place of "automatic".
         points_file: file of a run with the points it was recorded with; where it exists they are not found again.
-        cameras: of a new run; recorded runs name theirs.
-        around: points that are triangulated without a mesh.
+        cameras: of a new run, and of the triangulation of a recorded run; the trace has those of the run.
+        around, box: points that are triangulated without a mesh.
     """
 
     scene: str
@@ -44,6 +44,7 @@ class SceneSource:
     points_file: Path | None = None
     cameras: "CamerasChoice" = "given"
     around: "Around" = "automatic"
+    box: "BoxCorners | None" = None
 
     @classmethod
     def typed(
@@ -54,16 +55,21 @@ class SceneSource:
         points: PointsChoice = "given",
         cameras: "CamerasChoice" = "given",
         around: "Around" = "automatic",
+        box: "BoxCorners | None" = None,
     ) -> "SceneSource":
         """From the command line. A folder of a demo's name is the folder if it holds a capture."""
+        if box is not None:
+            from fairing.triangulation.points_in_box import check_corners
+
+            check_corners(box, around)
         if is_demo(scene) and not _holds_capture(scene):
-            return replace(cls._demo(scene, mesh, choice, points), cameras=cameras, around=around)
+            return replace(cls._demo(scene, mesh, choice, points), cameras=cameras, around=around, box=box)
         if not Path(scene).exists():
             raise InputError(f"{scene}: expected a demo ({DEMO_NAMES}) or a path, found no such file or folder")
         if choice.masks is not None:
             choice = replace(choice, masks=choice.masks.resolve())
         mesh_path = None if mesh is None else str(mesh.resolve())
-        return cls(str(Path(scene).resolve()), mesh_path, choice, points, cameras=cameras, around=around)
+        return cls(str(Path(scene).resolve()), mesh_path, choice, points, cameras=cameras, around=around, box=box)
 
     @classmethod
     def _demo(cls, scene: str, mesh: Path | None, choice: PhotoChoice, points: PointsChoice) -> "SceneSource":
@@ -117,7 +123,9 @@ class SceneSource:
         around = check_around(path(source, "around") or "everything", where)  # older runs triangulated all points
         file = where.with_suffix(POINTS)
         points_file = file if file.exists() else None
-        return cls(source["scene"].text(), path(source, "mesh"), choice, points, points_file, around=around)
+        box = tuple(source["box"].numbers(6).tolist()) if "box" in source else None
+        cameras = check_cameras_choice(path(source, "cameras") or "given", where)
+        return cls(source["scene"].text(), path(source, "mesh"), choice, points, points_file, cameras, around, box)
 
     @classmethod
     def of_replay(
@@ -138,7 +146,9 @@ class SceneSource:
         choice = recorded.choice if choice == _ALL_PHOTOS else choice
         if scene is None and mesh is None and recorded.mesh is not None:
             mesh = Path(recorded.mesh)
-        typed = cls.typed(scene or recorded.scene, mesh, choice, recorded.points, around=recorded.around)
+        typed = cls.typed(
+            scene or recorded.scene, mesh, choice, recorded.points, recorded.cameras, recorded.around, recorded.box
+        )
         return typed._with_points_of(recorded)
 
     def resumed(self, header: dict[str, Any], where: Path) -> "SceneSource":
@@ -154,9 +164,14 @@ class SceneSource:
         """With the recorded points, unless photos are chosen anew: observations refer to photos by index."""
         return replace(self, points_file=recorded.points_file if self.choice == recorded.choice else None)
 
-    def resolved(self, points: "SparsePoints | None") -> "SceneSource":
-        """With the choice that gives the points of the loaded scene again."""
-        return replace(self, points="none" if points is None else points.origin)
+    def resolved(self, points: "SparsePoints | None", is_refined: bool) -> "SceneSource":
+        """With the choices that give the points and cameras of the loaded scene again.
+
+        Args:
+            is_refined: whether its cameras were refined, with whatever result.
+        """
+        cameras = self.cameras if is_refined else "given"
+        return replace(self, points="none" if points is None else points.origin, cameras=cameras)
 
     def note_in(self, header: dict[str, Any]) -> None:
         """Record the source in the header of a trace."""
@@ -175,6 +190,10 @@ class SceneSource:
         header[_KEY] = {"scene": self.scene, "mesh": self.mesh, "photos": photos, "points": self.points}
         if self.mesh is None and self.around != "everything":
             header[_KEY]["around"] = self.around
+        if self.mesh is None and self.box is not None:
+            header[_KEY]["box"] = list(self.box)
+        if self.mesh is None and self.cameras != "given":
+            header[_KEY]["cameras"] = self.cameras
 
     def load(self, progress: Progress | None = None, skip_points: Callable[[], bool] = lambda: False) -> "Scene":
         """The scene; its run finds the sparse points, see `Session.choose_inputs`. Without a mesh they are triangulated here.
@@ -192,6 +211,8 @@ class SceneSource:
         if is_demo(self.scene):
             if self.around == "object":
                 raise InputError(f"--around object: the demo {self.scene} has its own mesh; leave --around out")
+            if self.box is not None:
+                raise InputError(f"--box: the demo {self.scene} has its own mesh; leave --box out")
             scene = load_demo(self.scene, progress=progress)
             cameras_choice = "given" if self.cameras == "automatic" else self.cameras
             scene = replace(scene, points_choice=self._choice(scene), cameras_choice=cameras_choice)
@@ -199,28 +220,33 @@ class SceneSource:
                 scene = replace(scene, sparse_points=self._read_points(recorded, scene.views), points_choice="given")
             return scene
         scene = load_scene(
-            self.scene, self.mesh, self.choice, self.points, self.cameras, self.around, recorded, tell, skip_points
+            self.scene,
+            self.mesh,
+            self.choice,
+            self.points,
+            self.cameras,
+            self.around,
+            recorded,
+            self.box,
+            tell,
+            skip_points,
         )
         if recorded is None or scene.sparse_points is None:
             return scene
         return replace(scene, sparse_points=replace(scene.sparse_points, origin=self.points))
 
-    def load_capture(self, progress: Progress | None = None) -> "Capture":
-        """The photos, cameras and chosen sparse points, without a mesh. Arguments and exceptions as of `load`."""
-        from fairing.io import read_capture
-        from fairing.io.capture import Capture
-        from fairing.io.scene_points import choose_points
+    def load_capture(self, progress: Progress | None = None) -> "ChosenInputs":
+        """The photos with the chosen cameras and sparse points, without a mesh. Arguments and exceptions as of `load`."""
+        from fairing.io import load_capture
+        from fairing.io.chosen_inputs import inputs_of_demo
 
-        tell, recorded, choice = progress or (lambda fraction, line: None), self._recorded_points(), self.points
+        tell, recorded = progress or (lambda fraction, line: None), self._recorded_points()
+        points = "none" if recorded is not None else self.points
         if is_demo(self.scene):
-            scene = load_demo(self.scene, progress=progress)
-            capture, choice = Capture(scene.views, scene.sparse_points, scene.warnings), self._choice(scene)
+            inputs = inputs_of_demo(load_demo(self.scene, progress=progress), points, self.cameras, tell)
         else:
-            capture = read_capture(self.scene, self.choice)
-        if recorded is not None:
-            return capture._replace(sparse_points=self._read_points(recorded, capture.views))
-        points, warnings = choose_points(self.title, capture.views, capture.sparse_points, choice, None, tell)
-        return capture._replace(sparse_points=points, warnings=(*capture.warnings, *warnings))
+            inputs = load_capture(self.scene, self.choice, points, self.cameras, tell)
+        return inputs if recorded is None else replace(inputs, sparse_points=self._read_points(recorded, inputs.views))
 
     def _choice(self, demo: "Scene") -> PointsChoice:
         return demo.points_choice if self.points == "automatic" else self.points

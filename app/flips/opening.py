@@ -1,11 +1,13 @@
 """Opens a flip record with the photos it was made from."""
 
+from dataclasses import replace
 from pathlib import Path
 
 from app.files.scene_source import SceneSource
 from app.flips.server import FlipApp
 from app.viser_bridge.server import ViewerServer
 from fairing.io import PhotoChoice
+from fairing.run.trace_header import with_recorded_cameras
 from fairing.scene import Scene
 from fairing.triangulation import FlipTrace
 
@@ -21,7 +23,7 @@ def open_flips(server: ViewerServer, record: Path, scene: str | None, photos: Ph
     """
     trace = FlipTrace.load(record)
     source = SceneSource.of_replay(trace.header, record, scene, None, photos)
-    capture = source.load_capture()
-    views, points = capture.views, capture.sparse_points
+    given = replace(source, cameras="given").load_capture()  # the record has the corrected ones
     name = Path(source.scene).name
-    return FlipApp(server, Scene.build(name, trace.vertices, trace.faces_at(0), views, sparse_points=points), trace)
+    start = Scene.build(name, trace.vertices, trace.faces_at(0), given.views, sparse_points=given.sparse_points)
+    return FlipApp(server, with_recorded_cameras(start, trace.header), trace)

@@ -62,7 +62,9 @@ class Page:
             associations,
             self.lessons,
         )
-        self.layers = PageLayers(client, self.frame, resources, self.interaction, certainty, pulls, associations)
+        self.layers = PageLayers(
+            client, self.frame, resources, self.interaction, certainty, pulls, associations, page_state
+        )
         self._order = ""
         self._keys_dialog = KeysDialog(client.gui, events)
         self.frame.add_hotkeys(

@@ -10,7 +10,7 @@ from app.layers.certainty import CertaintyLayer
 from app.layers.drag_handle import DragHandleLayer
 from app.layers.flow_arrows import FlowArrowsLayer
 from app.layers.given_cameras import GivenCamerasLayer
-from app.layers.object_box import ObjectBoxLayer
+from app.layers.object_box import ChosenBoxLayer, ObjectBoxLayer
 from app.layers.paths import PathsLayer
 from app.layers.points import PointsLayer
 from app.layers.pull_arrows import PullArrowsLayer
@@ -44,6 +44,7 @@ class PageLayers:
         certainty: CertaintySource,
         pulls: PullSource,
         associations: AssociationSource,
+        page_state: PageState,
     ) -> None:
         stage, scene = resources.stage, resources.scene
         click, background = frame.toasts(interaction.click_vertex), interaction.background
@@ -68,6 +69,9 @@ class PageLayers:
             CamerasLayer(client, stage, scene, resources.thumbnails, frame.toasts(frame.camera.enter), background),
             *offered_layers(client, stage, scene, frame.toasts),
         ]
+        if scene.triangulated:
+            republish = frame.toasts.without_event(resources.controller.republish)
+            self._layers.append(ChosenBoxLayer(client, stage, page_state, republish))
 
     def show(self, state: RunState, page_state: PageState) -> None:
         """Bring all layers up to date."""

@@ -26,6 +26,7 @@ from app.page_state.run_controls import RunControls
 from app.page_state.selection import Selection
 from app.panels import Panel
 from app.panels.bookmarks_panel import BookmarksPanel
+from app.panels.box_panel import BoxPanel
 from app.panels.breakpoints_panel import BreakpointsPanel
 from app.panels.camera_box import CameraBox
 from app.panels.cameras_panel import CamerasPanel
@@ -192,6 +193,8 @@ class PagePanels:
                     gui, events, scene, page_state, self._frame.camera.switch_theme, self._switch_layout, republish
                 ),
             ]
+            if scene.triangulated:
+                self._panels.append(BoxPanel(gui, events, scene, page_state, republish))
         with tabs.add_tab("Options"):
             self._panels.append(OptionsPanel(gui, events, resources.controller))
         self._panels += offered_panels(gui, tabs, resources.controller, self._frame.toasts)

@@ -6,6 +6,7 @@ from app.debugger.compare import Reference
 from app.debugger.condition import Condition
 from app.page_state.cells_state import CellsView
 from app.page_state.selection import Selection
+from fairing.scene import BoxCorners
 from fairing.terms.names import PHOTOS
 
 LAYERS: dict[str, str] = {
@@ -84,6 +85,7 @@ class PageState:
         is_presenting: whether the page has the presenter layout.
         is_swipe: whether `model_share` is a fraction of the photo's width, from the right, instead of an opacity.
         shown: for each layer whether it is visible.
+        box: corners of the box that is being chosen, whose points another run would triangulate; None: none.
     """
 
     selection: Selection = field(default_factory=Selection)
@@ -112,6 +114,7 @@ class PageState:
     is_presenting: bool = False
     is_swipe: bool = False
     shown: dict[str, bool] = field(default_factory=lambda: {name: name not in HIDDEN_AT_FIRST for name in LAYERS})
+    box: BoxCorners | None = None
 
     @classmethod
     def of_mesh(cls, n_vertices: int) -> "PageState":

@@ -43,6 +43,7 @@ Scene
 - `moving_texture`: the vertices of a GLB mesh cannot be moved.
 - `instance_marks`: a node with another number of instances is made anew, and loses clicks meanwhile; levels of detail leave
   small shapes as they are.
+- `corner_control`: callbacks of transform controls overtake each other.
 - `line_node`, `triangle_node`: a node without line segments or faces is an error in the browser.
 - `linear_colors`: colours of single line ends and instances are drawn too bright.
 - `screen_ring`, `screen_limit`: shapes have no constant size on the screen, and no largest one.

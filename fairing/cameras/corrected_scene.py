@@ -10,7 +10,7 @@ from fairing.cameras.adjustment import triangulate
 from fairing.cameras.observed_points import ObservedPoints
 from fairing.cameras.pose_model import PoseModel
 from fairing.optimize.loss import GemanMcClure
-from fairing.scene import Scene, SparsePoints
+from fairing.scene import Scene, SparsePoints, View
 
 LOSS_SCALE = 3.0  # px: observations of other programs have deviations of about 1 px
 STEPS = 10
@@ -18,12 +18,16 @@ STEPS = 10
 
 def with_cameras(scene: Scene, cameras: Sequence[Camera]) -> Scene:
     """The scene with corrected cameras. Its given sparse points are triangulated again, others stay where they are."""
-    views = tuple(replace(view, camera=camera) for view, camera in zip(scene.views, cameras, strict=True))
-    points = scene.sparse_points
+    views, points = views_with(scene.views, cameras), scene.sparse_points
     if points is not None and points.origin == "given":
         points = triangulated_again(points, cameras)
     given = scene.given_cameras or tuple(view.camera for view in scene.views)
     return replace(scene, views=views, sparse_points=points, cameras_choice="given", given_cameras=given)
+
+
+def views_with(views: Sequence[View], cameras: Sequence[Camera]) -> tuple[View, ...]:
+    """The photos with other cameras."""
+    return tuple(replace(view, camera=camera) for view, camera in zip(views, cameras, strict=True))
 
 
 def triangulated_again(points: SparsePoints, cameras: Sequence[Camera]) -> SparsePoints:

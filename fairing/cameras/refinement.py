@@ -1,4 +1,4 @@
-"""Refinement of the cameras of a scene: points are found, poses adjusted, points found anew and poses adjusted again."""
+"""Refinement of the cameras of photos: points are found, poses adjusted, points found anew and poses adjusted again."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -8,7 +8,7 @@ import numpy as np
 
 from fairing.camera import Camera
 from fairing.cameras.adjustment import Deviations, residual_lengths
-from fairing.cameras.corrected_scene import triangulated_again, with_cameras
+from fairing.cameras.corrected_scene import triangulated_again, views_with
 from fairing.cameras.estimation import MOST_STEPS, Estimate, estimate_poses
 from fairing.cameras.judge import FEWEST_POINTS, HELD_OUT, CameraJudgement, is_held_out, judge_cameras
 from fairing.cameras.misfits import misfits_of, photo_medians
@@ -18,7 +18,7 @@ from fairing.errors import Cancelled
 from fairing.features.find import find_keypoints, find_points
 from fairing.features.options import FeatureOptions
 from fairing.features.points import FeaturePoints
-from fairing.scene import Scene, View
+from fairing.scene import SparsePoints, View
 
 FIRST_SEARCH = FeatureOptions(epipolar_distance=6.0, residual=6.0)
 """Of the search with the given cameras: its limits are wide, because wrong cameras move points off their epipolar lines."""
@@ -55,8 +55,7 @@ class Refinement:
     """What refinement found.
 
     Attributes:
-        scene: with the corrected cameras and with points moved accordingly; the scene as it was if they are not taken. Points
-            found in the photos are left out: its run finds them anew.
+        names: of the photos.
         taken: whether the corrected cameras are used.
         reason: why, or why not, as one sentence.
         cameras: the corrected cameras, one a photo, also where they are not taken.
@@ -64,10 +63,10 @@ class Refinement:
         judgement: held-out points with both sets of cameras; None without points.
         sigma: estimated standard deviations, px; None without points.
         iterations: of the adjustments, in their order; the first is the given state.
-        found: the points that a run of the scene would find in its photos, if they were asked for.
+        found: the points that a run would find in the photos, if they were asked for.
     """
 
-    scene: Scene
+    names: tuple[str, ...]
     taken: bool
     reason: str
     cameras: tuple[Camera, ...]
@@ -90,14 +89,22 @@ class Refinement:
         moves_far = self.corrections > LARGE_CORRECTION
         return misfits_of(self.errors[1]) | (moves_far & (not self.taken))
 
+    def corrected_views(self, views: Sequence[View]) -> tuple[View, ...]:
+        """The photos with the corrected cameras; as they were if these are not taken."""
+        return views_with(views, self.cameras) if self.taken else tuple(views)
+
+    def corrected_points(self, points: SparsePoints | None) -> SparsePoints | None:
+        """The points triangulated again with the corrected cameras; as they were if these are not taken."""
+        return points if points is None or not self.taken else triangulated_again(points, self.cameras)
+
     @classmethod
     def of_facts(
-        cls, scene: Scene, facts: dict[str, Any], cameras: Sequence[Camera], iterations: Sequence[Iteration]
+        cls, facts: dict[str, Any], cameras: Sequence[Camera], iterations: Sequence[Iteration]
     ) -> "Refinement":
-        """From what `facts` returned for the same scene, and the corrected cameras."""
+        """From what `facts` returned, and the corrected cameras."""
         held_out, sigma = facts["held_out"], facts["sigma_px"]
         return cls(
-            _corrected(scene, cameras) if facts["taken"] else scene,
+            tuple(photo["name"] for photo in facts["photos"]),
             facts["taken"],
             facts["reason"],
             tuple(cameras),
@@ -115,9 +122,9 @@ class Refinement:
             "held_out": None if self.judgement is None else vars(self.judgement),
             "sigma_px": None if self.sigma is None else vars(self.sigma),
             "photos": [
-                {"name": view.name, "correction_px": correction, "error_before_px": before, "error_after_px": after}
-                for view, correction, before, after in zip(
-                    self.scene.views,
+                {"name": name, "correction_px": correction, "error_before_px": before, "error_after_px": after}
+                for name, correction, before, after in zip(
+                    self.names,
                     self.corrections.tolist(),
                     *(errors.tolist() for errors in self.errors),
                     strict=True,
@@ -127,17 +134,16 @@ class Refinement:
 
 
 def refine(
-    scene: Scene,
+    views: Sequence[View],
     threads: int = 0,
     on_progress: Progress = lambda fraction, line: None,
     cancel_requested: Callable[[], bool] = lambda: False,
     finds_points: bool = False,
     adjusts_lens: bool = False,
 ) -> Refinement:
-    """Correct the poses of a scene's cameras, and keep the correction where held-out points are clearly better with it.
+    """Correct the poses of cameras, and keep the correction where held-out points are clearly better with it.
 
-    The mesh stays as it is: the frame is held by the given poses. Given sparse points with observations are triangulated
-    again.
+    The frame is held by the given poses: a mesh stays where it is.
 
     Args:
         threads: 0 for one a core.
@@ -150,22 +156,23 @@ def refine(
         Cancelled: `cancel_requested` returned True.
     """
     work = _Work(on_progress, cancel_requested)
-    search = _Search(scene.views, finds_points, threads, work)
-    result = _refined(scene, search, work, adjusts_lens)
+    search = _Search(views, finds_points, threads, work)
+    result = _refined(views, search, work, adjusts_lens)
     if not finds_points:
         return result
-    return replace(result, found=search.points([view.camera for view in result.scene.views], SECOND_SEARCH))
+    cameras = [view.camera for view in result.corrected_views(views)]
+    return replace(result, found=search.points(cameras, SECOND_SEARCH))
 
 
-def _refined(scene: Scene, search: "_Search", work: "_Work", adjusts_lens: bool) -> Refinement:
-    given = [view.camera for view in scene.views]
+def _refined(views: Sequence[View], search: "_Search", work: "_Work", adjusts_lens: bool) -> Refinement:
+    names, given = tuple(view.name for view in views), [view.camera for view in views]
     found = _first_points(search, given)
     held_out = found.chosen(is_held_out(len(found))) if len(found) else found
     if len(held_out) < FEWEST_POINTS:
         reason = (
             f"the photos show {len(found)} points, too few to judge cameras by ({FEWEST_POINTS * HELD_OUT} are needed)"
         )
-        return Refinement(scene, False, reason, tuple(given), np.zeros(len(given)))
+        return Refinement(names, False, reason, tuple(given), np.zeros(len(given)))
     training = found.chosen(~is_held_out(len(found)))
     model = PoseModel.of(given, training, adjusts_lens)
     adjusting = _Adjusting(model, training, work)
@@ -186,14 +193,12 @@ def _refined(scene: Scene, search: "_Search", work: "_Work", adjusts_lens: bool)
     compared = (
         f"held-out points in the photos {before:.2f} px from their observations, {after:.2f} px with corrected cameras"
     )
-    if not judgement.is_clear:
+    if judgement.is_clear:
+        reason = f"cameras corrected by {np.median(corrections):.2f} px (at most {corrections.max():.2f}): {compared}"
+    else:
         reason = f"cameras as given: {compared}, which is no clear improvement"
-        return Refinement(
-            scene, False, reason, tuple(cameras), corrections, judgement, estimate.sigma, tuple(adjusting.iterations)
-        )
-    reason = f"cameras corrected by {np.median(corrections):.2f} px (at most {corrections.max():.2f}): {compared}"
     return Refinement(
-        _corrected(scene, cameras), True, reason, tuple(cameras), corrections, judgement, estimate.sigma,
+        names, judgement.is_clear, reason, tuple(cameras), corrections, judgement, estimate.sigma,
         tuple(adjusting.iterations),
     )  # fmt: skip
 
@@ -229,7 +234,7 @@ class _Search:
     def points(self, cameras: Sequence[Camera], options: FeatureOptions, most: int = 0) -> FeaturePoints:
         """Points at the strongest `most` keypoints of each photo; with 0, the points that a run would find."""
         keypoints = [found.strongest(most) for found in self._keypoints] if most else self._keypoints
-        views = [replace(view, camera=camera) for view, camera in zip(self._views, cameras, strict=True)]
+        views = views_with(self._views, cameras)
         show = self._work.share(0.1)
         return find_points(
             views, options, self._threads, lambda done, count: show(done / count, "matching photos"),
@@ -290,13 +295,3 @@ def _corrections(given: Sequence[Camera], cameras: Sequence[Camera], observed: O
     models = [PoseModel.of(c, observed) for c in (given, cameras)]
     before, after = (model.project(model.given, observed)[0] for model in models)
     return photo_medians(np.linalg.norm(after - before, axis=1), observed.photo, len(given))
-
-
-def _corrected(scene: Scene, cameras: Sequence[Camera]) -> Scene:
-    """The scene with other cameras, and the sparse points as `Refinement` describes."""
-    corrected, points = with_cameras(scene, cameras), scene.sparse_points
-    if points is None or points.origin == "given":
-        return corrected
-    if points.origin == "own":
-        return replace(corrected, sparse_points=None, points_choice="own")
-    return replace(corrected, sparse_points=triangulated_again(points, cameras))

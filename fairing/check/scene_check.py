@@ -34,18 +34,13 @@ class _MasksOnly(ScaleSpace):
         return np.zeros(0, dtype=np.float32), dict.fromkeys(requested, 0)
 
 
-def check_scene(
-    scene: Scene, options: FairingOptions | None = None, refinement: Refinement | None = None
-) -> SceneCheck:
-    """Check a scene at the finest level of the options.
-
-    Args:
-        refinement: of its cameras, the scene having those that a run would use.
+def check_scene(scene: Scene, options: FairingOptions | None = None) -> SceneCheck:
+    """Check a scene, with the cameras and points that a run would use, at the finest level of the options.
 
     Raises:
         InputError: a photo cannot be decoded.
     """
-    options = options or FairingOptions()
+    options, refinement = options or FairingOptions(), scene.refinement
     all_faces = np.ones(len(scene.mesh.faces), dtype=bool)
     vertices, level = scene.mesh.vertices, options.n_levels - 1
     as_seen = options.with_levels(point_spread="as_seen")  # reads no photos

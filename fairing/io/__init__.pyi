@@ -1,5 +1,6 @@
 from .atomic import write_atomically as write_atomically
 from .in_view import check_mesh_in_view as check_mesh_in_view
+from .load import load_capture as load_capture
 from .load import load_scene as load_scene
 from .load import read_capture as read_capture
 from .mesh_file import read_mesh as read_mesh

@@ -4,6 +4,7 @@ import os
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -32,12 +33,15 @@ from fairing.io.named_scenes import module_of_scene, scene_names
 from fairing.io.photo_choice import PhotoChoice, SceneFormat, apply_choice
 from fairing.io.photo_folder import photos_alone
 from fairing.io.points_file import read_points
-from fairing.io.scene_points import Progress, choose_points
+from fairing.io.scene_points import Progress
 from fairing.io.upright import settle_orientations
 from fairing.mesh import Mesh
-from fairing.scene import Around, CamerasChoice, PointsChoice, Scene
+from fairing.scene import Around, BoxCorners, CamerasChoice, PointsChoice, Scene
 from fairing.util.plugins import offered
 from fairing.weld import Welded, welded
+
+if TYPE_CHECKING:
+    from fairing.io.chosen_inputs import ChosenInputs
 
 READERS: tuple[Reader, ...] = (
     colmap, bundler, openmvg, alicevision, opensfm, visualsfm, metashape, realityscan, transforms_json, middlebury, strecha,
@@ -62,12 +66,14 @@ def load_scene(
     cameras: CamerasChoice = "automatic",
     around: Around = "automatic",
     points_file: Path | None = None,
+    box: BoxCorners | None = None,
     on_progress: Progress = lambda fraction, line: None,
     skip_requested: Callable[[], bool] = lambda: False,
 ) -> Scene:
     """The scene in a folder (or a file of it), in any supported format, recognised by content; or a demo scene by its name.
 
-    Without a mesh the sparse points are triangulated; they are found in the photos first if `points` requires it.
+    Without a mesh the sparse points are triangulated; before, cameras are refined and points found in the photos as `cameras`
+    and `points` require it.
 
     Args:
         path: the folder, or the file that describes the scene; or the name of a demo scene, unless a folder of that name
@@ -79,28 +85,31 @@ def load_scene(
         cameras: the cameras that a run of the scene uses, see `Session.choose_inputs`.
         around: the points that become vertices, of the object or all; only without a mesh.
         points_file: the points that a run recorded beside its trace, instead.
-        on_progress: called with the finished part, 0 to 1, and a line while points are found, triangulated, or photos rendered.
-        skip_requested: polled while points are found; where it returns True, the given ones are triangulated.
+        box: the points in this box become vertices instead; only without a mesh.
+        on_progress: called with the finished part, 0 to 1, and a line while cameras are refined, points found or triangulated, or
+            photos rendered.
+        skip_requested: polled while cameras are refined and points found; where it returns True, the given ones are used.
 
     Raises:
         InputError: the input cannot be used; the message is one line.
     """
     if (scene := _named(path, mesh, choice, on_progress)) is not None:
-        _check_around(around, path)
+        _check_around(around, box, path)
         points = scene.points_choice if points == "automatic" else points
         return replace(scene, points_choice=points, cameras_choice="given" if cameras == "automatic" else cameras)
-    cameras_choice = "refine" if cameras == "automatic" else cameras
     capture, path = read_capture(path, choice), Path(path)
-    if points_file is not None:
-        capture = capture._replace(sparse_points=read_points(points_file, len(capture.views)))
-        points = "given"
+    recorded = None if points_file is None else read_points(points_file, len(capture.views))
+    if recorded is not None:
+        capture, points = capture._replace(sparse_points=recorded), "given"
     folder = path if path.is_dir() else path.parent
     found = Path(mesh) if mesh is not None else capture.mesh
     if found is None and not _meshes_in(folder):
-        scene = _triangulated(path.resolve().name, folder, capture, points, around, on_progress, skip_requested)
-        return replace(scene, cameras_choice=cameras_choice)
+        inputs = _chosen(path, capture, points, cameras, on_progress, skip_requested)
+        if recorded is not None:  # with the corrected cameras already
+            inputs = replace(inputs, sparse_points=recorded)
+        return _triangulated(path.resolve().name, folder, capture, inputs, around, box, on_progress)
     mesh_path = found or only_mesh(folder)
-    _check_around(around, mesh_path)
+    _check_around(around, box, mesh_path)
     vertices, faces = read_mesh(mesh_path)
     name = path.resolve().name
     with naming(mesh_path):
@@ -109,16 +118,56 @@ def load_scene(
     capture = in_frame_of_mesh(capture, as_read)
     facts = inspect_mesh(surface.all_faces)
     scene = Scene.of_surface(name, surface, capture.views, sparse_points=capture.sparse_points, points_choice=points)
-    scene = replace(scene, mesh_file=mesh_path.absolute(), cameras_choice=cameras_choice)
+    scene = replace(scene, mesh_file=mesh_path.absolute())
+    scene = replace(scene, cameras_choice="refine" if cameras == "automatic" else cameras)
     check_mesh_in_view(scene)
     _, input_vertices = np.unique(scene.original_from_welded, return_index=True)
     return replace(scene, warnings=capture.warnings + _rounded_copies(surface) + facts.warnings(input_vertices))
 
 
-def _check_around(around: Around, mesh: object) -> None:
-    """Raises InputError where `around` chooses points to triangulate, but there is a mesh."""
+def load_capture(
+    path: str | Path,
+    choice: PhotoChoice | None = None,
+    points: PointsChoice = "automatic",
+    cameras: CamerasChoice = "automatic",
+    on_progress: Progress = lambda fraction, line: None,
+) -> "ChosenInputs":
+    """The photos of a capture with the cameras and sparse points that `fairing.triangulate` is called with, without a mesh.
+
+    Of a demo scene "automatic" stands for its own choice of points and for its given cameras. Arguments and exceptions as of
+    `load_scene`.
+    """
+    from fairing.io.chosen_inputs import inputs_of_demo
+
+    if (scene := _named(path, None, choice, on_progress)) is None:
+        return _chosen(Path(path), read_capture(path, choice), points, cameras, on_progress)
+    return inputs_of_demo(scene, points, cameras, on_progress)
+
+
+def _chosen(
+    path: Path,
+    capture: Capture,
+    points: PointsChoice,
+    cameras: CamerasChoice,
+    on_progress: Progress,
+    skip_requested: Callable[[], bool] = lambda: False,
+) -> "ChosenInputs":
+    """The inputs of a triangulation."""
+    from fairing.io.chosen_inputs import choose_inputs  # imported where there is no mesh: it takes a while
+
+    chosen = choose_inputs(
+        path.resolve().name, capture.views, capture.sparse_points, points, cameras, None, on_progress=on_progress,
+        skip_requested=skip_requested,
+    )  # fmt: skip
+    return replace(chosen, warnings=(*capture.warnings, *chosen.warnings))
+
+
+def _check_around(around: Around, box: BoxCorners | None, mesh: object) -> None:
+    """Raises InputError where points to triangulate are chosen, but there is a mesh."""
     if around == "object":
         raise InputError(f"--around object: expected a capture without a mesh, found {mesh}; leave --around out")
+    if box is not None:
+        raise InputError(f"--box: expected a capture without a mesh, found {mesh}; leave --box out")
 
 
 def _rounded_copies(surface: Welded) -> tuple[str, ...]:
@@ -149,33 +198,27 @@ def _triangulated(
     name: str,
     folder: Path,
     capture: Capture,
-    choice: PointsChoice,
+    inputs: "ChosenInputs",
     around: Around,
+    corners: BoxCorners | None,
     on_progress: Progress,
-    skip_requested: Callable[[], bool],
 ) -> Scene:
     """The scene of a capture without a mesh: its chosen sparse points, triangulated."""
+    from fairing.io.chosen_inputs import with_inputs
     from fairing.triangulation import flip_progress, triangulate  # imported where there is no mesh: it takes a while
-    from fairing.triangulation.object_box import points_around
+    from fairing.triangulation.points_in_box import points_around
 
-    points, warnings = choose_points(
-        name, capture.views, capture.sparse_points, choice, None, on_progress, skip_requested=skip_requested
-    )
+    points = inputs.sparse_points
     if points is None or len(points.positions) == 0:
-        raise _no_mesh(folder, warnings)
+        raise _no_mesh(folder, inputs.warnings[len(capture.warnings) :])
 
     def show(flips: int, open_edges: int, _: float) -> None:
         on_progress(flip_progress(flips, open_edges), f"triangulating sparse points: {flips} flips")
 
-    taken, box, note = points_around(capture.views, points, around)
-    scene = triangulate(name, capture.views, taken, on_progress=show).result()
-    return replace(
-        scene,
-        sparse_points=points,
-        points_choice="given",
-        object_box=box,
-        warnings=capture.warnings + warnings + (note,) * bool(note) + scene.warnings,
-    )
+    taken, box, note = points_around(inputs.views, points, around, corners)
+    triangulated = triangulate(name, inputs.views, taken, on_progress=show).result()
+    scene = with_inputs(replace(triangulated, object_box=box, warnings=()), inputs, capture.views)
+    return replace(scene, warnings=scene.warnings + (note,) * bool(note) + triangulated.warnings)
 
 
 def read_capture(path: str | Path, choice: PhotoChoice | None = None) -> Capture:

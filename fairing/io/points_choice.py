@@ -1,10 +1,10 @@
-"""Names of the choices of sparse points, and how many given points are enough."""
+"""Names of the choices of sparse points and cameras, and how many given points are enough."""
 
 from pathlib import Path
 from typing import cast, get_args
 
 from fairing.errors import InputError
-from fairing.scene import Around, PointsChoice
+from fairing.scene import Around, CamerasChoice, PointsChoice
 
 POINTS_PER_VERTEX = 3
 """Given points are enough for a mesh with that many for each vertex: the three coordinates of a vertex need the distances
@@ -29,6 +29,11 @@ def check_points_choice(name: str, where: Path) -> PointsChoice:
         InputError: there is none; the message begins with `where`.
     """
     return cast("PointsChoice", _checked(name, get_args(PointsChoice), f"{where}: points"))
+
+
+def check_cameras_choice(name: str, where: Path) -> CamerasChoice:
+    """The choice of cameras of that name; raises as `check_points_choice`."""
+    return cast("CamerasChoice", _checked(name, get_args(CamerasChoice), f"{where}: cameras"))
 
 
 def check_around(name: str, where: Path) -> Around:

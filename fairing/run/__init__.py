@@ -5,11 +5,10 @@ one step after a moment, whatever its stage: an iteration of photos (`gauss_newt
 of smoothing or of a fit to points (`fit_step`, with the terms that `fits` finds), or the verdict of a judge. `planning`: what a
 start calls for, once, by a `rehearsal` of its smoothing and fit. `session`: what users of a run call.
 
-Before its plan a run chooses cameras and sparse points: `chosen_inputs`, `refined_once`, `recorded_refinement`.
-
 Beside them: `history` (where parts of a recorded run began), `schedule` (positions), `sweep_cache`, `records` (builders of step
-records), `recorded_stages` (a trace cut into stages), `trace_header` (what a trace says about its run), `pulls` (the part of each
-term in a step), `manual_edits`, `snapshots` (meshes of another program as a run), `start_error`.
+records), `recorded_stages` (a trace cut into stages), `recorded_refinement` (of the cameras), `trace_header` (what a trace says
+about its run), `pulls` (the part of each term in a step), `manual_edits`, `snapshots` (meshes of another
+program as a run), `start_error`.
 
 Imports the data modules of `fairing`, `fairing.util`, `fairing.cameras`, `fairing.geometry`, `fairing.cells`, `fairing.terms`,
 `fairing.optimize`, `fairing.solve`.

@@ -14,10 +14,10 @@ import numpy as np
 
 from fairing.cells.context import CellContext
 from fairing.cells.point_spread import PATCH_MARGIN
+from fairing.io.chosen_inputs import with_chosen_inputs
 from fairing.io.scene_points import Progress
 from fairing.option_check import check_options
 from fairing.options import FairingOptions, options_from_dict, options_to_dict
-from fairing.run.chosen_inputs import with_chosen_inputs
 from fairing.run.manual_edits import manual_step
 from fairing.run.planning import make_plan
 from fairing.run.pulls import Pull
@@ -275,13 +275,11 @@ class Session:
                 work.text, work.done = line, fraction
                 on_progress(fraction, line)
 
-            scene, refinement = with_chosen_inputs(
-                self.scene, self.options.threads, show, self.cancel_requested, skip_requested
-            )
+            scene = with_chosen_inputs(self.scene, self.options.threads, show, self.cancel_requested, skip_requested)
         check_same_scene(scene, self.trace)
         self.scene = scene
         self._set_problem(self._problem)
-        self.trace.record_inputs(inputs_of(scene, refinement))
+        self.trace.record_inputs(inputs_of(scene))
 
     def make_plan(self) -> RunPlan:
         """The plan of the run, computed and recorded on the first call. It reads the photos and may take many seconds.

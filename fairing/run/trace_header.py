@@ -14,7 +14,7 @@ from fairing.cameras.refinement import Refinement
 from fairing.errors import InputError
 from fairing.options import FairingOptions, options_from_dict, options_to_dict
 from fairing.run.recorded_terms import header_of_terms
-from fairing.scene import Scene
+from fairing.scene import Scene, View
 from fairing.terms.own import OwnTerm
 from fairing.trace import Trace
 
@@ -36,13 +36,13 @@ def header_of(scene: Scene, options: FairingOptions, terms: Sequence[OwnTerm] = 
     )
 
 
-def inputs_of(scene: Scene, refinement: Refinement | None = None) -> dict[str, Any]:
+def inputs_of(scene: Scene) -> dict[str, Any]:
     """The entries of a header about cameras and sparse points, see `Trace.header`."""
     inputs: dict[str, Any] = {"sparse_points": recorded_points(scene)}
     if scene.cameras_origin == "corrected":
-        inputs["cameras"] = _recorded_cameras(scene)
-    if refinement is not None:
-        inputs[REFINEMENT] = refinement.facts() | {"iterations": _recorded_iterations(refinement)}
+        inputs["cameras"] = recorded_cameras(scene.views)
+    if scene.refinement is not None:
+        inputs[REFINEMENT] = scene.refinement.facts() | {"iterations": _recorded_iterations(scene.refinement)}
     return inputs
 
 
@@ -53,7 +53,7 @@ def scene_of_trace(scene: Scene, trace: Trace) -> Scene:
 
     Traces of versions that did not record the points were recorded with those of the scene.
     """
-    scene = _with_recorded_cameras(scene, trace)
+    scene = with_recorded_cameras(scene, trace.header)
     if REFINEMENT in trace.header or trace.header.get("sparse_points") is not None or trace.plan or len(trace):
         scene = replace(scene, cameras_choice="given")
     if scene.points_choice != "automatic":
@@ -114,20 +114,21 @@ def _recorded_iterations(refinement: Refinement) -> list[dict[str, Any]]:
     return [{name: rounded(values) for name, values in vars(state).items()} for state in refinement.iterations]
 
 
-def _recorded_cameras(scene: Scene) -> list[dict[str, Any]]:
-    cameras = [view.camera for view in scene.views]
+def recorded_cameras(views: Sequence[View]) -> list[dict[str, Any]]:
+    """The entry "cameras" of a header, which `with_recorded_cameras` reads."""
+    cameras = [view.camera for view in views]
     return [{"matrix": c.image_from_world.tolist(), "width": c.width, "height": c.height} for c in cameras]
 
 
-def _with_recorded_cameras(scene: Scene, trace: Trace) -> Scene:
-    """The scene with the cameras of the trace, scaled to the size of its photos.
+def with_recorded_cameras(scene: Scene, header: dict[str, Any]) -> Scene:
+    """The scene with the cameras of a header, where it has some of the scene's photos, scaled to the size of its photos.
 
     Raises:
         InputError: the recorded cameras make no sense.
     """
-    recorded = trace.header.get("cameras")
+    recorded = header.get("cameras")
     names = [view.name for view in scene.views]
-    if recorded is None or scene.cameras_origin == "corrected" or trace.header.get("views") != names:
+    if recorded is None or scene.cameras_origin == "corrected" or header.get("views") != names:
         return scene
     try:
         cameras = [Camera.recorded(np.array(c["matrix"], float), c["width"], c["height"]) for c in recorded]

@@ -1,8 +1,8 @@
 """Image-consistent triangulation (Morris and Kanade, CVPR 2000): from sparse points to a start mesh.
 
-What belongs here: the initial mesh (`points`, `tetrahedra`, `sight_lines`, `minimum_cut`, `cut_surface`, `seen_surface`, joined in
-`initial_mesh`), edge flips (`quads`, `inconsistency`, `flips`), the record of both (`carving`, `carving_file`, `record`), and the
-whole (`run`, `options`).
+What belongs here: the points that become vertices (`object_box`, `points_in_box`), the initial mesh (`points`, `tetrahedra`,
+`sight_lines`, `minimum_cut`, `cut_surface`, `seen_surface`, joined in `initial_mesh`), edge flips (`quads`, `inconsistency`,
+`flips`), the record of both (`carving`, `carving_file`, `record`), and the whole (`run`, `options`).
 
 May import: the data modules of `fairing`, `fairing.util`, `fairing.geometry`, `fairing.cells` and `fairing.solve`.
 

@@ -9,9 +9,8 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from fairing.errors import InputError
 from fairing.geometry.up_direction import up_direction
-from fairing.scene import Around, SparsePoints, View
+from fairing.scene import BoxCorners, SparsePoints, View
 
 IN_SIGHT = 0.6
 """A point is looked at if so many of the photos have it inside their frame, hidden or not."""
@@ -36,14 +35,14 @@ _ITERATIONS = 30
 
 @dataclass(frozen=True, eq=False)
 class ObjectBox:
-    """A box with a vertical axis.
+    """A box whose points are triangulated.
 
     Attributes:
-        axes: (3, 3) float: unit vectors of its sides as rows; the last is up.
+        axes: (3, 3) float: unit vectors of its sides as rows; the last is up where the box was found.
         low, high: (3,) float, world units: its ends along them.
         n_points: number of sparse points in it.
-        orbited: whether the cameras go around it, so that it is the object of the capture.
-        reason: why, in words.
+        orbited: whether the cameras go around it, so that it is the object of the capture; False of a chosen box.
+        reason: why it is used, or why it is not the object, in words.
     """
 
     axes: np.ndarray
@@ -63,6 +62,12 @@ class ObjectBox:
         """(3,) float, world units: lengths of its sides."""
         return self.high - self.low
 
+    @property
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """(3,) float each, world units: the smallest and largest coordinates in it along the axes of the world."""
+        ends = self.edges().reshape(-1, 3)
+        return ends.min(axis=0), ends.max(axis=0)
+
     def edges(self) -> np.ndarray:
         """(12, 2, 3) float, world units: the ends of its edges."""
         low, high = self.low, self.high
@@ -74,6 +79,11 @@ class ObjectBox:
         """(n,) bool for points (n, 3)."""
         along = points @ self.axes.T
         return np.all((along >= self.low) & (along <= self.high), axis=1)
+
+
+def box_of_corners(corners: BoxCorners) -> ObjectBox:
+    """The box with these corners, whose points are not counted."""
+    return ObjectBox(np.eye(3), np.array(corners[:3]), np.array(corners[3:]), 0, False, "it was chosen")
 
 
 def find_object(views: Sequence[View], points: SparsePoints) -> ObjectBox | None:
@@ -108,43 +118,6 @@ def find_object(views: Sequence[View], points: SparsePoints) -> ObjectBox | None
     spread = float(np.linalg.norm((towards / np.linalg.norm(towards, axis=1, keepdims=True)).mean(axis=0)))
     reason = _reason(spread, float(np.quantile(miss, 0.8)), share)
     return replace(box, n_points=int(inside.sum()), orbited=not reason, reason=reason or "the cameras go around it")
-
-
-def points_around(
-    views: Sequence[View], points: SparsePoints, around: Around
-) -> tuple[SparsePoints, ObjectBox | None, str]:
-    """The points that become vertices, the object's box if it is used, and a line about them; empty if all are taken.
-
-    Raises:
-        InputError: the object is chosen, but there is none.
-    """
-    if around == "everything":
-        return points, None, ""
-    box = find_object(views, points)
-    if box is None or not (box.orbited or around == "object"):
-        if around == "object":
-            raise InputError("--around object: no points were found that most photos look at; use --around everything")
-        return points, None, ""
-    return points_inside(points, box), box, box_line(box, len(points.positions))
-
-
-def box_line(box: ObjectBox, n_points: int) -> str:
-    """The line about the object's box, of a capture with n points."""
-    width, depth, height = box.size
-    return (
-        f"object's box: {width:.3g} x {depth:.3g}, {height:.3g} high, with {box.n_points} of {n_points} sparse points, "
-        f"because {box.reason}; the mesh covers it alone (--around everything: all points)"
-    )
-
-
-def points_inside(points: SparsePoints, box: ObjectBox) -> SparsePoints:
-    """The points in a box."""
-    kept = box.contains(points.positions)
-    new_index = np.cumsum(kept) - 1
-    seen = kept[points.observations[:, 0]]
-    observations = points.observations[seen].copy()
-    observations[:, 0] = new_index[observations[:, 0]]
-    return SparsePoints(points.positions[kept], points.colors[kept], observations, points.pixels[seen], points.origin)
 
 
 def _reason(spread: float, miss: float, share: float) -> str:

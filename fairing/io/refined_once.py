@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
@@ -17,27 +17,32 @@ from fairing.features.options import FeatureOptions
 from fairing.io.atomic import write_atomically
 from fairing.io.feature_points import points_key
 from fairing.io.scene_points import cache_file
-from fairing.scene import Scene
+from fairing.scene import View
 from fairing.util.npz import read_npz
 
 
 def refine_once(
-    scene: Scene,
+    name: str,
+    views: Sequence[View],
     threads: int,
     on_progress: Progress,
     cancel_requested: Callable[[], bool],
     finds_points: bool,
     adjusts_lens: bool,
 ) -> Refinement:
-    """What `refine` returns, without its points if the cache has it. Arguments and exceptions as of `refine`."""
-    path = cache_file("cameras", scene.name, scene.views)
+    """What `refine` returns, without its points if the cache has it. Arguments and exceptions as of `refine`.
+
+    Args:
+        name: of the scene: names the file in the cache.
+    """
+    path = cache_file("cameras", name, views)
     key = hashlib.sha256(
-        points_key(scene.views, FeatureOptions()).encode() + _code_digest() + bytes([adjusts_lens])
+        points_key(views, FeatureOptions()).encode() + _code_digest() + bytes([adjusts_lens])
     ).hexdigest()
-    kept = _kept(path, key, scene)
+    kept = _kept(path, key, views)
     if kept is not None:
         return kept
-    found = refine(scene, threads, on_progress, cancel_requested, finds_points, adjusts_lens)
+    found = refine(views, threads, on_progress, cancel_requested, finds_points, adjusts_lens)
     arrays = {
         "cameras": np.array([camera.image_from_world for camera in found.cameras]),
         "turns": np.array([iteration.turns for iteration in found.iterations]),
@@ -52,7 +57,7 @@ def refine_once(
     return found
 
 
-def _kept(path: Path, key: str, scene: Scene) -> Refinement | None:
+def _kept(path: Path, key: str, views: Sequence[View]) -> Refinement | None:
     """The refinement in a file; None if there is no file, it is damaged, or was made of other photos or cameras."""
     try:
         with path.open("rb") as file:
@@ -61,10 +66,10 @@ def _kept(path: Path, key: str, scene: Scene) -> Refinement | None:
             return None
         cameras = [
             Camera.recorded(matrix, view.camera.width, view.camera.height)
-            for matrix, view in zip(found["cameras"], scene.views, strict=True)
+            for matrix, view in zip(found["cameras"], views, strict=True)
         ]
         iterations = [Iteration(*state) for state in zip(found["turns"], found["shifts"], found["errors"], strict=True)]
-        return Refinement.of_facts(scene, json.loads(found["facts"].item()), cameras, iterations)
+        return Refinement.of_facts(json.loads(found["facts"].item()), cameras, iterations)
     except (OSError, ValueError, KeyError, TypeError):
         return None
 
