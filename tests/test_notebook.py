@@ -1,10 +1,13 @@
 """Runs and experiments in notebooks, and the notebooks of the repository."""
 
+import importlib
 import subprocess
 import sys
+import tomllib
 from html import unescape
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from app import measure, progress, show
@@ -16,6 +19,7 @@ from demo_scenes import load_demo
 from fairing import PRESETS, FairingOptions, InputError, Session
 from fairing.experiments import CaptureRange, Setting
 from tests.small_scene import corner_scene
+from tests.two_levels import two_levels
 
 NOTEBOOKS = sorted((Path(__file__).parents[1] / "demo_scenes" / "notebooks").glob("*.ipynb"))
 QUICK = FairingOptions().with_levels(blur=(2.0, 1.0), max_sweeps=1)
@@ -84,6 +88,41 @@ def test_folders_of_runs_and_experiments_are_shown(tmp_path, capsys):
     (out / "capture-range.json").write_text("{}")
     with pytest.raises(InputError, match="expected the record of an experiment"):
         show(out)
+
+
+def test_a_loop_drives_the_live_debugger_and_makes_the_steps_of_the_session():
+    options = two_levels("joint", sweeps=1, iterations=2)
+    expected = Session(corner_scene(), options)
+    records = list(expected)
+    live = LiveDebugger(Session(corner_scene(), options))
+    try:
+        for number, record in enumerate(live):
+            assert live.state.moment == number + 1
+            assert np.array_equal(record.after, records[number].after)
+        assert np.array_equal(live.state.vertices, expected.vertices)
+        assert live.state.finished
+        moved = live.state.vertices[[0]] + 1e-3
+        live.place(np.array([0]), moved)
+        assert np.array_equal(live.state.vertices[[0]], moved)
+        with pytest.raises(InputError, match=r"expected vertices \(u,\) and positions \(u, 3\)"):
+            live.place(np.array([0]), moved[0])
+        with pytest.raises(InputError, match="turned over or collapsed"):
+            live.place(np.array([0]), live.state.vertices[[1]])
+        assert np.array_equal(live.state.vertices[[0]], moved)
+    finally:
+        live.stop()
+
+
+def test_a_session_is_shown_by_an_installed_viewer(monkeypatch: pytest.MonkeyPatch):
+    session, found = Session(corner_scene()), {}
+    monkeypatch.setattr("fairing.run.session.offered", lambda group: found if group == "fairing.viewers" else {})
+    with pytest.raises(InputError, match="found none; install EigenFairing"):
+        session.show()
+    found["one"] = lambda shown: ("shown", shown)
+    assert session.show() == ("shown", session)
+    declared = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text())["project"]["entry-points"]
+    module, _, name = declared["fairing.viewers"]["eigenfairing"].partition(":")
+    assert getattr(importlib.import_module(module), name) is LiveDebugger
 
 
 def test_the_live_debugger_is_a_frame_on_its_address():

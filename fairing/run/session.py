@@ -7,13 +7,15 @@ never stopped. Properties never compute: they are functions of trace, options an
 """
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from fairing.cells.context import CellContext
 from fairing.cells.point_spread import PATCH_MARGIN
+from fairing.errors import InputError
 from fairing.io.chosen_inputs import with_chosen_inputs
 from fairing.io.scene_points import Progress
 from fairing.option_check import check_options
@@ -36,6 +38,7 @@ from fairing.stage_kind import StageKind
 from fairing.terms.names import BUILT_IN, TERMS
 from fairing.terms.own import OwnTerm, check_terms
 from fairing.trace import SchedulePosition, StepReason, StepRecord, Trace
+from fairing.util.plugins import offered
 from fairing.work import WorkLog
 
 
@@ -374,6 +377,26 @@ class Session:
             if record is not None:
                 on_step(record)
         return self.stop_reason
+
+    def __iter__(self) -> Iterator[StepRecord]:
+        """All remaining steps, each as it is made."""
+        while (record := self.step()) is not None:
+            yield record
+
+    def show(self) -> Any:
+        """Open the debugger of an installed package on this session, at its present moment.
+
+        Packages offer it by an entry point of the group `fairing.viewers`: a function of the session. That of EigenFairing
+        returns an `app.notebook.live.LiveDebugger`, to which the session belongs until its `stop`; a loop over it makes the
+        steps that the page shows.
+
+        Raises:
+            InputError: no installed package offers a debugger.
+        """
+        viewers = offered("fairing.viewers")
+        if not viewers:
+            raise InputError("show: expected an installed package with a debugger, found none; install EigenFairing")
+        return next(iter(viewers.values()))(self)
 
     # ------------------------------------------------------------------ manual edits
 
