@@ -52,6 +52,17 @@ figure img {{ width: 100%; display: block; }}
 figcaption {{ padding: 7px 12px 9px; display: flex; justify-content: space-between; gap: 10px; }}
 figcaption b {{ color: #f1f3f5; font-weight: 600; overflow-wrap: anywhere; }}
 figcaption span {{ white-space: nowrap; }}
+@media screen and (max-width: 760px) {{
+  main {{ padding: 18px 14px 40px; }}
+  .verdict {{ flex-wrap: wrap; gap: 0 18px; }}
+  .tiles, main .two {{ grid-template-columns: repeat(2, minmax(0, 1fr)); }}
+  .tile, .tile.wide {{ grid-column: span 1; overflow-wrap: anywhere; }}
+  .tile.wide, .two > div {{ grid-column: span 2; }}
+  .photos {{ grid-template-columns: minmax(0, 1fr); }}
+  figcaption {{ flex-wrap: wrap; }}
+  table {{ display: block; overflow-x: auto; }}
+  td {{ padding: 5px 8px; }}
+}}
 """
 
 

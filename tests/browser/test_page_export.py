@@ -252,6 +252,29 @@ def test_nothing_is_cut_off_in_a_small_window(replay):
     assert box["y"] + box["height"] <= footer["y"]
 
 
+@pytest.mark.parametrize("width", [390, 700])
+def test_a_phone_shows_the_mesh_and_the_steps_at_once_and_scrolls_to_the_rest(browser, file, facts, width: int):
+    context = browser.new_context(viewport={"width": width, "height": 844}, offline=True, has_touch=True)
+    reader = Reader(context.new_page())
+    reader.open(file)
+    page = reader.page
+    view, footer = page.locator("#scene").bounding_box(), page.locator("footer").bounding_box()
+    assert view["width"] == width
+    assert view["height"] > 250
+    assert footer["y"] + footer["height"] <= 844
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    page.get_by_role("button", name="To the end", exact=True).tap()
+    assert reader.moment() == facts.length
+    page.locator("#sprite").scroll_into_view_if_needed()
+    sprite = page.locator("#sprite").bounding_box()
+    assert sprite["x"] >= 0
+    assert sprite["x"] + sprite["width"] <= width
+    page.get_by_role("tab", name="Run").tap()
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    assert reader.troubles == []
+    context.close()
+
+
 def test_without_3d_the_rest_of_the_page_works(browser, file, facts):
     context = browser.new_context(viewport=WINDOW, offline=True)
     context.add_init_script("HTMLCanvasElement.prototype.getContext = () => null")
@@ -269,6 +292,9 @@ def test_the_report_opens_from_disk(tab, facts):
     write_report(facts, facts.folder / "report.html", lambda fraction: None)
     tab.open(facts.folder / "report.html")
     assert tab.page.locator("img").evaluate_all("images => images.every(i => i.complete && i.naturalWidth > 300)")
+    tab.page.set_viewport_size({"width": 390, "height": 844})
+    assert tab.page.evaluate("document.documentElement.scrollWidth") <= 390
+    tab.page.set_viewport_size(WINDOW)
     assert tab.troubles == []
 
 
