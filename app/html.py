@@ -2,6 +2,7 @@
 
 import html
 import json
+from collections.abc import Iterable
 
 from app.palette import BRAND, NOW, REFERENCE, REJECTED, SELECTED, START, css
 
@@ -249,6 +250,11 @@ def number(value: float, digits: int = 4) -> str:
         decimals = max(0, digits - 1 - int(f"{abs(value):e}".split("e")[1]))
         return f"{value:,.{decimals}f}".replace(",", "\u2009").replace("-", "\u2212")
     return f"{value:.{digits - 1}e}".replace("-", "\u2212", 1) if value < 0 else f"{value:.{digits - 1}e}"
+
+
+def numbers(values: Iterable[float], digits: int) -> str:
+    """Numbers beside each other, see `number`; dots separate them, because a number may hold spaces."""
+    return " · ".join(number(float(value), digits) for value in values)
 
 
 def whole(value: int) -> str:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from app.debugger.history import last_step_about
-from app.html import number, text
+from app.html import number, numbers, text
 from fairing.trace import StepReason, StepRecord
 
 
@@ -32,10 +32,6 @@ def _length(vectors: np.ndarray) -> float:
     return float(np.linalg.norm(vectors))
 
 
-def _three(values: np.ndarray) -> str:
-    return " · ".join(number(float(value), 2) for value in values)
-
-
 def _pair(values: tuple[float, float]) -> str:
     return f"{number(values[0])} → {number(values[1])}"
 
@@ -52,7 +48,7 @@ ITEMS: tuple[Item, ...] = (
     Item("damping", lambda r, i: r.damping[i]),
     Item("damping next", lambda r, i: r.damping_next[i]),
     Item("rejections in a row", lambda r, i: r.rejections[i], shown=_whole),
-    Item("eigenvalues", lambda r, i: r.eigenvalues[i], shown=_three),
+    Item("eigenvalues", lambda r, i: r.eigenvalues[i], shown=lambda value: numbers(value, 2)),
     Item(
         "smallest / largest eigenvalue",
         lambda r, i: r.eigenvalues[i, 0] / r.eigenvalues[i, 2] if r.eigenvalues[i, 2] > 0 else 0.0,

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from app.debugger.cell_queries import CellFacts
-from app.html import button, number, text
+from app.html import button, number, numbers, text
 from app.page_state.cells_controls import CellsControls
 from app.page_state.cells_state import ARROW_KINDS, ARROW_SCALES, HEADS, KINDS, CellsView
 from app.palette import css
@@ -179,7 +179,7 @@ def _row(
     name = scene.views[view_id].name
     seen = 100 * float(cells.counts[row].mean())
     energy = number(float(cells.view_energy[row]), 3)
-    coefficients = " ".join(number(float(value), 3) for value in cells.coefficients[row])
+    coefficients = numbers(cells.coefficients[row], 3)
     width = (tile + GAP) * len(cells_view.columns) - GAP
     paths = "".join(
         f'<path transform="translate({n * (tile + GAP)} 0)" stroke="{css(FLOW_COLORS[kind])}" '

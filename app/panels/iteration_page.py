@@ -7,7 +7,7 @@ import numpy as np
 from app.debugger.controller import Controller
 from app.debugger.iteration_query import IterationFacts, IterationQuery, VertexStep, iteration_facts
 from app.debugger.run_state import Activity, RunState
-from app.html import button, icon, number, table, text
+from app.html import button, icon, number, numbers, table, text
 from app.page_state.cells_controls import CellsControls
 from app.page_state.cells_state import KINDS, PARTS
 from app.page_state.page_state import PageState
@@ -261,11 +261,11 @@ def _ellipse(H: np.ndarray) -> str:
 def _solve(facts: IterationFacts, step: VertexStep, scene: Scene) -> str:
     trial = step.trial
     rows = [
-        ("step δη, world units", _vector(step.steps[0])),
+        ("step δη, world units", numbers(step.steps[0], 3)),
         ("length, world units", number(float(np.linalg.norm(step.steps[0])), 3)),
         ("length in the photo where it is longest", f"{number(float(step.steps_px[0]), 3)} px"),
         ("damping", number(float(trial.proposal.damping[step.slot]), 2)),
-        ("gradient g", _vector(trial.proposal.gradients[step.slot])),
+        ("gradient g", numbers(trial.proposal.gradients[step.slot], 3)),
     ]
     if trial.block.coupled:
         rows.append(("vertices in the system", str(len(trial.block.vertices))))
@@ -284,7 +284,7 @@ def _limit(facts: IterationFacts, step: VertexStep, scene: Scene) -> str:
             f"({number(float(np.linalg.norm(step.steps[k])), 3)} world units)</span>"
         )
         rows.append((name, value))
-    return table([*rows, ("step that is tried, world units", _vector(step.steps[-1]))])
+    return table([*rows, ("step that is tried, world units", numbers(step.steps[-1], 3))])
 
 
 def _accept(facts: IterationFacts, step: VertexStep, scene: Scene) -> str:
@@ -305,10 +305,6 @@ def _accept(facts: IterationFacts, step: VertexStep, scene: Scene) -> str:
     )
     css_class = "start" if moved or reason is StepReason.CONVERGED else "rejected"
     return f"<div class='big {css_class}'>{text(reason.text.capitalize())}</div>{content}"
-
-
-def _vector(values: np.ndarray) -> str:
-    return "&ensp;".join(number(float(v), 3) for v in values)
 
 
 _OF_CELLS: dict[str, Callable[[IterationFacts], str]] = {

@@ -223,7 +223,8 @@ def _reason_color(state: RunState) -> str:
 
 
 def _speed(state: RunState) -> str:
-    if state.step_seconds <= 0 or (state.record is not None and state.record.stage.is_fit):
+    of_fit = state.record is not None and state.record.stage.is_fit
+    if state.activity is Activity.PAUSED or state.step_seconds <= 0 or of_fit:
         return ""  # steps of fits are fast, and their number says little
     if state.step_seconds < 1:
         return f"{number(1 / state.step_seconds, 2)} steps/s"

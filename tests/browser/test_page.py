@@ -57,6 +57,7 @@ def test_steps_forward_and_back_by_button(visitor: Visitor):
         began = visitor.app.controller.state.moment
         state = visitor.press(f"Step one {extent}")
         assert state.moment > began, f"step one {extent} did not move on"
+        assert visitor.page.get_by_text("steps/s").count() == 0, "a speed while nothing runs"
         visitor.sees_vertices(page_vertices(visitor.app, state.moment))
     for extent in ("iteration", "vertex", "sweep", "level"):
         began = visitor.app.controller.state.moment
