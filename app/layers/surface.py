@@ -24,6 +24,7 @@ from app.stage import Stage
 from app.surface_offset import offset_along_normals, set_back
 from app.viser_bridge.mesh_swap import SIDES, DoubleBufferedMesh, GlbMesh
 from app.viser_bridge.moving_texture import follow_plain_mesh
+from app.viser_bridge.split_view import SplitView
 from fairing.io.glb import write_glb
 from fairing.scene import Scene
 
@@ -86,6 +87,12 @@ class SurfaceLayer:
             [f"/mesh/textured_now_{side}" for side in SIDES],
             offset_along_normals(scene.mesh.vertices, scene, stage),
         )
+        self._split = SplitView(
+            client,
+            [f"/mesh/textured_start_{side}" for side in SIDES],
+            ["/mesh/now", *(f"/mesh/textured_now_{side}" for side in SIDES)],
+            ("before", "now"),
+        )
         self._repainting: tuple[np.ndarray, float] | None = None
         self._repaint_due = 0.0
         self._view_dependent = ViewDependentTexture(client, stage, texturer, controller.republish)
@@ -103,7 +110,7 @@ class SurfaceLayer:
         vertices = self.vertices_of(state, page_state.shape)
         self._plain.vertices = self._stage.page_from_world(vertices)
         outside, resting = page_state.entered is None, state.activity is Activity.PAUSED
-        front: DoubleBufferedMesh | None = None
+        front = before = None
         is_view_dependent = False
         self.legend = None
         if outside and state.is_moving:
@@ -116,6 +123,7 @@ class SurfaceLayer:
                 front = self._texture(page_state.shape, vertices, resting and len(self._scene.mesh.faces) <= MOST_FACES)
                 if (
                     page_state.is_view_dependent
+                    and not page_state.shows_divider
                     and resting
                     and len(self._scene.mesh.faces) <= MOST_FACES_VIEW_DEPENDENT
                 ):
@@ -126,11 +134,14 @@ class SurfaceLayer:
         if front is not self._colored and self.legend is None:
             self._colored.clear()
             self._wanted = self._drawn = None
+        if page_state.shows_divider:
+            before = self._before(state)
+        self._split.set(before is not None)
         is_textured = outside and page_state.surface == "textured" and len(self._scene.mesh.faces) <= MOST_FACES
         self.is_painting = is_textured and front is None and not self._texturer.static.has_failed(vertices)
         with self._client.atomic():
             for turns in (*self._textured.values(), self._view_dependent.turns, self._colored):
-                turns.set_visible(turns is front)
+                turns.set_visible(turns is front or turns is before)
             self._plain.visible = outside and page_state.surface != "none" and front is None
 
     def close(self) -> None:
@@ -161,6 +172,15 @@ class SurfaceLayer:
         # After a step the previous texture stays, on the new vertices, until the next one is painted.
         is_fit = turns.shown is not None and (shape == NOW_SHAPE or turns.shown is painted)
         return turns if is_fit else None
+
+    def _before(self, state: RunState) -> DoubleBufferedMesh | None:
+        """The mesh at the start, for the left of the divider; None until it is painted."""
+        turns = self._textured[START_SHAPE]
+        if len(self._scene.mesh.faces) <= MOST_FACES and turns.shown is None:
+            painted = self._texturer.static.painted(turns, state.trace.start)
+            if painted is not None:
+                turns.offer(painted)
+        return turns if turns.shown is not None else None
 
     def _moving_texture(self, vertices: np.ndarray) -> DoubleBufferedMesh | None:
         """The texture painted last. A smaller one is painted every `REPAINT_SECONDS`, or less often, see `REPAINT_SHARE`."""

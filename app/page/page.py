@@ -150,6 +150,7 @@ class Page:
             Hotkey(KEY_LABELS["Shift+K"], lambda: panels.cells_controls.move_part(-1), "K", "shift"),
             Hotkey(KEY_LABELS["Shift+P"], panels.presenter.switch, "P", "shift"),
             Hotkey(KEY_LABELS["X"], panels.surface_controls.before_or_now, "X"),
+            Hotkey("Surface: before and now, with a divider", panels.surface_controls.toggle_divider),
             Hotkey(KEY_LABELS["-"], panels.surface_controls.toggle_view_dependent, "-"),
             Hotkey(KEY_LABELS["?"], lambda: self._keys_dialog.open(key_list(self._order)), "?", "shift"),
             Hotkey(KEY_LABELS["F"], interaction.toggle_lock, "F"),

@@ -19,6 +19,7 @@ from app.viser_bridge.html_events import HtmlEvents
 from app.viser_bridge.in_place import update_in_place
 from app.viser_bridge.keyboard_focus import release_focus_after_use
 from app.viser_bridge.opening_page import HIDDEN
+from app.viser_bridge.split_view import DIVIDER_STYLE
 from app.viser_bridge.style_sheet import set_style_sheet
 from app.viser_bridge.tabs import set_tab_title
 from app.viser_bridge.view_overlay import OVERLAY_STYLE
@@ -72,7 +73,7 @@ class PageFrame:
         """After all panels have been added: place the timeline, and install the page's style sheet and scripts."""
         span_bottom(timeline, self.view_width)
         self.view_width.measure(self._client.gui)
-        css = viser_elements.STYLE + STYLE + floating.STYLE + css + OVERLAY_STYLE + HIDDEN
+        css = viser_elements.STYLE + STYLE + floating.STYLE + css + OVERLAY_STYLE + DIVIDER_STYLE + HIDDEN
         set_style_sheet(self._client, css)
         release_focus_after_use(self._client)
         update_in_place(self._client)

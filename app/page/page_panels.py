@@ -257,7 +257,7 @@ class PagePanels:
             self._fly_to,
             lessons.open,
             report_of,
-            self.surface_controls.before_or_now,
+            self.surface_controls.toggle_divider,
         )
 
     def _fly_to(self, vertex: int) -> None:

@@ -80,6 +80,7 @@ class PageState:
         residual_view: the photo whose residuals or flow colour the surface; None: all photos.
         is_view_dependent: whether the texture is view-dependent while the run is paused.
         shape: vertex positions of the surface: 0 at the start, 1 now, 2 the truth; values between are interpolated.
+        is_divided: whether a divider separates the start, at its left, from now, where the surface is textured and at now.
         model_share: opacity of the model over the photo in a camera's view, 0 to 1.
         experiment: the experiment shown, of `fairing.experiments.experiments`.
         is_presenting: whether the page has the presenter layout.
@@ -109,6 +110,7 @@ class PageState:
     residual_view: int | None = None
     is_view_dependent: bool = False
     shape: float = NOW_SHAPE
+    is_divided: bool = False
     model_share: float = 0.0
     experiment: str = "capture-range"
     is_presenting: bool = False
@@ -126,6 +128,10 @@ class PageState:
     def copy(self) -> "PageState":
         """The same state for another browser, in the free view, in the usual layout and at the present moment."""
         return replace(self, entered=None, is_presenting=False, viewed_moment=None, shown=dict(self.shown))
+
+    @property
+    def shows_divider(self) -> bool:
+        return self.is_divided and self.entered is None and self.surface == "textured" and self.shape == NOW_SHAPE
 
     def shows(self, layer: str) -> bool:
         return self.shown[layer]

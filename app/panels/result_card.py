@@ -11,7 +11,7 @@ from app.debugger.residual_history import ResidualHistory
 from app.debugger.result_facts import ResultFacts, result_facts
 from app.debugger.run_state import RunState
 from app.html import button, copy_button, number, text
-from app.page_state.page_state import START_SHAPE, PageState
+from app.page_state.page_state import PageState
 from app.panels.choice import chip
 from app.query_cache import QueryCache
 from app.viser_bridge.html_events import HtmlEvents, choice_of, integer, press
@@ -40,7 +40,7 @@ class ResultCard:
         fly_to: selects a vertex and approaches it.
         open_lesson: opens a lesson by its name.
         report_of: the file that may report on a run, by the run's id.
-        before_or_now: shows the surface at the start, or now again.
+        divide: switches the divider between the start and now.
     """
 
     def __init__(
@@ -54,7 +54,7 @@ class ResultCard:
         fly_to: Callable[[int], None],
         open_lesson: Callable[[str], None],
         report_of: Callable[[int], Path | None],
-        before_or_now: Callable[[], None],
+        divide: Callable[[], None],
     ) -> None:
         self._scene, self._residuals, self._shares, self._titles = scene, residuals, shares, titles
         self._report_of, self._facts = report_of, QueryCache[tuple[int, int], ResultFacts](background.post)
@@ -70,7 +70,7 @@ class ResultCard:
                 "lesson": press(lambda: open_lesson(LESSON_OF_PAPER)),
                 "share": choice_of(make, lambda: list(titles), "file"),
                 "cancel": press(shares.cancel),
-                "compare": press(before_or_now),
+                "divide": press(divide),
             }
         )
 
@@ -121,9 +121,9 @@ class ResultCard:
         )
 
     def _compare(self, page_state: PageState) -> str:
-        """A button that shows the surface before, and again as it is."""
-        hint, is_before = "Surface at the start or now (X)", page_state.shape == START_SHAPE
-        return f"<div class='row chips'>{chip('Before', self._events('compare'), hint, is_before)}</div>"
+        """A button for the divider between the start and now."""
+        hint = "Start and current moment, textured, with a divider to drag"
+        return f"<div class='row chips'>{chip('Before and now', self._events('divide'), hint, page_state.shows_divider)}</div>"
 
     def _worst(self, facts: ResultFacts) -> str:
         if not facts.worst:

@@ -10,7 +10,7 @@ from app.page_state.page_state import FLOW_SCALES, NOW_SHAPE, START_SHAPE, SURFA
 from app.panels.choice import choice
 from app.pictures.coloring import COLORINGS, PULL, available_colorings
 from app.pictures.texturer import MOST_FACES, MOST_FACES_VIEW_DEPENDENT
-from app.viser_bridge.html_events import Guarded, HtmlEvents, choice_of, integer
+from app.viser_bridge.html_events import Guarded, HtmlEvents, choice_of, integer, press
 from app.viser_bridge.html_panel import HtmlPanel
 from app.viser_bridge.synced_widget import SyncedSlider
 from fairing.errors import InputError
@@ -38,6 +38,7 @@ class SurfaceControls:
             {
                 "surface": choice_of(self.choose_surface, lambda: self._surfaces, "surface"),
                 "texture": choice_of(self.choose_texture, lambda: list(TEXTURES), "texture"),
+                "divider": press(self.toggle_divider),
                 "shape": choice_of(self.choose_shape, lambda: self._shapes, "shape"),
                 "photo": integer(self._choose_photo, "photo", -1, len(scene.views) - 1),
                 "term": choice_of(self._choose_term, lambda: list(TERMS), "term"),
@@ -60,6 +61,16 @@ class SurfaceControls:
 
     def shapes(self) -> dict[float, tuple[str, str]]:
         return {shape: (SHAPES[shape], self._events("shape", k)) for k, shape in enumerate(self._shapes)}
+
+    def divider(self) -> str:
+        """Markup of the button that switches the divider between start and now."""
+        return button(
+            "Before and now",
+            self._events("divider"),
+            hint="Start and current moment, textured, with a divider to drag",
+            css_class="small on" if self._page_state.shows_divider else "small",
+            pressed=self._page_state.shows_divider,
+        )
 
     def photos(self) -> str:
         """Markup of a control that selects the photo whose residuals or flow are shown, or all photos; else empty."""
@@ -123,6 +134,14 @@ class SurfaceControls:
         self._page_state.shape = round(float(shape), 3)
         self._republish()
 
+    def toggle_divider(self) -> None:
+        """Show the start at the left of a divider and now at its right, both textured; or now alone."""
+        state = self._page_state
+        state.is_divided = not state.shows_divider
+        if state.is_divided:
+            state.surface, state.shape = "textured", NOW_SHAPE
+        self._republish()
+
     def before_or_now(self) -> None:
         """From now to the start, from anything else to now."""
         self.choose_shape(START_SHAPE if self._page_state.shape == NOW_SHAPE else NOW_SHAPE)
@@ -161,6 +180,7 @@ class SurfacePanel:
             f"<h4>Surface</h4>{how}<div class='dim note'>texture</div>{textures}{self._note}"
             f"<div class='dim note'>coloured by</div>{colorings}{controls.photos()}{controls.terms()}"
             f"<div class='dim note'>vertices at</div>{shapes}"
+            f"<div class='row note'>{controls.divider()}</div>"
         )
         self._followed.follow(page_state.shape)
 

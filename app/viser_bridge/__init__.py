@@ -41,6 +41,7 @@ Scene
 - `mesh_swap`: a GLB node blinks when its file changes, and textures or vertex colors need GLB (#249, #562).
 - `before_frame`: viser has no function that is called before a frame is drawn.
 - `moving_texture`: the vertices of a GLB mesh cannot be moved.
+- `split_view`: every node is drawn in the whole view.
 - `instance_marks`: a node with another number of instances is made anew, and loses clicks meanwhile; levels of detail leave
   small shapes as they are.
 - `corner_control`: callbacks of transform controls overtake each other.
