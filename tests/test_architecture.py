@@ -104,7 +104,8 @@ ALLOWED: dict[str, set[str]] = {
     },
     "app.guides": {"app", "app.lessons", "fairing", "fairing.io"},
     "app.notebook": {
-        *("app", "app.files", "app.experiments", "app.panels", "app.export", "app.page", "app.viser_bridge", "engine"),
+        *("app", "app.debugger", "app.files", "app.experiments", "app.panels", "app.export", "app.page", "app.viser_bridge"),
+        "engine",
     },
     "app.flips": {
         *(
