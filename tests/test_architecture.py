@@ -104,7 +104,16 @@ ALLOWED: dict[str, set[str]] = {
     },
     "app.guides": {"app", "app.lessons", "fairing", "fairing.io"},
     "app.notebook": {
-        *("app", "app.debugger", "app.files", "app.experiments", "app.panels", "app.export", "app.page", "app.viser_bridge"),
+        *(
+            "app",
+            "app.debugger",
+            "app.files",
+            "app.experiments",
+            "app.panels",
+            "app.export",
+            "app.page",
+            "app.viser_bridge",
+        ),
         "engine",
     },
     "app.flips": {
