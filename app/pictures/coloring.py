@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 
 from app.debugger.moment_pulls import MomentPulls, moment_pulls
-from app.palette import LOCKED, NOW, REFERENCE, REJECTED, RGB, SELECTED, START, TRUTH
+from app.palette import HAND, LOCKED, NOW, REFERENCE, REJECTED, RGB, SELECTED, START, TRUTH
 from app.pictures.term_colors import COLOR_OF_TERM
 from fairing.judge import quantities
 from fairing.judge.face_residuals import FaceResiduals, face_residuals
@@ -44,6 +44,7 @@ REASON_COLORS: dict[StepReason, tuple[str, RGB]] = {
     StepReason.FITTED_TO_POINTS: ("fitted to sparse points", (110, 180, 200)),
     StepReason.FITTED_AGAIN: ("fitted to sparse points again", (60, 130, 160)),
     StepReason.REJECTED_FIT: ("smoothing or fit rejected by photos", (140, 140, 150)),
+    StepReason.READ_FROM_FILE: ("read from a file", HAND),
 }
 
 
