@@ -59,7 +59,8 @@ STYLE = f"""
 .ef .swatch {{ width: 10px; height: 10px; border-radius: 3px; flex: none; }}
 .ef .kind .swatch {{ display: inline-block; margin-right: 3px; }}
 .ef .pulls .swatch {{ display: inline-block; margin-right: 6px; }} .ef .pulls th.n {{ text-align: right; }}
-.ef .pulls th {{ white-space: nowrap; }} .ef .pulls tr > * {{ padding: 1px 0; }}
+.ef .pulls th {{ white-space: nowrap; }} .ef .pulls tr > * {{ padding: 1px 0 1px 6px; }}
+.ef .pulls tr > :first-child {{ padding-left: 0; }}
 .ef .pulls th.title {{ white-space: normal; font-weight: 600; color: var(--strong); }} .ef .pulls th.n {{ vertical-align: bottom; }}
  .ef .pulls tr:last-child > * {{ border-top: 1px solid var(--line); }}
 .ef .photos {{ table-layout: fixed; }} .ef .photos th:first-child {{ width: 44%; }} .ef .photos th.n {{ text-align: right; }}

@@ -153,7 +153,7 @@ def test_the_table_has_a_row_for_every_term_and_the_whole_step(session: Session)
         assert f"{solid(COLOR_OF_TERM[pull.name])}'></i>{pull.name}<" in shown
     assert shown.count("<tr") == len(found.pulls) + 2
     assert "Pulls on the next step<" in shown
-    assert "another step of the last sweep" in pulls_html(found, 0, "", is_over=True)
+    assert "one more step" in pulls_html(found, 0, "", is_over=True)
 
 
 def test_arrows_lie_head_to_tail_and_end_where_the_step_ends(session: Session):

@@ -112,7 +112,7 @@ def replay(page: Page, session: Session) -> np.ndarray:
         path = Path(folder) / "page.html"
         write_page(RunFacts(session, path.parent), path, 2, lambda fraction: None)
         page.goto(path.as_uri())
-        wait_for(lambda: page.evaluate("viewer.loaded === data.keyframes.length"))
+        wait_for(lambda: page.evaluate("viewer?.loaded === data.keyframes.length"))
         page.get_by_role("button", name="Both", exact=True).click()
         page.evaluate("go(data.length)")
         return settled(page)

@@ -64,7 +64,7 @@ def pulls_html(found: MomentPulls, vertex: int, when: str, is_over: bool) -> str
         when: added to the title.
         is_over: whether the run has finished, so that no next step follows.
     """
-    what = "another step of the last sweep" if is_over else "the next step"
+    what = "one more step" if is_over else "the next step"
     rows = "".join(
         _row(
             f"<i class='swatch' style='background:{solid(COLOR_OF_TERM[pull.name])}'></i>{text(pull.name)}",
