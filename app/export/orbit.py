@@ -29,9 +29,7 @@ def orbit(scenes: Sequence[Scene], size: int) -> list[Camera]:
     directions = stage.camera_centers / np.linalg.norm(stage.camera_centers, axis=1, keepdims=True)
     goes_around = np.linalg.norm(directions.mean(axis=0)) < MIN_MEAN
     farthest = np.pi * (1 - 1 / VIEWS) if goes_around else ASIDE
-    focal = (size - 1) / 2 * np.sqrt(DISTANCE**2 - 1)
-    K = np.array([[focal, 0, (size - 1) / 2], [0, focal, (size - 1) / 2], [0, 0, 1]])
-    cameras = []
+    poses, reach = [], 0.0
     for angle in np.linspace(-farthest, farthest, VIEWS):
         cos, sin = np.cos(angle), np.sin(angle)
         direction = cos * begin + sin * np.cross(up, begin) + (1 - cos) * (up @ begin) * up
@@ -39,8 +37,12 @@ def orbit(scenes: Sequence[Scene], size: int) -> list[Camera]:
         right = np.cross(-direction, up)
         right /= np.linalg.norm(right)
         R = np.stack([right, np.cross(-direction, right), -direction])
-        cameras.append(Camera.from_krt(K, R, -R @ eye, size, size))
-    return cameras
+        poses.append((R, eye))
+        seen = (used - eye) @ R.T
+        reach = max(reach, float(np.abs(seen[:, :2] / seen[:, 2:]).max()))
+    focal = (size - 1) / 2 / reach
+    K = np.array([[focal, 0, (size - 1) / 2], [0, focal, (size - 1) / 2], [0, 0, 1]])
+    return [Camera.from_krt(K, R, -R @ eye, size, size) for R, eye in poses]
 
 
 def orbit_pictures(
