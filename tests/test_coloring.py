@@ -1,5 +1,7 @@
 """Quantities on the mesh agree with what the record says, and every colour can be read back from the scale."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -107,6 +109,14 @@ def test_reasons_colour_the_surroundings_of_each_vertex_without_mixing():
     assert expected < colors
     for reason in values[:6]:
         assert text(REASON_COLORS[StepReason(int(reason))][0]) in legend_html(mesh.legend)
+
+
+def test_the_legend_says_why_values_of_one_photo_are_unknown():
+    legend = color_mesh(COLORINGS["residual"], np.array([1.0, np.nan, np.nan, 2, 3, 4]), VERTICES, FACES).legend
+    assert "2 faces unknown: too few photos" in legend_html(legend)
+    assert "2 faces unknown: not seen in this photo" in legend_html(
+        replace(legend, why_unknown="not seen in this photo")
+    )
 
 
 def test_every_reason_has_a_colour():

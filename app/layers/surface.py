@@ -231,6 +231,7 @@ class SurfaceLayer:
             self.legend = replace(
                 legend,
                 note=self._note(drawn, page_state.flow_scale),
+                why_unknown="" if drawn.view is None else "not seen in this photo",
                 moment=None if drawn.moment == wanted.moment else drawn.moment,
                 awaited="" if drawn.coloring == name else COLORINGS[name].title,
             )

@@ -135,7 +135,8 @@ def legend_html(legend: Legend) -> str:
     elif legend.unknown == 0 or legend.largest:
         parts.append(_entry(_color(0), f"all {whose}", _value(legend.low, legend)))
     if legend.unknown:
-        reason = f": {coloring.unknown}" if coloring.unknown else ""
+        why = legend.why_unknown or coloring.unknown
+        reason = f": {why}" if why else ""
         these = whose if legend.unknown > 1 else "face" if coloring.by_face else "vertex"
         parts.append(_entry(UNKNOWN, f"{legend.unknown} {these} unknown{reason}", ""))
     if legend.awaited:

@@ -167,6 +167,7 @@ class Legend:
         low, high: values at the ends of the scale; equal if there is only one value.
         smallest, largest: extremes of all values; they may lie beyond the ends of the scale.
         unknown: number of faces or vertices without a value.
+        why_unknown: the reason, in place of that of the colouring; may be empty.
         categories: name, colour and count of each category, for `Scale.CATEGORY`.
         moment: the moment of the values, where it is not the present one.
         note: the photos or the term that the values come from, and what the arrows show; may be empty.
@@ -182,6 +183,7 @@ class Legend:
     categories: tuple[tuple[str, RGB, int], ...] = ()
     moment: int | None = None
     note: str = ""
+    why_unknown: str = ""
     awaited: str = ""
 
 
