@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from app.layers.flow_arrows import HEAD, displacement_arrows, flow_arrows
+from app.page_state.page_state import PageState
+from app.page_state.residual_source import flow_scale
 from app.pictures.coloring import COLORINGS
 from demo_scenes import load_demo
 from fairing.errors import Cancelled
@@ -90,6 +92,23 @@ def test_arrows_start_at_the_faces_and_are_as_long_as_asked(session: Session):
     heads = np.linalg.norm(arrows[:, 1:, 1] - arrows[:, 1:, 0], axis=-1)
     assert heads == pytest.approx(np.linalg.norm(shaft, axis=1)[:, None] * HEAD * np.hypot(1, 0.5) * np.ones((1, 2)))
     assert 0 < LEAST_CONFIDENCE < 1
+
+
+@pytest.mark.parametrize("factor", [1e-6, 1.0, 1e3])
+def test_arrows_of_automatic_length_fit_the_faces_whatever_the_flow(session: Session, factor: float):
+    found = face_residuals(session, 0)
+    found, mesh, state = replace(found, flow=factor * found.flow), session.scene.mesh, PageState()
+    edge = np.median(np.linalg.norm(np.diff(mesh.vertices[mesh.edges], axis=1), axis=2))
+    for view in (None, int(found.views[0])):
+        state.residual_view = view
+        scale = flow_scale(found, state, mesh, mesh.vertices)
+        shown = ~np.isnan(found.flow_px) & (True if view is None else found.views == view)
+        longest = np.quantile(np.linalg.norm(found.flow[shown], axis=1), 0.9)
+        assert scale >= 1
+        assert scale == 1 or 0.2 * edge < scale * longest <= 0.61 * edge
+    state.flow_scale = 30
+    assert flow_scale(found, state, mesh, mesh.vertices) == 30
+    assert flow_scale(None, PageState(), mesh, mesh.vertices) == 1
 
 
 def test_flows_of_all_photos_become_one_arrow_a_face_to_where_the_rays_meet(session: Session):

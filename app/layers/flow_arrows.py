@@ -5,7 +5,7 @@ import viser
 
 from app.debugger.run_state import RunState
 from app.page_state.page_state import NOW_SHAPE, PageState
-from app.page_state.residual_source import ResidualSource
+from app.page_state.residual_source import ResidualSource, flow_scale
 from app.palette import FLOW
 from app.stage import SIZE, Stage
 from app.viser_bridge.line_node import LineNode
@@ -77,7 +77,7 @@ class FlowArrowsLayer:
     """All arrows in one node, shown while the surface is coloured by the flow and its vertices are drawn where they are."""
 
     def __init__(self, client: viser.ClientHandle, stage: Stage, scene: Scene, source: ResidualSource) -> None:
-        self._stage, self._source = stage, source
+        self._stage, self._source, self._mesh = stage, source, scene.mesh
         self._centers = np.array([view.camera.center for view in scene.views])
         self._lines = LineNode(client, "/flow_arrows", FLOW, 2.0)
 
@@ -87,7 +87,7 @@ class FlowArrowsLayer:
         if found is None:
             self._lines.hide()
             return
-        view, scale = page_state.residual_view, page_state.flow_scale
+        view, scale = page_state.residual_view, flow_scale(found, page_state, self._mesh, state.vertices)
         if view is None:
             arrows, pairs = displacement_arrows(found, self._centers, scale)
         else:

@@ -16,7 +16,7 @@ from app.debugger.run_state import Activity, RunState
 from app.layers.view_dependent_texture import ViewDependentTexture
 from app.page_state.page_state import NOW_SHAPE, START_SHAPE, TRUE_SHAPE, PageState
 from app.page_state.pull_source import PullSource
-from app.page_state.residual_source import ResidualSource
+from app.page_state.residual_source import ResidualSource, flow_scale
 from app.palette import SURFACE
 from app.pictures.coloring import COLORINGS, DIFFERENCE, PULL, Legend, color_mesh
 from app.pictures.texturer import MOST_FACES, MOST_FACES_VIEW_DEPENDENT, Texturer
@@ -230,7 +230,7 @@ class SurfaceLayer:
             drawn, _, legend = self._drawn
             self.legend = replace(
                 legend,
-                note=self._note(drawn, page_state.flow_scale),
+                note=self._note(drawn, state, page_state),
                 why_unknown="" if drawn.view is None else "not seen in this photo",
                 moment=None if drawn.moment == wanted.moment else drawn.moment,
                 awaited="" if drawn.coloring == name else COLORINGS[name].title,
@@ -253,7 +253,7 @@ class SurfaceLayer:
             self._drawn = (wanted, vertices, mesh.legend)
             self._colored.offer(GlbMesh(write_glb(mesh.vertices, mesh.faces, mesh.uv, mesh.picture, "image/png")))
 
-    def _note(self, wanted: Wanted, flow_scale: int) -> str:
+    def _note(self, wanted: Wanted, state: RunState, page_state: PageState) -> str:
         """The photos or the term that the values come from, and what arrows show, with the factor by which they are longer."""
         if wanted.term is not None:
             return f"Term: {wanted.term}"
@@ -262,7 +262,10 @@ class SurfaceLayer:
         photos, arrows = "All photos", "how far each face is off"
         if wanted.view is not None:
             photos, arrows = f"Photo {self._scene.views[wanted.view].name}", "the flow"
-        return f"{photos}. Arrows: {arrows}, ×{flow_scale}." if wanted.coloring == "flow" else photos
+        if wanted.coloring != "flow":
+            return photos
+        scale = flow_scale(self._residuals.at(state, page_state), page_state, self._scene.mesh, state.vertices)
+        return f"{photos}. Arrows: {arrows}, ×{scale:g}."
 
     def _take(self, wanted: Wanted, found: np.ndarray | Exception) -> None:
         self._answer = (wanted, found)

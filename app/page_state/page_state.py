@@ -33,7 +33,7 @@ HIDDEN_ON_LARGE_MESHES = {"now", "start"}
 LARGE_MESH = 200  # vertices; wireframes of larger meshes hide the surface
 MANY_VERTICES = 500  # marks of more hide the surface
 MAX_MAGNIFICATION = 50
-FLOW_SCALES = (10, 30, 100, 300)
+FLOW_SCALES: dict[int, str] = {0: "Auto", 10: "×10", 30: "×30", 100: "×100", 300: "×300"}
 PULL_SCALES: dict[int, str] = {0: "Auto", 1: "×1", 10: "×10", 100: "×100", 1000: "×1000"}
 SURFACES: dict[str, str] = {"none": "None", "flat": "Flat", "textured": "Textured"}
 START_SHAPE, NOW_SHAPE, TRUE_SHAPE = 0.0, 1.0, 2.0
@@ -74,7 +74,7 @@ class PageState:
         speed: playback speed; 1 is four moments per second.
         strip: quantity in the timeline's strip, of `app.pictures.strip.KINDS`.
         surface: appearance of the faces, a key of `SURFACES` or of `app.pictures.coloring.COLORINGS`.
-        flow_scale: factor by which the image flow is drawn longer on the surface, of `FLOW_SCALES`.
+        flow_scale: factor by which the image flow is drawn longer on the surface, of `FLOW_SCALES`; 0: one that fits.
         pull_scale: factor by which the arrows of pulls are drawn longer, of `PULL_SCALES`; 0: chosen to fit the mesh.
         pull_term: the term whose pull colours the surface.
         residual_view: the photo whose residuals or flow colour the surface; None: all photos.
@@ -104,7 +104,7 @@ class PageState:
     speed: float = 1.0
     strip: str = "energy"
     surface: str = "textured"
-    flow_scale: int = 100
+    flow_scale: int = 0
     pull_scale: int = 0
     pull_term: str = PHOTOS
     residual_view: int | None = None

@@ -79,6 +79,10 @@ def arrow_scale(found: MomentPulls, page_state: PageState, mesh: Mesh, vertices:
     edges = np.linalg.norm(vertices[neighbours[neighbours != vertex]] - vertices[vertex], axis=1)
     if reach == 0 or len(edges) == 0:
         return 1.0
-    wanted = DRAWN_REACH * float(edges.mean()) / reach
-    power = 10.0 ** np.floor(np.log10(max(wanted, 1e-300)))
-    return max(1.0, float(power * max(factor for factor in (1, 2, 5) if factor * power <= wanted * (1 + 1e-9))))
+    return round_scale(DRAWN_REACH * float(edges.mean()) / reach)
+
+
+def round_scale(most: float) -> float:
+    """The largest of 1, 2 or 5 times a power of ten that is at most so large; at least 1."""
+    power = 10.0 ** np.floor(np.log10(max(most, 1e-300)))
+    return max(1.0, float(power * max(factor for factor in (1, 2, 5) if factor * power <= most * (1 + 1e-9))))

@@ -1,10 +1,16 @@
 """Residual source: residuals and image flow of all faces, computed while the engine is paused and they are shown."""
 
+import numpy as np
+
 from app.debugger.controller import Controller
 from app.debugger.run_state import Activity, RunState
 from app.page_state.page_state import PageState
+from app.page_state.pull_source import DRAWN_REACH, round_scale
 from app.query_cache import QueryCache
 from fairing.judge.face_residuals import FaceResiduals, face_residuals
+from fairing.mesh import Mesh
+
+LONG = 0.9  # quantile of the lengths of arrows that may reach as far as `DRAWN_REACH`
 
 
 class ResidualSource:
@@ -21,3 +27,25 @@ class ResidualSource:
             self._cache.request(key, lambda session: face_residuals(session, moment, with_flow=with_flow))
         found = self._cache.result_for(key)
         return None if isinstance(found, Exception) else found
+
+
+def flow_scale(found: FaceResiduals | None, page_state: PageState, mesh: Mesh, vertices: np.ndarray) -> float:
+    """Length of the arrows of the flow, in lengths of the flow: as chosen, or one that fits the mesh.
+
+    Args:
+        found: the flow shown; None while it is computed.
+        vertices: (n, 3) float: positions, world units.
+    """
+    if page_state.flow_scale:
+        return float(page_state.flow_scale)
+    view = page_state.residual_view
+    lengths = np.zeros(0)
+    if found is not None:
+        lengths = np.linalg.norm(
+            found.flow[~np.isnan(found.flow_px) & (True if view is None else found.chosen(view))], axis=1
+        )
+    reach = float(np.quantile(lengths, LONG)) if len(lengths) else 0.0
+    if reach == 0:
+        return 1.0
+    edges = np.linalg.norm(vertices[mesh.edges[:, 1]] - vertices[mesh.edges[:, 0]], axis=1)
+    return round_scale(DRAWN_REACH * float(np.median(edges)) / reach)

@@ -42,7 +42,7 @@ class SurfaceControls:
                 "shape": choice_of(self.choose_shape, lambda: self._shapes, "shape"),
                 "photo": integer(self._choose_photo, "photo", -1, len(scene.views) - 1),
                 "term": choice_of(self._choose_term, lambda: list(TERMS), "term"),
-                "scale": choice_of(self._choose_scale, lambda: FLOW_SCALES, "arrow length"),
+                "scale": choice_of(self._choose_scale, lambda: list(FLOW_SCALES), "arrow length"),
             }
         )
 
@@ -85,7 +85,7 @@ class SurfaceControls:
             for at, hint in ((view - 1 if view >= 0 else last, "Previous photo"),
                              (view + 1 if view < last else -1, "Next photo"))
         )  # fmt: skip
-        scales = {scale: (f"×{scale}", self._events("scale", k)) for k, scale in enumerate(FLOW_SCALES)}
+        scales = {scale: (label, self._events("scale", k)) for k, (scale, label) in enumerate(FLOW_SCALES.items())}
         arrows = f"<div class='dim note'>arrows longer by</div>{choice(scales, state.flow_scale, 'Arrows')}"
         return (
             f"<div class='dim note'>of the photo</div><div class='row'>{previous}<span class='grow one' "
