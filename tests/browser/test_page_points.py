@@ -144,8 +144,13 @@ def test_a_click_on_a_sparse_point_shows_its_track(visitor: Visitor):
         }""",
         place.tolist(),
     )
-    visitor.page.mouse.click(*at)
-    wait_for(lambda: page.page_state.point is not None)
+
+    def is_found() -> bool:  # a busy page may not have drawn the points yet
+        visitor.page.mouse.click(*at)
+        visitor.page.wait_for_timeout(1000)
+        return page.page_state.point is not None
+
+    wait_for(is_found)
     found = page.page_state.point
     visitor.page.get_by_text(f"Sparse point {found}", exact=True).wait_for()
     views = points.observations[points.observations[:, 0] == found, 1]
