@@ -96,8 +96,8 @@ def _table(names: Sequence[str], figures: Sequence[MeshFigures]) -> str:
         ("residual at the finest level, grey levels", "Over the faces of each mesh that at least three photos see.", -1,
          lambda each: each.residual),
         ("left-out photos, PSNR, dB", "Each photo predicted from the others, on the pixels that all meshes show.", 1,
-         lambda each: _mean(each.left_out.psnr)),
-        ("left-out photos, SSIM", "On the same pixels.", 1, lambda each: _mean(each.left_out.ssim)),
+         lambda each: each.psnr),
+        ("left-out photos, SSIM", "On the same pixels.", 1, lambda each: each.ssim),
         ("held-out points, median distance, %", "Sparse points that no fit of this program uses, the same for all meshes.", -1,
          lambda each: _median(each.held_out)),
         ("to the reference, median, %", "Samples of the mesh: how accurate it is.", -1, lambda each: _median(each.to_reference)),
@@ -116,11 +116,6 @@ def _table(names: Sequence[str], figures: Sequence[MeshFigures]) -> str:
         cells = "".join(f"<td{' class=best' * (value == best)}>{value}</td>" for value in shown)
         rows.append(f"<tr><th>{text(label)}<small>{text(meaning)}</small></th>{cells}</tr>")
     return f"<table><thead><tr><th></th>{head}</tr></thead><tbody>{''.join(rows)}</tbody></table>"
-
-
-def _mean(values: np.ndarray) -> float:
-    known = values[np.isfinite(values)]
-    return float(known.mean()) if len(known) else np.nan
 
 
 def _median(found: Distances | None) -> float:

@@ -1,5 +1,6 @@
 """Live debugger of a notebook or a script: the page on a session that the user's own loop may drive."""
 
+import threading
 from collections.abc import Iterator
 from html import escape
 
@@ -12,8 +13,6 @@ from app.page.server import App, start
 from fairing.errors import InputError
 from fairing.run.session import Session
 from fairing.trace import StepRecord
-
-WAIT_SECONDS = 1.0  # between two looks at whether a step is done, which may take minutes
 
 
 class LiveDebugger:
@@ -73,12 +72,7 @@ class LiveDebugger:
         controller = self._app.controller
         problems = controller.state.problems
         controller.post(command)
-        while True:
-            try:
-                state = controller.wait_until_idle(WAIT_SECONDS)
-                break
-            except TimeoutError:
-                continue
+        state = controller.wait_until_idle(threading.TIMEOUT_MAX)  # a step may take minutes
         if state.problems > problems:
             raise InputError(state.problem)
         return state

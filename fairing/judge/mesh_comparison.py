@@ -37,19 +37,25 @@ class MeshFigures:
     to_reference: Distances | None
     from_reference: Distances | None
 
+    @property
+    def psnr(self) -> float:
+        """Mean over the evaluated photos, dB; NaN without any."""
+        return _mean(self.left_out.psnr)
+
+    @property
+    def ssim(self) -> float:
+        """Mean over the evaluated photos; NaN without any."""
+        return _mean(self.left_out.ssim)
+
     def summary(self) -> dict[str, Any]:
         """Plain numbers for a report; distances in percent of the diagonal of all meshes together."""
-        known = np.isfinite(self.left_out.psnr)
-        psnr, ssim = (
-            float(values[known].mean()) if known.any() else None for values in (self.left_out.psnr, self.left_out.ssim)
-        )
         figures: dict[str, Any] = {
             "vertices": len(self.scene.mesh.vertices),
             "faces": len(self.scene.mesh.faces),
             "residual": self.residual,
-            "psnr": psnr,
-            "ssim": ssim,
-            "photos_judged": int(known.sum()),
+            "psnr": self.psnr if np.isfinite(self.psnr) else None,
+            "ssim": self.ssim if np.isfinite(self.ssim) else None,
+            "photos_judged": int(np.isfinite(self.left_out.psnr).sum()),
         }
         distances = {
             "held_out_points": self.held_out,
@@ -117,6 +123,11 @@ def compare_meshes(
         )
         for n, each in enumerate(scenes)
     ]
+
+
+def _mean(values: np.ndarray) -> float:
+    known = values[np.isfinite(values)]
+    return float(known.mean()) if len(known) else np.nan
 
 
 def _scene_with(scene: Scene, mesh: Mesh) -> Scene:
