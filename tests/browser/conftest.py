@@ -3,13 +3,15 @@
 from collections.abc import Generator, Iterator
 
 import pytest
-from playwright.sync_api import Browser, Page
+from playwright.sync_api import Browser, Page, expect
 
 from app.page.server import App, start
 from demo_scenes import load_demo
 from fairing.run.session import Session
 from tests.browser.driver import WINDOW, Visitor, chromium
 from tests.waiting import PATIENCE
+
+expect.set_options(timeout=1000 * PATIENCE)
 
 
 @pytest.fixture(scope="module")

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from playwright.sync_api import expect
 
 from app.debugger.commands import JumpTo
 from app.debugger.run_state import Activity
@@ -57,7 +58,7 @@ def test_steps_forward_and_back_by_button(visitor: Visitor):
         began = visitor.app.controller.state.moment
         state = visitor.press(f"Step one {extent}")
         assert state.moment > began, f"step one {extent} did not move on"
-        assert visitor.page.get_by_text("steps/s").count() == 0, "a speed while nothing runs"
+        expect(visitor.page.get_by_text("steps/s"), "a speed while nothing runs").to_have_count(0)
         visitor.sees_vertices(page_vertices(visitor.app, state.moment))
     for extent in ("iteration", "vertex", "sweep", "level"):
         began = visitor.app.controller.state.moment
@@ -110,7 +111,7 @@ def test_a_key_with_nothing_to_do_shows_one_notice_that_lies_below_the_dialog_of
         page.keyboard.press(key)
         notices.first.wait_for()
         page.wait_for_timeout(300)
-    assert notices.count() == 1
+    expect(notices).to_have_count(1)
     assert "Nothing to do" in notices.inner_text()
     page.keyboard.press("Shift+?")
     dialog = page.locator(".mantine-Modal-content")
@@ -334,7 +335,7 @@ def test_a_dead_thread_is_one_notification_that_names_the_report_and_the_palette
     state = controller.wait_until_idle()
     assert (state.moment, state.trace) == (before.moment, before.trace)
     notifications = page.locator(".mantine-Notification-root")
-    assert notifications.count() == 1
+    expect(notifications).to_have_count(1)
     assert "The command 'Save a problem report' writes the details to" in notifications.inner_text()
     page.keyboard.press("Control+k")
     page.get_by_placeholder("Search").fill("Save a problem report")

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from playwright.sync_api import Page
+from playwright.sync_api import Page, expect
 
 from app.debugger.actions import ACTIONS
 from app.debugger.commands import JumpTo, Pause, Restart, Run
@@ -92,14 +92,14 @@ def test_while_a_step_runs_the_main_button_cancels_and_the_status_says_how_far_i
     page.get_by_text("Searching 81 vertices, 4 of 15").wait_for()
     page.get_by_text("s left").first.wait_for()
     page.get_by_role("progressbar", name="Searching 81 vertices").wait_for()
-    assert page.get_by_text("Ready", exact=True).count() == 0
+    expect(page.get_by_text("Ready", exact=True)).to_have_count(0)
     page.keyboard.press("]")
     page.get_by_text("Next: Step one sweep").wait_for()
     visitor.button("Cancel").click()
     wait_for(lambda: controller.state.activity is Activity.PAUSED)
     assert controller.wait_until_idle(PATIENCE).moment == 0
     visitor.button("Run").wait_for()
-    assert page.get_by_text("Next: Step one sweep").count() == 0
+    expect(page.get_by_text("Next: Step one sweep")).to_have_count(0)
 
 
 def test_the_texture_stays_on_the_moving_mesh_and_is_painted_again(visitor: Visitor, slow_steps: threading.Semaphore):
@@ -209,15 +209,15 @@ def test_the_opening_page_has_a_bar_and_keys_wait_for_the_scene_and_the_compilat
         bar = page.get_by_role("progressbar", name="Opening").bounding_box()
         assert bar is not None
         assert abs(bar["x"] + bar["width"] / 2 - (WINDOW["width"] - 340) / 2) < 60, "the card is not in the middle"
-        assert not page.get_by_text("Save Canvas").is_visible()
+        expect(page.get_by_text("Save Canvas")).to_be_hidden()
         page.keyboard.press("F11")
         page.get_by_text("Waits until the scene is open: Step one iteration").wait_for()
         app = App(server, Session(load_demo("cube"), OPTIONS), compilation=compilation)  # pyright: ignore[reportArgumentType]
         page.get_by_text("Next: Step one iteration").wait_for()
         page.get_by_text("Compiling the engine, first start: 9 of 24").wait_for()
-        assert not page.get_by_text("Opening cube").is_visible()
+        expect(page.get_by_text("Opening cube")).to_be_hidden()
         assert page.evaluate(TOO_WIDE) == [], "a long line makes the panel scroll sideways"
-        assert not page.locator(".ef-opening").is_visible()
+        expect(page.locator(".ef-opening")).to_be_hidden()
         assert app.controller.state.moment == 0
         compilation.finished.set()
         wait_for(lambda: app.controller.state.moment == 1)

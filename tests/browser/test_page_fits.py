@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from playwright.sync_api import Locator
+from playwright.sync_api import Locator, expect
 
 from app.debugger.commands import Restart, Run
 from app.debugger.history import StageProgress
@@ -321,7 +321,7 @@ def test_the_viewer_settings_have_no_serious_findings_of_axe_and_their_tree_obey
             page.get_by_role("button", name=name, exact=True).press("Enter")
         page.get_by_role("button", name="Clear visibility of /paths", exact=True).press("Enter")
         page.get_by_role("button", name="Hide /paths", exact=True).wait_for()
-        assert page.get_by_role("button", name="Clear visibility of /paths", exact=True).count() == 0
+        expect(page.get_by_role("button", name="Clear visibility of /paths", exact=True)).to_have_count(0)
         page.get_by_role("button", name="Collapse /mesh", exact=True).press("Enter")
         page.get_by_label("Dev Settings").uncheck()
     finally:
@@ -377,7 +377,7 @@ def test_the_palette_lists_a_command_once_with_all_its_keys_and_all_of_them_work
     entries = visitor.page.locator(".mantine-Spotlight-action", has_text="Step one iteration")
     entries.first.wait_for()
     assert [entry.inner_text().split("\n")[-1] for entry in entries.all()][:1] == ["F11, I (.)"]
-    assert entries.filter(has_not_text="back").count() == 1
+    expect(entries.filter(has_not_text="back")).to_have_count(1)
     visitor.page.keyboard.press("Escape")
     visitor.page.locator(".mantine-Spotlight-action").first.wait_for(state="detached")
     moments = [visitor.key(key).moment for key in ("F11", "i", ".")]

@@ -7,7 +7,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from playwright.sync_api import Browser
+from playwright.sync_api import Browser, expect
 
 from app.layers.certainty import PIECES, CertaintyLayer
 from app.page.server import App, start
@@ -167,7 +167,7 @@ def test_colours_of_another_quantity_say_so_until_the_chosen_one_is_computed(
         may_compute.set()
     overlay.get_by_text("Image flow of each face", exact=True).wait_for()
     overlay.get_by_text(re.compile(r"^All photos\. Arrows: how far each face is off, ×\d+\.$")).wait_for()
-    assert overlay.get_by_text("Computing").count() == 0
+    expect(overlay.get_by_text("Computing")).to_have_count(0)
     visitor.button("Arrows: ×30").click()
     overlay.get_by_text("All photos. Arrows: how far each face is off, ×30.", exact=True).wait_for()
     visitor.button("Arrows: Auto").click()

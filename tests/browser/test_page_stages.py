@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 
 import pytest
+from playwright.sync_api import expect
 
 from app.debugger.commands import JumpTo
 from app.page.server import App, start
@@ -54,7 +55,7 @@ def test_keys_and_buttons_step_over_stages_forwards_and_back(visitor: Visitor, s
 def test_the_band_names_the_stages_and_leads_to_them(visitor: Visitor, stages: list[RecordedStage]):
     go_to(visitor, 1)
     parts = visitor.page.get_by_role("list", name="Stages").get_by_role("listitem")
-    assert parts.count() == len(stages)
+    expect(parts).to_have_count(len(stages))
     axes = first_of(stages, StageKind.AXES)
     part = parts.nth(stages.index(axes))
     hint = part.get_attribute("title")
@@ -91,11 +92,11 @@ def test_the_plots_of_energy_leave_fits_out_and_the_plot_of_fits_photos(visitor:
     page.get_by_role("img", name="Fit plot").wait_for()
     fits = [stage for stage in stages if stage.kind.is_fit]
     lines = page.get_by_role("img", name="Fit plot").locator("polyline")
-    assert lines.count() == len(fits) + 1, "the line of the first one is pale from the current moment on"
+    expect(lines, "the line of the first one is pale from the current moment on").to_have_count(len(fits) + 1)
     chips.get_by_role("button", name="energy", exact=True).click()
     plot = page.get_by_role("img", name="Sweep energy plot")
     plot.wait_for()
-    assert plot.locator("circle[r='4']").count() == 0, "no value is marked where no photo was read"
+    expect(plot.locator("circle[r='4']"), "no value is marked where no photo was read").to_have_count(0)
     photos = [stage for stage in stages if stage.kind is StageKind.PHOTOS]
     go_to(visitor, photos[0].begin + 1)
     plot.locator("circle[r='4']").wait_for()
