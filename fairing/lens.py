@@ -120,6 +120,13 @@ class Lens:
             straight[~inside.all(axis=1)] = np.nan
         return straight
 
+    def distort(self, pixels: np.ndarray) -> np.ndarray:
+        """The inverse of `undistort`: pixels (n, 2) of the distorted photo from pixels (n, 2) of the undistorted one."""
+        if not self.is_distorted:
+            return pixels
+        rays = (pixels - self.pinhole_K[:2, 2]) / self.pinhole_K[[0, 1], [0, 1]]
+        return self._distort(rays) @ self.K[:2, :2].T + self.K[:2, 2]
+
     def undistort_photo(self, photo: np.ndarray) -> np.ndarray:
         """The undistorted photo of a photo (h, w, 3), by Lanczos interpolation (ledger: interpolation of undistortion)."""
         return self._remap(photo, cv2.INTER_LANCZOS4)

@@ -1,7 +1,7 @@
 """Photos and masks, decoded on demand."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol
 
@@ -134,6 +134,31 @@ class ResizedPhoto:
 
 
 @dataclass(frozen=True, eq=False)
+class UndistortedPhoto:
+    """Another photo, freed from a distortion that was found in it."""
+
+    whole: Photo
+    lens: Lens
+
+    @property
+    def size(self) -> tuple[int, int]:
+        return self.whole.size
+
+    def load(self) -> np.ndarray:
+        return _of_8_bits(self.full_depth())
+
+    def full_depth(self) -> np.ndarray:
+        return _kept(self, lambda: self.lens.undistort_photo(self.whole.full_depth()))
+
+
+def has_given_lens(photo: Photo) -> bool:
+    """Whether a photo was undistorted by a lens that its capture gives."""
+    if isinstance(photo, (ResizedPhoto, UndistortedPhoto)):
+        return has_given_lens(photo.whole)
+    return isinstance(photo, FilePhoto) and photo.lens is not None
+
+
+@dataclass(frozen=True, eq=False)
 class Mask:
     """The part of a photo that is used, from an image of the photo's size, the photo's own alpha channel, or both.
 
@@ -165,6 +190,10 @@ class Mask:
             return self.resized
         stored = read_header(self.files[0]).size
         return turned_size(stored, self.alpha_orientation if self.path is None else self.orientation)
+
+    def undistorted(self, lens: Lens) -> "Mask":
+        """The mask of the photo freed from a distortion; `lens` is that of the photo at the size of the mask."""
+        return replace(self, lens=lens.resized(*replace(self, resized=None).size))
 
     def load(self) -> np.ndarray:
         """(height, width) bool: True where the photo is used."""

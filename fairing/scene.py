@@ -24,8 +24,8 @@ PointsChoice = Literal["automatic", "given", "own", "both", "none"]
 
 CamerasChoice = Literal["automatic", "refine", "refine_lens", "given"]
 """Cameras of a run: "given" with the capture, or "refine": poses corrected where held-out points are clearly better with them
-(`fairing.cameras`); "refine_lens": focal lengths and principal points, too. "automatic": "refine" for captures; "given" for
-demo scenes, whose cameras are exact."""
+(`fairing.cameras`); "refine_lens": focal lengths, principal points and unknown radial distortion, too. "automatic": "refine"
+for captures; "given" for demo scenes, whose cameras are exact."""
 
 Around = Literal["automatic", "object", "everything"]
 """Points that become vertices where there is no mesh: those of the object, in a box around what most photos look at, or all.

@@ -5,6 +5,7 @@ import json
 from dataclasses import replace
 from functools import cache
 
+import cv2
 import numpy as np
 import pytest
 from rich.console import Console
@@ -20,18 +21,22 @@ from fairing.errors import Cancelled, InputError
 from fairing.features import find_points
 from fairing.io import feature_points, refined_once
 from fairing.io.colmap_text import read_text_model
+from fairing.io.colmap_write import write_text_model
 from fairing.io.convert import write_capture
-from fairing.io.load import load_scene
+from fairing.io.load import load_capture, load_scene
 from fairing.io.output_folder import prepare_output_folder
-from fairing.options import PRESETS
+from fairing.lens import Lens
+from fairing.options import PRESETS, FairingOptions
 from fairing.photo import ArrayPhoto
 from fairing.run.recorded_refinement import RecordedRefinement
 from fairing.run.session import Session
-from fairing.run.trace_header import header_of, inputs_of, scene_of_trace
+from fairing.run.trace_header import header_of, inputs_of, scene_of_trace, with_recorded_cameras
 from fairing.scene import Scene, SparsePoints
 from fairing.trace import Trace
-from tests.wrong_cameras import exact_scene, turned
+from tests.wrong_cameras import bent, exact_scene, turned
 
+BENT = (-0.15, 0.0)
+"""Radial distortion of a lens: 15 px at the corners, 2.6 px at the edges of the building."""
 PARTS = ("keypoints of 9 photos", "matching photos", "adjustment")
 
 
@@ -283,6 +288,101 @@ def test_the_command_writes_corrected_cameras_and_resumes_with_them(tmp_path):
     assert fair_to_folder(*arguments, True, RunExtras(), console) == 0
     assert (out / "mesh.ply").read_bytes() == mesh
     assert json.loads((out / "report.json").read_text())["cameras"] == report["cameras"]
+
+
+@cache
+def refined_of_bent() -> Refinement:
+    return refine(bent(exact_scene(), *BENT).views, adjusts_lens=True)
+
+
+def bend(lens: Lens) -> float:
+    """Where a lens shows a ray near the edge of what the photos show, less where a pinhole with its pixels there would, px."""
+    radius, (k1, k2) = 0.35, lens.distortion[:2]
+    return float(lens.K[0, 0] * radius**3 * (k1 + k2 * radius**2))
+
+
+@pytest.mark.slow
+def test_the_distortion_of_photos_without_one_is_found_and_removed():
+    scene, found = bent(exact_scene(), *BENT), refined_of_bent()
+    assert found.taken
+    assert found.judgement is not None
+    assert found.judgement.error_after < 0.6 * found.judgement.error_before
+    width, height = exact_scene().views[0].camera.width, exact_scene().views[0].camera.height
+    true = Lens(exact_scene().views[0].camera.K, np.array(BENT), width, height)
+    off = [abs(bend(lens) - bend(true)) for lens in found.lenses if lens is not None]
+    assert len(off) == len(scene.views)
+    assert max(off) < 0.2 * abs(bend(true)), (off, bend(true))
+    for view, before, exact in zip(found.corrected_views(scene.views), scene.views, exact_scene().views, strict=True):
+        inner = np.s_[40:-40, 40:-40]
+        wrong, left = (
+            np.abs(v.photo.load()[inner].astype(float) - exact.photo.load()[inner]).mean() for v in (before, view)
+        )
+        assert left < 0.75 * wrong, "the undistorted photo is not nearer to the one without distortion"
+
+
+@pytest.mark.slow
+def test_found_lenses_are_recorded_and_written_and_read_again_alike(tmp_path):
+    scene, found = bent(exact_scene(), *BENT), refined_of_bent()
+    kept = Refinement.of_facts(json.loads(json.dumps(found.facts())), found.cameras, found.iterations)
+    assert [lens.distortion.tolist() for lens in kept.lenses if lens] == [
+        lens.distortion.tolist() for lens in found.lenses if lens
+    ]
+    corrected = replace(with_cameras(scene, found.cameras, found.lenses), refinement=found)
+    header = json.loads(json.dumps(header_of(corrected, PRESETS["accurate"])))
+    again = with_recorded_cameras(scene, header)
+    half = with_recorded_cameras(
+        replace(
+            scene, views=tuple(view.resized(view.camera.width // 2, view.camera.height // 2) for view in scene.views)
+        ),
+        header,
+    )
+    for ours, theirs, small in zip(corrected.views, again.views, half.views, strict=True):
+        np.testing.assert_array_equal(ours.camera.image_from_world, theirs.camera.image_from_world)
+        np.testing.assert_array_equal(ours.photo.load(), theirs.photo.load())
+        reduced = ours.resized(*small.photo.size).photo.load()
+        assert np.abs(small.photo.load()[5:-5, 5:-5].astype(float) - reduced[5:-5, 5:-5]).mean() < 1.5
+    images = tmp_path / "images"
+    images.mkdir()
+    for view in scene.views:
+        cv2.imwrite(str(images / f"{view.name}"), view.photo.load()[..., ::-1])
+    write_text_model(tmp_path / "sparse", corrected.views, None, found.lenses)
+    read = load_capture(tmp_path)
+    assert len(read.views) == len(corrected.views)
+    for ours, theirs in zip(corrected.views, read.views, strict=True):
+        np.testing.assert_allclose(theirs.camera.image_from_world, ours.camera.image_from_world, rtol=1e-6, atol=1e-6)
+        assert np.abs(theirs.photo.load().astype(int) - ours.photo.load()).max() <= 1
+
+
+@pytest.mark.slow
+def test_a_run_reads_the_undistorted_photos(tmp_path, monkeypatch):
+    monkeypatch.setenv("EIGENFAIRING_CACHE", str(tmp_path))
+    options = FairingOptions().with_levels(blur=(3.0,), max_sweeps=1)
+    session = Session(replace(bent(exact_scene(), *BENT), cameras_choice="refine_lens", points_choice="none"), options)
+    session.choose_inputs()
+    assert session.scene.cameras_origin == "corrected"
+    fresh = Session(session.scene, options)
+    for run in (session, fresh):
+        run.run()
+    assert [step.energy_before for step in session.trace.steps] == [step.energy_before for step in fresh.trace.steps]
+    np.testing.assert_array_equal(session.vertices, fresh.vertices)
+
+
+@pytest.mark.slow
+def test_points_follow_the_undistorted_photos():
+    scene, found = bent(exact_scene(), *BENT), refined_of_bent()
+    seen = find_points(scene.views)
+    point = np.repeat(np.arange(len(seen)), seen.n_views)
+    points = SparsePoints(seen.positions, seen.colors, np.column_stack([point, seen.photos]), seen.pixels)
+    moved = found.corrected_points(points)
+    assert moved is not None
+    errors = []
+    for p, cameras, pixels in (
+        (points, [v.camera for v in scene.views], points.pixels),
+        (moved, found.cameras, moved.pixels),
+    ):
+        shown = [cameras[v].project(p.positions[i])[0] for i, v in p.observations.tolist()]
+        errors.append(np.median(np.linalg.norm(np.array(shown) - pixels, axis=1)))
+    assert errors[1] < 0.6 * errors[0], errors
 
 
 @pytest.mark.slow

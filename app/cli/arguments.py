@@ -63,9 +63,9 @@ CamerasArgument = Annotated[
     CamerasChoice,
     tyro.conf.arg(
         help="Cameras: as given, or refined: their poses are corrected by bundle adjustment over points found in the photos. "
-        "With refine_lens also focal lengths and principal points. Corrected cameras are used where held-out points are "
-        "clearly better with them; `fair` writes them to the folder cameras as a COLMAP model. Automatic: refine; for demos "
-        "given.",
+        "With refine_lens also focal lengths, principal points and, where none is given, radial distortion. Corrected cameras "
+        "are used where held-out points are clearly better with them; `fair` writes them to the folder cameras as a COLMAP "
+        "model. Automatic: refine; for demos given.",
     ),
 ]
 TermsArgument = Annotated[

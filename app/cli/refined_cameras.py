@@ -6,6 +6,7 @@ from pathlib import Path
 from rich.console import Console
 
 from app.cli.lines import print_line
+from fairing.cameras.corrected_scene import found_lens
 from fairing.errors import InputError
 from fairing.io.colmap_write import FILES, write_text_model
 from fairing.scene import SparsePoints, View
@@ -27,7 +28,7 @@ def write_cameras(views: Sequence[View] | None, points: SparsePoints | None, fol
             folder.rmdir()
         return
     try:
-        write_text_model(folder, views, points)
+        write_text_model(folder, views, points, [found_lens(view) for view in views])
     except InputError as error:
         print_line(console, f"note: the corrected cameras are not written: {error}")
         return

@@ -9,54 +9,65 @@ from numba import njit
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def project(K, rotations, centers, points, point, photo):
-    """Pixels (o, 2) and depths (o,), world units, of points (p, 3) in photos with intrinsics K and poses (v, 3, 3), (v, 3)."""
+def project(K, distortion, rotations, centers, points, point, photo):
+    """Pixels (o, 2) and depths (o,), world units, of points (p, 3) in photos with intrinsics K, k_1 and k_2 (v, 2), and poses
+    (v, 3, 3), (v, 3)."""
     pixels, depth = np.zeros((len(point), 2)), np.zeros(len(point))
     for o in range(len(point)):
         v, i = photo[o], point[o]
         R, k = rotations[v], K[v]
         dx, dy, dz = points[i, 0] - centers[v, 0], points[i, 1] - centers[v, 1], points[i, 2] - centers[v, 2]
-        x = R[0, 0] * dx + R[0, 1] * dy + R[0, 2] * dz
-        y = R[1, 0] * dx + R[1, 1] * dy + R[1, 2] * dz
         z = R[2, 0] * dx + R[2, 1] * dy + R[2, 2] * dz
-        h = k[2, 0] * x + k[2, 1] * y + k[2, 2] * z
-        pixels[o, 0] = (k[0, 0] * x + k[0, 1] * y + k[0, 2] * z) / h
-        pixels[o, 1] = (k[1, 0] * x + k[1, 1] * y + k[1, 2] * z) / h
-        depth[o] = h
+        x = (R[0, 0] * dx + R[0, 1] * dy + R[0, 2] * dz) / z
+        y = (R[1, 0] * dx + R[1, 1] * dy + R[1, 2] * dz) / z
+        squared = x * x + y * y
+        scale = 1 + squared * (distortion[v, 0] + squared * distortion[v, 1])
+        pixels[o, 0] = scale * (k[0, 0] * x + k[0, 1] * y) + k[0, 2]
+        pixels[o, 1] = scale * (k[1, 0] * x + k[1, 1] * y) + k[1, 2]
+        depth[o] = z
     return pixels, depth
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def linearise(K, rotations, centers, turns, length_unit, radius, n_parameters, points, point, photo):
+def linearise(
+    K, distortion, rotations, centers, turns, length_unit, radius, bending, n_parameters, points, point, photo
+):
     """Pixels (o, 2), depths (o,) and derivatives (o, 2, n) by the photo and (o, 2, 3) by the point, see `PoseModel.linearise`.
 
     Args:
         turns: (v, 3, 3) float: J_l / f.
         radius: (v,) float, px: r + e_1.
-        n_parameters: 6, or 9 with intrinsics.
+        bending: (v, 2) float, 1 / px: k_1 / e_4 and k_2 / e_5.
+        n_parameters: 6, or 11 with intrinsics.
     """
-    pixels, depth = project(K, rotations, centers, points, point, photo)
+    pixels, depth = project(K, distortion, rotations, centers, points, point, photo)
     by_pose, by_point = np.zeros((len(point), 2, n_parameters)), np.zeros((len(point), 2, 3))
     a = np.zeros(3)
     for o in range(len(point)):
         v, i = photo[o], point[o]
-        R, k = rotations[v], K[v]
+        R, k, k1, k2 = rotations[v], K[v], distortion[v, 0], distortion[v, 1]
         dx, dy, dz = points[i, 0] - centers[v, 0], points[i, 1] - centers[v, 1], points[i, 2] - centers[v, 2]
-        x = R[0, 0] * dx + R[0, 1] * dy + R[0, 2] * dz
-        y = R[1, 0] * dx + R[1, 1] * dy + R[1, 2] * dz
-        z = R[2, 0] * dx + R[2, 1] * dy + R[2, 2] * dz
+        z = depth[o]
+        x = (R[0, 0] * dx + R[0, 1] * dy + R[0, 2] * dz) / z
+        y = (R[1, 0] * dx + R[1, 1] * dy + R[1, 2] * dz) / z
+        squared = x * x + y * y
+        scale, growth = 1 + squared * (k1 + squared * k2), 2 * (k1 + 2 * squared * k2)
         for row in range(2):
-            for j in range(3):
-                a[j] = (k[row, j] - pixels[o, row] * k[2, j]) / depth[o]
+            straight = k[row, 0] * x + k[row, 1] * y
+            a[0] = (k[row, 0] * scale + straight * growth * x) / z
+            a[1] = (k[row, 1] * scale + straight * growth * y) / z
+            a[2] = -(a[0] * x + a[1] * y)
             # -a [x]x
-            tx, ty, tz = a[2] * y - a[1] * z, a[0] * z - a[2] * x, a[1] * x - a[0] * y
+            tx, ty, tz = z * (a[2] * y - a[1]), z * (a[0] - a[2] * x), z * (a[1] * x - a[0] * y)
             for j in range(3):
                 by_point[o, row, j] = a[0] * R[0, j] + a[1] * R[1, j] + a[2] * R[2, j]
                 by_pose[o, row, j] = tx * turns[v, 0, j] + ty * turns[v, 1, j] + tz * turns[v, 2, j]
                 by_pose[o, row, 3 + j] = -length_unit[v] * by_point[o, row, j]
             if n_parameters > 6:
-                by_pose[o, row, 6] = (pixels[o, row] - K[v, row, 2]) / radius[v]
+                by_pose[o, row, 6] = (pixels[o, row] - k[row, 2]) / radius[v]
                 by_pose[o, row, 7 + row] = 1.0
+                by_pose[o, row, 9] = straight * squared * bending[v, 0]
+                by_pose[o, row, 10] = straight * squared * squared * bending[v, 1]
     return pixels, depth, by_pose, by_point
 
 

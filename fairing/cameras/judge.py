@@ -1,11 +1,9 @@
 """Judge of corrected cameras: points that no adjustment used, triangulated with the given and with the corrected cameras."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from fairing.camera import Camera
 from fairing.cameras.adjustment import residual_lengths, triangulate
 from fairing.cameras.estimation import loss_at
 from fairing.cameras.observed_points import ObservedPoints
@@ -56,19 +54,16 @@ def is_held_out(count: int) -> np.ndarray:
     return np.arange(count) % HELD_OUT == 0
 
 
-def judge_cameras(
-    given: Sequence[Camera], corrected: Sequence[Camera], held_out: ObservedPoints, noise: float
-) -> CameraJudgement:
-    """Compare cameras by points that neither was adjusted to.
+def judge_cameras(model: PoseModel, corrected: np.ndarray, held_out: ObservedPoints, noise: float) -> CameraJudgement:
+    """Compare the given cameras of a model with corrected ones by points that neither was adjusted to.
 
     Args:
+        corrected: (v, n) float, px: parameters, see `pose_model`.
         held_out: found with the given cameras, so that the choice of points does not favour the corrected ones.
         noise: standard deviation of a coordinate of an observation, px.
     """
     loss, lengths, losses = loss_at(noise), [], []
-    for cameras in (given, corrected):
-        model = PoseModel.of(cameras, held_out)
-        poses = model.given
+    for poses in (model.given, corrected):
         # From the found position by a wide loss, then by the loss of the judge.
         wide = triangulate(model, poses, held_out, loss_at(4 * noise), STEPS)
         points = triangulate(model, poses, held_out.at(wide), loss, STEPS)

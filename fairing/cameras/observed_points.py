@@ -1,10 +1,12 @@
 """Observed points: points with the pixels where photos show them, as bundle adjustment needs them."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fairing.features.points import FeaturePoints
+from fairing.lens import Lens
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +42,13 @@ class ObservedPoints:
     def at(self, positions: np.ndarray) -> "ObservedPoints":
         """The same observations with the points at other positions (p, 3), world units."""
         return replace(self, positions=positions)
+
+    def distorted(self, lenses: Sequence[Lens]) -> "ObservedPoints":
+        """The same points, whose pixels are in photos undistorted from these lenses, at the pixels of the distorted photos."""
+        pixels = self.pixels.copy()
+        for v, lens in enumerate(lenses):
+            pixels[self.photo == v] = lens.distort(pixels[self.photo == v])
+        return replace(self, pixels=pixels)
 
     def chosen(self, mask: np.ndarray) -> "ObservedPoints":
         """The points where a mask (p,) bool is true, with their observations."""

@@ -4,9 +4,11 @@ A pose has six parameters in px, (a, b): with f the focal length and d the media
 the rotation from world to camera is exp([a / f]x) R_given and the centre c_given + b d / f. A parameter of 1 px moves
 the image of a point at that depth by about 1 px, whatever the unit of the world.
 
-Intrinsics have three further parameters in px, e: with r half the diagonal of the photo, the focal lengths are
-(1 + e_1 / r) f_given and the principal point is c_given + (e_2, e_3). Photos with the same given intrinsics and size share
-them: they were taken by one camera.
+Intrinsics have five further parameters in px, e: with r half the diagonal of the photo, the focal lengths are
+(1 + e_1 / r) f_given, the principal point is c_given + (e_2, e_3), and e_4, e_5 move the image of a corner along its radius by
+the first two coefficients of radial distortion, k_1 = e_4 f^2 / r^3 and k_2 = e_5 f^4 / r^5 in OpenCV's notation. Photos with
+the same given intrinsics and size share them: they were taken by one camera. Where the distortion is given, photos come
+undistorted, and e_4 = e_5 = 0.
 """
 
 from collections.abc import Sequence
@@ -20,11 +22,13 @@ from scipy.spatial.transform import Rotation
 from fairing.camera import Camera
 from fairing.cameras import compiled
 from fairing.cameras.observed_points import ObservedPoints
+from fairing.lens import Lens
 
 PARAMETERS = 6
 """Of a pose: rotation vector (0 to 2), then centre (3 to 5)."""
-INTRINSICS = 3
-"""Further parameters: focal length, principal point."""
+INTRINSICS = 5
+"""Further parameters: focal length, principal point (1, 2), radial distortion (3, 4)."""
+_DISTORTION = slice(PARAMETERS + 3, PARAMETERS + INTRINSICS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +61,8 @@ class PoseModel:
         trust: (v,) float: weight of each given pose in the prior of an adjustment.
         radius: (v,) float, px: half the diagonal of the photo.
         lens: (v,) int: the camera that took each photo, from 0.
-        adjusts_lens: whether intrinsics are unknown, too. The parameters of all photos are then (v, 9) instead of (v, 6).
+        bending: (v, 2) float, 1 / px: k_1 / e_4 and k_2 / e_5; 0 where the distortion is given.
+        adjusts_lens: whether intrinsics are unknown, too. The parameters of all photos are then (v, 11) instead of (v, 6).
     """
 
     K: np.ndarray
@@ -68,11 +73,22 @@ class PoseModel:
     trust: np.ndarray
     radius: np.ndarray
     lens: np.ndarray
+    bending: np.ndarray
     adjusts_lens: bool = False
 
     @classmethod
-    def of(cls, cameras: Sequence[Camera], observed: ObservedPoints, adjusts_lens: bool = False) -> "PoseModel":
-        """The model of given cameras; a photo without observations has the median depth of all."""
+    def of(
+        cls,
+        cameras: Sequence[Camera],
+        observed: ObservedPoints,
+        adjusts_lens: bool = False,
+        is_bent: Sequence[bool] | None = None,
+    ) -> "PoseModel":
+        """The model of given cameras; a photo without observations has the median depth of all.
+
+        Args:
+            is_bent: whether the distortion of each photo is unknown; default: of all.
+        """
         K = np.array([camera.K for camera in cameras])
         rotations = np.array([camera.camera_from_world[:, :3] for camera in cameras])
         centers = np.array([camera.center for camera in cameras])
@@ -83,11 +99,23 @@ class PoseModel:
         median = np.array([np.median(found) if len(found) else common for found in of_photo])
         focal = np.sqrt(K[:, 0, 0] * K[:, 1, 1])
         sizes = np.array([(camera.width, camera.height) for camera in cameras])
-        _, lens = np.unique(np.round(np.column_stack([K.reshape(-1, 9), sizes]), 6), axis=0, return_inverse=True)
+        is_unknown = np.ones(len(K), bool) if is_bent is None else np.asarray(is_bent)
+        alike = np.column_stack([K.reshape(-1, 9), sizes, is_unknown])
+        _, lens = np.unique(np.round(alike, 6), axis=0, return_inverse=True)
+        radius = np.linalg.norm(sizes, axis=1) / 2
+        bending = is_unknown[:, None] * np.column_stack([focal**2 / radius**3, focal**4 / radius**5])
         return cls(
-            K, rotations, centers, 1 / focal, median / focal, np.ones(len(K)), np.linalg.norm(sizes, axis=1) / 2,
-            lens.ravel(), adjusts_lens,
-        )  # fmt: skip
+            K,
+            rotations,
+            centers,
+            1 / focal,
+            median / focal,
+            np.ones(len(K)),
+            radius,
+            lens.ravel(),
+            bending,
+            adjusts_lens,
+        )
 
     def __len__(self) -> int:
         return len(self.K)
@@ -120,8 +148,12 @@ class PoseModel:
             return self.K
         K = self.K.copy()
         K[:, :2, :2] *= (1 + poses[:, PARAMETERS] / self.radius)[:, None, None]
-        K[:, :2, 2] += poses[:, PARAMETERS + 1 :]
+        K[:, :2, 2] += poses[:, PARAMETERS + 1 : _DISTORTION.start]
         return K
+
+    def distortion_at(self, poses: np.ndarray) -> np.ndarray:
+        """(v, 2) float: k_1 and k_2 at parameters (v, n), px."""
+        return poses[:, _DISTORTION] * self.bending if self.adjusts_lens else np.zeros((len(self), 2))
 
     def displacements(self, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Rotation vectors (v, 3), radians, and shifts of the centres (v, 3), world units, at poses (v, n), px."""
@@ -135,18 +167,35 @@ class PoseModel:
         """(v, 3) float, world units: centres at poses (v, n), px."""
         return self.centers + self.displacements(poses)[1]
 
+    def lenses_at(self, poses: np.ndarray, given: Sequence[Camera]) -> list[Lens]:
+        """The lenses at parameters (v, n), px, of the photos of the given cameras.
+
+        Raises:
+            InputError: a lens folds its photo over itself.
+        """
+        return [
+            Lens(K, distortion, camera.width, camera.height)
+            for K, distortion, camera in zip(self.intrinsics_at(poses), self.distortion_at(poses), given, strict=True)
+        ]
+
     def cameras_at(self, poses: np.ndarray, given: Sequence[Camera]) -> list[Camera]:
-        """The cameras at poses (v, n), px, of the photos of the given ones."""
+        """The pinhole cameras at poses (v, n), px, of the photos of the given ones, undistorted by `lenses_at`.
+
+        Raises:
+            InputError: a lens folds its photo over itself.
+        """
         R, c = self.rotations_at(poses), self.centers_at(poses)
         return [
-            Camera(K @ np.column_stack([R[v], -R[v] @ c[v]]), given[v].width, given[v].height)
-            for v, K in enumerate(self.intrinsics_at(poses))
+            Camera(lens.pinhole_K @ np.column_stack([R[v], -R[v] @ c[v]]), lens.width, lens.height)
+            for v, lens in enumerate(self.lenses_at(poses, given))
         ]
 
     def project(self, poses: np.ndarray, observed: ObservedPoints) -> tuple[np.ndarray, np.ndarray]:
         """Pixels (o, 2) and depths (o,), world units, of observed points in their photos, at poses (v, n), px."""
-        R, c = self.rotations_at(poses), self.centers_at(poses)
-        return compiled.project(self.intrinsics_at(poses), R, c, observed.positions, observed.point, observed.photo)
+        return compiled.project(
+            self.intrinsics_at(poses), self.distortion_at(poses), self.rotations_at(poses), self.centers_at(poses),
+            observed.positions, observed.point, observed.photo,
+        )  # fmt: skip
 
     def linearise(self, poses: np.ndarray, observed: ObservedPoints) -> Projected:
         """Images and derivatives of observed points in their photos, at poses (v, n), px.
@@ -154,18 +203,20 @@ class PoseModel:
         With x = R (X - c), phi = a / f and the left Jacobian J_l of the rotation group (Sola et al., A micro Lie theory,
         2018, equation 145), J_l(phi) = I + (1 - cos t) / t^2 [phi]x + (t - sin t) / t^3 [phi]x^2 with t = |phi|:
 
-            d pixel / d x = (K_12 - pixel K_3) / x_3     rows of K
+            d pixel / d x = K_12 M [I | -u] / x_3     u = (x_1, x_2) / x_3, M = s I + 2 (k_1 + 2 k_2 |u|^2) u u^T,
+                                                      s = 1 + k_1 |u|^2 + k_2 |u|^4, pixel = K_12 s u + c
             d x / d a     = -[x]x J_l(phi) / f
             d x / d b     = -R d / f
             d x / d X     = R
-            d pixel / d e = ((pixel - c) / (r + e_1), I)     c the principal point
+            d pixel / d e = ((pixel - c) / (r + e_1), I, K_12 u |u|^2 k_1 / e_4, K_12 u |u|^4 k_2 / e_5)
         """
         turns = left_jacobians(poses[:, :3] * self.angle_unit[:, None]) * self.angle_unit[:, None, None]
         radius = self.radius + (poses[:, PARAMETERS] if self.adjusts_lens else 0)
         return Projected(
             *compiled.linearise(
-                self.intrinsics_at(poses), self.rotations_at(poses), self.centers_at(poses), turns, self.length_unit,
-                radius, self.given.shape[1], observed.positions, observed.point, observed.photo,
+                self.intrinsics_at(poses), self.distortion_at(poses), self.rotations_at(poses), self.centers_at(poses),
+                turns, self.length_unit, radius, self.bending, self.given.shape[1], observed.positions, observed.point,
+                observed.photo,
             )
         )  # fmt: skip
 

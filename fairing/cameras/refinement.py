@@ -8,16 +8,18 @@ import numpy as np
 
 from fairing.camera import Camera
 from fairing.cameras.adjustment import Deviations, residual_lengths
-from fairing.cameras.corrected_scene import triangulated_again, views_with
-from fairing.cameras.estimation import MOST_STEPS, Estimate, estimate_poses
+from fairing.cameras.corrected_scene import facts_of_lens, recorded_lens, triangulated_again, views_with
+from fairing.cameras.estimation import MOST_STEPS, estimate_poses
 from fairing.cameras.judge import FEWEST_POINTS, HELD_OUT, CameraJudgement, is_held_out, judge_cameras
 from fairing.cameras.misfits import misfits_of, photo_medians
 from fairing.cameras.observed_points import ObservedPoints
 from fairing.cameras.pose_model import PoseModel
-from fairing.errors import Cancelled
+from fairing.errors import Cancelled, InputError
 from fairing.features.find import find_keypoints, find_points
 from fairing.features.options import FeatureOptions
 from fairing.features.points import FeaturePoints
+from fairing.lens import Lens
+from fairing.photo import has_given_lens
 from fairing.scene import SparsePoints, View
 
 FIRST_SEARCH = FeatureOptions(epipolar_distance=6.0, residual=6.0)
@@ -59,6 +61,7 @@ class Refinement:
         taken: whether the corrected cameras are used.
         reason: why, or why not, as one sentence.
         cameras: the corrected cameras, one a photo, also where they are not taken.
+        lenses: the radial distortion that was found in each photo, which `cameras` are without; None where there is none.
         corrections: (v,) float, px: median displacement of the images of points in each photo; 0 where a photo shows none.
         judgement: held-out points with both sets of cameras; None without points.
         sigma: estimated standard deviations, px; None without points.
@@ -75,6 +78,7 @@ class Refinement:
     sigma: Deviations | None = None
     iterations: tuple[Iteration, ...] = ()
     found: FeaturePoints | None = None
+    lenses: tuple[Lens | None, ...] = ()
 
     @property
     def errors(self) -> tuple[np.ndarray, np.ndarray]:
@@ -90,12 +94,12 @@ class Refinement:
         return misfits_of(self.errors[1]) | (moves_far & (not self.taken))
 
     def corrected_views(self, views: Sequence[View]) -> tuple[View, ...]:
-        """The photos with the corrected cameras; as they were if these are not taken."""
-        return views_with(views, self.cameras) if self.taken else tuple(views)
+        """The photos with the corrected cameras, undistorted; as they were if these are not taken."""
+        return views_with(views, self.cameras, self.lenses) if self.taken else tuple(views)
 
     def corrected_points(self, points: SparsePoints | None) -> SparsePoints | None:
         """The points triangulated again with the corrected cameras; as they were if these are not taken."""
-        return points if points is None or not self.taken else triangulated_again(points, self.cameras)
+        return points if points is None or not self.taken else triangulated_again(points, self.cameras, self.lenses)
 
     @classmethod
     def of_facts(
@@ -112,6 +116,9 @@ class Refinement:
             None if held_out is None else CameraJudgement(**held_out),
             None if sigma is None else Deviations(**sigma),
             tuple(iterations),
+            lenses=tuple(
+                recorded_lens(photo["lens"], camera) for photo, camera in zip(facts["photos"], cameras, strict=True)
+            ),
         )
 
     def facts(self) -> dict[str, Any]:
@@ -122,11 +129,18 @@ class Refinement:
             "held_out": None if self.judgement is None else vars(self.judgement),
             "sigma_px": None if self.sigma is None else vars(self.sigma),
             "photos": [
-                {"name": name, "correction_px": correction, "error_before_px": before, "error_after_px": after}
-                for name, correction, before, after in zip(
+                {
+                    "name": name,
+                    "correction_px": correction,
+                    "error_before_px": before,
+                    "error_after_px": after,
+                    "lens": facts_of_lens(lens),
+                }
+                for name, correction, before, after, lens in zip(
                     self.names,
                     self.corrections.tolist(),
                     *(errors.tolist() for errors in self.errors),
+                    self.lenses or (None,) * len(self.names),
                     strict=True,
                 )
             ],
@@ -149,7 +163,8 @@ def refine(
         threads: 0 for one a core.
         cancel_requested: polled several times a second while points are found, and after each step of an adjustment.
         finds_points: also find the points that a run would find in the photos, from the same keypoints.
-        adjusts_lens: correct focal lengths and principal points, too; photos with the same given intrinsics share them.
+        adjusts_lens: correct focal lengths, principal points and, in photos without a given distortion, two coefficients of
+            radial distortion, too; photos with the same given intrinsics share them.
 
     Raises:
         InputError: a photo or mask cannot be decoded.
@@ -158,8 +173,8 @@ def refine(
     work = _Work(on_progress, cancel_requested)
     search = _Search(views, finds_points, threads, work)
     result = _refined(views, search, work, adjusts_lens)
-    if not finds_points:
-        return result
+    if not finds_points or any(result.lenses):
+        return result  # a run finds points in the undistorted photos, whose keypoints are others
     cameras = [view.camera for view in result.corrected_views(views)]
     return replace(result, found=search.points(cameras, SECOND_SEARCH))
 
@@ -174,21 +189,29 @@ def _refined(views: Sequence[View], search: "_Search", work: "_Work", adjusts_le
         )
         return Refinement(names, False, reason, tuple(given), np.zeros(len(given)))
     training = found.chosen(~is_held_out(len(found)))
-    model = PoseModel.of(given, training, adjusts_lens)
+    model = PoseModel.of(given, training, adjusts_lens, [_is_bent(view) for view in views])
     adjusting = _Adjusting(model, training, work)
     estimate = estimate_poses(model, training, on_step=adjusting.show)
-    cameras, judgement = _judged(model, estimate, given, held_out)
+    lenses = _lenses(model, estimate.poses, given)
+    if lenses is None:
+        return Refinement(
+            names, False, "cameras as given: adjusted lenses fold a photo", tuple(given), np.zeros(len(given))
+        )
+    judgement = judge_cameras(model, estimate.poses, held_out, estimate.sigma.observation)
     if judgement.is_clear:
-        again = ObservedPoints.of_features(search.points(cameras, SECOND_SEARCH, SECOND_KEYPOINTS))
+        cameras = model.cameras_at(estimate.poses, given)
+        again = ObservedPoints.of_features(search.points(cameras, SECOND_SEARCH, SECOND_KEYPOINTS, lenses))
+        again = again.distorted(lenses)
         again = again.chosen(~again.shares_observation(held_out)) if len(again) else again
         if len(again) >= len(training) // 2:
             further = _Adjusting(model, again, work, estimate.poses)
             second = estimate_poses(estimate.model, again, estimate.poses, further.show)
-            cameras_then, judgement_then = _judged(model, second, given, held_out)
-            if judgement_then.loss_after <= judgement.loss_after:
-                estimate, cameras, judgement, training = second, cameras_then, judgement_then, again
+            judgement_then = judge_cameras(model, second.poses, held_out, second.sigma.observation)
+            lenses_then = _lenses(model, second.poses, given)
+            if lenses_then is not None and judgement_then.loss_after <= judgement.loss_after:
+                estimate, judgement, training, lenses = second, judgement_then, again, lenses_then
                 adjusting.iterations += further.iterations
-    corrections = _corrections(given, cameras, training)
+    corrections = _corrections(model, estimate.poses, training)
     before, after = judgement.error_before, judgement.error_after
     compared = (
         f"held-out points in the photos {before:.2f} px from their observations, {after:.2f} px with corrected cameras"
@@ -198,8 +221,9 @@ def _refined(views: Sequence[View], search: "_Search", work: "_Work", adjusts_le
     else:
         reason = f"cameras as given: {compared}, which is no clear improvement"
     return Refinement(
-        names, judgement.is_clear, reason, tuple(cameras), corrections, judgement, estimate.sigma,
-        tuple(adjusting.iterations),
+        names, judgement.is_clear, reason, tuple(model.cameras_at(estimate.poses, given)), corrections, judgement,
+        estimate.sigma, tuple(adjusting.iterations),
+        lenses=tuple(lens if lens.is_distorted else None for lens in lenses),
     )  # fmt: skip
 
 
@@ -231,9 +255,17 @@ class _Search:
             work.cancel_requested, most,
         )  # fmt: skip
 
-    def points(self, cameras: Sequence[Camera], options: FeatureOptions, most: int = 0) -> FeaturePoints:
-        """Points at the strongest `most` keypoints of each photo; with 0, the points that a run would find."""
+    def points(
+        self, cameras: Sequence[Camera], options: FeatureOptions, most: int = 0, lenses: Sequence[Lens] = ()
+    ) -> FeaturePoints:
+        """Points at the strongest `most` keypoints of each photo; with 0, the points that a run would find.
+
+        Args:
+            lenses: of the photos, from which the keypoints are freed; empty: they are pinholes.
+        """
         keypoints = [found.strongest(most) for found in self._keypoints] if most else self._keypoints
+        if lenses:
+            keypoints = [found.undistorted(lens) for found, lens in zip(keypoints, lenses, strict=True)]
         views = views_with(self._views, cameras)
         show = self._work.share(0.1)
         return find_points(
@@ -283,15 +315,23 @@ def _first_points(search: _Search, given: Sequence[Camera]) -> ObservedPoints:
     return wider if is_more[counts < FEW * np.median(counts)].any() else found
 
 
-def _judged(
-    model: PoseModel, estimate: Estimate, given: Sequence[Camera], held_out: ObservedPoints
-) -> tuple[list[Camera], CameraJudgement]:
-    cameras = model.cameras_at(estimate.poses, given)
-    return cameras, judge_cameras(given, cameras, held_out, estimate.sigma.observation)
+def _is_bent(view: View) -> bool:
+    """Whether a distortion may be found in a photo: none is given, and the photo has its principal point (others are cut out)."""
+    camera = view.camera
+    return not has_given_lens(view.photo) and bool(
+        (camera.K[:2, 2] > 0).all() and (camera.K[:2, 2] < (camera.width - 1, camera.height - 1)).all()
+    )
 
 
-def _corrections(given: Sequence[Camera], cameras: Sequence[Camera], observed: ObservedPoints) -> np.ndarray:
+def _lenses(model: PoseModel, poses: np.ndarray, given: Sequence[Camera]) -> list[Lens] | None:
+    """The lenses at parameters (v, n), px; None if one folds its photo over itself."""
+    try:
+        return model.lenses_at(poses, given)
+    except InputError:
+        return None
+
+
+def _corrections(model: PoseModel, poses: np.ndarray, observed: ObservedPoints) -> np.ndarray:
     """(v,) float, px: see `Refinement.corrections`."""
-    models = [PoseModel.of(c, observed) for c in (given, cameras)]
-    before, after = (model.project(model.given, observed)[0] for model in models)
-    return photo_medians(np.linalg.norm(after - before, axis=1), observed.photo, len(given))
+    before, after = (model.project(at, observed)[0] for at in (model.given, poses))
+    return photo_medians(np.linalg.norm(after - before, axis=1), observed.photo, len(model))

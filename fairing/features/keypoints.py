@@ -7,6 +7,7 @@ import numpy as np
 
 from fairing.camera import resizing
 from fairing.features.options import FeatureOptions
+from fairing.lens import Lens
 from fairing.scene import View
 
 BLUNT_SCALE = 1.5
@@ -36,6 +37,12 @@ class Keypoints:
 
     def __len__(self) -> int:
         return len(self.pixels)
+
+    def undistorted(self, lens: Lens) -> "Keypoints":
+        """The keypoints in the undistorted photo, without those that it does not show."""
+        pixels = lens.undistort(self.pixels)
+        shown = np.isfinite(pixels).all(axis=1)
+        return Keypoints(pixels[shown], *(values[shown] for name, values in vars(self).items() if name != "pixels"))
 
     def strongest(self, count: int) -> "Keypoints":
         """The `count` keypoints of the highest contrast, and those that equal the last of them."""

@@ -1,4 +1,4 @@
-"""COLMAP text model writer: PINHOLE cameras, pixel centres at 0.5 (`colmap.py` is the reader)."""
+"""COLMAP text model writer: PINHOLE cameras, OPENCV ones for distorted photos, pixel centres at 0.5 (`colmap.py` reads it)."""
 
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from fairing.errors import InputError
 from fairing.io.atomic import write_atomically
+from fairing.lens import Lens
 from fairing.scene import SparsePoints, View
 
 FILES = ("cameras.txt", "images.txt", "points3D.txt")
@@ -31,8 +32,13 @@ def check_cameras(views: Iterable[View]) -> None:
             )
 
 
-def write_text_model(folder: Path, views: Sequence[View], sparse: SparsePoints | None = None) -> None:
+def write_text_model(
+    folder: Path, views: Sequence[View], sparse: SparsePoints | None = None, lenses: Sequence[Lens | None] = ()
+) -> None:
     """Write cameras.txt, images.txt and points3D.txt; views of the same intrinsics share a camera.
+
+    Args:
+        lenses: of photos that are undistorted in the views but not where the model is read; empty: there are none.
 
     Raises:
         InputError: a file cannot be written, or a camera is skew.
@@ -44,14 +50,18 @@ def write_text_model(folder: Path, views: Sequence[View], sparse: SparsePoints |
               "#   POINTS2D[] as (X, Y, POINT3D_ID)"]  # fmt: skip
     tracks: dict[int, list[tuple[int, int]]] = defaultdict(list)
     for v, view in enumerate(views):
-        K, Rt = view.camera.K, view.camera.camera_from_world
+        lens, Rt = lenses[v] if lenses else None, view.camera.camera_from_world
+        K = view.camera.K if lens is None else lens.K
         # Rounded so that rounding errors of the decomposition do not give every photo a camera of its own.
         intrinsics = np.round((K[0, 0], K[1, 1], K[0, 2] + _HALF_PIXEL, K[1, 2] + _HALF_PIXEL), 9)
-        line = f"PINHOLE {view.camera.width} {view.camera.height} {_numbers(intrinsics)}"
+        size = f"{view.camera.width} {view.camera.height}"
+        line = f"PINHOLE {size} {_numbers(intrinsics)}"
+        if lens is not None:
+            line = f"OPENCV {size} {_numbers((*intrinsics, *np.round(lens.distortion[:4], 12)))}"
         camera_id = cameras.setdefault(line, len(cameras) + 1)
         x, y, z, w = Rotation.from_matrix(Rt[:, :3]).as_quat()
         images.append(f"{v + 1} {_numbers((w, x, y, z, *Rt[:, 3]))} {camera_id} {view.name}")
-        images.append(" ".join(_features(v, sparse, tracks)))
+        images.append(" ".join(_features(v, lens, sparse, tracks)))
     points = ["# 3D point list with one line of data per point:",
               "#   POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[] as (IMAGE_ID, POINT2D_IDX)"]  # fmt: skip
     if sparse is not None:
@@ -66,15 +76,16 @@ def write_text_model(folder: Path, views: Sequence[View], sparse: SparsePoints |
         write_atomically(folder / name, lambda file, data=data: file.write(data))
 
 
-def _features(v: int, sparse: SparsePoints | None, tracks: dict[int, list[tuple[int, int]]]) -> list[str]:
+def _features(
+    v: int, lens: Lens | None, sparse: SparsePoints | None, tracks: dict[int, list[tuple[int, int]]]
+) -> list[str]:
     """The observations of a view as words; also appends (image id, index in the image) to the tracks of their points."""
     if sparse is None:
         return []
     mine = np.flatnonzero(sparse.observations[:, 1] == v)
+    pixels = sparse.pixels[mine] if lens is None else lens.distort(sparse.pixels[mine])
     words = []
-    for index, (point, (x, y)) in enumerate(
-        zip(sparse.observations[mine, 0].tolist(), sparse.pixels[mine].tolist(), strict=True)
-    ):
+    for index, (point, (x, y)) in enumerate(zip(sparse.observations[mine, 0].tolist(), pixels.tolist(), strict=True)):
         words.append(f"{x + _HALF_PIXEL!r} {y + _HALF_PIXEL!r} {point + 1}")
         tracks[point].append((v + 1, index))
     return words

@@ -17,7 +17,8 @@ from fairing.features.options import FeatureOptions
 from fairing.features.points import FeaturePoints
 from fairing.io.atomic import write_atomically
 from fairing.io.capture import reading
-from fairing.photo import FilePhoto, Photo, ResizedPhoto
+from fairing.lens import Lens
+from fairing.photo import FilePhoto, Photo, ResizedPhoto, UndistortedPhoto
 from fairing.scene import View
 from fairing.util.npz import read_npz
 
@@ -127,16 +128,21 @@ def _photo_key(photo: Photo) -> str:
     """What identifies a photo's pixels."""
     if isinstance(photo, ResizedPhoto):
         return f"{_photo_key(photo.whole)} {photo.size}"
+    if isinstance(photo, UndistortedPhoto):
+        return f"{_photo_key(photo.whole)} {_lens_key(photo.lens)}"
     if isinstance(photo, FilePhoto):
         try:
             status = photo.path.stat()
         except OSError as error:
             raise InputError(f"photo {photo.path}: cannot be read ({error.strerror}); check the image folder") from None
-        lens = photo.lens
-        bent = "" if lens is None else f"{lens.model} {lens.K.tolist()} {lens.distortion.tolist()}"
+        bent = "" if photo.lens is None else _lens_key(photo.lens)
         return f"{photo.path.name} {status.st_size} {status.st_mtime_ns} {photo.orientation} {bent}"
     pixels = np.ascontiguousarray(photo.full_depth())
     return f"{pixels.shape} {hashlib.sha256(pixels.data).hexdigest()}"
+
+
+def _lens_key(lens: Lens) -> str:
+    return f"{lens.model} {lens.K.tolist()} {lens.distortion.tolist()}"
 
 
 @cache

@@ -13,7 +13,7 @@ from fairing.features.find import progress_line
 from fairing.features.points import FeaturePoints
 from fairing.io.feature_points import find_points_once
 from fairing.io.points_choice import are_enough
-from fairing.photo import FilePhoto, Photo, ResizedPhoto
+from fairing.photo import FilePhoto, Photo, ResizedPhoto, UndistortedPhoto
 from fairing.scene import PointsChoice, Scene, SparsePoints, View
 from fairing.util.cache_folder import cache_folder
 
@@ -147,6 +147,6 @@ def cache_file(kind: str, name: str, views: Sequence[View]) -> Path:
 
 
 def _file_of(photo: Photo) -> str:
-    if isinstance(photo, ResizedPhoto):
+    if isinstance(photo, (ResizedPhoto, UndistortedPhoto)):
         return _file_of(photo.whole)
     return str(photo.path.absolute()) if isinstance(photo, FilePhoto) else ""

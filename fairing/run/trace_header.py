@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from fairing.camera import Camera
-from fairing.cameras.corrected_scene import with_cameras
+from fairing.cameras.corrected_scene import facts_of_lens, found_lens, recorded_lens, with_cameras
 from fairing.cameras.refinement import Refinement
 from fairing.errors import InputError
 from fairing.options import FairingOptions, options_from_dict, options_to_dict
@@ -116,8 +116,12 @@ def _recorded_iterations(refinement: Refinement) -> list[dict[str, Any]]:
 
 def recorded_cameras(views: Sequence[View]) -> list[dict[str, Any]]:
     """The entry "cameras" of a header, which `with_recorded_cameras` reads."""
-    cameras = [view.camera for view in views]
-    return [{"matrix": c.image_from_world.tolist(), "width": c.width, "height": c.height} for c in cameras]
+    recorded = []
+    for view in views:
+        camera, lens = view.camera, found_lens(view)
+        matrix = {"matrix": camera.image_from_world.tolist(), "width": camera.width, "height": camera.height}
+        recorded.append(matrix if lens is None else matrix | {"lens": facts_of_lens(lens)})
+    return recorded
 
 
 def with_recorded_cameras(scene: Scene, header: dict[str, Any]) -> Scene:
@@ -132,9 +136,10 @@ def with_recorded_cameras(scene: Scene, header: dict[str, Any]) -> Scene:
         return scene
     try:
         cameras = [Camera.recorded(np.array(c["matrix"], float), c["width"], c["height"]) for c in recorded]
+        lenses = [recorded_lens(c.get("lens"), camera) for c, camera in zip(recorded, cameras, strict=True)]
         if len(cameras) != len(names):
             raise ValueError(f"{len(cameras)} of them")
-    except (TypeError, KeyError, ValueError) as error:
+    except (TypeError, KeyError, ValueError, AttributeError) as error:
         raise InputError(
             f"header: expected a camera for each photo, found others ({error}); record the run again"
         ) from None
@@ -142,4 +147,5 @@ def with_recorded_cameras(scene: Scene, header: dict[str, Any]) -> Scene:
     return with_cameras(
         scene,
         [c if (c.width, c.height) == size else c.resized(*size) for c, size in zip(cameras, sizes, strict=True)],
+        [None if lens is None else lens.resized(*size) for lens, size in zip(lenses, sizes, strict=True)],
     )

@@ -37,7 +37,7 @@ class Problem:
         cancel_requested: called within long computations, from several threads; where it returns True, they raise
             `Cancelled`.
         on_photo: called when photos are read or evaluated, with their number so far and in all.
-        like: a problem on the same scene and start, whose photos and orientation are used.
+        like: a problem on the same mesh and start, whose orientation is used, and its photos where they are the same.
         work: what the computations do at present is written there.
 
     Attributes:
@@ -76,7 +76,7 @@ class Problem:
             like.observed_points if like is not None and shares_points else observed_fitting_points(scene)
         )
         self.orientation = mesh_orientation(scene, start) if like is None else like.orientation
-        if like is not None and options.cells.color == like.options.cells.color:
+        if like is not None and options.cells.color == like.options.cells.color and _same_photos(scene, like.scene):
             self._photos = like._photos
         if self.orientation < 0:
             self.warnings.append("mesh: its faces point away from the photos; they are used with reversed orientation")
@@ -249,6 +249,11 @@ class Problem:
             self.work.photo_read(done, count)
 
         return ScaleSpace(self.scene, self.options.cells.color, on_photo)
+
+
+def _same_photos(scene: Scene, other: Scene) -> bool:
+    """Whether all photos and masks are the same: photos in which a distortion was found are others, undistorted."""
+    return all(a.photo is b.photo and a.mask is b.mask for a, b in zip(scene.views, other.views, strict=True))
 
 
 class CancellablePool(Executor):
