@@ -8,7 +8,7 @@ from playwright.sync_api import Browser, Page, expect
 from app.page.server import App, start
 from demo_scenes import load_demo
 from fairing.run.session import Session
-from tests.browser.driver import WINDOW, Visitor, chromium
+from tests.browser.driver import PAUSE_BETWEEN_FRAMES, WINDOW, Visitor, chromium
 from tests.waiting import PATIENCE
 
 expect.set_options(timeout=1000 * PATIENCE)
@@ -24,6 +24,7 @@ def browser() -> Iterator[Browser]:
 def page(browser: Browser) -> Iterator[Page]:
     """A tab of the test's own."""
     page = browser.new_page(viewport=WINDOW)
+    page.add_init_script(PAUSE_BETWEEN_FRAMES)
     page.set_default_timeout(1000 * PATIENCE)
     yield page
     page.close()

@@ -39,6 +39,29 @@ _RECORD_KEYS = """
 window.keysReceived = [];
 window.addEventListener('keydown', event => window.keysReceived.push(event.key), true);
 """
+# Without a graphics card each frame takes a processor 20 to 60 ms, and the viewer draws one after the other, also where
+# nothing changes. A pause between frames leaves the processor to what is tested.
+PAUSE_BETWEEN_FRAMES = """
+{
+    const frame = window.requestAnimationFrame.bind(window), cancel = window.cancelAnimationFrame.bind(window);
+    const pauses = new Map(), frames = new Map();
+    let last = 0;
+    window.requestAnimationFrame = callback => {
+        const id = ++last;
+        pauses.set(id, setTimeout(() => {
+            pauses.delete(id);
+            frames.set(id, frame(time => { frames.delete(id); callback(time); }));
+        }, 100));
+        return id;
+    };
+    window.cancelAnimationFrame = id => {
+        clearTimeout(pauses.get(id));
+        if (frames.has(id)) cancel(frames.get(id));
+        pauses.delete(id);
+        frames.delete(id);
+    };
+}
+"""
 
 
 @contextmanager
@@ -92,6 +115,7 @@ class Visitor:
         self.page.on("console", lambda message: self._note(message.type, message.text))
         self.page.on("pageerror", lambda error: self.troubles.append(f"page error: {error}"))
         self.page.add_init_script(_RECORD_KEYS)
+        self.page.add_init_script(PAUSE_BETWEEN_FRAMES)
         self.page.on("requestfailed", lambda request: self.troubles.append(f"failed request: {request.url}"))
         self.open()
 
