@@ -10,6 +10,7 @@ from .judge.inspect import face_cells as face_cells
 from .judge.mesh_comparison import MeshFigures as MeshFigures
 from .judge.mesh_comparison import compare_meshes as compare_meshes
 from .mesh import Mesh as Mesh
+from .norms.norm import Norm as Norm
 from .optimize.loss import GemanMcClure as GemanMcClure
 from .optimize.loss import Huber as Huber
 from .options import PRESETS as PRESETS

@@ -18,11 +18,14 @@ from fairing.cells.point_spread import PATCH_MARGIN
 from fairing.errors import InputError
 from fairing.io.chosen_inputs import with_chosen_inputs
 from fairing.io.scene_points import Progress
+from fairing.norms.built_in import OWN
+from fairing.norms.norm import Norm, Tabulated, tabulated
 from fairing.option_check import check_options
 from fairing.options import FairingOptions, options_from_dict, options_to_dict
 from fairing.run.manual_edits import manual_step
 from fairing.run.planning import make_plan
 from fairing.run.pulls import Pull
+from fairing.run.recorded_norm import header_of_norm, options_with_norm, recorded_norm
 from fairing.run.recorded_terms import check_terms_of_trace, header_of_terms, recorded_terms
 from fairing.run.schedule import fraction_done, most_blocks
 from fairing.run.stages import Photos, Stage
@@ -51,6 +54,8 @@ class Session:
         trace: continue this run, under its own options; default: a new run.
         like: a session on the same scene and start, whose photos in memory this one uses.
         terms: terms of one's own, see `OwnTerm`. A run that was recorded with some can be shown without them, but not continued.
+        norm: a norm of one's own instead of that of the options, see `Norm`. A trace holds the values of its norm, so that its code
+            is not needed again.
 
     Attributes:
         scene: with the chosen cameras and sparse points from `choose_inputs` on.
@@ -71,17 +76,24 @@ class Session:
         trace: Trace | None = None,
         like: "Session | None" = None,
         terms: Sequence[OwnTerm] = (),
+        norm: Norm | None = None,
     ) -> None:
         check_terms(terms, BUILT_IN)
+        own_norm = None if norm is None else tabulated(norm)
         if trace is not None:
             scene = scene_of_trace(scene, trace)
             check_same_scene(scene, trace)
             options = options_from_dict(trace.header["options"])
+            own_norm = recorded_norm(trace, own_norm)
+        elif own_norm is not None:
+            options = options_with_norm(options or FairingOptions())
         self.options = options or FairingOptions()
         check_options(self.options)
         if trace is None:
-            trace = Trace(header_of(scene, self.options, terms), scene.mesh.vertices, scene.mesh.faces)
-        self.scene, self.trace, self.terms = scene, trace, tuple(terms)
+            trace = Trace(
+                header_of(scene, self.options, terms) | header_of_norm(own_norm), scene.mesh.vertices, scene.mesh.faces
+            )
+        self.scene, self.trace, self.terms, self._own_norm = scene, trace, tuple(terms), own_norm
         TERMS.update(recorded_terms(trace))
         self.moment = len(self.trace)
         self.cancel_requested: Callable[[], bool] = lambda: False
@@ -101,6 +113,7 @@ class Session:
             lambda *read: self.on_photo(*read),
             like,
             self.work,
+            self._own_norm,
         )
         self._sweeps = SweepCache(self._problem, self.trace, self.terms)
         self._stepper = Stepper(self._problem, self.trace, self._sweeps)
@@ -199,6 +212,17 @@ class Session:
         return self._problem.orientation
 
     @property
+    def norm(self) -> Tabulated:
+        """The norm of the residuals of photos: that of the options, or one's own."""
+        return self._problem.norm
+
+    @property
+    def own_files(self) -> tuple[str, ...]:
+        """The files with the code of its own terms and norm."""
+        norm = () if self._own_norm is None else (self._own_norm.file,)
+        return tuple(dict.fromkeys(file for file in (*(term.file for term in self.terms), *norm) if file))
+
+    @property
     def warnings(self) -> list[str]:
         """Warnings about the scene and the run, a line each."""
         return self._problem.warnings
@@ -225,22 +249,31 @@ class Session:
             raise IndexError(f"moment {moment}: this run has moments 0 to {len(self.trace)}")
         self.moment = moment
 
-    def branch(self, options: FairingOptions | None = None, terms: Sequence[OwnTerm] | None = None) -> "Session":
-        """A new session with the steps of this one up to the present moment, under the same or other options and own terms.
+    def branch(
+        self,
+        options: FairingOptions | None = None,
+        terms: Sequence[OwnTerm] | None = None,
+        norm: Norm | None = None,
+    ) -> "Session":
+        """A new session with the steps of this one up to the present moment, under the same or other options, own terms and norm.
 
-        Under others the sweep of the next step begins anew; under other options the branch has no plan yet. Both remain if only
-        the number of threads differs.
+        Under others the sweep of the next step begins anew; under other options or another norm the branch has no plan yet. Both
+        remain if only the number of threads differs.
         """
         options, terms = options or self.options, self.terms if terms is None else tuple(terms)
+        own_norm = self._own_norm
+        if norm is not None:
+            options, own_norm = options_with_norm(options), tabulated(norm)
         trace = self.trace.cut(self.moment)
-        trace.header |= {"options": options_to_dict(options), **header_of_terms(terms)}
+        trace.header |= {"options": options_to_dict(options), **header_of_terms(terms), **header_of_norm(own_norm)}
         is_same = replace(options, threads=self.options.threads) == self.options
+        is_same = is_same and (own_norm is None or own_norm.digest == self.norm.digest or options.robust.norm != OWN)
         if not is_same:
             trace.plan = None
         if (not is_same or terms != self.terms) and self.moment and not self.finished:
             trace.continue_at(self.position._replace(block=0, iteration=0))
         branch = Session(self.scene, trace=trace, like=self, terms=terms)
-        if branch.options == self.options:
+        if branch.options == self.options and branch.norm.digest == self.norm.digest:
             branch._sweeps.share(self._sweeps, self.moment, with_sweeps=terms == self.terms)
             branch._stepper.rehearsed = self._stepper.rehearsed
         return branch
