@@ -20,6 +20,7 @@ from .photo import ArrayPhoto as ArrayPhoto
 from .photo import FilePhoto as FilePhoto
 from .run.session import Session as Session
 from .run.snapshots import session_of_meshes as session_of_meshes
+from .run_plan import PlanStage as PlanStage
 from .scene import Scene as Scene
 from .scene import SparsePoints as SparsePoints
 from .scene import Truth as Truth

@@ -18,7 +18,8 @@ ALLOWED: dict[str, set[str]] = {
     "fairing.norms": DATA | {"fairing.kernels"},
     "fairing.geometry": DATA | {"fairing.util"},
     "fairing.cells": DATA | {"fairing.util", "fairing.geometry", "fairing.kernels", "fairing.norms"},
-    "fairing.solve": DATA | {"fairing.features", "fairing.geometry", "fairing.cells", "fairing.kernels", "fairing.norms"},
+    "fairing.solve": DATA
+    | {"fairing.features", "fairing.geometry", "fairing.cells", "fairing.kernels", "fairing.norms"},
     "fairing.placement": DATA | {"fairing.geometry"},
     "fairing.optimize": set(),
     "fairing.terms": DATA
@@ -82,6 +83,8 @@ ALLOWED: dict[str, set[str]] = {
     "demo_scenes.building": DATA | {"demo_scenes", "fairing.geometry", "fairing.triangulation"},
     "demo_scenes.range_data": DATA | {"demo_scenes", "fairing.geometry", "fairing.registration"},
     "demo_scenes.terms": {"fairing"},
+    "demo_scenes.norms": {"fairing"},
+    "demo_scenes.plans": {"fairing"},
     "app": DATA | {"fairing.util", "fairing.geometry", "fairing.judge", "app.cli.main"},
     "app.debugger": {"app", "engine"},
     "app.viser_bridge": {"app", "fairing"},

@@ -15,7 +15,7 @@ from demo_scenes import load_demo
 from fairing import InputError, Session, load_scene
 from fairing.experiments import EXPERIMENTS, experiments
 from fairing.io.mesh_file import write_mesh
-from fairing.terms.own_file import load_terms
+from fairing.run.own_files import load_own
 from fairing.util.plugins import offered
 from tests.installed_plugin import SOURCE, install_plugin
 from tests.two_levels import two_levels
@@ -58,12 +58,12 @@ def test_a_format_is_read(plugin: Path, tmp_path: Path):
 
 
 def test_a_term_is_named_instead_of_a_file(plugin: Path):
-    (term,) = load_terms([Path("rigidity")])
+    (term,) = load_own([Path("rigidity")]).terms
     session = Session(load_demo("cube"), two_levels("joint", sweeps=1, iterations=1), terms=[term])
     session.step()
     assert "rigidity" in {pull.name for pull in session.pulls(0)}
     with pytest.raises(InputError, match="expected a Python file"):
-        load_terms([Path("rigid")])
+        load_own([Path("rigid")])
 
 
 def test_an_experiment_is_listed_and_measured(plugin: Path, tmp_path: Path):
@@ -97,7 +97,7 @@ def test_two_packages_cannot_offer_the_same_name(plugin: Path, tmp_path: Path):
     (other / "METADATA").write_text("Metadata-Version: 2.1\nName: other\nVersion: 1.0\n")
     (other / "entry_points.txt").write_text("[fairing.terms]\nrigidity = other:Rigidity\n")
     with pytest.raises(InputError, match=r"offers rigidity of fairing\.terms, as another one does"):
-        load_terms([Path("rigidity")])
+        load_own([Path("rigidity")])
 
 
 def test_its_readme_names_every_kind_that_its_project_offers():

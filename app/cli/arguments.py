@@ -68,13 +68,14 @@ CamerasArgument = Annotated[
         "given.",
     ),
 ]
-TermsArgument = Annotated[
+OwnArgument = Annotated[
     tuple[Path, ...],
     tyro.conf.arg(
         name="with",
         metavar="FILE",
-        help="Python files with terms of your own (subclasses of fairing.OwnTerm): their code is executed. The debugger loads "
-        "a file anew when it is saved. Or names of terms that installed packages offer.",
+        help="Python files with terms of your own (subclasses of fairing.OwnTerm), a norm (a subclass of fairing.Norm) or a plan "
+        "(a list named plan of fairing.PlanStage): their code is executed. The debugger loads terms and norms anew when the file "
+        "is saved. Or names that installed packages offer.",
     ),
 ]
 AroundArgument = Annotated[

@@ -23,6 +23,7 @@ from fairing.norms.norm import Norm, Tabulated, tabulated
 from fairing.option_check import check_options
 from fairing.options import FairingOptions, options_from_dict, options_to_dict
 from fairing.run.manual_edits import manual_step
+from fairing.run.own_plan import header_of_plan, options_of_plan, recorded_plan
 from fairing.run.planning import make_plan
 from fairing.run.pulls import Pull
 from fairing.run.recorded_norm import header_of_norm, options_with_norm, recorded_norm
@@ -33,7 +34,7 @@ from fairing.run.stepper import Stepper, Trial
 from fairing.run.sweep import SweepState
 from fairing.run.sweep_cache import SweepCache
 from fairing.run.trace_header import check_same_scene, header_of, inputs_of, scene_of_trace
-from fairing.run_plan import RunPlan
+from fairing.run_plan import PlanStage, RunPlan
 from fairing.scene import Scene
 from fairing.solve.energy import FaceSystem
 from fairing.solve.problem import Problem
@@ -56,6 +57,8 @@ class Session:
         terms: terms of one's own, see `OwnTerm`. A run that was recorded with some can be shown without them, but not continued.
         norm: a norm of one's own instead of that of the options, see `Norm`. A trace holds the values of its norm, so that its code
             is not needed again.
+        plan: of one's own instead of what the start calls for, see `PlanStage`. The levels of the options are then those of its
+            photos.
 
     Attributes:
         scene: with the chosen cameras and sparse points from `choose_inputs` on.
@@ -77,6 +80,7 @@ class Session:
         like: "Session | None" = None,
         terms: Sequence[OwnTerm] = (),
         norm: Norm | None = None,
+        plan: Sequence[PlanStage] | None = None,
     ) -> None:
         check_terms(terms, BUILT_IN)
         own_norm = None if norm is None else tabulated(norm)
@@ -85,15 +89,20 @@ class Session:
             check_same_scene(scene, trace)
             options = options_from_dict(trace.header["options"])
             own_norm = recorded_norm(trace, own_norm)
-        elif own_norm is not None:
-            options = options_with_norm(options or FairingOptions())
-        self.options = options or FairingOptions()
+            plan = recorded_plan(trace.header, plan)
+        else:
+            options = options or FairingOptions()
+            if own_norm is not None:
+                options = options_with_norm(options)
+            if plan is not None:
+                options = options_of_plan(plan, options)
+        self.options = options
         check_options(self.options)
         if trace is None:
-            trace = Trace(
-                header_of(scene, self.options, terms) | header_of_norm(own_norm), scene.mesh.vertices, scene.mesh.faces
-            )
-        self.scene, self.trace, self.terms, self._own_norm = scene, trace, tuple(terms), own_norm
+            facts = header_of(scene, self.options, terms) | header_of_norm(own_norm) | header_of_plan(plan or ())
+            trace = Trace(facts, scene.mesh.vertices, scene.mesh.faces)
+        self.scene, self.trace, self.terms = scene, trace, tuple(terms)
+        self._own_norm, self._own_plan = own_norm, tuple(plan or ())
         TERMS.update(recorded_terms(trace))
         self.moment = len(self.trace)
         self.cancel_requested: Callable[[], bool] = lambda: False
@@ -175,13 +184,21 @@ class Session:
         return self.finished and not self._steps_of_vertices()
 
     def _steps_of_vertices(self) -> list[StepRecord]:
-        """The steps so far by which photos moved vertices, or tried to, or the judge of the end returned them."""
-        steps = self.trace.steps[: self.moment]
+        """The steps so far by which photos moved vertices, or tried to, or the judge of the end returned them.
+
+        In a plan of one's own also those of smoothing and fits, which may be all there is.
+        """
+        steps, counts_fits = self.trace.steps[: self.moment], bool(self._own_plan)
         return [
             record
             for record in steps
             if len(record.vertices)
-            and (record.stage is StageKind.PHOTOS or record.is_manual or (record.reasons == StepReason.RETURNED).all())
+            and (
+                record.stage is StageKind.PHOTOS
+                or record.is_manual
+                or (counts_fits and record.stage.is_fit)
+                or (record.reasons == StepReason.RETURNED).all()
+            )
             and not (record.stage is StageKind.JUDGE and len(record.faces) == 0)
         ]
 
@@ -327,7 +344,7 @@ class Session:
         self.choose_inputs()
         if self.trace.plan is None:
             began = time.perf_counter()
-            planned = make_plan(self._problem)
+            planned = make_plan(self._problem, self._own_plan)
             self._seconds += time.perf_counter() - began
             self.trace.record_plan(planned.plan)
             self._stepper.rehearsed = planned.steps
