@@ -13,14 +13,17 @@ import pytest
 import demo_scenes
 from app.debugger.commands import Extent, Forward
 from app.debugger.controller import Controller
+from app.debugger.iteration_query import IterationQuery, iteration_facts
 from app.debugger.moment_pulls import moment_pulls
 from app.debugger.own_files import OwnFiles
 from app.debugger.quantities import StepContext, quantities_of
 from app.debugger.watch import parse_watch
 from app.files.scene_source import SceneSource
+from app.pictures.engine_differences import difference_at
 from app.pictures.term_colors import COLOR_OF_TERM
 from demo_scenes import load_demo
 from fairing.errors import InputError
+from fairing.norms.norm import Norm
 from fairing.run.own_files import load_own
 from fairing.run.recorded_stages import recorded_stages
 from fairing.run.session import Session
@@ -216,6 +219,25 @@ def test_a_run_is_exported_without_its_terms_but_then_without_pulls(tmp_path):
     names, lines = pulls()
     assert names == []
     assert "without pulls: give the files of the run's own terms with --with" in lines
+
+
+@pytest.mark.compiled
+def test_the_norm_and_the_plan_of_the_guide_run_as_they_are_written():
+    text = (Path(__file__).parents[1] / "app" / "guides" / "extending.md").read_text(encoding="utf-8")
+    names: dict = {}
+    for word in ("fairing.Norm)", "plan = ["):
+        (code,) = (block for block in text.split("```python")[1:] if word in block.split("```")[0])
+        exec(code.split("```")[0], names)
+    norm, plan = names["Welsch"](), names["plan"]
+    x = np.geomspace(1e-3, 8, 50)
+    assert norm.weight(x) == pytest.approx(Norm.weight(norm, x), rel=1e-4, abs=1e-7)
+    session = Session(corner_scene(), small_options(), norm=norm, plan=plan)
+    facts = iteration_facts(session, IterationQuery(0, 0, 0, 0))
+    assert "here it is “welsch”" in difference_at("weights", session.options, facts)
+    session.run()
+    executed = [(stage.kind.label, stage.level) for stage in recorded_stages(session.trace)]
+    assert executed == [("smoothing", 0), ("judge", 0), ("photos", 0), ("photos", 1)]
+    assert [level.blur for level in session.options.levels] == [2.0, 0.5]
 
 
 @pytest.mark.compiled

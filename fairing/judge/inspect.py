@@ -50,6 +50,7 @@ class FaceCells:
         counts: (n, p) bool: samples that the view really shows; the others are masked.
         weights: (n, p) float32: robust weight rho'(e) / e.
         rho: (n, p) float: robust norm of the residual; its sum over p times `pair_weight` is the view's energy.
+        norm: name of the robust norm.
         sigma: scale parameter of the robust norm, grey levels.
         outlier_threshold: e_T, |e| beyond which a residual loses influence, grey levels; infinite if never.
         pair_weight: (n,) float: photo pixels per sample, times the photo's weight.
@@ -72,6 +73,7 @@ class FaceCells:
     counts: np.ndarray
     weights: np.ndarray
     rho: np.ndarray
+    norm: str
     sigma: float
     outlier_threshold: float
     pair_weight: np.ndarray
@@ -230,6 +232,7 @@ def cells_in_context(
         counts=counts > 0,
         weights=weights,
         rho=norm.rho(np.abs(residual) / np.sqrt(squared_scale)) if k else np.zeros((n, p)),
+        norm=norm.name,
         sigma=sigma,
         outlier_threshold=norm.outlier_threshold * float(np.sqrt(squared_scale)),
         pair_weight=data.pair_weight[pairs],
