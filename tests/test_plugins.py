@@ -12,7 +12,7 @@ from PIL import Image
 
 from app.lessons.reader import lesson_names, load_lesson
 from demo_scenes import load_demo
-from fairing import InputError, Session, load_scene
+from fairing import InputError, PhotoChoice, Session, load_scene
 from fairing.experiments import EXPERIMENTS, experiments
 from fairing.io.mesh_file import write_mesh
 from fairing.run.own_files import load_own
@@ -52,9 +52,48 @@ def test_a_format_is_read(plugin: Path, tmp_path: Path):
         assert found.camera.project(scene.mesh.vertices)[0] == pytest.approx(
             view.camera.project(scene.mesh.vertices)[0]
         )
+    chosen = load_scene(capture, choice=PhotoChoice(format="camera-table"))
+    assert len(chosen.views) == 4
+    with pytest.raises(InputError, match=r"--format colmap: expected a COLMAP"):
+        load_scene(capture, choice=PhotoChoice(format="colmap"))
+    with pytest.raises(
+        InputError, match=r"--format table: expected one of colmap, .*, camera-table, found another name"
+    ):
+        load_scene(capture, choice=PhotoChoice(format="table"))
     (capture / "cameras.csv").write_text("a.png,1,2")
     with pytest.raises(InputError, match="expected twelve numbers, found 2"):
         load_scene(capture)
+
+
+def test_a_scene_is_named_in_commands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    (tmp_path / "corners.py").write_text(
+        "from tests.small_scene import corner_scene\n"
+        "DEMO_NAMES = 'corner'\n"
+        "def is_demo(name):\n    return name == 'corner'\n"
+        "def load_demo(name, *, progress=None):\n    return corner_scene()\n"
+    )
+    info = tmp_path / "corners-1.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: corners\nVersion: 1\n")
+    (info / "entry_points.txt").write_text("[fairing.scenes]\ncorners = corners\n")
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), str(SOURCE.parents[1])])}
+
+    def run(*command: str) -> subprocess.CompletedProcess:
+        whole = [sys.executable, "-m", "app", *command]
+        return subprocess.run(whole, capture_output=True, text=True, timeout=600, check=False, env=environment)
+
+    assert "corner: of an installed package" in run("demos").stdout
+    out = tmp_path / "out"
+    flags = ["--schedule.blur", "2", "--schedule.max-sweeps", "1"]
+    done = run("fair", "corner", "--out", str(out), *flags)
+    assert done.returncode == 0, done.stderr
+    assert run("fair", "corner", "--out", str(out), "--resume", *flags).returncode == 0
+    done = run("fair", "corne", "--out", str(out))
+    assert (done.returncode, "corne: expected a demo (cube, " in done.stderr, "corner)" in done.stderr) == (
+        1,
+        True,
+        True,
+    )
 
 
 def test_a_term_is_named_instead_of_a_file(plugin: Path):

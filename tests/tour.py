@@ -229,12 +229,12 @@ def _edited(visitor: Visitor, caption: str) -> np.ndarray:
     right, below = table["x"], WINDOW["height"] - 2
     status = visitor.box_of(page.get_by_text("Paused", exact=True))["y"] - 6
     parts = [
-        (canvas["x"], 0, canvas["x"] + canvas["width"], below),
+        (canvas["x"], 0.0, canvas["x"] + canvas["width"], below),
         (right, status, right + table["width"], status + STATUS_HEIGHT),
         (right, table["y"], right + table["width"], table["y"] + table["height"]),
     ]
     width = WINDOW["width"] // 3
-    shown = [shot.crop(tuple(round(edge) for edge in part)) for part in parts]
+    shown = [shot.crop((round(x), round(y), round(end), round(bottom))) for x, y, end, bottom in parts]
     shown = [part.resize((width - 8, round(part.height * (width - 8) / part.width))) for part in shown]
     column = Image.new("RGB", (width, 24 + sum(part.height for part in shown)), BACKGROUND)
     ImageDraw.Draw(column).text((8, 4), caption, "white", ImageFont.load_default(15))
