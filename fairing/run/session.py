@@ -39,7 +39,7 @@ from fairing.scene import Scene
 from fairing.solve.energy import FaceSystem
 from fairing.solve.problem import Problem
 from fairing.stage_kind import StageKind
-from fairing.terms.names import BUILT_IN, TERMS
+from fairing.terms.names import BUILT_IN, number_terms
 from fairing.terms.own import OwnTerm, check_terms
 from fairing.trace import SchedulePosition, StepReason, StepRecord, Trace
 from fairing.util.plugins import offered
@@ -103,7 +103,7 @@ class Session:
             trace = Trace(facts, scene.mesh.vertices, scene.mesh.faces)
         self.scene, self.trace, self.terms = scene, trace, tuple(terms)
         self._own_norm, self._own_plan = own_norm, tuple(plan or ())
-        TERMS.update(recorded_terms(trace))
+        number_terms(recorded_terms(trace))
         self.moment = len(self.trace)
         self.cancel_requested: Callable[[], bool] = lambda: False
         self.on_photo: Callable[[int, int], None] = lambda done, count: None
