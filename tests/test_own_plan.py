@@ -152,6 +152,13 @@ def test_a_plan_is_resumed_branched_and_replayed(tmp_path):
     other = whole.branch(replace(whole.options, robust=replace(whole.options.robust, norm="huber")))
     other.run()
     assert [kind for kind, _ in stages_of(other)] == [kind for kind, _ in stages_of(whole)]
+    whole.go_to(0)
+    usual, default = whole.branch(options), Session(corner_scene(), options)
+    assert whole.branch(replace(whole.options, levels=whole.options.levels * 2)).make_plan().stages == ()
+    for run in (usual, default):
+        run.run()
+    assert usual.plan is not None
+    assert usual.plan.stages == tuple(plan), "as many levels"
 
 
 @pytest.mark.compiled

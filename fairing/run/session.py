@@ -23,7 +23,7 @@ from fairing.norms.norm import Norm, Tabulated, tabulated
 from fairing.option_check import check_options
 from fairing.options import FairingOptions, options_from_dict, options_to_dict
 from fairing.run.manual_edits import manual_step
-from fairing.run.own_plan import header_of_plan, options_of_plan, recorded_plan
+from fairing.run.own_plan import OWN_PLAN, header_of_plan, options_of_plan, recorded_plan
 from fairing.run.planning import make_plan
 from fairing.run.pulls import Pull
 from fairing.run.recorded_norm import header_of_norm, options_with_norm, recorded_norm
@@ -275,7 +275,7 @@ class Session:
         """A new session with the steps of this one up to the present moment, under the same or other options, own terms and norm.
 
         Under others the sweep of the next step begins anew; under other options or another norm the branch has no plan yet. Both
-        remain if only the number of threads differs.
+        remain if only the number of threads differs. A plan of one's own stays, unless the number of levels differs.
         """
         options, terms = options or self.options, self.terms if terms is None else tuple(terms)
         own_norm = self._own_norm
@@ -283,6 +283,8 @@ class Session:
             options, own_norm = options_with_norm(options), tabulated(norm)
         trace = self.trace.cut(self.moment)
         trace.header |= {"options": options_to_dict(options), **header_of_terms(terms), **header_of_norm(own_norm)}
+        if options.n_levels != self.options.n_levels:  # its stages belong to other levels
+            trace.header.pop(OWN_PLAN, None)
         is_same = replace(options, threads=self.options.threads) == self.options
         is_same = is_same and (own_norm is None or own_norm.digest == self.norm.digest or options.robust.norm != OWN)
         if not is_same:
