@@ -31,8 +31,8 @@ from fairing.errors import InputError
 from fairing.kernels.data import NORM_TABLE
 
 INTERVALS = 4096
-"""Of a table, uniform in 1 / (1 + x). Interpolation errs by some (1 + x)^2 / INTERVALS^2 of the value: 1e-7 at x = 1, 1e-5 at x = 10.
-(ledger: norm of one's own: table)"""
+"""Of a table, uniform in 1 / (1 + x). Interpolation errs by some (1 + x)^2 / INTERVALS^2 of the value: 1e-7 at x = 1, 1e-5 at
+x = 10. (ledger: norm of one's own: table)"""
 NEAREST, FARTHEST = 1e-4, 1e6
 """Where the functions are evaluated instead of at 0 and at infinity."""
 STEP = 1e-4
