@@ -225,3 +225,7 @@ def test_recorded_plans_that_make_no_sense_are_refused(found: object):
         Session(corner_scene(), trace=session.trace)
     with pytest.raises(InputError, match="plan"):
         RunPlan.from_json('{"first_level": 0, "is_smoothed": false, "is_fitted_to_points": false, "stages": [3]}')
+    del session.trace.header["own_plan"]
+    session.trace.plan = RunPlan(0, False, False, stages=(PlanStage("nothing"),))
+    with pytest.raises(InputError, match="expected the stages of own_plan in its plan, found others"):
+        Session(corner_scene(), trace=session.trace)

@@ -105,6 +105,26 @@ def test_a_term_is_named_instead_of_a_file(plugin: Path):
         load_own([Path("rigid")])
 
 
+def test_a_norm_and_a_plan_are_named_instead_of_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    info = tmp_path / "robust-1.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: robust\nVersion: 1\n")
+    (info / "entry_points.txt").write_text(
+        "[fairing.norms]\nbiweight = demo_scenes.norms.tukey:Tukey\n"
+        "[fairing.plans]\ntwo-blurs = demo_scenes.plans.two_blurs:plan\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    offered.cache_clear()
+    try:
+        own = load_own([Path("biweight"), Path("two-blurs")])
+    finally:
+        offered.cache_clear()
+    assert own.norm is not None
+    assert own.norm.name == "tukey"
+    assert own.plan is not None
+    assert [stage.kind for stage in own.plan] == ["photos", "photos", "judge"]
+
+
 def test_an_experiment_is_listed_and_measured(plugin: Path, tmp_path: Path):
     assert set(experiments()) == {*EXPERIMENTS, "damping"}
     out = tmp_path / "out"

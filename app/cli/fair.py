@@ -263,7 +263,7 @@ def _earlier_run(path: Path, options: FairingOptions) -> Trace | None:
         return None
     trace = Trace.load(path)
     recorded = options_from_dict(trace.header["options"])
-    if plan := recorded_plan(trace.header):
+    if plan := recorded_plan(trace):
         options = options_of_plan(plan, options)
     if recorded.robust.norm == OWN:
         options = options_with_norm(options)

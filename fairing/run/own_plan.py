@@ -26,6 +26,7 @@ from fairing.solve.point_split import fitting_points
 from fairing.solve.problem import Problem
 from fairing.stage_kind import StageKind
 from fairing.terms.points import GATES, NEAR_GATE, STEPS
+from fairing.trace import Trace
 
 OWN_PLAN = "own_plan"
 """Key of a header: the stages of a plan of one's own."""
@@ -176,7 +177,7 @@ def header_of_plan(plan: Sequence[PlanStage]) -> dict[str, Any]:
     return {OWN_PLAN: [asdict(stage) for stage in plan]} if plan else {}
 
 
-def recorded_plan(header: dict[str, Any], given: Sequence[PlanStage] | None = None) -> tuple[PlanStage, ...]:
+def recorded_plan(trace: Trace, given: Sequence[PlanStage] | None = None) -> tuple[PlanStage, ...]:
     """The plan of one's own that a run was recorded with; empty without one.
 
     Args:
@@ -185,12 +186,14 @@ def recorded_plan(header: dict[str, Any], given: Sequence[PlanStage] | None = No
     Raises:
         InputError: the recorded one makes no sense, or another one is given.
     """
-    found = header.get(OWN_PLAN, [])
+    found = trace.header.get(OWN_PLAN, [])
     if not isinstance(found, list):
         raise InputError(f"header: expected {OWN_PLAN} as a list of stages, found {found!r:.60}; record the run again")
     plan = tuple(PlanStage.recorded(stage) for stage in found)
     if plan:
         check_plan(plan)
+    if trace.plan is not None and trace.plan.stages != plan:
+        raise InputError(f"trace: expected the stages of {OWN_PLAN} in its plan, found others; record the run again")
     if given is not None and tuple(given) != plan:
         raise InputError("trace: recorded with another plan; leave the plan out to continue it, or begin a new run")
     return plan

@@ -89,7 +89,7 @@ class Session:
             check_same_scene(scene, trace)
             options = options_from_dict(trace.header["options"])
             own_norm = recorded_norm(trace, own_norm)
-            plan = recorded_plan(trace.header, plan)
+            plan = recorded_plan(trace, plan)
         else:
             options = options or FairingOptions()
             if own_norm is not None:
