@@ -180,6 +180,7 @@ MISTAKES = [
     (PHOTOS, "plan: expected a list of fairing.PlanStage, found PlanStage"),
     (["photos"], "plan: stage 1: expected a fairing.PlanStage, found str"),
     ([PlanStage("foto")], "plan: stage 1: expected one of photos, smoothing, .*; found 'foto'"),
+    ([PlanStage(["photos"])], r"plan: stage 1: expected one of photos, .*; found \['photos'\]"),  # pyright: ignore
     ([PHOTOS, PlanStage("photos", blurr=1)], "plan: stage 2, photos: expected settings among blur, .*; found blurr"),
     ([PlanStage("photos", blur=[1, 2])], r"plan: stage 1, photos: expected one value of blur, found \(1, 2\)"),
     ([PlanStage("photos", blur="1")], "option schedule.blur: expected a value of type float, found '1'"),

@@ -68,7 +68,7 @@ def check_plan(plan: Any) -> None:
     for number, stage in enumerate(plan, 1):
         if not isinstance(stage, PlanStage):
             raise InputError(f"plan: stage {number}: expected a fairing.PlanStage, found {type(stage).__name__}")
-        if stage.kind not in _SETTINGS:
+        if not isinstance(stage.kind, str) or stage.kind not in _SETTINGS:
             raise InputError(f"plan: stage {number}: expected one of {', '.join(_SETTINGS)}; found {stage.kind!r:.60}")
         where, known = f"plan: stage {number}, {stage.kind}", _SETTINGS[stage.kind]
         for name, value in stage.settings.items():
