@@ -19,7 +19,8 @@ Files: `read_mesh`, `write_mesh`, and `PhotoChoice`, the part of a capture's pho
 
 Records: `Trace` of `StepRecord`s, each with its `StepReason`; `FlipTrace`, the record of `triangulate`.
 
-Terms: of one's own, `OwnTerm` and its `Residuals`, with the losses `Huber` and `GemanMcClure`; pass them to `fair` or `Session`.
+Terms: of one's own, `OwnTerm` and its `Residuals`, with the losses `Huber` and `GemanMcClure`; pass them to `fair` or `Session`,
+like a `Norm` of one's own for the residuals of photos, and a plan of `PlanStage`s.
 
 Errors: `InputError`, one line about what cannot be used.
 """

@@ -10,6 +10,7 @@ from .judge.inspect import face_cells as face_cells
 from .judge.mesh_comparison import MeshFigures as MeshFigures
 from .judge.mesh_comparison import compare_meshes as compare_meshes
 from .mesh import Mesh as Mesh
+from .norms.norm import Norm as Norm
 from .optimize.loss import GemanMcClure as GemanMcClure
 from .optimize.loss import Huber as Huber
 from .options import PRESETS as PRESETS
@@ -19,6 +20,7 @@ from .photo import ArrayPhoto as ArrayPhoto
 from .photo import FilePhoto as FilePhoto
 from .run.session import Session as Session
 from .run.snapshots import session_of_meshes as session_of_meshes
+from .run_plan import PlanStage as PlanStage
 from .scene import Scene as Scene
 from .scene import SparsePoints as SparsePoints
 from .scene import Truth as Truth

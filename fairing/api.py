@@ -2,8 +2,10 @@
 
 from collections.abc import Callable, Sequence
 
+from fairing.norms.norm import Norm
 from fairing.options import FairingOptions
 from fairing.run.session import Session
+from fairing.run_plan import PlanStage
 from fairing.scene import Scene
 from fairing.terms.own import OwnTerm
 from fairing.trace import StepRecord
@@ -15,6 +17,8 @@ def fair(
     should_stop: Callable[[], bool] = lambda: False,
     on_step: Callable[[StepRecord], None] = lambda _: None,
     terms: Sequence[OwnTerm] = (),
+    norm: Norm | None = None,
+    plan: Sequence[PlanStage] | None = None,
 ) -> Session:
     """Fair the mesh of a scene: move its vertices to the positions where the photos agree.
 
@@ -25,6 +29,8 @@ def fair(
         should_stop: called before every step; True ends the run.
         on_step: called with the record of every step.
         terms: terms of one's own, beside the built-in ones, see `OwnTerm`.
+        norm: a norm of one's own instead of that of the options, see `Norm`.
+        plan: the stages of the run instead of those that the start calls for, see `PlanStage`.
 
     Returns:
         The session after its last step. `session.scene.unweld(session.vertices)` are the positions, (N, 3) float in world
@@ -32,8 +38,8 @@ def fair(
         for the end, as a sentence.
 
     Raises:
-        InputError: an option, a term or the scene cannot be used.
+        InputError: an option, a term, the norm, the plan or the scene cannot be used.
     """
-    session = Session(scene, options, terms=terms)
+    session = Session(scene, options, terms=terms, norm=norm, plan=plan)
     session.run(should_stop, on_step)
     return session

@@ -58,9 +58,10 @@ class EigenspaceOptions:
 class RobustOptions:
     """The robust loss rho of the residual."""
 
-    norm: Literal["geman_mcclure", "geman_mcclure_printed", "huber", "least_squares"] = "geman_mcclure"
+    norm: Literal["geman_mcclure", "geman_mcclure_printed", "huber", "least_squares", "own"] = "geman_mcclure"
     """geman_mcclure: e^2 / (sigma^2 + e^2); its outlier threshold is sigma / sqrt(3), as in the figure of the paper.
-    geman_mcclure_printed: e^2 / (sigma + e^2), the formula as printed; its outlier threshold is sqrt(sigma / 3)."""
+    geman_mcclure_printed: e^2 / (sigma + e^2), the formula as printed; its outlier threshold is sqrt(sigma / 3).
+    own: a norm of your own, given with `norm=` or `--with FILE`."""
     sigma: float = 20.0
     """Scale for the rule `fixed`, grey levels."""
     mad_factor: float = 4.0

@@ -6,7 +6,7 @@ import pytest
 
 from app.panels.status import begin_note
 from fairing.options import FairingOptions
-from fairing.run_plan import RunPlan
+from fairing.run_plan import PlanStage, RunPlan
 
 OPTIONS = FairingOptions()
 BEGINNING = RunPlan(0, False, False)
@@ -28,6 +28,7 @@ def note(plan: RunPlan | None) -> str:
             RunPlan(4, False, True, start_sigma=6.0, represents_surface=True),
             "Begins at level 5: the start is near its points",
         ),
+        (RunPlan(0, True, False, stages=(PlanStage("smoothing"), PlanStage("photos"))), "Plan of your own: 2 stages"),
     ],
 )
 def test_the_note_names_the_level_and_what_decided(plan: RunPlan | None, expected: str):

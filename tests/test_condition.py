@@ -18,6 +18,7 @@ from app.page_state.page_state import PageState
 from app.page_state.selection import Selection
 from app.panels.condition_field import mistake_html, words_for
 from fairing.errors import InputError
+from fairing.terms.names import TERMS
 from tests.small_scene import corner_scene
 
 QUANTITIES = Quantities(
@@ -145,9 +146,9 @@ def test_a_mistake_is_shown_with_a_caret_below_its_place():
 
 
 def test_names_are_offered_with_the_selected_vertex_and_the_photo_looked_through():
-    words = {word for word, _ in words_for(PageState(Selection((17,)), entered=2))}
+    words = {word for word, _ in words_for(PageState(Selection((17,)), entered=2), TERMS)}
     assert {"rejected", "travelled(17)", "outliers(3)"} <= words
-    assert {"travelled(vertex)", "outliers(view)"} <= {word for word, _ in words_for(PageState())}
+    assert {"travelled(vertex)", "outliers(view)"} <= {word for word, _ in words_for(PageState(), TERMS)}
 
 
 def test_endless_conditions_are_refused():

@@ -14,8 +14,9 @@ from fairing.kernels.eigenspace import GRAM_BLOCK, fit_face
 from fairing.kernels.normal_equations import normal_equations
 from fairing.kernels.robust import HISTOGRAM_STEP, weigh
 from fairing.kernels.rows import BLOCK
+from fairing.norms.built_in import norm_of
 from fairing.run.session import SweepState
-from fairing.solve.energy import Evaluator, robust_scale
+from fairing.solve.energy import Evaluator
 from tests.blurred_photo import blurred
 from tests.cell_cases import ALL_CORNERS, FACE_IDS, prepared, sample_points, sharp_options
 from tests.rounding import EigenspaceTolerance, FaceTolerance, SystemTolerance, few, of_sum
@@ -257,8 +258,8 @@ def equations_of(G, hats, corner, basis, V, residual, weights, pair_weight, H, g
 
 
 @njit
-def weighed(residual, norm, squared_scale, weights):
-    return weigh(residual, norm, squared_scale, weights)
+def weighed(residual, norm, table, squared_scale, weights):
+    return weigh(residual, norm, table, squared_scale, weights)
 
 
 @njit
@@ -268,13 +269,13 @@ def fitted(cells, k, mask_weight, basis, V, singular_values, residual):
 
 @pytest.mark.parametrize("norm", ["geman_mcclure", "geman_mcclure_printed", "huber", "least_squares"])
 def test_weight_times_residual_is_the_slope_of_the_norm(norm):
-    code = {"geman_mcclure": 0, "geman_mcclure_printed": 0, "huber": 1, "least_squares": 2}[norm]
+    chosen = norm_of(norm)
     sigma = 7.0
-    scale = robust_scale(small_options(robust={"norm": norm}).robust, np.array([sigma]))[0]
+    scale = chosen.squared_scale(np.array([sigma]))[0]
     weight = np.zeros(1, np.float32)
 
     def rho(e: float) -> float:
-        return weighed(np.array([e], np.float32), code, scale, weight)
+        return weighed(np.array([e], np.float32), chosen.kernel, chosen.table, scale, weight)
 
     expected = {
         "geman_mcclure": lambda e: paper.rho(e, sigma),
@@ -295,9 +296,10 @@ def test_weight_times_residual_is_the_slope_of_the_norm(norm):
 def test_geman_mcclure_turns_at_sigma_over_root_three_and_the_printed_form_does_not():
     e = np.linspace(0.01, 30, 3000, dtype=np.float32)
     for norm, turn in (("geman_mcclure", 9 / np.sqrt(3)), ("geman_mcclure_printed", np.sqrt(9 / 3))):
-        scale = robust_scale(small_options(robust={"norm": norm}).robust, np.array([9.0]))[0]
+        chosen = norm_of(norm)
+        scale = chosen.squared_scale(np.array([9.0]))[0]
         weight = np.zeros_like(e)
-        weighed(e, 0, scale, weight)
+        weighed(e, chosen.kernel, chosen.table, scale, weight)
         # Steps of 0.01, and near its largest value the influence is flat: it changes by its rounding within 0.005.
         assert e[np.argmax(weight * e)] == pytest.approx(turn, abs=0.02)
 

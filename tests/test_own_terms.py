@@ -7,8 +7,12 @@ import pytest
 from scipy.optimize import approx_fprime
 
 import fairing
+from app.debugger.moment_pulls import moment_pulls
+from app.page_state.page_state import PageState
+from app.panels.condition_field import words_for
 from fairing.errors import InputError
 from fairing.optimize.loss import GemanMcClure
+from fairing.run.recorded_terms import term_meanings
 from fairing.run.session import Session
 from fairing.terms.names import TERMS
 from fairing.terms.own import OwnRows, OwnTerm, Residuals, begun
@@ -98,7 +102,22 @@ def test_a_strong_term_wins_and_its_pull_is_part_of_the_step(order: str):
     assert before > 0.02
     session.run()
     assert np.linalg.norm(session.vertices[0] - [1.02, 0.99, 1.01]) < 1e-3
-    assert TERMS["pinned"] == "Distance of a vertex from a place."
+    assert term_meanings(session.trace) == TERMS | {"pinned": "Distance of a vertex from a place."}
+
+
+class Elsewhere(Pinned):
+    """Distance of a vertex from another place."""
+
+
+@pytest.mark.compiled
+def test_sessions_with_terms_of_the_same_name_do_not_see_each_other():
+    sessions = [Session(corner_scene(), small_options(), terms=[term]) for term in (Pinned(), Elsewhere(), Planarity())]
+    meanings = [moment_pulls(session, 0).meanings for session in sessions]
+    assert meanings[0]["pinned"] == "Distance of a vertex from a place."
+    assert meanings[1]["pinned"] == "Distance of a vertex from another place."
+    assert "pinned" not in meanings[2]
+    words = [dict(words_for(PageState(), of_session)) for of_session in meanings]
+    assert [each.get("pinned", "").removeprefix("term: ") for each in words] == [m.get("pinned", "") for m in meanings]
 
 
 @pytest.mark.compiled

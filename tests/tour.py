@@ -5,6 +5,7 @@ Every picture is a shot of the page in a window of 1280 x 720, saved as a small 
 """
 
 import io
+import shutil
 import sys
 import tempfile
 from collections.abc import Callable
@@ -15,6 +16,7 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 from playwright.sync_api import Browser, Page
 
+import demo_scenes
 from app.debugger.commands import JumpTo, Run
 from app.debugger.run_state import Activity
 from app.export.page import write_page
@@ -26,6 +28,7 @@ from app.lessons.scenes import load_lesson_scene
 from app.page.server import start
 from demo_scenes import load_demo
 from fairing.options import PRESETS, FairingOptions
+from fairing.run.own_files import load_own
 from fairing.run.recorded_stages import recorded_stages
 from fairing.run.session import Session
 from fairing.stage_kind import StageKind
@@ -33,6 +36,7 @@ from tests.browser.driver import WINDOW, Visitor, chromium, page_of
 from tests.waiting import wait_for
 
 PICTURES = Path(__file__).parents[1] / "app" / "pictures"
+TERMS = Path(demo_scenes.__file__).parent / "terms"
 QUALITY = 82
 CORNER = 0  # vertex A; the others are held, as in the paper's first experiment
 LESSON_STEP = 3  # from 0
@@ -41,6 +45,7 @@ MOST_SHOTS = 60
 STORY_SCENE, STORY_VERTEX = "building:14", 42
 STORY_STAGES = (StageKind.POINTS, StageKind.AXES, StageKind.SURFACE_POINTS)  # before the photos
 STORY_BELOW = 152  # px, of the caption and the table
+STATUS_HEIGHT = 108  # px, of the lines from "Paused" on
 BACKGROUND = (26, 27, 30)
 SHARES = (0.0, 0.3, 0.6, 0.95)  # of the corner's way to the truth, in the row of shots of a run
 
@@ -66,6 +71,8 @@ def main(wanted: list[str]) -> None:
             save("run", run(browser, options))
         if not wanted or "story" in wanted:
             save("story", story(browser))
+        if not wanted or "reload" in wanted:
+            save("reload", reload(browser, options))
     app.stop()
     if not wanted or "before_after" in wanted:
         facts = RunFacts(session, PICTURES)
@@ -183,6 +190,59 @@ def story(browser: Browser) -> np.ndarray:
     columns.append(_column(visitor, len(session.trace), "the end"))
     app.stop()
     return np.hstack(columns)
+
+
+def reload(browser: Browser, options: FairingOptions) -> np.ndarray:
+    """A row of shots while the file of a term is edited: before, after a mistake, and the branch beside the old run."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(shutil.copy(TERMS / "rigidity.py", folder))
+        code = file.read_text(encoding="utf-8")
+        session = Session(load_demo("cube"), options.with_levels(smoothing=0.0), terms=load_own([file]).terms)
+        app = start(session, port=0)
+        visitor = Visitor(browser, app)
+        visitor.close_notifications()
+        begin(visitor)
+        served = page_of(app)
+        served.interaction.select(CORNER)
+        served.page_state.shown |= {"pulls": True, "cameras": False}
+        two_steps(visitor)
+        visitor.page.get_by_role("tab", name="Runs").click()
+        first = app.controller.wait_until_idle().run_id
+        columns = [_edited(visitor, "rigidity.py as loaded: strength 0.1")]
+        file.write_text(code.replace("return fairing", "retrun fairing"), encoding="utf-8")
+        wait_for(lambda: "line" in app.controller.state.problem)
+        columns.append(_edited(visitor, "saved with a mistake"))
+        visitor.close_notifications()
+        file.write_text(code.replace("strength = 0.1", "strength = 3.0"), encoding="utf-8")
+        wait_for(lambda: app.controller.state.run_id != first)
+        app.controller.wait_until_idle()
+        columns.append(_edited(visitor, "saved with strength 3"))
+        app.stop()
+    return np.hstack(columns)
+
+
+def _edited(visitor: Visitor, caption: str) -> np.ndarray:
+    """The 3D view with the runs below it, what the status says, and what pulls at the selected vertex."""
+    page = visitor.page
+    shot = Image.fromarray(settled(page))
+    canvas, table = visitor.canvas_box(), visitor.box_of(page.locator(".ef table.pulls"))
+    right, below = table["x"], WINDOW["height"] - 2
+    status = visitor.box_of(page.get_by_text("Paused", exact=True))["y"] - 6
+    parts = [
+        (canvas["x"], 0.0, canvas["x"] + canvas["width"], below),
+        (right, status, right + table["width"], status + STATUS_HEIGHT),
+        (right, table["y"], right + table["width"], table["y"] + table["height"]),
+    ]
+    width = WINDOW["width"] // 3
+    shown = [shot.crop((round(x), round(y), round(end), round(bottom))) for x, y, end, bottom in parts]
+    shown = [part.resize((width - 8, round(part.height * (width - 8) / part.width))) for part in shown]
+    column = Image.new("RGB", (width, 24 + sum(part.height for part in shown)), BACKGROUND)
+    ImageDraw.Draw(column).text((8, 4), caption, "white", ImageFont.load_default(15))
+    top = 24
+    for part in shown:
+        column.paste(part, (4, top))
+        top += part.height
+    return np.asarray(column)
 
 
 def _column(visitor: Visitor, moment: int, stage: str) -> np.ndarray:

@@ -8,7 +8,6 @@ from typing import Annotated, Literal
 import tyro
 
 from fairing.io import PhotoChoice
-from fairing.io.photo_choice import SceneFormat
 from fairing.io.points_choice import PointsChoice
 from fairing.options import FORMER_OPTIONS, PRESETS, FairingOptions
 from fairing.scene import Around, BoxCorners, CamerasChoice
@@ -68,13 +67,14 @@ CamerasArgument = Annotated[
         "model. Automatic: refine; for demos given.",
     ),
 ]
-TermsArgument = Annotated[
+OwnArgument = Annotated[
     tuple[Path, ...],
     tyro.conf.arg(
         name="with",
         metavar="FILE",
-        help="Python files with terms of your own (subclasses of fairing.OwnTerm): their code is executed. The debugger loads "
-        "a file anew when it is saved. Or names of terms that installed packages offer.",
+        help="Python files with terms of your own (subclasses of fairing.OwnTerm), a norm (a subclass of fairing.Norm) or a plan "
+        "(a list named plan of fairing.PlanStage): their code is executed. The debugger loads terms and norms anew when the file "
+        "is saved. Or names that installed packages offer.",
     ),
 ]
 AroundArgument = Annotated[
@@ -120,9 +120,9 @@ PhotosArgument = Annotated[PhotoChoice, tyro.conf.arg(name="")]
 class ConvertedPhotos(PhotoChoice):
     """Photo choice of `convert`, whose `--format` is the format it writes."""
 
-    format: Annotated[SceneFormat | None, tyro.conf.arg(name="from-format")] = None
-    """Format to read where a folder holds cameras in several. Default: the readable one with the most photos, then with
-    sparse points."""
+    format: Annotated[str | None, tyro.conf.arg(name="from-format")] = None
+    """Format to read where a folder holds cameras in several, such as colmap, bundler, scene.json or that of an installed
+    package. Default: the readable one with the most photos, then with sparse points."""
 
     def choice(self) -> PhotoChoice:
         """The photo choice with `--from-format` as its format."""

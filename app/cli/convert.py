@@ -7,8 +7,8 @@ from rich.console import Console
 from app.cli.arguments import ALL_CONVERTED_PHOTOS, ConvertedPhotosArgument, MeshArgument, SceneArgument
 from app.cli.lines import note_outside_photos, print_line
 from app.cli.loading import load_with_progress
+from app.files.named_scenes import is_named
 from app.files.scene_source import SceneSource
-from demo_scenes import is_demo
 from fairing.errors import InputError
 from fairing.io import locked_output_folder, read_mesh
 from fairing.io.convert import Format, write_capture
@@ -39,7 +39,7 @@ def convert_to_folder(source: SceneSource, out: Path, format: Format, console: C
     Returns:
         Exit code.
     """
-    if is_demo(source.scene):
+    if is_named(source.scene):
         scene = load_with_progress(source, console)
         views, sparse, warnings = scene.views, scene.sparse_points, scene.warnings
         mesh, mesh_file = (scene.unweld(scene.mesh.vertices), scene.original_faces), None

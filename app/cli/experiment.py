@@ -17,8 +17,8 @@ from app.cli.loading import load_with_points
 from app.cli.option_flags import flags_of, options_of
 from app.experiments.record import Record
 from app.experiments.workers import MOST_WORKERS, measure_all
+from app.files.named_scenes import is_named, scene_names
 from app.files.scene_source import SceneSource
-from demo_scenes import DEMO_NAMES, is_demo
 from fairing.errors import InputError
 from fairing.experiments import Experiment, Row, Setting, experiments
 from fairing.experiments.experiment import open_cases
@@ -69,9 +69,9 @@ def _command(kind: type[Experiment], default: FairingOptions) -> Callable[..., i
         preset: Options of every run, except those that the experiment varies; further flags change single ones.
         resume: Continue an interrupted experiment in `out`.
         """
-        if not is_demo(scene):
+        if not is_named(scene):
             raise InputError(
-                f"{scene}: expected a demo ({DEMO_NAMES}), found another scene; experiments measure errors against "
+                f"{scene}: expected a demo ({scene_names()}), found another scene; experiments measure errors against "
                 "the truth, which is known for demos only"
             )
         source = SceneSource.typed(scene, None, points="automatic", cameras=cameras)

@@ -7,11 +7,11 @@ from rich.console import Console
 
 from app.cli.arguments import (
     ALL_PHOTOS,
+    OwnArgument,
     PhotosArgument,
     RecordedMeshArgument,
     RecordedSceneArgument,
     RunArgument,
-    TermsArgument,
 )
 from app.cli.export_lesson import export_lesson, export_lessons
 from app.cli.lines import note_outside_photos, print_line
@@ -42,7 +42,7 @@ def export(
     scene: RecordedSceneArgument = None,
     mesh: RecordedMeshArgument = None,
     photos: PhotosArgument = ALL_PHOTOS,
-    terms: TermsArgument = (),
+    own: OwnArgument = (),
 ) -> int:
     """Write a recorded run as one file to share: a page (.html), a picture (.png) or a video (.mp4, .webm, .gif).
     With --lesson or --lessons: a lesson, or all lessons, as pages that need no server.
@@ -60,8 +60,8 @@ def export(
     if [run is not None, lesson is not None, lessons].count(True) != 1:
         raise InputError("export: expected one of RUN, --lesson NAME and --lessons")
     if run is not None:
-        return export_to_file(lambda: find_run(run, scene, mesh, photos), out, at, report, console, terms)
-    if at is not None or report or terms:
+        return export_to_file(lambda: find_run(run, scene, mesh, photos), out, at, report, console, own)
+    if at is not None or report or own:
         raise InputError("--at, --report, --with: apply to a RUN; leave them out with --lesson and --lessons")
     if lesson is not None:
         source = None if scene is None else SceneSource.typed(scene, mesh, photos, "automatic")
@@ -79,7 +79,7 @@ def export_to_file(
     at: str | None,
     report: bool,
     console: Console,
-    terms: Sequence[Path] = (),
+    own: Sequence[Path] = (),
 ) -> int:
     """Write the file in the format of its ending. An existing file is replaced only by a complete one.
 
@@ -87,7 +87,7 @@ def export_to_file(
         find_run: returns the trace, its scene and its path; called after the other arguments are checked.
         at: name of a moment.
         report: with .html: the report instead of the replay.
-        terms: files with the run's own terms, for their pulls.
+        own: files with the run's own terms, for their pulls.
 
     Returns:
         Exit code 0.
@@ -99,7 +99,7 @@ def export_to_file(
     _check(out, ending, at, report)
     trace, source, path = find_run()
     wanted = None if at is None else parse_moment_id(at, options_from_dict(trace.header["options"]).n_levels)
-    session = open_session(source, console, trace=trace, terms=terms)
+    session = open_session(source, console, trace=trace, own=own)
     note_outside_photos(console, source.scene, session.scene.views)
     moment = None if wanted is None else find_moment(trace, wanted)
     facts = RunFacts(session, path.parent)

@@ -16,11 +16,11 @@ from app.cli.arguments import (
     BoxArgument,
     CamerasArgument,
     MeshArgument,
+    OwnArgument,
     PhotosArgument,
     PointsArgument,
     Preset,
     SceneArgument,
-    TermsArgument,
 )
 from app.cli.interrupt import Interrupt
 from app.cli.lines import note_outside_photos, print_line
@@ -43,8 +43,11 @@ from fairing.judge.left_out import memory_of_left_out
 from fairing.judge.metrics import quality_report
 from fairing.judge.report import run_report
 from fairing.mesh import Mesh
+from fairing.norms.built_in import OWN
 from fairing.option_check import check_options
 from fairing.options import FairingOptions, options_from_dict
+from fairing.run.own_plan import options_of_plan, recorded_plan
+from fairing.run.recorded_norm import options_with_norm
 from fairing.run.session import Session
 from fairing.run.trace_header import REFINEMENT
 from fairing.trace import Trace
@@ -70,7 +73,7 @@ def fair_command(default: FairingOptions) -> Callable[..., int]:
         cameras: CamerasArgument = "automatic",
         around: AroundArgument = "automatic",
         box: BoxArgument = None,
-        terms: TermsArgument = (),
+        own: OwnArgument = (),
         options: Annotated[type(flags), tyro.conf.arg(name="")] = flags,  # pyright: ignore[reportInvalidTypeForm]
     ) -> int:
         """Refine the mesh of a scene without a browser. Writes mesh.ply, report.json and run.trace.
@@ -84,7 +87,7 @@ def fair_command(default: FairingOptions) -> Callable[..., int]:
             resume: Continue the run in `out`, which was recorded on the same scene with the same options. Its cameras are used.
         """
         source = SceneSource.typed(scene, mesh, photos, points, cameras, around, box)
-        return fair_to_folder(source, out, preset, options_of(options), resume, extras, Console(stderr=True), terms)
+        return fair_to_folder(source, out, preset, options_of(options), resume, extras, Console(stderr=True), own)
 
     return fair
 
@@ -97,7 +100,7 @@ def fair_to_folder(
     resume: bool,
     extras: RunExtras,
     console: Console,
-    terms: Sequence[Path] = (),
+    own: Sequence[Path] = (),
 ) -> int:
     """Run to the end or to Ctrl-C and write mesh, report and trace; after the end also the extras.
 
@@ -110,7 +113,7 @@ def fair_to_folder(
     check_options(options)
     beside = extras.other_mesh()
     with locked_output_folder(out):
-        return _fair(source, out, preset, options, resume, extras, beside, console, terms)
+        return _fair(source, out, preset, options, resume, extras, beside, console, own)
 
 
 def _fair(
@@ -122,7 +125,7 @@ def _fair(
     extras: RunExtras,
     beside: Mesh | None,
     console: Console,
-    terms: Sequence[Path],
+    own: Sequence[Path],
 ) -> int:
     began = time.perf_counter()
     source = with_cameras(source, console, out / CAPTURE)
@@ -133,7 +136,7 @@ def _fair(
         source = source.resumed(trace.header, out / TRACE)
     if trace is not None and source.cameras.startswith("refine") and REFINEMENT not in trace.header:
         raise InputError(f"{out / TRACE}: was recorded with the given cameras; continue without --cameras refine")
-    session = open_session(source, console, options, trace, terms=terms)
+    session = open_session(source, console, options, trace, own=own)
     scene = session.scene
     if trace is None and (refinement := session.trace.header.get(REFINEMENT)):
         print_line(console, refinement["reason"])
@@ -251,7 +254,7 @@ def _report(session: Session, preset: str, loading: float) -> dict[str, Any]:
 
 
 def _earlier_run(path: Path, options: FairingOptions) -> Trace | None:
-    """The trace to continue; None if there is none yet.
+    """The trace to continue; None if there is none yet. Its own plan and norm hold, whatever the options say of these.
 
     Raises:
         InputError: it was recorded with other options.
@@ -259,7 +262,12 @@ def _earlier_run(path: Path, options: FairingOptions) -> Trace | None:
     if not path.exists():
         return None
     trace = Trace.load(path)
-    difference = _first_difference(options_from_dict(trace.header["options"]), options)
+    recorded = options_from_dict(trace.header["options"])
+    if plan := recorded_plan(trace):
+        options = options_of_plan(plan, options)
+    if recorded.robust.norm == OWN:
+        options = options_with_norm(options)
+    difference = _first_difference(recorded, options)
     if difference:
         raise InputError(
             f"{path}: was recorded with other options ({difference}); give the same options or another --out"

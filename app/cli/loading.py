@@ -63,7 +63,7 @@ def open_session(
     trace: "Trace | None" = None,
     opening: OpeningProgress | None = None,
     load: Callable[[Callable[[float, str], None]], Scene] | None = None,
-    terms: Sequence[Path] = (),
+    own: Sequence[Path] = (),
 ) -> "Session":
     """A session on the scene of a source, with its cameras and sparse points. The bar shows what `load_with_points` does.
 
@@ -71,7 +71,7 @@ def open_session(
         options, trace: of the run, see `Session`.
         opening: what is shown of it elsewhere.
         load: loads the scene; default: that of the source.
-        terms: files with terms of one's own.
+        own: files with code of one's own, see `load_own`.
 
     Raises:
         InputError: the scene, an option or the trace cannot be used.
@@ -80,11 +80,12 @@ def open_session(
     load = load or partial(source.load, skip_points=opening.skip_points)
 
     def opened(progress: Callable[[float, str], None]) -> "Session":
-        from fairing.run.session import Session  # imported on first use: the page is served before the engine is loaded
-        from fairing.terms.own_file import load_terms
+        # Imported on first use: the page is served before the engine is loaded.
+        from fairing.run.own_files import load_own
+        from fairing.run.session import Session
 
-        own = load_terms(terms)  # before photos are read: a mistake there is told at once
-        session = Session(load(progress), options, trace, terms=own)
+        terms, norm, plan = load_own(own)  # before photos are read: a mistake there is told at once
+        session = Session(load(progress), options, trace, terms=terms, norm=norm, plan=plan)
         session.choose_inputs(progress, opening.skip_points)
         return session
 

@@ -24,6 +24,7 @@ from app.cli.arguments import (
     BoxArgument,
     CamerasArgument,
     MeshArgument,
+    OwnArgument,
     PageAddress,
     PageArgument,
     PhotosArgument,
@@ -32,7 +33,6 @@ from app.cli.arguments import (
     RecordedMeshArgument,
     RecordedSceneArgument,
     SceneArgument,
-    TermsArgument,
     with_current_flags,
 )
 from app.cli.loading import OpeningProgress, load_with_bar, open_session
@@ -68,7 +68,7 @@ def view(
     cameras: CamerasArgument = "automatic",
     around: AroundArgument = "automatic",
     box: BoxArgument = None,
-    terms: TermsArgument = (),
+    own: OwnArgument = (),
 ) -> int:
     """Open the debugger on a scene, paused.
 
@@ -95,7 +95,7 @@ def view(
         from fairing.run.trace_header import REFINEMENT
 
         placed = with_cameras(source, console, show=opening.show)
-        session = open_session(placed, console, PRESETS[preset], opening=opening, load=load, terms=terms)
+        session = open_session(placed, console, PRESETS[preset], opening=opening, load=load, own=own)
         if lesson is None or session.scene.name == source.scene:  # a lesson's own scene has no name to find it by
             header = session.trace.header
             placed.resolved(session.scene.sparse_points, REFINEMENT in header).note_in(header)
@@ -127,7 +127,7 @@ def replay(
     page: PageArgument = DEFAULT_PAGE,
     at: str = "start",
     photos: PhotosArgument = ALL_PHOTOS,
-    terms: TermsArgument = (),
+    own: OwnArgument = (),
     meshes: tuple[Path, ...] = (),
     save_to: Path | None = None,
 ) -> int:
@@ -151,7 +151,7 @@ def replay(
     wanted = parse_moment_id(at, options_from_dict(trace.header["options"]).n_levels)
 
     def open_run(opening: OpeningProgress) -> "Session":
-        session = open_session(source, Console(stderr=True), trace=trace, opening=opening, terms=terms)
+        session = open_session(source, Console(stderr=True), trace=trace, opening=opening, own=own)
         session.go_to(find_moment(trace, wanted))
         return session
 

@@ -11,8 +11,8 @@ from rich.console import Console
 from app.cli.interrupt import Interrupt
 from app.cli.lines import print_line
 from app.cli.loading import ShowProgress, load_with_bar
+from app.files.named_scenes import is_named
 from app.files.scene_source import SceneSource
-from demo_scenes import is_demo
 from fairing.errors import Cancelled
 from fairing.io.find_photo import PHOTO_FOLDERS
 from fairing.io.photo_folder import photos_alone
@@ -67,7 +67,7 @@ def with_cameras(
 def is_photos_alone(source: SceneSource) -> bool:
     """Whether the scene of a source is a folder of photos without cameras."""
     folder = Path(source.scene)
-    if is_demo(source.scene) or not folder.is_dir() or not photos_alone(folder):
+    if is_named(source.scene) or not folder.is_dir() or not photos_alone(folder):
         return False
     from fairing.io.load import is_capture  # cameras may lie among the photos; imported on first use: it takes a second
 
@@ -80,7 +80,7 @@ def check_openable(source: SceneSource) -> None:
     Raises:
         InputError: it holds no cameras in a supported format; or photos alone, but too few or without pycolmap.
     """
-    if is_demo(source.scene):
+    if is_named(source.scene):
         return
     if not is_photos_alone(source):
         from fairing.io.load import check_recognized

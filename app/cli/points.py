@@ -11,8 +11,8 @@ from app.cli.interrupt import Interrupt
 from app.cli.lines import print_line
 from app.cli.loading import load_with_progress
 from app.cli.progress_bar import progress_bar
+from app.files.named_scenes import is_named
 from app.files.scene_source import SceneSource
-from demo_scenes import is_demo
 from fairing.cameras import Refinement
 from fairing.errors import Cancelled, InputError
 from fairing.features import FeaturePoints
@@ -52,7 +52,7 @@ def points_to_folder(source: SceneSource, out: Path, console: Console) -> int:
     Raises:
         InputError: whatever is wrong with the input, or there are no points.
     """
-    if is_demo(source.scene):
+    if is_named(source.scene):
         loaded = load_with_progress(source, console)
         name, views, warnings, choice = loaded.name, loaded.views, loaded.warnings, loaded.cameras_choice
     else:

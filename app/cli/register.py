@@ -8,8 +8,8 @@ from rich.console import Console
 from app.cli.arguments import ALL_PHOTOS, PhotosArgument, SceneArgument
 from app.cli.lines import print_line
 from app.cli.triangulate import check_triangulation_output, summary_lines, triangulate_with_progress
+from app.files.named_scenes import is_named
 from app.files.scene_source import SceneSource
-from demo_scenes import is_demo
 from fairing.errors import InputError
 from fairing.io import read_capture, write_mesh
 from fairing.io.chosen_inputs import ChosenInputs
@@ -59,7 +59,7 @@ def register_to_file(
     if not 0.05 <= spacing <= 20:
         raise InputError(f"--spacing: expected 0.05 to 20 percent of the scan's diagonal, found {spacing:g}")
     check_triangulation_output(out)
-    if is_demo(source.scene):
+    if is_named(source.scene):
         scene = source.load()
         views, sparse = scene.views, scene.sparse_points
     else:

@@ -106,8 +106,8 @@ class Branch:
 
 
 @dataclass(frozen=True)
-class LoadTerms:
-    """Branch at the present moment with the terms of one's own that these files define now; the present run is kept."""
+class LoadOwn:
+    """Branch at the present moment with the terms and the norm that these files define now; the present run is kept."""
 
     files: tuple[Path, ...]
 
@@ -196,7 +196,7 @@ Command = (
     | JumpTo
     | Restart
     | Branch
-    | LoadTerms
+    | LoadOwn
     | Place
     | Reset
     | Lock

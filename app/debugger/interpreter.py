@@ -15,7 +15,7 @@ from app.debugger.commands import (
     Extent,
     Forward,
     JumpTo,
-    LoadTerms,
+    LoadOwn,
     Lock,
     Pause,
     Place,
@@ -39,10 +39,10 @@ from app.debugger.race import race
 from app.debugger.runs import Runs
 from app.debugger.schedule_extents import Group, beginning_of, boundary_before, group_of_next_step, group_of_step
 from app.debugger.step_text import step_outcome
-from fairing.errors import Cancelled
+from fairing.errors import Cancelled, InputError
 from fairing.options import FairingOptions
+from fairing.run.own_files import load_own
 from fairing.run.session import Session
-from fairing.terms.own_file import load_terms
 
 STEPS_TIMED = 8  # recent steps in the mean computing time
 
@@ -115,10 +115,14 @@ class Interpreter:
             case Branch(options):
                 self._add(session.branch(options), session.moment)
                 return f"branched at moment {session.moment} with other options; the previous run is kept"
-            case LoadTerms(files):
-                terms = load_terms(files)
-                self._add(session.branch(terms=terms), session.moment)
-                names = ", ".join(term.name for term in terms)
+            case LoadOwn(files):
+                own = load_own(files)
+                if own.plan is not None and session.plan is not None and own.plan != session.plan.stages:
+                    raise InputError(
+                        "the saved plan is another one: a plan takes effect from the start, open the run anew"
+                    )
+                self._add(session.branch(terms=own.terms, norm=own.norm), session.moment)
+                names = ", ".join(each.name for each in (*own.terms, own.norm) if each is not None)
                 return f"branched at moment {session.moment} with {names} as saved; the previous run is kept"
             case Place(vertices, positions):
                 ids = check_vertices(session, vertices)

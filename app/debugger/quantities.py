@@ -17,7 +17,7 @@ from fairing.judge.inspect import face_cells
 from fairing.run.session import Session, SweepState
 from fairing.scene import Scene
 from fairing.stage_kind import StageKind
-from fairing.terms.names import TERMS
+from fairing.terms.names import numbered_terms
 from fairing.trace import StepReason, StepRecord
 
 MAX_FACES = 60  # whose cells are computed for one value of `outliers`
@@ -173,13 +173,13 @@ def quantities_of(
 
     def pull(term: float, vertex: float = ANY) -> float:
         found = known_pulls()
-        return float("nan") if found is None else _of_any(found.px_of(tuple(TERMS)[int(term)]), vertex)
+        return float("nan") if found is None else _of_any(found.px_of(numbered_terms()[int(term)]), vertex)
 
     def share(term: float, vertex: float = ANY) -> float:
         found = known_pulls()
         if found is None:
             return float("nan")
-        k = found.index_of(tuple(TERMS)[int(term)])
+        k = found.index_of(numbered_terms()[int(term)])
         if k is None:
             return 0.0
         return float(found.shares_of_all[k]) if vertex == ANY else _of_vertex(found.shares[k], vertex)

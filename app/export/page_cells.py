@@ -14,7 +14,7 @@ import numpy as np
 
 from app.export.packing import packed
 from app.export.run_facts import RunFacts
-from fairing.cells.context import NORMS, CellContext
+from fairing.cells.context import CellContext
 from fairing.cells.pair_photos import ANTI_ALIASING, blur_octaves, blur_of_octave
 from fairing.cells.point_spread import missing_blur
 from fairing.cells.scale_space import ScaleSpace
@@ -107,7 +107,7 @@ def cells_of_runs(
 def _cells_of(
     facts: RunFacts, kept: list[int], rows: list[int], sweeps: list[_Sweep], sweep_at: np.ndarray
 ) -> dict[str, Any]:
-    options = facts.options
+    options, norm = facts.options, facts.session.norm
     return {
         "faces": kept,
         "scales": [_scales(facts, face) for face in kept],
@@ -116,7 +116,8 @@ def _cells_of(
         "affine": options.cells.warp == "affine",
         "removeBias": options.cells.remove_bias,
         "centered": options.eigenspace.centered,
-        "norm": NORMS[options.robust.norm],
+        "norm": packed(norm.table),
+        "threshold": norm.outlier_threshold if np.isfinite(norm.outlier_threshold) else None,
     }
 
 

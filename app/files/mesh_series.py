@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from app.files.named_scenes import is_named
 from app.files.scene_source import SceneSource
-from demo_scenes import is_demo
 from fairing.errors import InputError
 from fairing.io import PhotoChoice
 from fairing.io.points_choice import PointsChoice
@@ -57,7 +57,7 @@ def open_series(capture: str, files: Sequence[Path], faces: Path | None, photos:
 def source_of_meshes(capture: str, mesh: Path, photos: PhotoChoice, points: PointsChoice = "given") -> SceneSource:
     """The source of photos, cameras and sparse points for meshes, with one of them; a demo has its own mesh."""
     source = SceneSource.typed(capture, None, photos, points)
-    return source if is_demo(source.scene) else replace(source, mesh=str(mesh.resolve()))
+    return source if is_named(source.scene) else replace(source, mesh=str(mesh.resolve()))
 
 
 def read_meshes(files: Sequence[Path]) -> "list[Mesh]":

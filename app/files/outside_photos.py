@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from demo_scenes import is_demo
+from app.files.named_scenes import is_named
 from fairing.io.capture import listed
 from fairing.photo import FilePhoto, Photo, ResizedPhoto
 from fairing.scene import View
@@ -18,7 +18,7 @@ def outside_photos(scene: str, views: Sequence[View]) -> str:
     Args:
         scene: name of a demo, or path of a capture's folder or file.
     """
-    if is_demo(scene):
+    if is_named(scene):
         return ""
     folder = capture_folder(Path(scene))
     paths = [path for view in views if (path := _path_of(view.photo)) is not None]

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from app.files.named_scenes import full_name, is_named, load_named, scene_names
 from app.files.run_files import POINTS
-from demo_scenes import DEMO_NAMES, find_demo, is_demo, load_demo
 from fairing.errors import InputError
 from fairing.io import PhotoChoice
 from fairing.io.photo_choice import check_format
@@ -62,10 +62,10 @@ class SceneSource:
             from fairing.triangulation.points_in_box import check_corners
 
             check_corners(box, around)
-        if is_demo(scene) and not _holds_capture(scene):
+        if is_named(scene) and not _holds_capture(scene):
             return replace(cls._demo(scene, mesh, choice, points), cameras=cameras, around=around, box=box)
         if not Path(scene).exists():
-            raise InputError(f"{scene}: expected a demo ({DEMO_NAMES}) or a path, found no such file or folder")
+            raise InputError(f"{scene}: expected a demo ({scene_names()}) or a path, found no such file or folder")
         if choice.masks is not None:
             choice = replace(choice, masks=choice.masks.resolve())
         mesh_path = None if mesh is None else str(mesh.resolve())
@@ -73,7 +73,7 @@ class SceneSource:
 
     @classmethod
     def _demo(cls, scene: str, mesh: Path | None, choice: PhotoChoice, points: PointsChoice) -> "SceneSource":
-        name = find_demo(scene).name
+        name = full_name(scene)
         if mesh is not None:
             raise InputError(f"--mesh {mesh}: the demo {scene} has its own mesh; leave --mesh out")
         if choice != _ALL_PHOTOS:
@@ -86,7 +86,7 @@ class SceneSource:
     @property
     def title(self) -> str:
         """Short name: of the demo, or of the file or folder."""
-        return self.scene if is_demo(self.scene) else Path(self.scene).name
+        return self.scene if is_named(self.scene) else Path(self.scene).name
 
     @classmethod
     def of_run(cls, header: dict[str, Any], where: Path) -> "SceneSource":
@@ -139,9 +139,9 @@ class SceneSource:
         recorded = None if scene is not None and _KEY not in header else cls.of_run(header, where)
         if recorded is None:
             return cls.typed(scene or "", mesh, choice, "automatic")  # `Session` uses the given ones if the run did
-        if scene is None and is_demo(recorded.scene):  # also where the run is opened beside a folder of that name
+        if scene is None and is_named(recorded.scene):  # also where the run is opened beside a folder of that name
             return cls._demo(recorded.scene, mesh, choice, recorded.points)._with_points_of(recorded)
-        if scene is not None and is_demo(scene) and not _holds_capture(scene):
+        if scene is not None and is_named(scene) and not _holds_capture(scene):
             return cls._demo(scene, mesh, choice, recorded.points)._with_points_of(recorded)
         choice = recorded.choice if choice == _ALL_PHOTOS else choice
         if scene is None and mesh is None and recorded.mesh is not None:
@@ -208,12 +208,12 @@ class SceneSource:
         from fairing.io import load_scene  # imported on first use: the page is served before the engine is loaded
 
         tell, recorded = progress or (lambda fraction, line: None), self._recorded_points()
-        if is_demo(self.scene):
+        if is_named(self.scene):
             if self.around == "object":
                 raise InputError(f"--around object: the demo {self.scene} has its own mesh; leave --around out")
             if self.box is not None:
                 raise InputError(f"--box: the demo {self.scene} has its own mesh; leave --box out")
-            scene = load_demo(self.scene, progress=progress)
+            scene = load_named(self.scene, progress)
             cameras_choice = "given" if self.cameras == "automatic" else self.cameras
             scene = replace(scene, points_choice=self._choice(scene), cameras_choice=cameras_choice)
             if recorded is not None:
@@ -242,8 +242,8 @@ class SceneSource:
 
         tell, recorded = progress or (lambda fraction, line: None), self._recorded_points()
         points = "none" if recorded is not None else self.points
-        if is_demo(self.scene):
-            inputs = inputs_of_demo(load_demo(self.scene, progress=progress), points, self.cameras, tell)
+        if is_named(self.scene):
+            inputs = inputs_of_demo(load_named(self.scene, progress), points, self.cameras, tell)
         else:
             inputs = load_capture(self.scene, self.choice, points, self.cameras, tell)
         return inputs if recorded is None else replace(inputs, sparse_points=self._read_points(recorded, inputs.views))

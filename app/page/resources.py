@@ -12,9 +12,9 @@ from app.debugger.controller import Controller
 from app.debugger.engine_compilation import EngineCompilation
 from app.debugger.error_history import RunErrors, knows_truth
 from app.debugger.history import EnergyHistory, PathHistory
+from app.debugger.own_files import OwnFiles
 from app.debugger.residual_history import ResidualHistory
 from app.debugger.run_state import RunState
-from app.debugger.term_files import TermFiles
 from app.experiments.experiment_runner import ExperimentRunner
 from app.layers.cameras import Thumbnails
 from app.lessons.progress import LastLesson
@@ -55,7 +55,7 @@ class SessionResources:
     experiments: ExperimentRunner
     change_scene: ChangeScene
     refinement: RecordedRefinement | None
-    term_files: TermFiles
+    own_files: OwnFiles
     last_lesson: LastLesson
 
     @classmethod
@@ -107,7 +107,7 @@ class SessionResources:
             ExperimentRunner(scene, scene.name, controller.republish),
             change_scene,
             RecordedRefinement.of(scene, session.trace.header),
-            TermFiles(session.terms, controller.post),
+            OwnFiles(session.own_files, controller.post),
             LastLesson(),
         )
 
@@ -132,7 +132,7 @@ class SessionResources:
 
     def close(self) -> None:
         """End the controller, which closes the trace's file, and the workers."""
-        self.term_files.close()
+        self.own_files.close()
         self.residuals.close()
         self.controller.close()
         self.texturer.close()

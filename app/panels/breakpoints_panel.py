@@ -15,6 +15,7 @@ from app.panels.condition_field import ConditionField, words_for
 from app.viser_bridge.completion import insert_into
 from app.viser_bridge.html_events import HtmlEvents, choice_of, integer, press
 from app.viser_bridge.html_panel import HtmlPanel
+from fairing.run.recorded_terms import term_meanings
 
 READY_MADE: dict[str, str] = {
     "A step is rejected": "rejected > 0",
@@ -79,11 +80,12 @@ class BreakpointsPanel:
             button(name, self._events("ready_made", k), hint=f"Stop when {condition}", css_class="layer")
             for k, (name, condition) in enumerate(ready_made(page_state).items())
         )
-        self._field.show(page_state)
+        terms = term_meanings(state.trace)
+        self._field.show(page_state, terms)
         words = "".join(
             f"<tr><th>{button(word, insert_into(FIELD, word), hint=f'Insert {word}', css_class='link')}</th>"
             f"<td>{text(meaning)}</td></tr>"
-            for word, meaning in words_for(page_state)
+            for word, meaning in words_for(page_state, terms)
         )
         log = "".join(f"<div class='dim'>{text(line)}</div>" for line in state.log[-8:])
         add = button("Add", self._events("add"), hint="Add this breakpoint (Enter)", css_class="grow")

@@ -1,6 +1,6 @@
 """Condition field: a text field for a condition or expression, with completion of names and its mistakes below it."""
 
-from collections.abc import Callable, Set
+from collections.abc import Callable, Mapping, Set
 
 import viser
 
@@ -34,12 +34,12 @@ class ConditionField:
         without: Set[str] = frozenset(),
     ) -> None:
         self._on_enter, self._without = on_enter, without
-        self._line = TextField(gui, html_events, name, hint, self.enter, words=self._words(PageState()))
+        self._line = TextField(gui, html_events, name, hint, self.enter, words=self._words(PageState(), TERMS))
         self._note = HtmlPanel(gui)
 
-    def show(self, page_state: PageState) -> None:
-        """Offer names with the selected vertex and the photo looked through."""
-        self._line.offer(self._words(page_state))
+    def show(self, page_state: PageState, terms: Mapping[str, str]) -> None:
+        """Offer names with the selected vertex and the photo looked through, and those of the run's terms."""
+        self._line.offer(self._words(page_state, terms))
 
     def enter(self, written: str) -> None:
         """Handle a text as if it had been typed; a wrong one stays in the field."""
@@ -55,14 +55,17 @@ class ConditionField:
         """Handle what was typed without Enter."""
         self.enter(self._line.take_draft())
 
-    def _words(self, page_state: PageState) -> list[Word]:
-        return [word for word in words_for(page_state) if word[0].partition("(")[0] not in self._without]
+    def _words(self, page_state: PageState, terms: Mapping[str, str]) -> list[Word]:
+        return [word for word in words_for(page_state, terms) if word[0].partition("(")[0] not in self._without]
 
 
-def words_for(page_state: PageState) -> list[Word]:
+def words_for(page_state: PageState, terms: Mapping[str, str]) -> list[Word]:
     """All names with their meanings; functions with the selected vertex or the photo looked through as their argument.
 
     The names of terms and stages come last.
+
+    Args:
+        terms: of the run, by name: what adds to the energy of each.
     """
     chosen = {"vertex": page_state.selected, "view": None if page_state.entered is None else page_state.entered + 1}
 
@@ -78,9 +81,9 @@ def words_for(page_state: PageState) -> list[Word]:
             return f"{function}(points)"
         return f"{function}({item if chosen[item] is None else chosen[item]})"
 
-    terms = ((word, f"term: {TERMS[name]}") for word, name in term_words().items())
+    of_terms = ((word, f"term: {terms[name]}") for word, name in term_words().items() if name in terms)
     stages = ((word, f"stage: {kind.text}") for word, kind in STAGE_WORDS.items() if word not in term_words())
-    return [*VALUES.items(), *((call(name), meaning) for name, meaning in FUNCTIONS.items()), *terms, *stages]
+    return [*VALUES.items(), *((call(name), meaning) for name, meaning in FUNCTIONS.items()), *of_terms, *stages]
 
 
 def mistake_html(mistake: str) -> str:

@@ -148,7 +148,7 @@ def _residual(facts: IterationFacts) -> str:
 
 def _weights(facts: IterationFacts) -> str:
     cells = facts.cells
-    rows = [("σ", f"{number(cells.sigma, 3)} grey levels")]
+    rows = [("norm", text(cells.norm.replace("_", " "))), ("σ", f"{number(cells.sigma, 3)} grey levels")]
     if np.isfinite(cells.outlier_threshold):
         beyond = 100 * float(np.mean(np.abs(cells.residual[cells.counts]) > cells.outlier_threshold))
         rows.append(("outlier threshold", f"{number(cells.outlier_threshold, 3)} grey levels"))

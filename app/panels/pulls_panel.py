@@ -15,7 +15,6 @@ from app.panels.choice import choice
 from app.pictures.term_colors import COLOR_OF_TERM
 from app.viser_bridge.html_events import HtmlEvents, choice_of
 from app.viser_bridge.html_panel import HtmlPanel
-from fairing.terms.names import TERMS
 
 
 class PullsPanel:
@@ -69,7 +68,7 @@ def pulls_html(found: MomentPulls, vertex: int, when: str, is_over: bool) -> str
         _row(
             f"<i class='swatch' style='background:{solid(COLOR_OF_TERM[pull.name])}'></i>{text(pull.name)}",
             *(float(values[vertex]) for values in (pull.energy, pull.step_px, share)),
-            hint=TERMS[pull.name],
+            hint=found.meanings[pull.name],
         )
         for pull, share in zip(found.pulls, found.shares, strict=True)
     )

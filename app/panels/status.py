@@ -204,8 +204,10 @@ def _reason(state: RunState, outcome: str) -> str:
 
 
 def begin_note(state: RunState) -> str:
-    """Why a run skips coarse levels, by its plan; blank if it skips none or is not planned yet."""
+    """Why a run skips coarse levels, by its plan, or that the plan is the user's; blank if it skips none or is not planned yet."""
     plan, options = state.trace.plan, state.options
+    if plan is not None and plan.stages:
+        return f"Plan of your own: {len(plan.stages)} stage{'s' if len(plan.stages) > 1 else ''}"
     begin = 0 if plan is None else plan.first_level
     if plan is None or begin == 0:
         return "\u00a0"

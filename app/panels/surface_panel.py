@@ -14,8 +14,9 @@ from app.viser_bridge.html_events import Guarded, HtmlEvents, choice_of, integer
 from app.viser_bridge.html_panel import HtmlPanel
 from app.viser_bridge.synced_widget import SyncedSlider
 from fairing.errors import InputError
+from fairing.run.recorded_terms import term_meanings
 from fairing.scene import Scene
-from fairing.terms.names import TERMS
+from fairing.terms.names import numbered_terms
 
 SHAPES = {START_SHAPE: "Start", NOW_SHAPE: "Now", TRUE_SHAPE: "Truth"}
 TEXTURES = {False: "Static", True: "View-dependent"}
@@ -41,7 +42,7 @@ class SurfaceControls:
                 "divider": press(self.toggle_divider),
                 "shape": choice_of(self.choose_shape, lambda: self._shapes, "shape"),
                 "photo": integer(self._choose_photo, "photo", -1, len(scene.views) - 1),
-                "term": choice_of(self._choose_term, lambda: list(TERMS), "term"),
+                "term": choice_of(self._choose_term, numbered_terms, "term"),
                 "scale": choice_of(self._choose_scale, lambda: list(FLOW_SCALES), "arrow length"),
             }
         )
@@ -92,11 +93,14 @@ class SurfaceControls:
             f"style='text-align:center'>{text(name)}</span>{following}</div>{arrows if state.surface == 'flow' else ''}"
         )
 
-    def terms(self) -> str:
-        """Markup of a control that selects the term whose pull is shown; else empty."""
+    def terms(self, state: RunState) -> str:
+        """Markup of a control that selects the term of the run whose pull is shown; else empty."""
         if self._page_state.surface != PULL:
             return ""
-        terms = {name: (name.capitalize(), self._events("term", k)) for k, name in enumerate(TERMS)}
+        terms = {
+            name: (name.capitalize(), self._events("term", numbered_terms().index(name)))
+            for name in term_meanings(state.trace)
+        }
         return f"<div class='dim note'>of the term</div>{choice(terms, self._page_state.pull_term, 'Term')}"
 
     def _choose_term(self, term: str) -> None:
@@ -178,7 +182,7 @@ class SurfacePanel:
         shapes = choice(controls.shapes(), page_state.shape, "Vertices at")
         self._panel.set(
             f"<h4>Surface</h4>{how}<div class='dim note'>texture</div>{textures}{self._note}"
-            f"<div class='dim note'>coloured by</div>{colorings}{controls.photos()}{controls.terms()}"
+            f"<div class='dim note'>coloured by</div>{colorings}{controls.photos()}{controls.terms(state)}"
             f"<div class='dim note'>vertices at</div>{shapes}"
             f"<div class='row note'>{controls.divider()}</div>"
         )

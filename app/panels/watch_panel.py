@@ -15,6 +15,7 @@ from app.palette import NOW, SELECTED, css
 from app.panels.condition_field import ConditionField
 from app.viser_bridge.html_events import Handler, HtmlEvents, choice_of
 from app.viser_bridge.html_panel import HtmlPanel
+from fairing.run.recorded_terms import term_meanings
 from fairing.scene import Scene
 
 SPARK = (96, 20)  # px
@@ -53,7 +54,7 @@ class WatchPanel:
         )
 
     def show(self, state: RunState, page_state: PageState) -> None:
-        self._field.show(page_state)
+        self._field.show(page_state, term_meanings(state.trace))
         self._series = {watch.text: self._series.get(watch.text) or watch_series(watch) for watch in page_state.watches}
         self._panel.set("".join(self._row(n, watch, state) for n, watch in enumerate(page_state.watches)))
 

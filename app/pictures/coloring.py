@@ -18,7 +18,7 @@ from fairing.judge import quantities
 from fairing.judge.face_residuals import FaceResiduals, face_residuals
 from fairing.run.session import Session
 from fairing.scene import Scene
-from fairing.terms.names import PHOTOS, TERMS
+from fairing.terms.names import PHOTOS, numbered_terms
 from fairing.trace import StepReason
 
 SHADES = 256
@@ -93,7 +93,7 @@ def _reasons() -> list[tuple[int, str, RGB]]:
 
 
 def _terms() -> list[tuple[int, str, RGB]]:
-    return [(k, name, COLOR_OF_TERM[name]) for k, name in enumerate(TERMS)]
+    return [(k, name, COLOR_OF_TERM[name]) for k, name in enumerate(numbered_terms())]
 
 
 def _no_reference(session: Session, moment: int) -> np.ndarray:

@@ -20,10 +20,11 @@ def difference_at(part: str, options: FairingOptions, facts: IterationFacts) -> 
     if part == "residual":
         return "As in the paper; samples that a photo does not show (grey) are left out."
     if part == "weights":
-        rule = options.levels[level].sigma_rule
+        rule, norm = options.levels[level].sigma_rule, facts.cells.norm
+        other = "" if norm == "geman_mcclure" else f" The paper has the norm of Geman and McClure; here it is “{norm}”."
         if rule == "paper":
-            return "As in the paper: σ = max|e| / √3 at the beginning of the sweep."
-        return f"The paper sets σ = max|e| / √3; on this level the engine uses the rule “{rule}”."
+            return f"As in the paper: σ = max|e| / √3 at the beginning of the sweep.{other}"
+        return f"The paper sets σ = max|e| / √3; on this level the engine uses the rule “{rule}”.{other}"
     if part == "jacobian":
         if options.step.solver == "alternating":
             return "As in the paper: U and c are held fixed."

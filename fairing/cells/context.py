@@ -17,21 +17,11 @@ from fairing.cells.point_spread import MAX_PATCH_PIXELS, PATCH_MARGIN, common_ps
 from fairing.cells.sample_masks import Occluders, ViewMasks, mask_views
 from fairing.cells.scale_space import ScaleSpace
 from fairing.cells.visibility import Footprints, Visibility, footprints_in_views, mark_surplus
-from fairing.kernels.data import (
-    NORM_GEMAN_MCCLURE,
-    NORM_HUBER,
-    NORM_LEAST_SQUARES,
-    KernelData,
-)
+from fairing.kernels.data import KernelData
+from fairing.norms.built_in import norm_of
+from fairing.norms.norm import Tabulated
 from fairing.options import FairingOptions
 from fairing.scene import Scene
-
-NORMS = {
-    "geman_mcclure": NORM_GEMAN_MCCLURE,
-    "geman_mcclure_printed": NORM_GEMAN_MCCLURE,
-    "huber": NORM_HUBER,
-    "least_squares": NORM_LEAST_SQUARES,
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +40,7 @@ class CellContext:
         vertices: (n, 3) float: positions the context was built at, world units.
         point_spread_fallback: whether photos are as seen although the level's option is a common point spread function,
             because the patches would exceed `MAX_PATCH_PIXELS`.
+        norm: of the residuals.
     """
 
     level: int
@@ -60,6 +51,7 @@ class CellContext:
     vertex_views: np.ndarray
     vertices: np.ndarray
     point_spread_fallback: bool
+    norm: Tabulated
 
     @property
     def takes_part(self) -> np.ndarray:
@@ -93,6 +85,7 @@ def build_context(
     occluders: Occluders | None = None,
     on_view: Callable[[], None] = lambda: None,
     patch_margin: float = PATCH_MARGIN,
+    own_norm: Tabulated | None = None,
 ) -> CellContext:
     """Judge visibility at the given positions and lay out the cells of a level.
 
@@ -105,6 +98,7 @@ def build_context(
         occluders: what hides the cells; by default the mesh itself.
         on_view: called before each photo is judged, from the pool's threads.
         patch_margin: px around a face that are blurred too, if its photos get a common point spread function.
+        own_norm: a norm of one's own, for options that name it.
 
     Raises:
         InputError: a photo cannot be decoded.
@@ -134,6 +128,7 @@ def build_context(
         weight = outlines.area[pairs.face, pairs.view] / layout.samples[pairs.face]
     weight *= np.array([view.weight for view in scene.views])[pairs.view]
     P = np.stack([camera.image_from_world for camera in cameras])
+    norm = norm_of(options.robust.norm, own_norm)
     kernel = KernelData(
         faces=faces,
         image_from_world=np.concatenate([P, pair_photos.reduced_cameras]),
@@ -156,12 +151,13 @@ def build_context(
         cubic=at.interpolation == "cubic",
         remove_bias=options.cells.remove_bias,
         centered=options.eigenspace.centered,
-        norm=NORMS[options.robust.norm],
+        norm=norm.kernel,
+        norm_table=norm.table,
     )
     mean_area = np.where(takes_part, outlines.area, 0).sum(1) / np.maximum(n_views, 1)
     vertex_views = np.zeros((len(vertices), len(cameras)), dtype=bool)
     vertex_views[faces[pairs.face], pairs.view[:, None]] = True
-    return CellContext(level, kernel, reasons, n_views, mean_area, vertex_views, vertices.copy(), is_fallback)
+    return CellContext(level, kernel, reasons, n_views, mean_area, vertex_views, vertices.copy(), is_fallback, norm)
 
 
 def _dimensions(wanted: int, centered: bool, n_views: np.ndarray) -> np.ndarray:

@@ -57,7 +57,7 @@ class Reader(Protocol):
 
     @property
     def NAME(self) -> str:
-        """The format's name for `--format`, one of `SceneFormat`."""
+        """The format's name for `--format`, one of `SceneFormat` or a package's own."""
         ...
 
     @property

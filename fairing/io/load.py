@@ -30,7 +30,7 @@ from fairing.io.in_view import check_mesh_in_view
 from fairing.io.mesh_file import MESH_SUFFIXES, has_faces, read_mesh
 from fairing.io.mesh_place import in_frame_of_mesh
 from fairing.io.named_scenes import module_of_scene, scene_names
-from fairing.io.photo_choice import PhotoChoice, SceneFormat, apply_choice
+from fairing.io.photo_choice import READERS_GROUP, PhotoChoice, apply_choice, format_names
 from fairing.io.photo_folder import photos_alone
 from fairing.io.points_file import read_points
 from fairing.io.scene_points import Progress
@@ -49,7 +49,6 @@ READERS: tuple[Reader, ...] = (
 )  # fmt: skip
 """Supported formats. A new one is a module with the names of `Reader`, added here and to `SceneFormat`; or offered by another
 package as an entry point of the group `fairing.readers`."""
-_GROUP = "fairing.readers"
 _BY_FILE_NAME: dict[str, Reader] = {
     "scene.json": scene_json,
     "transforms.json": transforms_json,
@@ -243,7 +242,7 @@ def read_capture(path: str | Path, choice: PhotoChoice | None = None) -> Capture
 
 def readers() -> tuple[Reader, ...]:
     """The supported formats, and those of other installed packages."""
-    return (*READERS, *offered(_GROUP).values())
+    return (*READERS, *offered(READERS_GROUP).values())
 
 
 def is_capture(path: Path) -> bool:
@@ -289,8 +288,10 @@ def _read(path: Path) -> Capture:
     raise _unsupported(path)
 
 
-def _read_as(path: Path, format: SceneFormat) -> Capture:
-    reader = next(reader for reader in READERS if format == reader.NAME)
+def _read_as(path: Path, format: str) -> Capture:
+    reader = next((reader for reader in readers() if format == reader.NAME), None)
+    if reader is None:
+        raise InputError(f"--format {format:.40}: expected one of {', '.join(format_names())}, found another name")
     if not reader.recognises(path):
         raise InputError(f"--format {format}: expected a {reader.FORMAT} in {path}, found {_contents(path)}")
     return reader.read(path)

@@ -14,11 +14,14 @@ from fairing.io.mask_files import masks_of
 from fairing.io.mesh_place import in_frame
 from fairing.placement.frames import MeshFrame, parse_axes
 from fairing.scene import WEIGHTS, SparsePoints, View
+from fairing.util.plugins import offered
 
 SceneFormat = Literal[
     "colmap", "bundler", "openmvg", "meshroom", "opensfm", "visualsfm", "metashape", "realityscan", "transforms.json",
     "middlebury", "strecha", "matrices", "scene.json",
 ]  # fmt: skip
+READERS_GROUP = "fairing.readers"
+"""Of the entry points by which packages offer readers."""
 _SMALLEST_SCALE = 0.05
 SMALLEST_MESH_SCALE = 1e-9
 
@@ -41,23 +44,25 @@ class PhotoChoice:
     among cameras that are z up: `--mesh-axes=x,-z,y`. Results are in the mesh's frame."""
     mesh_scale: float = 1.0
     """Unit of the mesh in units of the cameras' world, 1e-9 to 1e9: 0.001 for a mesh in millimetres among cameras in metres."""
-    format: SceneFormat | None = None
-    """Format to read where a folder holds cameras in several. Default: the readable one with the most photos, then with
-    sparse points."""
+    format: str | None = None
+    """Format to read where a folder holds cameras in several, such as colmap, bundler, scene.json or that of an installed
+    package. Default: the readable one with the most photos, then with sparse points."""
 
 
-def check_format(name: str | None, where: object) -> SceneFormat | None:
+def format_names() -> tuple[str, ...]:
+    """The names of all formats, also of those that installed packages read."""
+    return (*get_args(SceneFormat), *(reader.NAME for reader in offered(READERS_GROUP).values()))
+
+
+def check_format(name: str | None, where: object) -> str | None:
     """A format read from a file.
 
     Raises:
         InputError: there is no format of this name.
     """
-    for known in get_args(SceneFormat):
-        if name == known:
-            return known
-    if name is not None:
-        raise InputError(f"{where}: format: expected one of {', '.join(get_args(SceneFormat))}, found {name[:40]!r}")
-    return None
+    if name is not None and name not in format_names():
+        raise InputError(f"{where}: format: expected one of {', '.join(format_names())}, found {name[:40]!r}")
+    return name
 
 
 def apply_choice(capture: Capture, choice: PhotoChoice, folder: Path) -> Capture:

@@ -11,7 +11,6 @@ import numpy as np
 
 from fairing.cells.context import CellContext
 from fairing.errors import InputError
-from fairing.kernels.data import NORM_GEMAN_MCCLURE, NORM_HUBER, KernelData
 from fairing.kernels.faces import show_face
 from fairing.run.session import Session
 
@@ -51,6 +50,7 @@ class FaceCells:
         counts: (n, p) bool: samples that the view really shows; the others are masked.
         weights: (n, p) float32: robust weight rho'(e) / e.
         rho: (n, p) float: robust norm of the residual; its sum over p times `pair_weight` is the view's energy.
+        norm: name of the robust norm.
         sigma: scale parameter of the robust norm, grey levels.
         outlier_threshold: e_T, |e| beyond which a residual loses influence, grey levels; infinite if never.
         pair_weight: (n,) float: photo pixels per sample, times the photo's weight.
@@ -73,6 +73,7 @@ class FaceCells:
     counts: np.ndarray
     weights: np.ndarray
     rho: np.ndarray
+    norm: str
     sigma: float
     outlier_threshold: float
     pair_weight: np.ndarray
@@ -192,14 +193,14 @@ def cells_in_context(
         face: id.
         moment: the moment to note in the result.
         sigma: scale parameter of the robust norm, grey levels.
-        squared_scale: the same as the kernels use it, see `fairing.solve.energy.robust_scale`.
+        squared_scale: the same as the kernels use it, see `fairing.norms.norm.Norm.squared_scale`.
         vertex: see `face_cells`.
 
     Raises:
         InputError: a corner of the face lies behind a camera.
         ValueError: the vertex is not a corner of the face.
     """
-    data = context.kernel
+    data, norm = context.kernel, context.norm
     pairs = context.pairs_of(face)
     n, k = pairs.stop - pairs.start, int(data.face_dimensions[face])
     grid = int(data.face_grid[face])
@@ -230,9 +231,10 @@ def cells_in_context(
         residual=residual,
         counts=counts > 0,
         weights=weights,
-        rho=_rho(data, residual, squared_scale) if k else np.zeros((n, p)),
+        rho=norm.rho(np.abs(residual) / np.sqrt(squared_scale)) if k else np.zeros((n, p)),
+        norm=norm.name,
         sigma=sigma,
-        outlier_threshold=float(np.sqrt(squared_scale / 3)) if data.norm == NORM_GEMAN_MCCLURE else float("inf"),
+        outlier_threshold=norm.outlier_threshold * float(np.sqrt(squared_scale)),
         pair_weight=data.pair_weight[pairs],
         view_energy=view_energy,
         basis=basis[:k],
@@ -286,17 +288,3 @@ def _reconstruction(
     """
     mean_cell = np.where(counts, raw - fitted - bias, 0).sum(axis=0) / np.maximum(counts.sum(axis=0), 1)
     return np.where(counts, raw - residual, fitted - residual + bias + mean_cell).astype(np.float32)
-
-
-def _rho(data: KernelData, residual: np.ndarray, squared_scale: float) -> np.ndarray:
-    """The robust norm of each residual (`fairing.kernels.robust.weigh` returns only their sum)."""
-    squared = residual.astype(np.float64) ** 2
-    if data.norm == NORM_GEMAN_MCCLURE:
-        return squared / (squared_scale + squared)
-    if data.norm == NORM_HUBER:
-        size = np.abs(residual.astype(np.float64))
-        return (
-            np.where(squared <= squared_scale, squared, 2 * size * np.sqrt(squared_scale) - squared_scale)
-            / squared_scale
-        )
-    return squared / squared_scale

@@ -6,7 +6,8 @@ import numpy as np
 
 ENERGY, STATISTICS, ALTERNATING, VARIABLE_PROJECTION = 0, 1, 2, 3
 """What to compute beside the energies: nothing, residual statistics, normal equations by either solver."""
-NORM_GEMAN_MCCLURE, NORM_HUBER, NORM_LEAST_SQUARES = 0, 1, 2
+NORM_GEMAN_MCCLURE, NORM_HUBER, NORM_LEAST_SQUARES, NORM_TABLE = 0, 1, 2, 3
+"""Which loop of `fairing.kernels.robust.weigh` computes a norm; NORM_TABLE: any norm, by a table."""
 
 
 class KernelData(NamedTuple):
@@ -33,6 +34,7 @@ class KernelData(NamedTuple):
         ramp: (2, total) float32: barycentric weights of corner 0 and 1 at the cells' samples.
         affine, cubic, remove_bias, centered: bool.
         norm: NORM_*.
+        norm_table: (2, t + 1) float32, see `fairing.norms.norm.Tabulated`.
     """
 
     faces: np.ndarray
@@ -57,3 +59,4 @@ class KernelData(NamedTuple):
     remove_bias: bool
     centered: bool
     norm: int
+    norm_table: np.ndarray

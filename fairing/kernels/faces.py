@@ -87,7 +87,7 @@ def _cached_for(source):
             basis = basis_buffer[: (k + 1) * pc].reshape(k + 1, pc)
             fit_face(cells, k, data.centered, mask_weight, masked, basis, V, singular_values, residual)
             for i in range(n):
-                rho = weigh(residual[i], data.norm, squared_scale[face], weights[i])
+                rho = weigh(residual[i], data.norm, data.norm_table, squared_scale[face], weights[i])
                 pair_energy[first + i] = data.pair_weight[first + i] * rho
                 energy[at] += pair_energy[first + i]
             if with_system:
@@ -165,7 +165,7 @@ def _cached_for(source):
             fit_face(cells, k, data.centered, mask_weight, masked, basis, V, singular_values, residual)
             first = data.pair_start[face]
             for i in range(n):
-                rho = weigh(residual[i], data.norm, squared_scale, weights[i])
+                rho = weigh(residual[i], data.norm, data.norm_table, squared_scale, weights[i])
                 pair_energy[i] = data.pair_weight[first + i] * rho
         return cells
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from fairing.kernels.compiled import fast, never_inline, plain
-from fairing.kernels.data import NORM_GEMAN_MCCLURE, NORM_HUBER
+from fairing.kernels.data import NORM_GEMAN_MCCLURE, NORM_HUBER, NORM_TABLE
 from fairing.kernels.rows import STRIP
 
 HISTOGRAM_BINS = 2048
@@ -11,14 +11,16 @@ HISTOGRAM_STEP = 0.0625  # grey levels
 
 
 @fast
-def weigh(residual, norm, squared_scale, weights):
+def weigh(residual, norm, table, squared_scale, weights):
     """Robust weight rho'(e) / e of every residual, into `weights`; returns the sum of rho(e).
 
-    All norms behave as e^2 / sigma^2 near zero.
+    The built-in norms behave as e^2 / sigma^2 near zero.
 
     Args:
         residual: (p,) float32, grey levels.
         norm: NORM_*.
+        table: (2, t + 1) float32: rho(x) / x^2 and rho'(x) / x at v = 1 / (1 + x) = 0, 1 / t ... 1, with x = |e| / sigma; used with
+            NORM_TABLE, linear in between.
         squared_scale: sigma squared, grey levels^2 (sigma itself for the printed Geman-McClure form).
         weights: (p,) float32, out.
     """
@@ -39,6 +41,19 @@ def weigh(residual, norm, squared_scale, weights):
             size = abs(residual[t])
             total += size * size if size <= sigma else two * size * sigma - s2
             weights[t] = two * inverse * min(one, sigma / max(size, sigma))
+        total *= inverse
+    elif norm == NORM_TABLE:
+        inverse = one / s2
+        sigma = np.sqrt(s2)
+        intervals = np.float32(table.shape[1] - 1)
+        last = np.int32(table.shape[1] - 2)
+        for t in range(residual.shape[0]):
+            size = abs(residual[t])
+            place = intervals * sigma / (sigma + size)
+            k = max(np.int32(0), min(np.int32(place), last))  # also where the residual is not finite
+            part = place - np.float32(k)
+            total += (table[0, k] + part * (table[0, k + 1] - table[0, k])) * size * size
+            weights[t] = inverse * (table[1, k] + part * (table[1, k + 1] - table[1, k]))
         total *= inverse
     else:
         inverse = one / s2

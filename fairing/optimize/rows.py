@@ -25,7 +25,7 @@ class Term(Protocol):
 
     @property
     def name(self) -> str:
-        """A key of `fairing.terms.names.TERMS`."""
+        """One of `fairing.terms.names.numbered_terms`."""
         ...
 
     def total(self, vertices: np.ndarray) -> float:

@@ -12,7 +12,6 @@ from fairing.optimize.iteration import OBJECTIVE_TOLERANCE, Iteration, iterate
 from fairing.optimize.rows import Term
 from fairing.run.records import Energies, Evaluation, build_record, moved_record
 from fairing.run.stages import Stage
-from fairing.solve.energy import robust_scale
 from fairing.solve.face_loss import loss_of_faces
 from fairing.solve.problem import Problem
 from fairing.stage_kind import StageKind
@@ -136,7 +135,7 @@ def photo_verdict(
 def evaluated(problem: Problem, vertices: np.ndarray) -> Evaluation:
     """Energies at the first fine level, by the photos that see the faces there; coarser levels discriminate less."""
     context = problem.context(first_fine_level(problem.options), vertices)
-    scale = robust_scale(problem.options.robust, problem.sigma(context, vertices))
+    scale = problem.norm.squared_scale(problem.sigma(context, vertices))
     return Evaluation(vertices, context, problem.energies(context, vertices, scale))
 
 

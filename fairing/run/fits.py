@@ -146,7 +146,7 @@ class Fits:
 
 def applies(fit: Fit, problem: Problem, stage: Stage, vertices: np.ndarray) -> bool:
     """Whether a stage has anything to do with vertices (n, 3), world units; others are left out."""
-    if isinstance(stage, PointGates) and stage.surface is not None:
+    if isinstance(stage, PointGates) and stage.surface is not None and not stage.is_wanted:
         if stage.surface == 0:
             return fit.needs_surface_points(vertices)
         return fit.allowed_error(stage.surface) < fit.allowed_error(stage.surface - 1)

@@ -52,10 +52,10 @@ class History:
         return found
 
     def fit_before(self, moment: int) -> tuple[int, int] | None:
-        """The moments before and after the fit that the photos accepted before a moment; None without one."""
+        """The moments before and after the fit that the run keeps before a moment; None without one."""
         for end in range(moment, 0, -1):
             record = self._trace.steps[end - 1]
-            if self._is_accepted_by_photos(record):
+            if self._is_kept(record):
                 begin = self.part_begun(end - 1, record.position)
                 if self._trace.steps[begin].stage is not StageKind.SMOOTHNESS:
                     return begin, end
@@ -84,12 +84,16 @@ class History:
                 return end
             if record.stage is StageKind.SMOOTHNESS and not self._schedule.records_fit:
                 return end
-            if self._is_accepted_by_photos(record):
+            if self._is_kept(record):
                 return end
         return 0
 
-    def _is_accepted_by_photos(self, record: StepRecord) -> bool:
-        """Whether a step is the verdict of the photos on smoothing or a fit, and keeps it."""
+    def _is_kept(self, record: StepRecord) -> bool:
+        """Whether a step ends smoothing or a fit that the run keeps: by the verdict of the photos, or without any judge."""
+        level, at, following = self.level_of(record.position), record.position, record.next_position
+        part = level.part_of(level.stage_at(at.sweep))
+        if part and not (isinstance(part[-1], Judge) and part[-1].by == "photos"):
+            return following.level != at.level or not any(stage.has(following.sweep) for stage in part)
         if record.stage is not StageKind.JUDGE or (record.reasons == StepReason.REJECTED_FIT).any():
             return False
         stage = self.stage_of(record.position)

@@ -1,10 +1,11 @@
 """Levels: what a run does at each of them, as a function of its options and its plan."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fairing.options import FINE_BLUR, FairingOptions
+from fairing.run.own_plan import by_level, stages_of_level
 from fairing.run.stages import Judge, Photos, Stage, fit_stages, numbered, smoothing_stages
 from fairing.run_plan import RunPlan
 from fairing.stage_kind import StageKind
@@ -28,6 +29,7 @@ class Level:
         creases: strength of image edges and axes, see `LevelOptions.creases`; 0: none.
         edge_reach: see `RunPlan`.
         stages: in the order in which they run.
+        next_sweep: number of the first sweep of the next level.
     """
 
     number: int
@@ -38,6 +40,7 @@ class Level:
     creases: float = 0.0
     edge_reach: float = RunPlan.edge_reach
     stages: tuple[Stage, ...] = ()
+    next_sweep: int = 0
 
     @property
     def begin(self) -> SchedulePosition:
@@ -47,7 +50,7 @@ class Level:
     def begin_of(self, stage: Stage | None) -> SchedulePosition:
         """Position of the first step of a stage; of the next level for None."""
         if stage is None:
-            return SchedulePosition(self.number + 1, 0, 0, 0)
+            return SchedulePosition(self.number + 1, self.next_sweep, 0, 0)
         return SchedulePosition(self.number, stage.first_sweep, 0, 0)
 
     def stage_at(self, sweep: int) -> Stage:
@@ -56,24 +59,31 @@ class Level:
 
     def after(self, stage: Stage) -> Stage | None:
         """The stage that follows another one; None after the last."""
-        following = self.stages[self.stages.index(stage) + 1 :]
+        following = self.stages[self.place_of(stage) + 1 :]
         return following[0] if following else None
 
+    def place_of(self, stage: Stage) -> int:
+        """The place of a stage among all; after the last for photos of a level that has none."""
+        return self.stages.index(stage) if stage in self.stages else len(self.stages)
+
     def part_of(self, stage: Stage) -> tuple[Stage, ...]:
-        """The smoothing or fit that a stage belongs to, with the judge that ends it; empty for photos and the judge of the end."""
+        """The smoothing or fit that a stage belongs to, with the judge that ends it; empty for photos and the judge of the end.
+
+        The last one of a plan of one's own may have no judge.
+        """
         part: list[Stage] = []
-        for each in self.stages[: self.stages.index(self.photos)]:
+        for each in self.stages[: self.place_of(self.photos)]:
             part.append(each)
             if isinstance(each, Judge) and each.by == "photos":
                 if stage in part:
                     return tuple(part)
                 part = []
-        return ()
+        return tuple(part) if stage in part else ()
 
     @property
     def photos(self) -> Photos:
-        """Its stage of photos."""
-        return next(stage for stage in self.stages if isinstance(stage, Photos))
+        """Its stage of photos; a single iteration that is not executed in a level without."""
+        return next((stage for stage in self.stages if isinstance(stage, Photos)), Photos(StageKind.PHOTOS))
 
 
 @dataclass(frozen=True)
@@ -95,13 +105,16 @@ class Schedule:
         if not 0 <= position.level < len(self.levels):
             return (position.level, 0, *position[1:])
         level = self.levels[position.level]
-        return (position.level, level.stages.index(level.stage_at(position.sweep)), *position[1:])
+        return (position.level, level.place_of(level.stage_at(position.sweep)), *position[1:])
 
 
 def schedule_of(options: FairingOptions, plan: RunPlan) -> Schedule:
     """The schedule of a run. Pure: it uses neither photos nor mesh."""
-    levels = tuple(_level(options, plan, number) for number in range(options.n_levels))
-    return Schedule(levels, plan.first_level, plan.records_fit)
+    levels: list[Level] = []
+    for number in reversed(range(options.n_levels)):
+        next_sweep = levels[-1].begin.sweep if levels else 0
+        levels.append(replace(_level(options, plan, number), next_sweep=next_sweep))
+    return Schedule(tuple(reversed(levels)), plan.first_level, plan.records_fit)
 
 
 def _level(options: FairingOptions, plan: RunPlan, number: int) -> Level:
@@ -130,6 +143,11 @@ def _stages(options: FairingOptions, plan: RunPlan, number: int) -> tuple[Stage,
         max_displacement=MAX_DISPLACEMENT * plan.start_sigma or np.inf,
     )
     first_after = max(MOST_SWEEPS, *(each.max_sweeps for each in options.levels))
+    if plan.stages:
+        parts = by_level(plan.stages)
+        own = stages_of_level(parts[number], photos) if number < len(parts) else (photos,)
+        numbers = iter(numbered(tuple(stage for stage in own if stage is not photos), first_after))
+        return tuple(stage if stage is photos else next(numbers) for stage in own)
     end = Judge(StageKind.JUDGE, by="end", first_sweep=first_after)
     smoothing = numbered(smoothing_stages(), first_after + 1)
     fit = numbered(fit_stages(plan.has_photos_of_points), smoothing[-1].first_sweep + 1)

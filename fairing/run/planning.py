@@ -1,5 +1,6 @@
 """Planning: computes the run plan of a start mesh, see `RunPlan`."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -8,17 +9,18 @@ from fairing.geometry.normal_filter import smoothed
 from fairing.io.points_choice import are_enough
 from fairing.options import FairingOptions
 from fairing.placement.judge import refuse_elsewhere
+from fairing.run.own_plan import run_plan_of
 from fairing.run.phases import schedule_of
 from fairing.run.rehearsal import Rehearsal, rehearse
 from fairing.run.stages import PASSES
 from fairing.run.start_error import FAR_ERROR, measured_start_error
 from fairing.run.sweep_cache import SweepCache
-from fairing.run_plan import RunPlan
+from fairing.run_plan import PlanStage, RunPlan
 from fairing.solve.point_split import fitting_points
 from fairing.solve.problem import Problem
 from fairing.terms.image_edges import SEARCHES
 from fairing.terms.point_judge import loss_of_points
-from fairing.trace import StepRecord
+from fairing.trace import StepRecord, Trace
 
 LEAST_ERROR = 1.0  # px: Gauss-Newton reaches that far at every level
 
@@ -35,8 +37,10 @@ class Planned(NamedTuple):
     sweeps: SweepCache
 
 
-def make_plan(problem: Problem) -> Planned:
+def make_plan(problem: Problem, own: Sequence[PlanStage] = ()) -> Planned:
     """The plan of a run: a function of the scene and the options alone. It reads the photos and may take many seconds.
+
+    A plan of one's own, `own`, is taken as it is.
 
     Smoothing is tried where vertices may be noisy. Such a run also uses the smoothness prior at its levels, which determines the
     vertices no photo sees. Where points were found in the photos, they must accept the smoothing as well: a start whose corners
@@ -44,11 +48,15 @@ def make_plan(problem: Problem) -> Planned:
     vertices if their photos are known, else as coordinates (`_points_suffice`).
 
     Raises:
-        InputError: no photo sees any face well enough, or the photos of the sparse points do not confirm the mesh.
+        InputError: no photo sees any face well enough, or the photos of the sparse points do not confirm the mesh; or an
+            own plan needs points that there are none of.
         Cancelled: cancellation was requested.
     """
     refuse_elsewhere(problem.scene)
     options = problem.options
+    if own:
+        trace = Trace({}, problem.start, problem.scene.mesh.faces)
+        return Planned(run_plan_of(own, problem), [], SweepCache(problem, trace))
     first = first_level(problem.scene, problem.start, problem.orientation, options)
     plan = RunPlan(first, False, False, has_photos_of_points=len(problem.observed_points) > 0, records_fit=True)
     smooths = any(level.smoothing for level in options.levels)

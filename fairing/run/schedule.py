@@ -46,7 +46,7 @@ def fraction_done(schedule: Schedule, position: SchedulePosition, most_blocks: C
         return 1.0
     level = schedule.levels[position.level]
     stage = level.stage_at(position.sweep)
-    within = 0.0 if level.stages.index(stage) < level.stages.index(level.photos) else 1.0
+    within = 0.0 if level.place_of(stage) < level.place_of(level.photos) else 1.0
     if isinstance(stage, Photos):
         of_block = position.iteration / stage.max_iterations
         of_sweep = min(1.0, (position.block + of_block) / max(1, most_blocks(stage)))

@@ -18,11 +18,15 @@ from fairing.cells.point_spread import PATCH_MARGIN
 from fairing.errors import InputError
 from fairing.io.chosen_inputs import with_chosen_inputs
 from fairing.io.scene_points import Progress
+from fairing.norms.built_in import OWN
+from fairing.norms.norm import Norm, Tabulated, tabulated
 from fairing.option_check import check_options
 from fairing.options import FairingOptions, options_from_dict, options_to_dict
 from fairing.run.manual_edits import manual_step
+from fairing.run.own_plan import OWN_PLAN, header_of_plan, options_of_plan, recorded_plan
 from fairing.run.planning import make_plan
 from fairing.run.pulls import Pull
+from fairing.run.recorded_norm import header_of_norm, options_with_norm, recorded_norm
 from fairing.run.recorded_terms import check_terms_of_trace, header_of_terms, recorded_terms
 from fairing.run.schedule import fraction_done, most_blocks
 from fairing.run.stages import Photos, Stage
@@ -30,12 +34,12 @@ from fairing.run.stepper import Stepper, Trial
 from fairing.run.sweep import SweepState
 from fairing.run.sweep_cache import SweepCache
 from fairing.run.trace_header import check_same_scene, header_of, inputs_of, scene_of_trace
-from fairing.run_plan import RunPlan
+from fairing.run_plan import PlanStage, RunPlan
 from fairing.scene import Scene
 from fairing.solve.energy import FaceSystem
 from fairing.solve.problem import Problem
 from fairing.stage_kind import StageKind
-from fairing.terms.names import BUILT_IN, TERMS
+from fairing.terms.names import BUILT_IN, number_terms
 from fairing.terms.own import OwnTerm, check_terms
 from fairing.trace import SchedulePosition, StepReason, StepRecord, Trace
 from fairing.util.plugins import offered
@@ -51,6 +55,10 @@ class Session:
         trace: continue this run, under its own options; default: a new run.
         like: a session on the same scene and start, whose photos in memory this one uses.
         terms: terms of one's own, see `OwnTerm`. A run that was recorded with some can be shown without them, but not continued.
+        norm: a norm of one's own instead of that of the options, see `Norm`. A trace holds the values of its norm, so that its code
+            is not needed again.
+        plan: of one's own instead of what the start calls for, see `PlanStage`. The levels of the options are then those of its
+            photos.
 
     Attributes:
         scene: with the chosen cameras and sparse points from `choose_inputs` on.
@@ -71,18 +79,31 @@ class Session:
         trace: Trace | None = None,
         like: "Session | None" = None,
         terms: Sequence[OwnTerm] = (),
+        norm: Norm | None = None,
+        plan: Sequence[PlanStage] | None = None,
     ) -> None:
         check_terms(terms, BUILT_IN)
+        own_norm = None if norm is None else tabulated(norm)
         if trace is not None:
             scene = scene_of_trace(scene, trace)
             check_same_scene(scene, trace)
             options = options_from_dict(trace.header["options"])
-        self.options = options or FairingOptions()
+            own_norm = recorded_norm(trace, own_norm)
+            plan = recorded_plan(trace, plan)
+        else:
+            options = options or FairingOptions()
+            if own_norm is not None:
+                options = options_with_norm(options)
+            if plan is not None:
+                options = options_of_plan(plan, options)
+        self.options = options
         check_options(self.options)
         if trace is None:
-            trace = Trace(header_of(scene, self.options, terms), scene.mesh.vertices, scene.mesh.faces)
+            facts = header_of(scene, self.options, terms) | header_of_norm(own_norm) | header_of_plan(plan or ())
+            trace = Trace(facts, scene.mesh.vertices, scene.mesh.faces)
         self.scene, self.trace, self.terms = scene, trace, tuple(terms)
-        TERMS.update(recorded_terms(trace))
+        self._own_norm, self._own_plan = own_norm, tuple(plan or ())
+        number_terms(recorded_terms(trace))
         self.moment = len(self.trace)
         self.cancel_requested: Callable[[], bool] = lambda: False
         self.on_photo: Callable[[int, int], None] = lambda done, count: None
@@ -101,6 +122,7 @@ class Session:
             lambda *read: self.on_photo(*read),
             like,
             self.work,
+            self._own_norm,
         )
         self._sweeps = SweepCache(self._problem, self.trace, self.terms)
         self._stepper = Stepper(self._problem, self.trace, self._sweeps)
@@ -162,13 +184,21 @@ class Session:
         return self.finished and not self._steps_of_vertices()
 
     def _steps_of_vertices(self) -> list[StepRecord]:
-        """The steps so far by which photos moved vertices, or tried to, or the judge of the end returned them."""
-        steps = self.trace.steps[: self.moment]
+        """The steps so far by which photos moved vertices, or tried to, or the judge of the end returned them.
+
+        In a plan of one's own also those of smoothing and fits, which may be all there is.
+        """
+        steps, counts_fits = self.trace.steps[: self.moment], bool(self._own_plan)
         return [
             record
             for record in steps
             if len(record.vertices)
-            and (record.stage is StageKind.PHOTOS or record.is_manual or (record.reasons == StepReason.RETURNED).all())
+            and (
+                record.stage is StageKind.PHOTOS
+                or record.is_manual
+                or (counts_fits and record.stage.is_fit)
+                or (record.reasons == StepReason.RETURNED).all()
+            )
             and not (record.stage is StageKind.JUDGE and len(record.faces) == 0)
         ]
 
@@ -199,6 +229,17 @@ class Session:
         return self._problem.orientation
 
     @property
+    def norm(self) -> Tabulated:
+        """The norm of the residuals of photos: that of the options, or one's own."""
+        return self._problem.norm
+
+    @property
+    def own_files(self) -> tuple[str, ...]:
+        """The files with the code of its own terms and norm."""
+        norm = () if self._own_norm is None else (self._own_norm.file,)
+        return tuple(dict.fromkeys(file for file in (*(term.file for term in self.terms), *norm) if file))
+
+    @property
     def warnings(self) -> list[str]:
         """Warnings about the scene and the run, a line each."""
         return self._problem.warnings
@@ -225,22 +266,33 @@ class Session:
             raise IndexError(f"moment {moment}: this run has moments 0 to {len(self.trace)}")
         self.moment = moment
 
-    def branch(self, options: FairingOptions | None = None, terms: Sequence[OwnTerm] | None = None) -> "Session":
-        """A new session with the steps of this one up to the present moment, under the same or other options and own terms.
+    def branch(
+        self,
+        options: FairingOptions | None = None,
+        terms: Sequence[OwnTerm] | None = None,
+        norm: Norm | None = None,
+    ) -> "Session":
+        """A new session with the steps of this one up to the present moment, under the same or other options, own terms and norm.
 
-        Under others the sweep of the next step begins anew; under other options the branch has no plan yet. Both remain if only
-        the number of threads differs.
+        Under others the sweep of the next step begins anew; under other options or another norm the branch has no plan yet. Both
+        remain if only the number of threads differs. A plan of one's own stays, unless the number of levels differs.
         """
         options, terms = options or self.options, self.terms if terms is None else tuple(terms)
+        own_norm = self._own_norm
+        if norm is not None:
+            options, own_norm = options_with_norm(options), tabulated(norm)
         trace = self.trace.cut(self.moment)
-        trace.header |= {"options": options_to_dict(options), **header_of_terms(terms)}
+        trace.header |= {"options": options_to_dict(options), **header_of_terms(terms), **header_of_norm(own_norm)}
+        if options.n_levels != self.options.n_levels:  # its stages belong to other levels
+            trace.header.pop(OWN_PLAN, None)
         is_same = replace(options, threads=self.options.threads) == self.options
+        is_same = is_same and (own_norm is None or own_norm.digest == self.norm.digest or options.robust.norm != OWN)
         if not is_same:
             trace.plan = None
         if (not is_same or terms != self.terms) and self.moment and not self.finished:
             trace.continue_at(self.position._replace(block=0, iteration=0))
         branch = Session(self.scene, trace=trace, like=self, terms=terms)
-        if branch.options == self.options:
+        if branch.options == self.options and branch.norm.digest == self.norm.digest:
             branch._sweeps.share(self._sweeps, self.moment, with_sweeps=terms == self.terms)
             branch._stepper.rehearsed = self._stepper.rehearsed
         return branch
@@ -294,7 +346,7 @@ class Session:
         self.choose_inputs()
         if self.trace.plan is None:
             began = time.perf_counter()
-            planned = make_plan(self._problem)
+            planned = make_plan(self._problem, self._own_plan)
             self._seconds += time.perf_counter() - began
             self.trace.record_plan(planned.plan)
             self._stepper.rehearsed = planned.steps

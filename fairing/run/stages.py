@@ -66,10 +66,12 @@ class PointGates(Stage):
     Attributes:
         gates: of its sweeps, percent of the diagonal.
         surface: number of the search for points near the mesh with which it begins, from 0; None: sparse points alone.
+        is_wanted: whether the search takes place whatever the start is like.
     """
 
     gates: tuple[float, ...] = ()
     surface: int | None = None
+    is_wanted: bool = False
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from fairing.run.phases import Level
 from fairing.run.stages import Photos
 from fairing.scene import Scene
 from fairing.solve.blocks import Block, plan_blocks
-from fairing.solve.energy import FaceSystem, robust_scale
+from fairing.solve.energy import FaceSystem
 from fairing.solve.face_loss import loss_of_faces
 from fairing.solve.normal_equations import vertex_systems
 from fairing.solve.problem import Problem
@@ -45,7 +45,7 @@ class SweepState:
         stage: the stage the sweep belongs to.
         context: cells and visibility.
         sigma: (m,) float: scale parameter of the robust loss by face, grey levels.
-        scale: (m,) float: the value of the kernels for it, see `robust_scale`.
+        scale: (m,) float: the value of the kernels for it, see `Norm.squared_scale`.
         terms: of the objective beside the photos.
         origin: (n, 3) float: positions at the prepared start, or after the last manual edit of a vertex, world units.
         free: (n,) bool: vertices that are not locked and that enough photos see.
@@ -107,7 +107,7 @@ def begin_sweep(
     options, mesh = problem.options, problem.scene.mesh
     context = problem.context(level.number, vertices)
     sigma = problem.sigma(context, vertices)
-    scale = robust_scale(options.robust, sigma)
+    scale = problem.norm.squared_scale(sigma)
     everything = np.arange(len(mesh.faces))
     system = problem.linearise(context, vertices, everything, np.full(len(everything), -1), scale)
     H, _ = vertex_systems(mesh, system)

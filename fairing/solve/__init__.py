@@ -4,5 +4,5 @@
 the photos beside other terms, `step_limits` shortens them, `blocks` and `locks` choose the vertices, `face_loss` gives losses per
 photo pixel, `point_split` says which sparse points fits use.
 
-Imports the data modules of `fairing`, `fairing.geometry`, `fairing.cells` and `fairing.kernels`.
+Imports the data modules of `fairing`, `fairing.geometry`, `fairing.cells`, `fairing.kernels` and `fairing.norms`.
 """

@@ -12,7 +12,7 @@ import numpy as np
 from fairing.cells.context import CellContext
 from fairing.kernels.data import ALTERNATING, ENERGY, STATISTICS, VARIABLE_PROJECTION
 from fairing.kernels.faces import evaluate_faces
-from fairing.options import FairingOptions, RobustOptions
+from fairing.options import FairingOptions
 
 SOLVERS = {"alternating": ALTERNATING, "variable_projection": VARIABLE_PROJECTION}
 PARTS_PER_THREAD = 4
@@ -92,7 +92,7 @@ class Evaluator:
             vertices: (n, 3) float, world units.
             faces: (F,) int: face ids.
             corners: (F,) int: the corner that moves, -1 for all three.
-            squared_scale: (m,) float, grey levels^2: squared scale of the robust norm by face, from `robust_scale`.
+            squared_scale: (m,) float, grey levels^2: squared scale of the robust norm by face, see `Norm.squared_scale`.
             solver: "alternating" or "variable_projection".
 
         Returns:
@@ -109,7 +109,7 @@ class Evaluator:
             context: the cells.
             vertices: (n, 3) float, world units.
             faces: (F,) int: face ids.
-            squared_scale: (m,) float, grey levels^2: squared scale of the robust norm by face, from `robust_scale`.
+            squared_scale: (m,) float, grey levels^2: squared scale of the robust norm by face, see `Norm.squared_scale`.
         """
         return self._run(context, vertices, faces, np.full(len(faces), -1), squared_scale, STATISTICS)
 
@@ -187,15 +187,3 @@ def robust_sigma(options: FairingOptions, level: int, system: FaceSystem) -> np.
     else:
         sigma = np.full(len(system.faces), robust.sigma)
     return np.maximum(sigma, robust.sigma_floor)
-
-
-def robust_scale(options: RobustOptions, sigma: np.ndarray) -> np.ndarray:
-    """The squared scale that the kernels use: sigma squared, or sigma itself for the printed Geman-McClure form.
-
-    Args:
-        sigma: (F,) float, grey levels.
-
-    Returns:
-        (F,) float, grey levels^2.
-    """
-    return sigma if options.norm == "geman_mcclure_printed" else sigma**2

@@ -14,6 +14,8 @@ from fairing.cells.scale_space import ScaleSpace
 from fairing.cells.visibility import Visibility, mesh_orientation
 from fairing.errors import Cancelled, InputError
 from fairing.features.points import FeaturePoints
+from fairing.norms.built_in import norm_of
+from fairing.norms.norm import Tabulated
 from fairing.options import FairingOptions
 from fairing.scene import Scene
 from fairing.solve.energy import Evaluator, FaceSystem, fixed_sigma, robust_sigma
@@ -39,12 +41,14 @@ class Problem:
         on_photo: called when photos are read or evaluated, with their number so far and in all.
         like: a problem on the same mesh and start, whose orientation is used, and its photos where they are the same.
         work: what the computations do at present is written there.
+        own_norm: a norm of one's own, for options that name it; default: that of `like`.
 
     Attributes:
         locked: (n,) bool: vertices that never move, by option.
         orientation: see `fairing.cells.visibility.mesh_orientation`.
         observed_points: see `fairing.solve.point_split.observed_fitting_points`.
         evaluator: computes energies and normal equations.
+        norm: of the residuals of photos.
         warnings: of the scene and of the run so far, a line each.
         seconds: time spent on "photos" and on "visibility", s.
 
@@ -61,8 +65,11 @@ class Problem:
         on_photo: Callable[[int, int], None] = lambda done, count: None,
         like: "Problem | None" = None,
         work: WorkLog | None = None,
+        own_norm: Tabulated | None = None,
     ) -> None:
         self.scene, self.options, self.start = scene, options, start
+        self._own_norm = like._own_norm if own_norm is None and like is not None else own_norm
+        self.norm = norm_of(options.robust.norm, self._own_norm)
         self.evaluator = Evaluator(options.threads, self.raise_if_cancelled)
         self.warnings: list[str] = list(scene.warnings)
         self.seconds: dict[str, float] = {"photos": 0.0, "visibility": 0.0}
@@ -148,6 +155,7 @@ class Problem:
                 pool,
                 on_view=on_view,
                 patch_margin=patch_margin,
+                own_norm=self._own_norm,
             )
 
     def sigma(self, context: CellContext, vertices: np.ndarray) -> np.ndarray:
@@ -163,7 +171,7 @@ class Problem:
 
         Args:
             vertices: (n, 3) float: positions, world units.
-            scale: (m,) float: of the robust loss by face, see `robust_scale`.
+            scale: (m,) float: of the robust loss by face, see `Norm.squared_scale`.
         """
         n_faces = len(self.scene.mesh.faces)
         with self.work.doing(f"measuring {n_faces} faces"):
@@ -176,7 +184,7 @@ class Problem:
 
         Args:
             vertices: (n, 3) float: positions, world units.
-            scale: (m,) float: of the robust loss by face, see `robust_scale`.
+            scale: (m,) float: of the robust loss by face, see `Norm.squared_scale`.
             faces: (F,) int, ids; default: all.
 
         Raises:
@@ -195,7 +203,7 @@ class Problem:
             vertices: (n, 3) float: positions, world units.
             faces: (F,) int, ids.
             corners: (F,) int: the corner that moves, -1 for all three.
-            scale: (m,) float: of the robust loss by face, see `robust_scale`.
+            scale: (m,) float: of the robust loss by face, see `Norm.squared_scale`.
 
         Raises:
             Cancelled: cancellation was requested.

@@ -62,7 +62,7 @@ class Cells {
       weight: weighed.map(({ weights }) => weights),
       sigma: Math.sqrt(sweeps.scale[at]),
       energy: energies.reduce((sum, energy) => sum + energy, 0),
-      threshold: this.cells.norm === GEMAN_MCCLURE ? Math.sqrt(sweeps.scale[at] / 3) : Infinity,
+      threshold: (this.cells.threshold ?? Infinity) * Math.sqrt(sweeps.scale[at]),
     };
   }
 

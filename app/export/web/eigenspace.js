@@ -3,7 +3,6 @@
 "use strict";
 
 const FILL_ROUNDS = 3;
-const GEMAN_MCCLURE = 0, HUBER = 1;
 
 // `observed`: a Float32Array (p) per photo; `counts`: a Uint8Array (p) per photo, or null if all samples count; `options`:
 // removeBias, centered. Returns {observed, reconstruction, residual}, each with an array (p) per photo, the basis images (k)
@@ -100,22 +99,16 @@ function symmetricEigen(matrix) {
   return { values: A.map((row, m) => row[m]), vectors: V };
 }
 
-// The sum of rho(e) and the weights rho'(e) / e. `scale`: sigma squared.
-function weigh(residual, norm, scale) {
-  const weights = new Float32Array(residual.length), sigma = Math.sqrt(scale);
+// The sum of rho(e) and the weights rho'(e) / e. `table`: rho(x) / x^2, then rho'(x) / x, at 1 / (1 + x) = 0 ... 1, with x = |e|
+// over the root of `scale`; linear in between.
+function weigh(residual, table, scale) {
+  const weights = new Float32Array(residual.length), sigma = Math.sqrt(scale), points = table.length / 2;
   let total = 0;
   for (let t = 0; t < residual.length; t++) {
-    const squared = residual[t] * residual[t], size = Math.abs(residual[t]);
-    if (norm === GEMAN_MCCLURE) {
-      total += squared / (scale + squared);
-      weights[t] = 2 * scale / (scale + squared) ** 2;
-    } else if (norm === HUBER) {
-      total += (size <= sigma ? squared : 2 * size * sigma - scale) / scale;
-      weights[t] = 2 / scale * Math.min(1, sigma / Math.max(size, sigma));
-    } else {
-      total += squared / scale;
-      weights[t] = 2 / scale;
-    }
+    const place = (points - 1) * sigma / (sigma + Math.abs(residual[t])), k = Math.min(Math.floor(place), points - 2);
+    const at = (first) => table[first + k] + (place - k) * (table[first + k + 1] - table[first + k]);
+    total += at(0) * residual[t] * residual[t] / scale;
+    weights[t] = at(points) / scale;
   }
   return { total, weights };
 }

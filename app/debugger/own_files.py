@@ -1,28 +1,27 @@
-"""Files with terms of one's own: watched while a page is open, so that a saved change takes effect at once."""
+"""Files with code of one's own: watched while a page is open, so that a saved change takes effect at once."""
 
 import threading
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from app.debugger.commands import Command, LoadTerms
-from fairing.terms.own import OwnTerm
+from app.debugger.commands import Command, LoadOwn
 
 EVERY = 0.5  # s between two looks at the files
 
 
-class TermFiles:
-    """Posts `LoadTerms` when one of the files has changed.
+class OwnFiles:
+    """Posts `LoadOwn` when one of the files has changed.
 
     Args:
-        terms: of the first run.
+        files: with the terms and the norm of the first run, see `Session.own_files`.
         post: receives the command.
     """
 
-    def __init__(self, terms: Sequence[OwnTerm], post: Callable[[Command], None]) -> None:
-        self._files, self._post = tuple(dict.fromkeys(Path(term.file) for term in terms if term.file)), post
+    def __init__(self, files: Sequence[str], post: Callable[[Command], None]) -> None:
+        self._files, self._post = tuple(Path(file) for file in files), post
         self._ended = threading.Event()
         if self._files:
-            threading.Thread(target=self._watch, name="term files", daemon=True).start()
+            threading.Thread(target=self._watch, name="own files", daemon=True).start()
 
     def close(self) -> None:
         """End the thread."""
@@ -34,7 +33,7 @@ class TermFiles:
             now = self._states()
             if now == seen != loaded:  # an editor may write in several steps
                 loaded = now
-                self._post(LoadTerms(self._files))
+                self._post(LoadOwn(self._files))
             seen = now
 
     def _states(self) -> list[tuple[int, int] | None]:

@@ -1,0 +1,1 @@
+"""Example norms of one's own: each file works with `eigenfairing view SCENE --with FILE` as it is."""
