@@ -11,6 +11,7 @@ from numba import njit
 import fairing
 from fairing.errors import InputError
 from fairing.judge.inspect import cells_in_context
+from fairing.judge.report import run_report
 from fairing.kernels.robust import weigh
 from fairing.norms.built_in import BUILT_IN, OWN, norm_of
 from fairing.norms.norm import INTERVALS, Norm, Tabulated, tabulated
@@ -210,6 +211,16 @@ def test_a_run_is_resumed_and_shown_without_the_code_of_its_norm(tmp_path):
     plain = fairing.fair(corner_scene(), small_options())
     with pytest.raises(InputError, match="recorded with a norm of the options, found tukey"):
         Session(corner_scene(), trace=plain.trace, norm=Tukey())
+
+
+def test_a_report_names_what_is_one_s_own():
+    plan = [fairing.PlanStage("photos", blur=2.0, max_sweeps=1)]
+    own = run_report(Session(corner_scene(), small_options(), norm=Tukey(), plan=plan), "accurate", {}, {})["own"]
+    assert own["norm"]["name"] == "tukey"
+    assert own["norm"]["file"].endswith("test_norms.py")
+    assert own["plan"] == [{"kind": "photos", "settings": {"blur": 2.0, "max_sweeps": 1}}]
+    none = run_report(Session(corner_scene(), small_options()), "accurate", {}, {})["own"]
+    assert none == {"terms": [], "norm": None, "plan": []}
 
 
 @pytest.mark.compiled

@@ -11,12 +11,15 @@ import numpy as np
 
 from fairing.cells.context import CellContext
 from fairing.cells.visibility import Visibility
+from fairing.norms.built_in import OWN
 from fairing.options import options_to_dict
+from fairing.run.own_plan import OWN_PLAN
 from fairing.run.recorded_stages import recorded_stages
 from fairing.run.session import Session
 from fairing.run.trace_header import REFINEMENT
 from fairing.stage_kind import StageKind
 from fairing.trace import StepReason, StepRecord, Trace
+from fairing.trace_check import TERM_FACTS
 
 PACKAGES = ("eigenfairing", "numpy", "scipy", "numba", "opencv-python-headless", "trimesh")
 
@@ -111,6 +114,7 @@ def run_report(
         "format": "eigenfairing report 1",
         "preset": preset,
         "options": options_to_dict(session.options),
+        "own": _own(session),
         "versions": versions(),
         "scene": _scene_facts(session),
         "cameras": _cameras(session.trace),
@@ -129,6 +133,16 @@ def run_report(
         "warnings": list(session.warnings),
         "quality": quality,
         "vertices": _vertices(session, context),
+    }
+
+
+def _own(session: Session) -> dict[str, Any]:
+    """What the run has beside the options: terms, norm and plan of its user's own."""
+    norm = session.norm if session.options.robust.norm == OWN else None
+    return {
+        "terms": [{fact: getattr(term, fact) for fact in TERM_FACTS} for term in session.terms],
+        "norm": None if norm is None else {fact: getattr(norm, fact) for fact in TERM_FACTS},
+        "plan": session.trace.header.get(OWN_PLAN, []),
     }
 
 
