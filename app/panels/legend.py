@@ -139,6 +139,12 @@ def legend_html(legend: Legend) -> str:
         reason = f": {why}" if why else ""
         these = whose if legend.unknown > 1 else "face" if coloring.by_face else "vertex"
         parts.append(_entry(UNKNOWN, f"{legend.unknown} {these} unknown{reason}", ""))
+    if legend.left_out:
+        parts.append(
+            _entry(
+                UNKNOWN, f"{number(100 * legend.left_out, 2)} % of the pixels left out: hidden or near an outline", ""
+            )
+        )
     if legend.awaited:
         parts.append(f"<div class='selected'>Computing: {text(legend.awaited)}…</div>")
     elif legend.moment is not None:

@@ -1,0 +1,53 @@
+"""Residuals per pixel on the surface: pictures of the present moment and, for the divider, of the start."""
+
+from dataclasses import dataclass
+
+from app.debugger.controller import Controller
+from app.debugger.run_state import RunState
+from app.page_state.page_state import PageState
+from app.page_state.residual_source import ResidualSource
+from app.pictures.coloring import RESIDUAL_PER_PIXEL
+from app.pictures.texel_picture import TexelPicture, texel_picture
+from app.pictures.texturer import Texturer
+from app.query_cache import QueryCache
+from fairing.judge.texel_residuals import TexelResiduals
+
+
+@dataclass(frozen=True, eq=False)
+class PaintedTexels:
+    """The picture of a moment, and beside it that of the start in the same colours; None unless the divider shows it."""
+
+    now: TexelPicture
+    start: TexelPicture | None
+
+
+class ResidualTexels:
+    """The pictures that one browser shows. The engine measures the residuals; a worker of the texturer paints them."""
+
+    def __init__(self, source: ResidualSource, texturer: Texturer, controller: Controller) -> None:
+        self._source = source
+
+        def submit(key: object, compute, callback) -> None:
+            def done(result: object) -> None:
+                callback(result)
+                controller.republish()
+
+            texturer.frames.post(key, compute, done)
+
+        self._painted: QueryCache[tuple[int, int, int | None, bool], PaintedTexels] = QueryCache(submit)
+
+    def at(self, state: RunState, page_state: PageState) -> PaintedTexels | Exception | None:
+        """The pictures for the chosen photo at the moment shown; None while they are computed."""
+        view, is_divided = page_state.residual_view, page_state.shows_divider
+        found = self._source.texels_at(state, view)
+        start = self._source.texels_at(state, view, at_start=True) if is_divided else None
+        if found is None or (is_divided and start is None):
+            return None
+        key = (state.run_id, state.moment, view, is_divided)
+        self._painted.request(key, lambda: _paint(found, start))
+        return self._painted.result_for(key)
+
+
+def _paint(now: TexelResiduals, start: TexelResiduals | None) -> PaintedTexels:
+    other = None if start is None else texel_picture(start, RESIDUAL_PER_PIXEL, beside=now)
+    return PaintedTexels(texel_picture(now, RESIDUAL_PER_PIXEL, beside=start), other)
