@@ -15,7 +15,7 @@ from app.page_state.pull_source import PullSource
 from app.page_state.residual_source import ResidualSource, flow_scale
 from app.pictures.coloring import COLORINGS, DIFFERENCE, PULL, RESIDUAL_PER_PIXEL, Legend, color_mesh
 from app.pictures.texel_picture import TexelPicture
-from app.pictures.texturer import Texturer
+from app.pictures.texturer import LARGEST, Texturer
 from app.stage import Stage
 from app.surface_offset import set_back
 from app.viser_bridge.mesh_swap import DECODE_SECONDS, DoubleBufferedMesh, GlbMesh
@@ -176,7 +176,7 @@ class SurfaceColors:
             self._drawn = (wanted, vertices, values.now.legend)
             for mesh, picture, at in ((self.now, values.now, vertices), (self.start, values.start, start)):
                 if picture is not None:
-                    mesh.seconds = DECODE_SECONDS
+                    mesh.seconds = DECODE_SECONDS * max(1.0, picture.texels / LARGEST**2)
                     mesh.offer(self._textured(picture, at))
         else:
             points = set_back(vertices, self._scene, self._stage)

@@ -29,12 +29,14 @@ class TexelPicture:
     Attributes:
         uv: (m, 3, 2) float: texture coordinates of the corners of the faces, 0 to 1, origin at the top left.
         picture: the texture, a PNG file.
+        texels: number of its pixels.
         legend: its `unknown` counts the faces without any known sample.
         blur: px, see `TexelResiduals`.
     """
 
     uv: np.ndarray
     picture: bytes
+    texels: int
     legend: Legend
     blur: float
 
@@ -96,7 +98,7 @@ def texel_picture(found: TexelResiduals, coloring: Coloring, beside: TexelResidu
     local = grids.margin[:, None, None] + grids.corner_at
     local = np.where(is_turned[:, None, None], grids.box[:, None, None] - 1 - local, local)
     uv[ids] = (first[:, None] + local + 0.5) / size
-    return TexelPicture(uv, _png(indices), legend, found.blur)
+    return TexelPicture(uv, _png(indices), indices.size, legend, found.blur)
 
 
 def _shades(at: np.ndarray) -> np.ndarray:
