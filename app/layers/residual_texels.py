@@ -1,16 +1,18 @@
 """Residuals per pixel on the surface: pictures of the present moment and, for the divider, of the start."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from app.debugger.controller import Controller
 from app.debugger.run_state import RunState
 from app.page_state.page_state import PageState
 from app.page_state.residual_source import ResidualSource
-from app.pictures.coloring import RESIDUAL_PER_PIXEL
+from app.pictures.coloring import RESIDUAL_PER_PIXEL, Legend
 from app.pictures.texel_picture import TexelPicture, texel_picture
 from app.pictures.texturer import Texturer
 from app.query_cache import QueryCache
 from fairing.judge.texel_residuals import TexelResiduals
+
+LEAST_BLUR = 1.0  # px: of photos that is worth noting
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,6 +21,19 @@ class PaintedTexels:
 
     now: TexelPicture
     start: TexelPicture | None
+
+    @property
+    def legend(self) -> Legend:
+        """Of both: what is unknown is that of the side with more of it."""
+        shown, other = self.now.legend, (self.start or self.now).legend
+        return replace(shown, unknown=max(shown.unknown, other.unknown), left_out=max(shown.left_out, other.left_out))
+
+    @property
+    def blur_note(self) -> str:
+        """By how much the photos are blurred at these moments, where that is visible; else empty."""
+        sides = [("", self.now)] if self.start is None else [("before ", self.start), ("now ", self.now)]
+        blurs = [f"{side}blurred by {shown.blur:g} px" for side, shown in sides if shown.blur >= LEAST_BLUR]
+        return "".join(f", {blur}" for blur in blurs)
 
 
 class ResidualTexels:

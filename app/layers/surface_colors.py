@@ -23,7 +23,6 @@ from fairing.io.glb import write_glb
 from fairing.scene import Scene
 
 DECODE_COLORED = 0.25  # s: without a large texture
-LEAST_BLUR = 1.0  # px: of photos that is worth noting
 
 
 @dataclass(frozen=True)
@@ -173,7 +172,7 @@ class SurfaceColors:
         if self._drawn is not None and self._drawn[0] == wanted and self._drawn[1] is vertices:
             return
         if isinstance(values, PaintedTexels):
-            self._drawn = (wanted, vertices, values.now.legend)
+            self._drawn = (wanted, vertices, values.legend)
             for mesh, picture, at in ((self.now, values.now, vertices), (self.start, values.start, start)):
                 if picture is not None:
                     mesh.seconds = DECODE_SECONDS * max(1.0, picture.texels / LARGEST**2)
@@ -208,17 +207,11 @@ class SurfaceColors:
         if COLORINGS[wanted.coloring].of_photo is None:
             return ""
         if wanted.coloring != "flow":
-            return self._photos(wanted) + self._blur_note(wanted)
+            answer = self._answer[1] if self._answer is not None and self._answer[0] == wanted else None
+            return self._photos(wanted) + (answer.blur_note if isinstance(answer, PaintedTexels) else "")
         arrows = "how far each face is off" if wanted.view is None else "the flow"
         scale = flow_scale(self._residuals.at(state, page_state), page_state, self._scene.mesh, state.vertices)
         return f"{self._photos(wanted)}. Arrows: {arrows}, ×{scale:g}."
-
-    def _blur_note(self, wanted: Wanted) -> str:
-        """By how much the photos are blurred at the moment drawn, if that is visible; else empty."""
-        answer = self._answer[1] if self._answer is not None and self._answer[0] == wanted else None
-        if not isinstance(answer, PaintedTexels) or answer.now.blur < LEAST_BLUR:
-            return ""
-        return f", blurred by {answer.now.blur:g} px at this level"
 
     def _take(self, wanted: Wanted, found: np.ndarray | PaintedTexels | Exception) -> None:
         self._answer = (wanted, found)

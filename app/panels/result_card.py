@@ -127,7 +127,7 @@ class ResultCard:
 
     def _compare(self, page_state: PageState) -> str:
         """A button for the divider between the start and now."""
-        hint = "Start and current moment, textured, with a divider to drag"
+        hint = "Start and current moment, with a divider to drag"
         return f"<div class='row chips'>{chip('Before and now', self._events('divide'), hint, page_state.shows_divider)}</div>"
 
     def _worst(self, facts: ResultFacts) -> str:

@@ -180,7 +180,7 @@ def test_residuals_are_painted_at_every_pixel_for_the_chosen_photo_and_on_both_s
     assert all_photos.shape != photo.shape or np.abs(all_photos - photo).max() > 50
     wait_for(lambda: is_drawn(visitor, "/mesh/colored", all_photos))
     visitor.button("Next photo").click()
-    page.get_by_text(re.compile(r"^Photo cube_00\.png, blurred by [\d.]+ px at this level$")).wait_for()
+    page.get_by_text(re.compile(r"^Photo cube_00\.png, blurred by [\d.]+ px$")).wait_for()
     wait_for(lambda: is_drawn(visitor, "/mesh/colored", photo))
     visitor.button("Before and now").first.click()
     page.get_by_role("slider", name="before | now").wait_for()
