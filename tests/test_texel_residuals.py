@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from app.page_state.page_state import PageState
 from app.pictures import texel_picture as pictures
 from app.pictures.coloring import RESIDUAL_PER_PIXEL, UNKNOWN, by_value, color_map
 from app.pictures.texel_picture import texel_picture
@@ -65,6 +66,27 @@ def test_the_mean_over_the_samples_of_a_face_in_a_photo_is_its_residual(session:
         means = np.array([np.nanmean(found.of_face(face), dtype=float) for face in known.tolist()])
         assert means == pytest.approx(by_face.mean_residual(view)[known], rel=1e-5)
         assert np.isnan(by_face.mean_residual(view)[found.size == 0]).all()
+
+
+def test_in_colour_a_sample_has_the_mean_of_its_channels():
+    session = Session(corner_scene(), small_options(cells={"color": True}))
+    found = texel_residuals(session, view=1)
+    for face in np.flatnonzero(found.size).tolist():
+        cells = face_cells(session, face)
+        k, channels = cells.views.tolist().index(1), np.abs(cells.residual).reshape(len(cells.views), 3, -1)
+        shown = cells.counts[k].reshape(3, -1)[0]
+        assert found.of_face(face)[shown] == pytest.approx(channels[k].mean(axis=0)[shown], rel=1e-5)
+        assert np.isnan(found.of_face(face)[~shown]).all()
+
+
+def test_the_divider_shows_residuals_only_per_pixel_which_is_the_default_except_on_very_large_meshes():
+    small, large = PageState.of_mesh(10_000), PageState.of_mesh(10_001)
+    for state in (small, large):
+        state.surface, state.is_divided = "residual", True
+    assert (small.shows_texels, small.shows_divider) == (True, True)
+    assert (large.shows_texels, large.shows_divider) == (False, False)
+    small.surface = "energy"
+    assert (small.shows_texels, small.shows_divider) == (False, False)
 
 
 def test_the_image_of_a_face_has_its_samples_by_row_and_column(session: Session):

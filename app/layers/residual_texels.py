@@ -1,6 +1,9 @@
 """Residuals per pixel on the surface: pictures of the present moment and, for the divider, of the start."""
 
+import logging
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 from app.debugger.controller import Controller
 from app.debugger.run_state import RunState
@@ -42,8 +45,10 @@ class ResidualTexels:
     def __init__(self, source: ResidualSource, texturer: Texturer, controller: Controller) -> None:
         self._source = source
 
-        def submit(key: object, compute, callback) -> None:
+        def submit(key: object, compute: Callable[..., Any], callback: Callable[[Any], None]) -> None:
             def done(result: object) -> None:
+                if isinstance(result, Exception):
+                    logging.getLogger(__name__).error("the residuals could not be painted", exc_info=result)
                 callback(result)
                 controller.republish()
 
