@@ -13,7 +13,7 @@ from app.page_state.page_state import ASSOCIATIONS, PageState
 from app.page_state.pull_source import PullSource, arrow_scale, chosen_vertices
 from app.page_state.vertex_marks import MARK_COLORS, shown_vertices, stepped_vertex, vertex_colors
 from app.palette import AXIS_COLORS, LOCKED, NOW, REFERENCE, RGB, SEEN, SELECTED, START, STEPPED, TRUTH, solid
-from app.pictures.coloring import COLORINGS, UNKNOWN, Legend, Scale, color_map
+from app.pictures.coloring import COLORINGS, RESIDUAL_PER_PIXEL, UNKNOWN, Legend, Scale, color_map
 from app.pictures.term_colors import COLOR_OF_TERM
 from app.viser_bridge.view_overlay import ViewOverlay
 from fairing.judge.associations import REJECTED
@@ -49,8 +49,8 @@ class LegendBox:
         if legend is not None:
             content += legend_html(legend)
         elif page_state.surface in COLORINGS and page_state.entered is None and not state.is_moving:
-            title = COLORINGS[page_state.surface].title
-            content += f"<div class='legend'><b>{text(title)}</b><div class='dim'>Computing…</div></div>"
+            awaited = RESIDUAL_PER_PIXEL if page_state.shows_texels else COLORINGS[page_state.surface]
+            content += f"<div class='legend'><b>{text(awaited.title)}</b><div class='dim'>Computing…</div></div>"
         self._overlay.set(content)
 
 

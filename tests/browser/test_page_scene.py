@@ -19,7 +19,7 @@ from app.pictures.texel_picture import TexelPicture, texel_picture
 from app.viser_bridge.line_node import LineNode
 from demo_scenes import load_demo
 from fairing.judge.face_residuals import FaceResiduals
-from fairing.judge.texel_residuals import texel_residuals
+from fairing.judge.texel_residuals import TexelResiduals, texel_residuals
 from fairing.run.session import Session
 from tests.browser.driver import IN_BROWSER, WINDOW, Visitor, page_of
 from tests.two_levels import two_levels
@@ -171,11 +171,24 @@ def is_drawn(visitor: Visitor, node: str, expected: np.ndarray) -> bool:
     return drawn.shape == expected.shape and bool(np.abs(drawn - expected).max() <= 2)
 
 
-def test_residuals_are_painted_at_every_pixel_for_the_chosen_photo_and_on_both_sides_of_the_divider(visitor: Visitor):
+def test_residuals_are_painted_at_every_pixel_for_the_chosen_photo_and_on_both_sides_of_the_divider(
+    visitor: Visitor, monkeypatch: pytest.MonkeyPatch
+):
     page, app = visitor.page, visitor.app
     title = page.get_by_text("Residual per pixel, grey levels", exact=True)
-    visitor.button("Coloured by: Residual").click()
-    title.wait_for()
+    may_compute = threading.Event()
+
+    def when_allowed(*inputs: Any) -> TexelResiduals:
+        assert may_compute.wait(PATIENCE)
+        return texel_residuals(*inputs)
+
+    monkeypatch.setattr(residual_source, "texel_residuals", when_allowed)
+    try:
+        visitor.button("Coloured by: Residual").click()
+        title.wait_for()
+        assert page.locator("#eigenfairing-overlay").get_by_text("Computing…", exact=True).is_visible()
+    finally:
+        may_compute.set()
     all_photos, photo = texel_texture(app, None), texel_texture(app, 0)
     assert all_photos.shape != photo.shape or np.abs(all_photos - photo).max() > 50
     wait_for(lambda: is_drawn(visitor, "/mesh/colored", all_photos))
