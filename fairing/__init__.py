@@ -9,8 +9,8 @@ positions = session.scene.unweld(session.vertices)
 
 Run: `load_scene` reads a capture or opens a demo scene, `fair` runs to the end, `Session` runs step by step,
 `FairingOptions` with its `LevelOptions` and `PRESETS` control it, `triangulate` makes a start mesh, `face_cells` (`FaceCells`)
-shows what a run compares. `session_of_meshes` shows the meshes of another program as a run, and
-`compare_meshes` (`MeshFigures`) judges meshes of any origin by the same photos.
+shows what a run compares, `texel_residuals` (`TexelResiduals`) where in the faces the photos disagree. `session_of_meshes`
+shows the meshes of another program as a run, and `compare_meshes` (`MeshFigures`) judges meshes of any origin by the same photos.
 
 Scenes: `Scene`, `View`, `Camera`, `Mesh`, `SparsePoints`, `Truth`, and photos in memory or in files, `ArrayPhoto` and
 `FilePhoto`.

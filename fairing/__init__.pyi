@@ -9,6 +9,8 @@ from .judge.inspect import FaceCells as FaceCells
 from .judge.inspect import face_cells as face_cells
 from .judge.mesh_comparison import MeshFigures as MeshFigures
 from .judge.mesh_comparison import compare_meshes as compare_meshes
+from .judge.texel_residuals import TexelResiduals as TexelResiduals
+from .judge.texel_residuals import texel_residuals as texel_residuals
 from .mesh import Mesh as Mesh
 from .norms.norm import Norm as Norm
 from .optimize.loss import GemanMcClure as GemanMcClure

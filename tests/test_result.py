@@ -1,6 +1,7 @@
 """What the page says about a finished run, and the command lines that do the same without it."""
 
 import json
+import re
 import shlex
 from dataclasses import replace
 from pathlib import Path
@@ -11,6 +12,7 @@ import pytest
 from app.debugger.result_facts import ResultFacts, result_facts
 from app.debugger.run_command import export_command, fair_command
 from app.debugger.runs import Runs
+from app.panels.result_card import _figures
 from fairing.judge.comparable_residual import ComparableResidual
 from fairing.options import PRESETS
 from fairing.run.session import Session
@@ -63,6 +65,13 @@ def test_left_out_photos_are_those_of_the_report(session: Session, tmp_path: Pat
         assert facts_of(session, report).left_out is None
     report.write_text(json.dumps({"left_out": {"psnr_before": 26.5, "psnr_after": 28.2, "photos_judged": 11}}))
     assert facts_of(session, report).left_out == (26.5, 28.2, 11)
+
+
+def test_the_distance_to_the_truth_has_a_tooltip_about_curved_surfaces(facts: ResultFacts):
+    titled = re.findall(r'<tr title="([^"]*)"><td>([^<]*)', _figures(facts))
+    assert [name for _, name in titled] == ["Distance to the truth, RMS, %"]
+    assert "lower residual than the true mesh" in titled[0][0]
+    assert "truth" not in _figures(replace(facts, error=None))
 
 
 def test_the_preset_paper_is_recognised(session: Session, facts: ResultFacts):

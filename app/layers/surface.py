@@ -4,47 +4,30 @@ While a run moves the mesh, the texture painted last stays on the moving vertice
 """
 
 import time
-from dataclasses import dataclass, replace
 
 import numpy as np
 import viser
 
-from app.debugger.commands import Query
-from app.debugger.compare import distances, look_up
 from app.debugger.controller import Controller
 from app.debugger.run_state import Activity, RunState
+from app.layers.surface_colors import SurfaceColors
 from app.layers.view_dependent_texture import ViewDependentTexture
 from app.page_state.page_state import NOW_SHAPE, START_SHAPE, TRUE_SHAPE, PageState
 from app.page_state.pull_source import PullSource
-from app.page_state.residual_source import ResidualSource, flow_scale
+from app.page_state.residual_source import ResidualSource
 from app.palette import SURFACE
-from app.pictures.coloring import COLORINGS, DIFFERENCE, PULL, Legend, color_mesh
+from app.pictures.coloring import COLORINGS, Legend
 from app.pictures.texturer import MOST_FACES, MOST_FACES_VIEW_DEPENDENT, Texturer
 from app.stage import Stage
-from app.surface_offset import offset_along_normals, set_back
-from app.viser_bridge.mesh_swap import SIDES, DoubleBufferedMesh, GlbMesh
+from app.surface_offset import offset_along_normals
+from app.viser_bridge.mesh_swap import SIDES, DoubleBufferedMesh
 from app.viser_bridge.moving_texture import follow_plain_mesh
 from app.viser_bridge.split_view import SplitView
-from fairing.io.glb import write_glb
 from fairing.scene import Scene
-
-DECODE_COLORED = 0.25  # s: without a large texture
 
 REPAINT_SECONDS = 1.0  # at least, between two textures painted while the mesh moves
 # Of one processor's time, at most (ledger: textures during a run).
 REPAINT_SHARE = 0.25
-
-
-@dataclass(frozen=True)
-class Wanted:
-    """Key of a surface colouring: run, moment, quantity, the reference (run, moment) it is compared with, photo and term."""
-
-    run_id: int
-    moment: int
-    coloring: str
-    reference: tuple[int, int] | None
-    view: int | None = None
-    term: str | None = None
 
 
 class SurfaceLayer:
@@ -64,8 +47,7 @@ class SurfaceLayer:
         pulls: PullSource,
     ) -> None:
         self._client, self._stage, self._scene = client, stage, scene
-        self._residuals, self._pulls = residuals, pulls
-        self._texturer, self._controller = texturer, controller
+        self._texturer = texturer
         self._plain = client.scene.add_mesh_simple(
             "/mesh/now",
             stage.page_from_world(scene.mesh.vertices),
@@ -89,18 +71,15 @@ class SurfaceLayer:
         )
         self._split = SplitView(
             client,
-            [f"/mesh/textured_start_{side}" for side in SIDES],
-            ["/mesh/now", *(f"/mesh/textured_now_{side}" for side in SIDES)],
+            [f"/mesh/{name}_{side}" for name in ("textured_start", "colored_start") for side in SIDES],
+            ["/mesh/now", *(f"/mesh/{name}_{side}" for name in ("textured_now", "colored") for side in SIDES)],
             ("before", "now"),
         )
         self._repainting: tuple[np.ndarray, float] | None = None
         self._repaint_due = 0.0
         self._view_dependent = ViewDependentTexture(client, stage, texturer, controller.republish)
-        self._colored = DoubleBufferedMesh(client, "/mesh/colored", controller.republish, DECODE_COLORED)
+        self._colors = SurfaceColors(client, stage, scene, texturer, controller, residuals, pulls)
         self._between: tuple[float, np.ndarray, np.ndarray] | None = None
-        self._wanted: Wanted | None = None
-        self._answer: tuple[Wanted, np.ndarray | Exception] | None = None
-        self._drawn: tuple[Wanted, np.ndarray, Legend] | None = None
         self.legend: Legend | None = None
         """Legend of the colours shown; None if the surface is not coloured."""
         self.is_painting = False
@@ -118,7 +97,8 @@ class SurfaceLayer:
                 front = self._moving_texture(vertices)
         elif outside:
             if page_state.surface in COLORINGS:
-                front = self._color(state, page_state, vertices, resting)
+                front = self._colors.show(state, page_state, vertices, resting)
+                self.legend = self._colors.legend
             elif page_state.surface == "textured":
                 front = self._texture(page_state.shape, vertices, resting and len(self._scene.mesh.faces) <= MOST_FACES)
                 if (
@@ -131,21 +111,20 @@ class SurfaceLayer:
                     is_view_dependent = True
         if not is_view_dependent:
             self._view_dependent.rest()
-        if front is not self._colored and self.legend is None:
-            self._colored.clear()
-            self._wanted = self._drawn = None
+        if front is not self._colors.now and self.legend is None:
+            self._colors.clear()
         if page_state.shows_divider:
-            before = self._before(state)
+            before = self._colors.before if page_state.shows_texels else self._before(state)
         self._split.set(before is not None)
         is_textured = outside and page_state.surface == "textured" and len(self._scene.mesh.faces) <= MOST_FACES
         self.is_painting = is_textured and front is None and not self._texturer.static.has_failed(vertices)
         with self._client.atomic():
-            for turns in (*self._textured.values(), self._view_dependent.turns, self._colored):
+            for turns in (*self._textured.values(), self._view_dependent.turns, self._colors.now, self._colors.start):
                 turns.set_visible(turns is front or turns is before)
             self._plain.visible = outside and page_state.surface != "none" and front is None
 
     def close(self) -> None:
-        for turns in (*self._textured.values(), self._colored):
+        for turns in (*self._textured.values(), self._colors):
             turns.close()
         self._view_dependent.close()
 
@@ -197,75 +176,3 @@ class SurfaceLayer:
                 self._repainting = None
                 self._repaint_due = began + max(REPAINT_SECONDS, painted.cost / REPAINT_SHARE)
         return turns if turns.shown is not None else None
-
-    def _color(
-        self, state: RunState, page_state: PageState, vertices: np.ndarray, resting: bool
-    ) -> DoubleBufferedMesh | None:
-        name = page_state.surface
-        compared = look_up(page_state.reference, state) if name == DIFFERENCE else None
-        reference = None if compared is None else (compared.run.run_id, compared.moment)
-        of_photo, of_pulls = COLORINGS[name].of_photo, COLORINGS[name].of_pulls
-        view = page_state.residual_view if of_photo is not None else None
-        term = page_state.pull_term if name == PULL else None
-        wanted = Wanted(state.run_id, state.moment, name, reference, view, term)
-        if of_photo is not None:
-            found = self._residuals.at(state, page_state)
-            if found is not None and wanted != self._wanted:
-                self._wanted = wanted
-                self._take(wanted, of_photo(found, view))
-        elif of_pulls is not None:
-            pulls = self._pulls.at(state)
-            if pulls is not None and wanted != self._wanted:
-                self._wanted = wanted
-                self._take(wanted, pulls if isinstance(pulls, Exception) else of_pulls(pulls, page_state.pull_term))
-        elif resting and wanted != self._wanted:
-            self._wanted = wanted
-            if compared is not None:
-                self._take(wanted, 100 * distances(compared, state.vertices) / self._scene.mesh.diagonal)
-            else:
-                self._query(wanted)
-        if self._answer is not None and self._answer[0] == wanted and not isinstance(self._answer[1], Exception):
-            self._draw(wanted, self._answer[1], vertices)
-        if self._drawn is not None:
-            drawn, _, legend = self._drawn
-            self.legend = replace(
-                legend,
-                note=self._note(drawn, state, page_state),
-                why_unknown="" if drawn.view is None else "not seen in this photo",
-                moment=None if drawn.moment == wanted.moment else drawn.moment,
-                awaited="" if drawn.coloring == name else COLORINGS[name].title,
-            )
-        return self._colored if self._colored.shown is not None else None
-
-    def _query(self, wanted: Wanted) -> None:
-        self._controller.post(
-            Query(
-                key=(id(self), "colors"),
-                compute=lambda session: COLORINGS[wanted.coloring].values(session, session.moment),
-                callback=lambda found: self._take(wanted, found),
-            )
-        )
-
-    def _draw(self, wanted: Wanted, values: np.ndarray, vertices: np.ndarray) -> None:
-        if self._drawn is None or self._drawn[0] != wanted or self._drawn[1] is not vertices:
-            points = set_back(vertices, self._scene, self._stage)
-            mesh = color_mesh(COLORINGS[wanted.coloring], values, points, self._scene.mesh.faces)
-            self._drawn = (wanted, vertices, mesh.legend)
-            self._colored.offer(GlbMesh(write_glb(mesh.vertices, mesh.faces, mesh.uv, mesh.picture, "image/png")))
-
-    def _note(self, wanted: Wanted, state: RunState, page_state: PageState) -> str:
-        """The photos or the term that the values come from, and what arrows show, with the factor by which they are longer."""
-        if wanted.term is not None:
-            return f"Term: {wanted.term}"
-        if COLORINGS[wanted.coloring].of_photo is None:
-            return ""
-        photos, arrows = "All photos", "how far each face is off"
-        if wanted.view is not None:
-            photos, arrows = f"Photo {self._scene.views[wanted.view].name}", "the flow"
-        if wanted.coloring != "flow":
-            return photos
-        scale = flow_scale(self._residuals.at(state, page_state), page_state, self._scene.mesh, state.vertices)
-        return f"{photos}. Arrows: {arrows}, ×{scale:g}."
-
-    def _take(self, wanted: Wanted, found: np.ndarray | Exception) -> None:
-        self._answer = (wanted, found)

@@ -151,6 +151,11 @@ class Page:
             Hotkey(KEY_LABELS["Shift+P"], panels.presenter.switch, "P", "shift"),
             Hotkey(KEY_LABELS["X"], panels.surface_controls.before_or_now, "X"),
             Hotkey("Surface: before and now, with a divider", panels.surface_controls.toggle_divider),
+            *(
+                [Hotkey("Surface: residual per pixel or per face", panels.surface_controls.toggle_per_pixel)]
+                if panels.surface_controls.has_detail
+                else []
+            ),
             Hotkey(KEY_LABELS["-"], panels.surface_controls.toggle_view_dependent, "-"),
             Hotkey(KEY_LABELS["?"], lambda: self._keys_dialog.open(key_list(self._order)), "?", "shift"),
             Hotkey(KEY_LABELS["F"], interaction.toggle_lock, "F"),

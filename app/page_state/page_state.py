@@ -31,6 +31,7 @@ ASSOCIATIONS = {"point feet", "image edges", "axes", "seen"}
 HIDDEN_AT_FIRST = {"certainty", "truth", "points", *ASSOCIATIONS}
 HIDDEN_ON_LARGE_MESHES = {"now", "start"}
 LARGE_MESH = 200  # vertices; wireframes of larger meshes hide the surface
+MANY_SAMPLED = 10_000  # vertices; the samples of larger meshes may not fit into a texture (ledger: residuals per pixel)
 MANY_VERTICES = 500  # marks of more hide the surface
 MAX_MAGNIFICATION = 50
 FLOW_SCALES: dict[int, str] = {0: "Auto", 10: "×10", 30: "×30", 100: "×100", 300: "×300"}
@@ -77,10 +78,12 @@ class PageState:
         flow_scale: factor by which the image flow is drawn longer on the surface, of `FLOW_SCALES`; 0: one that fits.
         pull_scale: factor by which the arrows of pulls are drawn longer, of `PULL_SCALES`; 0: chosen to fit the mesh.
         pull_term: the term whose pull colours the surface.
+        is_per_pixel: whether residuals colour the surface at every sample of the cells instead of by face.
         residual_view: the photo whose residuals or flow colour the surface; None: all photos.
         is_view_dependent: whether the texture is view-dependent while the run is paused.
         shape: vertex positions of the surface: 0 at the start, 1 now, 2 the truth; values between are interpolated.
-        is_divided: whether a divider separates the start, at its left, from now, where the surface is textured and at now.
+        is_divided: whether a divider separates the start, at its left, from now, where the surface is textured, or coloured by
+            residual per pixel, and at now.
         model_share: opacity of the model over the photo in a camera's view, 0 to 1.
         experiment: the experiment shown, of `fairing.experiments.experiments`.
         is_presenting: whether the page has the presenter layout.
@@ -107,6 +110,7 @@ class PageState:
     flow_scale: int = 0
     pull_scale: int = 0
     pull_term: str = PHOTOS
+    is_per_pixel: bool = True
     residual_view: int | None = None
     is_view_dependent: bool = False
     shape: float = NOW_SHAPE
@@ -120,10 +124,11 @@ class PageState:
 
     @classmethod
     def of_mesh(cls, n_vertices: int) -> "PageState":
-        """The first state on a mesh: without wireframes if it is large, and without marks of very many vertices."""
+        """The first state on a mesh: without wireframes if it is large, without marks of very many vertices, and with residuals
+        per pixel unless it is very large."""
         hidden = HIDDEN_AT_FIRST | (HIDDEN_ON_LARGE_MESHES if n_vertices > LARGE_MESH else set())
         hidden |= {"vertices"} if n_vertices > MANY_VERTICES else set()
-        return cls(shown={name: name not in hidden for name in LAYERS})
+        return cls(shown={name: name not in hidden for name in LAYERS}, is_per_pixel=n_vertices <= MANY_SAMPLED)
 
     def copy(self) -> "PageState":
         """The same state for another browser, in the free view, in the usual layout and at the present moment."""
@@ -131,7 +136,13 @@ class PageState:
 
     @property
     def shows_divider(self) -> bool:
-        return self.is_divided and self.entered is None and self.surface == "textured" and self.shape == NOW_SHAPE
+        has_both = self.surface == "textured" or self.shows_texels
+        return self.is_divided and self.entered is None and has_both and self.shape == NOW_SHAPE
+
+    @property
+    def shows_texels(self) -> bool:
+        """Whether the surface is coloured by residual per pixel."""
+        return self.surface == "residual" and self.is_per_pixel
 
     def shows(self, layer: str) -> bool:
         return self.shown[layer]

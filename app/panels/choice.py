@@ -1,5 +1,6 @@
 """Selectable buttons: chips, and segmented controls of which one button is pressed."""
 
+from collections.abc import Mapping
 from typing import Any
 
 from app.html import button, photo_title, text
@@ -15,17 +16,21 @@ def photo_link(view_id: int, name: str, press: str) -> str:
     return button(photo_title(view_id, name), press, hint=f"Look through {name}", css_class="link")
 
 
-def choice(options: dict[Any, tuple[str, str]], chosen: object, name: str) -> str:
+def choice(
+    options: dict[Any, tuple[str, str]], chosen: object, name: str, details: Mapping[Any, str] | None = None
+) -> str:
     """Markup of a segmented control.
 
     Args:
         options: for every value its label and the JavaScript of its button.
         chosen: the value whose button is pressed.
         name: accessible name of the group.
+        details: for values that need it, what the tooltip adds to the names of the group and the button.
     """
     found = []
     for key, (label, press) in options.items():
         is_on = key == chosen
         css_class = "small on" if is_on else "small"
-        found.append(button(label, press, hint=f"{name}: {label}", css_class=css_class, pressed=is_on))
+        more = f" ({details[key]})" if details and key in details else ""
+        found.append(button(label, press, hint=f"{name}: {label}{more}", css_class=css_class, pressed=is_on))
     return f"<div class='segments' role='group' aria-label='{text(name)}'>{''.join(found)}</div>"

@@ -13,7 +13,7 @@ from app.page_state.page_state import ASSOCIATIONS, PageState
 from app.page_state.pull_source import PullSource, arrow_scale, chosen_vertices
 from app.page_state.vertex_marks import MARK_COLORS, shown_vertices, stepped_vertex, vertex_colors
 from app.palette import AXIS_COLORS, LOCKED, NOW, REFERENCE, RGB, SEEN, SELECTED, START, STEPPED, TRUTH, solid
-from app.pictures.coloring import COLORINGS, UNKNOWN, Legend, Scale, color_map
+from app.pictures.coloring import COLORINGS, RESIDUAL_PER_PIXEL, UNKNOWN, Legend, Scale, color_map
 from app.pictures.term_colors import COLOR_OF_TERM
 from app.viser_bridge.view_overlay import ViewOverlay
 from fairing.judge.associations import REJECTED
@@ -49,8 +49,8 @@ class LegendBox:
         if legend is not None:
             content += legend_html(legend)
         elif page_state.surface in COLORINGS and page_state.entered is None and not state.is_moving:
-            title = COLORINGS[page_state.surface].title
-            content += f"<div class='legend'><b>{text(title)}</b><div class='dim'>Computing…</div></div>"
+            awaited = RESIDUAL_PER_PIXEL if page_state.shows_texels else COLORINGS[page_state.surface]
+            content += f"<div class='legend'><b>{text(awaited.title)}</b><div class='dim'>Computing…</div></div>"
         self._overlay.set(content)
 
 
@@ -139,6 +139,12 @@ def legend_html(legend: Legend) -> str:
         reason = f": {why}" if why else ""
         these = whose if legend.unknown > 1 else "face" if coloring.by_face else "vertex"
         parts.append(_entry(UNKNOWN, f"{legend.unknown} {these} unknown{reason}", ""))
+    if legend.left_out:
+        parts.append(
+            _entry(
+                UNKNOWN, f"{number(100 * legend.left_out, 2)} % of the pixels left out: hidden or near an outline", ""
+            )
+        )
     if legend.awaited:
         parts.append(f"<div class='selected'>Computing: {text(legend.awaited)}…</div>")
     elif legend.moment is not None:

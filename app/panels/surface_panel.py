@@ -6,7 +6,15 @@ import viser
 
 from app.debugger.run_state import RunState
 from app.html import button, icon, photo_title, text
-from app.page_state.page_state import FLOW_SCALES, NOW_SHAPE, START_SHAPE, SURFACES, TRUE_SHAPE, PageState
+from app.page_state.page_state import (
+    FLOW_SCALES,
+    MANY_SAMPLED,
+    NOW_SHAPE,
+    START_SHAPE,
+    SURFACES,
+    TRUE_SHAPE,
+    PageState,
+)
 from app.panels.choice import choice
 from app.pictures.coloring import COLORINGS, PULL, available_colorings
 from app.pictures.texturer import MOST_FACES, MOST_FACES_VIEW_DEPENDENT
@@ -20,6 +28,11 @@ from fairing.terms.names import numbered_terms
 
 SHAPES = {START_SHAPE: "Start", NOW_SHAPE: "Now", TRUE_SHAPE: "Truth"}
 TEXTURES = {False: "Static", True: "View-dependent"}
+DETAILS = {False: "Per face", True: "Per pixel"}
+DETAIL_HINTS = {
+    False: "one mean for each face",
+    True: "at every sample of the cells: shows where in a face the photos disagree",
+}
 STEP = 0.05
 
 
@@ -34,11 +47,13 @@ class SurfaceControls:
         self.last_shape = TRUE_SHAPE if has_truth else NOW_SHAPE
         self._colorings = available_colorings(scene)
         self._surfaces = (*SURFACES, *self._colorings)
+        self.has_detail = len(scene.mesh.vertices) <= MANY_SAMPLED
         self._shapes = [shape for shape in SHAPES if shape <= self.last_shape]
         self._events = html_events.named(
             {
                 "surface": choice_of(self.choose_surface, lambda: self._surfaces, "surface"),
                 "texture": choice_of(self.choose_texture, lambda: list(TEXTURES), "texture"),
+                "detail": choice_of(self._choose_detail, lambda: list(DETAILS), "detail"),
                 "divider": press(self.toggle_divider),
                 "shape": choice_of(self.choose_shape, lambda: self._shapes, "shape"),
                 "photo": integer(self._choose_photo, "photo", -1, len(scene.views) - 1),
@@ -68,7 +83,7 @@ class SurfaceControls:
         return button(
             "Before and now",
             self._events("divider"),
-            hint="Start and current moment, textured, with a divider to drag",
+            hint="Start and current moment, textured or by residual per pixel, with a divider to drag",
             css_class="small on" if self._page_state.shows_divider else "small",
             pressed=self._page_state.shows_divider,
         )
@@ -93,6 +108,15 @@ class SurfaceControls:
             f"style='text-align:center'>{text(name)}</span>{following}</div>{arrows if state.surface == 'flow' else ''}"
         )
 
+    def detail(self) -> str:
+        """Markup of a control that selects residuals per face or per pixel; else empty."""
+        if self._page_state.surface != "residual" or not self.has_detail:
+            return ""
+        options = {
+            per_pixel: (label, self._events("detail", k)) for k, (per_pixel, label) in enumerate(DETAILS.items())
+        }
+        return f"<div class='dim note'>detail</div>{choice(options, self._page_state.is_per_pixel, 'Detail', DETAIL_HINTS)}"
+
     def terms(self, state: RunState) -> str:
         """Markup of a control that selects the term of the run whose pull is shown; else empty."""
         if self._page_state.surface != PULL:
@@ -102,6 +126,15 @@ class SurfaceControls:
             for name in term_meanings(state.trace)
         }
         return f"<div class='dim note'>of the term</div>{choice(terms, self._page_state.pull_term, 'Term')}"
+
+    def _choose_detail(self, is_per_pixel: bool) -> None:
+        self._page_state.is_per_pixel = is_per_pixel
+        self._republish()
+
+    def toggle_per_pixel(self) -> None:
+        """Residuals per pixel, or per face if they are per pixel already."""
+        self._page_state.is_per_pixel = not self._page_state.shows_texels
+        self.choose_surface("residual")
 
     def _choose_term(self, term: str) -> None:
         self._page_state.pull_term = term
@@ -139,11 +172,13 @@ class SurfaceControls:
         self._republish()
 
     def toggle_divider(self) -> None:
-        """Show the start at the left of a divider and now at its right, both textured; or now alone."""
+        """Show the start at the left of a divider and now at its right, textured or by residual per pixel; or now alone."""
         state = self._page_state
         state.is_divided = not state.shows_divider
         if state.is_divided:
-            state.surface, state.shape = "textured", NOW_SHAPE
+            state.shape = NOW_SHAPE
+            if not state.shows_texels:
+                state.surface = "textured"
         self._republish()
 
     def before_or_now(self) -> None:
@@ -182,7 +217,7 @@ class SurfacePanel:
         shapes = choice(controls.shapes(), page_state.shape, "Vertices at")
         self._panel.set(
             f"<h4>Surface</h4>{how}<div class='dim note'>texture</div>{textures}{self._note}"
-            f"<div class='dim note'>coloured by</div>{colorings}{controls.photos()}{controls.terms(state)}"
+            f"<div class='dim note'>coloured by</div>{colorings}{controls.detail()}{controls.photos()}{controls.terms(state)}"
             f"<div class='dim note'>vertices at</div>{shapes}"
             f"<div class='row note'>{controls.divider()}</div>"
         )

@@ -5,7 +5,7 @@ vertices. Viser's tone mapping makes the mesh slightly brighter than the legend 
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import cv2
@@ -154,6 +154,10 @@ COLORINGS: dict[str, Coloring] = {
 }  # fmt: skip
 
 
+RESIDUAL_PER_PIXEL = replace(COLORINGS["residual"], title="Residual per pixel, grey levels")
+"""How the values of `fairing.judge.texel_residuals` are shown."""
+
+
 def available_colorings(scene: Scene) -> list[str]:
     """Names of the quantities for which the scene has data."""
     return [name for name in COLORINGS if name != "distance" or scene.truth is not None]
@@ -167,6 +171,7 @@ class Legend:
         low, high: values at the ends of the scale; equal if there is only one value.
         smallest, largest: extremes of all values; they may lie beyond the ends of the scale.
         unknown: number of faces or vertices without a value.
+        left_out: share of the samples of the other faces that no photo shows, or only near an outline, 0 to 1; of colours by pixel.
         why_unknown: the reason, in place of that of the colouring; may be empty.
         categories: name, colour and count of each category, for `Scale.CATEGORY`.
         moment: the moment of the values, where it is not the present one.
@@ -180,6 +185,7 @@ class Legend:
     smallest: float = 0.0
     largest: float = 0.0
     unknown: int = 0
+    left_out: float = 0.0
     categories: tuple[tuple[str, RGB, int], ...] = ()
     moment: int | None = None
     note: str = ""
@@ -220,7 +226,7 @@ def color_mesh(coloring: Coloring, values: np.ndarray, vertices: np.ndarray, fac
         corner_at = at[owner]
     else:
         corners = vertices[faces].reshape(-1, 3)
-        at, legend = _by_value(coloring, values)
+        at, legend = by_value(coloring, values)
         colors = color_map()
         corner_at = np.repeat(at, 3) if coloring.by_face else at[faces.ravel()]
     known = ~np.isnan(corner_at)
@@ -236,16 +242,20 @@ def color_map() -> np.ndarray:
     return cv2.applyColorMap(ramp, cv2.COLORMAP_CIVIDIS)[:, 0, ::-1]
 
 
-def _by_value(coloring: Coloring, values: np.ndarray) -> tuple[np.ndarray, Legend]:
-    """Position of each value on the scale, 0 to 1, NaN where unknown; and the legend."""
-    known = values[np.isfinite(values)]
-    if len(known) == 0:
+def by_value(coloring: Coloring, values: np.ndarray, beside: np.ndarray | None = None) -> tuple[np.ndarray, Legend]:
+    """Position of each value on the scale, 0 to 1, NaN where unknown; and the legend.
+
+    Args:
+        beside: further values, shown beside these. The scale covers the range of either, however many they are.
+    """
+    shown = [each[np.isfinite(each)] for each in (values, beside) if each is not None and np.isfinite(each).any()]
+    if not shown:
         return np.full(len(values), np.nan), Legend(coloring, unknown=len(values))
-    smallest, largest = float(known.min()), float(known.max())
-    if coloring.scale is Scale.COUNT:
-        low, high = smallest, largest
-    else:
-        low, high = (float(x) for x in np.percentile(known, ROBUST_RANGE))
+    smallest, largest = min(float(each.min()) for each in shown), max(float(each.max()) for each in shown)
+    low, high = smallest, largest
+    if coloring.scale is not Scale.COUNT:
+        ranges = np.array([np.percentile(each, ROBUST_RANGE) for each in shown])
+        low, high = float(ranges[:, 0].min()), float(ranges[:, 1].max())
     scaled, ends = values.astype(float), (low, high)
     if coloring.scale is Scale.LINEAR:
         ends = (low, high) = (0.0, high)

@@ -39,13 +39,13 @@ class DoubleBufferedMesh:
 
     Args:
         on_shown: called when another mesh can be visible.
-        seconds: how long a browser needs to decode one.
+        seconds: how long a browser needs to decode one; may change from mesh to mesh.
     """
 
     def __init__(
         self, client: viser.ClientHandle, name: str, on_shown: Callable[[], None], seconds: float = DECODE_SECONDS
     ) -> None:
-        self._client, self._name, self._seconds = client, name, seconds
+        self._client, self._name, self.seconds = client, name, seconds
         self._on_shown = on_shown
         self._handles: list[viser.GlbHandle] = []
         self._front = 0
@@ -94,7 +94,7 @@ class DoubleBufferedMesh:
                 for side in SIDES
             ]
         self._handles[1 - self._front].glb_data = content.glb
-        timer = threading.Timer(self._seconds, self._swap, args=(content,))
+        timer = threading.Timer(self.seconds, self._swap, args=(content,))
         timer.daemon = True
         self._decoding = (timer, content)
         timer.start()

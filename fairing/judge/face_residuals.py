@@ -4,9 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fairing.errors import Cancelled, InputError
 from fairing.judge.flow import face_flow
-from fairing.judge.inspect import FaceCells, cells_in_context
+from fairing.judge.inspect import FaceCells, cells_of_all_faces
 from fairing.run.session import Session
 
 FLOW_SIZE = 32  # cell pixels: larger cells are reduced to about this size for the flow
@@ -63,6 +62,8 @@ class FaceResiduals:
 def face_residuals(session: Session, moment: int | None = None, *, with_flow: bool = True) -> FaceResiduals:
     """Residuals and flows of all faces that take part, with the cells of `fairing.judge.inspect.face_cells`.
 
+    `fairing.judge.texel_residuals` has the residuals at every sample of a face.
+
     Args:
         moment: default: the session's present moment.
         with_flow: whether the flow is computed, which takes longer than the residuals; else it is NaN.
@@ -71,25 +72,16 @@ def face_residuals(session: Session, moment: int | None = None, *, with_flow: bo
         Cancelled: the session's cancellation was requested.
     """
     moment = session.moment if moment is None else moment
-    vertices, sweep = session.trace.vertices_at(moment), session.sweep_state(moment)
     faces, views, sums, samples, flows = [], [], [], [], []
-    ids = np.flatnonzero(sweep.context.takes_part).tolist()
-    with session.work.doing("measuring flow" if with_flow else "measuring residuals", len(ids), "face") as work:
-        for face in work.each(ids):
-            if session.cancel_requested():
-                raise Cancelled
-            sigma, scale = float(sweep.sigma[face]), float(sweep.scale[face])
-            try:
-                cells = cells_in_context(session, sweep.context, vertices, face, moment, sigma, scale)
-            except InputError:  # a corner lies behind a camera
-                continue
-            faces.append(np.full(len(cells.views), face))
-            views.append(cells.views)
-            sums.append(np.abs(cells.residual).sum(axis=1, where=cells.counts, dtype=float))
-            samples.append(cells.counts.sum(axis=1))
-            flows.append(_flow_in_cell(cells) if with_flow else np.full((len(cells.views), 2), np.nan))
+    purpose = "measuring flow" if with_flow else "measuring residuals"
+    for cells in cells_of_all_faces(session, moment, purpose):
+        faces.append(np.full(len(cells.views), cells.face))
+        views.append(cells.views)
+        sums.append(np.abs(cells.residual).sum(axis=1, where=cells.counts, dtype=float))
+        samples.append(cells.counts.sum(axis=1))
+        flows.append(_flow_in_cell(cells) if with_flow else np.full((len(cells.views), 2), np.nan))
     face_of, view_of = (np.concatenate([np.zeros(0, dtype=int), *ids]) for ids in (faces, views))
-    corners = vertices[session.scene.mesh.faces[face_of]]
+    corners = session.trace.vertices_at(moment)[session.scene.mesh.faces[face_of]]
     # Columns of the cell run from corner 2 to corner 0, rows from corner 2 to corner 1.
     edges = corners[:, :2] - corners[:, 2:]
     in_cell = np.concatenate([np.zeros((0, 2)), *flows])

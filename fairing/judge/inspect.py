@@ -4,13 +4,15 @@ None of this is stored. A trace holds the vertices to the bit, a sweep's visibil
 compiled functions of the run reproduce its cells, residuals and energies to the last bit.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from fairing.cells.context import CellContext
-from fairing.errors import InputError
+from fairing.cells.visibility import Visibility
+from fairing.errors import Cancelled, InputError
 from fairing.kernels.faces import show_face
 from fairing.run.session import Session
 
@@ -143,6 +145,35 @@ def face_cells(
     return cells_in_context(
         session, context, vertices, face, moment, float(sweep.sigma[face]), float(sweep.scale[face]), vertex
     )
+
+
+def cells_of_all_faces(session: Session, moment: int, purpose: str, view: int | None = None) -> Iterator[FaceCells]:
+    """The cells of `face_cells` of every face that takes part and has no corner behind a camera, in order.
+
+    Args:
+        moment: of the session.
+        purpose: reported as the work in progress while the cells are used.
+        view: only of the faces in which this photo takes part.
+
+    Raises:
+        InputError: no photo sees any face well enough.
+        Cancelled: the session's cancellation was requested.
+    """
+    vertices, sweep = session.trace.vertices_at(moment), session.sweep_state(moment)
+    is_wanted = sweep.context.takes_part
+    if view is not None:
+        is_wanted = is_wanted & (sweep.context.reasons[:, view] <= Visibility.PARTLY_SEEN)
+    ids = np.flatnonzero(is_wanted).tolist()
+    with session.work.doing(purpose, len(ids), "face") as work:
+        for face in work.each(ids):
+            if session.cancel_requested():
+                raise Cancelled
+            sigma, scale = float(sweep.sigma[face]), float(sweep.scale[face])
+            try:
+                cells = cells_in_context(session, sweep.context, vertices, face, moment, sigma, scale)
+            except InputError:  # a corner lies behind a camera
+                continue
+            yield cells
 
 
 def energies_by_dimension(session: Session, face: int, moment: int | None = None) -> np.ndarray:

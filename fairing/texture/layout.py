@@ -57,7 +57,7 @@ class AtlasLayout:
         scale = 1.0
         while True:
             legs = _rounded_up(legs_px * scale)
-            size, corner, is_turned = _packed(legs, gutter)
+            size, corner, is_turned = pack_in_pairs(legs + 3 * gutter + 1)
             if size.max() <= largest:
                 return cls(int(size[0]), int(size[1]), gutter, order, corner, legs, is_turned, scale)
             if (legs <= SHORTEST_LEG).all():
@@ -107,23 +107,28 @@ def _rounded_up(lengths: np.ndarray) -> np.ndarray:
     return np.ceil(SHORTEST_LEG * 2 ** (steps / STEPS_PER_OCTAVE) - 1e-9).astype(np.int64)
 
 
-def _packed(legs: np.ndarray, gutter: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Width and height (2,) of the texture; first texel (m, 2) of each face's rectangle; which faces are turned (m,)."""
-    faces = np.lexsort((np.arange(len(legs)), -legs[:, 0], -legs[:, 1]))
-    ordered = legs[faces]
+def pack_in_pairs(boxes: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Pack rectangles that two faces of the same size share: width and height (2,) of the texture, about square; first texel (m, 2)
+    of each face's rectangle; which faces are turned by 180 degrees (m,).
+
+    Args:
+        boxes: (m, 2) int: width and height of each face's rectangle, texels; m at least 1.
+    """
+    faces = np.lexsort((np.arange(len(boxes)), -boxes[:, 0], -boxes[:, 1]))
+    ordered = boxes[faces]
     starts = np.r_[True, (ordered[1:] != ordered[:-1]).any(axis=1)]
-    rank = np.arange(len(legs)) - np.maximum.accumulate(np.where(starts, np.arange(len(legs)), 0))
+    rank = np.arange(len(boxes)) - np.maximum.accumulate(np.where(starts, np.arange(len(boxes)), 0))
     turned = rank % 2 == 1
     box_of = np.cumsum(~turned) - 1
-    boxes = (ordered + 3 * gutter + 1)[~turned]
-    side = max(float(np.sqrt(boxes.prod(axis=1).sum())), float(boxes[:, 0].max()))
+    shared = ordered[~turned]
+    side = max(float(np.sqrt(shared.prod(axis=1).sum())), float(shared[:, 0].max()))
     while True:
         width = int(np.ceil(side))
-        places, height = _rows(boxes.tolist(), width)
+        places, height = _rows(shared.tolist(), width)
         if height <= side * SLACK:
             break
         side *= SLACK
-    corner, is_turned = np.empty((len(legs), 2), dtype=np.int64), np.empty(len(legs), dtype=bool)
+    corner, is_turned = np.empty((len(boxes), 2), dtype=np.int64), np.empty(len(boxes), dtype=bool)
     corner[faces], is_turned[faces] = np.array(places, dtype=np.int64)[box_of], turned
     return np.array([width, height]), corner, is_turned
 

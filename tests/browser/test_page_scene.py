@@ -14,9 +14,12 @@ from app.page.server import App, start
 from app.page_state import residual_source
 from app.page_state.selection import Selection
 from app.palette import NOW
+from app.pictures.coloring import RESIDUAL_PER_PIXEL
+from app.pictures.texel_picture import TexelPicture, texel_picture
 from app.viser_bridge.line_node import LineNode
 from demo_scenes import load_demo
 from fairing.judge.face_residuals import FaceResiduals
+from fairing.judge.texel_residuals import TexelResiduals, texel_residuals
 from fairing.run.session import Session
 from tests.browser.driver import IN_BROWSER, WINDOW, Visitor, page_of
 from tests.two_levels import two_levels
@@ -127,9 +130,95 @@ def test_the_surface_is_coloured_by_a_quantity_with_a_legend(visitor: Visitor):
     visitor.page.get_by_text("Last step of each vertex", exact=True).wait_for(state="hidden")
 
 
-def test_residuals_and_flow_are_painted_for_all_photos_or_one(visitor: Visitor):
+def drawn_texture(visitor: Visitor, node: str) -> np.ndarray:
+    """(h, w, 3) the texture of the mesh of that name that is visible; empty without one."""
+    found = visitor.page.evaluate(
+        """name => {
+            for (const side of ['a', 'b']) {
+                const node = window.__viserMutable.nodeRefFromName[`${name}_${side}`];
+                let image = null;
+                if (node?.visible) node.traverse(part => { image = part.material?.map?.image ?? image; });
+                if (!image) continue;
+                const canvas = Object.assign(document.createElement('canvas'), {width: image.width, height: image.height});
+                const drawing = canvas.getContext('2d');
+                drawing.drawImage(image, 0, 0);
+                return [image.height, image.width, Array.from(drawing.getImageData(0, 0, image.width, image.height).data)];
+            }
+            return [0, 0, []];
+        }""",
+        node,
+    )
+    return np.array(found[2], dtype=int).reshape(found[0], found[1], 4)[..., :3]
+
+
+def texel_texture(app: App, view: int | None, at_start: bool = False, beside: bool = False) -> np.ndarray:
+    """(h, w, 3) the residuals at every sample as the texture has to have them; `beside`: in the colours of now and the start."""
+    results = []
+
+    def compute(session: Session) -> TexelPicture:
+        moments = (0, session.moment) if at_start else (session.moment, 0)
+        found, other = (texel_residuals(session, moment, view) for moment in moments)
+        return texel_picture(found, RESIDUAL_PER_PIXEL, other if beside else None)
+
+    app.controller.query("test", compute, results.append)
+    wait_for(lambda: results)
+    picture = cv2.imdecode(np.frombuffer(results[0].picture, dtype=np.uint8), cv2.IMREAD_COLOR)
+    return picture[..., ::-1].astype(int)
+
+
+def is_drawn(visitor: Visitor, node: str, expected: np.ndarray) -> bool:
+    drawn = drawn_texture(visitor, node)
+    return drawn.shape == expected.shape and bool(np.abs(drawn - expected).max() <= 2)
+
+
+def test_residuals_are_painted_at_every_pixel_for_the_chosen_photo_and_on_both_sides_of_the_divider(
+    visitor: Visitor, monkeypatch: pytest.MonkeyPatch
+):
+    page, app = visitor.page, visitor.app
+    title = page.get_by_text("Residual per pixel, grey levels", exact=True)
+    may_compute = threading.Event()
+
+    def when_allowed(*inputs: Any) -> TexelResiduals:
+        assert may_compute.wait(PATIENCE)
+        return texel_residuals(*inputs)
+
+    monkeypatch.setattr(residual_source, "texel_residuals", when_allowed)
+    try:
+        visitor.button("Coloured by: Residual").click()
+        title.wait_for()
+        assert page.locator("#eigenfairing-overlay").get_by_text("Computing…", exact=True).is_visible()
+    finally:
+        may_compute.set()
+    all_photos, photo = texel_texture(app, None), texel_texture(app, 0)
+    assert all_photos.shape != photo.shape or np.abs(all_photos - photo).max() > 50
+    wait_for(lambda: is_drawn(visitor, "/mesh/colored", all_photos))
+    visitor.button("Next photo").click()
+    page.get_by_text(re.compile(r"^Photo cube_00\.png, blurred by [\d.]+ px$")).wait_for()
+    wait_for(lambda: is_drawn(visitor, "/mesh/colored", photo))
+    visitor.button("Before and now").first.click()
+    page.get_by_role("slider", name="before | now").wait_for()
+    start, now = (texel_texture(app, 0, at_start=at_start, beside=True) for at_start in (True, False))
+    wait_for(lambda: is_drawn(visitor, "/mesh/colored_start", start) and is_drawn(visitor, "/mesh/colored", now))
+    visitor.button("Before and now").first.click()
+    wait_for(lambda: not drawn_colors(visitor, "/mesh/colored_start"))
+    visitor.button("Detail: Per face").click()
+    page.get_by_text("Mean absolute residual, grey levels", exact=True).wait_for()
+    page.keyboard.press("Control+k")
+    page.locator(".mantine-Spotlight-action").first.wait_for()
+    page.keyboard.type("residual per pixel or per face")
+    expect(page.locator(".mantine-Spotlight-action")).to_have_count(1)
+    page.keyboard.press("Enter")
+    title.wait_for()
+    visitor.button("Previous photo").click()
+    wait_for(lambda: is_drawn(visitor, "/mesh/colored", all_photos))
+    visitor.button("Surface: Textured").click()
+    title.wait_for(state="hidden")
+
+
+def test_residuals_and_flow_of_faces_are_painted_for_all_photos_or_one(visitor: Visitor):
     page = page_of(visitor.app)
     visitor.button("Coloured by: Residual").click()
+    visitor.button("Detail: Per face").click()
     visitor.page.get_by_text("Mean absolute residual, grey levels", exact=True).wait_for()
     wait_for(lambda: drawn_colors(visitor, "/mesh/colored"))
     over_all = page.layers.surface.legend
@@ -142,6 +231,7 @@ def test_residuals_and_flow_are_painted_for_all_photos_or_one(visitor: Visitor):
     visitor.page.get_by_text("All photos", exact=True).first.wait_for()
     visitor.button("Surface: Textured").click()
     visitor.page.wait_for_function("() => !window.__viserMutable.nodeRefFromName['/flow_arrows'].visible")
+    page.page_state.is_per_pixel = True
 
 
 def test_colours_of_another_quantity_say_so_until_the_chosen_one_is_computed(
@@ -150,6 +240,7 @@ def test_colours_of_another_quantity_say_so_until_the_chosen_one_is_computed(
     page, compute, may_compute = visitor.page, residual_source.face_residuals, threading.Event()
     overlay = page.locator("#eigenfairing-overlay")
     visitor.button("Coloured by: Residual").click()
+    visitor.button("Detail: Per face").click()  # its residuals replace the flow, if that has been computed
     overlay.get_by_text("Mean absolute residual, grey levels", exact=True).wait_for()
 
     def when_allowed(session: Session, *inputs: Any, **options: Any) -> FaceResiduals:
