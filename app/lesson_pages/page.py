@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from string import Template
 
-from app.export.assets import asset, offline_document, script_elements
+from app.export.assets import asset, offline_document
 from app.html import icon, text
 from app.lesson_pages.measured import experiment_of, measured_experiment
 from app.lesson_pages.page_data import lesson_data
@@ -28,8 +28,6 @@ INDEX = "index.html"
 STAND_IN = "archway"  # scene of a lesson on any scene, unless another is given
 Progress = Callable[[float, str], None]
 LoadScene = Callable[[Callable[[float, str], None]], Scene]
-_SHARED = ("unpack.js", "record.js", "plot.js", "viewer.js", "fourier.js", "photos.js", "eigenspace.js", "cells.js")
-_OWN = ("photo_pictures.js", "lesson_viewer.js", "cells_view.js", "lesson.js")
 
 
 def write_lesson(
@@ -130,8 +128,7 @@ def _page(lesson: Lesson, data: dict, index: str) -> str:
     )
     title = f"{lesson.title}: an EigenFairing lesson"
     style = f":root {{ --reference:{solid(REFERENCE)}; }}\n{asset('lesson.css', 'app.lesson_pages')}"
-    scripts = script_elements(_SHARED) + script_elements(_OWN, "app.lesson_pages")
-    return offline_document(title, lesson.about, style, body, data, scripts)
+    return offline_document(title, lesson.about, style, body, data, "lesson_pages/web/lesson.js")
 
 
 def _index(lessons: Sequence[Lesson]) -> str:

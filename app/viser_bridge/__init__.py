@@ -16,7 +16,9 @@ Server
   decode, and silences the printed banner. Server threads that outlive the interpreter: #518, #744; `close` avoids them.
 
 Panels
-- `javascript`: viser has a message that runs JavaScript, but no public function for it.
+- `javascript`: viser has a message that runs JavaScript, but no public function for it. The scripts lie in `web`, most named as
+  the module that sends them. `handlers.js` has the functions for attributes of our HTML; `before_frame.js` calls functions before
+  a frame is drawn, which viser cannot; `once.js` waits for what a page that is still being built does not have.
 - `html_events`, `text_field`: events of our own HTML. viser reports none, and of fast changes of its widgets only the last.
 - `in_place`: keeps unchanged elements of HTML panels. viser replaces all of them.
 - `html_panel`, `style_sheet`: content and style are sent only when they change.
@@ -39,7 +41,6 @@ Panels
 
 Scene
 - `mesh_swap`: a GLB node blinks when its file changes, and textures or vertex colors need GLB (#249, #562).
-- `before_frame`: viser has no function that is called before a frame is drawn.
 - `moving_texture`: the vertices of a GLB mesh cannot be moved.
 - `split_view`: every node is drawn in the whole view.
 - `instance_marks`: a node with another number of instances is made anew, and loses clicks meanwhile; levels of detail leave

@@ -1,5 +1,3 @@
-"use strict";
-
 // One camera for all meshes: the slider chooses the frame of each, the button textured or shaded ones.
 const { frames } = JSON.parse(document.getElementById("data").textContent);
 const pictures = document.querySelectorAll("#meshes img");

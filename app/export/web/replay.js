@@ -1,11 +1,18 @@
 // The replay page: everything shown is a function of the moment, the selected vertex and the selected face.
-"use strict";
+import { Cells } from "../../web/cells.js";
+import { $, element } from "../../web/dom.js";
+import { brief } from "../../web/numbers.js";
+import { Plot } from "../../web/plot.js";
+import { facesAround, onGrid, RunRecord, textureCoordinates } from "../../web/record.js";
+import { unpack } from "../../web/unpack.js";
+import { Viewer } from "../../web/viewer.js";
 
 const data = JSON.parse(document.getElementById("data").textContent);
 const BASE_RATE = Math.max(5, data.length / 16); // moments per second: a run plays in about 16 s
 
 // Set by `open` when the data is unpacked.
-let arrays = null, record = null, cells = null, viewer = null, plots = [];
+let arrays = null, record = null, cells = null, viewer = null;
+const plots = [];
 
 const verticesAt = (moment) => record.verticesAt(moment);
 
@@ -62,16 +69,16 @@ function showStep() {
   const m = state.moment, step = m ? data.steps[m - 1] : null;
   $("headline").textContent = m === 0 ? "The start" : m === data.length ? "The end" : `Moment ${m}`;
   $("where").textContent = step ? `${step.where} · level ${step.level} of ${data.levels.length}` : data.length ? `${data.length} steps` : "no recorded steps";
-  const outcome = $("outcome"), change = $("change");
-  outcome.textContent = step ? step.outcome : "";
-  change.textContent = "";
+  const summary = $("change");
+  $("outcome").textContent = step ? step.outcome : "";
+  summary.textContent = "";
   const { moments, values } = data.residual, known = moments.findLastIndex((each) => each <= m);
   if (known >= 0) {
     const percent = 100 * (values[known] / values[0] - 1), since = ` ${percent > 0 ? "+" : ""}${brief(percent)} % since the start`;
-    change.append("residual ", element("b", {}, brief(values[known], 4)), " grey levels", element("span", { className: percent < 0 ? "good" : "dim" }, m ? since : ""));
+    summary.append("residual ", element("b", {}, brief(values[known], 4)), " grey levels", element("span", { className: percent < 0 ? "good" : "dim" }, m ? since : ""));
   }
-  if (step?.longest > 0) change.append(`${known >= 0 ? " · " : ""}longest step ${brief(step.longest)} px`);
-  change.title = step && step.after !== null ? `By this step: ${step.measure === "energy" ? "sweep energy" : step.measure} ${brief(step.before, 5)} → ${brief(step.after, 5)}` : "";
+  if (step?.longest > 0) summary.append(`${known >= 0 ? " · " : ""}longest step ${brief(step.longest)} px`);
+  summary.title = step && step.after !== null ? `By this step: ${step.measure === "energy" ? "sweep energy" : step.measure} ${brief(step.before, 5)} → ${brief(step.after, 5)}` : "";
   $("what").textContent = step ? data.kinds[step.kind].title : "Before the first step";
   $("why").textContent = step ? data.kinds[step.kind].text : data.intro;
   $("level-text").textContent = step?.measure === "objective" ? "" : step ? data.levels[step.level - 1].text : data.levels[0]?.text ?? "";
@@ -201,7 +208,8 @@ function showLayers() {
       viewer.shown[name] = !viewer.shown[name];
       chip.classList.toggle("on", viewer.shown[name]);
       chip.setAttribute("aria-pressed", viewer.shown[name]);
-      if (name === "cameras") viewer.shown.cameras ? viewer.overview() : viewer.home();
+      if (name === "cameras" && viewer.shown.cameras) viewer.overview();
+      else if (name === "cameras") viewer.home();
       viewer.redraw();
     };
     if (data.css[name]) chip.prepend(element("i", { style: `background:${data.css[name]}` }));

@@ -1,49 +1,21 @@
 // The lesson page: a step sets run, moment, selection, layers, viewpoint and cells; what is shown is a function of that state.
-"use strict";
+import { actions, setDimensions, showCellsPanel } from "./cells_view.js";
+import {
+  arrays, data, facesOf, isAtStep, pictures, point, positions, run, runs, SHAPES, state, step, surfacePositions, unpackLesson,
+} from "./lesson_state.js";
+import { LessonViewer } from "./lesson_viewer.js";
+import { $, chip, element, fillGroup, label, press, svg } from "../../web/dom.js";
+import { brief } from "../../web/numbers.js";
+import { Plot } from "../../web/plot.js";
 
-const data = JSON.parse(document.getElementById("data").textContent);
 const PLAY_SECONDS = 8; // of a whole run
 const MOVES = [["−x", 0, -1], ["+x", 0, 1], ["−y", 1, -1], ["+y", 1, 1], ["−z", 2, -1], ["+z", 2, 1]];
 const EYES = { mesh: "Mesh", front: "Front", cameras: "Cameras" };
 const SURFACES = { textured: "Textured", flat: "Flat", none: "None" };
-const SHAPES = { start: 0, now: 1, truth: 2 };
 
-// Set by `open` when the data is unpacked.
-let arrays = null, runs = [], viewer = null, pictures = null, plots = [];
-
-// `offset`: a vertex moved by the reader from its position in the record, {vertex, by} page units; null otherwise.
-const state = { step: -1, run: 0, moment: 0, vertices: [], face: null, offset: null, surface: "textured", shape: 1, magnification: 1, shown: {}, cells: {}, eye: "mesh", playing: false, moveBy: 1, chosen: new Map() };
-
-const step = () => data.steps[state.step];
-const isAtStep = () => state.run === step().run && state.moment === step().moment && !state.offset;
-const run = () => runs[state.run];
-
-function chip(label, isOn, act, title = "") {
-  return element("button", { type: "button", className: isOn ? "chip on" : "chip", title, "aria-pressed": String(isOn), onclick: act }, label);
-}
-
-function press(button, isOn) {
-  button.classList.toggle("on", isOn);
-  button.setAttribute("aria-pressed", String(isOn));
-}
+let viewer = null, plots = [];
 
 // ---------------------------------------------------------------- what is shown
-
-function positions() {
-  const vertices = run().record.verticesAt(state.moment);
-  if (state.offset) for (let c = 0; c < 3; c++) vertices[3 * state.offset.vertex + c] += state.offset.by[c];
-  return vertices;
-}
-
-function surfacePositions() {
-  if (state.shape === SHAPES.truth && arrays.truth) return arrays.truth;
-  return state.shape === SHAPES.start ? run().record.start : positions();
-}
-
-// The cells of a face at a moment; `vertices` default to the shown ones, null are those of the record.
-function cellsOf(face, dimensions = null, moment = state.moment, vertices = undefined) {
-  return run().cells.at(face, moment, vertices === undefined ? positions() : vertices ?? run().record.verticesAt(moment), dimensions);
-}
 
 // The weight of each photo in the texture of each face, 0 to 255, (faces x photos).
 function textureWeights() {
@@ -131,7 +103,7 @@ function showMove() {
   const vertex = state.vertices.at(-1), size = state.moveBy / 100 * data.stage.pageFromWorld, unit = data.isCube ? "%" : "hundredths";
   if (vertex === undefined || !facesOf(vertex).length) { $("move").replaceChildren(); return; }
   const focused = document.activeElement?.dataset?.move;
-  const buttons = MOVES.map(([label, axis, sign]) => element("button", { type: "button", className: "chip", "data-move": label, "aria-label": `Move vertex ${vertex} by ${state.moveBy} ${unit} along ${label}`, onclick: () => moveVertex([0, 1, 2].map((c) => (c === axis ? sign * size : 0))) }, label));
+  const buttons = MOVES.map(([way, axis, sign]) => element("button", { type: "button", className: "chip", "data-move": way, "aria-label": `Move vertex ${vertex} by ${state.moveBy} ${unit} along ${way}`, onclick: () => moveVertex([0, 1, 2].map((c) => (c === axis ? sign * size : 0))) }, way));
   const steps = element("button", { type: "button", className: "chip", "data-move": "size", title: "Size of a move", onclick: () => { state.moveBy = { 1: 5, 5: 0.2, 0.2: 1 }[state.moveBy]; showMove(); } }, `by ${state.moveBy} ${unit}`);
   const back = element("button", { type: "button", className: "chip", "data-move": "back", disabled: !state.offset, onclick: () => { state.offset = null; update(); } }, "Back to the run");
   $("move").replaceChildren(element("span", { className: "dim" }, `Move vertex ${vertex}`), ...buttons, steps, back);
@@ -182,7 +154,7 @@ function showProfile() {
 }
 
 function between(offsets, line, at) {
-  const step = offsets[1] - offsets[0], i = Math.max(0, Math.min(line.length - 2, Math.floor((at - offsets[0]) / step))), part = (at - offsets[i]) / step;
+  const apart = offsets[1] - offsets[0], i = Math.max(0, Math.min(line.length - 2, Math.floor((at - offsets[0]) / apart))), part = (at - offsets[i]) / apart;
   return line[i] + part * (line[i + 1] - line[i]);
 }
 
@@ -292,15 +264,6 @@ function showControls() {
   fillGroup("runs", used.length < 2 ? [] : [label("Run"), ...used.map((number) => chip(data.runs[number].name, number === state.run, () => { takeRun(number, Math.min(state.moment, runs[number].record.length)); update(); }, data.runs[number].title))]);
 }
 
-const label = (text) => element("span", { className: "dim" }, text);
-
-// Replaces the buttons of a group; the focused one keeps the focus.
-function fillGroup(id, children) {
-  const host = $(id), at = [...host.children].indexOf(document.activeElement);
-  host.replaceChildren(...children);
-  if (at >= 0) host.children[at]?.focus();
-}
-
 // ---------------------------------------------------------------- steps of the lesson
 
 function goToStep(number, isFirst = false) {
@@ -398,7 +361,7 @@ function turnByKey(event) {
 function onKey(event) {
   if (event.ctrlKey || event.metaKey || event.altKey) return;
   const flip = () => { state.shape = state.shape === SHAPES.start ? SHAPES.now : SHAPES.start; update(); };
-  const actions = {
+  const keys = {
     PageDown: () => goToStep(state.step + 1),
     PageUp: () => goToStep(state.step - 1),
     ...(isTyped(event) ? {} : { ",": () => jump(state.moment - 1), ".": () => jump(state.moment + 1), x: flip, X: flip, Home: () => jump(0), End: () => jump(run().record.length) }),
@@ -408,9 +371,9 @@ function onKey(event) {
     const photo = Number(event.key) - 1;
     if (photo < data.photos.views.length) lookAt(photo < 0 ? "front" : photo);
   } else if (viewer && event.target === $("scene") && turnByKey(event)) event.preventDefault();
-  else if (event.key in actions) {
+  else if (event.key in keys) {
     event.preventDefault();
-    actions[event.key]();
+    keys[event.key]();
   }
 }
 
@@ -449,17 +412,10 @@ function listen() {
 
 const stepInAddress = () => (Number(location.hash.slice(1)) || 1) - 1;
 
+Object.assign(actions, { update, select, lookAt });
+
 async function open() {
-  await unpack(data);
-  data.rgb = Object.fromEntries(Object.entries(data.colors).map(([name, rgb]) => [name, `rgb(${rgb})`]));
-  pictures = new PhotoPictures(data.photos.views);
-  runs = data.runs.map((each) => {
-    const record = new RunRecord(each, data.grid);
-    return { record, paths: record.paths(), keyframes: each.keyframes, off: each.off, uv: textureCoordinates(each.keyframes), cells: new Cells({ ...each.cells, photos: data.photos }, data.faces, data.colors) };
-  });
-  const first = runs[0];
-  arrays = { start: first.record.start, truth: data.truth && onGrid(data.truth, data.grid), faces: data.faces, edges: data.edges, cameras: data.cameras, uv: [], paths: first.paths };
-  await pictures.ready;
+  await unpackLesson();
   try {
     viewer = new LessonViewer($("scene"), data, arrays, pictures);
   } catch (error) {

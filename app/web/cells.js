@@ -1,10 +1,11 @@
 // The cells of a face at any moment, computed from the photos, and their pictures.
-"use strict";
+import { fitEigenspace, GEMAN_MCCLURE, weigh } from "./eigenspace.js";
+import { Photos } from "./photos.js";
 
-const CELL_COLORS = { empty: [36, 39, 43], masked: [58, 62, 68], zero: 18 };
+export const CELL_COLORS = { empty: [36, 39, 43], masked: [58, 62, 68], zero: 18 };
 const KINDS_SHOWN = ["observed", "reconstruction", "residual", "weight"];
 
-class Cells {
+export class Cells {
   // `cells`: the data of page_cells.py, unpacked; `faces`: corners of all faces.
   constructor(cells, faces, colors) {
     Object.assign(this, { cells, faces, colors, rows: new Map(cells.faces.map((face, row) => [face, row])), views: new Map() });
