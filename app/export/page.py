@@ -60,4 +60,6 @@ def _page(facts: RunFacts, data: dict[str, Any]) -> str:
         icon_end=icon("start", mirrored=True),
     )
     title = f"{facts.scene.name}: a fairing run"
-    return offline_document(title, facts.title, asset("replay.css"), body, data, "export/web/replay.js")
+    return offline_document(
+        title, facts.title, asset("page.css", "app") + asset("replay.css"), body, data, "export/web/replay.js"
+    )

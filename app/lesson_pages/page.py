@@ -127,7 +127,7 @@ def _page(lesson: Lesson, data: dict, index: str) -> str:
         ),
     )
     title = f"{lesson.title}: an EigenFairing lesson"
-    style = f":root {{ --reference:{solid(REFERENCE)}; }}\n{asset('lesson.css', 'app.lesson_pages')}"
+    style = f":root {{ --reference:{solid(REFERENCE)}; }}\n{asset('page.css', 'app')}{asset('lesson.css', 'app.lesson_pages')}"
     return offline_document(title, lesson.about, style, body, data, "lesson_pages/web/lesson.js")
 
 

@@ -1,13 +1,16 @@
 // The replay page: everything shown is a function of the moment, the selected vertex and the selected face.
+import { drawCells } from "../../web/cell_picture.js";
 import { Cells } from "../../web/cells.js";
-import { $, element } from "../../web/dom.js";
+import { $, chip, element, press } from "../../web/dom.js";
 import { brief } from "../../web/numbers.js";
+import { Playback } from "../../web/playback.js";
 import { Plot } from "../../web/plot.js";
 import { facesAround, onGrid, RunRecord, textureCoordinates } from "../../web/record.js";
 import { unpack } from "../../web/unpack.js";
 import { Viewer } from "../../web/viewer.js";
 
 const data = JSON.parse(document.getElementById("data").textContent);
+const KINDS_SHOWN = ["observed", "reconstruction", "residual", "weight"];
 const BASE_RATE = Math.max(5, data.length / 16); // moments per second: a run plays in about 16 s
 
 // Set by `open` when the data is unpacked.
@@ -16,7 +19,16 @@ const plots = [];
 
 const verticesAt = (moment) => record.verticesAt(moment);
 
-const state = { moment: -1, vertex: null, face: null, playing: false, speed: 1 };
+const state = { moment: -1, vertex: null, face: null, speed: 1 };
+
+const playback = new Playback({
+  length: () => data.length,
+  rate: () => BASE_RATE * state.speed,
+  moment: () => state.moment,
+  go,
+  onStop: () => { if (cells && state.moment >= 0) showCells(); },
+});
+const jump = (moment) => playback.jump(moment);
 
 // ---------------------------------------------------------------- time
 
@@ -24,38 +36,12 @@ function go(moment) {
   moment = Math.max(0, Math.min(data.length, Math.round(moment)));
   if (moment === state.moment) return;
   state.moment = moment;
-  $("slider").value = moment;
-  $("slider").setAttribute("aria-valuetext", `moment ${moment} of ${data.length}`);
-  $("moment").textContent = `${moment} / ${data.length}`;
+  playback.show();
   viewer?.show(moment, verticesAt(moment), record.blendAt(moment, data.keyframes));
   plots.forEach((plot) => plot.cursor(moment));
   showStep();
-  if (!state.playing || performance.now() > cellsDue) showCells();
+  if (!playback.isOn || performance.now() > cellsDue) showCells();
 }
-
-let playedSince = 0, playedFrom = 0;
-function play(on) {
-  if (on && state.moment === data.length) go(0);
-  state.playing = on && data.length > 0;
-  $("play").classList.toggle("on", state.playing);
-  $("play").setAttribute("aria-label", state.playing ? "Pause" : "Play");
-  $("play").title = state.playing ? "Pause (Space)" : "Play (Space)";
-  playedSince = performance.now();
-  playedFrom = state.moment;
-  if (!state.playing && cells && state.moment >= 0) showCells();
-  if (state.playing) requestAnimationFrame(tick);
-}
-
-function tick(now) {
-  if (!state.playing) return;
-  const target = playedFrom + Math.max(0, now - playedSince) / 1000 * BASE_RATE * state.speed;
-  go(Math.floor(target));
-  if (target >= data.length) play(false);
-  else requestAnimationFrame(tick);
-}
-
-// Goes to a moment chosen by the user and stops playing.
-function jump(moment) { if (state.playing) play(false); go(moment); }
 
 // Goes to the next of these moments, or to the previous one.
 function edge(moments, direction) {
@@ -133,7 +119,7 @@ function select(vertex) {
   const most = faces.reduce((best, f) => (best !== null && (change(f) - change(best) || photos(f) - photos(best)) <= 0 ? best : f), null);
   state.face = faces.includes(state.face) ? state.face : most;
   if (viewer) { viewer.selected = vertex; viewer.redraw(); }
-  $("faces").replaceChildren(...faces.map((f) => element("button", { type: "button", className: "chip", onclick: () => { state.face = f; showCells(); }, textContent: `face ${f}`, "data-face": f })));
+  $("faces").replaceChildren(...faces.map((f) => Object.assign(chip(`face ${f}`, false, () => { state.face = f; showCells(); }), { face: f })));
   showCells();
   showVertex();
 }
@@ -158,15 +144,16 @@ function showCells() {
   $("cells").hidden = !isKept;
   $("no-cells").hidden = isKept;
   $("no-cells").textContent = state.vertex === null ? "Click a vertex to see the cells of its faces." : `This file has no photos around vertex ${state.vertex}; it contains those around the vertices that moved most. `;
-  if (!isKept) { $("no-cells").append(...(state.vertex === null ? [] : [element("button", { type: "button", className: "chip", onclick: () => select(data.chosen), textContent: `vertex ${data.chosen}` })])); return; }
-  for (const chip of $("faces").children) chip.classList.toggle("on", Number(chip.dataset.face) === state.face);
+  if (!isKept) { $("no-cells").append(...(state.vertex === null ? [] : [chip(`vertex ${data.chosen}`, false, () => select(data.chosen))])); return; }
+  for (const button of $("faces").children) press(button, button.face === state.face);
   const { moment } = state, found = cells.at(state.face, moment, verticesAt(moment));
   const views = cells.viewsOf(state.face).toSorted((a, b) => changeIn(state.face, b) - changeIn(state.face, a)); // first where most happened
   $("cell-facts").textContent = found ? `k = ${found.k} · blur ${data.levels[data.cells.sweeps.level[data.cells.sweepAt[moment]]].blur} px · sweep energy ${brief(found.energy, 4)}` : "fewer than three photos see the face well enough at this moment";
   $("residual-scale").textContent = found ? `±${brief(found.scale.residual)} grey levels` : "";
   const tall = $("cells").style, side = Math.round(parseFloat(getComputedStyle($("sprite")).getPropertyValue("--tile")) || 60);
   tall.setProperty("--rows", views.length);
-  cells.draw($("sprite"), found, views, Math.round(side * Math.min(2, window.devicePixelRatio || 1)), 4);
+  const pixels = Math.round(side * Math.min(2, window.devicePixelRatio || 1));
+  drawCells($("sprite"), { views, kinds: KINDS_SHOWN, side: pixels, gap: 4, cellOf: found && cells.pictures(found) });
   $("cell-rows").replaceChildren(...views.map((view) => {
     const { name } = data.cells.photos.views[view], { value, most } = comparableResidual(state.face, view, moment);
     const words = value !== null ? `residual ${brief(value)}` : found?.views.includes(view) ? "not measured" : "not used";
@@ -203,17 +190,15 @@ const layers = { texture: "Texture", paths: "Paths", dots: "Vertices", wire: "Ed
 function showLayers() {
   for (const [name, title] of Object.entries(layers)) {
     if (name === "truth" && !arrays.truth) continue;
-    const chip = element("button", { type: "button", className: viewer.shown[name] ? "chip on" : "chip", textContent: title, "aria-pressed": viewer.shown[name] });
-    chip.onclick = () => {
+    const button = chip(title, viewer.shown[name], () => {
       viewer.shown[name] = !viewer.shown[name];
-      chip.classList.toggle("on", viewer.shown[name]);
-      chip.setAttribute("aria-pressed", viewer.shown[name]);
+      press(button, viewer.shown[name]);
       if (name === "cameras" && viewer.shown.cameras) viewer.overview();
       else if (name === "cameras") viewer.home();
       viewer.redraw();
-    };
-    if (data.css[name]) chip.prepend(element("i", { style: `background:${data.css[name]}` }));
-    $("layers").append(chip);
+    });
+    if (data.css[name]) button.prepend(element("i", { style: `background:${data.css[name]}` }));
+    $("layers").append(button);
   }
   for (const button of document.querySelectorAll("[data-side]")) button.onclick = () => showSide(button.dataset.side);
 }
@@ -245,19 +230,12 @@ for (const tab of document.querySelectorAll("[data-tab]")) {
   };
 }
 
-$("slider").max = data.length;
-$("slider").oninput = () => jump(Number($("slider").value));
-$("play").onclick = () => play(!state.playing);
-$("first").onclick = () => jump(0);
-$("last").onclick = () => jump(data.length);
-$("back").onclick = () => jump(state.moment - 1);
-$("forward").onclick = () => jump(state.moment + 1);
-$("speed").onchange = () => { state.speed = Number($("speed").value); $("speed").blur(); if (state.playing) play(true); };
+$("speed").onchange = () => { state.speed = Number($("speed").value); $("speed").blur(); if (playback.isOn) playback.play(true); };
 
 document.addEventListener("keydown", (event) => {
   if (event.ctrlKey || event.metaKey || event.altKey || event.target.tagName === "SELECT") return;
   const actions = {
-    " ": () => play(!state.playing),
+    " ": () => playback.play(!playback.isOn),
     ArrowRight: () => (event.shiftKey ? edge(data.sweeps, 1) : jump(state.moment + 1)),
     ArrowLeft: () => (event.shiftKey ? edge(data.sweeps, -1) : jump(state.moment - 1)),
     PageDown: () => edge(bands.map((stage) => stage.end), 1),

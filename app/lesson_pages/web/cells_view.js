@@ -2,7 +2,7 @@
 import {
   arrays, cellsOf, data, facesOf, isAtStep, pictures, point, positions, run, shownFace, state, step,
 } from "./lesson_state.js";
-import { CELL_COLORS } from "../../web/cells.js";
+import { CELL_COLORS, drawCell, drawCells } from "../../web/cell_picture.js";
 import { $, chip, element, fillGroup, label, press, svg } from "../../web/dom.js";
 import { brief } from "../../web/numbers.js";
 
@@ -89,15 +89,8 @@ function drawBasis(found) {
   const context = canvas.getContext("2d");
   if (!context) return;
   found.basis.forEach((values, n) => {
-    const largest = values.reduce((most, value) => Math.max(most, Math.abs(value)), 1e-12), image = new ImageData(size, size);
-    for (let r = 0, s = 0; r < size; r++)
-      for (let c = 0; c < size; c++) {
-        const rgb = r + c < size ? Array(3).fill(127.5 + 127.5 * values[s++] / largest) : CELL_COLORS.empty;
-        image.data.set([...rgb, 255], 4 * (r * size + c));
-      }
-    const cell = Object.assign(document.createElement("canvas"), { width: size, height: size });
-    cell.getContext("2d").putImageData(image, 0, 0);
-    context.drawImage(cell, n * (side + TILE_GAP), 0, side, side);
+    const largest = values.reduce((most, value) => Math.max(most, Math.abs(value)), 1e-12);
+    drawCell(context, n * (side + TILE_GAP), 0, side, { size, color: (s) => Array(3).fill(127.5 + 127.5 * values[s] / largest) });
   });
   canvas.setAttribute("aria-label", `${found.basis.length} basis images of the face`);
 }
@@ -112,10 +105,10 @@ function showRows(found, face, columns) {
   const width = Math.max(200, $("cells-panel").clientWidth - 40), tile = Math.min(WIDEST_TILE, Math.floor((width - TILE_GAP * (columns.length - 1)) / columns.length));
   const ratio = Math.min(2, window.devicePixelRatio || 1), whole = columns.length * (tile + TILE_GAP) - TILE_GAP, grid = `repeat(${columns.length}, ${tile}px)`;
   const heads = element("div", { className: "heads", style: `grid-template-columns:${grid};gap:${TILE_GAP}px` }, ...columns.map((kind) => element("span", { title: data.kinds[kind].meaning }, data.kinds[kind].head)));
-  const paint = run().cells.painters(found);
+  const cellOf = picturesOf(found, before, flows);
   const rows = found.views.map((view, i) => {
     const { name } = data.photos.views[view], canvas = element("canvas", { role: "img", "aria-label": `Cell of face ${face} in ${name}: ${columns.map((kind) => data.kinds[kind].head).join(", ")}; energy ${brief(found.energies[i])}` });
-    drawRow(canvas, found, paint, before, flows, view, columns, Math.round(tile * ratio), Math.round(TILE_GAP * ratio));
+    drawCells(canvas, { views: [view], kinds: columns, side: Math.round(tile * ratio), gap: Math.round(TILE_GAP * ratio), cellOf });
     const over = svg("svg", { viewBox: `0 0 ${whole} ${tile}`, "aria-hidden": "true" });
     columns.forEach((kind, n) => { if (flows && !KIND_NAMES[kind]) drawArrows(over, flows, kind, view, n * (tile + TILE_GAP), tile); });
     const through = element("button", { type: "button", className: "chip", title: `Look through the camera of ${name}`, onclick: () => actions.lookAt(view) }, name);
@@ -125,29 +118,15 @@ function showRows(found, face, columns) {
   $("rows").replaceChildren(heads, ...rows);
 }
 
-function drawRow(canvas, found, paint, before, flows, view, columns, side, gap) {
-  const kinds = columns.map((kind) => KIND_NAMES[kind] ?? null), row = Object.assign(document.createElement("canvas"), {});
-  run().cells.draw(row, found, [view], side, gap, kinds.map((kind) => kind ?? "observed"), paint);
-  Object.assign(canvas, { width: row.width, height: row.height });
-  const context = canvas.getContext("2d");
-  if (!context) return;
-  context.drawImage(row, 0, 0);
-  kinds.forEach((kind, n) => {
-    if (kind !== null) return;
-    const x = n * (side + gap), i = before && flows ? before.views.indexOf(view) : -1;
-    context.fillStyle = `rgb(${CELL_COLORS.empty})`;
-    context.fillRect(x, 0, side, side);
-    if (i < 0) return;
-    const { size } = before, image = new ImageData(size, size), full = Number.isFinite(before.threshold) ? before.threshold : before.scale.residual;
-    for (let r = 0, s = 0; r < size; r++)
-      for (let c = 0; c < size; c++) {
-        const shade = r + c < size ? CELL_COLORS.zero + 130 * Math.sqrt(Math.min(1, Math.abs(before.residual[i][s++]) / full)) : null;
-        image.data.set([...(shade === null ? CELL_COLORS.empty : [shade, shade, shade]), 255], 4 * (r * size + c));
-      }
-    const cell = Object.assign(document.createElement("canvas"), { width: size, height: size });
-    cell.getContext("2d").putImageData(image, 0, 0);
-    context.drawImage(cell, x, 0, side, side);
-  });
+// The cells of a row. Where the column shows arrows, they lie over the strength of the residual before the step.
+function picturesOf(found, before, flows) {
+  const shown = run().cells.pictures(found), full = before && (Number.isFinite(before.threshold) ? before.threshold : before.scale.residual);
+  return (view, column) => {
+    if (KIND_NAMES[column]) return shown(view, KIND_NAMES[column]);
+    const i = before && flows ? before.views.indexOf(view) : -1;
+    if (i < 0) return null;
+    return { size: before.size, color: (s) => Array(3).fill(CELL_COLORS.zero + 130 * Math.sqrt(Math.min(1, Math.abs(before.residual[i][s]) / full))) };
+  };
 }
 
 function flowsOf(face) {

@@ -4,16 +4,18 @@ import {
   arrays, data, facesOf, isAtStep, pictures, point, positions, run, runs, SHAPES, state, step, surfacePositions, unpackLesson,
 } from "./lesson_state.js";
 import { LessonViewer } from "./lesson_viewer.js";
-import { $, chip, element, fillGroup, label, press, svg } from "../../web/dom.js";
+import { $, chip, element, fillGroup, label, press } from "../../web/dom.js";
 import { brief } from "../../web/numbers.js";
+import { Playback } from "../../web/playback.js";
 import { Plot } from "../../web/plot.js";
+import { drawProfile } from "../../web/profile.js";
 
 const PLAY_SECONDS = 8; // of a whole run
 const MOVES = [["−x", 0, -1], ["+x", 0, 1], ["−y", 1, -1], ["+y", 1, 1], ["−z", 2, -1], ["+z", 2, 1]];
 const EYES = { mesh: "Mesh", front: "Front", cameras: "Cameras" };
 const SURFACES = { textured: "Textured", flat: "Flat", none: "None" };
 
-let viewer = null, plots = [];
+let viewer = null, playback = null, plots = [];
 
 // ---------------------------------------------------------------- what is shown
 
@@ -60,16 +62,14 @@ function showCellsTimed() {
   const began = performance.now();
   showCellsPanel();
   showTry();
-  cellsDue = state.playing || state.dragging ? performance.now() + 2 * (performance.now() - began) : 0;
+  cellsDue = playback.isOn || state.dragging ? performance.now() + 2 * (performance.now() - began) : 0;
 }
 
 function showMoment() {
   const { record } = run(), m = state.moment, done = m ? record.run.steps[m - 1] : null;
   $("headline").textContent = m === 0 ? "The start" : m === record.length && record.run.isFinished ? "The end" : `Moment ${m}`;
   $("where").textContent = done ? `level ${done.level} of ${record.run.levels.length} · photos blurred by ${record.run.levels[done.level - 1].blur} px · ${done.outcome}` : "";
-  Object.assign($("slider"), { max: record.length, value: m });
-  $("slider").setAttribute("aria-valuetext", `moment ${m} of ${record.length}`);
-  $("moment").textContent = `${m} / ${record.length}`;
+  playback.show();
   const vertex = state.vertices.at(-1);
   $("scene").setAttribute("aria-label", `The mesh in 3D at moment ${m} of ${record.length}. ${vertex === undefined ? "No vertex is selected." : `Vertex ${vertex} is selected${distanceText(vertex)}.`} Arrow keys rotate, plus and minus zoom.`);
 }
@@ -93,7 +93,7 @@ function moveVertex(by) {
   const vertex = state.vertices.at(-1), limit = (value) => Math.max(-data.reach, Math.min(data.reach, value));
   if (vertex === undefined) return;
   const before = state.offset?.vertex === vertex ? state.offset.by : [0, 0, 0], after = before.map((value, c) => limit(value + by[c]));
-  if (state.playing) play(false);
+  if (playback.isOn) playback.play(false);
   state.offset = after.some((value) => Math.abs(value) > 1e-6) ? { vertex, by: after } : null;
   state.shape = SHAPES.now;
   update();
@@ -134,28 +134,9 @@ function showProfile() {
   const isShown = profile !== null && profile.vertex === vertex && state.run === step().run && state.moment === step().moment;
   $("profile").hidden = !isShown;
   if (!isShown) return;
-  const width = $("profile").clientWidth || 230, height = 99, left = 8, right = 8, top = 20, bottom = 17, values = profile.lines.flat();
-  const low = Math.min(...values), high = Math.max(...values, low + 1e-9), reach = profile.offsets.at(-1), unit = data.isCube ? " %" : "";
-  const x = (offset) => left + (width - left - right) * (offset + reach) / (2 * reach), y = (value) => top + (height - top - bottom) * (high - value) / (high - low);
-  const host = svg("svg", { viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": `Energy of the faces around vertex ${vertex} while it is moved along x, y or z by up to ${brief(reach)} hundredths of a unit, from ${brief(low)} to ${brief(high)}` });
-  const title = svg("text", { x: left, y: 12, class: "name" }, host);
-  title.textContent = `E if vertex ${vertex} moves along `;
-  ["x", "y", "z"].forEach((name, axis) => { svg("tspan", { style: `fill:${data.curves[axis]};font-weight:700` }, title).textContent = `${name} `; });
-  for (const offset of [-reach, 0, reach]) {
-    svg("line", { x1: x(offset), x2: x(offset), y1: top, y2: height - bottom, style: "stroke:var(--line)" }, host);
-    svg("text", { x: x(offset), y: height - 3, "text-anchor": offset < 0 ? "start" : offset > 0 ? "end" : "middle" }, host).textContent = `${offset > 0 ? "+" : ""}${brief(offset)}${unit}`;
-  }
-  profile.lines.forEach((line, axis) => {
-    const at = state.offset ? 100 * state.offset.by[axis] / data.stage.pageFromWorld : 0;
-    svg("polyline", { points: line.map((value, i) => `${x(profile.offsets[i])},${y(value)}`).join(" "), fill: "none", "stroke-width": 1.8, style: `stroke:${data.curves[axis]}` }, host);
-    svg("circle", { cx: x(at), cy: y(between(profile.offsets, line, at)), r: 3.5, style: `fill:${data.curves[axis]}` }, host);
-  });
-  $("profile").replaceChildren(host);
-}
-
-function between(offsets, line, at) {
-  const apart = offsets[1] - offsets[0], i = Math.max(0, Math.min(line.length - 2, Math.floor((at - offsets[0]) / apart))), part = (at - offsets[i]) / apart;
-  return line[i] + part * (line[i + 1] - line[i]);
+  const at = [0, 1, 2].map((axis) => (state.offset ? 100 * state.offset.by[axis] / data.stage.pageFromWorld : 0));
+  const reach = profile.offsets.at(-1), labels = [-reach, 0, reach].map((offset) => `${offset > 0 ? "+" : ""}${brief(offset)}${data.isCube ? " %" : ""}`);
+  drawProfile($("profile"), { ...profile, at, colors: data.curves, labels, distance: `${brief(reach)} hundredths of a unit` });
 }
 
 // ---------------------------------------------------------------- time
@@ -167,7 +148,7 @@ function go(moment) {
   update();
 }
 
-function jump(moment) { if (state.playing) play(false); go(moment); }
+const jump = (moment) => playback.jump(moment);
 
 function takeRun(number, moment) {
   const isOther = state.run !== number || !plots.length;
@@ -177,27 +158,6 @@ function takeRun(number, moment) {
     viewer?.color(step().coloring);
     showPlots();
   }
-}
-
-let playedSince = 0, playedFrom = 0;
-function play(on) {
-  const { length } = run().record;
-  if (on && state.moment === length) go(0);
-  state.playing = on && length > 0;
-  $("play").classList.toggle("on", state.playing);
-  $("play").setAttribute("aria-label", state.playing ? "Pause" : "Play");
-  $("play").title = state.playing ? "Pause (Space)" : "Play (Space)";
-  [playedSince, playedFrom] = [performance.now(), state.moment];
-  if (state.playing) requestAnimationFrame(tick);
-  else showCellsTimed();
-}
-
-function tick(now) {
-  if (!state.playing) return;
-  const { length } = run().record, target = playedFrom + Math.max(0, now - playedSince) / 1000 * Math.max(3, length / PLAY_SECONDS);
-  if (Math.floor(target) !== state.moment) go(Math.floor(target));
-  if (target >= length) play(false);
-  else requestAnimationFrame(tick);
 }
 
 // ---------------------------------------------------------------- plots
@@ -268,7 +228,7 @@ function showControls() {
 
 function goToStep(number, isFirst = false) {
   const target = Math.max(0, Math.min(data.steps.length - 1, number));
-  if (state.playing) play(false);
+  if (playback.isOn) playback.play(false);
   state.step = target;
   const found = step();
   Object.assign(state, {
@@ -365,7 +325,7 @@ function onKey(event) {
     PageDown: () => goToStep(state.step + 1),
     PageUp: () => goToStep(state.step - 1),
     ...(isTyped(event) ? {} : { ",": () => jump(state.moment - 1), ".": () => jump(state.moment + 1), x: flip, X: flip, Home: () => jump(0), End: () => jump(run().record.length) }),
-    ...(isTyped(event) || isPressed(event) ? {} : { " ": () => play(!state.playing) }),
+    ...(isTyped(event) || isPressed(event) ? {} : { " ": () => playback.play(!playback.isOn) }),
   };
   if (viewer && !isTyped(event) && /^[0-9]$/.test(event.key)) {
     const photo = Number(event.key) - 1;
@@ -378,15 +338,16 @@ function onKey(event) {
 }
 
 function listen() {
+  playback = new Playback({
+    length: () => run().record.length,
+    rate: () => Math.max(3, run().record.length / PLAY_SECONDS),
+    moment: () => state.moment,
+    go,
+    onStop: showCellsTimed,
+  });
   $("next").onclick = () => goToStep(state.step + 1);
   $("previous").onclick = () => goToStep(state.step - 1);
   $("resume").onclick = () => { goToStep(state.step); document.querySelector("article").focus(); };
-  $("slider").oninput = () => jump(Number($("slider").value));
-  $("play").onclick = () => play(!state.playing);
-  $("first").onclick = () => jump(0);
-  $("last").onclick = () => jump(run().record.length);
-  $("back").onclick = () => jump(state.moment - 1);
-  $("forward").onclick = () => jump(state.moment + 1);
   $("all-lines").onclick = () => press($("all-lines"), $("listing").classList.toggle("whole"));
   $("k").oninput = () => setDimensions(Number($("k").value));
   for (const button of document.querySelectorAll("[data-page]")) button.onclick = () => { state.cells = { ...state.cells, page: button.dataset.page }; update(); };

@@ -12,7 +12,7 @@ export let arrays = null, runs = [], pictures = null; // set by `unpackLesson`
 // `offset`: a vertex moved by the reader from its position in the record, {vertex, by} page units; null otherwise.
 export const state = {
   step: -1, run: 0, moment: 0, vertices: [], face: null, offset: null, surface: "textured", shape: 1, magnification: 1, shown: {}, cells: {}, eye: "mesh",
-  playing: false, moveBy: 1, chosen: new Map(),
+  moveBy: 1, chosen: new Map(),
 };
 
 export const step = () => data.steps[state.step];
