@@ -44,6 +44,7 @@ from app.panels.options_panel import OptionsPanel
 from app.panels.photo_pages import PhotoPages
 from app.panels.plot import Plot
 from app.panels.point_photos import PointPhotos
+from app.panels.profile_panel import ProfilePanel
 from app.panels.pulls_panel import PullsPanel
 from app.panels.result_card import ResultCard
 from app.panels.runs_panel import RunsPanel
@@ -181,6 +182,7 @@ class PagePanels:
                 PullsPanel(gui, events, self._pulls, page_state, republish),
                 SelectionNote(gui),
                 CertaintyPanel(gui, scene.mesh, self._certainty),
+                ProfilePanel(gui, scene.mesh, resources.controller),
                 Variables(gui, scene.mesh, events.number(run.to_change)),
                 WatchPanel(gui, events, scene, page_state, self._pulls, run.jump, republish),
             ]  # fmt: skip

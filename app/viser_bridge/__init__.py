@@ -25,6 +25,7 @@ Panels
 - `viser_elements`: style of viser's own elements, by class names that it does not document.
 - `keyboard_focus`, `hotkeys`: hotkeys are ignored while a widget has the focus; function keys are missing in their type; a
   command has one key; dialogs neither close by Escape nor keep keys from the page. Commands are experimental (#696).
+- `drawn_elements`: viser shows HTML without scripts, so plots of exported pages are custom elements here.
 - `completion`: text inputs complete nothing.
 - `accessible_names`: sliders, number inputs and icons have no accessible name.
 - `tabs`: viser cannot select a tab, scroll to a heading, reload the page or name the browser's tab.
