@@ -5,7 +5,7 @@ from importlib.resources import files
 from string import Template
 from typing import Any
 
-from app.html import text
+from app.html import icon, text
 from app.palette import BACKGROUND, BRAND, GROUND, NOW, SELECTED, START, TRUTH, dark_variables, light_variables, solid
 from app.scripts import script
 
@@ -35,6 +35,20 @@ def offline_document(
         about=text(about),
         style=style,
         body=body,
+    )
+
+
+def time_buttons(back: str, forward: str) -> str:
+    """Markup of the buttons that go through a run, for `app/web/playback.js`; `back`, `forward`: the keys of two of them."""
+    return Template(asset("time_buttons.html", "app")).substitute(
+        key_back=back,
+        key_forward=forward,
+        icon_start=icon("start"),
+        icon_back=icon("one", mirrored=True),
+        icon_run=icon("run"),
+        icon_pause=icon("pause"),
+        icon_forward=icon("one"),
+        icon_end=icon("start", mirrored=True),
     )
 
 

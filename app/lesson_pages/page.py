@@ -9,8 +9,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from string import Template
 
-from app.export.assets import asset, offline_document
-from app.html import icon, text
+from app.export.assets import asset, offline_document, time_buttons
+from app.html import text
 from app.lesson_pages.measured import experiment_of, measured_experiment
 from app.lesson_pages.page_data import lesson_data
 from app.lesson_pages.playing import play_lesson
@@ -105,16 +105,8 @@ def write_lessons(names: Sequence[str], folder: Path, on_progress: Progress) -> 
 
 def _page(lesson: Lesson, data: dict, index: str) -> str:
     back = f"<a class='chip' href='{text(index)}'>All lessons</a>" if index else ""
-    buttons = {
-        "icon_start": icon("start"),
-        "icon_back": icon("one", mirrored=True),
-        "icon_run": icon("run"),
-        "icon_pause": icon("pause"),
-        "icon_forward": icon("one"),
-        "icon_end": icon("start", mirrored=True),
-    }
     body = Template(asset("lesson.html", "app.lesson_pages")).substitute(
-        buttons,
+        time_buttons=time_buttons(",", "."),
         title=text(lesson.title),
         about=text(lesson.about),
         index=back,

@@ -37,6 +37,11 @@ export class Playback {
     else requestAnimationFrame((next) => this.tick(next));
   }
 
+  // What keys do that every page with a run has.
+  get keys() {
+    return { " ": () => this.play(!this.isOn), Home: () => this.jump(0), End: () => this.jump(this.length()) };
+  }
+
   // Shows which moment is the present one.
   show() {
     const moment = this.moment(), length = this.length();

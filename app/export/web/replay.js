@@ -3,13 +3,15 @@ import { drawCells } from "../../web/cell_picture.js";
 import { Cells } from "../../web/cells.js";
 import { $, chip, element, press } from "../../web/dom.js";
 import { brief } from "../../web/numbers.js";
+import { openPage, viewOrNote } from "../../web/open_page.js";
+import { pageData } from "../../web/page_data.js";
 import { Playback } from "../../web/playback.js";
 import { Plot } from "../../web/plot.js";
 import { facesAround, onGrid, RunRecord, textureCoordinates } from "../../web/record.js";
 import { unpack } from "../../web/unpack.js";
 import { Viewer } from "../../web/viewer.js";
 
-const data = JSON.parse(document.getElementById("data").textContent);
+const data = pageData();
 const KINDS_SHOWN = ["observed", "reconstruction", "residual", "weight"];
 const BASE_RATE = Math.max(5, data.length / 16); // moments per second: a run plays in about 16 s
 
@@ -235,13 +237,11 @@ $("speed").onchange = () => { state.speed = Number($("speed").value); $("speed")
 document.addEventListener("keydown", (event) => {
   if (event.ctrlKey || event.metaKey || event.altKey || event.target.tagName === "SELECT") return;
   const actions = {
-    " ": () => playback.play(!playback.isOn),
+    ...playback.keys,
     ArrowRight: () => (event.shiftKey ? edge(data.sweeps, 1) : jump(state.moment + 1)),
     ArrowLeft: () => (event.shiftKey ? edge(data.sweeps, -1) : jump(state.moment - 1)),
     PageDown: () => edge(bands.map((stage) => stage.end), 1),
     PageUp: () => edge(bands.map((stage) => stage.first), -1),
-    Home: () => jump(0),
-    End: () => jump(data.length),
     b: () => showSide({ now: "before", before: "both", both: "now" }[viewer?.side ?? "now"]),
   };
   if (!(event.key in actions)) return;
@@ -257,21 +257,14 @@ async function open() {
     uv: textureCoordinates(data.keyframes), paths: record.paths(),
   };
   cells = new Cells(data.cells, arrays.faces, data.colors);
-  try {
-    viewer = new Viewer($("scene"), data, arrays);
+  viewer = viewOrNote(() => new Viewer($("scene"), data, arrays));
+  if (viewer) {
     viewer.onPick = (vertex) => { if (vertex !== null) select(vertex); };
     showLayers();
-  } catch (error) {
-    $("no-webgl").hidden = false;
-    $("no-webgl").title = String(error);
   }
   showPlots();
   go(data.at);
   select(data.chosen);
 }
 
-open().catch((error) => {
-  $("no-webgl").hidden = false;
-  $("no-webgl").textContent = `This page could not be opened: ${error}. A browser of 2023 or newer is needed.`;
-  throw error;
-});
+openPage(open);

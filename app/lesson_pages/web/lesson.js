@@ -6,6 +6,7 @@ import {
 import { LessonViewer } from "./lesson_viewer.js";
 import { $, chip, element, fillGroup, label, press } from "../../web/dom.js";
 import { brief } from "../../web/numbers.js";
+import { openPage, viewOrNote } from "../../web/open_page.js";
 import { Playback } from "../../web/playback.js";
 import { Plot } from "../../web/plot.js";
 import { drawProfile } from "../../web/profile.js";
@@ -321,11 +322,11 @@ function turnByKey(event) {
 function onKey(event) {
   if (event.ctrlKey || event.metaKey || event.altKey) return;
   const flip = () => { state.shape = state.shape === SHAPES.start ? SHAPES.now : SHAPES.start; update(); };
-  const keys = {
+  const { " ": space, ...ends } = playback.keys, keys = {
     PageDown: () => goToStep(state.step + 1),
     PageUp: () => goToStep(state.step - 1),
-    ...(isTyped(event) ? {} : { ",": () => jump(state.moment - 1), ".": () => jump(state.moment + 1), x: flip, X: flip, Home: () => jump(0), End: () => jump(run().record.length) }),
-    ...(isTyped(event) || isPressed(event) ? {} : { " ": () => playback.play(!playback.isOn) }),
+    ...(isTyped(event) ? {} : { ",": () => jump(state.moment - 1), ".": () => jump(state.moment + 1), x: flip, X: flip, ...ends }),
+    ...(isTyped(event) || isPressed(event) ? {} : { " ": space }),
   };
   if (viewer && !isTyped(event) && /^[0-9]$/.test(event.key)) {
     const photo = Number(event.key) - 1;
@@ -377,20 +378,11 @@ Object.assign(actions, { update, select, lookAt });
 
 async function open() {
   await unpackLesson();
-  try {
-    viewer = new LessonViewer($("scene"), data, arrays, pictures);
-  } catch (error) {
-    $("no-webgl").hidden = false;
-    $("no-webgl").title = String(error);
-    $("looks").hidden = true;
-  }
+  viewer = viewOrNote(() => new LessonViewer($("scene"), data, arrays, pictures));
+  $("looks").hidden = !viewer;
   listen();
   goToStep(stepInAddress(), true);
   document.body.dataset.ready = "true";
 }
 
-open().catch((error) => {
-  $("no-webgl").hidden = false;
-  $("no-webgl").textContent = `This page could not be opened: ${error}. A browser of 2023 or newer is needed.`;
-  throw error;
-});
+openPage(open);

@@ -1,10 +1,11 @@
 // The lesson: its data, what the reader has chosen, and what follows from both.
 import { PhotoPictures } from "./photo_pictures.js";
 import { Cells } from "../../web/cells.js";
+import { pageData } from "../../web/page_data.js";
 import { facesAround, onGrid, RunRecord, textureCoordinates } from "../../web/record.js";
 import { unpack } from "../../web/unpack.js";
 
-export const data = JSON.parse(document.getElementById("data").textContent);
+export const data = pageData();
 export const SHAPES = { start: 0, now: 1, truth: 2 };
 
 export let arrays = null, runs = [], pictures = null; // set by `unpackLesson`
