@@ -57,7 +57,7 @@ def energy_profile(
             return None
         moved = vertices.copy()
         moved[vertex, axis] += offsets[k]
-        lines[axis, k] = evaluator.measure(context, moved, faces, sweep.scale).energy.sum()
+        lines[axis, k] = evaluator.energies(context, moved, faces, sweep.scale).energy.sum()
     return EnergyProfile(offsets, lines)
 
 
