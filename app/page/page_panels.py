@@ -107,6 +107,7 @@ class PagePanels:
                 self._republish,
             )
         )  # fmt: skip
+        self._panels.append(self._profile)  # last: what the others show is computed before its many energies
         frame.finish(timeline, LESSON_STYLE + PRESENTER_STYLE)
 
     def show(self, state: RunState, legend: Legend | None, is_painting: bool) -> None:
@@ -182,10 +183,12 @@ class PagePanels:
                 PullsPanel(gui, events, self._pulls, page_state, republish),
                 SelectionNote(gui),
                 CertaintyPanel(gui, scene.mesh, self._certainty),
-                ProfilePanel(gui, scene.mesh, resources.controller),
+            ]  # fmt: skip
+            self._profile = ProfilePanel(gui, scene.mesh, resources.controller)
+            self._panels += [
                 Variables(gui, scene.mesh, events.number(run.to_change)),
                 WatchPanel(gui, events, scene, page_state, self._pulls, run.jump, republish),
-            ]  # fmt: skip
+            ]
         with tabs.add_tab("Breakpoints"):
             self._panels.append(BreakpointsPanel(gui, events, resources.controller, page_state))
         with tabs.add_tab("Layers"):
