@@ -257,7 +257,7 @@ def test_a_vertex_is_dragged_and_the_move_is_part_of_the_record(visitor: Visitor
     visitor.page.get_by_text("Drag the yellow ball").wait_for()
     x, y = visitor.drawn_at(0) + corner
     visitor.page.wait_for_function("() => window.__viserMutable.nodeRefFromName['/drag_handle/ball']?.visible")
-    before = controller.state.serial
+    before = visitor.serial()
     visitor.page.mouse.move(x, y)
     visitor.page.mouse.down()
     visitor.page.mouse.move(x + 12, y + 4)
