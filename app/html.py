@@ -225,10 +225,7 @@ def button(
 
 def copy_button(what: str, hint: str) -> str:
     """A button that copies text to the clipboard and is highlighted for 0.8 s."""
-    press = (
-        f"navigator.clipboard.writeText({json.dumps(what)});this.classList.add('on');"
-        "setTimeout(()=>this.classList.remove('on'),800)"
-    )
+    press = f"ef.copy(this,{json.dumps(what)})"
     return button("", press, hint=hint, icon=icon("copy"), css_class="small")
 
 

@@ -28,6 +28,7 @@ CURVES: tuple[RGB, ...] = (
     (70, 134, 232), (150, 190, 245), (200, 205, 212), (246, 206, 140), (232, 152, 36), (190, 108, 24),
     (62, 104, 176),
 )  # fmt: skip
+AXIS_CURVES = (CURVES[0], CURVES[4], CURVES[2])  # of x, y and z
 
 # Terms of the objective, in the order of `fairing.terms.names.TERMS`. With any colour vision, any two of them are 25 apart in
 # CIELAB or more, and all are 40 from both grounds of the 3D view.

@@ -1,13 +1,13 @@
 """Assets of exported pages: scripts, style sheets, data and theme colours as parts of one HTML file."""
 
 import json
-from collections.abc import Iterable
 from importlib.resources import files
 from string import Template
 from typing import Any
 
-from app.html import text
+from app.html import icon, text
 from app.palette import BACKGROUND, BRAND, GROUND, NOW, SELECTED, START, TRUTH, dark_variables, light_variables, solid
+from app.scripts import script
 
 # Nothing may be requested: scripts, styles and pictures are parts of the file.
 _STATIC_POLICY = "default-src 'none'; style-src 'unsafe-inline'"
@@ -15,7 +15,7 @@ _SCRIPT_POLICY = f"{_STATIC_POLICY}; script-src 'unsafe-inline'; img-src data:"
 
 
 def offline_document(
-    title: str, about: str, style: str, body: str, data: dict[str, Any] | None = None, scripts: str = ""
+    title: str, about: str, style: str, body: str, data: dict[str, Any] | None = None, module: str = ""
 ) -> str:
     """A complete HTML document that makes no request, in the theme of the browser.
 
@@ -23,11 +23,11 @@ def offline_document(
         title, about: title and description, plain text.
         style: CSS rules after those of the theme's colours.
         body: markup.
-        data: what the scripts read, as the element `data`; None: the document has no scripts.
-        scripts: markup of the scripts.
+        data: what the script reads, as the element `data`; None: the document has no script.
+        module: of the script; see `app.scripts.script`.
     """
     if data is not None:
-        body += f'<script type="application/json" id="data">{_json(data)}</script>\n{scripts}'
+        body += f'<script type="application/json" id="data">{_json(data)}</script>\n<script>{script(module)}</script>'
     return Template(asset("document.html")).substitute(
         _theme_colors(),
         policy=_STATIC_POLICY if data is None else _SCRIPT_POLICY,
@@ -38,14 +38,23 @@ def offline_document(
     )
 
 
+def time_buttons(back: str, forward: str) -> str:
+    """Markup of the buttons that go through a run, for `app/web/playback.js`; `back`, `forward`: the keys of two of them."""
+    return Template(asset("time_buttons.html", "app")).substitute(
+        key_back=back,
+        key_forward=forward,
+        icon_start=icon("start"),
+        icon_back=icon("one", mirrored=True),
+        icon_run=icon("run"),
+        icon_pause=icon("pause"),
+        icon_forward=icon("one"),
+        icon_end=icon("start", mirrored=True),
+    )
+
+
 def asset(name: str, package: str = "app.export") -> str:
     """The text of a file in the folder `web` of a package."""
     return (files(package) / "web" / name).read_text(encoding="utf-8")
-
-
-def script_elements(names: Iterable[str], package: str = "app.export") -> str:
-    """Script elements with the text of files."""
-    return "".join(f"<script>{asset(name, package)}</script>" for name in names)
 
 
 def _json(data: dict[str, Any]) -> str:

@@ -11,7 +11,7 @@ from string import Template
 import cv2
 import numpy as np
 
-from app.export.assets import asset, offline_document, script_elements
+from app.export.assets import asset, offline_document
 from app.export.orbit import VIEWS, orbit, orbit_pictures
 from app.files.document import jpeg_uri
 from app.html import number, text
@@ -84,9 +84,7 @@ def write_comparison(
         photos=_photos(names, figures, photos),
     )
     title = f"{scenes[0].name}: {len(scenes)} meshes compared"
-    page = offline_document(
-        title, title, asset("comparison.css"), body, {"frames": frames}, script_elements(["comparison.js"])
-    )
+    page = offline_document(title, title, asset("comparison.css"), body, {"frames": frames}, "export/web/comparison.js")
     write_atomically(out, lambda file: file.write(page.encode()))
 
 

@@ -11,18 +11,13 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
-from app.export.assets import asset, offline_document, script_elements
+from app.export.assets import asset, offline_document, time_buttons
 from app.export.page_data import page_data
 from app.export.run_facts import RunFacts
 from app.export.run_tables import figures_table, options_list
-from app.html import icon, text
+from app.html import text
 from fairing.io import write_atomically
 from fairing.run.recorded_terms import has_terms_of_trace
-
-_SCRIPTS = (
-    *("unpack.js", "record.js", "plot.js", "viewer.js", "fourier.js", "photos.js", "eigenspace.js", "cells.js"),
-    "replay.js",
-)
 
 
 def write_page(facts: RunFacts, out: Path, at: int, on_progress: Callable[[float], None]) -> str:
@@ -57,12 +52,9 @@ def _page(facts: RunFacts, data: dict[str, Any]) -> str:
         options=text(facts.title),
         counts=text(counts),
         run=figures_table(facts) + options_list(facts.options),
-        icon_start=icon("start"),
-        icon_back=icon("one", mirrored=True),
-        icon_run=icon("run"),
-        icon_pause=icon("pause"),
-        icon_forward=icon("one"),
-        icon_end=icon("start", mirrored=True),
+        time_buttons=time_buttons("←", "→"),
     )
     title = f"{facts.scene.name}: a fairing run"
-    return offline_document(title, facts.title, asset("replay.css"), body, data, script_elements(_SCRIPTS))
+    return offline_document(
+        title, facts.title, asset("page.css", "app") + asset("replay.css"), body, data, "export/web/replay.js"
+    )

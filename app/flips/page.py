@@ -127,7 +127,7 @@ class FlipPage:
         """The panels at a moment of the flips."""
         film, events, begin = self._film, self._events, self._story.extents[-1].begin
         self._facts.set(self._camera_line(entered) + facts(film, flip))
-        self._plot.set(energy_plot(film, flip, events("jump", f"m+{begin}")))
+        self._plot.set(energy_plot(film, flip, events, begin))
         surfaces = {value: (label, events("surface", k)) for k, (value, label) in enumerate(SURFACES.items())}
         surface = choice(surfaces, self._is_textured, "Surface")
         self._legend.set(legend(film, flip) + f"<h4>Surface</h4>{surface}")

@@ -64,8 +64,8 @@ def facts(film: FlipFilm, moment: int) -> str:
     return f"{head}<h4>The last flip</h4>{table(rows)}"
 
 
-def energy_plot(film: FlipFilm, moment: int, jump: str) -> str:
-    """The energy over the flips; a click goes there."""
+def energy_plot(film: FlipFilm, moment: int, events: Events, begin: int) -> str:
+    """The energy over the flips; a click goes there. `begin`: the moment of the record at which the film begins."""
     energies, length = film.energies, max(1, len(film))
     low, high = float(energies.min()), float(energies.max())
     margin = 0.05 * (high - low) or 1.0
@@ -79,10 +79,7 @@ def energy_plot(film: FlipFilm, moment: int, jump: str) -> str:
 
     line = line_at(Line(np.arange(len(energies)), energies), moment, x, y, length, NOW)
     here = f'<circle cx="{x(moment):.1f}" cy="{y(energies[moment]):.1f}" r="4" fill="{css(SELECTED)}"/>'
-    fraction = f"((event.clientX-r.left)/r.width*{WIDTH}-{LEFT})/{WIDTH - LEFT - RIGHT}"
-    press = (
-        f"var r=this.getBoundingClientRect();var m=Math.max(0,Math.min({len(film)},Math.round({fraction}*{length})));"
-    ) + jump
+    press = events("jump", f"ef.moment(event,{length},{len(film)},{LEFT / WIDTH:.5f},{RIGHT / WIDTH:.5f})+{begin}")
     return (
         f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" class="plot" role="img" aria-label="Energy plot" '
         f'onpointerdown="{text(press)}"><title>Energy of the mesh by flip. Click to go there</title>'
@@ -127,11 +124,7 @@ def strip(film: FlipFilm, moment: int | None, events: Events, speed: int, begin:
     begins = np.flatnonzero(np.diff(film.rounds)) + 1
     marks = "".join(f"<s class='level' style='left:{100 * at / len(film):.2f}%'></s>" for at in begins.tolist())
     here = "" if moment is None else f"<i style='left:{100 * moment / len(film):.2f}%'></i>"
-    click = (
-        "var r=this.getBoundingClientRect();"
-        f"var m=Math.max(1,Math.min({len(film)},Math.ceil((event.clientX-r.left)/r.width*{len(film)})));"
-        + events("jump", f"m+{begin}")
-    )
+    click = events("jump", f"ef.step(event,{len(film)})+{begin}")
     return (
         f"<div class='row tools'>{speeds}<span class='grow'></span><span class='dim'>brighter: a larger gain; "
         f"lines: rounds</span></div><div class='strip' role='img' aria-label='Gains' onpointerdown=\"{text(click)}\">"

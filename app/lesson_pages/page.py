@@ -9,8 +9,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from string import Template
 
-from app.export.assets import asset, offline_document, script_elements
-from app.html import icon, text
+from app.export.assets import asset, offline_document, time_buttons
+from app.html import text
 from app.lesson_pages.measured import experiment_of, measured_experiment
 from app.lesson_pages.page_data import lesson_data
 from app.lesson_pages.playing import play_lesson
@@ -28,8 +28,6 @@ INDEX = "index.html"
 STAND_IN = "archway"  # scene of a lesson on any scene, unless another is given
 Progress = Callable[[float, str], None]
 LoadScene = Callable[[Callable[[float, str], None]], Scene]
-_SHARED = ("unpack.js", "record.js", "plot.js", "viewer.js", "fourier.js", "photos.js", "eigenspace.js", "cells.js")
-_OWN = ("photo_pictures.js", "lesson_viewer.js", "cells_view.js", "lesson.js")
 
 
 def write_lesson(
@@ -107,16 +105,8 @@ def write_lessons(names: Sequence[str], folder: Path, on_progress: Progress) -> 
 
 def _page(lesson: Lesson, data: dict, index: str) -> str:
     back = f"<a class='chip' href='{text(index)}'>All lessons</a>" if index else ""
-    buttons = {
-        "icon_start": icon("start"),
-        "icon_back": icon("one", mirrored=True),
-        "icon_run": icon("run"),
-        "icon_pause": icon("pause"),
-        "icon_forward": icon("one"),
-        "icon_end": icon("start", mirrored=True),
-    }
     body = Template(asset("lesson.html", "app.lesson_pages")).substitute(
-        buttons,
+        time_buttons=time_buttons(",", "."),
         title=text(lesson.title),
         about=text(lesson.about),
         index=back,
@@ -129,9 +119,8 @@ def _page(lesson: Lesson, data: dict, index: str) -> str:
         ),
     )
     title = f"{lesson.title}: an EigenFairing lesson"
-    style = f":root {{ --reference:{solid(REFERENCE)}; }}\n{asset('lesson.css', 'app.lesson_pages')}"
-    scripts = script_elements(_SHARED) + script_elements(_OWN, "app.lesson_pages")
-    return offline_document(title, lesson.about, style, body, data, scripts)
+    style = f":root {{ --reference:{solid(REFERENCE)}; }}\n{asset('page.css', 'app')}{asset('lesson.css', 'app.lesson_pages')}"
+    return offline_document(title, lesson.about, style, body, data, "lesson_pages/web/lesson.js")
 
 
 def _index(lessons: Sequence[Lesson]) -> str:

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 
 from app.debugger.cell_queries import CellQuery, StepFlows, cell_facts
+from app.debugger.energy_profile import REACH, energy_profile
 from app.export.packing import packed
 from app.export.page_cells import ALL_FACES, cells_of_runs
 from app.export.page_data import packed_keyframe, run_data, scene_data
@@ -19,19 +20,16 @@ from app.lesson_pages.texts import step_texts
 from app.page_state.cells_state import ARROW_KINDS, HEADS, KINDS, CellsView
 from app.page_state.certainty_source import drawn_half_axis
 from app.page_state.page_state import ASSOCIATIONS, LAYERS, PageState
-from app.palette import CURVES, REFERENCE, css
+from app.palette import AXIS_CURVES, REFERENCE, css
 from app.panels.legend import legend_html
 from app.pictures.cell_images import MIN_CONFIDENCE
 from app.pictures.coloring import COLORINGS, color_mesh
 from fairing.judge.certainty import certainties
 from fairing.scene import Scene
-from fairing.solve.energy import Evaluator
 
 JPEG_QUALITY = 85
 KEYFRAMES = 5
 TEXELS = 1024
-REACH = 0.2  # of the shortest edge: how far a reader may move a vertex
-PROFILE = 21  # positions along each axis
 PLACE_UNIT = 1 / 64  # cell pixels: the unit of arrows in the file
 
 
@@ -76,7 +74,7 @@ def lesson_data(played: PlayedLesson, on_progress: Callable[[float], None]) -> d
         "reach": reach * stage.scale,
         "kinds": {name: {"head": HEADS[name], "meaning": KINDS[name]} for name in KINDS},
         "layers": {name: title for name, title in LAYERS.items() if name not in (*ASSOCIATIONS, "pulls")},
-        "curves": [css(CURVES[0]), css(CURVES[4]), css(CURVES[2])],
+        "curves": [css(color) for color in AXIS_CURVES],
     }
 
 
@@ -245,24 +243,7 @@ def _profile(facts: RunFacts, step: PlayedStep, page_state: PageState) -> dict[s
     vertex = page_state.selected
     if vertex is None:
         return None
-    session, reach = facts.session, REACH * _shortest_edge(facts.scene)
-    sweep = session.sweep_state(step.moment)
-    faces = np.asarray(facts.scene.mesh.one_rings[vertex])
-    faces = faces[sweep.context.takes_part[faces]]
-    if len(faces) == 0:
+    found = energy_profile(facts.session, vertex, step.moment, REACH * _shortest_edge(facts.scene))
+    if found is None:
         return None
-    evaluator, vertices = Evaluator(facts.options.threads), facts.trace.vertices_at(step.moment)
-    offsets = np.linspace(-reach, reach, PROFILE)
-    ends = vertices[vertex] + np.concatenate([-reach * np.eye(3), reach * np.eye(3)])
-    context = session.context_for_moves(vertex, step.moment, ends)
-
-    def energy(axis: int, offset: float) -> float:
-        moved = vertices.copy()
-        moved[vertex, axis] += offset
-        return float(evaluator.measure(context, moved, faces, sweep.scale).energy.sum())
-
-    return {
-        "vertex": vertex,
-        "offsets": (100 * offsets).tolist(),
-        "lines": [[energy(axis, offset) for offset in offsets.tolist()] for axis in range(3)],
-    }
+    return {"vertex": vertex, "offsets": (100 * found.offsets).tolist(), "lines": found.lines.tolist()}

@@ -13,6 +13,7 @@ from app.stage import Stage
 from app.viser_bridge import floating, viser_elements
 from app.viser_bridge.accessible_names import name_widgets
 from app.viser_bridge.completion import complete_names
+from app.viser_bridge.drawn_elements import define_elements
 from app.viser_bridge.error_toasts import ErrorToasts
 from app.viser_bridge.hotkeys import add_hotkey, handle_keys
 from app.viser_bridge.html_events import HtmlEvents
@@ -79,6 +80,7 @@ class PageFrame:
         update_in_place(self._client)
         complete_names(self._client)
         name_widgets(self._client)
+        define_elements(self._client)
 
     def add_hotkeys(self, hotkeys: Iterable[Hotkey]) -> None:
         """Add them, once."""

@@ -44,6 +44,7 @@ from app.panels.options_panel import OptionsPanel
 from app.panels.photo_pages import PhotoPages
 from app.panels.plot import Plot
 from app.panels.point_photos import PointPhotos
+from app.panels.profile_panel import ProfilePanel
 from app.panels.pulls_panel import PullsPanel
 from app.panels.result_card import ResultCard
 from app.panels.runs_panel import RunsPanel
@@ -106,6 +107,7 @@ class PagePanels:
                 self._republish,
             )
         )  # fmt: skip
+        self._panels.append(self._profile)  # last: what the others show is computed before its many energies
         frame.finish(timeline, LESSON_STYLE + PRESENTER_STYLE)
 
     def show(self, state: RunState, legend: Legend | None, is_painting: bool) -> None:
@@ -181,9 +183,12 @@ class PagePanels:
                 PullsPanel(gui, events, self._pulls, page_state, republish),
                 SelectionNote(gui),
                 CertaintyPanel(gui, scene.mesh, self._certainty),
+            ]  # fmt: skip
+            self._profile = ProfilePanel(gui, scene.mesh, resources.controller)
+            self._panels += [
                 Variables(gui, scene.mesh, events.number(run.to_change)),
                 WatchPanel(gui, events, scene, page_state, self._pulls, run.jump, republish),
-            ]  # fmt: skip
+            ]
         with tabs.add_tab("Breakpoints"):
             self._panels.append(BreakpointsPanel(gui, events, resources.controller, page_state))
         with tabs.add_tab("Layers"):

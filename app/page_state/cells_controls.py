@@ -23,7 +23,6 @@ from fairing.scene import Scene
 MAX_K = 1000
 _LENS_KINDS = (*KINDS, CROP, *PAIR_KINDS)
 _NOWHERE = -1
-_REST = 200  # ms of rest on a picture before it is enlarged, so that a passing pointer causes no flicker
 
 
 class CellsControls:
@@ -44,8 +43,8 @@ class CellsControls:
         self.scale = html_events.number(lambda n: self._change(arrow_scale=ARROW_SCALES[_index(n, ARROW_SCALES)]))
         self.span = html_events.number(lambda n: self._choose("span", SPANS, n))
         self.dimensions = html_events.number(self.look_at_k)
-        self.enlarge = html_events.number(self._enlarge)
-        self._hover = html_events.number(lambda code: self._change(hovered=self._picture(code)))
+        self._enlarging = html_events.add(self._enlarge)
+        self._hover = html_events.add(lambda code: self._change(hovered=self._picture(code)))
         self.close = html_events.button(lambda: self._change(enlarged=None, hovered=None))
         self.first = html_events.number(lambda n: self._change(pair=(self._view_id(n), page_state.cells.pair[1])))
         self.second = html_events.number(lambda n: self._change(pair=(page_state.cells.pair[0], self._view_id(n))))
@@ -82,24 +81,18 @@ class CellsControls:
         """JavaScript that enlarges a picture."""
         return self.enlarge(str(self.code(view_id, kind)))
 
-    def enlarged_by(self, code: str, prepare: str = "") -> str:
+    def enlarge(self, code: str) -> str:
+        """JavaScript that enlarges a picture; `code` is an expression for its number."""
+        return f"ef.enlarge({self._enlarging},{code})"
+
+    def enlarged_by(self, code: str) -> str:
         """HTML attributes of a picture that is enlarged while the pointer rests on it, and permanently by a click.
 
         Args:
             code: a JavaScript expression for the number of the picture under the pointer.
-            prepare: JavaScript that is run before it.
         """
-        over = (
-            f"if(event.pointerType==='mouse'){{{prepare}var c={code};if(c!==window.efOver){{window.efOver=c;"
-            f"clearTimeout(window.efRest);window.efRest=setTimeout(()=>{{{self._hover('c')}}},{_REST})}}}}"
-        )
-        out = (
-            f"if(event.pointerType==='mouse'){{window.efOver={_NOWHERE};clearTimeout(window.efRest);"
-            f"window.efRest=setTimeout(()=>{{{self._hover(str(_NOWHERE))}}},{_REST})}}"
-        )
-        # A pending hover must not replace the picture that a click or a key has selected meanwhile.
-        click = f"clearTimeout(window.efRest);{prepare}{self.enlarge(code)}"
-        return f'onpointermove="{text(over)}" onpointerleave="{text(out)}" onclick="{text(click)}"'
+        over, out = f"ef.rest(event,{self._hover},{code})", f"ef.leave(event,{self._hover})"
+        return f'onpointermove="{text(over)}" onpointerleave="{text(out)}" onclick="{text(self.enlarge(code))}"'
 
     @staticmethod
     def code(view_id: int, kind: str) -> int:

@@ -190,25 +190,9 @@ class CellLens:
             f"<div class='row'><span class='grow one'>{go} <span class='dim'>face {cells.face}</span></span>"
             f"{self._around(views, view_id, kind)}{close}</div><div class='row chips'>{kinds}</div>"
             f"<div class='tiles square' style='width:{SIDE}px;cursor:crosshair' "
-            f"data-values='{pictures.values(row)}' onpointermove=\"{text(_read_out(cells.size, pictures))}\">"
+            f"data-values='{pictures.values(row)}' onpointermove='ef.readOut(event,{cells.size},{pictures.threshold:.4f})'>"
             f"<img class='pixels' src='{data_uri(pictures.picture(row, kind))}' alt='enlarged cell'>"
             f"<svg class='over' viewBox='0 0 {SIDE} {SIDE}'>{arrows}</svg></div>"
             f"<div class='note dim'>{text(KINDS[kind])}</div>"
             f"<div class='read-out'><div>&nbsp;</div></div>{pictures.legend(kind)}"
         )
-
-
-def _read_out(size: int, pictures: CellPictures) -> str:
-    """JavaScript that writes the values of the sample under the pointer into the element of class read-out."""
-    return (
-        "var t=this,d=t.dataset.values,v=t.d===d?t.v:(t.d=d,t.v=new Int16Array(Uint8Array.from(atob(d),"
-        "c=>c.charCodeAt(0)).buffer)),"
-        f"n={size},r=t.getBoundingClientRect(),c=Math.floor((event.clientX-r.left)/r.width*n),"
-        "l=Math.floor((event.clientY-r.top)/r.height*n),p=v.length/3,k=l*n-l*(l-1)/2+c,"
-        "o=t.parentElement.querySelector('.read-out > div');"
-        "if(c<0||l<0||c+l>=n){o.textContent='\\u00a0'}else{var I=v[k]/64,U=v[p+k]/64,w=v[2*p+k],e=I-U,"
-        "s=x=>(x<0?'\\u2212':'+')+Math.abs(x).toFixed(1);"
-        "o.textContent=l+', '+c+'\\u2003I '+I.toFixed(1)+'\\u2003U c '+U.toFixed(1)+"
-        f"(w<0?'\\u2003not seen here':'\\u2003e '+s(e)+'\\u2003weight '+(w/1e4).toFixed(2)"
-        f"+(Math.abs(e)>{pictures.threshold:.4f}?' \u25a0 outlier':''))}}"
-    )

@@ -188,8 +188,7 @@ def _row(
         if kind in ARROW_KINDS
     )
     codes = str([controls.code(view_id, kind) for kind in cells_view.columns])
-    column = f"Math.max(0,Math.min({len(cells_view.columns) - 1},Math.floor((event.clientX-r.left)/{tile + GAP})))"
-    enlarged = controls.enlarged_by(f"{codes}[{column}]", "var r=this.getBoundingClientRect();")
+    enlarged = controls.enlarged_by(f"{codes}[ef.column(event,{len(cells_view.columns)},{tile + GAP})]")
     facts_line = f"c = {coefficients} · {seen:.0f} % of the cell seen"
     shown = f"<span class='dim one grow' title='{text(facts_line)}'>c {text(coefficients)}</span>"
     shown += f"<span class='dim'>E {energy}</span>"

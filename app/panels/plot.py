@@ -362,13 +362,8 @@ class Plot:
             if at_a > right - NUMBER_WIDTH:  # the mark of A would cover the number
                 right = at_a - A_WIDTH
             parts.append(f'<text x="{right:.1f}" y="{TOP + 6}" text-anchor="end">{number(float(value), 4)}</text>')
-        inner = WIDTH - LEFT - RIGHT
-        fraction = f"(event.clientX-r.left)/r.width*{WIDTH}-{LEFT}"
-        press = (
-            "var r=this.getBoundingClientRect();"
-            f"var m=Math.max(0,Math.min({state.length},Math.round(({fraction})/{inner}*{length})));"
-            + self._events("jump", "m")
-        )
+        sides = f"{LEFT / WIDTH:.5f},{RIGHT / WIDTH:.5f}"
+        press = self._events("jump", f"ef.moment(event,{length},{state.length},{sides})")
         meaning = self._quantities[name].meaning
         along = "share of the steps of each run" if by_share else "moment"
         # Not onclick: while a run redraws the plot, press and release may hit two different elements.

@@ -189,11 +189,7 @@ class Timeline:
                 "<div class='row extent'><span>Stages</span><div class='stages'></div></div>"
             )
         cursor = 100 * state.moment / state.length
-        press = (
-            "var r=this.getBoundingClientRect();"
-            f"var m=Math.max(1,Math.min({state.length},Math.ceil((event.clientX-r.left)/r.width*{state.length})));"
-            + self._events("jump", "m")
-        )
+        press = self._events("jump", f"ef.step(event,{state.length})")
         stages = self._energies.stages(state.length)
         band = stage_band(stages, state.options, state.length, state.moment, lambda m: self._events("jump", str(m)))
         return (

@@ -95,9 +95,7 @@ class WatchPanel:
         y = height - 2 - (height - 4) * (values - low) / ((high - low) or 1.0)
         points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True))
         at = width * state.moment / max(1, state.length)
-        press = "var r=this.getBoundingClientRect();" + self._events(
-            "jump", f"Math.max(0,Math.round((event.clientX-r.left)/r.width*{state.length}))"
-        )
+        press = self._events("jump", f"ef.moment(event,{state.length},{state.length})")
         return (
             f'<svg viewBox="0 0 {width} {height}" style="width:{width}px;height:{height}px;cursor:pointer" '
             f'onpointerdown="{text(press)}"><title>{text(number(low))} to {text(number(high))}; click to go to a moment</title>'

@@ -16,13 +16,16 @@ Server
   decode, and silences the printed banner. Server threads that outlive the interpreter: #518, #744; `close` avoids them.
 
 Panels
-- `javascript`: viser has a message that runs JavaScript, but no public function for it.
+- `javascript`: viser has a message that runs JavaScript, but no public function for it. The scripts lie in `web`, most named as
+  the module that sends them. `handlers.js` has the functions for attributes of our HTML; `before_frame.js` calls functions before
+  a frame is drawn, which viser cannot; `once.js` waits for what a page that is still being built does not have.
 - `html_events`, `text_field`: events of our own HTML. viser reports none, and of fast changes of its widgets only the last.
 - `in_place`: keeps unchanged elements of HTML panels. viser replaces all of them.
 - `html_panel`, `style_sheet`: content and style are sent only when they change.
 - `viser_elements`: style of viser's own elements, by class names that it does not document.
 - `keyboard_focus`, `hotkeys`: hotkeys are ignored while a widget has the focus; function keys are missing in their type; a
   command has one key; dialogs neither close by Escape nor keep keys from the page. Commands are experimental (#696).
+- `drawn_elements`: viser shows HTML without scripts, so plots of exported pages are custom elements here.
 - `completion`: text inputs complete nothing.
 - `accessible_names`: sliders, number inputs and icons have no accessible name.
 - `tabs`: viser cannot select a tab, scroll to a heading, reload the page or name the browser's tab.
@@ -39,7 +42,6 @@ Panels
 
 Scene
 - `mesh_swap`: a GLB node blinks when its file changes, and textures or vertex colors need GLB (#249, #562).
-- `before_frame`: viser has no function that is called before a frame is drawn.
 - `moving_texture`: the vertices of a GLB mesh cannot be moved.
 - `split_view`: every node is drawn in the whole view.
 - `instance_marks`: a node with another number of instances is made anew, and loses clicks meanwhile; levels of detail leave

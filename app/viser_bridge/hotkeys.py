@@ -5,7 +5,6 @@ them by that key. viser's dialogs neither close by Escape nor keep hotkeys from 
 for a dialog with an element of class `dialog`, which it closes by clicking the element of class `cross` in it.
 """
 
-import json
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -13,34 +12,6 @@ import viser
 
 from app.keys import Key, key_text
 from app.viser_bridge.javascript import run_in_page
-
-_SCRIPT = """
-if (!window.eigenfairingKeys) {
-  window.eigenfairingKeys = new Map();
-  const isTyped = e => e?.matches?.('input:not([type=range]):not([type=checkbox]), textarea, select');
-  const name = event => [event.ctrlKey && 'ctrl', event.altKey && 'alt', event.metaKey && 'meta',
-    event.shiftKey && 'shift', event.key === ' ' ? 'space' : event.key.toLowerCase()].filter(Boolean).join('+');
-  window.addEventListener('keydown', event => {
-    if (!event.isTrusted) return;
-    const dialog = document.querySelector('.ef .dialog');
-    if (dialog) {
-      if (event.key === 'Escape' || event.key === '?') dialog.querySelector('.cross').click();
-      if (!['Tab', 'Enter', ' '].includes(event.key)) { event.preventDefault(); event.stopImmediatePropagation(); }
-      return;
-    }
-    const other = isTyped(event.target) ? null : window.eigenfairingKeys.get(name(event));
-    if (!other) return;
-    event.preventDefault();
-    event.stopImmediatePropagation();
-    // Not at the focused element: a tab takes Space for itself.
-    document.body.dispatchEvent(new KeyboardEvent('keydown', {...other, bubbles: true, cancelable: true}));
-  }, true);
-  window.addEventListener('click', event => {
-    if (event.target.matches?.('.mantine-Modal-inner')) document.querySelector('.ef .dialog .cross')?.click();
-  }, true);
-}
-for (const [name, key] of %s) window.eigenfairingKeys.set(name, key);
-"""
 
 
 def add_hotkey(
@@ -67,7 +38,7 @@ def add_hotkey(
 
 def handle_keys(client: viser.ClientHandle, keys: Sequence[tuple[str, dict[str, object]]]) -> None:
     """Handle further keys, and the keys of dialogs, in this browser's page."""
-    run_in_page(client.gui, f"{{{_SCRIPT % json.dumps(list(keys))}}}")
+    run_in_page(client.gui, "hotkeys", "handleKeys", keys=list(keys))
 
 
 def _name(key: str, modifier: str | None) -> str:

@@ -19,27 +19,6 @@ MAX_TEXT = 1000  # characters
 # Of all changes of its widgets within 50 ms viser sends the last, afterwards. An event must come after what the user typed
 # before it, so it waits that long after a key. It must not be a change like others: one of the two would be lost.
 _AFTER_TYPING = 60  # ms
-_SCRIPT = """
-{
-  if (!window.ef) {
-    window.addEventListener('input', event => {
-      if (event.target.matches('.mantine-Input-input')) window.efTyped = performance.now();
-    }, true);
-  }
-  const waiting = [];
-  let count = 0;
-  window.ef = (event, value) => {
-    waiting.push([++count, event, value ?? null]);
-    send();
-  };
-  const send = () => {
-    const typing = (window.efTyped ?? -Infinity) + %d - performance.now(), page = window.__viserMutable;
-    if (typing > 0 || !page) return void setTimeout(send, page ? typing : 50);  // the page is still being built
-    for (const event of waiting.splice(0))
-      page.sendMessage({type: 'GuiUpdateMessage', uuid: '%s', updates: {value: JSON.stringify(event)}});
-  };
-}
-"""
 
 Item = TypeVar("Item")
 Guarded = Callable[[Callable[..., None]], Callable[..., None]]
@@ -98,27 +77,23 @@ class HtmlEvents:
             if event.client is not None:  # a coroutine: viser awaits coroutines in the order of the messages
                 receive(text_input.value, event.client.client_id)
 
-        run_in_page(gui, _SCRIPT % (_AFTER_TYPING, text_input._impl.uuid))
+        run_in_page(gui, "html_events", "installEvents", afterTyping=_AFTER_TYPING, uuid=text_input._impl.uuid)
 
     def named(self, handlers: Mapping[str, Handler]) -> Events:
         """Add handlers, and return the JavaScript that triggers each by its name."""
-        return Events({name: self._add(handler) for name, handler in handlers.items()})
+        return Events({name: self.add(handler) for name, handler in handlers.items()})
 
     def button(self, on_press: Callable[[], None]) -> str:
         """JavaScript that calls `on_press`."""
-        return f"ef({self._add(press(on_press))})"
+        return f"ef({self.add(press(on_press))})"
 
     def number(self, on_value: Handler) -> Callable[[str], str]:
         """A function from a JavaScript expression to JavaScript that calls `on_value` with its value, unchecked."""
-        number = self._add(on_value)
+        number = self.add(on_value)
         return lambda expression: f"ef({number},{expression})"
 
-    def text(self, on_text: Callable[[str, bool], None]) -> Callable[[str, str], str]:
-        """A function from JavaScript expressions of a text and a flag to JavaScript that calls `on_text`."""
-        number = self._add(line_of_text(on_text))
-        return lambda expression, flag: f"ef({number},[{expression},{flag}])"
-
-    def _add(self, handler: Handler) -> int:
+    def add(self, handler: Handler) -> int:
+        """Add a handler, and return the number that JavaScript sends its values with."""
         self._handlers.append(self.guarded(handler))
         return len(self._handlers) - 1
 

@@ -1,23 +1,10 @@
 """A node of line segments that may be empty."""
 
-import json
-
 import numpy as np
 import viser
 
-from app.viser_bridge.before_frame import FIND_MESH, call_before_frames
+from app.viser_bridge.javascript import run_in_page
 from app.viser_bridge.linear_colors import linear_from_srgb
-
-# viser 1.1.1 hides lines behind surfaces.
-_MAKE_IN_FRONT = """view => {
-  const name = %s, meshOf = %s;
-  return () => {
-    const lines = meshOf(view, name);
-    if (!lines) return;
-    Object.assign(lines.material, {depthTest: false, depthWrite: false});
-    lines.renderOrder = 1;
-  };
-}"""
 
 
 class LineNode:
@@ -47,7 +34,7 @@ class LineNode:
             visible=False,
         )
         if in_front:
-            call_before_frames(client, name, _MAKE_IN_FRONT % (json.dumps(name), FIND_MESH))
+            run_in_page(client.gui, "line_node", "drawInFront", name=name)
 
     def show(self, points: np.ndarray | None, colors: np.ndarray | None = None) -> None:
         """Draw segments (n, 2, 3) float, scene units, with colors (n, 2, 3) uint8; None or n = 0 hides the node."""

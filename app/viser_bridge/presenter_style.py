@@ -32,22 +32,6 @@ STYLE = f"""
 {_RIGHT} .ef .grid :is(span.left, span:empty), {_RIGHT} .ef :is(.crumbs .grow, .speed) {{ display: none; }}
 """
 
-_SCRIPT = """
-{
-  removeEventListener('resize', window.eigenfairingPresenting);
-  const measure = () => {
-    const share = Math.max(%(smallest)d, window.innerWidth) / %(smallest)d;
-    document.body.style.setProperty('--presenting-left', %(left)f * %(smallest)d * share / %(unscaled)d);
-    document.body.style.setProperty('--presenting-right', share);
-    %(send)s;
-  };
-  document.body.classList.toggle('presenting', %(is_on)s);
-  window.eigenfairingPresenting = %(is_on)s ? measure : () => {};
-  window.eigenfairingPresenting();
-  addEventListener('resize', window.eigenfairingPresenting);
-}
-"""
-
 
 class PresenterStyle:
     """The style of one browser, and the widths of its docked panels.
@@ -65,19 +49,13 @@ class PresenterStyle:
     ) -> None:
         self._gui, self._left, self._right = gui, left, right
         self._is_on = False
-        self._send = events.number(self._measured)("window.innerWidth")
+        self._event = events.add(self._measured)
 
     def set(self, is_on: bool) -> None:
         """Switch the presenter layout on, or restore the widths from before."""
         self._is_on = is_on
-        values = {
-            "smallest": SMALLEST,
-            "left": LEFT,
-            "unscaled": self._left[1],
-            "send": self._send,
-            "is_on": str(is_on).lower(),
-        }
-        run_in_page(self._gui, _SCRIPT % values)
+        sizes = {"smallest": SMALLEST, "left": LEFT, "unscaled": self._left[1]}
+        run_in_page(self._gui, "presenter_style", "present", isOn=is_on, event=self._event, **sizes)
         if not is_on:
             for panel, width in (self._left, self._right):
                 panel.set_width(width)

@@ -3,29 +3,12 @@
 viser 1.1.1 has lines of constant thickness on the screen, but no shapes of constant size, and hides lines behind surfaces.
 """
 
-import json
-
 import numpy as np
 import viser
 
-from app.viser_bridge.before_frame import FIND_MESH, call_before_frames
+from app.viser_bridge.javascript import run_in_page
 
 CORNERS = 48  # of the polygon: its edges are 2 px long at a radius of 15 px
-
-# The ring faces the camera; two of its radii are as high as the camera's image at its depth, times their share of it.
-_MAKE = """view => {
-  const {name, radius} = %s, meshOf = %s;
-  return () => {
-    const ring = meshOf(view, name), {camera, canvas} = view;
-    if (!ring) return;
-    Object.assign(ring.material, {depthTest: false, depthWrite: false});
-    ring.renderOrder = 1;
-    const depth = -ring.position.clone().applyMatrix4(ring.parent.matrixWorld).applyMatrix4(camera.matrixWorldInverse).z;
-    ring.scale.setScalar(2 * radius * depth / (camera.projectionMatrix.elements[5] * canvas.clientHeight));
-    ring.parent.getWorldQuaternion(ring.quaternion).invert().multiply(camera.quaternion);
-    ring.updateMatrixWorld();
-  };
-}"""
 
 
 class ScreenRing:
@@ -44,7 +27,7 @@ class ScreenRing:
         self._node = client.scene.add_line_segments(
             name, segments, color, thickness=thickness, thickness_units="screen", visible=False
         )
-        call_before_frames(client, name, _MAKE % (json.dumps({"name": name, "radius": radius}), FIND_MESH))
+        run_in_page(client.gui, "screen_ring", "keepRingSize", name=name, radius=radius)
 
     def show(self, position: np.ndarray | None) -> None:
         """Draw the ring around a position (3,), scene units; None hides it."""

@@ -10,11 +10,7 @@ from app.viser_bridge.javascript import run_in_page
 
 SECONDS = 12.0  # long enough to read its 33 words
 
-_SCRIPT = """
-setTimeout(() => document.querySelector('#webgl-software-rendering button')?.click(), %d);
-"""
-
 
 def close_warning(gui: viser.GuiApi) -> None:
     """Close the warning `SECONDS` after a page has connected."""
-    run_in_page(gui, _SCRIPT % (1000 * SECONDS))
+    run_in_page(gui, "software_rendering", "closeWarning", after=1000 * SECONDS)

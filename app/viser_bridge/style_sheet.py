@@ -3,19 +3,11 @@
 Within the content of a panel it would be sent and applied again with every change of the panel, 8 KB each time.
 """
 
-import json
-
 import viser
 
 from app.viser_bridge.javascript import run_in_page
 
-_SCRIPT = """
-const sheet = document.getElementById('eigenfairing-style') ?? document.head.appendChild(document.createElement('style'));
-sheet.id = 'eigenfairing-style';
-sheet.textContent = %s;
-"""
-
 
 def set_style_sheet(client: viser.ClientHandle, css: str) -> None:
     """Give a browser's page this style sheet, in place of an earlier one."""
-    run_in_page(client.gui, f"{{{_SCRIPT % json.dumps(css)}}}")
+    run_in_page(client.gui, "style_sheet", "setStyleSheet", css=css)

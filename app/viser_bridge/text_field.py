@@ -10,7 +10,7 @@ import viser
 
 from app.html import text
 from app.viser_bridge.completion import Word, words_attribute
-from app.viser_bridge.html_events import HtmlEvents
+from app.viser_bridge.html_events import HtmlEvents, line_of_text
 from app.viser_bridge.html_panel import HtmlPanel
 
 
@@ -35,7 +35,7 @@ class TextField:
     ) -> None:
         self._words = words
         self._name, self._hint, self._keeps, self._on_enter = name, hint, keeps, on_enter
-        self._send = events.text(self._receive)
+        self._event = events.add(line_of_text(self._receive))
         self._written, self._times = "", 0
         self._draft = ""
         self._panel = HtmlPanel(gui, self._content())
@@ -67,18 +67,12 @@ class TextField:
         self._on_enter(line)
 
     def _content(self) -> str:
-        after = "this.sent=v" if self._keeps else "this.value=''"
-        drafts = "window.eigenfairingInPlace"
-        enter = (
-            "if(event.key==='Enter'&&!event.isComposing){event.preventDefault();var v=this.value;"
-            f"{drafts}?.delete(this.name);{after};{self._send('v', 'true')}}}"
-        )
+        keeps = str(self._keeps).lower()
         return (
             f"<label class='line' title='{text(self._hint)}'><span>{text(self._name)}</span>"
             f"<input name='{text(self._name)}' value='{text(self._written)}' data-written='{self._times}' "
-            f"{self._completion()} autocomplete='off' spellcheck='false' onkeydown=\"{text(enter)}\" "
-            f'oninput="{drafts}?.set(this.name,this.value)" '
-            f'onchange="if(this.value!==this.sent){{{text(self._send("this.value", "false"))}}}"></label>'
+            f"{self._completion()} autocomplete='off' spellcheck='false' onkeydown='ef.entered(event,{self._event},{keeps})' "
+            f"oninput='ef.typed(this)' onchange='ef.left(this,{self._event})'></label>"
         )
 
     def _completion(self) -> str:

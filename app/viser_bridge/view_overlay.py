@@ -1,29 +1,9 @@
 """Overlay of the 3D view: HTML in its top left corner, without a panel around it. Clicks pass through it."""
 
-import json
-
 import viser
 
 from app.viser_bridge.javascript import run_in_page
 
-_SCRIPT = """
-{
-  window.eigenfairingOverlay = %s;
-  const place = () => {
-    const parent = window.__viserMutable?.canvas?.parentElement;
-    if (!parent) return void setTimeout(place, 50);
-    let overlay = document.getElementById('eigenfairing-overlay');
-    if (!overlay) {
-      overlay = document.createElement('div');
-      overlay.id = 'eigenfairing-overlay';
-      overlay.className = 'ef';
-    }
-    if (overlay.parentElement !== parent) parent.append(overlay);
-    overlay.innerHTML = window.eigenfairingOverlay;
-  };
-  place();
-}
-"""
 OVERLAY_STYLE = """
 #eigenfairing-overlay { position: absolute; left: 18px; top: 14px; padding: 0; pointer-events: none; max-width: 60%; }
 #eigenfairing-overlay .marks { font-size: 12px; }
@@ -47,4 +27,4 @@ class ViewOverlay:
         """Show this markup; empty hides the overlay."""
         if content != self._content:
             self._content = content
-            run_in_page(self._client.gui, _SCRIPT % json.dumps(content))
+            run_in_page(self._client.gui, "view_overlay", "setOverlay", content=content)

@@ -15,26 +15,13 @@ from app.viser_bridge.javascript import run_in_page
 MIN_WIDTH = 320  # px
 MAX_WIDTH = 20_000  # px
 
-_SCRIPT = """
-{
-  const watch = () => {
-    const canvas = window.__viserMutable?.canvas;
-    if (!canvas) return void setTimeout(watch, 50);
-    window.eigenfairingWidth?.disconnect();
-    window.eigenfairingWidth = new ResizeObserver(() => { %s; });
-    window.eigenfairingWidth.observe(canvas);
-  };
-  watch();
-}
-"""
-
 
 class ViewWidth:
     """One browser's width between the margins of the 3D view, measured again whenever it changes."""
 
     def __init__(self, events: HtmlEvents) -> None:
         self._listeners: list[Callable[[int], None]] = []
-        self._send = events.number(self._measured)("Math.round(canvas.clientWidth)")
+        self._event = events.add(self._measured)
 
     def subscribe(self, listener: Callable[[int], None]) -> None:
         """Call `listener` with every width measured from now on, px."""
@@ -42,7 +29,7 @@ class ViewWidth:
 
     def measure(self, gui: viser.GuiApi) -> None:
         """Install the script in this browser's page."""
-        run_in_page(gui, _SCRIPT % self._send)
+        run_in_page(gui, "view_width", "watchWidth", event=self._event)
 
     def _measured(self, value: object) -> None:
         width = whole_number(value, 1, MAX_WIDTH, "width of the view") - 2 * MARGIN

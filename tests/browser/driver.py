@@ -13,6 +13,7 @@ import pytest
 from playwright.sync_api import Browser, Locator, Page, ViewportSize, sync_playwright
 
 from app.debugger.controller import RunState
+from app.debugger.run_state import Activity
 from app.page.page import Page as ServedPage
 from app.page.server import App
 from fairing.camera import Camera
@@ -161,15 +162,26 @@ class Visitor:
 
     def press(self, name: str) -> RunState:
         """Press a button and wait for the engine."""
-        before = self.app.controller.state.serial
+        before = self.serial()
         self.button(name).click()
         return self.settle(before)
 
     def key(self, key: str) -> RunState:
         """Press a key and wait for the engine."""
-        before = self.app.controller.state.serial
+        before = self.serial()
         self.page.keyboard.press(key)
         return self.settle(before)
+
+    def serial(self) -> int:
+        """Serial of the present state, once a paused engine has computed what the page shows: a long query publishes, too."""
+        controller = self.app.controller
+        wait_for(
+            lambda: (
+                controller.activity is not Activity.PAUSED
+                or not (controller._is_querying or controller._queue._waiting)
+            )
+        )
+        return controller.state.serial
 
     def settle(self, before: int) -> RunState:
         """The state after whatever was asked for since the state of that serial."""

@@ -135,7 +135,7 @@ def test_keys_step_jump_and_play_to_the_end(replay, facts):
     assert replay.moment() == 0
     replay.page.locator("#speed").select_option("4")
     keys.press("Space")
-    wait_for(lambda: replay.page.evaluate("state.moment === data.length && !state.playing"))
+    wait_for(lambda: replay.page.evaluate("state.moment === data.length && !playback.isOn"))
     replay.page.locator("#back").click()
     keys.press("Space")  # plays on, instead of pressing the button again
     wait_for(lambda: replay.moment() == facts.length)

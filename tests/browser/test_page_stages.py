@@ -62,7 +62,7 @@ def test_the_band_names_the_stages_and_leads_to_them(visitor: Visitor, stages: l
     assert hint is not None
     assert hint.startswith(f"Axes: level {axes.level + 1} of 3, blur ")
     assert f"{axes.end - axes.begin} steps. {StageKind.AXES.text}" in hint
-    before = visitor.app.controller.state.serial
+    before = visitor.serial()
     part.click()
     assert visitor.settle(before).moment == axes.begin
     # It lies below the strip and covers what the strip covers: both count moments alike.
@@ -77,7 +77,7 @@ def test_the_status_line_names_the_stage_and_leads_to_its_beginning(visitor: Vis
     line = visitor.page.locator(".ef button.in-stage")
     line.get_by_text("points · gate 3 of 20", exact=True).wait_for()
     visitor.page.locator("[title*='Objective of the fit']").wait_for()
-    before = visitor.app.controller.state.serial
+    before = visitor.serial()
     line.click()
     assert visitor.settle(before).moment == 0
     go_to(visitor, first_of(stages, StageKind.JUDGE).end)

@@ -1,5 +1,7 @@
 """Selection, dragging and locking of vertices, and the keyboard focus, in a real browser."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 
@@ -59,6 +61,29 @@ def test_a_click_selects_one_vertex_and_with_shift_several(visitor: Visitor):
     visitor.page.get_by_text("and 1 more selected").wait_for()
     visitor.click_vertex(4)
     wait_for(lambda: view.selection.vertices == (4,))
+
+
+def test_the_energy_along_the_axes_is_drawn_for_the_selected_vertex_in_both_themes(visitor: Visitor):
+    interaction, page = page_of(visitor.app).interaction, visitor.page
+    plot = page.locator("ef-profile svg")
+
+    def is_drawn_for(vertex: int) -> bool:
+        words = plot.get_attribute("aria-label") if plot.count() else None
+        return words is not None and f"around vertex {vertex} " in words
+
+    for vertex in (0, 4):
+        interaction.select(vertex)
+        wait_for(partial(is_drawn_for, vertex))
+    assert plot.locator("polyline").count() == plot.locator("circle").count() == 3
+    assert plot.locator("text").first.text_content() == "E if vertex 4 moves along x y z "
+    look = "line => getComputedStyle(line).stroke"
+    before = plot.locator("polyline").first.evaluate(look)
+    page.keyboard.press("y")
+    wait_for(lambda: plot.locator("polyline").first.evaluate(look) != before)
+    page.keyboard.press("y")
+    wait_for(lambda: plot.locator("polyline").first.evaluate(look) == before)
+    interaction.set_selection(Selection())
+    wait_for(lambda: plot.count() == 0)
 
 
 MARKS = """() => {
@@ -232,7 +257,7 @@ def test_a_vertex_is_dragged_and_the_move_is_part_of_the_record(visitor: Visitor
     visitor.page.get_by_text("Drag the yellow ball").wait_for()
     x, y = visitor.drawn_at(0) + corner
     visitor.page.wait_for_function("() => window.__viserMutable.nodeRefFromName['/drag_handle/ball']?.visible")
-    before = controller.state.serial
+    before = visitor.serial()
     visitor.page.mouse.move(x, y)
     visitor.page.mouse.down()
     visitor.page.mouse.move(x + 12, y + 4)

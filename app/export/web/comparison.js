@@ -1,7 +1,7 @@
-"use strict";
-
 // One camera for all meshes: the slider chooses the frame of each, the button textured or shaded ones.
-const { frames } = JSON.parse(document.getElementById("data").textContent);
+import { pageData } from "../../web/page_data.js";
+
+const { frames } = pageData();
 const pictures = document.querySelectorAll("#meshes img");
 const camera = document.getElementById("camera"), look = document.getElementById("look");
 

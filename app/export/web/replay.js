@@ -1,15 +1,36 @@
 // The replay page: everything shown is a function of the moment, the selected vertex and the selected face.
-"use strict";
+import { drawCells } from "../../web/cell_picture.js";
+import { Cells } from "../../web/cells.js";
+import { $, chip, element, press } from "../../web/dom.js";
+import { brief } from "../../web/numbers.js";
+import { openPage, viewOrNote } from "../../web/open_page.js";
+import { pageData } from "../../web/page_data.js";
+import { Playback } from "../../web/playback.js";
+import { Plot } from "../../web/plot.js";
+import { facesAround, onGrid, RunRecord, textureCoordinates } from "../../web/record.js";
+import { unpack } from "../../web/unpack.js";
+import { Viewer } from "../../web/viewer.js";
 
-const data = JSON.parse(document.getElementById("data").textContent);
+const data = pageData();
+const KINDS_SHOWN = ["observed", "reconstruction", "residual", "weight"];
 const BASE_RATE = Math.max(5, data.length / 16); // moments per second: a run plays in about 16 s
 
 // Set by `open` when the data is unpacked.
-let arrays = null, record = null, cells = null, viewer = null, plots = [];
+let arrays = null, record = null, cells = null, viewer = null;
+const plots = [];
 
 const verticesAt = (moment) => record.verticesAt(moment);
 
-const state = { moment: -1, vertex: null, face: null, playing: false, speed: 1 };
+const state = { moment: -1, vertex: null, face: null, speed: 1 };
+
+const playback = new Playback({
+  length: () => data.length,
+  rate: () => BASE_RATE * state.speed,
+  moment: () => state.moment,
+  go,
+  onStop: () => { if (cells && state.moment >= 0) showCells(); },
+});
+const jump = (moment) => playback.jump(moment);
 
 // ---------------------------------------------------------------- time
 
@@ -17,38 +38,12 @@ function go(moment) {
   moment = Math.max(0, Math.min(data.length, Math.round(moment)));
   if (moment === state.moment) return;
   state.moment = moment;
-  $("slider").value = moment;
-  $("slider").setAttribute("aria-valuetext", `moment ${moment} of ${data.length}`);
-  $("moment").textContent = `${moment} / ${data.length}`;
+  playback.show();
   viewer?.show(moment, verticesAt(moment), record.blendAt(moment, data.keyframes));
   plots.forEach((plot) => plot.cursor(moment));
   showStep();
-  if (!state.playing || performance.now() > cellsDue) showCells();
+  if (!playback.isOn || performance.now() > cellsDue) showCells();
 }
-
-let playedSince = 0, playedFrom = 0;
-function play(on) {
-  if (on && state.moment === data.length) go(0);
-  state.playing = on && data.length > 0;
-  $("play").classList.toggle("on", state.playing);
-  $("play").setAttribute("aria-label", state.playing ? "Pause" : "Play");
-  $("play").title = state.playing ? "Pause (Space)" : "Play (Space)";
-  playedSince = performance.now();
-  playedFrom = state.moment;
-  if (!state.playing && cells && state.moment >= 0) showCells();
-  if (state.playing) requestAnimationFrame(tick);
-}
-
-function tick(now) {
-  if (!state.playing) return;
-  const target = playedFrom + Math.max(0, now - playedSince) / 1000 * BASE_RATE * state.speed;
-  go(Math.floor(target));
-  if (target >= data.length) play(false);
-  else requestAnimationFrame(tick);
-}
-
-// Goes to a moment chosen by the user and stops playing.
-function jump(moment) { if (state.playing) play(false); go(moment); }
 
 // Goes to the next of these moments, or to the previous one.
 function edge(moments, direction) {
@@ -62,16 +57,16 @@ function showStep() {
   const m = state.moment, step = m ? data.steps[m - 1] : null;
   $("headline").textContent = m === 0 ? "The start" : m === data.length ? "The end" : `Moment ${m}`;
   $("where").textContent = step ? `${step.where} · level ${step.level} of ${data.levels.length}` : data.length ? `${data.length} steps` : "no recorded steps";
-  const outcome = $("outcome"), change = $("change");
-  outcome.textContent = step ? step.outcome : "";
-  change.textContent = "";
+  const summary = $("change");
+  $("outcome").textContent = step ? step.outcome : "";
+  summary.textContent = "";
   const { moments, values } = data.residual, known = moments.findLastIndex((each) => each <= m);
   if (known >= 0) {
     const percent = 100 * (values[known] / values[0] - 1), since = ` ${percent > 0 ? "+" : ""}${brief(percent)} % since the start`;
-    change.append("residual ", element("b", {}, brief(values[known], 4)), " grey levels", element("span", { className: percent < 0 ? "good" : "dim" }, m ? since : ""));
+    summary.append("residual ", element("b", {}, brief(values[known], 4)), " grey levels", element("span", { className: percent < 0 ? "good" : "dim" }, m ? since : ""));
   }
-  if (step?.longest > 0) change.append(`${known >= 0 ? " · " : ""}longest step ${brief(step.longest)} px`);
-  change.title = step && step.after !== null ? `By this step: ${step.measure === "energy" ? "sweep energy" : step.measure} ${brief(step.before, 5)} → ${brief(step.after, 5)}` : "";
+  if (step?.longest > 0) summary.append(`${known >= 0 ? " · " : ""}longest step ${brief(step.longest)} px`);
+  summary.title = step && step.after !== null ? `By this step: ${step.measure === "energy" ? "sweep energy" : step.measure} ${brief(step.before, 5)} → ${brief(step.after, 5)}` : "";
   $("what").textContent = step ? data.kinds[step.kind].title : "Before the first step";
   $("why").textContent = step ? data.kinds[step.kind].text : data.intro;
   $("level-text").textContent = step?.measure === "objective" ? "" : step ? data.levels[step.level - 1].text : data.levels[0]?.text ?? "";
@@ -126,7 +121,7 @@ function select(vertex) {
   const most = faces.reduce((best, f) => (best !== null && (change(f) - change(best) || photos(f) - photos(best)) <= 0 ? best : f), null);
   state.face = faces.includes(state.face) ? state.face : most;
   if (viewer) { viewer.selected = vertex; viewer.redraw(); }
-  $("faces").replaceChildren(...faces.map((f) => element("button", { type: "button", className: "chip", onclick: () => { state.face = f; showCells(); }, textContent: `face ${f}`, "data-face": f })));
+  $("faces").replaceChildren(...faces.map((f) => Object.assign(chip(`face ${f}`, false, () => { state.face = f; showCells(); }), { face: f })));
   showCells();
   showVertex();
 }
@@ -151,15 +146,16 @@ function showCells() {
   $("cells").hidden = !isKept;
   $("no-cells").hidden = isKept;
   $("no-cells").textContent = state.vertex === null ? "Click a vertex to see the cells of its faces." : `This file has no photos around vertex ${state.vertex}; it contains those around the vertices that moved most. `;
-  if (!isKept) { $("no-cells").append(...(state.vertex === null ? [] : [element("button", { type: "button", className: "chip", onclick: () => select(data.chosen), textContent: `vertex ${data.chosen}` })])); return; }
-  for (const chip of $("faces").children) chip.classList.toggle("on", Number(chip.dataset.face) === state.face);
+  if (!isKept) { $("no-cells").append(...(state.vertex === null ? [] : [chip(`vertex ${data.chosen}`, false, () => select(data.chosen))])); return; }
+  for (const button of $("faces").children) press(button, button.face === state.face);
   const { moment } = state, found = cells.at(state.face, moment, verticesAt(moment));
   const views = cells.viewsOf(state.face).toSorted((a, b) => changeIn(state.face, b) - changeIn(state.face, a)); // first where most happened
   $("cell-facts").textContent = found ? `k = ${found.k} · blur ${data.levels[data.cells.sweeps.level[data.cells.sweepAt[moment]]].blur} px · sweep energy ${brief(found.energy, 4)}` : "fewer than three photos see the face well enough at this moment";
   $("residual-scale").textContent = found ? `±${brief(found.scale.residual)} grey levels` : "";
   const tall = $("cells").style, side = Math.round(parseFloat(getComputedStyle($("sprite")).getPropertyValue("--tile")) || 60);
   tall.setProperty("--rows", views.length);
-  cells.draw($("sprite"), found, views, Math.round(side * Math.min(2, window.devicePixelRatio || 1)), 4);
+  const pixels = Math.round(side * Math.min(2, window.devicePixelRatio || 1));
+  drawCells($("sprite"), { views, kinds: KINDS_SHOWN, side: pixels, gap: 4, cellOf: found && cells.pictures(found) });
   $("cell-rows").replaceChildren(...views.map((view) => {
     const { name } = data.cells.photos.views[view], { value, most } = comparableResidual(state.face, view, moment);
     const words = value !== null ? `residual ${brief(value)}` : found?.views.includes(view) ? "not measured" : "not used";
@@ -196,16 +192,15 @@ const layers = { texture: "Texture", paths: "Paths", dots: "Vertices", wire: "Ed
 function showLayers() {
   for (const [name, title] of Object.entries(layers)) {
     if (name === "truth" && !arrays.truth) continue;
-    const chip = element("button", { type: "button", className: viewer.shown[name] ? "chip on" : "chip", textContent: title, "aria-pressed": viewer.shown[name] });
-    chip.onclick = () => {
+    const button = chip(title, viewer.shown[name], () => {
       viewer.shown[name] = !viewer.shown[name];
-      chip.classList.toggle("on", viewer.shown[name]);
-      chip.setAttribute("aria-pressed", viewer.shown[name]);
-      if (name === "cameras") viewer.shown.cameras ? viewer.overview() : viewer.home();
+      press(button, viewer.shown[name]);
+      if (name === "cameras" && viewer.shown.cameras) viewer.overview();
+      else if (name === "cameras") viewer.home();
       viewer.redraw();
-    };
-    if (data.css[name]) chip.prepend(element("i", { style: `background:${data.css[name]}` }));
-    $("layers").append(chip);
+    });
+    if (data.css[name]) button.prepend(element("i", { style: `background:${data.css[name]}` }));
+    $("layers").append(button);
   }
   for (const button of document.querySelectorAll("[data-side]")) button.onclick = () => showSide(button.dataset.side);
 }
@@ -237,25 +232,16 @@ for (const tab of document.querySelectorAll("[data-tab]")) {
   };
 }
 
-$("slider").max = data.length;
-$("slider").oninput = () => jump(Number($("slider").value));
-$("play").onclick = () => play(!state.playing);
-$("first").onclick = () => jump(0);
-$("last").onclick = () => jump(data.length);
-$("back").onclick = () => jump(state.moment - 1);
-$("forward").onclick = () => jump(state.moment + 1);
-$("speed").onchange = () => { state.speed = Number($("speed").value); $("speed").blur(); if (state.playing) play(true); };
+$("speed").onchange = () => { state.speed = Number($("speed").value); $("speed").blur(); if (playback.isOn) playback.play(true); };
 
 document.addEventListener("keydown", (event) => {
   if (event.ctrlKey || event.metaKey || event.altKey || event.target.tagName === "SELECT") return;
   const actions = {
-    " ": () => play(!state.playing),
+    ...playback.keys,
     ArrowRight: () => (event.shiftKey ? edge(data.sweeps, 1) : jump(state.moment + 1)),
     ArrowLeft: () => (event.shiftKey ? edge(data.sweeps, -1) : jump(state.moment - 1)),
     PageDown: () => edge(bands.map((stage) => stage.end), 1),
     PageUp: () => edge(bands.map((stage) => stage.first), -1),
-    Home: () => jump(0),
-    End: () => jump(data.length),
     b: () => showSide({ now: "before", before: "both", both: "now" }[viewer?.side ?? "now"]),
   };
   if (!(event.key in actions)) return;
@@ -271,21 +257,14 @@ async function open() {
     uv: textureCoordinates(data.keyframes), paths: record.paths(),
   };
   cells = new Cells(data.cells, arrays.faces, data.colors);
-  try {
-    viewer = new Viewer($("scene"), data, arrays);
+  viewer = viewOrNote(() => new Viewer($("scene"), data, arrays));
+  if (viewer) {
     viewer.onPick = (vertex) => { if (vertex !== null) select(vertex); };
     showLayers();
-  } catch (error) {
-    $("no-webgl").hidden = false;
-    $("no-webgl").title = String(error);
   }
   showPlots();
   go(data.at);
   select(data.chosen);
 }
 
-open().catch((error) => {
-  $("no-webgl").hidden = false;
-  $("no-webgl").textContent = `This page could not be opened: ${error}. A browser of 2023 or newer is needed.`;
-  throw error;
-});
+openPage(open);

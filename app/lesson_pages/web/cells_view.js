@@ -1,13 +1,21 @@
-// The panel of cells and photos: functions of the page's state (see lesson.js).
-"use strict";
+// The panel of cells and photos: functions of the lesson's state (lesson_state.js).
+import {
+  arrays, cellsOf, data, facesOf, isAtStep, pictures, point, positions, run, shownFace, state, step,
+} from "./lesson_state.js";
+import { CELL_COLORS, drawCell, drawCells } from "../../web/cell_picture.js";
+import { $, chip, element, fillGroup, label, press, svg } from "../../web/dom.js";
+import { brief } from "../../web/numbers.js";
 
 const TILE_GAP = 2, WIDEST_TILE = 150; // px
 const KIND_NAMES = { photo: "observed", reconstruction: "reconstruction", residual: "residual", weight: "weight", norm: "norm" };
 const ENERGIES_DELAY = 150; // ms without a change before the energies of all k are computed
 
+// What the panel calls when the reader has chosen something in it; set by lesson.js.
+export const actions = { update: null, select: null, lookAt: null };
+
 let energiesTimer = 0;
 
-function showCellsPanel() {
+export function showCellsPanel() {
   clearTimeout(energiesTimer);
   const vertex = state.vertices.at(-1), face = shownFace(), { page } = state.cells;
   for (const button of document.querySelectorAll("[data-page]")) press(button, button.dataset.page === page);
@@ -16,22 +24,16 @@ function showCellsPanel() {
   $("nothing").hidden = face !== null;
   $("nothing").textContent = vertex === undefined ? "Select a vertex to see the cells of its faces: click it in the 3D view, or choose it below."
     : `This file contains no photos around vertex ${vertex}; it contains those around the vertices that moved most.`;
-  fillGroup("faces", facesOf(vertex).map((f) => chip(`face ${f}`, f === face, () => { state.face = f; update(); })));
+  fillGroup("faces", facesOf(vertex).map((f) => chip(`face ${f}`, f === face, () => { state.face = f; actions.update(); })));
   if (face === null) {
     const choices = vertex === undefined ? verticesWithCells().slice(0, 8) : [];
-    $("nothing").append(element("div", { className: "chips" }, ...choices.map((v) => chip(`vertex ${v}`, false, () => { select([v]); $("faces").querySelector("button").focus(); }))));
+    $("nothing").append(element("div", { className: "chips" }, ...choices.map((v) => chip(`vertex ${v}`, false, () => { actions.select([v]); $("faces").querySelector("button").focus(); }))));
     return;
   }
   ({ cells: showCellsPage, photos: showPhotosPage, pair: showPairPage })[page](vertex, face);
 }
 
-const facesOf = (vertex) => (vertex === undefined ? [] : facesAround(arrays.faces, vertex).filter((f) => run().cells.has(f)));
 const verticesWithCells = () => [...Array(arrays.start.length / 3).keys()].filter((v) => facesOf(v).length > 0);
-
-function shownFace() {
-  const faces = facesOf(state.vertices.at(-1));
-  return faces.includes(state.face) ? state.face : faces[0] ?? null;
-}
 
 // ---------------------------------------------------------------- cells
 
@@ -49,26 +51,26 @@ function showCellsPage(vertex, face) {
   $("k-shown").textContent = found.k === found.own ? `${found.k} (the run's)` : found.k;
   drawBasis(found);
   showBars("singular", found.singular.map(Math.log1p), found.singular.map((value, i) => `singular value ${i + 1}: ${brief(value)}`), (i) => (i < found.k ? "on" : ""));
-  energiesTimer = setTimeout(() => showEnergies(face, found), ENERGIES_DELAY);
+  energiesTimer = setTimeout(() => showEnergies(found), ENERGIES_DELAY);
   showRows(found, face, columns);
 }
 
 function toggleColumn(kind) {
   const chosen = state.cells.columns.includes(kind) ? state.cells.columns.filter((other) => other !== kind) : [...state.cells.columns, kind];
   if (chosen.length) state.cells = { ...state.cells, columns: chosen };
-  update();
+  actions.update();
 }
 
 // The energies of all k, computed one after another so that the page stays responsive.
-function showEnergies(face, found, energies = []) {
+function showEnergies(found, energies = []) {
   const count = found.observed.length - 2, shown = [...energies, run().cells.energyWith(found, energies.length + 1)];
-  if (shown.length < count) { energiesTimer = setTimeout(() => showEnergies(face, found, shown)); return; }
+  if (shown.length < count) { energiesTimer = setTimeout(() => showEnergies(found, shown)); return; }
   const most = Math.max(...shown, 1e-12), heights = shown.map((energy) => 1 + Math.log10(Math.max(energy / most, 1e-4)) / 4);
   showBars("by-k", heights, shown.map((energy, i) => `k = ${i + 1}: energy ${brief(energy, 4)}; click to show the cells with this k`),
     (i) => (i + 1 === found.k ? "chosen" : i + 1 === found.own ? "own" : ""), (i) => setDimensions(i + 1));
 }
 
-function setDimensions(k) { state.cells = { ...state.cells, dimensions: k }; update(); }
+export function setDimensions(k) { state.cells = { ...state.cells, dimensions: k }; actions.update(); }
 
 function showBars(id, heights, names, css, onChoose = null) {
   const most = onChoose ? 1 : Math.max(...heights, 1e-12);
@@ -87,15 +89,8 @@ function drawBasis(found) {
   const context = canvas.getContext("2d");
   if (!context) return;
   found.basis.forEach((values, n) => {
-    const largest = values.reduce((most, value) => Math.max(most, Math.abs(value)), 1e-12), image = new ImageData(size, size);
-    for (let r = 0, s = 0; r < size; r++)
-      for (let c = 0; c < size; c++) {
-        const rgb = r + c < size ? Array(3).fill(127.5 + 127.5 * values[s++] / largest) : CELL_COLORS.empty;
-        image.data.set([...rgb, 255], 4 * (r * size + c));
-      }
-    const cell = Object.assign(document.createElement("canvas"), { width: size, height: size });
-    cell.getContext("2d").putImageData(image, 0, 0);
-    context.drawImage(cell, n * (side + TILE_GAP), 0, side, side);
+    const largest = values.reduce((most, value) => Math.max(most, Math.abs(value)), 1e-12);
+    drawCell(context, n * (side + TILE_GAP), 0, side, { size, color: (s) => Array(3).fill(127.5 + 127.5 * values[s] / largest) });
   });
   canvas.setAttribute("aria-label", `${found.basis.length} basis images of the face`);
 }
@@ -104,48 +99,34 @@ function drawBasis(found) {
 function showRows(found, face, columns) {
   const flows = flowsOf(face), before = flows?.moment ? cellsOf(face, state.cells.dimensions, flows.moment - 1, null) : found;
   const hasArrows = columns.some((kind) => !KIND_NAMES[kind]);
-  fillGroup("arrow-row", hasArrows ? [label("Arrows"), ...[1, 3, 10, 30, 100].map((scale) => chip(`×${scale}`, scale === state.cells.arrows, () => { state.cells = { ...state.cells, arrows: scale }; update(); }))] : []);
+  fillGroup("arrow-row", hasArrows ? [label("Arrows"), ...[1, 3, 10, 30, 100].map((scale) => chip(`×${scale}`, scale === state.cells.arrows, () => { state.cells = { ...state.cells, arrows: scale }; actions.update(); }))] : []);
   $("flow-note").textContent = !hasArrows ? "" : !flows ? `The arrows belong to moment ${step().moment} of this step; Resume lesson returns there.`
     : flows.moment === null ? "No step yet; f of the current cells." : `υ, f: of the step to moment ${flows.moment}${flows.model ? "" : "; it moved no corner of this face"}`;
   const width = Math.max(200, $("cells-panel").clientWidth - 40), tile = Math.min(WIDEST_TILE, Math.floor((width - TILE_GAP * (columns.length - 1)) / columns.length));
   const ratio = Math.min(2, window.devicePixelRatio || 1), whole = columns.length * (tile + TILE_GAP) - TILE_GAP, grid = `repeat(${columns.length}, ${tile}px)`;
   const heads = element("div", { className: "heads", style: `grid-template-columns:${grid};gap:${TILE_GAP}px` }, ...columns.map((kind) => element("span", { title: data.kinds[kind].meaning }, data.kinds[kind].head)));
-  const paint = run().cells.painters(found);
+  const cellOf = picturesOf(found, before, flows);
   const rows = found.views.map((view, i) => {
     const { name } = data.photos.views[view], canvas = element("canvas", { role: "img", "aria-label": `Cell of face ${face} in ${name}: ${columns.map((kind) => data.kinds[kind].head).join(", ")}; energy ${brief(found.energies[i])}` });
-    drawRow(canvas, found, paint, before, flows, view, columns, Math.round(tile * ratio), Math.round(TILE_GAP * ratio));
+    drawCells(canvas, { views: [view], kinds: columns, side: Math.round(tile * ratio), gap: Math.round(TILE_GAP * ratio), cellOf });
     const over = svg("svg", { viewBox: `0 0 ${whole} ${tile}`, "aria-hidden": "true" });
     columns.forEach((kind, n) => { if (flows && !KIND_NAMES[kind]) drawArrows(over, flows, kind, view, n * (tile + TILE_GAP), tile); });
-    const through = element("button", { type: "button", className: "chip", title: `Look through the camera of ${name}`, onclick: () => lookAt(view) }, name);
+    const through = element("button", { type: "button", className: "chip", title: `Look through the camera of ${name}`, onclick: () => actions.lookAt(view) }, name);
     return element("div", { className: "cell-row" }, element("div", { className: "about", style: `max-width:${whole}px` }, through, element("span", {}, `E ${brief(found.energies[i])}`)),
       element("div", { className: "strip", style: `width:${whole}px;height:${tile}px` }, canvas, over));
   });
   $("rows").replaceChildren(heads, ...rows);
 }
 
-function drawRow(canvas, found, paint, before, flows, view, columns, side, gap) {
-  const kinds = columns.map((kind) => KIND_NAMES[kind] ?? null), row = Object.assign(document.createElement("canvas"), {});
-  run().cells.draw(row, found, [view], side, gap, kinds.map((kind) => kind ?? "observed"), paint);
-  Object.assign(canvas, { width: row.width, height: row.height });
-  const context = canvas.getContext("2d");
-  if (!context) return;
-  context.drawImage(row, 0, 0);
-  kinds.forEach((kind, n) => {
-    if (kind !== null) return;
-    const x = n * (side + gap), i = before && flows ? before.views.indexOf(view) : -1;
-    context.fillStyle = `rgb(${CELL_COLORS.empty})`;
-    context.fillRect(x, 0, side, side);
-    if (i < 0) return;
-    const { size } = before, image = new ImageData(size, size), full = Number.isFinite(before.threshold) ? before.threshold : before.scale.residual;
-    for (let r = 0, s = 0; r < size; r++)
-      for (let c = 0; c < size; c++) {
-        const shade = r + c < size ? CELL_COLORS.zero + 130 * Math.sqrt(Math.min(1, Math.abs(before.residual[i][s++]) / full)) : null;
-        image.data.set([...(shade === null ? CELL_COLORS.empty : [shade, shade, shade]), 255], 4 * (r * size + c));
-      }
-    const cell = Object.assign(document.createElement("canvas"), { width: size, height: size });
-    cell.getContext("2d").putImageData(image, 0, 0);
-    context.drawImage(cell, x, 0, side, side);
-  });
+// The cells of a row. Where the column shows arrows, they lie over the strength of the residual before the step.
+function picturesOf(found, before, flows) {
+  const shown = run().cells.pictures(found), full = before && (Number.isFinite(before.threshold) ? before.threshold : before.scale.residual);
+  return (view, column) => {
+    if (KIND_NAMES[column]) return shown(view, KIND_NAMES[column]);
+    const i = before && flows ? before.views.indexOf(view) : -1;
+    if (i < 0) return null;
+    return { size: before.size, color: (s) => Array(3).fill(CELL_COLORS.zero + 130 * Math.sqrt(Math.min(1, Math.abs(before.residual[i][s]) / full))) };
+  };
 }
 
 function flowsOf(face) {
@@ -170,7 +151,6 @@ function drawArrows(host, flows, kind, view, left, tile) {
 
 // ---------------------------------------------------------------- photos
 
-const point = (vertices, v) => vertices.slice(3 * v, 3 * v + 3);
 const cornersOf = (vertices, face) => [0, 1, 2].map((c) => point(vertices, arrays.faces[3 * face + c]));
 
 function showPhotosPage(vertex) {
@@ -188,13 +168,13 @@ function showPhotosPage(vertex) {
     const { name } = data.photos.views[view], canvas = pictures.crop(view, shown, state.cells.span, state.cells.arrows);
     canvas.setAttribute("role", "img");
     canvas.setAttribute("aria-label", `Vertex ${vertex} in ${name}: start green, now red`);
-    return element("figure", {}, element("figcaption", {}, element("button", { type: "button", className: "chip", title: `Look through the camera of ${name}`, onclick: () => lookAt(view) }, name)), element("div", { className: "picture" }, canvas));
+    return element("figure", {}, element("figcaption", {}, element("button", { type: "button", className: "chip", title: `Look through the camera of ${name}`, onclick: () => actions.lookAt(view) }, name)), element("div", { className: "picture" }, canvas));
   }));
 }
 
 function showPairPage(vertex, face) {
   const views = run().cells.viewsOf(face), [i, j] = chosenPair(views, state.cells.pair), { affine } = run().cells.cells;
-  const pick = (host, letter, chosen, take) => fillGroup(host, [label(letter), ...views.map((view) => chip(String(view), view === chosen, () => { state.cells = { ...state.cells, pair: take(view) }; update(); }, `Photo ${letter}: ${data.photos.views[view].name}`))]);
+  const pick = (host, letter, chosen, take) => fillGroup(host, [label(letter), ...views.map((view) => chip(String(view), view === chosen, () => { state.cells = { ...state.cells, pair: take(view) }; actions.update(); }, `Photo ${letter}: ${data.photos.views[view].name}`))]);
   pick("first-photo", "i", i, (view) => [view, j]);
   pick("second-photo", "j", j, (view) => [i, view]);
   const names = [i, j].map((view) => data.photos.views[view].name), moments = { "At the start": run().record.start, Now: positions() };

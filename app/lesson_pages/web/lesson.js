@@ -1,49 +1,24 @@
 // The lesson page: a step sets run, moment, selection, layers, viewpoint and cells; what is shown is a function of that state.
-"use strict";
+import { actions, setDimensions, showCellsPanel } from "./cells_view.js";
+import {
+  arrays, data, facesOf, isAtStep, pictures, point, positions, run, runs, SHAPES, state, step, surfacePositions, unpackLesson,
+} from "./lesson_state.js";
+import { LessonViewer } from "./lesson_viewer.js";
+import { $, chip, element, fillGroup, label, press } from "../../web/dom.js";
+import { brief } from "../../web/numbers.js";
+import { openPage, viewOrNote } from "../../web/open_page.js";
+import { Playback } from "../../web/playback.js";
+import { Plot } from "../../web/plot.js";
+import { drawProfile } from "../../web/profile.js";
 
-const data = JSON.parse(document.getElementById("data").textContent);
 const PLAY_SECONDS = 8; // of a whole run
 const MOVES = [["−x", 0, -1], ["+x", 0, 1], ["−y", 1, -1], ["+y", 1, 1], ["−z", 2, -1], ["+z", 2, 1]];
 const EYES = { mesh: "Mesh", front: "Front", cameras: "Cameras" };
 const SURFACES = { textured: "Textured", flat: "Flat", none: "None" };
-const SHAPES = { start: 0, now: 1, truth: 2 };
 
-// Set by `open` when the data is unpacked.
-let arrays = null, runs = [], viewer = null, pictures = null, plots = [];
-
-// `offset`: a vertex moved by the reader from its position in the record, {vertex, by} page units; null otherwise.
-const state = { step: -1, run: 0, moment: 0, vertices: [], face: null, offset: null, surface: "textured", shape: 1, magnification: 1, shown: {}, cells: {}, eye: "mesh", playing: false, moveBy: 1, chosen: new Map() };
-
-const step = () => data.steps[state.step];
-const isAtStep = () => state.run === step().run && state.moment === step().moment && !state.offset;
-const run = () => runs[state.run];
-
-function chip(label, isOn, act, title = "") {
-  return element("button", { type: "button", className: isOn ? "chip on" : "chip", title, "aria-pressed": String(isOn), onclick: act }, label);
-}
-
-function press(button, isOn) {
-  button.classList.toggle("on", isOn);
-  button.setAttribute("aria-pressed", String(isOn));
-}
+let viewer = null, playback = null, plots = [];
 
 // ---------------------------------------------------------------- what is shown
-
-function positions() {
-  const vertices = run().record.verticesAt(state.moment);
-  if (state.offset) for (let c = 0; c < 3; c++) vertices[3 * state.offset.vertex + c] += state.offset.by[c];
-  return vertices;
-}
-
-function surfacePositions() {
-  if (state.shape === SHAPES.truth && arrays.truth) return arrays.truth;
-  return state.shape === SHAPES.start ? run().record.start : positions();
-}
-
-// The cells of a face at a moment; `vertices` default to the shown ones, null are those of the record.
-function cellsOf(face, dimensions = null, moment = state.moment, vertices = undefined) {
-  return run().cells.at(face, moment, vertices === undefined ? positions() : vertices ?? run().record.verticesAt(moment), dimensions);
-}
 
 // The weight of each photo in the texture of each face, 0 to 255, (faces x photos).
 function textureWeights() {
@@ -88,16 +63,14 @@ function showCellsTimed() {
   const began = performance.now();
   showCellsPanel();
   showTry();
-  cellsDue = state.playing || state.dragging ? performance.now() + 2 * (performance.now() - began) : 0;
+  cellsDue = playback.isOn || state.dragging ? performance.now() + 2 * (performance.now() - began) : 0;
 }
 
 function showMoment() {
   const { record } = run(), m = state.moment, done = m ? record.run.steps[m - 1] : null;
   $("headline").textContent = m === 0 ? "The start" : m === record.length && record.run.isFinished ? "The end" : `Moment ${m}`;
   $("where").textContent = done ? `level ${done.level} of ${record.run.levels.length} · photos blurred by ${record.run.levels[done.level - 1].blur} px · ${done.outcome}` : "";
-  Object.assign($("slider"), { max: record.length, value: m });
-  $("slider").setAttribute("aria-valuetext", `moment ${m} of ${record.length}`);
-  $("moment").textContent = `${m} / ${record.length}`;
+  playback.show();
   const vertex = state.vertices.at(-1);
   $("scene").setAttribute("aria-label", `The mesh in 3D at moment ${m} of ${record.length}. ${vertex === undefined ? "No vertex is selected." : `Vertex ${vertex} is selected${distanceText(vertex)}.`} Arrow keys rotate, plus and minus zoom.`);
 }
@@ -121,7 +94,7 @@ function moveVertex(by) {
   const vertex = state.vertices.at(-1), limit = (value) => Math.max(-data.reach, Math.min(data.reach, value));
   if (vertex === undefined) return;
   const before = state.offset?.vertex === vertex ? state.offset.by : [0, 0, 0], after = before.map((value, c) => limit(value + by[c]));
-  if (state.playing) play(false);
+  if (playback.isOn) playback.play(false);
   state.offset = after.some((value) => Math.abs(value) > 1e-6) ? { vertex, by: after } : null;
   state.shape = SHAPES.now;
   update();
@@ -131,7 +104,7 @@ function showMove() {
   const vertex = state.vertices.at(-1), size = state.moveBy / 100 * data.stage.pageFromWorld, unit = data.isCube ? "%" : "hundredths";
   if (vertex === undefined || !facesOf(vertex).length) { $("move").replaceChildren(); return; }
   const focused = document.activeElement?.dataset?.move;
-  const buttons = MOVES.map(([label, axis, sign]) => element("button", { type: "button", className: "chip", "data-move": label, "aria-label": `Move vertex ${vertex} by ${state.moveBy} ${unit} along ${label}`, onclick: () => moveVertex([0, 1, 2].map((c) => (c === axis ? sign * size : 0))) }, label));
+  const buttons = MOVES.map(([way, axis, sign]) => element("button", { type: "button", className: "chip", "data-move": way, "aria-label": `Move vertex ${vertex} by ${state.moveBy} ${unit} along ${way}`, onclick: () => moveVertex([0, 1, 2].map((c) => (c === axis ? sign * size : 0))) }, way));
   const steps = element("button", { type: "button", className: "chip", "data-move": "size", title: "Size of a move", onclick: () => { state.moveBy = { 1: 5, 5: 0.2, 0.2: 1 }[state.moveBy]; showMove(); } }, `by ${state.moveBy} ${unit}`);
   const back = element("button", { type: "button", className: "chip", "data-move": "back", disabled: !state.offset, onclick: () => { state.offset = null; update(); } }, "Back to the run");
   $("move").replaceChildren(element("span", { className: "dim" }, `Move vertex ${vertex}`), ...buttons, steps, back);
@@ -162,28 +135,9 @@ function showProfile() {
   const isShown = profile !== null && profile.vertex === vertex && state.run === step().run && state.moment === step().moment;
   $("profile").hidden = !isShown;
   if (!isShown) return;
-  const width = $("profile").clientWidth || 230, height = 99, left = 8, right = 8, top = 20, bottom = 17, values = profile.lines.flat();
-  const low = Math.min(...values), high = Math.max(...values, low + 1e-9), reach = profile.offsets.at(-1), unit = data.isCube ? " %" : "";
-  const x = (offset) => left + (width - left - right) * (offset + reach) / (2 * reach), y = (value) => top + (height - top - bottom) * (high - value) / (high - low);
-  const host = svg("svg", { viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": `Energy of the faces around vertex ${vertex} while it is moved along x, y or z by up to ${brief(reach)} hundredths of a unit, from ${brief(low)} to ${brief(high)}` });
-  const title = svg("text", { x: left, y: 12, class: "name" }, host);
-  title.textContent = `E if vertex ${vertex} moves along `;
-  ["x", "y", "z"].forEach((name, axis) => { svg("tspan", { style: `fill:${data.curves[axis]};font-weight:700` }, title).textContent = `${name} `; });
-  for (const offset of [-reach, 0, reach]) {
-    svg("line", { x1: x(offset), x2: x(offset), y1: top, y2: height - bottom, style: "stroke:var(--line)" }, host);
-    svg("text", { x: x(offset), y: height - 3, "text-anchor": offset < 0 ? "start" : offset > 0 ? "end" : "middle" }, host).textContent = `${offset > 0 ? "+" : ""}${brief(offset)}${unit}`;
-  }
-  profile.lines.forEach((line, axis) => {
-    const at = state.offset ? 100 * state.offset.by[axis] / data.stage.pageFromWorld : 0;
-    svg("polyline", { points: line.map((value, i) => `${x(profile.offsets[i])},${y(value)}`).join(" "), fill: "none", "stroke-width": 1.8, style: `stroke:${data.curves[axis]}` }, host);
-    svg("circle", { cx: x(at), cy: y(between(profile.offsets, line, at)), r: 3.5, style: `fill:${data.curves[axis]}` }, host);
-  });
-  $("profile").replaceChildren(host);
-}
-
-function between(offsets, line, at) {
-  const step = offsets[1] - offsets[0], i = Math.max(0, Math.min(line.length - 2, Math.floor((at - offsets[0]) / step))), part = (at - offsets[i]) / step;
-  return line[i] + part * (line[i + 1] - line[i]);
+  const at = [0, 1, 2].map((axis) => (state.offset ? 100 * state.offset.by[axis] / data.stage.pageFromWorld : 0));
+  const reach = profile.offsets.at(-1), labels = [-reach, 0, reach].map((offset) => `${offset > 0 ? "+" : ""}${brief(offset)}${data.isCube ? " %" : ""}`);
+  drawProfile($("profile"), { ...profile, at, colors: data.curves, labels, distance: `${brief(reach)} hundredths of a unit` });
 }
 
 // ---------------------------------------------------------------- time
@@ -195,7 +149,7 @@ function go(moment) {
   update();
 }
 
-function jump(moment) { if (state.playing) play(false); go(moment); }
+const jump = (moment) => playback.jump(moment);
 
 function takeRun(number, moment) {
   const isOther = state.run !== number || !plots.length;
@@ -205,27 +159,6 @@ function takeRun(number, moment) {
     viewer?.color(step().coloring);
     showPlots();
   }
-}
-
-let playedSince = 0, playedFrom = 0;
-function play(on) {
-  const { length } = run().record;
-  if (on && state.moment === length) go(0);
-  state.playing = on && length > 0;
-  $("play").classList.toggle("on", state.playing);
-  $("play").setAttribute("aria-label", state.playing ? "Pause" : "Play");
-  $("play").title = state.playing ? "Pause (Space)" : "Play (Space)";
-  [playedSince, playedFrom] = [performance.now(), state.moment];
-  if (state.playing) requestAnimationFrame(tick);
-  else showCellsTimed();
-}
-
-function tick(now) {
-  if (!state.playing) return;
-  const { length } = run().record, target = playedFrom + Math.max(0, now - playedSince) / 1000 * Math.max(3, length / PLAY_SECONDS);
-  if (Math.floor(target) !== state.moment) go(Math.floor(target));
-  if (target >= length) play(false);
-  else requestAnimationFrame(tick);
 }
 
 // ---------------------------------------------------------------- plots
@@ -292,20 +225,11 @@ function showControls() {
   fillGroup("runs", used.length < 2 ? [] : [label("Run"), ...used.map((number) => chip(data.runs[number].name, number === state.run, () => { takeRun(number, Math.min(state.moment, runs[number].record.length)); update(); }, data.runs[number].title))]);
 }
 
-const label = (text) => element("span", { className: "dim" }, text);
-
-// Replaces the buttons of a group; the focused one keeps the focus.
-function fillGroup(id, children) {
-  const host = $(id), at = [...host.children].indexOf(document.activeElement);
-  host.replaceChildren(...children);
-  if (at >= 0) host.children[at]?.focus();
-}
-
 // ---------------------------------------------------------------- steps of the lesson
 
 function goToStep(number, isFirst = false) {
   const target = Math.max(0, Math.min(data.steps.length - 1, number));
-  if (state.playing) play(false);
+  if (playback.isOn) playback.play(false);
   state.step = target;
   const found = step();
   Object.assign(state, {
@@ -398,32 +322,33 @@ function turnByKey(event) {
 function onKey(event) {
   if (event.ctrlKey || event.metaKey || event.altKey) return;
   const flip = () => { state.shape = state.shape === SHAPES.start ? SHAPES.now : SHAPES.start; update(); };
-  const actions = {
+  const { " ": space, ...ends } = playback.keys, keys = {
     PageDown: () => goToStep(state.step + 1),
     PageUp: () => goToStep(state.step - 1),
-    ...(isTyped(event) ? {} : { ",": () => jump(state.moment - 1), ".": () => jump(state.moment + 1), x: flip, X: flip, Home: () => jump(0), End: () => jump(run().record.length) }),
-    ...(isTyped(event) || isPressed(event) ? {} : { " ": () => play(!state.playing) }),
+    ...(isTyped(event) ? {} : { ",": () => jump(state.moment - 1), ".": () => jump(state.moment + 1), x: flip, X: flip, ...ends }),
+    ...(isTyped(event) || isPressed(event) ? {} : { " ": space }),
   };
   if (viewer && !isTyped(event) && /^[0-9]$/.test(event.key)) {
     const photo = Number(event.key) - 1;
     if (photo < data.photos.views.length) lookAt(photo < 0 ? "front" : photo);
   } else if (viewer && event.target === $("scene") && turnByKey(event)) event.preventDefault();
-  else if (event.key in actions) {
+  else if (event.key in keys) {
     event.preventDefault();
-    actions[event.key]();
+    keys[event.key]();
   }
 }
 
 function listen() {
+  playback = new Playback({
+    length: () => run().record.length,
+    rate: () => Math.max(3, run().record.length / PLAY_SECONDS),
+    moment: () => state.moment,
+    go,
+    onStop: showCellsTimed,
+  });
   $("next").onclick = () => goToStep(state.step + 1);
   $("previous").onclick = () => goToStep(state.step - 1);
   $("resume").onclick = () => { goToStep(state.step); document.querySelector("article").focus(); };
-  $("slider").oninput = () => jump(Number($("slider").value));
-  $("play").onclick = () => play(!state.playing);
-  $("first").onclick = () => jump(0);
-  $("last").onclick = () => jump(run().record.length);
-  $("back").onclick = () => jump(state.moment - 1);
-  $("forward").onclick = () => jump(state.moment + 1);
   $("all-lines").onclick = () => press($("all-lines"), $("listing").classList.toggle("whole"));
   $("k").oninput = () => setDimensions(Number($("k").value));
   for (const button of document.querySelectorAll("[data-page]")) button.onclick = () => { state.cells = { ...state.cells, page: button.dataset.page }; update(); };
@@ -449,31 +374,15 @@ function listen() {
 
 const stepInAddress = () => (Number(location.hash.slice(1)) || 1) - 1;
 
+Object.assign(actions, { update, select, lookAt });
+
 async function open() {
-  await unpack(data);
-  data.rgb = Object.fromEntries(Object.entries(data.colors).map(([name, rgb]) => [name, `rgb(${rgb})`]));
-  pictures = new PhotoPictures(data.photos.views);
-  runs = data.runs.map((each) => {
-    const record = new RunRecord(each, data.grid);
-    return { record, paths: record.paths(), keyframes: each.keyframes, off: each.off, uv: textureCoordinates(each.keyframes), cells: new Cells({ ...each.cells, photos: data.photos }, data.faces, data.colors) };
-  });
-  const first = runs[0];
-  arrays = { start: first.record.start, truth: data.truth && onGrid(data.truth, data.grid), faces: data.faces, edges: data.edges, cameras: data.cameras, uv: [], paths: first.paths };
-  await pictures.ready;
-  try {
-    viewer = new LessonViewer($("scene"), data, arrays, pictures);
-  } catch (error) {
-    $("no-webgl").hidden = false;
-    $("no-webgl").title = String(error);
-    $("looks").hidden = true;
-  }
+  await unpackLesson();
+  viewer = viewOrNote(() => new LessonViewer($("scene"), data, arrays, pictures));
+  $("looks").hidden = !viewer;
   listen();
   goToStep(stepInAddress(), true);
   document.body.dataset.ready = "true";
 }
 
-open().catch((error) => {
-  $("no-webgl").hidden = false;
-  $("no-webgl").textContent = `This page could not be opened: ${error}. A browser of 2023 or newer is needed.`;
-  throw error;
-});
+openPage(open);

@@ -1,5 +1,6 @@
 // The 3D view of a lesson: the mesh of any run, textured by the page from the photos, views through a camera, and moved vertices.
-"use strict";
+import { add, scale, unit } from "../../web/vectors.js";
+import { attribute, corners, edgeLines, FIELD_OF_VIEW, fill, program, release, Viewer } from "../../web/viewer.js";
 
 const MOST_PHOTOS = 32; // of a texture made by the page
 const PHOTO_SIDE = 1024; // px, largest
@@ -62,7 +63,7 @@ const PHOTO_FRAGMENT = `#version 300 es
 precision highp float; precision highp sampler2DArray; in vec2 at; uniform sampler2DArray photos; uniform float layer; out vec4 color;
 void main() { color = vec4(texture(photos, vec3(at, layer)).rgb, 1.0); }`;
 
-class LessonViewer extends Viewer {
+export class LessonViewer extends Viewer {
   // `lesson`: the data of page_data.py; `arrays`: those of its first run; `pictures`: its photos. Throws an error without WebGL 2.
   constructor(canvas, lesson, arrays, pictures) {
     super(canvas, { ...lesson, keyframes: [], pace: [0] }, arrays);
@@ -223,7 +224,8 @@ class LessonViewer extends Viewer {
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     if (this.through !== null) this.photo(width / height);
     else if (this.colored && this.surface === "colored") this.coloredMesh();
-    else if (this.surface !== "none") this.keyframes.length ? this.keyframedMesh() : this.photoMesh();
+    else if (this.surface !== "none" && this.keyframes.length) this.keyframedMesh();
+    else if (this.surface !== "none") this.photoMesh();
     if (shown.cameras && this.through === null) this.line(this.wireframes.cameras, colors.camera, 1.2 * ratio);
     if (shown.truth && this.wireframes.truth) this.line(this.wireframes.truth, colors.truth, 1.6 * ratio);
     if (shown.start) this.line(this.wireframes.start, colors.start, 1.5 * ratio);

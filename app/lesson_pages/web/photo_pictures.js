@@ -1,15 +1,16 @@
 // Pictures cut from the photos: the faces of a vertex in each photo, and a face in two photos (the paper's figures 2, 4a, 4d).
 // Mirrors app/pictures/photo_crops.py and app/panels/photo_pages.py.
-"use strict";
+import { cross, dot } from "../../web/vectors.js";
 
 const CROP_SIDE = 200, PAIR_SIDE = 260; // px of the canvases
 const DIMMED = 0.35; // brightness of a photo outside the face
 const OUTSIDE = 40; // grey level outside a photo
 const ARROW_HEAD = 7; // px
 
-class PhotoPictures {
-  constructor(views) {
-    Object.assign(this, { views, cached: new Map() });
+export class PhotoPictures {
+  // `rgb`: CSS colours by name.
+  constructor(views, rgb) {
+    Object.assign(this, { views, rgb, cached: new Map() });
     this.images = views.map(({ picture }) => Object.assign(new Image(), { src: picture }));
     this.ready = Promise.all(this.images.map((image) => image.decode()));
   }
@@ -58,7 +59,7 @@ class PhotoPictures {
       Object.assign(context, { strokeStyle: color, lineWidth: width, lineJoin: "round" });
       context.stroke();
     };
-    const { start: green, now: red, selected } = data.rgb;
+    const { start: green, now: red, selected } = this.rgb;
     before.forEach((face) => line(face, green, 1.5, true));
     after.forEach((face) => line(face, red, 1.5, true));
     line(along, red, 3, false);

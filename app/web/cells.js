@@ -1,10 +1,9 @@
 // The cells of a face at any moment, computed from the photos, and their pictures.
-"use strict";
+import { CELL_COLORS } from "./cell_picture.js";
+import { fitEigenspace, weigh } from "./eigenspace.js";
+import { Photos } from "./photos.js";
 
-const CELL_COLORS = { empty: [36, 39, 43], masked: [58, 62, 68], zero: 18 };
-const KINDS_SHOWN = ["observed", "reconstruction", "residual", "weight"];
-
-class Cells {
+export class Cells {
   // `cells`: the data of page_cells.py, unpacked; `faces`: corners of all faces.
   constructor(cells, faces, colors) {
     Object.assign(this, { cells, faces, colors, rows: new Map(cells.faces.map((face, row) => [face, row])), views: new Map() });
@@ -85,40 +84,15 @@ class Cells {
     return counts;
   }
 
-  // Draws the tiles of `views` onto a canvas: one row per photo, one column per kind. Photos without the face stay empty.
-  draw(canvas, found, views, side, gap, kinds = KINDS_SHOWN, paint = found && this.painters(found)) {
-    canvas.width = kinds.length * (side + gap) - gap;
-    canvas.height = Math.max(1, views.length * (side + gap) - gap);
-    const context = canvas.getContext("2d");
-    if (!context || !found) return;
-    const { size } = found, image = new ImageData(size, size), cell = Object.assign(document.createElement("canvas"), { width: size, height: size });
-    context.imageSmoothingEnabled = size > side;
-    context.imageSmoothingQuality = "high";
-    views.forEach((view, row) => {
-      const i = found.views.indexOf(view);
-      kinds.forEach((kind, column) => {
-        const x = column * (side + gap), y = row * (side + gap);
-        context.fillStyle = `rgb(${CELL_COLORS.empty})`;
-        context.fillRect(x, y, side, side);
-        if (i < 0) return;
-        this.fill(image, found, i, kind, paint[kind]);
-        cell.getContext("2d").putImageData(image, 0, 0);
-        context.drawImage(cell, x, y, side, side);
-      });
-    });
-  }
-
-  fill(image, found, i, kind, color) {
-    const { size } = found, isResidual = kind === "residual" || kind === "weight" || kind === "norm";
-    const values = found[kind === "norm" ? "residual" : kind][i], counts = isResidual ? found.counts[i] : null;
-    for (let r = 0, s = 0; r < size; r++)
-      for (let c = 0; c < size; c++) {
-        const isInside = r + c < size;
-        const rgb = !isInside ? CELL_COLORS.empty : counts && !counts[s] ? CELL_COLORS.masked : color(values[s], i, s);
-        const at = 4 * (r * size + c);
-        image.data[at] = rgb[0]; image.data[at + 1] = rgb[1]; image.data[at + 2] = rgb[2]; image.data[at + 3] = 255;
-        if (isInside) s++;
-      }
+  // For `drawCells`: a function from a photo and a kind to the cell; null where the photo has none.
+  pictures(found) {
+    const paint = this.painters(found), { size } = found;
+    return (view, kind) => {
+      const i = found.views.indexOf(view), values = found[kind === "norm" ? "residual" : kind][i];
+      if (i < 0) return null;
+      const counts = kind === "observed" || kind === "reconstruction" ? null : found.counts[i];
+      return { size, color: (s) => (counts && !counts[s] ? CELL_COLORS.masked : paint[kind](values[s], i, s)) };
+    };
   }
 
   // For each kind a function from value to colour, with scales common to all photos, as in app/pictures/cell_images.py.

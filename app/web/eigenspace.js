@@ -1,13 +1,11 @@
 // The eigenspace of a face's cells, their residuals and robust weights: mirrors `fit_face` and `weigh` in fairing/kernels
 // (eigenspace.py, robust.py).
-"use strict";
-
 const FILL_ROUNDS = 3;
 
 // `observed`: a Float32Array (p) per photo; `counts`: a Uint8Array (p) per photo, or null if all samples count; `options`:
 // removeBias, centered. Returns {observed, reconstruction, residual}, each with an array (p) per photo, the basis images (k)
 // of p samples, and all singular values in descending order.
-function fitEigenspace(observed, counts, k, options) {
+export function fitEigenspace(observed, counts, k, options) {
   const n = observed.length, p = observed[0].length, cells = observed.map((cell) => cell.slice());
   const masked = counts.some((count) => count !== null);
   const isCounted = (i, t) => counts[i] === null || counts[i][t];
@@ -80,7 +78,7 @@ function product(a, b) {
 
 // Jacobi eigenvalue algorithm: rotates two axes at a time until the matrix is diagonal. vectors[i][m]: entry i of eigenvector m.
 function symmetricEigen(matrix) {
-  const n = matrix.length, A = matrix.map((row) => [...row]), V = A.map((_, i) => A.map((_, j) => Number(i === j)));
+  const n = matrix.length, A = matrix.map((row) => [...row]), V = A.map((row, i) => row.map((_, j) => Number(i === j)));
   const size = Math.hypot(...A.flat());
   for (let round = 0; round < 60; round++) {
     let off = 0;
@@ -101,7 +99,7 @@ function symmetricEigen(matrix) {
 
 // The sum of rho(e) and the weights rho'(e) / e. `table`: rho(x) / x^2, then rho'(x) / x, at 1 / (1 + x) = 0 ... 1, with x = |e|
 // over the root of `scale`; linear in between.
-function weigh(residual, table, scale) {
+export function weigh(residual, table, scale) {
   const weights = new Float32Array(residual.length), sigma = Math.sqrt(scale), points = table.length / 2;
   let total = 0;
   for (let t = 0; t < residual.length; t++) {

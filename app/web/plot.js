@@ -1,16 +1,8 @@
 // Plot of a quantity over moments with a cursor; a click or drag goes to the moment under the pointer.
-"use strict";
+import { svg } from "./dom.js";
+import { brief } from "./numbers.js";
 
-const SVG = "http://www.w3.org/2000/svg";
-
-function svg(name, attributes, parent) {
-  const node = document.createElementNS(SVG, name);
-  for (const [key, value] of Object.entries(attributes)) node.setAttribute(key, value);
-  parent?.append(node);
-  return node;
-}
-
-class Plot {
+export class Plot {
   // lines: [{moments, values}]; others: lines of another run for comparison, in `otherColor`, of `otherLength` steps: the axis is the share of each
   // run; bands: [{first, end, tint}], tint: a colour or none; isKnownAtPoints: lines have values at some moments only; onJump: called with a moment.
   constructor(host, { title, unit, lines, others = [], otherColor, otherLength = 0, bands, length, isLog, isKnownAtPoints = false, color, onJump }) {
@@ -105,16 +97,4 @@ class Plot {
     this.dot.setAttribute("cx", this.x(known));
     this.dot.setAttribute("cy", this.y(value));
   }
-}
-
-// A number as text: 12 345, 0.00123, 1.2e-7.
-function brief(value, digits = 3) {
-  if (value === 0) return "0";
-  const size = Math.abs(value);
-  if (size >= 1e-4 && size < 1e9) {
-    const decimals = Math.max(0, digits - 1 - Math.floor(Math.log10(size)));
-    const text = size >= 1e4 || decimals === 0 ? Math.round(value).toString() : Number(value.toFixed(Math.min(decimals, 12))).toString();
-    return text.replace(/\B(?=(\d{3})+(?!\d))/g, (match, _, at) => (text.indexOf(".") > -1 && at > text.indexOf(".") ? "" : "\u2009")).replace("-", "\u2212");
-  }
-  return value.toExponential(digits - 1).replace("-", "\u2212");
 }

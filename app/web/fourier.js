@@ -1,6 +1,4 @@
 // Fast Fourier transform, and filtering of small images with it.
-"use strict";
-
 const twiddles = new Map();
 
 // Transforms a signal of power-of-two length in place, unscaled. `sign`: -1 forward, 1 inverse.
@@ -27,7 +25,7 @@ function fourier(re, im, sign) {
 }
 
 // Multiplies the spectrum of a plane (high x wide) by `transfer(wx, wy)`, radians per pixel, in place, with zero padding.
-function filtered(plane, wide, high, transfer) {
+export function filtered(plane, wide, high, transfer) {
   const across = 2 ** Math.ceil(Math.log2(wide)), down = 2 ** Math.ceil(Math.log2(high));
   const re = new Float64Array(across * down), im = new Float64Array(across * down);
   for (let y = 0; y < high; y++) re.set(plane.subarray(y * wide, (y + 1) * wide), y * across);

@@ -1,12 +1,12 @@
 // Photos: stored as tiles, blurred around a face with the sweep's blur, and sampled into cells.
 // Mirrors fairing/cells/scale_space.py, point_spread.py and fairing/kernels/sampling.py.
-"use strict";
+import { filtered } from "./fourier.js";
 
 const AROUND = 8; // px around the face that are blurred as well, so that the next moments of the sweep can reuse the part
 const MOST_PARTS = 600; // blurred parts in the cache
 const POLE = Math.sqrt(3) - 2; // pole of the inverse filter of the cubic B-spline
 
-class Photos {
+export class Photos {
   // `photos`: the data of page_cells.py, unpacked; `affine`: whether the warp is affine.
   constructor(photos, affine) {
     Object.assign(this, { photos, affine, parts: new Map() });
@@ -107,9 +107,9 @@ class Photos {
   // By a Gaussian with covariance [[xx, xy], [xy, yy]], exactly, as point_spread.py.
   blurAskew(view, box, xx, xy, yy, cubic) {
     const border = Math.ceil(3.5 * Math.sqrt(xx + yy)) + 3, { planes, wide, high } = this.cut(view, box, border);
-    const spline = (w) => (cubic ? (2 + Math.cos(w)) / 3 : 1);
+    const response = (w) => (cubic ? (2 + Math.cos(w)) / 3 : 1);
     box.planes = planes.map((plane) => {
-      filtered(plane, wide, high, (wx, wy) => Math.exp(-0.5 * (xx * wx * wx + 2 * xy * wx * wy + yy * wy * wy)) / (spline(wx) * spline(wy)));
+      filtered(plane, wide, high, (wx, wy) => Math.exp(-0.5 * (xx * wx * wx + 2 * xy * wx * wy + yy * wy * wy)) / (response(wx) * response(wy)));
       const inner = new Float32Array(box.width * box.height);
       for (let y = 0; y < box.height; y++) inner.set(plane.subarray((y + border) * wide + border, (y + border) * wide + border + box.width), y * box.width);
       return inner;

@@ -1,16 +1,5 @@
 // The record of a run: positions at every moment and paths of the vertices.
-"use strict";
-
-const $ = (id) => document.getElementById(id);
-
-function element(name, attributes = {}, ...children) {
-  const node = document.createElement(name);
-  for (const [key, value] of Object.entries(attributes)) key in node ? (node[key] = value) : node.setAttribute(key, value);
-  node.append(...children);
-  return node;
-}
-
-class RunRecord {
+export class RunRecord {
   // `run`: the data of page_data.run_data, unpacked; `grid`: page units of a unit of its positions.
   constructor(run, grid) {
     Object.assign(this, { run, length: run.length, pace: run.pace, start: onGrid(run.start, grid), kept: new Map() });
@@ -66,11 +55,11 @@ class RunRecord {
   }
 }
 
-function onGrid(numbers, grid) { return Float32Array.from(numbers, (number) => number * grid); }
+export function onGrid(numbers, grid) { return Float32Array.from(numbers, (number) => number * grid); }
 
-function textureCoordinates(keyframes) { return keyframes.map(({ uv }) => Float32Array.from(uv, (number) => number / 65535)); }
+export function textureCoordinates(keyframes) { return keyframes.map(({ uv }) => Float32Array.from(uv, (number) => number / 65535)); }
 
 // Ids of the faces (3 m) around a vertex.
-function facesAround(faces, vertex) {
+export function facesAround(faces, vertex) {
   return [...Array(faces.length / 3).keys()].filter((f) => faces.subarray(3 * f, 3 * f + 3).includes(vertex));
 }

@@ -1,5 +1,5 @@
 // The 3D view on WebGL 2: the mesh with its texture keyframes, lines and dots.
-"use strict";
+import { add, cross, dot, magnitude, multiply, rotate, scale, unit } from "./vectors.js";
 
 const MESH_VERTEX = `#version 300 es
 in vec3 position; in vec2 uvA; in vec2 uvB;
@@ -61,10 +61,10 @@ void main() {
   color = vec4(r > 0.36 ? vec3(0.08) : dotColor, 1.0);
 }`;
 
-const FIELD_OF_VIEW = Math.PI / 4;
+export const FIELD_OF_VIEW = Math.PI / 4;
 const FILLED_WIDTH = 0.88, FILLED_HEIGHT = 0.74; // of the view; texts cover its borders
 
-class Viewer {
+export class Viewer {
   // `data`: the data of page_data.py; `arrays`: its arrays, decoded. Throws an error without WebGL 2.
   constructor(canvas, data, arrays) {
     const gl = canvas.getContext("webgl2", { antialias: true, preserveDrawingBuffer: true });
@@ -202,11 +202,11 @@ class Viewer {
     gl.uniform1i(p.uniform("textured"), this.shown.texture ? 1 : 0);
     gl.uniform1f(p.uniform("share"), share);
     gl.uniform3fv(p.uniform("eye"), add(this.target, this.offset));
-    [[first, "A"], [second, "B"]].forEach(([index, name], unit) => {
+    [[first, "A"], [second, "B"]].forEach(([index, name], layer) => {
       const keyframe = this.keyframes[index];
-      gl.activeTexture(gl.TEXTURE0 + unit);
+      gl.activeTexture(gl.TEXTURE0 + layer);
       gl.bindTexture(gl.TEXTURE_2D, keyframe.texture);
-      gl.uniform1i(p.uniform("texture" + name), unit);
+      gl.uniform1i(p.uniform("texture" + name), layer);
       attribute(gl, p, "uv" + name, keyframe.uv, 2);
     });
     attribute(gl, p, "position", buffer, 3);
@@ -269,7 +269,7 @@ class Viewer {
   }
 
   clipFromPage(aspect) {
-    const eye = add(this.target, this.offset), distance = length(this.offset);
+    const eye = add(this.target, this.offset), distance = magnitude(this.offset);
     const back = scale(this.offset, 1 / distance), right = unit(cross(this.up, back)), up = cross(back, right);
     const f = 1 / Math.tan(FIELD_OF_VIEW / 2), near = 0.01 * distance, far = 20 * distance + 100;
     const view = [right[0], up[0], back[0], 0, right[1], up[1], back[1], 0, right[2], up[2], back[2], 0,
@@ -339,7 +339,7 @@ class Viewer {
   }
 
   zoom(factor) {
-    this.offset = scale(unit(this.offset), Math.min(1000, Math.max(0.15, length(this.offset) * factor)));
+    this.offset = scale(unit(this.offset), Math.min(1000, Math.max(0.15, magnitude(this.offset) * factor)));
     this.redraw();
   }
 
@@ -351,13 +351,13 @@ class Viewer {
   }
 
   pan(dx, dy) {
-    const step = 2 * Math.tan(FIELD_OF_VIEW / 2) * length(this.offset) / this.canvas.clientHeight;
+    const step = 2 * Math.tan(FIELD_OF_VIEW / 2) * magnitude(this.offset) / this.canvas.clientHeight;
     this.target = add(this.target, add(scale(this.axes.right, -step * dx), scale(this.axes.up, step * dy)));
     this.redraw();
   }
 }
 
-function program(gl, vertex, fragment) {
+export function program(gl, vertex, fragment) {
   const made = gl.createProgram();
   for (const [kind, source] of [[gl.VERTEX_SHADER, vertex], [gl.FRAGMENT_SHADER, fragment]]) {
     const shader = gl.createShader(kind);
@@ -372,7 +372,7 @@ function program(gl, vertex, fragment) {
   return { program: made, used: [], uniform: (name) => (uniforms[name] ??= gl.getUniformLocation(made, name)) };
 }
 
-function attribute(gl, p, name, buffer, size, divisor = 0, stride = 0, offset = 0) {
+export function attribute(gl, p, name, buffer, size, divisor = 0, stride = 0, offset = 0) {
   const at = gl.getAttribLocation(p.program, name);
   if (at < 0) return;
   gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
@@ -382,42 +382,20 @@ function attribute(gl, p, name, buffer, size, divisor = 0, stride = 0, offset = 
   p.used.push(at);
 }
 
-function release(gl, p) {
+export function release(gl, p) {
   for (const at of p.used.splice(0)) { gl.vertexAttribDivisor(at, 0); gl.disableVertexAttribArray(at); }
 }
 
-function fill(gl, buffer, values) {
+export function fill(gl, buffer, values) {
   gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
   gl.bufferSubData(gl.ARRAY_BUFFER, 0, values);
 }
 
 // Positions (9 m) of the corners of faces (3 m).
-function corners(vertices, faces) {
+export function corners(vertices, faces) {
   const result = new Float32Array(3 * faces.length);
   faces.forEach((v, i) => { for (let c = 0; c < 3; c++) result[3 * i + c] = vertices[3 * v + c]; });
   return result;
 }
 
-const edgeLines = corners; // the same for edges (2 e): positions (6 e) of their ends
-
-const add = (a, b) => [a[0] + b[0], a[1] + b[1], a[2] + b[2]];
-const scale = (a, s) => [a[0] * s, a[1] * s, a[2] * s];
-const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-const length = (a) => Math.hypot(...a);
-const unit = (a) => scale(a, 1 / (length(a) || 1));
-const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
-
-// Rodrigues' formula.
-function rotate(a, axis, angle) {
-  const c = Math.cos(angle), s = Math.sin(angle);
-  return add(add(scale(a, c), scale(cross(axis, a), s)), scale(axis, dot(axis, a) * (1 - c)));
-}
-
-// Column-major 4 x 4.
-function multiply(a, b) {
-  const result = new Float32Array(16);
-  for (let column = 0; column < 4; column++)
-    for (let row = 0; row < 4; row++)
-      for (let k = 0; k < 4; k++) result[4 * column + row] += a[4 * k + row] * b[4 * column + k];
-  return result;
-}
+export const edgeLines = corners; // the same for edges (2 e): positions (6 e) of their ends

@@ -1,10 +1,8 @@
 // Unpacks the arrays of the page: base64, deflate, byte planes, zigzag coding of signed numbers. See packing.py.
-"use strict";
-
 const ARRAY_KINDS = { u1: Uint8Array, u2: Uint16Array, u4: Uint32Array, i2: Int16Array, i4: Int32Array, f4: Float32Array };
 
 // Replaces every packed array in a tree of data by its typed array, in place.
-async function unpack(tree) {
+export async function unpack(tree) {
   const works = [];
   const visit = (node) => {
     for (const [key, value] of Object.entries(node)) {

@@ -1,0 +1,2 @@
+// What the file of a page gives to its script.
+export const pageData = () => JSON.parse(document.getElementById("data").textContent);
