@@ -51,6 +51,7 @@ ALLOWED: dict[str, set[str]] = {
         "fairing.optimize",
         "fairing.terms",
         "fairing.kernels",
+        "fairing.norms",
         "fairing.solve",
         "fairing.run",
     },
