@@ -224,7 +224,7 @@ def test_replay_opens_at_the_moment_it_is_told(
     finished.trace.header["source"] = {"scene": "cube", "mesh": None}
     finished.trace.attach(path)
     finished.trace.detach()
-    monkeypatch.setattr("app.files.scene_source.load_demo", lambda *_, **__: scene)
+    monkeypatch.setattr("app.files.scene_source.load_named", lambda *_, **__: scene)
     assert opened(monkeypatch, "replay", str(path)).moment == 0
     assert opened(monkeypatch, "replay", str(path), "--at", "end").moment == len(finished.trace)
     assert opened(monkeypatch, "replay", str(path), "--at", "1:1:2:1").position == SchedulePosition(0, 0, 1, 0)

@@ -136,7 +136,7 @@ def replace_pixels(view: View):
 def test_a_demo_keeps_its_points_unless_its_own_are_chosen(monkeypatch, tmp_path):
     folder = capture(tmp_path / "capture", given(12), CORNER)
     demo = replace(SceneSource.typed(str(folder), None).load(), points_choice="given")
-    monkeypatch.setattr("app.files.scene_source.load_demo", lambda *_, **__: demo)
+    monkeypatch.setattr("app.files.scene_source.load_named", lambda *_, **__: demo)
     assert with_points(SceneSource.typed("cube", None, points="automatic").load()).sparse_points is demo.sparse_points
     own = with_points(SceneSource.typed("cube", None, points="own").load()).sparse_points
     assert own is not None
