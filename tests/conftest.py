@@ -5,15 +5,20 @@ import pytest
 pytest_plugins = ["tests.remembered_steps"]
 
 
+BROWSERS = 2
+"""Most browsers at once: each draws in software, so more of them on two cores only wait for each other."""
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Two processes share the tests (pytest-xdist): a module's tests stay together, and so do all tests in the browser.
+    """Three processes share the tests (pytest-xdist): a module's tests stay together, and the modules in browsers take turns.
 
     First, because pytest-xdist reads the marker in the same hook.
     """
+    in_browser = sorted({item.path.name for item in items if item.get_closest_marker("browser") is not None})
+    lanes = {name: f"browser {k % BROWSERS}" for k, name in enumerate(in_browser)}
     for item in items:
-        in_browser = item.get_closest_marker("browser") is not None
-        item.add_marker(pytest.mark.xdist_group("browser" if in_browser else item.path.name))
+        item.add_marker(pytest.mark.xdist_group(lanes.get(item.path.name, item.path.name)))
 
 
 def pytest_collection_finish(session: pytest.Session) -> None:
