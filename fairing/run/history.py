@@ -90,6 +90,8 @@ class History:
 
     def _is_kept(self, record: StepRecord) -> bool:
         """Whether a step ends smoothing or a fit that the run keeps: by the verdict of the photos, or without any judge."""
+        if record.stage is StageKind.PHOTOS:
+            return False
         level, at, following = self.level_of(record.position), record.position, record.next_position
         part = level.part_of(level.stage_at(at.sweep))
         if part and not (isinstance(part[-1], Judge) and part[-1].by == "photos"):
