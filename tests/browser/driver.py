@@ -155,6 +155,10 @@ class Visitor:
     def resize(self, size: ViewportSize) -> None:
         """Change the window's size and wait until its panels have stopped moving: a click would miss one on its way."""
         self.page.set_viewport_size(size)
+        self.wait_until_still()
+
+    def wait_until_still(self) -> None:
+        """Wait until no panel moves any more, as after another layout."""
         self.page.evaluate(_STILL)
 
     def button(self, name: str):

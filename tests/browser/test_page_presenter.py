@@ -36,6 +36,12 @@ def app():
     app.stop()
 
 
+def usual_widths(visitor: Visitor) -> tuple[float, float, float]:
+    """The widths once the panels have come to rest."""
+    visitor.wait_until_still()
+    return widths(visitor)
+
+
 def widths(visitor: Visitor) -> tuple[float, float, float]:
     """Of what is left of the view, of the view, and of what is right of it, px."""
     view, window = visitor.canvas_box(), visitor.page.evaluate("innerWidth")
@@ -55,7 +61,7 @@ def size_of_type(visitor: Visitor, selector: str) -> float:
 
 def test_key_button_and_palette_switch_the_layout_and_restore_it(visitor: Visitor):
     page = visitor.page
-    usual, tabs = widths(visitor), page.get_by_role("tab", name="Breakpoints", exact=True)
+    usual, tabs = usual_widths(visitor), page.get_by_role("tab", name="Breakpoints", exact=True)
     leave = visitor.button("Leave presenter layout")
 
     def is_presenting() -> None:
@@ -105,7 +111,7 @@ def test_type_grows_with_the_window_and_nothing_overflows(visitor: Visitor, them
 
 
 def test_a_lesson_is_presented_with_its_pictures_in_sight_and_leaves_the_layout_as_it_was(visitor: Visitor):
-    usual = widths(visitor)
+    usual = usual_widths(visitor)
     choose_lesson(visitor, "model")
     arrive(visitor, 0)
     visitor.button("Leave presenter layout").wait_for()
