@@ -71,7 +71,8 @@ def test_the_cut_costs_as_much_as_the_largest_flow(carving):
     heads = np.concatenate([node[mesh.neighbours[t, k]], np.full(n, n + 1)])
     costs = np.rint(scale * np.concatenate([capacity[t, k], votes.inside])).astype(np.int64)
     used = (tails != heads) & (costs > 0)
-    graph = coo_array((costs[used], (tails[used], heads[used])), shape=(n + 2, n + 2)).tocsr().astype(np.int32)
+    tails, heads, costs = (values[used].astype(np.int32) for values in (tails, heads, costs))
+    graph = coo_array((costs, (tails, heads)), shape=(n + 2, n + 2)).tocsr()
     flow = maximum_flow(graph, n, n + 1).flow_value / scale
     assert sum(carving.cut_value) == pytest.approx(flow, rel=0.005)
     assert flow > 1

@@ -41,7 +41,7 @@ def save(path: Path, pixels: np.ndarray = NOISE, focal_35: int | None = None, or
         exif[ExifTags.Base.Orientation] = orientation
     if focal_35 is not None:
         exif[ExifTags.Base.Make], exif[ExifTags.Base.Model] = "Maker", "Phone 9"
-        exif.get_ifd(ExifTags.IFD.Exif)[ExifTags.Base.FocalLengthIn35mmFilm] = focal_35
+        exif[ExifTags.IFD.Exif] = {ExifTags.Base.FocalLengthIn35mmFilm: focal_35}
     Image.fromarray(pixels).save(path, exif=exif)
 
 

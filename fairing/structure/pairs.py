@@ -49,7 +49,10 @@ def similar_pairs(descriptors: Sequence[np.ndarray]) -> set[tuple[int, int]]:
     sampled = np.concatenate([_sample(each, share, i) for i, each in enumerate(descriptors)]).astype(np.float32)
     if len(sampled) < _WORDS:
         return set()
-    words, _ = kmeans2(sampled, _WORDS, iter=8, minit="points", rng=np.random.default_rng(0))
+    # `seed` is called `rng` since SciPy 1.15, which still takes the former name.
+    words, _ = kmeans2(
+        sampled, _WORDS, iter=8, minit="points", seed=np.random.default_rng(0)  # pyright: ignore[reportCallIssue]
+    )  # fmt: skip
     signatures = np.stack([_signature(each.astype(np.float32), words) for each in descriptors])
     likeness = signatures @ signatures.T
     np.fill_diagonal(likeness, -np.inf)
