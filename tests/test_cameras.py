@@ -15,6 +15,7 @@ from fairing.cameras.judge import is_held_out, judge_cameras
 from fairing.cameras.misfits import find_misfits, resected
 from fairing.cameras.observed_points import ObservedPoints
 from fairing.cameras.pose_model import PARAMETERS, PoseModel, left_jacobians
+from fairing.lens import Lens
 from fairing.optimize.loss import GemanMcClure, Huber
 from tests.square_loss import Square
 
@@ -367,3 +368,17 @@ def test_a_given_distortion_is_not_adjusted():
     found = estimate_poses(model, observed)
     lenses = model.lenses_at(found.poses, true)
     assert [lens.is_distorted for lens in lenses] == [True] * 3 + [False] * 3
+
+
+def test_held_out_observations_are_known_again_after_undistortion():
+    rng, true = np.random.default_rng(16), ring(4)
+    observed = observed_by(true, 60, 0.2, rng)
+    lenses = [Lens(camera.K, np.array([K1, K2]), WIDTH, HEIGHT) for camera in true]
+    pixels = observed.pixels.copy()
+    for v, lens in enumerate(lenses):
+        pixels[observed.photo == v] = lens.undistort(pixels[observed.photo == v])
+    shown = np.bincount(observed.point, ~np.isfinite(pixels).all(axis=1)) == 0
+    again = replace(observed, pixels=pixels).distorted(lenses)
+    assert shown.sum() > 50
+    assert again.shares_observation(observed)[shown].all()
+    assert (again.pixels != observed.pixels).any(), "nothing was changed by rounding"

@@ -8,6 +8,8 @@ import numpy as np
 from fairing.features.points import FeaturePoints
 from fairing.lens import Lens
 
+SAME_PIXEL = 6  # decimals, px: undistorting and distorting a pixel changes its last digits
+
 
 @dataclass(frozen=True, eq=False)
 class ObservedPoints:
@@ -59,9 +61,10 @@ class ObservedPoints:
         )  # fmt: skip
 
     def shares_observation(self, others: "ObservedPoints") -> np.ndarray:
-        """(p,) bool: whether another set has an observation at the same pixel of the same photo."""
+        """(p,) bool: whether another set has an observation at the same pixel of the same photo, to `SAME_PIXEL` decimals."""
         mine, theirs = (
-            np.ascontiguousarray(np.column_stack([s.photo, s.pixels])).view("V24").ravel() for s in (self, others)
+            np.ascontiguousarray(np.column_stack([s.photo, np.round(s.pixels, SAME_PIXEL)])).view("V24").ravel()
+            for s in (self, others)
         )
         shared = np.isin(mine, theirs)
         return np.bincount(self.point, shared, minlength=len(self)) > 0

@@ -173,7 +173,7 @@ def refine(
     work = _Work(on_progress, cancel_requested)
     search = _Search(views, finds_points, threads, work)
     result = _refined(views, search, work, adjusts_lens)
-    if not finds_points or any(result.lenses):
+    if not finds_points or (result.taken and any(result.lenses)):
         return result  # a run finds points in the undistorted photos, whose keypoints are others
     cameras = [view.camera for view in result.corrected_views(views)]
     return replace(result, found=search.points(cameras, SECOND_SEARCH))
