@@ -76,6 +76,7 @@ def test_importing_the_package_imports_no_library():
     assert done.stdout == "set()\n"
 
 
+@pytest.mark.slow
 def test_a_demo_scene_is_loaded_by_its_name():
     scene, demo = fairing.load_scene("cube"), demo_scenes.load_demo("cube")
     assert np.array_equal(scene.mesh.vertices, demo.mesh.vertices)

@@ -24,6 +24,8 @@ from fairing.io.output_folder import prepare_output_folder
 from fairing.scene import CamerasChoice, Scene, View
 from tests.wrong_cameras import exact_scene, turned
 
+pytestmark = pytest.mark.slow
+
 
 def capture_of(folder: Path, views: tuple[View, ...]) -> Path:
     prepare_output_folder(folder)

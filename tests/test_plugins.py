@@ -65,6 +65,7 @@ def test_a_format_is_read(plugin: Path, tmp_path: Path):
         load_scene(capture)
 
 
+@pytest.mark.slow
 def test_a_scene_is_named_in_commands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     (tmp_path / "corners.py").write_text(
         "from tests.small_scene import corner_scene\n"
@@ -125,6 +126,7 @@ def test_a_norm_and_a_plan_are_named_instead_of_files(tmp_path: Path, monkeypatc
     assert [stage.kind for stage in own.plan] == ["photos", "photos", "judge"]
 
 
+@pytest.mark.slow
 def test_an_experiment_is_listed_and_measured(plugin: Path, tmp_path: Path):
     assert set(experiments()) == {*EXPERIMENTS, "damping"}
     out = tmp_path / "out"

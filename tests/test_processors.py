@@ -47,6 +47,7 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[dict]]:
     return found
 
 
+@pytest.mark.slow
 def test_the_code_is_that_of_the_processor(found: dict[str, list[dict]]):
     """Two doubles fit into xmm, four into ymm, eight into zmm; vfmadd multiplies and adds."""
     if "generic" in found:

@@ -33,6 +33,7 @@ def test_the_cube_opens_with_all_faces_around_the_wrong_corner_towards_the_viewe
     assert facing(scene, direction).min() > 0.2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["facade", "archway", "dome"])
 def test_the_other_demos_open_in_the_middle_of_the_photos(name):
     scene = load_demo(name)

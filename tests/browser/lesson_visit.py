@@ -1,11 +1,15 @@
 """Lessons as a visitor of the page opens, walks through and closes them."""
 
+import os
+
 from app.lessons.player import Player, Status
 from app.lessons.reader import load_lesson
 from app.page.server import App
 from tests.browser.driver import Visitor, page_of
 from tests.waiting import wait_for
 
+# EIGENFAIRING_ALL_LESSONS=1 walks all of them, exported ones with their experiments.
+WALKS_ALL_LESSONS = bool(os.environ.get("EIGENFAIRING_ALL_LESSONS"))
 SLOW = 240.0  # s: for a step's work on a loaded machine that compiles the engine first
 
 

@@ -1,7 +1,8 @@
 """The box of a mesh that was triangulated from points, in a real browser: its corners are dragged or typed."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from fairing.triangulation.points_in_box import box_words
 from tests.browser.driver import IN_BROWSER, Visitor, page_of
 from tests.speckled_corner import views
 from tests.two_levels import two_levels
-from tests.waiting import wait_for
+from tests.waiting import PATIENCE, wait_for
 
 pytestmark = [*IN_BROWSER, pytest.mark.slow]
 
@@ -43,6 +44,21 @@ def app(tmp_path_factory: pytest.TempPathFactory) -> Iterator[App]:
     app.stop()
 
 
+def drag_inwards(visitor: Visitor, is_dragged: Callable[[], bool]) -> None:
+    """Drag the arrow along x of the high corner by half its length: again where the view still moved under the mouse."""
+    mouse = visitor.page.mouse
+    for seconds in (10.0, 10.0, PATIENCE):
+        visitor.wait_until_still()
+        (origin, arrow) = np.array(visitor.page.evaluate(PLACES, ["/chosen_box/high", ALONG_X]))
+        mouse.move(*arrow.tolist())
+        mouse.down()
+        mouse.move(*(arrow - 0.5 * (arrow - origin)).tolist(), steps=5)
+        mouse.up()
+        with suppress(AssertionError):
+            return wait_for(is_dragged, seconds)
+    raise AssertionError(f"the corner of the box did not follow the mouse\n{visitor.situation()}")
+
+
 def test_the_corners_of_a_box_are_dragged_and_its_words_are_those_of_the_command(visitor: Visitor):
     page, tab = page_of(visitor.app), visitor.page
     tab.get_by_role("tab", name="Layers", exact=True).click()
@@ -53,12 +69,7 @@ def test_the_corners_of_a_box_are_dragged_and_its_words_are_those_of_the_command
     assert words.inner_text() == box_words(BOX)
     visitor.close_notifications()
     tab.wait_for_function("() => window.__viserMutable.nodeRefFromName['/chosen_box/high']?.visible")
-    (origin, arrow) = np.array(tab.evaluate(PLACES, ["/chosen_box/high", ALONG_X]))
-    tab.mouse.move(*arrow.tolist())
-    tab.mouse.down()
-    tab.mouse.move(*(arrow - 0.5 * (arrow - origin)).tolist(), steps=5)
-    tab.mouse.up()
-    wait_for(lambda: page.page_state.box != BOX)
+    drag_inwards(visitor, lambda: page.page_state.box != BOX)
     wait_for(lambda: words.inner_text() == box_words(page.page_state.box or BOX))
     assert page.page_state.box is not None
     assert BOX[0] < page.page_state.box[3] < BOX[3]

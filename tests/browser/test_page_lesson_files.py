@@ -1,6 +1,5 @@
 """Exported lessons, opened from disk without a network: driven by keyboard, pointer and touch, compared with the engine."""
 
-import os
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -22,15 +21,14 @@ from tests.browser.lesson_reader import (
     check_step,
     show_cells_by_keyboard,
 )
+from tests.browser.lesson_visit import WALKS_ALL_LESSONS
 
 pytestmark = [*IN_BROWSER, pytest.mark.usefixtures("remembered_steps")]
 
 PHONE: ViewportSize = {"width": 390, "height": 844}
 MAX_BYTES = 8_000_000
-# EIGENFAIRING_ALL_LESSONS=1 walks all of them, with their experiments.
-WALKS_ALL = bool(os.environ.get("EIGENFAIRING_ALL_LESSONS"))
-WALKED = lesson_names() if WALKS_ALL else ("model",)
-READ_BY_FINGER = lesson_names() if WALKS_ALL else ("displacement",)
+WALKED = lesson_names() if WALKS_ALL_LESSONS else ("model",)
+READ_BY_FINGER = lesson_names() if WALKS_ALL_LESSONS else ("displacement",)
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +46,7 @@ def lessons(tmp_path_factory, remembered_steps) -> dict[str, tuple[Path, PlayedL
             with pytest.MonkeyPatch.context() as patch:
                 patch.setattr(lesson_page, "play_lesson", play)
                 out = tmp_path_factory.mktemp("lessons") / f"{name}.html"
-                lesson_page.write_lesson(name, out, lambda fraction, line: None, with_experiment=WALKS_ALL)
+                lesson_page.write_lesson(name, out, lambda fraction, line: None, with_experiment=WALKS_ALL_LESSONS)
             self[name] = out, found[0]
             return self[name]
 
@@ -149,7 +147,7 @@ def test_every_step_has_names_and_contrast_for_everybody(name, lessons, desk, ph
         reader.open(path)
         for n in range(len(played.steps)):
             reader.page.evaluate("goToStep", n)
-            assert reader.serious_findings(*((theme, other) if WALKS_ALL else (theme,))) == [], f"step {n + 1}"
+            assert reader.serious_findings(*((theme, other) if WALKS_ALL_LESSONS else (theme,))) == [], f"step {n + 1}"
     small = phone.page.evaluate(
         """() => [...document.querySelectorAll('button, summary, a, input')]
             .filter((node) => node.checkVisibility() && !node.closest('#steps, .bars') && node.getBoundingClientRect().height < 38)
