@@ -5,13 +5,13 @@ import pytest
 pytest_plugins = ["tests.remembered_steps"]
 
 
-BROWSERS = 2
-"""Most browsers at once: each draws in software, so more of them on two cores only wait for each other."""
+BROWSERS = 3
+"""Most browsers at once: tests of the page wait for half of their time, but each browser draws in software."""
 
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Three processes share the tests (pytest-xdist): a module's tests stay together, and the modules in browsers take turns.
+    """Four processes share the tests (pytest-xdist): a module's tests stay together, and the modules in browsers take turns.
 
     First, because pytest-xdist reads the marker in the same hook.
     """

@@ -43,7 +43,7 @@ _DRAWN = """async () => {
         const now = extent();
         same = now === last ? same + 1 : 0;
         last = now;
-        await new Promise(requestAnimationFrame);
+        await new Promise(done => setTimeout(done, 40));
     }
 }"""
 _CALM = """() => document.getAnimations().every(({playState, effect}) =>
@@ -56,7 +56,7 @@ def themes_and_sizes(case: int) -> list[tuple[str, ViewportSize]]:
 
 
 def show(visitor: Visitor, tab: str) -> None:
-    """Select a tab and wait until its panel is drawn and no longer changes from frame to frame."""
+    """Select a tab and wait until its panel is drawn and no longer changes."""
     visitor.page.get_by_role("tab", name=tab, exact=True).click()
     visitor.page.evaluate(_DRAWN)
 
