@@ -87,7 +87,7 @@ STYLE = f"""
 .ef .stage::before {{ content: ""; width: 0; height: 15px; }}
 .ef .stage span {{ height: 15px; padding: 0 3px; font-size: 11px; line-height: 14px; color: var(--text); }}
 .ef .stage span.short {{ display: none; }}
-@container (max-width: 62px) {{ .ef .stage span.long {{ display: none; }} .ef .stage span.short {{ display: inline; }} }}
+@container (max-width: 76px) {{ .ef .stage span.long {{ display: none; }} .ef .stage span.short {{ display: inline; }} }}
 .ef .stage.now span {{ color: var(--strong); }}
 .ef .stage.now {{ outline: 1px solid {css(SELECTED)}; outline-offset: -1px; }}
 .ef button.in-stage {{ height: 20px; min-width: 0; padding: 0 4px; justify-content: flex-start; background: none;

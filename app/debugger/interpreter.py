@@ -39,7 +39,7 @@ from app.debugger.race import race
 from app.debugger.runs import Runs
 from app.debugger.schedule_extents import Group, beginning_of, boundary_before, group_of_next_step, group_of_step
 from app.debugger.step_text import step_outcome
-from fairing.errors import Cancelled, InputError
+from fairing.errors import Cancelled
 from fairing.options import FairingOptions
 from fairing.run.own_files import load_own
 from fairing.run.session import Session
@@ -116,14 +116,7 @@ class Interpreter:
                 self._add(session.branch(options), session.moment)
                 return f"branched at moment {session.moment} with other options; the previous run is kept"
             case LoadOwn(files):
-                own = load_own(files)
-                if own.plan is not None and session.plan is not None and own.plan != session.plan.stages:
-                    raise InputError(
-                        "the saved plan is another one: a plan takes effect from the start, open the run anew"
-                    )
-                self._add(session.branch(terms=own.terms, norm=own.norm), session.moment)
-                names = ", ".join(each.name for each in (*own.terms, own.norm) if each is not None)
-                return f"branched at moment {session.moment} with {names} as saved; the previous run is kept"
+                return self._load_own(files)
             case Place(vertices, positions):
                 ids = check_vertices(session, vertices)
                 places = check_positions(ids, positions)
@@ -152,6 +145,19 @@ class Interpreter:
     @property
     def _session(self) -> Session:
         return self._runs.session
+
+    def _load_own(self, files: Collection[Path]) -> str:
+        """Branch with the code of files as it is saved: at the present moment, or where the first changed stage of a plan began."""
+        session, own = self._session, load_own(files)
+        plan = None if own.plan == session.own_plan else own.plan
+        names = [each.name for each in (*own.terms, own.norm) if each is not None]
+        if plan is not None:
+            names.append("the plan")
+        elif not names:
+            return "the plan as saved is the present one; nothing has changed"
+        branch = session.branch(terms=own.terms, norm=own.norm, plan=plan)
+        self._add(branch, branch.moment)
+        return f"branched at moment {branch.moment} with {', '.join(names)} as saved; the previous run is kept"
 
     def _advance(self, extent: Extent | None, until: Condition | None = None, *, stops: bool) -> str:
         session = self._session
