@@ -37,7 +37,7 @@ from app.debugger.playback import play
 from app.debugger.quantities import StepContext, quantities_of
 from app.debugger.race import race
 from app.debugger.runs import Runs
-from app.debugger.schedule_extents import Group, beginning_of, boundary_before, group_of_next_step, group_of_step
+from app.debugger.schedule_extents import Extents, Group
 from app.debugger.step_text import step_outcome
 from fairing.errors import Cancelled
 from fairing.options import FairingOptions
@@ -98,14 +98,14 @@ class Interpreter:
             case Back(extent):
                 if session.moment == 0:
                     return "at the start"
-                session.go_to(boundary_before(session.trace.steps, session.moment, extent))
+                session.go_to(Extents(session.trace, extent).boundary_before(session.moment))
                 return f"stepped back {_steps_of(extent, session)}"
             case JumpTo(moment):
                 _go_to(session, moment)
                 return f"jumped to moment {session.moment}"
             case ToBeginning(extent):
-                group = group_of_next_step(session, extent)
-                session.go_to(beginning_of(session.trace.steps, session.moment, group, extent))
+                extents = Extents(session.trace, extent)
+                session.go_to(extents.beginning_of(session.moment, extents.group_of_next_step(session)))
                 return f"at the beginning of the {_name_of(extent, session)}"
             case Play(rate):
                 return play(session, rate, self._cancellation, self._publish)
@@ -164,6 +164,7 @@ class Interpreter:
         if session.finished:
             return session.stop_reason
         began: Group | None = None
+        extents = None if extent is None else Extents(session.trace, extent)
         self._stopped = session.vertices
         while not session.finished:
             is_new, is_planned = session.moment == len(session.trace), session.trace.plan is not None
@@ -171,14 +172,14 @@ class Interpreter:
             session.step()
             if is_new and is_planned:  # the first step also plans the run
                 self._step_seconds.append(time.perf_counter() - started)
-            if extent is not None:
-                began = began or group_of_step(session.trace.steps[session.moment - 1], extent)
+            if extents is not None:
+                began = began or extents.group_of_step(session.moment - 1)
             if stops and (stop := self._markers.check(session, self._stopped)):
                 return stop
             if until is not None and self._holds(until):
                 return f"stopped where {until.text}"
             # What is done to the start is a step of its own, at the position of the first iteration.
-            if extent is Extent.ITERATION or (extent is not None and group_of_next_step(session, extent) != began):
+            if extent is Extent.ITERATION or (extents is not None and extents.group_of_next_step(session) != began):
                 break
             if self._cancellation.requested():
                 return "paused"

@@ -36,6 +36,7 @@ from fairing.run.own_plan import (
 from fairing.run.planning import make_plan
 from fairing.run.pulls import Pull
 from fairing.run.recorded_norm import header_of_norm, options_with_norm, recorded_norm
+from fairing.run.recorded_stages import stage_keys
 from fairing.run.recorded_terms import check_terms_of_trace, header_of_terms, recorded_terms
 from fairing.run.schedule import fraction_done, most_blocks
 from fairing.run.stages import Photos, Stage
@@ -431,9 +432,12 @@ class Session:
         return self._step_while(lambda now, then: now[0] == then[0])
 
     def step_stage(self) -> StepRecord | None:
-        """To the end of the stage: until the next step is of another kind, or of another level. Returns the last step."""
+        """To the end of the stage, see `recorded_stages`. Returns the last step."""
         last = record = self.step()
-        while record is not None and (self.next_stage, self.position.level) == (record.stage, record.position.level):
+        key_of = stage_keys(self.trace)
+        while record is not None and (kind := self.next_stage) is not None:
+            if key_of(kind, self.position) != key_of(record.stage, record.position):
+                break
             record = self.step()
             last = record or last
         return last
