@@ -48,6 +48,7 @@ STYLE = f"""
 .ef .layer.off {{ color: var(--off-text); background: var(--off); }}
 .ef .segments {{ display: grid; grid-template-columns: repeat(auto-fit, minmax(84px, 1fr)); gap: 4px;
   margin: 3px 0; }} .ef .segments button {{ white-space: nowrap; }}
+.ef .scales .segments {{ grid-template-columns: repeat(auto-fit, minmax(46px, 1fr)); }} .ef .scales button {{ padding: 0; }}
 .ef .labels-above .segments {{ grid-template-columns: repeat(auto-fit, minmax(60px, 1fr)); }}
 .ef .legend {{ display: grid; gap: 4px; }}
 .ef .lines {{ display: flex; flex-wrap: wrap; gap: 2px 12px; }}
@@ -110,7 +111,7 @@ STYLE = f"""
 .ef .runs .current td, .ef .runs th {{ position: sticky; top: 0; z-index: 1; background: var(--mantine-color-body); }}
 .ef .runs .current td {{ top: 22px; bottom: 0; }}
 .ef .runs button, .ef .runs td:first-child {{ white-space: nowrap; }}
-.ef .tools {{ gap: 4px; }}
+.ef .tools, .ef .tools .row {{ gap: 4px; }}
 .ef .runs .what {{ width: 99%; max-width: 0; overflow: hidden; text-overflow: ellipsis; white-space: nowrap; }}
 .ef button.small.on {{ border-color: {css(SELECTED)}; color: {css(SELECTED)}; }}
 .ef button.small.a {{ background: {css(REFERENCE)}; border-color: {css(REFERENCE)}; color: var(--ink); }}
