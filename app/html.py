@@ -69,6 +69,7 @@ STYLE = f"""
 .ef .result th:first-child {{ width: 62%; }}
 .ef .layer.off .swatch {{ opacity: .35; }}
 .ef .one {{ white-space: nowrap; overflow: hidden; text-overflow: ellipsis; }}
+.ef .one > button.link {{ display: block; max-width: 100%; overflow: hidden; text-overflow: ellipsis; text-align: left; }}
 .ef .pinned .one, .ef .kind .one, .ef .work-line {{ contain: inline-size; }}
 .ef .work-line {{ display: flex; white-space: pre; overflow: hidden; }} .ef .work-line span {{ flex: none; }}
 .ef .work-line span:first-child {{ flex: 0 1 auto; overflow: hidden; text-overflow: ellipsis; }}
