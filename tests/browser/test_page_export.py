@@ -185,6 +185,9 @@ def test_a_click_on_a_vertex_shows_its_cells(replay):
     pictures = {sprite(replay)}
     page.locator("#faces button").last.click()
     pictures.add(sprite(replay))
+    heights = page.evaluate("[...document.querySelectorAll('#cell-rows .strip')].map((strip) => strip.clientHeight)")
+    shown = page.locator("#cell-rows").evaluate("rows => rows.clientHeight")
+    assert shown == pytest.approx(5 * heights[0] + 16, abs=2), "five whole rows"
     for moment in range(1, 4):
         page.keyboard.press("ArrowRight")
         page.get_by_text(f"moment {moment}:").wait_for()
