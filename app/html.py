@@ -48,6 +48,7 @@ STYLE = f"""
 .ef .layer.off {{ color: var(--off-text); background: var(--off); }}
 .ef .segments {{ display: grid; grid-template-columns: repeat(auto-fit, minmax(84px, 1fr)); gap: 4px;
   margin: 3px 0; }} .ef .segments button {{ white-space: nowrap; }}
+.ef .scales .segments {{ grid-template-columns: repeat(auto-fit, minmax(46px, 1fr)); }} .ef .scales button {{ padding: 0; }}
 .ef .labels-above .segments {{ grid-template-columns: repeat(auto-fit, minmax(60px, 1fr)); }}
 .ef .legend {{ display: grid; gap: 4px; }}
 .ef .lines {{ display: flex; flex-wrap: wrap; gap: 2px 12px; }}
@@ -68,6 +69,7 @@ STYLE = f"""
 .ef .result th:first-child {{ width: 62%; }}
 .ef .layer.off .swatch {{ opacity: .35; }}
 .ef .one {{ white-space: nowrap; overflow: hidden; text-overflow: ellipsis; }}
+.ef .one > button.link {{ display: block; max-width: 100%; overflow: hidden; text-overflow: ellipsis; text-align: left; }}
 .ef .pinned .one, .ef .kind .one, .ef .work-line {{ contain: inline-size; }}
 .ef .work-line {{ display: flex; white-space: pre; overflow: hidden; }} .ef .work-line span {{ flex: none; }}
 .ef .work-line span:first-child {{ flex: 0 1 auto; overflow: hidden; text-overflow: ellipsis; }}
@@ -87,7 +89,7 @@ STYLE = f"""
 .ef .stage::before {{ content: ""; width: 0; height: 15px; }}
 .ef .stage span {{ height: 15px; padding: 0 3px; font-size: 11px; line-height: 14px; color: var(--text); }}
 .ef .stage span.short {{ display: none; }}
-@container (max-width: 62px) {{ .ef .stage span.long {{ display: none; }} .ef .stage span.short {{ display: inline; }} }}
+@container (max-width: 76px) {{ .ef .stage span.long {{ display: none; }} .ef .stage span.short {{ display: inline; }} }}
 .ef .stage.now span {{ color: var(--strong); }}
 .ef .stage.now {{ outline: 1px solid {css(SELECTED)}; outline-offset: -1px; }}
 .ef button.in-stage {{ height: 20px; min-width: 0; padding: 0 4px; justify-content: flex-start; background: none;
@@ -110,7 +112,7 @@ STYLE = f"""
 .ef .runs .current td, .ef .runs th {{ position: sticky; top: 0; z-index: 1; background: var(--mantine-color-body); }}
 .ef .runs .current td {{ top: 22px; bottom: 0; }}
 .ef .runs button, .ef .runs td:first-child {{ white-space: nowrap; }}
-.ef .tools {{ gap: 4px; }}
+.ef .tools, .ef .tools .row {{ gap: 4px; }}
 .ef .runs .what {{ width: 99%; max-width: 0; overflow: hidden; text-overflow: ellipsis; white-space: nowrap; }}
 .ef button.small.on {{ border-color: {css(SELECTED)}; color: {css(SELECTED)}; }}
 .ef button.small.a {{ background: {css(REFERENCE)}; border-color: {css(REFERENCE)}; color: var(--ink); }}

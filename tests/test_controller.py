@@ -28,7 +28,7 @@ from app.debugger.commands import (
 from app.debugger.controller import Controller
 from app.debugger.history import EnergyHistory, PathHistory
 from app.debugger.run_state import Activity, RunState
-from app.debugger.schedule_extents import boundary_before
+from app.debugger.schedule_extents import Extents
 from demo_scenes import Photography, load_demo
 from fairing.errors import Cancelled
 from fairing.options import FairingOptions
@@ -78,7 +78,7 @@ def test_back_goes_to_the_beginning_of_the_last_extent(controller: Controller):
     state = do(controller, Forward(Extent.LEVEL))
     assert state.moment > 6
     for extent in (Extent.ITERATION, Extent.BLOCK, Extent.SWEEP, Extent.LEVEL):
-        expected = boundary_before(state.trace.steps, controller.state.moment, extent)
+        expected = Extents(state.trace, extent).boundary_before(controller.state.moment)
         state = do(controller, Back(extent))
         assert state.moment == expected
         np.testing.assert_array_equal(state.vertices, state.trace.vertices_at(expected))

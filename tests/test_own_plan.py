@@ -161,6 +161,72 @@ def test_a_plan_is_resumed_branched_and_replayed(tmp_path):
     assert usual.plan.stages == tuple(plan), "as many levels"
 
 
+FORMER = [
+    PlanStage("photos", blur=3.6, max_sweeps=2),
+    PlanStage("smoothing", max_iterations=3),
+    PlanStage("judge"),
+    PlanStage("photos", blur=1.2),
+]
+CHANGES: dict[str, tuple[list[PlanStage], int]] = {
+    "the first": ([PlanStage("photos", blur=3.6, max_sweeps=1), *FORMER[1:]], 0),
+    "smoothing": ([FORMER[0], PlanStage("smoothing", max_iterations=1), *FORMER[2:]], 1),
+    "photos that judge": ([*FORMER[:3], PlanStage("photos", blur=1.0)], 2),
+    "no judge": ([*FORMER[:2], FORMER[3]], 2),
+    "the last": ([*FORMER[:3], PlanStage("photos", blur=1.2, max_sweeps=1, max_iterations=1)], 3),
+    "one more": ([*FORMER, PlanStage("photos", blur=0.6, max_sweeps=1)], 4),
+}
+"""Changed plans with the number of stages that stay."""
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize(("plan", "unchanged"), CHANGES.values(), ids=CHANGES.keys())
+def test_a_changed_plan_keeps_the_stages_before_the_change_and_ends_like_a_new_run(plan, unchanged):
+    options = rough_options()
+    former = fairing.fair(rough_scene(), options, plan=FORMER)
+    begins = [stage.begin for stage in recorded_stages(former.trace)] + [len(former.trace)]
+    wanted = fairing.fair(rough_scene(), options, plan=plan)
+    for moment in (0, 1, begins[2], len(former.trace)):
+        former.go_to(moment)
+        branch = former.branch(plan=plan)
+        assert branch.moment == min(moment, begins[unchanged])
+        branch.run()
+        assert branch.own_plan == tuple(plan)
+        assert branch.options == wanted.options
+        assert branch.vertices.tobytes() == wanted.vertices.tobytes()
+        assert [step.position for step in branch.trace.steps] == [step.position for step in wanted.trace.steps]
+
+
+@pytest.mark.compiled
+def test_a_plan_that_replaces_none_begins_at_the_start_and_settings_left_out_are_as_before_the_first_plan(tmp_path):
+    options = two_levels("joint", sweeps=2, iterations=2)
+    usual = fairing.fair(corner_scene(), options)
+    plan = [PlanStage("photos", blur=2.0, max_sweeps=1)]
+    first = usual.branch(plan=plan)
+    assert first.moment == 0
+    first.trace.attach(tmp_path / "run.trace")
+    first.trace.detach()
+    again = Session(corner_scene(), trace=Trace.load(tmp_path / "run.trace"))
+    for run in (first, again):
+        assert run.branch(plan=[PlanStage("photos", blur=2.0)]).options.levels[0].max_sweeps == 2
+    of_former_version = again.trace
+    del of_former_version.header["options_before_own_plan"]
+    plain = Session(corner_scene(), trace=of_former_version).branch(plan=[PlanStage("photos", blur=2.0)])
+    assert plain.options.levels == Session(corner_scene(), plan=[PlanStage("photos", blur=2.0)]).options.levels
+
+
+@pytest.mark.compiled
+def test_a_changed_plan_that_makes_no_sense_leaves_the_run_as_it_is():
+    session = fairing.fair(corner_scene(), two_levels("joint", sweeps=1, iterations=1), plan=[PHOTOS])
+    for plan, message in (
+        ([PHOTOS, PlanStage("points")], "stage 2, points: expected sparse points"),
+        ([], "found \\[\\]"),
+    ):
+        with pytest.raises(InputError, match=message):
+            session.branch(plan=plan)
+    assert session.finished
+    assert session.own_plan == (PHOTOS,)
+
+
 @pytest.mark.compiled
 def test_a_plan_does_not_depend_on_the_number_of_threads():
     plan = [PlanStage("photos", blur=2.0), PlanStage("smoothing"), PlanStage("photos", blur=1.0)]

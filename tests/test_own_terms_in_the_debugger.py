@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import demo_scenes
-from app.debugger.commands import Extent, Forward
+from app.debugger.commands import Extent, Forward, Run
 from app.debugger.controller import Controller
 from app.debugger.iteration_query import IterationQuery, iteration_facts
 from app.debugger.moment_pulls import moment_pulls
@@ -135,6 +135,44 @@ def test_a_saved_norm_branches_the_run(tmp_path):
         assert controller.wait_until_idle().problem == ""
         file.write_text(file.read_text().replace("def rho(self, x):", "def rho(self, x):\n        return -x\n"))
         wait_for(lambda: "norm tukey: expected rho(x) finite and at least 0" in controller.state.problem)
+        assert len(controller.state.runs) == 2
+    finally:
+        files.close()
+        controller.close()
+
+
+@pytest.mark.compiled
+def test_a_saved_plan_branches_the_run_where_the_first_changed_stage_begins(tmp_path):
+    file = tmp_path / "plan.py"
+    code = """from fairing import PlanStage
+plan = [PlanStage("photos", blur=2.0, max_sweeps=1, max_iterations=2), PlanStage("photos", blur=1.0, max_sweeps=1)]
+"""
+    file.write_text(code)
+    mine = load_own([file])
+    session = Session(corner_scene(), small_options(), plan=mine.plan, plan_file=mine.plan_file)
+    controller = Controller(session)
+    files = OwnFiles(session.own_files, controller.post)
+    try:
+        controller.post(Run())
+        before = controller.wait_until_idle()
+        second = recorded_stages(before.trace)[1].begin
+        file.write_text(code + "# nothing changes\n")
+        wait_for(lambda: "nothing has changed" in controller.state.reason)
+        assert controller.state.run_id == before.run_id
+        file.write_text(code.replace("1.0", "0.5"))
+        wait_for(lambda: controller.state.run_id != before.run_id)
+        state = controller.wait_until_idle()
+        assert f"branched at moment {second} with the plan as saved" in state.reason
+        assert [run.length for run in state.runs] == [before.length, second]
+        controller.post(Run())
+        state = controller.wait_until_idle()
+        assert state.finished
+        assert state.options.by_level("blur") == (2.0, 0.5)
+        file.write_text(code.replace("PlanStage(", "PlanStage)"))
+        wait_for(lambda: "plan.py, line 2" in controller.state.problem)
+        file.write_text(code.replace("photos", "points"))
+        wait_for(lambda: "expected settings among gates" in controller.state.problem)
+        assert controller.state.finished
         assert len(controller.state.runs) == 2
     finally:
         files.close()

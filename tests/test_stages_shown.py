@@ -27,6 +27,7 @@ from app.pictures.strip import StepHistory
 from fairing.judge.report import run_report, sweep_energies
 from fairing.run.recorded_stages import RecordedStage, recorded_stages
 from fairing.run.session import Session
+from fairing.run_plan import PlanStage
 from fairing.scene import Scene
 from fairing.stage_kind import StageKind
 from fairing.trace import Trace
@@ -102,6 +103,28 @@ def test_from_within_a_stage_one_steps_to_its_ends(controller: Controller, stage
     # At a boundary the next step counts for the beginning, the last one for a step back.
     assert do(controller, JumpTo(stages[2].begin), ToBeginning(Extent.STAGE)).moment == stages[2].begin
     assert do(controller, JumpTo(stages[2].begin), Back(Extent.STAGE)).moment == stages[1].begin
+
+
+def test_stages_of_one_kind_after_each_other_in_a_plan_are_shown_and_stepped_each_for_itself(scene: Scene):
+    plan = [PlanStage("smoothing", max_iterations=n) for n in (2, 1)] + [PlanStage("photos", blur=1.0, max_sweeps=1)]
+    session = Session(scene, OPTIONS, plan=plan)
+    controller = Controller(session)
+    ends = [do(controller, Forward(Extent.STAGE)).moment for _ in plan]
+    assert controller.state.finished
+    assert ends[:2] == [2, 3]
+    assert [do(controller, Back(Extent.STAGE)).moment for _ in plan] == [3, 2, 0]
+    controller.close()
+    found = recorded_stages(session.trace)
+    assert [(stage.kind.label, stage.end) for stage in found] == list(zip([s.kind for s in plan], ends, strict=True))
+    for lengths in ((len(session.trace),), (1, 3, len(session.trace))):
+        assert history_of(session.trace, *lengths).stages(len(session.trace)) == found
+    band = stage_band(found, session.options, len(session.trace), 1, str)
+    assert re.findall(r"listitem' aria-label='(.*?)' title", band) == ["smoothing", "smoothing", "photos 1 px"]
+    again = Session(scene, trace=session.trace)
+    again.go_to(0)
+    for end in ends:
+        again.step_stage()
+        assert again.moment == end
 
 
 def test_a_session_steps_over_stages_of_a_record_and_of_a_new_run_alike(

@@ -73,7 +73,7 @@ OwnArgument = Annotated[
         name="with",
         metavar="FILE",
         help="Python files with terms of your own (subclasses of fairing.OwnTerm), a norm (a subclass of fairing.Norm) or a plan "
-        "(a list named plan of fairing.PlanStage): their code is executed. The debugger loads terms and norms anew when the file "
+        "(a list named plan of fairing.PlanStage): their code is executed. The debugger loads them anew when the file "
         "is saved. Or names that installed packages offer.",
     ),
 ]

@@ -84,8 +84,10 @@ def open_session(
         from fairing.run.own_files import load_own
         from fairing.run.session import Session
 
-        terms, norm, plan = load_own(own)  # before photos are read: a mistake there is told at once
-        session = Session(load(progress), options, trace, terms=terms, norm=norm, plan=plan)
+        mine = load_own(own)  # before photos are read: a mistake there is told at once
+        session = Session(
+            load(progress), options, trace, terms=mine.terms, norm=mine.norm, plan=mine.plan, plan_file=mine.plan_file
+        )
         session.choose_inputs(progress, opening.skip_points)
         return session
 

@@ -8,7 +8,7 @@ import numpy as np
 from app.debugger.run_state import RunState
 from app.debugger.step_text import slot_of
 from app.plot_line import Line, intervals
-from fairing.run.recorded_stages import RecordedStage
+from fairing.run.recorded_stages import RecordedStage, stage_keys
 from fairing.stage_kind import StageKind
 from fairing.trace import StepReason, StepRecord, Trace
 
@@ -30,8 +30,8 @@ PATH_SEGMENTS = 6000
 
 
 class EnergyCurves(NamedTuple):
-    """Of all steps read so far: energies, levels, moments at which their sweeps began and numbers of the sweeps, kinds of
-    their stages, and whether their energies stand for themselves, see `EnergyHistory`."""
+    """Of all steps read so far: energies, levels, moments at which their sweeps began and numbers of the sweeps, kinds and
+    numbers of their stages, and whether their energies stand for themselves, see `EnergyHistory`."""
 
     before: np.ndarray
     after: np.ndarray
@@ -39,12 +39,13 @@ class EnergyCurves(NamedTuple):
     sweeps: np.ndarray
     sweep_numbers: np.ndarray
     kinds: np.ndarray
+    stages: np.ndarray
     stands_alone: np.ndarray
 
 
 def _no_curves() -> EnergyCurves:
     none = np.zeros(0, dtype=int)
-    return EnergyCurves(np.zeros(0), np.zeros(0), none, none, none, none, none.astype(bool))
+    return EnergyCurves(np.zeros(0), np.zeros(0), none, none, none, none, none, none.astype(bool))
 
 
 class StageProgress(NamedTuple):
@@ -91,7 +92,13 @@ class EnergyHistory:
         if new <= 0:
             return
         curves = EnergyCurves(*(np.concatenate([old, np.zeros(new, old.dtype)]) for old in self.curves))
+        key_of = stage_keys(state.trace)
+        last = state.trace.steps[known - 1] if known else None
         for k, record in enumerate(state.trace.steps[known : state.length], start=known):
+            if last is not None:
+                is_next = key_of(last.stage, last.position) != key_of(record.stage, record.position)
+                curves.stages[k] = curves.stages[k - 1] + is_next
+            last = record
             curves.levels[k], curves.sweeps[k] = record.position.level, record.sweep_moment
             curves.sweep_numbers[k], curves.kinds[k] = record.position.sweep, record.stage
             is_in_sweep = k > 0 and record.sweep_moment == curves.sweeps[k - 1] and not curves.stands_alone[k - 1]
@@ -132,10 +139,10 @@ class EnergyHistory:
 
     def stages(self, length: int) -> list[RecordedStage]:
         """The stages of the first `length` steps, in their order."""
-        kinds, levels = self.curves.kinds[:length], self.curves.levels[:length]
+        kinds, levels = self.curves.kinds, self.curves.levels
         return [
             RecordedStage(StageKind(int(kinds[begin])), int(levels[begin]), begin, end)
-            for begin, end in intervals(levels * len(StageKind) + kinds)
+            for begin, end in intervals(self.curves.stages[:length])
         ]
 
     def stage_progress(self, step: int, length: int) -> StageProgress:

@@ -37,9 +37,9 @@ from app.debugger.playback import play
 from app.debugger.quantities import StepContext, quantities_of
 from app.debugger.race import race
 from app.debugger.runs import Runs
-from app.debugger.schedule_extents import Group, beginning_of, boundary_before, group_of_next_step, group_of_step
+from app.debugger.schedule_extents import Extents, Group
 from app.debugger.step_text import step_outcome
-from fairing.errors import Cancelled, InputError
+from fairing.errors import Cancelled
 from fairing.options import FairingOptions
 from fairing.run.own_files import load_own
 from fairing.run.session import Session
@@ -98,14 +98,14 @@ class Interpreter:
             case Back(extent):
                 if session.moment == 0:
                     return "at the start"
-                session.go_to(boundary_before(session.trace.steps, session.moment, extent))
+                session.go_to(Extents(session.trace, extent).boundary_before(session.moment))
                 return f"stepped back {_steps_of(extent, session)}"
             case JumpTo(moment):
                 _go_to(session, moment)
                 return f"jumped to moment {session.moment}"
             case ToBeginning(extent):
-                group = group_of_next_step(session, extent)
-                session.go_to(beginning_of(session.trace.steps, session.moment, group, extent))
+                extents = Extents(session.trace, extent)
+                session.go_to(extents.beginning_of(session.moment, extents.group_of_next_step(session)))
                 return f"at the beginning of the {_name_of(extent, session)}"
             case Play(rate):
                 return play(session, rate, self._cancellation, self._publish)
@@ -116,14 +116,7 @@ class Interpreter:
                 self._add(session.branch(options), session.moment)
                 return f"branched at moment {session.moment} with other options; the previous run is kept"
             case LoadOwn(files):
-                own = load_own(files)
-                if own.plan is not None and session.plan is not None and own.plan != session.plan.stages:
-                    raise InputError(
-                        "the saved plan is another one: a plan takes effect from the start, open the run anew"
-                    )
-                self._add(session.branch(terms=own.terms, norm=own.norm), session.moment)
-                names = ", ".join(each.name for each in (*own.terms, own.norm) if each is not None)
-                return f"branched at moment {session.moment} with {names} as saved; the previous run is kept"
+                return self._load_own(files)
             case Place(vertices, positions):
                 ids = check_vertices(session, vertices)
                 places = check_positions(ids, positions)
@@ -153,11 +146,25 @@ class Interpreter:
     def _session(self) -> Session:
         return self._runs.session
 
+    def _load_own(self, files: Collection[Path]) -> str:
+        """Branch with the code of files as it is saved: at the present moment, or where the first changed stage of a plan began."""
+        session, own = self._session, load_own(files)
+        plan = None if own.plan == session.own_plan else own.plan
+        names = [each.name for each in (*own.terms, own.norm) if each is not None]
+        if plan is not None:
+            names.append("the plan")
+        elif not names:
+            return "the plan as saved is the present one; nothing has changed"
+        branch = session.branch(terms=own.terms, norm=own.norm, plan=plan)
+        self._add(branch, branch.moment)
+        return f"branched at moment {branch.moment} with {', '.join(names)} as saved; the previous run is kept"
+
     def _advance(self, extent: Extent | None, until: Condition | None = None, *, stops: bool) -> str:
         session = self._session
         if session.finished:
             return session.stop_reason
         began: Group | None = None
+        extents = None if extent is None else Extents(session.trace, extent)
         self._stopped = session.vertices
         while not session.finished:
             is_new, is_planned = session.moment == len(session.trace), session.trace.plan is not None
@@ -165,14 +172,14 @@ class Interpreter:
             session.step()
             if is_new and is_planned:  # the first step also plans the run
                 self._step_seconds.append(time.perf_counter() - started)
-            if extent is not None:
-                began = began or group_of_step(session.trace.steps[session.moment - 1], extent)
+            if extents is not None:
+                began = began or extents.group_of_step(session.moment - 1)
             if stops and (stop := self._markers.check(session, self._stopped)):
                 return stop
             if until is not None and self._holds(until):
                 return f"stopped where {until.text}"
             # What is done to the start is a step of its own, at the position of the first iteration.
-            if extent is Extent.ITERATION or (extent is not None and group_of_next_step(session, extent) != began):
+            if extent is Extent.ITERATION or (extents is not None and extents.group_of_next_step(session) != began):
                 break
             if self._cancellation.requested():
                 return "paused"

@@ -54,7 +54,7 @@ def curve_chart(
         if k % 2:
             parts.append(
                 f"<rect x='{left:.1f}' y='{TOP}' width='{right - left:.1f}' height='{HEIGHT - TOP - BOTTOM}' "
-                "fill='#fff' fill-opacity='.05'/>"
+                "fill='var(--strong)' fill-opacity='.05'/>"
             )
         if right - left > 8 * len(name):
             parts.append(
@@ -62,7 +62,7 @@ def curve_chart(
             )
     for value in (log_ticks(low, high) if is_log else ticks(low, high)).tolist():
         at = float(y(value))
-        parts.append(f"<line x1='{LEFT}' x2='{WIDTH - RIGHT}' y1='{at:.1f}' y2='{at:.1f}' stroke='#31363c'/>")
+        parts.append(f"<line x1='{LEFT}' x2='{WIDTH - RIGHT}' y1='{at:.1f}' y2='{at:.1f}' stroke='var(--line)'/>")
         parts.append(f"<text x='{LEFT - 8}' y='{at + 4:.1f}' text-anchor='end'>{number(value, 3)}</text>")
     for moments, line in lines:
         points = " ".join(f"{px:.1f},{py:.1f}" for px, py in zip(x(moments), y(line), strict=True))

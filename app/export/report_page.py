@@ -27,15 +27,16 @@ from fairing.stage_kind import StageKind
 PICTURE = 600  # px
 STYLE = f"""
 .two {{ display: grid; grid-template-columns: 1fr 1fr; gap: 12px; }}
-.two > div {{ background: #212429; border-radius: 8px; padding: 12px 14px; min-width: 0; }}
+.two > div {{ background: var(--card); border-radius: 8px; padding: 12px 14px; min-width: 0; }}
 .curve {{ width: 100%; display: block; margin-top: 8px; }}
-.curve text {{ fill: #8d96a1; font-size: 12px; }}
-.plain th {{ border-bottom: 1px solid #2a2e34; text-align: left; padding: 5px 12px 5px 0; font-weight: 400; }}
+.curve text {{ fill: var(--dim); font-size: 12px; }}
+.plain th {{ border-bottom: 1px solid var(--line); text-align: left; padding: 5px 12px 5px 0; font-weight: 400; }}
 .plain td {{ white-space: normal; }}
-.option {{ margin: 4px 0 6px 18px; padding-left: 10px; border-left: 2px solid #31363c; overflow-wrap: anywhere; }}
+.option {{ margin: 4px 0 6px 18px; padding-left: 10px; border-left: 2px solid var(--line); overflow-wrap: anywhere; }}
 .option.changed {{ border-color: {css(SELECTED)}; }}
-.option small {{ display: block; color: #8d96a1; }}
+.option small {{ display: block; color: var(--dim); }}
 .whole {{ width: 100%; display: block; margin-top: 12px; border-radius: 8px; }}
+@media screen and (max-width: 760px) {{ .curve text {{ font-size: 15.5px; }} }}
 @media print {{ body {{ print-color-adjust: exact; }} h2, figure, .two, tr {{ break-inside: avoid; }} }}
 """
 

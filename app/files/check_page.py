@@ -66,6 +66,8 @@ def _faces(check: SceneCheck) -> str:
         tile(str(int(faces.is_striped.sum())), "of them are striped: they can slide in one direction"),
         _place(check.placement),
         tile(parallax, "largest angle between lines of sight to a face (median)"),
+    ]
+    histograms = [
         _histogram("photos per face", faces.n_views, "", whole=True),
         _histogram("size of a face in the photos, px", faces.footprint[part], " px"),
         _histogram("texture of a face, grey levels per pixel", faces.texture[part], "", low=BLANK_TEXTURE),
@@ -73,7 +75,7 @@ def _faces(check: SceneCheck) -> str:
     lists = {f"excluded: {reason}": ids for reason, ids in without.items()}
     lists |= {"are blank": np.flatnonzero(faces.is_blank), "are striped": np.flatnonzero(faces.is_striped)}
     details = "".join(_ids(name, ids) for name, ids in lists.items() if len(ids))
-    return f"<h2>Faces</h2><div class='tiles'>{''.join(tiles)}</div>{details}"
+    return f"<h2>Faces</h2><div class='tiles'>{''.join(tiles)}</div><div class='tiles wide'>{''.join(histograms)}</div>{details}"
 
 
 def _place(placement: Placement) -> str:
@@ -108,7 +110,7 @@ def _histogram(title: str, values: np.ndarray, unit: str, whole: bool = False, l
         )
     middle = float(np.median(values))
     return (
-        f"<div class='tile wide'><b>{_short(middle)}{unit}</b><span class='dim'>{title} (median)</span>"
+        f"<div class='tile'><b>{_short(middle)}{unit}</b><span class='dim'>{title} (median)</span>"
         f"<svg viewBox='0 0 100 40' preserveAspectRatio='none' role='img' aria-label='{text(title)}'>{''.join(bars)}</svg>"
         f"<div class='axis'><span>0</span><span>{_short(top)}</span></div></div>"
     )
@@ -147,7 +149,7 @@ def _photos(views: Sequence[ViewCheck], correction_of_all: float) -> str:
             (f"{100 * view.masked:.0f} %" if view.masked else "–", False),
         ]
         rows.append(
-            f"<tr><td>{text(view.name)}</td>"
+            f"<tr><td><span class='name'>{text(view.name)}</span></td>"
             + "".join(f"<td{' class=bad' if bad else ''}>{value}</td>" for value, bad in cells)
             + "</tr>"
         )

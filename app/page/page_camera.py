@@ -18,6 +18,7 @@ FLIGHT = tuple(
     float(x) for x in 0.5 - 0.5 * np.cos(np.linspace(0, np.pi, 13)[1:])
 )  # shares of the way: slow, fast, slow
 FLIGHT_SECONDS = 0.4
+NARROW = 0.7  # width by height: in narrower views the width limits what is seen
 
 
 class PageCamera:
@@ -108,8 +109,9 @@ class PageCamera:
         self._stand_at(eye, target)
 
     def _stand_at(self, eye: np.ndarray, target: np.ndarray | None = None) -> None:
-        """Look at a target (3,), page units, by default that of the stage."""
+        """Look at a target (3,), page units, by default that of the stage; from farther away in a narrow view, as on a phone."""
         target = self._stage.target if target is None else target
+        eye = target + max(1.0, NARROW / self._client.camera.aspect) * (eye - target)
         set_camera_pose(
             self._client, CameraPose(np.array(eye), np.array(target), np.array(self._stage.up), FIELD_OF_VIEW)
         )

@@ -34,3 +34,8 @@ def choice(
         more = f" ({details[key]})" if details and key in details else ""
         found.append(button(label, press, hint=f"{name}: {label}{more}", css_class=css_class, pressed=is_on))
     return f"<div class='segments' role='group' aria-label='{text(name)}'>{''.join(found)}</div>"
+
+
+def arrow_scales(segments: str) -> str:
+    """Markup of a segmented control for the length of arrows, with its caption."""
+    return f"<div class='dim note'>arrows longer by</div><div class='scales'>{segments}</div>"

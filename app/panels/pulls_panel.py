@@ -11,7 +11,7 @@ from app.html import number, text
 from app.page_state.page_state import PULL_SCALES, PageState
 from app.page_state.pull_source import PullSource
 from app.palette import SELECTED, css, solid
-from app.panels.choice import choice
+from app.panels.choice import arrow_scales, choice
 from app.pictures.term_colors import COLOR_OF_TERM
 from app.viser_bridge.html_events import HtmlEvents, choice_of
 from app.viser_bridge.html_panel import HtmlPanel
@@ -53,7 +53,7 @@ class PullsPanel:
 
     def _scales(self, page_state: PageState) -> str:
         scales = {scale: (label, self._events("scale", k)) for k, (scale, label) in enumerate(PULL_SCALES.items())}
-        return f"<div class='dim note'>arrows longer by</div>{choice(scales, page_state.pull_scale, 'Pull arrows')}"
+        return arrow_scales(choice(scales, page_state.pull_scale, "Pull arrows"))
 
 
 def pulls_html(found: MomentPulls, vertex: int, when: str, is_over: bool) -> str:

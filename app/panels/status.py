@@ -20,6 +20,7 @@ from app.palette import css
 from app.pictures.stage_colors import COLOR_OF_STAGE
 from app.viser_bridge.html_panel import HtmlPanel
 from fairing.cells.level_choice import first_fine_level
+from fairing.run.recorded_stages import stage_keys
 from fairing.trace import SchedulePosition
 
 _COUNT = re.compile(r"[,:] (\w+ )?\d+ of \d+$")
@@ -126,7 +127,8 @@ class Status:
         last = self._energies.stage_progress(state.moment - 1, state.length)
         if state.next_stage is None:
             return last.sweep
-        if (state.next_stage, state.position.level) != (record.stage, record.position.level):
+        key_of = stage_keys(state.trace)
+        if key_of(state.next_stage, state.position) != key_of(record.stage, record.position):
             return 1
         return last.sweep + (state.position.sweep != record.position.sweep)
 
@@ -141,7 +143,10 @@ class Status:
             return f"<span title='{text(hint)}'>Residual <span class='dim'>not measured: {text(found.why_not)}</span></span>"
         known, start = found.up_to(state.moment), found.by_moment.get(0)
         if known is None or not np.isfinite(known[1]):
-            line = "is measured when the run pauses" if known is None else "no face is seen by three photos"
+            line = "no face is seen by three photos"
+            if known is None:
+                is_paused = state.activity is Activity.PAUSED
+                line = "is being measured" if is_paused else "is measured when the run pauses"
             return f"<span title='{text(hint)}'>Residual <span class='dim'>{line}</span></span>"
         moment, value = known
         unit = "grey levels" if moment == state.moment else f"at moment {moment}"

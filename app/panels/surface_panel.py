@@ -15,7 +15,7 @@ from app.page_state.page_state import (
     TRUE_SHAPE,
     PageState,
 )
-from app.panels.choice import choice
+from app.panels.choice import arrow_scales, choice
 from app.pictures.coloring import COLORINGS, PULL, available_colorings
 from app.pictures.texturer import MOST_FACES, MOST_FACES_VIEW_DEPENDENT
 from app.viser_bridge.html_events import Guarded, HtmlEvents, choice_of, integer, press
@@ -102,7 +102,7 @@ class SurfaceControls:
                              (view + 1 if view < last else -1, "Next photo"))
         )  # fmt: skip
         scales = {scale: (label, self._events("scale", k)) for k, (scale, label) in enumerate(FLOW_SCALES.items())}
-        arrows = f"<div class='dim note'>arrows longer by</div>{choice(scales, state.flow_scale, 'Arrows')}"
+        arrows = arrow_scales(choice(scales, state.flow_scale, "Arrows"))
         return (
             f"<div class='dim note'>of the photo</div><div class='row'>{previous}<span class='grow one' "
             f"style='text-align:center'>{text(name)}</span>{following}</div>{arrows if state.surface == 'flow' else ''}"

@@ -157,7 +157,11 @@ class Timeline:
             )
             for k, (kind, hint) in enumerate(KINDS.items())
         )
-        return f"{player}{speeds}<span class='grow'></span>{self._moves(state, page_state)}<span class='grow'></span>{kinds}"
+        moves = self._moves(state, page_state)
+        return (
+            f"{player}{speeds}<span class='grow'></span><span class='row moves'>{moves}</span>"
+            f"<span class='grow'></span><span class='row'>{kinds}</span>"
+        )
 
     def _moves(self, state: RunState, page_state: PageState) -> str:
         enabled = page_state.selected is not None and state.length > 0

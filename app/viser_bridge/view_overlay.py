@@ -5,14 +5,15 @@ import viser
 from app.viser_bridge.javascript import run_in_page
 
 OVERLAY_STYLE = """
-#eigenfairing-overlay { position: absolute; left: 18px; top: 14px; padding: 0; pointer-events: none; max-width: 60%; }
+#eigenfairing-overlay { position: absolute; left: 12px; top: 10px; padding: 3px 8px; pointer-events: none; max-width: 60%;
+  z-index: 1; background: color-mix(in srgb, var(--well) 75%, transparent); border-radius: 6px; }
+#eigenfairing-overlay:empty { display: none; }
 #eigenfairing-overlay .marks { font-size: 12px; }
 #eigenfairing-overlay .marks i { width: 9px; height: 9px; border-radius: 50%; }
 #eigenfairing-overlay .marks .block { border-radius: 1px; }
 #eigenfairing-overlay .marks .ring { border: 2px solid; }
 #eigenfairing-overlay .marks .path { width: 16px; height: 3px; border-radius: 1px; }
-#eigenfairing-overlay .legend { width: 208px; margin-top: 6px; padding: 5px 8px; gap: 1px; font-size: 12px;
-  background: color-mix(in srgb, var(--well) 85%, transparent); border-radius: 4px; }
+#eigenfairing-overlay .legend { width: 208px; margin: 6px 0 2px; gap: 1px; font-size: 12px; }
 """
 
 

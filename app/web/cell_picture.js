@@ -23,11 +23,10 @@ export function drawCell(context, x, y, side, cell) {
   context.drawImage(small, x, y, side, side);
 }
 
-// A table of cells on a canvas: one row a photo, one column a kind. `cellOf(view, kind)`: the cell; null: the table stays blank.
-export function drawCells(canvas, { views, kinds, side, gap, cellOf }) {
-  canvas.width = kinds.length * (side + gap) - gap;
-  canvas.height = Math.max(1, views.length * (side + gap) - gap);
+// The cells of a photo on a canvas, side by side, one a kind. `cellOf(view, kind)`: the cell; null: the canvas stays blank.
+export function drawCells(canvas, { view, kinds, side, gap, cellOf }) {
+  Object.assign(canvas, { width: kinds.length * (side + gap) - gap, height: side });
   const context = canvas.getContext("2d");
   if (!context || !cellOf) return;
-  views.forEach((view, row) => kinds.forEach((kind, column) => drawCell(context, column * (side + gap), row * (side + gap), side, cellOf(view, kind))));
+  kinds.forEach((kind, column) => drawCell(context, column * (side + gap), 0, side, cellOf(view, kind)));
 }

@@ -26,11 +26,13 @@ class Own(NamedTuple):
         terms: beside the built-in ones.
         norm: instead of that of the options; None: that one.
         plan: instead of what the start calls for; None: that.
+        plan_file: the file that defines the plan; empty without one.
     """
 
     terms: tuple[OwnTerm, ...] = ()
     norm: Norm | None = None
     plan: tuple[PlanStage, ...] | None = None
+    plan_file: str = ""
 
 
 def load_own(files: Iterable[Path]) -> Own:
@@ -46,14 +48,12 @@ def load_own(files: Iterable[Path]) -> Own:
     found = [_own_of(file) for file in files]
     terms = tuple(term for each in found for term in each.terms)
     check_terms(terms, BUILT_IN)
-    norms, plans = (
-        [each.norm for each in found if each.norm is not None],
-        [each.plan for each in found if each.plan is not None],
-    )
+    norms = [each.norm for each in found if each.norm is not None]
+    plans = [(each.plan, each.plan_file) for each in found if each.plan is not None]
     for what, several in (("norm", norms), ("plan", plans)):
         if len(several) > 1:
             raise InputError(f"expected one {what} in all files, found {len(several)}; leave the others out")
-    return Own(terms, norms[0] if norms else None, plans[0] if plans else None)
+    return Own(terms, norms[0] if norms else None, *(plans[0] if plans else (None, "")))
 
 
 def _own_of(file: Path) -> Own:
@@ -87,7 +87,7 @@ def _own_of(file: Path) -> Own:
         raise InputError(f"{where}: {type(error).__name__}: {error}") from error
     if own == Own():
         raise InputError(f"{file}: expected {_EXPECTED}, found none")
-    return own
+    return own if own.plan is None else own._replace(plan_file=str(file))
 
 
 def _defined(module: ModuleType) -> Own:

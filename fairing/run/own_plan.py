@@ -9,7 +9,7 @@ from typing import Any
 
 from fairing.cells.level_choice import first_fine_level
 from fairing.errors import InputError
-from fairing.options import FairingOptions, LevelOptions
+from fairing.options import FairingOptions, LevelOptions, options_from_dict, options_to_dict
 from fairing.run.stages import (
     AXES_ITERATIONS,
     PASSES,
@@ -30,6 +30,8 @@ from fairing.trace import Trace
 
 OWN_PLAN = "own_plan"
 """Key of a header: the stages of a plan of one's own."""
+OPTIONS_BEFORE = "options_before_own_plan"
+"""Key of a header: the options from which those of the run were made by `options_of_plan`."""
 PHOTOS = StageKind.PHOTOS.label
 _GATES = tuple(gate for gate in GATES for _ in range(STEPS))
 _STAGES: dict[str, Stage] = {
@@ -172,9 +174,28 @@ def run_plan_of(plan: Sequence[PlanStage], problem: Problem) -> RunPlan:
     )
 
 
-def header_of_plan(plan: Sequence[PlanStage]) -> dict[str, Any]:
-    """The entry of a header; none without a plan of one's own."""
-    return {OWN_PLAN: [asdict(stage) for stage in plan]} if plan else {}
+def header_of_plan(plan: Sequence[PlanStage], options: FairingOptions) -> dict[str, Any]:
+    """The entries of a header; none without a plan of one's own.
+
+    Args:
+        options: before `options_of_plan`.
+    """
+    if not plan:
+        return {}
+    return {OWN_PLAN: [asdict(stage) for stage in plan], OPTIONS_BEFORE: options_to_dict(options)}
+
+
+def options_before_plan(trace: Trace, options: FairingOptions) -> FairingOptions:
+    """The options of a run with the levels that they had before its plan; the default ones in older traces with a plan.
+
+    Raises:
+        InputError: the recorded ones make no sense.
+    """
+    if OWN_PLAN not in trace.header:
+        return options
+    recorded = trace.header.get(OPTIONS_BEFORE)
+    before = FairingOptions() if recorded is None else options_from_dict(recorded)
+    return replace(options, levels=before.levels)
 
 
 def recorded_plan(trace: Trace, given: Sequence[PlanStage] | None = None) -> tuple[PlanStage, ...]:

@@ -22,11 +22,21 @@ from fairing.norms.built_in import OWN
 from fairing.norms.norm import Norm, Tabulated, tabulated
 from fairing.option_check import check_options
 from fairing.options import FairingOptions, options_from_dict, options_to_dict
+from fairing.run.changed_plan import Kept, kept_under
 from fairing.run.manual_edits import manual_step
-from fairing.run.own_plan import OWN_PLAN, header_of_plan, options_of_plan, recorded_plan
+from fairing.run.own_plan import (
+    OPTIONS_BEFORE,
+    OWN_PLAN,
+    header_of_plan,
+    options_before_plan,
+    options_of_plan,
+    recorded_plan,
+    run_plan_of,
+)
 from fairing.run.planning import make_plan
 from fairing.run.pulls import Pull
 from fairing.run.recorded_norm import header_of_norm, options_with_norm, recorded_norm
+from fairing.run.recorded_stages import stage_keys
 from fairing.run.recorded_terms import check_terms_of_trace, header_of_terms, recorded_terms
 from fairing.run.schedule import fraction_done, most_blocks
 from fairing.run.stages import Photos, Stage
@@ -59,6 +69,7 @@ class Session:
             is not needed again.
         plan: of one's own instead of what the start calls for, see `PlanStage`. The levels of the options are then those of its
             photos.
+        plan_file: the file that defines `plan`; empty without one.
 
     Attributes:
         scene: with the chosen cameras and sparse points from `choose_inputs` on.
@@ -81,6 +92,7 @@ class Session:
         terms: Sequence[OwnTerm] = (),
         norm: Norm | None = None,
         plan: Sequence[PlanStage] | None = None,
+        plan_file: str = "",
     ) -> None:
         check_terms(terms, BUILT_IN)
         own_norm = None if norm is None else tabulated(norm)
@@ -94,15 +106,15 @@ class Session:
             options = options or FairingOptions()
             if own_norm is not None:
                 options = options_with_norm(options)
+            given = options
             if plan is not None:
-                options = options_of_plan(plan, options)
+                options = options_of_plan(plan, given)
+            facts = header_of(scene, options, terms) | header_of_norm(own_norm) | header_of_plan(plan or (), given)
+            trace = Trace(facts, scene.mesh.vertices, scene.mesh.faces)
         self.options = options
         check_options(self.options)
-        if trace is None:
-            facts = header_of(scene, self.options, terms) | header_of_norm(own_norm) | header_of_plan(plan or ())
-            trace = Trace(facts, scene.mesh.vertices, scene.mesh.faces)
         self.scene, self.trace, self.terms = scene, trace, tuple(terms)
-        self._own_norm, self._own_plan = own_norm, tuple(plan or ())
+        self._own_norm, self._own_plan, self._plan_file = own_norm, tuple(plan or ()), plan_file
         number_terms(recorded_terms(trace))
         self.moment = len(self.trace)
         self.cancel_requested: Callable[[], bool] = lambda: False
@@ -234,10 +246,16 @@ class Session:
         return self._problem.norm
 
     @property
+    def own_plan(self) -> tuple[PlanStage, ...]:
+        """The plan of its own; empty: the run does what the start calls for."""
+        return self._own_plan
+
+    @property
     def own_files(self) -> tuple[str, ...]:
-        """The files with the code of its own terms and norm."""
+        """The files with the code of its own terms and norm, and with its plan."""
         norm = () if self._own_norm is None else (self._own_norm.file,)
-        return tuple(dict.fromkeys(file for file in (*(term.file for term in self.terms), *norm) if file))
+        files = (*(term.file for term in self.terms), *norm, self._plan_file)
+        return tuple(dict.fromkeys(file for file in files if file))
 
     @property
     def warnings(self) -> list[str]:
@@ -271,28 +289,50 @@ class Session:
         options: FairingOptions | None = None,
         terms: Sequence[OwnTerm] | None = None,
         norm: Norm | None = None,
+        plan: Sequence[PlanStage] | None = None,
     ) -> "Session":
         """A new session with the steps of this one up to the present moment, under the same or other options, own terms and norm.
 
         Under others the sweep of the next step begins anew; under other options or another norm the branch has no plan yet. Both
         remain if only the number of threads differs. A plan of one's own stays, unless the number of levels differs.
+
+        Under another plan of one's own the branch has the steps before the first stage that is another one, and continues there.
+        Its levels are those that a new run with the plan and the same options would have.
+
+        Raises:
+            InputError: the norm or the plan makes no sense, or needs what the scene does not have.
         """
         options, terms = options or self.options, self.terms if terms is None else tuple(terms)
         own_norm = self._own_norm
         if norm is not None:
             options, own_norm = options_with_norm(options), tabulated(norm)
-        trace = self.trace.cut(self.moment)
+        kept, of_plan = Kept(self.moment, None), {}
+        if plan is not None:
+            before = options_before_plan(self.trace, options)
+            options = options_of_plan(plan, before)
+            check_options(options)
+            of_plan = header_of_plan(plan, before)
+            self.choose_inputs()
+            kept = kept_under(plan, options, self._own_plan, self.trace.steps[: self.moment], self._problem)
+        trace = self.trace.cut(kept.moment)
         trace.header |= {"options": options_to_dict(options), **header_of_terms(terms), **header_of_norm(own_norm)}
-        if options.n_levels != self.options.n_levels:  # its stages belong to other levels
-            trace.header.pop(OWN_PLAN, None)
-        is_same = replace(options, threads=self.options.threads) == self.options
+        if plan is None and options.n_levels != self.options.n_levels:  # its stages belong to other levels
+            for name in (OWN_PLAN, OPTIONS_BEFORE):
+                trace.header.pop(name, None)
+        trace.header |= of_plan
+        levels = options.levels if plan is None else self.options.levels
+        is_same = replace(options, threads=self.options.threads, levels=levels) == self.options
         is_same = is_same and (own_norm is None or own_norm.digest == self.norm.digest or options.robust.norm != OWN)
-        if not is_same:
+        if plan is not None:
+            trace.plan = run_plan_of(plan, self._problem)
+        elif not is_same:
             trace.plan = None
-        if (not is_same or terms != self.terms) and self.moment and not self.finished:
-            trace.continue_at(self.position._replace(block=0, iteration=0))
-        branch = Session(self.scene, trace=trace, like=self, terms=terms)
-        if branch.options == self.options and branch.norm.digest == self.norm.digest:
+        if kept.position is not None:
+            trace.continue_at(kept.position)
+        elif (not is_same or terms != self.terms) and kept.moment and not self.finished:
+            trace.continue_at(self._sweeps.position_at(kept.moment)._replace(block=0, iteration=0))
+        branch = Session(self.scene, trace=trace, like=self, terms=terms, plan_file=self._plan_file)
+        if plan is None and branch.options == self.options and branch.norm.digest == self.norm.digest:
             branch._sweeps.share(self._sweeps, self.moment, with_sweeps=terms == self.terms)
             branch._stepper.rehearsed = self._stepper.rehearsed
         return branch
@@ -392,9 +432,12 @@ class Session:
         return self._step_while(lambda now, then: now[0] == then[0])
 
     def step_stage(self) -> StepRecord | None:
-        """To the end of the stage: until the next step is of another kind, or of another level. Returns the last step."""
+        """To the end of the stage, see `recorded_stages`. Returns the last step."""
         last = record = self.step()
-        while record is not None and (self.next_stage, self.position.level) == (record.stage, record.position.level):
+        key_of = stage_keys(self.trace)
+        while record is not None and (kind := self.next_stage) is not None:
+            if key_of(kind, self.position) != key_of(record.stage, record.position):
+                break
             record = self.step()
             last = record or last
         return last

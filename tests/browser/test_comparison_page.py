@@ -49,6 +49,10 @@ def test_one_slider_turns_all_meshes_and_a_button_shades_them(path: Path, width:
         begun = sources(page)
         assert len(begun) == 2
         assert page.locator("#meshes img").evaluate_all("images => images.every((image) => image.naturalWidth > 100)")
+        assert page.locator("#meshes img").first.evaluate("image => getComputedStyle(image).objectFit") == "contain", (
+            "whole"
+        )
+        assert page.locator("thead th").last.evaluate("head => head.clientWidth") >= 84
         page.keyboard.press("ArrowRight")
         turned = sources(page)
         assert all(now != before for now, before in zip(turned, begun, strict=True))

@@ -87,6 +87,8 @@ def test_the_start_is_left_of_the_divider_and_now_right_of_it_wherever_it_is_dra
         return is_like(seen[left], before[left], now[left]) and is_like(seen[right], now[right], before[right])
 
     wait_for(is_divided)
+    order = "() => ['overlay', 'divider'].map(name => getComputedStyle(document.getElementById(`eigenfairing-${name}`)).zIndex)"
+    assert page.evaluate(order) == ["1", "auto"], "the divider passes behind the legend"
     _, first = parts()
     box = visitor.box_of(divider)
     page.mouse.move(box["x"] + box["width"] / 2, 300)

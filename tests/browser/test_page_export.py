@@ -16,6 +16,7 @@ from app.export.run_facts import RunFacts
 from app.export.video import write_video
 from app.files.json_file import write_json
 from app.html import number
+from app.palette import BACKGROUND
 from demo_scenes import load_demo
 from fairing.judge.inspect import face_cells
 from fairing.judge.metrics import quality_report
@@ -168,7 +169,9 @@ def test_the_mesh_in_sight_changes_and_can_be_compared_with_the_start(replay):
 
 def sprite(replay) -> str:
     """The shown cells, as a picture's address."""
-    return replay.page.evaluate("document.getElementById('sprite').toDataURL()")
+    return replay.page.evaluate(
+        "[...document.querySelectorAll('#cell-rows canvas')].map((canvas) => canvas.toDataURL()).join()"
+    )
 
 
 def test_a_click_on_a_vertex_shows_its_cells(replay):
@@ -182,6 +185,9 @@ def test_a_click_on_a_vertex_shows_its_cells(replay):
     pictures = {sprite(replay)}
     page.locator("#faces button").last.click()
     pictures.add(sprite(replay))
+    heights = page.evaluate("[...document.querySelectorAll('#cell-rows .strip')].map((strip) => strip.clientHeight)")
+    shown = page.locator("#cell-rows").evaluate("rows => rows.clientHeight")
+    assert shown == pytest.approx(5 * heights[0] + 16, abs=2), "five whole rows"
     for moment in range(1, 4):
         page.keyboard.press("ArrowRight")
         page.get_by_text(f"moment {moment}:").wait_for()
@@ -248,7 +254,7 @@ def test_nothing_is_cut_off_in_a_small_window(replay):
         )
         assert wide == []
     replay.page.get_by_role("tab", name="Cells").click()
-    box, footer = replay.page.locator("#tab-cells .cells").bounding_box(), replay.page.locator("footer").bounding_box()
+    box, footer = replay.page.locator("#cell-rows").bounding_box(), replay.page.locator("footer").bounding_box()
     assert box["y"] + box["height"] <= footer["y"]
 
 
@@ -261,12 +267,14 @@ def test_a_phone_shows_the_mesh_and_the_steps_at_once_and_scrolls_to_the_rest(br
     view, footer = page.locator("#scene").bounding_box(), page.locator("footer").bounding_box()
     assert view["width"] == width
     assert view["height"] > 250
+    card = page.locator("#card").bounding_box()
+    assert card["y"] + card["height"] <= view["y"], "the text above the mesh does not cover it"
     assert footer["y"] + footer["height"] <= 844
     assert page.evaluate("document.documentElement.scrollWidth") <= width
     page.get_by_role("button", name="To the end", exact=True).tap()
     assert reader.moment() == facts.length
-    page.locator("#sprite").scroll_into_view_if_needed()
-    sprite = page.locator("#sprite").bounding_box()
+    page.locator("#cell-rows canvas").last.scroll_into_view_if_needed()
+    sprite = page.locator("#cell-rows canvas").last.bounding_box()
     assert sprite["x"] >= 0
     assert sprite["x"] + sprite["width"] <= width
     page.get_by_role("tab", name="Run").tap()
@@ -283,7 +291,7 @@ def test_without_3d_the_rest_of_the_page_works(browser, file, facts):
     reader.page.get_by_text("No 3D view").wait_for()
     reader.page.keyboard.press("End")
     assert reader.moment() == facts.length
-    assert reader.page.locator("#sprite").is_visible()
+    assert reader.page.locator("#cell-rows canvas").first.is_visible()
     assert reader.troubles == []
     context.close()
 
@@ -294,6 +302,14 @@ def test_the_report_opens_from_disk(tab, facts):
     assert tab.page.locator("img").evaluate_all("images => images.every(i => i.complete && i.naturalWidth > 300)")
     tab.page.set_viewport_size({"width": 390, "height": 844})
     assert tab.page.evaluate("document.documentElement.scrollWidth") <= 390
+    first = tab.page.locator("tr > :first-child").evaluate_all("cells => cells.map(cell => cell.clientWidth)")
+    assert min(first) >= 72, "words are not broken letter by letter"
+    grounds = []
+    for theme in ("dark", "light"):
+        tab.page.emulate_media(color_scheme=theme)
+        grounds.append(tab.page.evaluate("getComputedStyle(document.body).backgroundColor"))
+    assert grounds == [f"rgb{BACKGROUND}", "rgb(255, 255, 255)"]
+    tab.page.emulate_media(color_scheme=None)
     tab.page.set_viewport_size(WINDOW)
     assert tab.troubles == []
 

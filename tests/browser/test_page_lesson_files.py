@@ -83,6 +83,9 @@ def test_a_lesson_is_walked_and_tried_by_keyboard_alone(name, lessons, desk):
             keys.press("PageDown")
         desk.at_step(n)
         claims += check_step(desk, played, n)
+        if page.evaluate("state.cells.page") == "pair":
+            box = page.locator("#pair canvas").first.bounding_box()
+            assert box["y"] + box["height"] <= page.viewport_size["height"], "the picture is in sight"
         if played.lesson.steps[n].question is not None:
             desk.tab_to("#question button")
             keys.press("Enter")

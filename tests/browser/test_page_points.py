@@ -10,7 +10,7 @@ from app.page_state.selection import Selection
 from demo_scenes import load_demo
 from fairing.run.session import Session
 from fairing.scene import Scene
-from tests.browser.driver import IN_BROWSER, Visitor, page_of
+from tests.browser.driver import IN_BROWSER, WINDOW, Visitor, page_of
 from tests.two_levels import two_levels
 from tests.waiting import wait_for
 
@@ -71,6 +71,21 @@ def test_standard_views_have_keys(visitor: Visitor):
     ):
         visitor.page.keyboard.press(key)
         wait_for(lambda eye=eye: np.allclose(camera.position, eye, atol=1e-2))
+
+
+def test_a_phone_shows_the_whole_mesh_and_whole_buttons(visitor: Visitor):
+    width = 390
+    visitor.resize({"width": width, "height": 844})
+    try:
+        visitor.page.keyboard.press("m")
+        vertices = range(0, len(visitor.app.controller.scene.mesh.vertices), 7)
+        wait_for(lambda: all(0 < visitor.drawn_at(vertex)[0] < width for vertex in vertices))
+        for name in ("Run", "Step one level"):
+            box = visitor.box_of(visitor.button(name))
+            assert box["x"] + box["width"] <= width, name
+    finally:
+        visitor.resize(WINDOW)
+        visitor.page.keyboard.press("m")
 
 
 def test_no_frustum_with_a_photo_covers_the_mesh(visitor: Visitor):

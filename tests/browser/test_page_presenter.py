@@ -101,6 +101,8 @@ def test_type_grows_with_the_window_and_nothing_overflows(visitor: Visitor, them
             wait_for(lambda size=size: widths(visitor)[0] == pytest.approx(0.38 * size["width"], abs=6))
             assert widths(visitor)[1] > 0.38 * size["width"], "the 3D view is in the middle"
             sizes[size["width"]] = size_of_type(visitor, ".ef .lesson p")
+            for name in ("#eigenfairing-overlay span", ".ef .extent > span"):
+                assert size_of_type(visitor, name) > 0.0109 * size["width"], name
             assert too_wide(visitor) == []
             assert serious_findings(visitor) == []
         assert sizes[1280] > 15, "px"

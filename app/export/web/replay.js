@@ -1,5 +1,5 @@
 // The replay page: everything shown is a function of the moment, the selected vertex and the selected face.
-import { drawCells } from "../../web/cell_picture.js";
+import { cellHeads, cellRow, photoTitle } from "../../web/cell_rows.js";
 import { Cells } from "../../web/cells.js";
 import { $, chip, element, press } from "../../web/dom.js";
 import { brief } from "../../web/numbers.js";
@@ -12,7 +12,12 @@ import { unpack } from "../../web/unpack.js";
 import { Viewer } from "../../web/viewer.js";
 
 const data = pageData();
-const KINDS_SHOWN = ["observed", "reconstruction", "residual", "weight"];
+const KINDS_SHOWN = {
+  observed: { head: "I", meaning: "Observed cell: the face in the photo, warped to the cell" },
+  reconstruction: { head: "U c", meaning: "Reconstruction from the eigenspace" },
+  residual: { head: "I − U c", meaning: "Residual. Blue: darker than the reconstruction; red: brighter" },
+  weight: { head: "weight", meaning: "Robust weight of each sample: dark is small, bright is full; yellow: outlier" },
+};
 const BASE_RATE = Math.max(5, data.length / 16); // moments per second: a run plays in about 16 s
 
 // Set by `open` when the data is unpacked.
@@ -152,15 +157,16 @@ function showCells() {
   const views = cells.viewsOf(state.face).toSorted((a, b) => changeIn(state.face, b) - changeIn(state.face, a)); // first where most happened
   $("cell-facts").textContent = found ? `k = ${found.k} · blur ${data.levels[data.cells.sweeps.level[data.cells.sweepAt[moment]]].blur} px · sweep energy ${brief(found.energy, 4)}` : "fewer than three photos see the face well enough at this moment";
   $("residual-scale").textContent = found ? `±${brief(found.scale.residual)} grey levels` : "";
-  const tall = $("cells").style, side = Math.round(parseFloat(getComputedStyle($("sprite")).getPropertyValue("--tile")) || 60);
-  tall.setProperty("--rows", views.length);
-  const pixels = Math.round(side * Math.min(2, window.devicePixelRatio || 1));
-  drawCells($("sprite"), { views, kinds: KINDS_SHOWN, side: pixels, gap: 4, cellOf: found && cells.pictures(found) });
+  const kinds = Object.keys(KINDS_SHOWN), cellOf = found && cells.pictures(found);
+  const tile = Math.round(parseFloat(getComputedStyle($("cell-rows")).gridAutoRows));
+  $("cell-heads").replaceChildren(cellHeads(Object.values(KINDS_SHOWN), tile));
   $("cell-rows").replaceChildren(...views.map((view) => {
     const { name } = data.cells.photos.views[view], { value, most } = comparableResidual(state.face, view, moment);
     const words = value !== null ? `residual ${brief(value)}` : found?.views.includes(view) ? "not measured" : "not used";
     const bar = element("i", { style: `width:${value === null ? 0 : 100 * value / most}%` });
-    return element("div", { title: name }, element("b", {}, name), element("span", { title: "Grey levels at the finest level, comparable between moments" }, words), bar);
+    const title = photoTitle(view, name), measured = element("span", { title: "Grey levels at the finest level, comparable between moments" }, words);
+    const label = `Cell of face ${state.face} in ${name}: ${Object.values(KINDS_SHOWN).map(({ head }) => head).join(", ")}; ${words}`;
+    return cellRow({ view, about: [element("b", { title }, title), measured, bar], kinds, tile, cellOf, label });
   }));
   $("cell-moment").textContent = `moment ${moment}`;
   cellsDue = performance.now() + 2 * (performance.now() - began);

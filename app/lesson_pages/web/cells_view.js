@@ -2,11 +2,12 @@
 import {
   arrays, cellsOf, data, facesOf, isAtStep, pictures, point, positions, run, shownFace, state, step,
 } from "./lesson_state.js";
-import { CELL_COLORS, drawCell, drawCells } from "../../web/cell_picture.js";
+import { CELL_COLORS, drawCell } from "../../web/cell_picture.js";
+import { cellHeads, cellRow, GAP, photoTitle } from "../../web/cell_rows.js";
 import { $, chip, element, fillGroup, label, press, svg } from "../../web/dom.js";
 import { brief } from "../../web/numbers.js";
 
-const TILE_GAP = 2, WIDEST_TILE = 150; // px
+const WIDEST_TILE = 150; // px
 const KIND_NAMES = { photo: "observed", reconstruction: "reconstruction", residual: "residual", weight: "weight", norm: "norm" };
 const ENERGIES_DELAY = 150; // ms without a change before the energies of all k are computed
 
@@ -85,12 +86,12 @@ function showBars(id, heights, names, css, onChoose = null) {
 
 function drawBasis(found) {
   const side = Math.min(64, Math.floor(320 / found.basis.length)), { size } = found, canvas = $("basis");
-  Object.assign(canvas, { width: found.basis.length * (side + TILE_GAP) - TILE_GAP, height: side });
+  Object.assign(canvas, { width: found.basis.length * (side + GAP) - GAP, height: side });
   const context = canvas.getContext("2d");
   if (!context) return;
   found.basis.forEach((values, n) => {
     const largest = values.reduce((most, value) => Math.max(most, Math.abs(value)), 1e-12);
-    drawCell(context, n * (side + TILE_GAP), 0, side, { size, color: (s) => Array(3).fill(127.5 + 127.5 * values[s] / largest) });
+    drawCell(context, n * (side + GAP), 0, side, { size, color: (s) => Array(3).fill(127.5 + 127.5 * values[s] / largest) });
   });
   canvas.setAttribute("aria-label", `${found.basis.length} basis images of the face`);
 }
@@ -102,20 +103,24 @@ function showRows(found, face, columns) {
   fillGroup("arrow-row", hasArrows ? [label("Arrows"), ...[1, 3, 10, 30, 100].map((scale) => chip(`×${scale}`, scale === state.cells.arrows, () => { state.cells = { ...state.cells, arrows: scale }; actions.update(); }))] : []);
   $("flow-note").textContent = !hasArrows ? "" : !flows ? `The arrows belong to moment ${step().moment} of this step; Resume lesson returns there.`
     : flows.moment === null ? "No step yet; f of the current cells." : `υ, f: of the step to moment ${flows.moment}${flows.model ? "" : "; it moved no corner of this face"}`;
-  const width = Math.max(200, $("cells-panel").clientWidth - 40), tile = Math.min(WIDEST_TILE, Math.floor((width - TILE_GAP * (columns.length - 1)) / columns.length));
-  const ratio = Math.min(2, window.devicePixelRatio || 1), whole = columns.length * (tile + TILE_GAP) - TILE_GAP, grid = `repeat(${columns.length}, ${tile}px)`;
-  const heads = element("div", { className: "heads", style: `grid-template-columns:${grid};gap:${TILE_GAP}px` }, ...columns.map((kind) => element("span", { title: data.kinds[kind].meaning }, data.kinds[kind].head)));
+  const width = Math.max(200, $("cells-panel").clientWidth - 40), tile = Math.min(WIDEST_TILE, Math.floor((width + GAP) / columns.length) - GAP);
   const cellOf = picturesOf(found, before, flows);
   const rows = found.views.map((view, i) => {
-    const { name } = data.photos.views[view], canvas = element("canvas", { role: "img", "aria-label": `Cell of face ${face} in ${name}: ${columns.map((kind) => data.kinds[kind].head).join(", ")}; energy ${brief(found.energies[i])}` });
-    drawCells(canvas, { views: [view], kinds: columns, side: Math.round(tile * ratio), gap: Math.round(TILE_GAP * ratio), cellOf });
-    const over = svg("svg", { viewBox: `0 0 ${whole} ${tile}`, "aria-hidden": "true" });
-    columns.forEach((kind, n) => { if (flows && !KIND_NAMES[kind]) drawArrows(over, flows, kind, view, n * (tile + TILE_GAP), tile); });
-    const through = element("button", { type: "button", className: "chip", title: `Look through the camera of ${name}`, onclick: () => actions.lookAt(view) }, name);
-    return element("div", { className: "cell-row" }, element("div", { className: "about", style: `max-width:${whole}px` }, through, element("span", {}, `E ${brief(found.energies[i])}`)),
-      element("div", { className: "strip", style: `width:${whole}px;height:${tile}px` }, canvas, over));
+    const { name } = data.photos.views[view], energy = `E ${brief(found.energies[i])}`;
+    const over = svg("svg", { viewBox: `0 0 ${columns.length * (tile + GAP) - GAP} ${tile}`, "aria-hidden": "true" });
+    columns.forEach((kind, n) => { if (flows && !KIND_NAMES[kind]) drawArrows(over, flows, kind, view, n * (tile + GAP), tile); });
+    return cellRow({
+      view, about: [through(view), element("span", {}, energy)], kinds: columns, tile, cellOf, over,
+      label: `Cell of face ${face} in ${name}: ${columns.map((kind) => data.kinds[kind].head).join(", ")}; ${energy}`,
+    });
   });
-  $("rows").replaceChildren(heads, ...rows);
+  $("rows").replaceChildren(cellHeads(columns.map((kind) => data.kinds[kind]), tile), ...rows);
+}
+
+// A button with a photo's name that looks through its camera.
+function through(view) {
+  const { name } = data.photos.views[view];
+  return element("button", { type: "button", className: "chip", title: `Look through the camera of ${name}`, onclick: () => actions.lookAt(view) }, photoTitle(view, name));
 }
 
 // The cells of a row. Where the column shows arrows, they lie over the strength of the residual before the step.
@@ -168,13 +173,13 @@ function showPhotosPage(vertex) {
     const { name } = data.photos.views[view], canvas = pictures.crop(view, shown, state.cells.span, state.cells.arrows);
     canvas.setAttribute("role", "img");
     canvas.setAttribute("aria-label", `Vertex ${vertex} in ${name}: start green, now red`);
-    return element("figure", {}, element("figcaption", {}, element("button", { type: "button", className: "chip", title: `Look through the camera of ${name}`, onclick: () => actions.lookAt(view) }, name)), element("div", { className: "picture" }, canvas));
+    return element("figure", {}, element("figcaption", {}, through(view)), element("div", { className: "picture" }, canvas));
   }));
 }
 
 function showPairPage(vertex, face) {
   const views = run().cells.viewsOf(face), [i, j] = chosenPair(views, state.cells.pair), { affine } = run().cells.cells;
-  const pick = (host, letter, chosen, take) => fillGroup(host, [label(letter), ...views.map((view) => chip(String(view), view === chosen, () => { state.cells = { ...state.cells, pair: take(view) }; actions.update(); }, `Photo ${letter}: ${data.photos.views[view].name}`))]);
+  const pick = (host, letter, chosen, take) => fillGroup(host, [label(letter), ...views.map((view) => chip(String(view + 1), view === chosen, () => { state.cells = { ...state.cells, pair: take(view) }; actions.update(); }, `Photo ${letter}: ${data.photos.views[view].name}`))]);
   pick("first-photo", "i", i, (view) => [view, j]);
   pick("second-photo", "j", j, (view) => [i, view]);
   const names = [i, j].map((view) => data.photos.views[view].name), moments = { "At the start": run().record.start, Now: positions() };
