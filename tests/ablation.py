@@ -101,7 +101,6 @@ SETTINGS = (
     Setting("fairing.cells.level_choice.FOOTPRINT_PER_BLUR"),
     Setting("fairing.options.FINE_BLUR"),
     Setting("fairing.terms.points.PRIOR_SIGMA"),
-    Setting("fairing.terms.points.POINT_SIGMA"),
     Setting("fairing.terms.point_judge.GAIN", off=0.0),
     Setting("fairing.terms.axes.LEAST_PART", off=2.0),
     Setting("fairing.terms.axes.SCALE"),

@@ -20,7 +20,7 @@ from fairing.terms.axes import broad_terms, narrow_terms
 from fairing.terms.closest_points import anchor, average_information, closest_points
 from fairing.terms.names import POINTS
 from fairing.terms.point_rays import Assignment, PointRays
-from fairing.terms.points import GATES, STEPS, PointFit
+from fairing.terms.points import GATES, PointFit
 
 
 def guard_of(start: np.ndarray, faces: np.ndarray) -> Guard:
@@ -64,8 +64,7 @@ def fit_of_points(
     ids = np.arange(len(mesh.vertices)) if locked is None else np.flatnonzero(~locked)
     vertices = mesh.vertices
     for gate in GATES:
-        for _ in range(STEPS):
-            vertices = iterate(fit.terms(vertices, gate), vertices, ids, guard).after
+        vertices = iterate(fit.terms(vertices, gate), vertices, ids, guard).after
     before, after = (rays.assign(each, max(GATES) * unit) for each in (mesh, mesh.moved(vertices)))
     error = 1.4826 * float(np.median(np.abs(before.distances))) if len(before.points) else 0.0
     judges = np.union1d(before.points, after.points)

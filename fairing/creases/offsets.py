@@ -15,17 +15,16 @@ from fairing.creases.edges import Creases
 from fairing.geometry.rasterize import rasterize_inverse
 
 SMOOTHING, SMOOTHING_SIZE = 0.7, 7  # sigma and width of the kernel, px of the photo
-SPACING = 1.5  # px between samples along a crease
+SPACING = (
+    1.5  # px between samples along a crease, and tolerance of their depth in px' worth of it (depth / focal length)
+)
 SEGMENT = 14.0  # px
-MARGIN = 3.0  # px left out at both ends of a crease, at most a quarter of it
 MIN_SAMPLES = 4  # of a segment, and of a crease
-HIDDEN = 1.5  # px' worth of depth (depth / focal length) behind the nearest surface
 STEP = 0.25  # px between samples of a profile
 HALF_STEPS = 2  # the derivative is taken over +- this many steps
 CORRELATION = 2.5  # px along the crease over which residuals of the profiles agree
 MIN_SIGNIFICANCE = 3.0  # of a peak, in units of its noise; three times as much has full weight
 CONCAVE_WEIGHT = 0.3  # concave creases have contact shadows and reflections beside them (ledger: creases)
-BATCH = 28_000  # samples of a profile taken at a time; OpenCV maps at most 32,767 rows
 
 
 class Offsets(NamedTuple):
@@ -74,7 +73,7 @@ def measure_offsets(
     farthest = cv2.erode(inverse_depth.astype(np.float32), np.ones((3, 3)))
     projected = _Projected(camera, vertices, uv, depth)
     places = _places(reach)
-    batch = np.cumsum(_sample_counts(length[seen])) // BATCH
+    batch = np.cumsum(_sample_counts(length[seen])) // 28_000  # OpenCV maps at most 32,767 rows
     batches = np.array_split(seen, np.flatnonzero(np.diff(batch)) + 1)
     parts = []
     for ids in batches:
@@ -135,7 +134,7 @@ def _samples_along(projected: _Projected, ends: np.ndarray, farthest: np.ndarray
     count = _sample_counts(length)
     row = np.repeat(np.arange(len(ends)), count)
     k = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
-    margin = np.minimum(MARGIN / length, 0.25)[row]
+    margin = np.minimum(2 * SPACING / length, 0.25)[row]  # left out at both ends, where other creases meet it
     in_image = margin + (1 - 2 * margin) * (k + 0.5) / count[row]
     # Along the image of a line, inverse depth is linear.
     at_first, at_second = 1 / projected.depth[first][row], 1 / projected.depth[second][row]
@@ -147,7 +146,7 @@ def _samples_along(projected: _Projected, ends: np.ndarray, farthest: np.ndarray
     height, width = farthest.shape
     visible = np.all((pixels > border) & (pixels < [width - 1 - border, height - 1 - border]), axis=1)
     x, y = np.rint(pixels[visible]).astype(int).T
-    tolerance = HIDDEN / np.linalg.norm(projected.camera.image_from_world[0, :3])
+    tolerance = SPACING / np.linalg.norm(projected.camera.image_from_world[0, :3])
     visible[visible] = inverse[visible] > (1 - tolerance) * farthest[y, x]
     row, segment = row[visible], segment[visible]
     is_first = np.r_[True, (np.diff(row) != 0) | (np.diff(segment) != 0)][: len(row)]

@@ -35,12 +35,8 @@ HALF_WINDOW = 2
 """px: windows of the correlation have (2 HALF_WINDOW + 1)^2 pixels."""
 REACH = 2.0
 """Of the start error: displacements of the mesh along lines of sight; these meet most faces obliquely."""
-MAX_STEPS = 24
-"""Copies of the mesh on either side of it, at most."""
 SMOOTHING = 0.5
 """Of the start error: standard deviation of the smoothing of inverse depths (ledger: surface sweep: smoothed copies)."""
-MIDDLE_GREY = 128.0
-"""Subtracted from grey levels, for accuracy: sums of squares are in single precision."""
 NOISE = 4.0
 """Grey levels^2: added to the variances of a window, so that those without texture do not correlate."""
 SPACING = 3
@@ -129,7 +125,8 @@ class SurfaceSweep:
         middle = np.array([inverse.shape[1] / 2, inverse.shape[0] / 2, 1.0])
         step = 1 / max(max(_px_per_inverse(A @ middle, b, typical) for A, b in warps), 1e-300)
         focal = camera.K[0, 0]
-        count = int(np.clip(np.ceil(REACH * error * typical / focal / step), HALF_WINDOW, MAX_STEPS))
+        # At most twice as many copies on either side as the largest error has pixels within reach.
+        count = int(np.clip(np.ceil(REACH * error * typical / focal / step), HALF_WINDOW, 2 * REACH * LARGEST_ERROR))
         shifts = step * np.arange(-count, count + 1)
         others = [(photos[k].grey, A, b) for k, (A, b) in zip(self._neighbors[number], warps, strict=True)]
         mean, contrast, place, top, best = (np.empty_like(grey) for _ in range(5))
@@ -216,7 +213,7 @@ def _reduced(view: View, error: float) -> _Reduced:
     grey = cv2.cvtColor(grey_levels(view.photo.full_depth()), cv2.COLOR_RGB2GRAY)
     if reduced != size:
         grey = cv2.resize(grey, reduced, interpolation=cv2.INTER_AREA)
-    grey = grey.astype(np.float32) - np.float32(MIDDLE_GREY)
+    grey = grey.astype(np.float32) - np.float32(128)  # for accuracy: sums of squares are in single precision
     counts = np.ones(grey.shape, dtype=bool)
     if view.mask is not None:
         counts = cv2.resize(view.mask.load().astype(np.uint8), reduced, interpolation=cv2.INTER_NEAREST) > 0

@@ -25,19 +25,17 @@ from fairing.run_plan import PlanStage, RunPlan
 from fairing.solve.point_split import fitting_points
 from fairing.solve.problem import Problem
 from fairing.stage_kind import StageKind
-from fairing.terms.points import GATES, NEAR_GATE, STEPS
+from fairing.terms.points import GATES, NEAR_GATES
 from fairing.trace import Trace
 
 OWN_PLAN = "own_plan"
 """Key of a header: the stages of a plan of one's own."""
-PHOTOS = StageKind.PHOTOS.label
-_GATES = tuple(gate for gate in GATES for _ in range(STEPS))
 _STAGES: dict[str, Stage] = {
     stage.kind.label: stage
     for stage in (
         Smoothing(StageKind.SMOOTHNESS, max_iterations=PASSES),
-        PointGates(StageKind.POINTS, gates=_GATES),
-        PointGates(StageKind.SURFACE_POINTS, gates=tuple(gate for gate in GATES if gate <= NEAR_GATE), is_wanted=True),
+        PointGates(StageKind.POINTS, gates=GATES),
+        PointGates(StageKind.SURFACE_POINTS, gates=NEAR_GATES, is_wanted=True),
         Axes(StageKind.AXES, max_iterations=AXES_ITERATIONS),
         ClosestPoints(StageKind.CLOSEST_POINTS, ROUNDS_AFTER_GATES),
         Judge(StageKind.JUDGE),
@@ -45,7 +43,7 @@ _STAGES: dict[str, Stage] = {
 }
 """By kind, with the default settings."""
 _SETTINGS: dict[str, tuple[str, ...]] = {
-    PHOTOS: tuple(field.name for field in fields(LevelOptions)),
+    "photos": tuple(field.name for field in fields(LevelOptions)),
     "smoothing": ("max_iterations",),
     "points": ("gates", "max_iterations"),
     "surface points": ("gates", "max_iterations"),
@@ -74,7 +72,7 @@ def check_plan(plan: Any) -> None:
         for name, value in stage.settings.items():
             if name not in known:
                 raise InputError(f"{where}: expected settings among {', '.join(known)}; found {name}")
-            if stage.kind != PHOTOS:
+            if stage.kind != "photos":
                 _check_value(where, name, value)
             elif isinstance(value, tuple):
                 raise InputError(f"{where}: expected one value of {name}, found {value!r:.60}")
@@ -83,7 +81,7 @@ def check_plan(plan: Any) -> None:
             raise InputError(f"{where}: expected the judge of the end as the last stage, found stages after it")
         if by in ("points", "photos") and not is_prepared:
             raise InputError(f"{where}: expected smoothing or a fit before it, found none to judge")
-        is_prepared = stage.kind != PHOTOS and by != "photos" and (is_prepared or stage.kind != "judge")
+        is_prepared = stage.kind != "photos" and by != "photos" and (is_prepared or stage.kind != "judge")
 
 
 def options_of_plan(plan: Sequence[PlanStage], options: FairingOptions) -> FairingOptions:
@@ -95,11 +93,11 @@ def options_of_plan(plan: Sequence[PlanStage], options: FairingOptions) -> Fairi
     check_plan(plan)
     kinds = {stage.kind for stage in plan}
     unused = {"smoothing": 0.0} if "smoothing" not in kinds else {}
-    if not kinds - {PHOTOS, "smoothing", "judge"}:
+    if not kinds - {"photos", "smoothing", "judge"}:
         unused["points"] = 0.0
     levels: list[LevelOptions] = []
     for part in by_level(plan):
-        photos = next((stage.settings for stage in part if stage.kind == PHOTOS), None)
+        photos = next((stage.settings for stage in part if stage.kind == "photos"), None)
         if photos is None:
             levels.append(levels[-1] if levels else replace(options.levels[first_fine_level(options)], **unused))
             continue
@@ -117,7 +115,7 @@ def by_level(plan: Sequence[PlanStage]) -> list[tuple[PlanStage, ...]]:
     part: list[PlanStage] = []
     for stage in plan:
         part.append(stage)
-        if stage.kind == PHOTOS:
+        if stage.kind == "photos":
             levels.append(tuple(part))
             part = []
     if part and levels and _judge(part[0]) == "end":
@@ -131,7 +129,7 @@ def stages_of_level(part: Sequence[PlanStage], photos: Stage) -> tuple[Stage, ..
     """The stages of a level, with `photos` for those of photos; the numbers of their sweeps are not set."""
     stages, searches = [], 0
     for each in part:
-        if each.kind == PHOTOS:
+        if each.kind == "photos":
             stages.append(photos)
             continue
         stage = replace(_STAGES[each.kind], **each.settings)
@@ -165,7 +163,7 @@ def run_plan_of(plan: Sequence[PlanStage], problem: Problem) -> RunPlan:
     return RunPlan(
         0,
         is_smoothed="smoothing" in kinds,
-        is_fitted_to_points=bool(kinds - {PHOTOS, "smoothing", "judge"}),
+        is_fitted_to_points=bool(kinds - {"photos", "smoothing", "judge"}),
         has_photos_of_points=observed > 0,
         records_fit=True,
         stages=tuple(plan),

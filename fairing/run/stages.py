@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from fairing.stage_kind import StageKind
-from fairing.terms.points import GATES, NEAR_GATE, STEPS
+from fairing.terms.points import GATES, NEAR_GATES
 
 PASSES = 5  # of the normal filter
 SURFACE_SWEEPS = 2  # each allows for half the error of the one before (ledger: surface sweep)
@@ -129,11 +129,9 @@ def fit_stages(has_photos_of_points: bool) -> tuple[Stage, ...]:
     broad = Axes(StageKind.AXES, BROAD_SWEEPS, AXES_ITERATIONS, is_broad=True)
     stages: list[Stage] = []
     if has_photos_of_points:
-        gates = tuple(gate for gate in GATES for _ in range(STEPS))
-        near = tuple(gate for gate in GATES if gate <= NEAR_GATE)
-        stages += [PointGates(StageKind.POINTS, len(gates), gates=gates), Judge(StageKind.JUDGE, by="points"), axes]
+        stages += [PointGates(StageKind.POINTS, len(GATES), gates=GATES), Judge(StageKind.JUDGE, by="points"), axes]
         for number in range(SURFACE_SWEEPS):
-            stages += [PointGates(StageKind.SURFACE_POINTS, len(near), gates=near, surface=number), axes]
+            stages += [PointGates(StageKind.SURFACE_POINTS, len(NEAR_GATES), gates=NEAR_GATES, surface=number), axes]
     rounds = ROUNDS_AFTER_GATES if has_photos_of_points else CLOSEST_ROUNDS
     stages += [ClosestPoints(StageKind.CLOSEST_POINTS, rounds), broad]
     stages += [ClosestPoints(StageKind.CLOSEST_POINTS, follows_axes=True), broad]

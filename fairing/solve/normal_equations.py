@@ -41,9 +41,8 @@ def solve_vertices(H: np.ndarray, g: np.ndarray, damping: np.ndarray) -> np.ndar
     """
     values, vectors = np.linalg.eigh(H)
     largest = np.maximum(values[:, 2:], 0)
-    inverse = np.where(values > RIDGE * largest, 1, 0) / np.where(
-        values > RIDGE * largest, values + damping[:, None] * largest, 1
-    )
+    is_known = values > RIDGE * largest
+    inverse = is_known / np.where(is_known, values + damping[:, None] * largest, 1)
     return -np.einsum("vik,vk,vjk,vj...->vi...", vectors, inverse, vectors, g)
 
 

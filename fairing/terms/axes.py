@@ -16,13 +16,11 @@ from fairing.optimize.loss import GemanMcClure
 from fairing.optimize.rows import Anchor, Rows, Term
 from fairing.terms.names import AXES, START
 
-WALLS = 60  # the largest faces, whose normals are tried as axes
 WALL_ANGLE = 10.0  # degrees: normals of a wall lie within this angle of their mean
 ANGLE = 8.0  # degrees: edges and normals within it of an axis may follow it
 SIGMA = 1.0  # px: standard deviation of the ends of an edge that follows an axis
-LONG = 3.0  # px: shorter edges tell nothing about an axis
 LEAST_EDGES, LEAST_PART = 8, 0.5  # long edges within `ANGLE` of an axis, and the part of them that must follow it
-SCALE = 3.0  # px, of the Geman-McClure loss of the relations
+SCALE = 3.0  # px: of the Geman-McClure loss of the relations; shorter edges tell nothing about an axis
 ITERATIONS = 12  # of mean shift, and of expectation maximization
 # Of vertices that are far off: relations within an error, and within half of it in each further sweep. (ledger: broad relations)
 FAR_ANGLE = 45.0  # degrees: edges within it of an axis may follow it,
@@ -135,11 +133,13 @@ def _finite(pixel: np.ndarray) -> np.ndarray:
 def _frame(normals: np.ndarray, area: np.ndarray) -> np.ndarray:
     """(3, 3) float: orthogonal unit vectors as rows, from the walls with the largest areas; (0, 3) where all face one way.
 
+    The normals of the 60 largest faces are tried.
+
     Args:
         normals: (m, 3) float: unit normals of the faces.
         area: (m,) float: their areas, in any unit.
     """
-    walls = normals[np.argsort(-area, kind="stable")[:WALLS]]
+    walls = normals[np.argsort(-area, kind="stable")[:60]]
     part = np.zeros((len(walls), len(normals)))
     for _ in range(ITERATIONS):
         cosine = walls @ normals.T
@@ -170,7 +170,7 @@ def _is_followed(edges: np.ndarray, axis: np.ndarray) -> bool:
     Those that do deviate by the errors of their ends, others by anything within `ANGLE`: the part of the former is
     estimated by expectation maximization.
     """
-    near = edges[_is_near(edges, axis) & (np.linalg.norm(edges, axis=1) > LONG)]
+    near = edges[_is_near(edges, axis) & (np.linalg.norm(edges, axis=1) > SCALE)]
     if len(near) < LEAST_EDGES:
         return False
     length = np.linalg.norm(near, axis=1)

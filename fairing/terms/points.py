@@ -15,16 +15,13 @@ from fairing.optimize.rows import Anchor, Rows
 from fairing.terms.names import POINTS, START
 from fairing.terms.point_rays import FARTHEST, Assignment, PointRays, displacement
 
-GATES = (2.0, 1.5, 1.0, 0.8, 0.6, 0.4, 0.3, 0.2, 0.15, 0.1)
-"""Percent of the mesh's diagonal."""
+GATES = tuple(gate for gate in (2.0, 1.5, 1.0, 0.8, 0.6, 0.4, 0.3, 0.2, 0.15, 0.1) for _ in range(2))
+"""Percent of the mesh's diagonal, of the sweeps of a fit; the second at a gate assigns the points anew. The last is also the
+standard deviation of a point's distance from a flat face, beside the point's own. (ledger: robust fit: last gate)"""
+NEAR_GATES = GATES[8::2]
+"""Of a fit that goes on from an earlier one: from 0.6 percent on, one sweep at each (ledger: surface sweep: cost)."""
 REACH = 3.0
 """Of the gate: points farther from their face's plane take no part."""
-STEPS = 2
-"""Gauss-Newton steps at each gate; each assigns the points anew."""
-NEAR_GATE = 0.6
-"""Percent of the diagonal: largest gate of a fit that goes on from an earlier one, one step each (ledger: surface sweep: cost)."""
-POINT_SIGMA = 0.1
-"""Percent of the diagonal: standard deviation of a point's distance from a flat face, beside the point's own."""
 PRIOR_SIGMA = 0.7
 """Percent of the diagonal: largest standard deviation of a vertex's coordinate in the start, see `PointFit`."""
 
@@ -46,7 +43,7 @@ class PointFit:
         self._start, self._rays, self._covariance = start, rays, covariance
         self._unit = start.diagonal / 100
         measured = displacement(np.abs(rays.assign(start, FARTHEST * self._unit).distances))
-        self.sigma = min(max(measured, POINT_SIGMA * self._unit), PRIOR_SIGMA * self._unit)
+        self.sigma = min(max(measured, GATES[-1] * self._unit), PRIOR_SIGMA * self._unit)
 
     def assigned(self, vertices: np.ndarray, gate: float) -> Assignment:
         """The points within reach of a gate, percent of the diagonal, of the mesh with vertices (n, 3)."""
@@ -62,7 +59,7 @@ class PointFit:
             -found.weights[:, :, None] * found.normals[:, None, :],
             found.distances,
             vertices,
-            1 / ((POINT_SIGMA * self._unit) ** 2 + own),
+            1 / ((GATES[-1] * self._unit) ** 2 + own),
             GemanMcClure(gate * self._unit),
         )
         return points, Anchor(START, np.tile(np.eye(3) / self.sigma**2, (n, 1, 1)), self._start.vertices)
