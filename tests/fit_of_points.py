@@ -13,7 +13,7 @@ from fairing.optimize.iteration import Guard, iterate
 from fairing.optimize.rows import Anchor, Term
 from fairing.options import StepOptions
 from fairing.run.fits import points_on_mesh
-from fairing.run.stages import AXES_ITERATIONS, BROAD_SWEEPS
+from fairing.run.stages import AXES_ITERATIONS, ROUNDS
 from fairing.solve.problem import Problem
 from fairing.solve.step_limits import unfolded
 from fairing.terms.axes import broad_terms, narrow_terms
@@ -115,7 +115,7 @@ def straightened_from_afar(
     def terms(places: np.ndarray, sweep: int) -> tuple[Term, ...]:
         return broad_terms(places, faces, pixel, information, error, error * 0.5**sweep, vertices)
 
-    return _converged(terms, BROAD_SWEEPS, vertices, faces, locked, pixel)
+    return _converged(terms, ROUNDS, vertices, faces, locked, pixel)
 
 
 def _converged(

@@ -160,15 +160,6 @@ def test_a_cancelled_run_stops_between_two_photos(call: str, monkeypatch: pytest
     np.testing.assert_array_equal(problem.context(0, scene.mesh.vertices).kernel.pixels, expected.kernel.pixels)
 
 
-def test_conversion_to_grey_in_strips_changes_nothing(monkeypatch: pytest.MonkeyPatch):
-    scene = corner_scene()
-    with ThreadPoolExecutor(1) as pool:
-        whole, _ = ScaleSpace(scene, color=False).lay_out(0.0, False, [(0, 0.0)], pool)
-        monkeypatch.setattr("fairing.cells.scale_space.STRIP_ROWS", 7)
-        strips, _ = ScaleSpace(scene, color=False).lay_out(0.0, False, [(0, 0.0)], pool)
-    np.testing.assert_array_equal(whole, strips)
-
-
 def test_a_check_lays_out_no_photo_and_counts_the_views_of_a_run(monkeypatch: pytest.MonkeyPatch):
     scene = corner_scene()
     expected = Problem(scene, PRESETS["accurate"], scene.mesh.vertices).context(4, scene.mesh.vertices)

@@ -20,8 +20,6 @@ MEMORY = 2_000_000_000
 """Bytes: limit of decoded photos, others are decoded again for every blur; and of photos or patches of a level, see `exceeds`."""
 MAX_CONCURRENT_PHOTOS = 4
 """Photos decoded and blurred at a time; each takes 28 bytes per pixel."""
-STRIP_ROWS = 1024
-"""Rows of a photo converted to grey at a time."""
 KEPT_BYTES = 1 << 29
 """Blurred photos kept for later levels: the preparation reads them before the first one begins."""
 MIN_REDUCED_SIZE = 64
@@ -219,13 +217,8 @@ class ScaleSpace:
             return np.ascontiguousarray(grey_levels(pixels).transpose(2, 0, 1))
         # Luma in eighths of a grey level: rounding to whole levels would triple the quantisation noise. That of photos
         # with 16 bits is not rounded.
-        is_deep = pixels.dtype != np.uint8
-        eighths = np.empty((1, *pixels.shape[:2]), dtype=np.float32 if is_deep else np.uint16)
-        for row in range(0, len(pixels), STRIP_ROWS):
-            part = slice(row, row + STRIP_ROWS)
-            luma = grey_levels(pixels[part]).astype(np.float32) @ LUMA.astype(np.float32)
-            eighths[0, part] = luma * 8 if is_deep else np.round(luma * 8)
-        return eighths
+        eighths = grey_levels(pixels).astype(np.float32)[None] @ LUMA.astype(np.float32) * 8
+        return np.round(eighths).astype(np.uint16) if pixels.dtype == np.uint8 else eighths
 
     def _blurred(
         self, view: int, planes: np.ndarray, sigma: float, blur: float, blurred: dict[float, np.ndarray]

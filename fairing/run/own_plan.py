@@ -13,7 +13,7 @@ from fairing.options import FairingOptions, LevelOptions
 from fairing.run.stages import (
     AXES_ITERATIONS,
     PASSES,
-    ROUNDS_AFTER_GATES,
+    ROUNDS,
     Axes,
     ClosestPoints,
     Judge,
@@ -37,7 +37,7 @@ _STAGES: dict[str, Stage] = {
         PointGates(StageKind.POINTS, gates=GATES),
         PointGates(StageKind.SURFACE_POINTS, gates=NEAR_GATES, is_wanted=True),
         Axes(StageKind.AXES, max_iterations=AXES_ITERATIONS),
-        ClosestPoints(StageKind.CLOSEST_POINTS, ROUNDS_AFTER_GATES),
+        ClosestPoints(StageKind.CLOSEST_POINTS, ROUNDS),
         Judge(StageKind.JUDGE),
     )
 }
@@ -51,7 +51,6 @@ _SETTINGS: dict[str, tuple[str, ...]] = {
     "closest points": ("max_sweeps", "max_iterations"),
     "judge": ("by",),
 }
-_MOST = 1000  # sweeps, iterations or gates of a stage
 
 
 def check_plan(plan: Any) -> None:
@@ -202,8 +201,9 @@ def _judge(stage: PlanStage) -> str | None:
 
 
 def _check_value(where: str, name: str, value: Any) -> None:
+    most = 1000  # sweeps, iterations or gates
     if name == "gates":
-        is_list = isinstance(value, tuple) and 0 < len(value) <= _MOST
+        is_list = isinstance(value, tuple) and 0 < len(value) <= most
         if not is_list or not all(isinstance(gate, int | float) and 0 < gate <= 100 for gate in value):
             raise InputError(f"{where}: expected gates as a list of numbers of percent above 0, found {value!r:.60}")
     elif name == "by":
@@ -212,5 +212,5 @@ def _check_value(where: str, name: str, value: Any) -> None:
     elif name == "is_broad":
         if not isinstance(value, bool):
             raise InputError(f"{where}: expected is_broad as True or False, found {value!r:.60}")
-    elif not isinstance(value, int) or isinstance(value, bool) or not 1 <= value <= _MOST:
-        raise InputError(f"{where}: expected {name} as a whole number from 1 to {_MOST}, found {value!r:.60}")
+    elif not isinstance(value, int) or isinstance(value, bool) or not 1 <= value <= most:
+        raise InputError(f"{where}: expected {name} as a whole number from 1 to {most}, found {value!r:.60}")

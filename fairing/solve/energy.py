@@ -14,7 +14,6 @@ from fairing.kernels.data import ALTERNATING, ENERGY, STATISTICS, VARIABLE_PROJE
 from fairing.kernels.faces import evaluate_faces
 from fairing.options import FairingOptions
 
-SOLVERS = {"alternating": ALTERNATING, "variable_projection": VARIABLE_PROJECTION}
 MAX_PART_SAMPLES = 25_000_000  # per part of a list, about 0.2 s of work: the latency of a cancellation
 
 
@@ -97,7 +96,8 @@ class Evaluator:
         Returns:
             The system without residual statistics (they are 0).
         """
-        return self._run(context, vertices, faces, corners, squared_scale, SOLVERS[solver])
+        task = ALTERNATING if solver == "alternating" else VARIABLE_PROJECTION
+        return self._run(context, vertices, faces, corners, squared_scale, task)
 
     def measure(
         self, context: CellContext, vertices: np.ndarray, faces: np.ndarray, squared_scale: np.ndarray
