@@ -14,7 +14,6 @@ from fairing.camera import Camera
 from fairing.creases.edges import Creases
 from fairing.geometry.rasterize import rasterize_inverse
 
-SMOOTHING = 0.7  # px: sigma of the Gaussian that smooths the photo
 SPACING = 1.5  # px between samples along a crease; also how far they may lie behind the surface, see `_samples_along`
 SEGMENT = 14.0  # px; creases of half of it, and segments of which half is visible, are measured
 STEP = 0.5  # px between samples of a profile; its derivative is the difference of the neighbours
@@ -62,7 +61,7 @@ def measure_offsets(
     seen = np.flatnonzero(shown)
     if len(seen) == 0:
         return _none()
-    kernel = cv2.getGaussianKernel(7, SMOOTHING, cv2.CV_32F)
+    kernel = cv2.getGaussianKernel(7, 0.7, cv2.CV_32F)  # width and sigma, px
     image = cv2.sepFilter2D(photo, cv2.CV_32F, kernel, kernel)
     inverse_depth = rasterize_inverse(vertices, faces, camera)[1]
     farthest = cv2.erode(inverse_depth.astype(np.float32), np.ones((3, 3)))
