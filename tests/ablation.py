@@ -96,13 +96,10 @@ SETTINGS = (
     Setting("fairing.run.stepper.GAIN", off=0.0),
     Setting("fairing.run.phases.MAX_DISPLACEMENT"),
     Setting("fairing.run.start_error.FAR_ERROR"),
-    Setting("fairing.run.planning.LEAST_ERROR"),
     Setting("fairing.run.sweep.POINTS_VARIANCE"),
     Setting("fairing.cells.level_choice.FOOTPRINT_PER_BLUR"),
     Setting("fairing.options.FINE_BLUR"),
     Setting("fairing.terms.points.PRIOR_SIGMA"),
-    Setting("fairing.terms.points.POINT_SIGMA"),
-    Setting("fairing.terms.point_judge.GAIN", off=0.0),
     Setting("fairing.terms.axes.LEAST_PART", off=2.0),
     Setting("fairing.terms.axes.SCALE"),
 )

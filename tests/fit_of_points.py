@@ -13,14 +13,14 @@ from fairing.optimize.iteration import Guard, iterate
 from fairing.optimize.rows import Anchor, Term
 from fairing.options import StepOptions
 from fairing.run.fits import points_on_mesh
-from fairing.run.stages import AXES_ITERATIONS, BROAD_SWEEPS
+from fairing.run.stages import AXES_ITERATIONS, ROUNDS
 from fairing.solve.problem import Problem
 from fairing.solve.step_limits import unfolded
 from fairing.terms.axes import broad_terms, narrow_terms
 from fairing.terms.closest_points import anchor, average_information, closest_points
 from fairing.terms.names import POINTS
 from fairing.terms.point_rays import Assignment, PointRays
-from fairing.terms.points import GATES, STEPS, PointFit
+from fairing.terms.points import GATES, PointFit
 
 
 def guard_of(start: np.ndarray, faces: np.ndarray) -> Guard:
@@ -64,8 +64,7 @@ def fit_of_points(
     ids = np.arange(len(mesh.vertices)) if locked is None else np.flatnonzero(~locked)
     vertices = mesh.vertices
     for gate in GATES:
-        for _ in range(STEPS):
-            vertices = iterate(fit.terms(vertices, gate), vertices, ids, guard).after
+        vertices = iterate(fit.terms(vertices, gate), vertices, ids, guard).after
     before, after = (rays.assign(each, max(GATES) * unit) for each in (mesh, mesh.moved(vertices)))
     error = 1.4826 * float(np.median(np.abs(before.distances))) if len(before.points) else 0.0
     judges = np.union1d(before.points, after.points)
@@ -116,7 +115,7 @@ def straightened_from_afar(
     def terms(places: np.ndarray, sweep: int) -> tuple[Term, ...]:
         return broad_terms(places, faces, pixel, information, error, error * 0.5**sweep, vertices)
 
-    return _converged(terms, BROAD_SWEEPS, vertices, faces, locked, pixel)
+    return _converged(terms, ROUNDS, vertices, faces, locked, pixel)
 
 
 def _converged(

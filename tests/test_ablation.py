@@ -7,9 +7,11 @@ import pytest
 
 from app.debugger.option_fields import changed_options
 from fairing import options
+from fairing.cameras import misfits
 from fairing.errors import InputError
 from fairing.options import PRESETS
-from fairing.run import phases, planning, start_error
+from fairing.run import phases
+from fairing.terms import axes
 from tests import ablation
 from tests.ablation import SETTINGS, Setting, ablation_table, measure_ablation, scaled, set_constant
 from tests.family import code_digest
@@ -36,19 +38,19 @@ def test_a_constant_changes_where_it_was_imported_and_no_other_of_its_name_does(
     home, constant, least = (
         "fairing.options.FINE_BLUR",
         options.FINE_BLUR,
-        start_error.FAR_ERROR,
+        axes.SCALE,
     )
-    others = planning.LEAST_ERROR
+    others = misfits.SCALE
     assert constant == phases.FINE_BLUR
     try:
         set_constant(home, 7.5)
-        set_constant("fairing.run.start_error.FAR_ERROR", 5)
+        set_constant("fairing.terms.axes.SCALE", 5)
         assert options.FINE_BLUR == phases.FINE_BLUR == 7.5
-        assert start_error.FAR_ERROR == 5
-        assert others == planning.LEAST_ERROR
+        assert axes.SCALE == 5
+        assert others == misfits.SCALE
     finally:
         set_constant(home, constant)
-        set_constant("fairing.run.start_error.FAR_ERROR", least)
+        set_constant("fairing.terms.axes.SCALE", least)
 
 
 def test_the_table_shows_factors_of_the_committed_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]):

@@ -90,7 +90,7 @@ def test_what_a_row_names_is_in_the_code():
 
 
 def test_names_that_are_not_in_the_code_are_found_out():
-    assert exists("run.stages.ROUNDS_AFTER_GATES")
+    assert exists("run.stages.ROUNDS")
     assert not exists("run.stages.ROUNDS_BEFORE_GATES")
     assert not exists("run.no_such_module")
     assert not exists("app/page/no_such_file.js")

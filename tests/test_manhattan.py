@@ -7,8 +7,8 @@ import pytest
 import trimesh
 from scipy.optimize import minimize
 
-from fairing.run.stages import BROAD_SWEEPS
-from fairing.terms.axes import ANGLE, FAR_INFORMATION, FAR_SCALE, SCALE, START_PART, related, relations
+from fairing.run.stages import ROUNDS
+from fairing.terms.axes import ANGLE, FAR, FAR_INFORMATION, SCALE, related, relations
 from tests.fit_of_points import straightened, straightened_from_afar
 from tests.square_loss import Square
 
@@ -136,18 +136,18 @@ def test_from_afar_is_where_the_energy_of_relations_and_positions_is_least(tower
     error = 4.0
     start, is_off, information = half_determined(tower, 2.0)
     result = straightened_from_afar(start, faces, unlocked(vertices), pixels(vertices), information, error)
-    found = relations(result, faces, pixels(vertices), error / 2 ** (BROAD_SWEEPS - 1))
+    found = relations(result, faces, pixels(vertices), error / 2 ** (ROUNDS - 1))
     matrix, precision = (
         related(found, start).matrix(len(vertices)),
-        FAR_INFORMATION * ~is_off + (1 / (START_PART * error)) ** 2,
+        FAR_INFORMATION * ~is_off + (FAR / error) ** 2,
     )
 
     def energy(px: np.ndarray) -> tuple[float, np.ndarray]:
         """Of moves (3 n,) from the start, px, and its gradient: Geman-McClure losses of the relations, squares of the moves."""
         residual = matrix @ (start.ravel() + PIXEL * px)
-        loss, slope = residual**2 / (1 + (residual / FAR_SCALE) ** 2), residual / (1 + (residual / FAR_SCALE) ** 2) ** 2
-        weight, own = (SCALE / FAR_SCALE) ** 2, np.repeat(precision, 3)
-        return float(weight * loss.sum() + (own * px**2).sum()) / 2, weight * PIXEL * (matrix.T @ slope) + own * px
+        loss, slope = residual**2 / (1 + (residual / SCALE) ** 2), residual / (1 + (residual / SCALE) ** 2) ** 2
+        own = np.repeat(precision, 3)
+        return float(loss.sum() + (own * px**2).sum()) / 2, PIXEL * (matrix.T @ slope) + own * px
 
     px = ((result - start) / PIXEL).ravel()
     best = minimize(energy, px, jac=True, method="L-BFGS-B", options={"maxiter": 2000, "ftol": 1e-14, "gtol": 1e-9})

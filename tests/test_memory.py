@@ -46,7 +46,7 @@ def test_only_requested_photos_are_laid_out_and_later_ones_do_not_change_them(mo
         assert len(few) == 2 * size
         more, later = photos.lay_out(1.2, False, [(3, 1.2), (0, 1.2), (3, 1.9)], pool)
         assert len(more) == 4 * size
-        monkeypatch.setattr("fairing.cells.scale_space.MAX_DECODED_BYTES", 0)
+        monkeypatch.setattr("fairing.cells.scale_space.MEMORY", 0)
         anew, third = ScaleSpace(corner_scene(), color=False).lay_out(1.2, False, [(3, 1.2)], pool)
     np.testing.assert_array_equal(few[starts[3, 1.2] :][:size], more[later[3, 1.2] :][:size])
     np.testing.assert_array_equal(anew[third[3, 1.2] :][:size], more[later[3, 1.2] :][:size])
@@ -55,8 +55,7 @@ def test_only_requested_photos_are_laid_out_and_later_ones_do_not_change_them(mo
 
 def small_reductions(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let the photos of the corner be reduced as those of a large scene."""
-    monkeypatch.setattr("fairing.cells.scale_space.LARGE_SCENE_PIXELS", 0)
-    monkeypatch.setattr(memory, "LARGE_SCENE_PIXELS", 0)
+    monkeypatch.setattr("fairing.cells.scale_space.MEMORY", 0)
     monkeypatch.setattr("fairing.cells.scale_space.MIN_REDUCED_SIZE", 8)
 
 
@@ -161,15 +160,6 @@ def test_a_cancelled_run_stops_between_two_photos(call: str, monkeypatch: pytest
     np.testing.assert_array_equal(problem.context(0, scene.mesh.vertices).kernel.pixels, expected.kernel.pixels)
 
 
-def test_conversion_to_grey_in_strips_changes_nothing(monkeypatch: pytest.MonkeyPatch):
-    scene = corner_scene()
-    with ThreadPoolExecutor(1) as pool:
-        whole, _ = ScaleSpace(scene, color=False).lay_out(0.0, False, [(0, 0.0)], pool)
-        monkeypatch.setattr("fairing.cells.scale_space.STRIP_ROWS", 7)
-        strips, _ = ScaleSpace(scene, color=False).lay_out(0.0, False, [(0, 0.0)], pool)
-    np.testing.assert_array_equal(whole, strips)
-
-
 def test_a_check_lays_out_no_photo_and_counts_the_views_of_a_run(monkeypatch: pytest.MonkeyPatch):
     scene = corner_scene()
     expected = Problem(scene, PRESETS["accurate"], scene.mesh.vertices).context(4, scene.mesh.vertices)
@@ -185,7 +175,7 @@ def test_with_too_many_patch_pixels_the_last_level_reads_whole_photos_and_warns(
     parts = problem.context(last, start).kernel
     assert (parts.pair_frame[:, 2] < WIDTH).any()
     assert TOO_MANY_PARTS not in problem.warnings
-    monkeypatch.setattr("fairing.cells.context.MAX_PATCH_PIXELS", 0)
+    monkeypatch.setattr("fairing.cells.scale_space.MEMORY", 0)
     whole = problem.context(last, start).kernel
     assert (whole.pair_frame == (0, 0, WIDTH, HEIGHT)).all()
     assert len(whole.pixels) == len(scene.views) * WIDTH * HEIGHT

@@ -11,7 +11,7 @@ from fairing.geometry.normals import face_normals
 from fairing.judge.report import run_report
 from fairing.mesh import Mesh
 from fairing.optimize.rows import Rows
-from fairing.options import PRESETS, FairingOptions
+from fairing.options import FINE_BLUR, PRESETS, FairingOptions
 from fairing.run.fits import points_on_mesh
 from fairing.run.gauss_newton_step import gauss_newton_step
 from fairing.run.phases import Level
@@ -290,14 +290,14 @@ def test_observed_points_beside_the_mesh_do_not_pull_it(origin):
 
 
 @pytest.mark.parametrize(
-    ("displaced", "large_face", "is_fitted"), [(FAR, 0.0, True), (FAR, np.inf, False), ((0.0, 0.0, 0.0), 0.0, False)]
+    ("displaced", "height", "is_fitted"), [(FAR, np.inf, True), (FAR, 0.0, False), ((0.0, 0.0, 0.0), np.inf, False)]
 )
 def test_a_fit_to_points_of_surface_sweeps_needs_little_photo_gain(
-    displaced, large_face, is_fitted, monkeypatch: pytest.MonkeyPatch
+    displaced, height, is_fitted, monkeypatch: pytest.MonkeyPatch
 ):
     """No fit lowers the loss by 95 %. One without sweeps is then refused, and one from the truth, which lowers no loss, too."""
     monkeypatch.setattr("fairing.run.stepper.GAIN", 0.95)
-    monkeypatch.setattr("fairing.run.fits.LARGE_FACE", large_face)
+    monkeypatch.setattr("fairing.run.fits.typical_footprint", lambda *_: height)
     scene = observed(corner_scene(displaced), on_the_faces(600))
     assert Session(scene, small_options(step=USED)).make_plan().is_fitted_to_points == is_fitted
 
@@ -313,7 +313,7 @@ def test_the_points_measure_how_far_off_the_start_is():
         for camera in (view.camera for view in far.views)
     )
     assert 0.3 * moved < sigma_far < 1.5 * moved
-    assert sigma_near == 1.0
+    assert sigma_near == FINE_BLUR
 
 
 def test_points_that_no_fit_used_prefer_the_state_they_lie_on():

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fairing.options import PRESETS, FairingOptions
-from fairing.run.phases import FITTED_SIGMA, Level, Schedule, schedule_of
+from fairing.options import FINE_BLUR, PRESETS, FairingOptions
+from fairing.run.phases import Level, Schedule, schedule_of
 from fairing.run.schedule import fraction_done, most_blocks, next_position
 from fairing.run.stages import Judge, Photos, PointGates, Stage, fit_stages, numbered
 from fairing.run_plan import RunPlan
@@ -150,7 +150,7 @@ def test_the_measured_error_of_a_start_holds_at_fine_levels_unless_it_has_been_f
         return [(level.start_sigma, level.prior) for level in schedule_of(options, plan).levels]
 
     fitted = plan(start_sigma=4.0, is_fitted_to_points=True)
-    weak = (FITTED_SIGMA, 0.3)
+    weak = (FINE_BLUR, 0.3)
     assert sigmas(plan()) == 2 * [(0.0, 0.3)]
     assert sigmas(fitted) == [weak, (4.0, 1.0)]
     assert sigmas(replace(fitted, represents_surface=True)) == [weak, weak]

@@ -7,7 +7,6 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from scipy.ndimage import gaussian_filter
 
 from fairing.errors import Cancelled
 from fairing.features import surface_sweep
@@ -118,33 +117,10 @@ def test_the_place_of_the_best_score_is_that_of_a_parabola_and_0_where_it_is_at_
     places = np.arange(7.0)
     profiles = [0.9 - 0.05 * (places - 3.3) ** 2, 0.9 - 0.01 * places, -0.1 - 0.05 * (places - 3.3) ** 2]
     scores = np.array(profiles, np.float32).T[:, None].copy()
-    place, top = np.empty((1, 3), np.float32), np.empty((1, 3), np.float32)
-    surface_sweep._peaks(scores, place, top)
+    place = np.empty((1, 3), np.float32)
+    surface_sweep._peaks(scores, place)
     # The place is a difference of scores over their second difference, which is 0.1.
     assert place[0] == pytest.approx([4.3, 0.0, 0.0], abs=few(8) * 0.9 / 0.1)
-    assert (top == scores.max(axis=0)).all()
-
-
-def test_known_inverse_depths_are_smoothed_over_their_known_pixels():
-    inverse = np.random.default_rng(0).uniform(0.1, 0.3, (40, 50))
-    inverse[:, 30:] = 0
-    inverse[5:9, 5:9] = 0
-    is_known = inverse > 0
-    total, part = (gaussian_filter(values, 1.5, mode="mirror") for values in (inverse, is_known.astype(float)))
-    smooth = surface_sweep._smoothed(inverse, 1.5)
-    assert smooth[is_known] == pytest.approx(total[is_known] / part[is_known], abs=1e-4)
-    assert (smooth[~is_known] == 0).all()
-
-
-def test_a_smoothed_mesh_finds_points_where_faces_are_turned_the_wrong_way(monkeypatch: pytest.MonkeyPatch):
-    scene = corner_scene((0.2, -0.15, 0.2))
-
-    def exact() -> int:
-        return int((off_the_cube(swept_points(scene).positions) < 0.01).sum())
-
-    with_both = exact()
-    monkeypatch.setattr(surface_sweep, "_smoothed", lambda inverse, sigma: inverse)
-    assert with_both > 1.05 * exact()
 
 
 def test_a_sweep_can_be_cancelled():
@@ -190,7 +166,7 @@ def test_points_are_sought_near_large_faces_and_starts_that_the_points_move_far(
     near = (0.001, 0.0, 0.0)
     monkeypatch.setattr(SurfaceSweep, "points", points)
     assert searches(near) == [start_error.FAR_ERROR]
-    monkeypatch.setattr(fits, "LARGE_FACE", np.inf)
+    monkeypatch.setattr(fits, "typical_footprint", lambda *_: 0.0)  # px: small faces
     assert searches(near) == []
     monkeypatch.setattr(fits, "FAR_PART", 1 / 7)  # the corner alone
     first, second = searches(FAR)

@@ -92,7 +92,7 @@ def functions_of_a_step() -> set[Callable[..., object]]:
     from fairing.kernels.faces import evaluate_faces
 
     found: set[Callable[..., object]] = set()
-    pending = [evaluate_faces]
+    pending: list[Any] = [evaluate_faces]
     for name, module in list(sys.modules.items()):
         if name.startswith("fairing.cells.") and name != "fairing.cells.point_spread":  # first used at the last level
             pending += [value for value in vars(module).values() if isinstance(value, Dispatcher)]

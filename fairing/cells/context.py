@@ -13,9 +13,9 @@ import numpy as np
 
 from fairing.cells.layout import CellLayout, plan_cells
 from fairing.cells.pair_photos import ANTI_ALIASING, PairPhotos, blurred_photos_for_pairs
-from fairing.cells.point_spread import MAX_PATCH_PIXELS, PATCH_MARGIN, common_psf_patches, patch_pixels
+from fairing.cells.point_spread import PATCH_MARGIN, common_psf_patches, patch_pixels
 from fairing.cells.sample_masks import Occluders, ViewMasks, mask_views
-from fairing.cells.scale_space import ScaleSpace
+from fairing.cells.scale_space import ScaleSpace, exceeds
 from fairing.cells.visibility import Footprints, Visibility, footprints_in_views, mark_surplus
 from fairing.kernels.data import KernelData
 from fairing.norms.built_in import norm_of
@@ -39,7 +39,7 @@ class CellContext:
         vertex_views: (n, V) bool: views that take part in a face of the vertex.
         vertices: (n, 3) float: positions the context was built at, world units.
         point_spread_fallback: whether photos are as seen although the level's option is a common point spread function,
-            because the patches would exceed `MAX_PATCH_PIXELS`.
+            because the patches would take too much memory, see `exceeds`.
         norm: of the residuals.
     """
 
@@ -221,7 +221,7 @@ def _pair_photos(
     longest, height = outlines.longest_edge[pairs.face, pairs.view], outlines.height[pairs.face, pairs.view]
     spacing = longest / layout.grid_sizes[layout.face_grid[pairs.face]]
     is_common = at.point_spread == "common"
-    if is_common and float(patch_pixels(longest, height).sum()) <= MAX_PATCH_PIXELS:
+    if is_common and not exceeds(float(patch_pixels(longest, height).sum())):
         min_sigma = np.maximum(blur, ANTI_ALIASING * spacing)
         corners = vertices[scene.mesh.faces]
         patches = common_psf_patches(

@@ -12,8 +12,6 @@ GRID_SIZES = (8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256)
 LEAST_LARGEST = 64
 # Samples of all cells of a level: beyond it, the largest cells are made smaller (ledger: samples of a level).
 MAX_SAMPLES = 10_000_000
-# The border left out is at most this part of the face's height, else small faces would lose everything.
-MAX_INSET = 0.08
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +71,8 @@ def plan_cells(
     grids = [cell_grid(s) for s in grid_sizes]
     grid_start = np.concatenate([[0], np.cumsum([grid.shape[1] for grid in grids])])
     mean_height = np.where(is_candidate, height, 0).sum(1) / np.maximum(is_candidate.sum(1), 1)
-    inset = np.minimum(at.inset / np.maximum(mean_height, 1e-9), MAX_INSET)
+    # At most 0.08 of the height, else small faces would lose everything.
+    inset = np.minimum(at.inset / np.maximum(mean_height, 1e-9), 0.08)
     return CellLayout(
         np.array(grid_sizes),
         grid_start.astype(np.int64),

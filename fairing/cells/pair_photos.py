@@ -9,8 +9,6 @@ from fairing.cells.scale_space import ScaleSpace
 
 # A photo sampled every d pixels needs a blur of about d / 2, or its fine detail aliases.
 ANTI_ALIASING = 0.5
-# A photo whose blur falls short of that by up to this factor is used as it is.
-TOLERATED_ALIASING = 1.25
 
 
 class PairPhotos(NamedTuple):
@@ -34,6 +32,8 @@ class PairPhotos(NamedTuple):
 def blur_octaves(spacing: np.ndarray, blur: float) -> np.ndarray:
     """By how many octaves (doublings) a photo must be blurred beyond the level's blur to be sampled without aliasing.
 
+    One whose blur falls short by up to a quarter is used as it is.
+
     Args:
         spacing: (P,) float: distance of neighbouring samples, px.
         blur: sigma_smooth of the level, px.
@@ -42,7 +42,7 @@ def blur_octaves(spacing: np.ndarray, blur: float) -> np.ndarray:
         (P,) int64.
     """
     needed = ANTI_ALIASING * spacing / max(blur, 1.0)
-    return np.where(needed > TOLERATED_ALIASING, np.ceil(np.log2(np.maximum(needed, 1.0))), 0).astype(np.int64)
+    return np.where(needed > 1.25, np.ceil(np.log2(np.maximum(needed, 1.0))), 0).astype(np.int64)
 
 
 def blur_of_octave(octave: int, blur: float) -> float:

@@ -26,19 +26,6 @@ MAX_AREA_RATIO = 3.0
 """An oblique view does not force the others to a PSF of more than this many times the area of the sharpest one."""
 PATCH_MARGIN = 6.0
 """px around a face that are blurred too: a vertex may move this far before the patches are computed again (next sweep)."""
-MAX_PATCH_PIXELS = 500_000_000
-"""Limit of the patches around all faces together, 2 GB. Beyond it photos are used as seen (ledger: patch memory)."""
-SIZE_STEP = 4
-"""px: sizes of patches are rounded up to a multiple of this, then to a fast length, and those of one size transformed together."""
-BATCH_PIXELS = 1 << 18
-"""Patches are transformed in batches of so many pixels, which stay in the processor's cache."""
-_SHAPE_ROUNDS = 30
-_KERNEL_RADIUS = 3.5
-"""Radius of the Gaussian in standard deviations; with that of the spline, the outer half of a patch's margin and its border."""
-_SPLINE_RADIUS = 3.0
-"""px: of the filter that computes the spline's coefficients."""
-_MIN_PATCH = 8
-"""px: least width and height of a patch."""
 
 
 def missing_blur(
@@ -122,13 +109,15 @@ def common_psf_patches(
         camera = cameras[v]
         corners_px[rows] = camera.project(corners[face[rows]].reshape(-1, 3))[0].reshape(-1, 3, 2)
         sizes[rows] = camera.width, camera.height
-    low = np.clip(np.floor(corners_px.min(axis=1) - margin).astype(np.int64), 0, sizes - _MIN_PATCH)
-    high = np.clip(np.ceil(corners_px.max(axis=1) + margin).astype(np.int64) + 2, low + _MIN_PATCH, sizes)
+    least = 8  # px: width and height of a patch
+    low = np.clip(np.floor(corners_px.min(axis=1) - margin).astype(np.int64), 0, sizes - least)
+    high = np.clip(np.ceil(corners_px.max(axis=1) + margin).astype(np.int64) + 2, low + least, sizes)
     frame = np.concatenate([low, high - low], axis=1)
     base = np.concatenate([[0], np.cumsum(photos.channels * frame[:, 2] * frame[:, 3])])
     pixels = np.empty(base[-1], dtype=np.float32)
     deviation = np.sqrt(np.linalg.eigvalsh(covariance)[:, 1])
-    border = np.maximum(np.ceil(_KERNEL_RADIUS * deviation + _SPLINE_RADIUS - margin / 2), 1).astype(np.int64)
+    # The Gaussian reaches 3.5 standard deviations, the spline's filter 3 px: the outer half of the margin and the border.
+    border = np.maximum(np.ceil(3.5 * deviation + 3 - margin / 2), 1).astype(np.int64)
 
     def fill(view: int, photo: np.ndarray) -> None:
         rows = pairs_of[view]
@@ -177,7 +166,7 @@ def _enclose(ellipses, starts, common):
             s = ellipses[first + i]
             sharpest = min(sharpest, np.sqrt(s[0, 0] * s[1, 1] - s[0, 1] * s[0, 1]))
         a, b, c, largest, determinant = 0.0, 0.0, 0.0, 0.0, 1.0
-        for _ in range(_SHAPE_ROUNDS):
+        for _ in range(30):
             a, b, c = 0.0, 0.0, 0.0
             for i in range(count):
                 s = ellipses[first + i]
@@ -202,7 +191,8 @@ def _enclose(ellipses, starts, common):
 
 
 def _batches(sizes: np.ndarray, channels: int) -> Iterator[tuple[tuple[int, int], np.ndarray]]:
-    """Patches that are transformed together.
+    """Patches that are transformed together: of one size, rounded up to a multiple of 4 px and to a fast length, and of at most
+    2^18 pixels, which stay in the processor's cache. (ledger: batches of patches)
 
     Args:
         sizes: (r, 2) int: height and width of each patch with its border, px.
@@ -210,13 +200,13 @@ def _batches(sizes: np.ndarray, channels: int) -> Iterator[tuple[tuple[int, int]
     Yields:
         The (height, width) of their transforms, and their indices (b,) int.
     """
-    rounded = -(-sizes // SIZE_STEP) * SIZE_STEP
+    rounded = -(-sizes // 4) * 4
     lengths, at = np.unique(rounded, return_inverse=True)
     fast = np.array([scipy.fft.next_fast_len(length, real=True) or length for length in lengths.tolist()])
     shapes, shape_of = np.unique(fast[at.reshape(sizes.shape)], axis=0, return_inverse=True)
     for k, (rows, columns) in enumerate(shapes.tolist()):
         chosen = np.flatnonzero(shape_of.ravel() == k)
-        most = max(1, BATCH_PIXELS // (channels * rows * columns))
+        most = max(1, (1 << 18) // (channels * rows * columns))
         for first in range(0, len(chosen), most):
             yield (rows, columns), chosen[first : first + most]
 

@@ -16,20 +16,20 @@ from fairing.scene import Scene
 
 LUMA = np.array([0.299, 0.587, 0.114])
 """Weights of red, green and blue in the luma (Rec. 601)."""
-MAX_DECODED_BYTES = 1_500_000_000
-"""Decoded photos kept in memory; the others are decoded again for every blur."""
+MEMORY = 2_000_000_000
+"""Bytes: limit of decoded photos, others are decoded again for every blur; and of photos or patches of a level, see `exceeds`."""
 MAX_CONCURRENT_PHOTOS = 4
 """Photos decoded and blurred at a time; each takes 28 bytes per pixel."""
-STRIP_ROWS = 1024
-"""Rows of a photo converted to grey at a time."""
-LARGE_SCENE_PIXELS = 500_000_000
-"""A scene whose photos have more pixels in all stores those of a level's own blur at reduced resolution, too."""
 KEPT_BYTES = 1 << 29
 """Blurred photos kept for later levels: the preparation reads them before the first one begins."""
 MIN_REDUCED_SIZE = 64
 """px: least width and height of a reduced photo."""
-RESERVED_PART = 8
-"""1 / RESERVED_PART of an array is reserved for photos that later sweeps add, which saves copying; untouched pages are free."""
+
+
+def exceeds(pixels: float) -> bool:
+    """Whether so many pixels of a level take more than `MEMORY`: then photos are stored at reduced resolution, and patches around
+    the faces are not made. (ledger: reduced photos, patch memory)"""
+    return 4 * pixels > MEMORY
 
 
 def reduction(size: tuple[int, int], sigma: float, blur: float, is_large: bool) -> int:
@@ -43,7 +43,7 @@ def reduction(size: tuple[int, int], sigma: float, blur: float, is_large: bool) 
         size: (width, height) of the photo, px.
         sigma: standard deviation of the photo's Gaussian blur, px.
         blur: of the level, px.
-        is_large: whether the photos together have more than `LARGE_SCENE_PIXELS` pixels.
+        is_large: whether the photos together exceed `MEMORY`.
     """
     largest = sigma if is_large else 1.0 if sigma == blur else sigma / 2
     factor = 2 ** max(0, math.frexp(largest)[1] - 1)
@@ -64,7 +64,7 @@ class ScaleSpace:
     """Gaussian-blurred photos of a scene at the blurs of its levels and their octaves, per interpolation.
 
     Memory: 4 bytes per pixel of blurred photos as they are stored, see `reduction`, and decoded photos (2 bytes per pixel,
-    3 in colour; of photos with 16 bits 4 and 12) up to `MAX_DECODED_BYTES`.
+    3 in colour; of photos with 16 bits 4 and 12) up to `MEMORY`.
 
     Args:
         color: use all three channels instead of the luma.
@@ -79,7 +79,7 @@ class ScaleSpace:
     ) -> None:
         self._views = scene.views
         self._color = color
-        self._is_large = sum(view.camera.width * view.camera.height for view in scene.views) > LARGE_SCENE_PIXELS
+        self._is_large = exceeds(sum(view.camera.width * view.camera.height for view in scene.views))
         self._photos: dict[int, np.ndarray] = {}
         self._layouts: dict[tuple[float, bool], _Layout] = {}
         self._masks: dict[tuple[int, int], np.ndarray] = {}
@@ -132,7 +132,8 @@ class ScaleSpace:
                     starts[view, sigma] = at
                     at += self._pixels_at(view, sigma, blur)
             if at > len(reserved):
-                reserved = np.empty(at + at // RESERVED_PART, dtype=np.float32)
+                # More, for photos that later sweeps add, saves copying; untouched pages are free.
+                reserved = np.empty(at + at // 8, dtype=np.float32)
                 reserved[: len(pixels)] = pixels
             pixels = reserved[:at]
 
@@ -206,7 +207,7 @@ class ScaleSpace:
         if view in self._photos:
             return self._photos[view]
         photo = self._decode(view)
-        if photo.nbytes + sum(kept.nbytes for kept in list(self._photos.values())) <= MAX_DECODED_BYTES:
+        if photo.nbytes + sum(kept.nbytes for kept in list(self._photos.values())) <= MEMORY:
             self._photos[view] = photo
         return photo
 
@@ -216,13 +217,8 @@ class ScaleSpace:
             return np.ascontiguousarray(grey_levels(pixels).transpose(2, 0, 1))
         # Luma in eighths of a grey level: rounding to whole levels would triple the quantisation noise. That of photos
         # with 16 bits is not rounded.
-        is_deep = pixels.dtype != np.uint8
-        eighths = np.empty((1, *pixels.shape[:2]), dtype=np.float32 if is_deep else np.uint16)
-        for row in range(0, len(pixels), STRIP_ROWS):
-            part = slice(row, row + STRIP_ROWS)
-            luma = grey_levels(pixels[part]).astype(np.float32) @ LUMA.astype(np.float32)
-            eighths[0, part] = luma * 8 if is_deep else np.round(luma * 8)
-        return eighths
+        eighths = grey_levels(pixels).astype(np.float32)[None] @ LUMA.astype(np.float32) * 8
+        return np.round(eighths).astype(np.uint16) if pixels.dtype == np.uint8 else eighths
 
     def _blurred(
         self, view: int, planes: np.ndarray, sigma: float, blur: float, blurred: dict[float, np.ndarray]

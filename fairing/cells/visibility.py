@@ -13,10 +13,6 @@ from fairing.geometry.normals import face_normals
 from fairing.options import VisibilityOptions
 from fairing.scene import Scene
 
-# The orientation of a mesh is found in about this many photos, at 1 / ORIENTATION_REDUCTION of their resolution.
-ORIENTATION_VIEWS = 8
-ORIENTATION_REDUCTION = 4
-
 
 class Visibility(IntEnum):
     """Whether a view shows a face; every value above `PARTLY_SEEN` is the reason why the view is not used."""
@@ -147,14 +143,16 @@ def mark_surplus(reasons: np.ndarray, area: np.ndarray, max_views: int) -> None:
 def mesh_orientation(scene: Scene, vertices: np.ndarray) -> int:
     """1 if the photos show mostly the counter-clockwise side of the faces, -1 if the clockwise side.
 
+    About eight photos decide, at a quarter of their resolution.
+
     Args:
         vertices: (n, 3) float, world units.
     """
     balance = 0
     faces = scene.mesh.faces
     points, normal = vertices[faces], face_normals(vertices, faces)
-    for view in scene.views[:: max(1, len(scene.views) // ORIENTATION_VIEWS)]:
-        face_id = depth_map(vertices, faces, view.camera, reduction=ORIENTATION_REDUCTION).face_id
+    for view in scene.views[:: max(1, len(scene.views) // 8)]:
+        face_id = depth_map(vertices, faces, view.camera, reduction=4).face_id
         counts = np.bincount(face_id[face_id >= 0], minlength=len(faces))
         balance += int((counts * np.sign(((view.camera.center - points[:, 0]) * normal).sum(1))).sum())
     return 1 if balance >= 0 else -1

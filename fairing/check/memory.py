@@ -9,12 +9,12 @@ from typing import NamedTuple
 import numpy as np
 
 from fairing.cells.pair_photos import blur_octaves, blur_of_octave
-from fairing.cells.point_spread import MAX_PATCH_PIXELS, patch_pixels
+from fairing.cells.point_spread import patch_pixels
 from fairing.cells.scale_space import (
     KEPT_BYTES,
-    LARGE_SCENE_PIXELS,
     MAX_CONCURRENT_PHOTOS,
-    MAX_DECODED_BYTES,
+    MEMORY,
+    exceeds,
     reduction,
 )
 from fairing.cells.visibility import Visibility, footprints
@@ -44,7 +44,7 @@ def memory_needed(scene: Scene, options: FairingOptions, scale: float = 1.0) -> 
     threads = min(options.threads or os.cpu_count() or 1, len(sizes))
     largest, others = (4 * channels * pixels for pixels in _pixels_laid_out(scene, options, scale, sizes))
     laid_out = largest + min(others, KEPT_BYTES)
-    decoded = min((3 if options.cells.color else 2) * float(sizes.sum()), MAX_DECODED_BYTES)
+    decoded = min((3 if options.cells.color else 2) * float(sizes.sum()), MEMORY)
     decoded += min(3 * float(sizes.sum()), LOADED_BYTES)
     at_a_time = min(threads, MAX_CONCURRENT_PHOTOS)
     in_work = max(
@@ -74,7 +74,7 @@ def _pixels_laid_out(scene: Scene, options: FairingOptions, scale: float, sizes:
     Args:
         sizes: (V,) float, px: pixels of the photos.
     """
-    laid_out, is_large = np.zeros(options.n_levels), float(sizes.sum()) > LARGE_SCENE_PIXELS
+    laid_out, is_large = np.zeros(options.n_levels), exceeds(float(sizes.sum()))
     patches, count = np.zeros(len(scene.mesh.faces)), np.zeros(len(scene.mesh.faces))
     everywhere = replace(options.visibility, min_angle=0.0, min_footprint=0.0)
     for v, view in enumerate(scene.views):
@@ -90,7 +90,7 @@ def _pixels_laid_out(scene: Scene, options: FairingOptions, scale: float, sizes:
                 factor = reduction(size, blur_of_octave(octave, at.blur), at.blur, is_large)
                 laid_out[level] += sizes[v] / factor**2
     of_patches = float((patches * np.minimum(1, options.visibility.max_views / np.maximum(count, 1))).sum())
-    uses_patches = [level.point_spread == "common" and of_patches <= MAX_PATCH_PIXELS for level in options.levels]
+    uses_patches = [level.point_spread == "common" and not exceeds(of_patches) for level in options.levels]
     largest = max(of_patches if patched else float(laid_out[level]) for level, patched in enumerate(uses_patches))
     return largest, float(laid_out[np.logical_not(uses_patches)].sum())
 

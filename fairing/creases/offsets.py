@@ -14,18 +14,11 @@ from fairing.camera import Camera
 from fairing.creases.edges import Creases
 from fairing.geometry.rasterize import rasterize_inverse
 
-SMOOTHING, SMOOTHING_SIZE = 0.7, 7  # sigma and width of the kernel, px of the photo
-SPACING = 1.5  # px between samples along a crease
-SEGMENT = 14.0  # px
-MARGIN = 3.0  # px left out at both ends of a crease, at most a quarter of it
-MIN_SAMPLES = 4  # of a segment, and of a crease
-HIDDEN = 1.5  # px' worth of depth (depth / focal length) behind the nearest surface
-STEP = 0.25  # px between samples of a profile
-HALF_STEPS = 2  # the derivative is taken over +- this many steps
-CORRELATION = 2.5  # px along the crease over which residuals of the profiles agree
+SPACING = 1.5  # px between samples along a crease; also how far they may lie behind the surface, see `_samples_along`
+SEGMENT = 14.0  # px; creases of half of it, and segments of which half is visible, are measured
+STEP = 0.5  # px between samples of a profile; its derivative is the difference of the neighbours
 MIN_SIGNIFICANCE = 3.0  # of a peak, in units of its noise; three times as much has full weight
 CONCAVE_WEIGHT = 0.3  # concave creases have contact shadows and reflections beside them (ledger: creases)
-BATCH = 28_000  # samples of a profile taken at a time; OpenCV maps at most 32,767 rows
 
 
 class Offsets(NamedTuple):
@@ -63,18 +56,18 @@ def measure_offsets(
     with np.errstate(invalid="ignore"):
         length = np.linalg.norm(direction, axis=1)
         # Longer than the photo's sides together: from vertices close to the camera's plane.
-        shown = (length >= MIN_SAMPLES * SPACING) & (length < camera.width + camera.height)
+        shown = (length >= SEGMENT / 2) & (length < camera.width + camera.height)
         shown &= (depth[first] > 0) & (depth[second] > 0)
     seen = np.flatnonzero(shown)
     if len(seen) == 0:
         return _none()
-    kernel = cv2.getGaussianKernel(SMOOTHING_SIZE, SMOOTHING, cv2.CV_32F)
+    kernel = cv2.getGaussianKernel(7, 0.7, cv2.CV_32F)  # width and sigma, px
     image = cv2.sepFilter2D(photo, cv2.CV_32F, kernel, kernel)
     inverse_depth = rasterize_inverse(vertices, faces, camera)[1]
     farthest = cv2.erode(inverse_depth.astype(np.float32), np.ones((3, 3)))
     projected = _Projected(camera, vertices, uv, depth)
     places = _places(reach)
-    batch = np.cumsum(_sample_counts(length[seen])) // BATCH
+    batch = np.cumsum(_sample_counts(length[seen])) // 28_000  # OpenCV maps at most 32,767 rows
     batches = np.array_split(seen, np.flatnonzero(np.diff(batch)) + 1)
     parts = []
     for ids in batches:
@@ -85,7 +78,7 @@ def measure_offsets(
 
 def _places(reach: float) -> np.ndarray:
     """Samples of a profile, px from the crease: up to the reach, and what the derivative there needs."""
-    steps = round(reach / STEP) + 2 * HALF_STEPS
+    steps = round(reach / STEP) + 2
     return np.arange(-steps, steps + 1) * STEP
 
 
@@ -135,7 +128,7 @@ def _samples_along(projected: _Projected, ends: np.ndarray, farthest: np.ndarray
     count = _sample_counts(length)
     row = np.repeat(np.arange(len(ends)), count)
     k = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
-    margin = np.minimum(MARGIN / length, 0.25)[row]
+    margin = np.minimum(2 * SPACING / length, 0.25)[row]  # left out at both ends, where other creases meet it
     in_image = margin + (1 - 2 * margin) * (k + 0.5) / count[row]
     # Along the image of a line, inverse depth is linear.
     at_first, at_second = 1 / projected.depth[first][row], 1 / projected.depth[second][row]
@@ -147,7 +140,8 @@ def _samples_along(projected: _Projected, ends: np.ndarray, farthest: np.ndarray
     height, width = farthest.shape
     visible = np.all((pixels > border) & (pixels < [width - 1 - border, height - 1 - border]), axis=1)
     x, y = np.rint(pixels[visible]).astype(int).T
-    tolerance = HIDDEN / np.linalg.norm(projected.camera.image_from_world[0, :3])
+    # Up to `SPACING` times the depth of one px, depth / focal length, behind the nearest surface.
+    tolerance = SPACING / np.linalg.norm(projected.camera.image_from_world[0, :3])
     visible[visible] = inverse[visible] > (1 - tolerance) * farthest[y, x]
     row, segment = row[visible], segment[visible]
     is_first = np.r_[True, (np.diff(row) != 0) | (np.diff(segment) != 0)][: len(row)]
@@ -171,15 +165,14 @@ def _measured(
     x, y = _places_across(pixels, across, places)
     profile = cv2.remap(image, x, y, cv2.INTER_LINEAR)
     contrast, variance = _slopes(profile, starts, sizes)
-    independent = np.maximum(1.0, sizes * SPACING / CORRELATION)
-    noise = np.sqrt(variance / independent[:, None])
-    offset, weight = _peaks(contrast, noise, places[HALF_STEPS:-HALF_STEPS])
+    noise = np.sqrt(variance / np.maximum(1.0, sizes / 2)[:, None])  # residuals of neighbouring profiles agree
+    offset, weight = _peaks(contrast, noise, places[1:-1])
     centre, own = np.add.reduceat(along, starts) / sizes, ids[row[starts]]
     first, second = projected.vertices[creases.ends[own]].transpose(1, 0, 2)
     J = projected.camera.J_image_wrt_point(first + centre[:, None] * (second - first))
     px_per_move = np.einsum("si,sij->sj", across[starts], J)
     weight *= np.where(creases.is_concave[own], CONCAVE_WEIGHT, 1.0)
-    kept = (sizes >= MIN_SAMPLES) & (weight > 0)
+    kept = (sizes * SPACING >= SEGMENT / 2) & (weight > 0)
     return Offsets(own[kept], centre[kept], px_per_move[kept], offset[kept], weight[kept])
 
 
@@ -196,12 +189,12 @@ def _places_across(pixels, across, places):
 
 @njit(cache=True, nogil=True)
 def _slopes(profile, starts, sizes):
-    """Derivatives of the profiles (p, q + 2 * HALF_STEPS, 3) by segment, over the three channels.
+    """Derivatives of the profiles (p, q + 2, 3) by segment, over the three channels.
 
     Returns:
         Length of their mean (s, q) float64, and the sum of their variances (s, q) float64.
     """
-    width = profile.shape[1] - 2 * HALF_STEPS
+    width = profile.shape[1] - 2
     contrast, variance = np.zeros((len(starts), width)), np.zeros((len(starts), width))
     mean, squares = np.empty((width, 3)), np.empty((width, 3))
     for s in range(len(starts)):
@@ -210,7 +203,7 @@ def _slopes(profile, starts, sizes):
         for k in range(starts[s], starts[s] + sizes[s]):
             for j in range(width):
                 for c in range(3):
-                    slope = np.float64(profile[k, j + 2 * HALF_STEPS, c] - profile[k, j, c])
+                    slope = np.float64(profile[k, j + 2, c] - profile[k, j, c])
                     mean[j, c] += slope
                     squares[j, c] += slope * slope
         for j in range(width):
@@ -225,7 +218,7 @@ def _slopes(profile, starts, sizes):
 
 def _peaks(contrast: np.ndarray, noise: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Place and weight (s,) of the largest local maximum of each profile (s, p) within the reach; weight 0 without one."""
-    reach = places[-1] - HALF_STEPS * STEP
+    reach = places[-1] - STEP
     is_peak = np.zeros(contrast.shape, dtype=bool)
     inner = contrast[:, 1:-1]
     is_peak[:, 1:-1] = (inner >= contrast[:, :-2]) & (inner > contrast[:, 2:])

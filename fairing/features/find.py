@@ -21,9 +21,7 @@ from fairing.scene import View
 Progress = Callable[[int, int], None]
 """Called with the amount of finished and of all work, in units of one pair of photos."""
 
-CANCEL_POLL = 0.2  # s
 PHOTO_WORK = 8  # pairs that take as long as one photo's keypoints, as measured on two captures
-TRACKS_AT_ONCE = 10_000
 
 _Result = TypeVar("_Result")
 
@@ -122,14 +120,16 @@ def _triangulated(
     sigma = relative_sigma(np.concatenate([found.scale for found in keypoints])[index])
     colors = np.concatenate([found.colors for found in keypoints])[index]
 
+    at_once = 10_000  # tracks
+
     def block(start: int) -> Triangulated:
-        offsets = tracks.offsets[start : start + TRACKS_AT_ONCE + 1]
+        offsets = tracks.offsets[start : start + at_once + 1]
         seen = slice(offsets[0], offsets[-1])
         return triangulate_tracks(
             cameras, offsets - offsets[0], tracks.photos[seen], pixels[seen], sigma[seen], options
         )
 
-    blocks = work.all_of([lambda s=s: block(s) for s in range(0, len(tracks), TRACKS_AT_ONCE)], 0)
+    blocks = work.all_of([lambda s=s: block(s) for s in range(0, len(tracks), at_once)], 0)
     found = Triangulated(*(np.concatenate(parts) for parts in zip(*blocks, strict=True)))
     return points_of_tracks(cameras, tracks, found, pixels, sigma, colors)
 
@@ -149,7 +149,7 @@ class _Work:
         while waiting:
             if self._cancelled():
                 raise Cancelled
-            finished, waiting = wait(waiting, timeout=CANCEL_POLL, return_when=FIRST_COMPLETED)
+            finished, waiting = wait(waiting, timeout=0.2, return_when=FIRST_COMPLETED)
             for future in finished:
                 future.result()  # raises what the part raised
                 self._done += amount

@@ -14,9 +14,6 @@ from fairing.camera import Camera
 from fairing.features.keypoints import DESCRIPTOR_LENGTH, Keypoints
 from fairing.features.options import FeatureOptions
 
-ANGLE_MARGIN = 1.2
-"""Of the tolerance in angle, which is linearised; the distance from the line in px is then judged exactly."""
-
 
 class Matches(NamedTuple):
     """Attributes:
@@ -69,7 +66,8 @@ def match_pair(a: Keypoints, b: Keypoints, camera_a: Camera, camera_b: Camera, o
     planes_a, planes_b = _planes(camera_a, a.pixels, frame), _planes(camera_b, b.pixels, frame)
     order_a, order_b = np.argsort(planes_a.angle, kind="stable"), np.argsort(planes_b.angle, kind="stable")
     angle_a, angle_b = planes_a.angle[order_a], planes_b.angle[order_b]
-    tolerance = ANGLE_MARGIN * options.epipolar_distance * planes_b.slope[order_b]
+    # A fifth more, because it is linearised; the distance from the line in px is then judged exactly.
+    tolerance = 1.2 * options.epipolar_distance * planes_b.slope[order_b]
     turns = np.concatenate([angle_a - 2 * np.pi, angle_a, angle_a + 2 * np.pi])
     first = np.searchsorted(turns, angle_b - tolerance, side="left")
     last = np.minimum(np.searchsorted(turns, angle_b + tolerance, side="right"), first + len(angle_a))

@@ -7,11 +7,6 @@ import numpy as np
 from fairing.camera import Camera
 from fairing.features.options import FeatureOptions
 
-SAME_PLACE = 1e-6
-"""Of the largest distance of two cameras: closer ones have no epipolar lines."""
-ROUNDING = 1e-9
-"""Of the largest distance of a camera from the origin: closer ones may be at one place."""
-
 
 def nearest_photos(cameras: Sequence[Camera], count: int, axis_angle: float) -> list[list[int]]:
     """For each photo its nearest ones that look in a similar direction, the nearest first.
@@ -23,7 +18,8 @@ def nearest_photos(cameras: Sequence[Camera], count: int, axis_angle: float) -> 
     centers = np.array([camera.center for camera in cameras])
     axes = np.array([camera.image_from_world[2, :3] for camera in cameras])  # of length 1, see `Camera`
     distance = np.linalg.norm(centers[:, None] - centers[None], axis=2)
-    apart = distance > max(SAME_PLACE * distance.max(), ROUNDING * np.abs(centers).max())
+    # Closer ones have no epipolar lines, or are at one place but for the rounding of their coordinates.
+    apart = distance > max(1e-6 * distance.max(), 1e-9 * np.abs(centers).max())
     usable = apart & (axes @ axes.T >= np.cos(np.radians(axis_angle)))
     order = np.argsort(distance, axis=1, kind="stable")
     return [order[photo][usable[photo, order[photo]]][:count].tolist() for photo in range(len(cameras))]

@@ -2,9 +2,8 @@
 
 A plane sweep (Collins, CVPR 1996) whose planes are replaced by the mesh, displaced along the lines of sight of a photo in
 steps of inverse depth: neighbouring photos are warped onto each copy and compared with the photo by normalized cross-correlation
-in small windows. The mesh is displaced as it is and smoothed, because windows on faces that are turned the wrong way do not
-correlate. The best copy of a pixel gives its depth; it counts where that of another photo agrees. Keypoints are sparse and need
-distinct texture; these points cover all textured parts, but only within reach of the start. (ledger: surface sweep)
+in small windows. The best copy of a pixel gives its depth; it counts where that of another photo agrees. Keypoints are sparse and
+need distinct texture; these points cover all textured parts, but only within reach of the start. (ledger: surface sweep)
 """
 
 from collections.abc import Callable, Sequence
@@ -16,6 +15,7 @@ import numpy as np
 from numba import njit
 
 from fairing.camera import Camera, resizing
+from fairing.features.options import FeatureOptions
 from fairing.features.pairs import nearest_photos
 from fairing.features.points import FeaturePoints
 from fairing.geometry.rasterize import rasterize_inverse
@@ -28,19 +28,11 @@ MEGAPIXELS = 0.35
 LARGEST_ERROR = 6.0
 """... and further, until the start error has this many pixels."""
 NEIGHBORS = 4
-"""Photos each photo is compared with, the nearest ones ..."""
-AXIS_ANGLE = 45.0
-"""... whose optical axes lie within this angle of its own, degrees."""
+"""Photos each photo is compared with: the nearest ones that look in a similar direction, see `FeatureOptions.axis_angle`."""
 HALF_WINDOW = 2
 """px: windows of the correlation have (2 HALF_WINDOW + 1)^2 pixels."""
 REACH = 2.0
 """Of the start error: displacements of the mesh along lines of sight; these meet most faces obliquely."""
-MAX_STEPS = 24
-"""Copies of the mesh on either side of it, at most."""
-SMOOTHING = 0.5
-"""Of the start error: standard deviation of the smoothing of inverse depths (ledger: surface sweep: smoothed copies)."""
-MIDDLE_GREY = 128.0
-"""Subtracted from grey levels, for accuracy: sums of squares are in single precision."""
 NOISE = 4.0
 """Grey levels^2: added to the variances of a window, so that those without texture do not correlate."""
 SPACING = 3
@@ -48,9 +40,7 @@ SPACING = 3
 POINTS_PER_FACE = 50
 """Of all photos, at most; evenly left out beyond."""
 SIGMA = 0.4
-"""Steps: standard deviation of a point along its line of sight."""
-SIGMA_ACROSS = 0.3
-"""px, across it."""
+"""Standard deviation of a point along its line of sight, in steps, and across it, in px (ledger: surface sweep: sigma)."""
 
 
 class _Reduced(NamedTuple):
@@ -83,7 +73,7 @@ class SurfaceSweep:
 
     def __init__(self, views: Sequence[View], executor: Executor, check: Callable[[], None] = lambda: None) -> None:
         self._views, self._executor, self._check = views, executor, check
-        self._neighbors = nearest_photos([view.camera for view in views], NEIGHBORS, AXIS_ANGLE)
+        self._neighbors = nearest_photos([view.camera for view in views], NEIGHBORS, FeatureOptions.axis_angle)
 
     def points(self, mesh: Mesh, error: float) -> FeaturePoints:
         """Points near a mesh whose vertices are about `error` px off.
@@ -109,7 +99,7 @@ class SurfaceSweep:
         positions, covariance, photo, count = positions[kept], covariance[kept], photo[kept], len(kept)
         return FeaturePoints(
             positions, covariance, np.zeros((count, 3), np.uint8), np.arange(count + 1), photo,
-            np.zeros((count, 2)), np.zeros(count), SIGMA_ACROSS,
+            np.zeros((count, 2)), np.zeros(count), SIGMA,
         )  # fmt: skip
 
     def _depths(self, photos: list[_Reduced], number: int, mesh: Mesh, error: float) -> _Depths:
@@ -129,41 +119,33 @@ class SurfaceSweep:
         middle = np.array([inverse.shape[1] / 2, inverse.shape[0] / 2, 1.0])
         step = 1 / max(max(_px_per_inverse(A @ middle, b, typical) for A, b in warps), 1e-300)
         focal = camera.K[0, 0]
-        count = int(np.clip(np.ceil(REACH * error * typical / focal / step), HALF_WINDOW, MAX_STEPS))
+        # At most twice as many copies on either side as the largest error has pixels within reach.
+        count = int(np.clip(np.ceil(REACH * error * typical / focal / step), HALF_WINDOW, 2 * REACH * LARGEST_ERROR))
         shifts = step * np.arange(-count, count + 1)
         others = [(photos[k].grey, A, b) for k, (A, b) in zip(self._neighbors[number], warps, strict=True)]
-        mean, contrast, place, top, best = (np.empty_like(grey) for _ in range(5))
-        _window_statistics(grey, mean, contrast)
-        scores, depth = np.empty((len(shifts), *grey.shape), np.float32), np.zeros(grey.shape)
-        best[:] = -1
-        for displaced in (inverse, _smoothed(inverse, SMOOTHING * error)):
-            self._score(displaced, shifts, others, (grey, mean, contrast), scores)
-            _peaks(scores, place, top)
-            found = np.where(place > 0, displaced + (place - 1 - count) * step, 0.0)
-            depth = np.where(top > best, found, depth)
-            np.maximum(best, top, out=best)
-        unknown[area] = np.where(_inside(inverse > 0), depth, 0.0)
+        place = self._places(inverse, shifts, others, grey)
+        unknown[area] = np.where(_inside(inverse > 0) & (place > 0), inverse + (place - 1 - count) * step, 0.0)
         return _Depths(unknown, step, face)
 
-    def _score(
+    def _places(
         self,
         inverse: np.ndarray,
         shifts: np.ndarray,
         others: list[tuple[np.ndarray, np.ndarray, np.ndarray]],
-        picture: tuple[np.ndarray, np.ndarray, np.ndarray],
-        scores: np.ndarray,
-    ) -> None:
-        """Correlate an area with other photos, for inverse depths (h, w) displaced by shifts (s,).
+        grey: np.ndarray,
+    ) -> np.ndarray:
+        """(h, w) float32: places of an area's best correlations with other photos, among shifts (s,) of its inverse depths (h, w).
 
         Args:
             others: grey levels of the other photos, and the warp into each, see `_warp`.
-            picture: grey levels of the area, and their `_window_statistics`.
-            scores: (s, h, w) float32, out.
+            grey: (h, w) float32: grey levels of the area.
+
+        Returns:
+            Counted from 1, see `_peaks`.
         """
-        grey, mean, contrast = picture
-        scores[:] = -1
-        single = inverse.astype(np.float32)
-        second, warped = np.empty_like(grey), np.empty_like(grey)
+        mean, contrast, second, warped, place = (np.empty_like(grey) for _ in range(5))
+        _window_statistics(grey, mean, contrast)
+        scores, single = np.full((len(shifts), *grey.shape), -1, np.float32), inverse.astype(np.float32)
         for shift, best in zip(shifts, scores, strict=True):
             self._check()
             second[:] = -1
@@ -173,6 +155,8 @@ class SurfaceSweep:
             if len(others) > 1:
                 best += second  # of the others, those with a worse correlation may see something else
                 best /= 2
+        _peaks(scores, place)
+        return place
 
     def _points_of(
         self, photos: list[_Reduced], number: int, depths: list[_Depths]
@@ -198,7 +182,7 @@ class SurfaceSweep:
             kept[inside[(there > 0) & near]] = True
         positions, at, face = positions[kept], at[kept], face[row, column][kept]
         sight = (positions - camera.center) / np.linalg.norm(positions - camera.center, axis=1, keepdims=True)
-        across = (SIGMA_ACROSS / (at * camera.K[0, 0])) ** 2
+        across = (SIGMA / (at * camera.K[0, 0])) ** 2
         along = (SIGMA * step / at**2) ** 2
         covariance = across[:, None, None] * np.eye(3) + along[:, None, None] * sight[:, :, None] * sight[:, None, :]
         return positions, covariance, np.full(len(positions), number), face
@@ -216,7 +200,7 @@ def _reduced(view: View, error: float) -> _Reduced:
     grey = cv2.cvtColor(grey_levels(view.photo.full_depth()), cv2.COLOR_RGB2GRAY)
     if reduced != size:
         grey = cv2.resize(grey, reduced, interpolation=cv2.INTER_AREA)
-    grey = grey.astype(np.float32) - np.float32(MIDDLE_GREY)
+    grey = grey.astype(np.float32) - np.float32(128)  # for accuracy: sums of squares are in single precision
     counts = np.ones(grey.shape, dtype=bool)
     if view.mask is not None:
         counts = cv2.resize(view.mask.load().astype(np.uint8), reduced, interpolation=cv2.INTER_NEAREST) > 0
@@ -252,13 +236,6 @@ def _extended(inverse: np.ndarray, margin: float) -> np.ndarray:
     of_label = np.zeros(int(label.max()) + 1)
     of_label[label[~is_empty]] = inverse[~is_empty]
     return np.where(distance <= margin, of_label[label], 0.0)
-
-
-def _smoothed(inverse: np.ndarray, sigma: float) -> np.ndarray:
-    """Inverse depths (height, width), those known smoothed by a Gaussian over its known pixels, sigma in px."""
-    known = (inverse > 0).astype(np.float64)
-    total, part = (cv2.GaussianBlur(values, (0, 0), sigma) for values in (inverse, known))
-    return np.where(inverse > 0, total / np.maximum(part, 1e-9), 0.0)
 
 
 def _warp(camera: Camera, other: Camera, area: tuple[slice, slice]) -> tuple[np.ndarray, np.ndarray]:
@@ -362,26 +339,25 @@ def _correlate(a, mean, contrast, b, best, second):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _peaks(scores, place, top):
-    """The largest score (h, w) of scores (k, h, w), and its place.
+def _peaks(scores, place):
+    """The place of the largest of scores (k, h, w).
 
     Args:
-        place: (h, w) float32, out: by a parabola, counted from 1; 0 at either end and where the score is too small.
-        top: (h, w) float32, out: the score.
+        place: (h, w) float32, out: by a parabola, counted from 1; 0 at either end and where the score is at most 0.
     """
     count, height, width = scores.shape
-    best = np.empty(width, np.int64)
+    best, top = np.empty(width, np.int64), np.empty(width, np.float32)
     for y in range(height):
         for x in range(width):
-            best[x], top[y, x] = 0, scores[0, y, x]
+            best[x], top[x] = 0, scores[0, y, x]
         for k in range(1, count):
             for x in range(width):
-                if scores[k, y, x] > top[y, x]:
-                    top[y, x], best[x] = scores[k, y, x], k
+                if scores[k, y, x] > top[x]:
+                    top[x], best[x] = scores[k, y, x], k
         for x in range(width):
             k = best[x]
             place[y, x] = 0
-            if 0 < k < count - 1 and top[y, x] > 0:
+            if 0 < k < count - 1 and top[x] > 0:
                 before, after = scores[k - 1, y, x], scores[k + 1, y, x]
-                curvature = before - 2 * top[y, x] + after
+                curvature = before - 2 * top[x] + after
                 place[y, x] = k + 1 + (0.5 * (before - after) / curvature if curvature < 0 else 0.0)

@@ -8,11 +8,6 @@ import numpy as np
 from fairing.camera import Camera
 from fairing.features.options import FeatureOptions
 
-ITERATIONS = 6
-"""Gauss-Newton steps from the point nearest to all rays; most points need three."""
-DAMPING = 1e-12
-"""Of a matrix's trace, added to its diagonal: rays may be parallel."""
-
 
 class Triangulated(NamedTuple):
     """Attributes:
@@ -104,7 +99,7 @@ def _solve(
     target = np.einsum("oij,oj->oi", across, centers[photos])
     points = _solved(np.add.reduceat(across, starts), np.add.reduceat(target, starts))
     weight = 1 / sigma**2
-    for _ in range(ITERATIONS):
+    for _ in range(6):  # Gauss-Newton steps from the point nearest to all rays; most points need three
         uv, J = _project(M, points[row])
         weighted = J * weight[:, None, None]
         H = np.add.reduceat(np.einsum("oki,okj->oij", weighted, J), starts)
@@ -130,7 +125,8 @@ def _solved(A: np.ndarray, b: np.ndarray) -> np.ndarray:
     """x (p, 3) of A x = b for symmetric, semidefinite A (p, 3, 3); NaN where A or b is not finite."""
     good = np.isfinite(A).all(axis=(1, 2)) & np.isfinite(b).all(axis=1)
     result = np.full(b.shape, np.nan)
-    damping = DAMPING * np.trace(A[good], axis1=1, axis2=2)[:, None, None] * np.eye(3) + 1e-300 * np.eye(3)
+    trace = np.trace(A[good], axis1=1, axis2=2)[:, None, None]
+    damping = 1e-12 * trace * np.eye(3) + 1e-300 * np.eye(3)  # rays may be parallel
     result[good] = np.linalg.solve(A[good] + damping, b[good][..., None])[..., 0]
     return result
 

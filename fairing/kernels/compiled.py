@@ -8,7 +8,6 @@ Cells are float32; sums over pairs of cells, energies and normal equations are a
 """
 
 from pathlib import Path
-from typing import Any
 
 from numba import njit, types
 from numba.extending import intrinsic
@@ -27,8 +26,7 @@ fast = njit(nogil=True, error_model="numpy", fastmath=_FAST, **COMPILED_ONLY)
 # For the samplers, 5 to 9 % slower in `plain`; with `reassoc` the cubic one rounded differently in `show_face`.
 by_sample = njit(nogil=True, error_model="numpy", fastmath=_FAST - {"reassoc"}, **COMPILED_ONLY)
 # Cached on disk, with all that the function calls; for functions that close over `SOURCE`.
-_FROM_PYTHON: dict[str, Any] = {"no_cfunc_wrapper": True}
-cached = njit(cache=True, nogil=True, error_model="numpy", **_FROM_PYTHON)
+cached = njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)  # pyright: ignore[reportCallIssue]
 
 SOURCE = source_hash(Path(__file__).parent)
 """Changes with any file of this package, see `fairing.util.source_hash`."""

@@ -24,8 +24,6 @@ from fairing.trace import SchedulePosition, Trace
 
 # A start is far off if a fit to the sparse points moves this part of its vertices that far (ledger: surface sweep: which starts).
 FAR_PART, FAR_PX = 0.25, 0.9
-# px of the photos of a search: height of large faces; windows on smaller ones hold several (ledger: surface sweep: which starts).
-LARGE_FACE = 3 * (2 * HALF_WINDOW + 1)
 
 
 class Fit:
@@ -54,7 +52,8 @@ class Fit:
     def needs_surface_points(self, vertices: np.ndarray) -> bool:
         """Whether points are sought near the mesh with vertices (n, 3), world units, that the sparse points alone have moved.
 
-        A start of small faces that the sparse points hardly move is more accurate than single pixels' depths.
+        A start that the sparse points hardly move is more accurate than single pixels' depths if its faces are small: lower than
+        three windows of the search, each of which holds several. (ledger: surface sweep: which starts)
         """
         pixel = pixel_size(self.cameras, self.begin.vertices)
         moved = np.linalg.norm(vertices - self.begin.vertices, axis=1) / pixel
@@ -63,7 +62,7 @@ class Fit:
         problem, error = self._problem, self.allowed_error(0)
         shrink = float(np.median([reduction(camera, error) for camera in self.cameras]))
         footprint = typical_footprint(problem.scene, self.begin.vertices, problem.orientation, problem.options)
-        return shrink * footprint >= LARGE_FACE
+        return shrink * footprint >= 3 * (2 * HALF_WINDOW + 1)
 
     def surface_points(self, number: int, vertices: np.ndarray) -> FeaturePoints:
         """The points near the mesh with vertices (n, 3), world units, that the search of a number finds; kept.

@@ -14,8 +14,6 @@ from fairing.solve.normal_equations import vertex_systems
 from fairing.solve.problem import Problem
 from fairing.trace import SchedulePosition, StepReason, StepRecord
 
-MAX_TURN = 90.0  # degrees: a manual edit may rotate a face farther than a step of the engine, but not flip it
-
 
 def check_positions(
     scene: Scene,
@@ -41,7 +39,8 @@ def check_positions(
     if not np.isfinite(after).all():
         raise InputError(f"vertex {int(vertices[0])}: expected a finite position")
     faces = scene.mesh.faces
-    bad = folded_faces(before, after, start, faces, replace(options, max_turn=MAX_TURN))
+    # A manual edit may rotate a face farther than a step of the engine, but not flip it.
+    bad = folded_faces(before, after, start, faces, replace(options, max_turn=90.0))
     # A face with all corners at the start is as it was given, whatever its shape.
     bad &= (after[faces] != start[faces]).any(axis=(1, 2)) & np.isin(faces, vertices).any(axis=1)
     if bad.any():

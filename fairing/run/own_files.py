@@ -12,11 +12,9 @@ from fairing.errors import InputError
 from fairing.norms.norm import Norm, tabulated
 from fairing.run.own_plan import check_plan
 from fairing.run_plan import PlanStage
-from fairing.terms.names import BUILT_IN
+from fairing.terms.names import TERMS
 from fairing.terms.own import OwnTerm, check_terms
 from fairing.util.plugins import offered
-
-_EXPECTED = "subclasses of fairing.OwnTerm, a subclass of fairing.Norm or a list named plan"
 
 
 class Own(NamedTuple):
@@ -47,7 +45,7 @@ def load_own(files: Iterable[Path]) -> Own:
     """
     found = [_own_of(file) for file in files]
     terms = tuple(term for each in found for term in each.terms)
-    check_terms(terms, BUILT_IN)
+    check_terms(terms, TERMS)
     norms = [each.norm for each in found if each.norm is not None]
     plans = [(each.plan, each.plan_file) for each in found if each.plan is not None]
     for what, several in (("norm", norms), ("plan", plans)):
@@ -65,9 +63,9 @@ def _own_of(file: Path) -> Own:
             return Own(norm=_checked(kind()))
         if (plan := offered("fairing.plans").get(name)) is not None:
             return Own(plan=_plan(plan))
-    file = file.absolute()
+    file, wanted = file.absolute(), "subclasses of fairing.OwnTerm, a subclass of fairing.Norm or a list named plan"
     if file.suffix != ".py" or not file.is_file():
-        raise InputError(f"{file}: expected a Python file with {_EXPECTED}, found no such file")
+        raise InputError(f"{file}: expected a Python file with {wanted}, found no such file")
     name = f"fairing_own_{file.stem}"
     spec = importlib.util.spec_from_file_location(name, file)
     assert spec is not None
@@ -86,7 +84,7 @@ def _own_of(file: Path) -> Own:
         where = f"{file.name}, line {lines[-1]}" if lines else file.name
         raise InputError(f"{where}: {type(error).__name__}: {error}") from error
     if own == Own():
-        raise InputError(f"{file}: expected {_EXPECTED}, found none")
+        raise InputError(f"{file}: expected {wanted}, found none")
     return own if own.plan is None else own._replace(plan_file=str(file))
 
 

@@ -13,7 +13,7 @@ from fairing.options import FairingOptions, LevelOptions, options_from_dict, opt
 from fairing.run.stages import (
     AXES_ITERATIONS,
     PASSES,
-    ROUNDS_AFTER_GATES,
+    ROUNDS,
     Axes,
     ClosestPoints,
     Judge,
@@ -25,29 +25,27 @@ from fairing.run_plan import PlanStage, RunPlan
 from fairing.solve.point_split import fitting_points
 from fairing.solve.problem import Problem
 from fairing.stage_kind import StageKind
-from fairing.terms.points import GATES, NEAR_GATE, STEPS
+from fairing.terms.points import GATES, NEAR_GATES
 from fairing.trace import Trace
 
 OWN_PLAN = "own_plan"
 """Key of a header: the stages of a plan of one's own."""
 OPTIONS_BEFORE = "options_before_own_plan"
 """Key of a header: the options from which those of the run were made by `options_of_plan`."""
-PHOTOS = StageKind.PHOTOS.label
-_GATES = tuple(gate for gate in GATES for _ in range(STEPS))
 _STAGES: dict[str, Stage] = {
     stage.kind.label: stage
     for stage in (
         Smoothing(StageKind.SMOOTHNESS, max_iterations=PASSES),
-        PointGates(StageKind.POINTS, gates=_GATES),
-        PointGates(StageKind.SURFACE_POINTS, gates=tuple(gate for gate in GATES if gate <= NEAR_GATE), is_wanted=True),
+        PointGates(StageKind.POINTS, gates=GATES),
+        PointGates(StageKind.SURFACE_POINTS, gates=NEAR_GATES, is_wanted=True),
         Axes(StageKind.AXES, max_iterations=AXES_ITERATIONS),
-        ClosestPoints(StageKind.CLOSEST_POINTS, ROUNDS_AFTER_GATES),
+        ClosestPoints(StageKind.CLOSEST_POINTS, ROUNDS),
         Judge(StageKind.JUDGE),
     )
 }
 """By kind, with the default settings."""
 _SETTINGS: dict[str, tuple[str, ...]] = {
-    PHOTOS: tuple(field.name for field in fields(LevelOptions)),
+    "photos": tuple(field.name for field in fields(LevelOptions)),
     "smoothing": ("max_iterations",),
     "points": ("gates", "max_iterations"),
     "surface points": ("gates", "max_iterations"),
@@ -55,7 +53,6 @@ _SETTINGS: dict[str, tuple[str, ...]] = {
     "closest points": ("max_sweeps", "max_iterations"),
     "judge": ("by",),
 }
-_MOST = 1000  # sweeps, iterations or gates of a stage
 
 
 def check_plan(plan: Any) -> None:
@@ -76,7 +73,7 @@ def check_plan(plan: Any) -> None:
         for name, value in stage.settings.items():
             if name not in known:
                 raise InputError(f"{where}: expected settings among {', '.join(known)}; found {name}")
-            if stage.kind != PHOTOS:
+            if stage.kind != "photos":
                 _check_value(where, name, value)
             elif isinstance(value, tuple):
                 raise InputError(f"{where}: expected one value of {name}, found {value!r:.60}")
@@ -85,7 +82,7 @@ def check_plan(plan: Any) -> None:
             raise InputError(f"{where}: expected the judge of the end as the last stage, found stages after it")
         if by in ("points", "photos") and not is_prepared:
             raise InputError(f"{where}: expected smoothing or a fit before it, found none to judge")
-        is_prepared = stage.kind != PHOTOS and by != "photos" and (is_prepared or stage.kind != "judge")
+        is_prepared = stage.kind != "photos" and by != "photos" and (is_prepared or stage.kind != "judge")
 
 
 def options_of_plan(plan: Sequence[PlanStage], options: FairingOptions) -> FairingOptions:
@@ -97,11 +94,11 @@ def options_of_plan(plan: Sequence[PlanStage], options: FairingOptions) -> Fairi
     check_plan(plan)
     kinds = {stage.kind for stage in plan}
     unused = {"smoothing": 0.0} if "smoothing" not in kinds else {}
-    if not kinds - {PHOTOS, "smoothing", "judge"}:
+    if not kinds - {"photos", "smoothing", "judge"}:
         unused["points"] = 0.0
     levels: list[LevelOptions] = []
     for part in by_level(plan):
-        photos = next((stage.settings for stage in part if stage.kind == PHOTOS), None)
+        photos = next((stage.settings for stage in part if stage.kind == "photos"), None)
         if photos is None:
             levels.append(levels[-1] if levels else replace(options.levels[first_fine_level(options)], **unused))
             continue
@@ -119,7 +116,7 @@ def by_level(plan: Sequence[PlanStage]) -> list[tuple[PlanStage, ...]]:
     part: list[PlanStage] = []
     for stage in plan:
         part.append(stage)
-        if stage.kind == PHOTOS:
+        if stage.kind == "photos":
             levels.append(tuple(part))
             part = []
     if part and levels and _judge(part[0]) == "end":
@@ -133,7 +130,7 @@ def stages_of_level(part: Sequence[PlanStage], photos: Stage) -> tuple[Stage, ..
     """The stages of a level, with `photos` for those of photos; the numbers of their sweeps are not set."""
     stages, searches = [], 0
     for each in part:
-        if each.kind == PHOTOS:
+        if each.kind == "photos":
             stages.append(photos)
             continue
         stage = replace(_STAGES[each.kind], **each.settings)
@@ -167,7 +164,7 @@ def run_plan_of(plan: Sequence[PlanStage], problem: Problem) -> RunPlan:
     return RunPlan(
         0,
         is_smoothed="smoothing" in kinds,
-        is_fitted_to_points=bool(kinds - {PHOTOS, "smoothing", "judge"}),
+        is_fitted_to_points=bool(kinds - {"photos", "smoothing", "judge"}),
         has_photos_of_points=observed > 0,
         records_fit=True,
         stages=tuple(plan),
@@ -225,8 +222,9 @@ def _judge(stage: PlanStage) -> str | None:
 
 
 def _check_value(where: str, name: str, value: Any) -> None:
+    most = 1000  # sweeps, iterations or gates
     if name == "gates":
-        is_list = isinstance(value, tuple) and 0 < len(value) <= _MOST
+        is_list = isinstance(value, tuple) and 0 < len(value) <= most
         if not is_list or not all(isinstance(gate, int | float) and 0 < gate <= 100 for gate in value):
             raise InputError(f"{where}: expected gates as a list of numbers of percent above 0, found {value!r:.60}")
     elif name == "by":
@@ -235,5 +233,5 @@ def _check_value(where: str, name: str, value: Any) -> None:
     elif name == "is_broad":
         if not isinstance(value, bool):
             raise InputError(f"{where}: expected is_broad as True or False, found {value!r:.60}")
-    elif not isinstance(value, int) or isinstance(value, bool) or not 1 <= value <= _MOST:
-        raise InputError(f"{where}: expected {name} as a whole number from 1 to {_MOST}, found {value!r:.60}")
+    elif not isinstance(value, int) or isinstance(value, bool) or not 1 <= value <= most:
+        raise InputError(f"{where}: expected {name} as a whole number from 1 to {most}, found {value!r:.60}")

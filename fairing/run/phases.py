@@ -13,7 +13,6 @@ from fairing.trace import SchedulePosition
 
 MOST_SWEEPS = 50  # of photos at a level, for the numbers of the sweeps after them
 MAX_DISPLACEMENT = 1.3  # in units of the start's measured error (ledger: bounded displacement)
-FITTED_SIGMA = 1.2  # px: of a start fitted to points, for `StepOptions.prior` = 1 (ledger: prior to the start)
 
 
 @dataclass(frozen=True)
@@ -161,11 +160,14 @@ def _stages(options: FairingOptions, plan: RunPlan, number: int) -> tuple[Stage,
 
 
 def _start_sigma(options: FairingOptions, plan: RunPlan, number: int) -> float:
-    """Standard deviation of the start in the prior to it at a level, px; 0: no points tell it. (ledger: prior to the start)"""
+    """Standard deviation of the start in the prior to it at a level, px; 0: no points tell it. (ledger: prior to the start)
+
+    That of a start fitted to points is the blur of a fine level, which they bring within its reach.
+    """
     if plan.start_sigma == 0 and not plan.is_fitted_to_points:
         return 0.0
     if not _is_start_measured(options, plan, number):
-        return FITTED_SIGMA
+        return FINE_BLUR
     return plan.start_sigma
 
 

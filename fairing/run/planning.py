@@ -7,7 +7,7 @@ from typing import NamedTuple
 from fairing.cells.level_choice import first_fine_level, first_level
 from fairing.geometry.normal_filter import smoothed
 from fairing.io.points_choice import are_enough
-from fairing.options import FairingOptions
+from fairing.options import FINE_BLUR, FairingOptions
 from fairing.placement.judge import refuse_elsewhere
 from fairing.run.own_plan import run_plan_of
 from fairing.run.phases import schedule_of
@@ -21,8 +21,6 @@ from fairing.solve.problem import Problem
 from fairing.terms.image_edges import SEARCHES
 from fairing.terms.point_judge import loss_of_points
 from fairing.trace import StepRecord, Trace
-
-LEAST_ERROR = 1.0  # px: Gauss-Newton reaches that far at every level
 
 
 class Planned(NamedTuple):
@@ -71,7 +69,7 @@ def make_plan(problem: Problem, own: Sequence[PlanStage] = ()) -> Planned:
     plan = replace(
         plan,
         first_level=first,
-        start_sigma=max(measured.sigma, LEAST_ERROR) if measured is not None else 0.0,
+        start_sigma=max(measured.sigma, FINE_BLUR) if measured is not None else 0.0,
         edge_reach=_edge_reach(measured.error) if measured is not None and is_far else RunPlan.edge_reach,
         represents_surface=represents,
     )

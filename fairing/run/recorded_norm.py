@@ -9,13 +9,10 @@ from fairing.norms.norm import Tabulated
 from fairing.options import FairingOptions
 from fairing.trace import Trace
 
-OWN_NORM = "own_norm"
-"""Key of a header: see `Tabulated.facts`."""
-
 
 def header_of_norm(norm: Tabulated | None) -> dict[str, Any]:
-    """The entry of a header; none without a norm of one's own."""
-    return {} if norm is None else {OWN_NORM: norm.facts}
+    """The entry of a header, see `Tabulated.facts`; none without a norm of one's own."""
+    return {} if norm is None else {"own_norm": norm.facts}
 
 
 def options_with_norm(options: FairingOptions) -> FairingOptions:
@@ -32,7 +29,7 @@ def recorded_norm(trace: Trace, given: Tabulated | None) -> Tabulated | None:
     Raises:
         InputError: the recorded one makes no sense, or another one is given.
     """
-    recorded = Tabulated.of_facts(trace.header[OWN_NORM]) if OWN_NORM in trace.header else None
+    recorded = Tabulated.of_facts(trace.header["own_norm"]) if "own_norm" in trace.header else None
     if given is not None and (recorded is None or recorded.digest != given.digest):
         name = "a norm of the options" if recorded is None else f"the own norm {recorded.name} ({recorded.file})"
         raise InputError(

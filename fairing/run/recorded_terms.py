@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from fairing.errors import InputError
-from fairing.terms.names import BUILT_IN, TERMS
+from fairing.terms.names import TERMS
 from fairing.terms.own import OwnTerm
 from fairing.trace import Trace
 from fairing.trace_check import OWN_TERMS, TERM_FACTS, check_own_terms
@@ -17,7 +17,7 @@ def header_of_terms(terms: Sequence[OwnTerm]) -> dict[str, Any]:
 
 def recorded_terms(trace: Trace) -> dict[str, str]:
     """Names of the recorded terms, and what adds to the energy of each."""
-    return {term["name"]: term["meaning"] for term in _recorded(trace.header) if term["name"] not in BUILT_IN}
+    return {term["name"]: term["meaning"] for term in _recorded(trace.header) if term["name"] not in TERMS}
 
 
 def term_meanings(trace: Trace) -> dict[str, str]:

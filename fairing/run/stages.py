@@ -10,14 +10,11 @@ from typing import Literal
 import numpy as np
 
 from fairing.stage_kind import StageKind
-from fairing.terms.points import GATES, NEAR_GATE, STEPS
+from fairing.terms.points import GATES, NEAR_GATES
 
 PASSES = 5  # of the normal filter
-SURFACE_SWEEPS = 2  # each allows for half the error of the one before (ledger: surface sweep)
 AXES_ITERATIONS = 3  # more hardly move anything (ledger: iterations of the axes)
-BROAD_SWEEPS = 4  # each allows for half the error of the one before (ledger: broad relations)
-CLOSEST_ROUNDS = 12  # of a fit to points whose photos are not known
-ROUNDS_AFTER_GATES = 4  # (ledger: choice of the fit)
+ROUNDS = 4  # of broad relations, each within half the error of the one before, and of closest points (ledger: choice of the fit)
 
 
 @dataclass(frozen=True)
@@ -126,15 +123,13 @@ def fit_stages(has_photos_of_points: bool) -> tuple[Stage, ...]:
         has_photos_of_points: whether it is known which photos show the points.
     """
     axes = Axes(StageKind.AXES, 1, AXES_ITERATIONS)
-    broad = Axes(StageKind.AXES, BROAD_SWEEPS, AXES_ITERATIONS, is_broad=True)
+    broad = Axes(StageKind.AXES, ROUNDS, AXES_ITERATIONS, is_broad=True)
     stages: list[Stage] = []
     if has_photos_of_points:
-        gates = tuple(gate for gate in GATES for _ in range(STEPS))
-        near = tuple(gate for gate in GATES if gate <= NEAR_GATE)
-        stages += [PointGates(StageKind.POINTS, len(gates), gates=gates), Judge(StageKind.JUDGE, by="points"), axes]
-        for number in range(SURFACE_SWEEPS):
-            stages += [PointGates(StageKind.SURFACE_POINTS, len(near), gates=near, surface=number), axes]
-    rounds = ROUNDS_AFTER_GATES if has_photos_of_points else CLOSEST_ROUNDS
+        stages += [PointGates(StageKind.POINTS, len(GATES), gates=GATES), Judge(StageKind.JUDGE, by="points"), axes]
+        for number in range(2):  # each allows for half the error of the one before (ledger: surface sweep)
+            stages += [PointGates(StageKind.SURFACE_POINTS, len(NEAR_GATES), gates=NEAR_GATES, surface=number), axes]
+    rounds = ROUNDS if has_photos_of_points else 3 * ROUNDS
     stages += [ClosestPoints(StageKind.CLOSEST_POINTS, rounds), broad]
     stages += [ClosestPoints(StageKind.CLOSEST_POINTS, follows_axes=True), broad]
     return (*stages, Judge(StageKind.JUDGE, by="photos"))

@@ -14,7 +14,7 @@ from fairing.mesh import Mesh
 from fairing.optimize.rows import Anchor, Rows, Term
 from fairing.run.fits import points_on_mesh
 from fairing.run.phases import Level
-from fairing.run.stages import Photos
+from fairing.run.stages import PASSES, Photos
 from fairing.scene import Scene
 from fairing.solve.blocks import Block, plan_blocks
 from fairing.solve.energy import FaceSystem
@@ -32,8 +32,6 @@ from fairing.terms.own import OwnTerm, begun
 POINTS_VARIANCE = 8.0
 # px^2 of the photos: the area over which residuals of what is not on the mesh agree (ledger: prior to the start).
 RESIDUAL_AREA = 10_000.0
-FLAT = 0.01  # variance of the unit normals around a vertex along a direction below which the surface is flat along it
-VERTEX_PASSES = 3  # of the filter that gives the targets of the smoothness prior
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,14 +183,14 @@ def _within_surface(
     )
     np.add.at(total, mesh.faces.ravel(), weight)
     values, vectors = np.linalg.eigh(spread / np.maximum(total, 1e-300)[:, None, None])
-    flat = (values < FLAT) * strength[:, None]
+    flat = (values < 0.01) * strength[:, None]  # a standard deviation of the normals of 6 degrees
     return Anchor(START, np.einsum("vik,vk,vjk->vij", vectors, flat, vectors), origin)
 
 
 def _to_smoothed(mesh: Mesh, vertices: np.ndarray, strength: float) -> Anchor:
     """Smoothness prior: to vertices (n, 3) after smoothing; strength: energy / world unit^2."""
     precision = np.tile(strength * np.eye(3), (len(vertices), 1, 1))
-    return Anchor(SMOOTHNESS, precision, smoothed(mesh, vertices, VERTEX_PASSES))
+    return Anchor(SMOOTHNESS, precision, smoothed(mesh, vertices, PASSES))
 
 
 def _points(

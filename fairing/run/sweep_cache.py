@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
+from fairing.cells.scale_space import KEPT_BYTES
 from fairing.run.fits import Fits
 from fairing.run.history import History
 from fairing.run.phases import Schedule, schedule_of
@@ -14,12 +15,12 @@ from fairing.stage_kind import StageKind
 from fairing.terms.own import OwnTerm
 from fairing.trace import SchedulePosition, Trace
 
-MAX_SWEEPS = 4  # so that stepping back and forth does not compute visibility again
-MAX_BYTES = 1 << 26  # of blurred photos that cached sweeps refer to
-
 
 class SweepCache:
     """Positions in the schedule and sweep states, by moment. States need the plan of the trace; positions do not.
+
+    Up to four states are kept, so that stepping back and forth does not compute visibility again, and fewer where their photos
+    take more than an eighth of `KEPT_BYTES`. (ledger: sweeps kept in memory)
 
     Args:
         own_terms: of the objective in sweeps of photos, beside the built-in ones.
@@ -96,12 +97,12 @@ class SweepCache:
             sweep = found[0]
         else:
             # Memory is freed before the next sweep needs it.
-            while self._sweeps and self._photo_bytes() > MAX_BYTES:
+            while self._sweeps and self._photo_bytes() > KEPT_BYTES // 8:
                 self._sweeps.pop(0)
             sweep = self._begin(position, begun)
         others = [other for other in self._sweeps if other is not sweep]
         # The normal equations of older sweeps are not needed again, and are large.
-        self._sweeps = [*(_without_system(other) for other in others[1 - MAX_SWEEPS :]), sweep]
+        self._sweeps = [*(_without_system(other) for other in others[-3:]), sweep]
         return sweep
 
     @property

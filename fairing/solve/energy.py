@@ -14,8 +14,6 @@ from fairing.kernels.data import ALTERNATING, ENERGY, STATISTICS, VARIABLE_PROJE
 from fairing.kernels.faces import evaluate_faces
 from fairing.options import FairingOptions
 
-SOLVERS = {"alternating": ALTERNATING, "variable_projection": VARIABLE_PROJECTION}
-PARTS_PER_THREAD = 4
 MAX_PART_SAMPLES = 25_000_000  # per part of a list, about 0.2 s of work: the latency of a cancellation
 
 
@@ -98,7 +96,8 @@ class Evaluator:
         Returns:
             The system without residual statistics (they are 0).
         """
-        return self._run(context, vertices, faces, corners, squared_scale, SOLVERS[solver])
+        task = ALTERNATING if solver == "alternating" else VARIABLE_PROJECTION
+        return self._run(context, vertices, faces, corners, squared_scale, task)
 
     def measure(
         self, context: CellContext, vertices: np.ndarray, faces: np.ndarray, squared_scale: np.ndarray
@@ -154,9 +153,8 @@ class Evaluator:
         total = np.cumsum(samples)
         if len(total) == 0:
             return []
-        count = max(
-            self._threads * PARTS_PER_THREAD if self._threads > 1 else 1, -(-int(total[-1]) // MAX_PART_SAMPLES)
-        )
+        # Four a thread, so that threads end at about the same time.
+        count = max(4 * self._threads if self._threads > 1 else 1, -(-int(total[-1]) // MAX_PART_SAMPLES))
         targets = np.linspace(0, total[-1], count + 1)[1:-1]
         cuts = np.unique(np.concatenate([[0], np.searchsorted(total, targets), [len(samples)]]))
         return [slice(int(a), int(b)) for a, b in pairwise(cuts)]

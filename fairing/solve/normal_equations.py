@@ -7,9 +7,6 @@ from scipy.sparse.linalg import splu
 from fairing.mesh import Mesh
 from fairing.solve.energy import FaceSystem
 
-# Keeps a matrix without information invertible; far below every threshold on eigenvalues.
-RIDGE = 1e-9
-
 
 def vertex_systems(mesh: Mesh, system: FaceSystem) -> tuple[np.ndarray, np.ndarray]:
     """Normal matrices (n, 3, 3) float and gradients (n, 3) float by vertex, summed over the faces of `system`.
@@ -41,9 +38,8 @@ def solve_vertices(H: np.ndarray, g: np.ndarray, damping: np.ndarray) -> np.ndar
     """
     values, vectors = np.linalg.eigh(H)
     largest = np.maximum(values[:, 2:], 0)
-    inverse = np.where(values > RIDGE * largest, 1, 0) / np.where(
-        values > RIDGE * largest, values + damping[:, None] * largest, 1
-    )
+    is_known = values > 1e-9 * largest
+    inverse = is_known / np.where(is_known, values + damping[:, None] * largest, 1)
     return -np.einsum("vik,vk,vjk,vj...->vi...", vectors, inverse, vectors, g)
 
 
@@ -71,7 +67,8 @@ def solve_jointly(
     H = csc_array(photos + others)
     strength = np.maximum(np.linalg.eigvalsh(_diagonal_blocks(H))[:, 2], 0)
     typical = np.median(strength[free & (strength > 0)]) if (free & (strength > 0)).any() else 1.0
-    added = damping * strength + 1e-6 * strength + RIDGE * typical
+    # Far below every other eigenvalue; the last keeps vertices without information determined.
+    added = damping * strength + 1e-6 * strength + 1e-9 * typical
     kept = np.flatnonzero(np.repeat(free, 3))
     matrix = csc_array(H + diags_array(np.repeat(added, 3)))[:, kept][kept]
     solution = splu(matrix, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}).solve(

@@ -11,8 +11,6 @@ from scipy.spatial import KDTree
 from fairing.features.points import FeaturePoints
 from fairing.scene import Scene
 
-SAME = 1e-5  # of the mesh's diagonal: mesh files round positions
-
 
 def fitting_points(scene: Scene) -> np.ndarray:
     """(p, 3) float, world units: the sparse points used for the fit, every second one."""
@@ -62,7 +60,5 @@ def _are_vertices(scene: Scene) -> np.ndarray:
     """(p,) bool: points at vertices of the start."""
     if len(scene.sparse_positions) == 0:
         return np.zeros(0, dtype=bool)
-    nearest = KDTree(scene.mesh.vertices).query(
-        scene.sparse_positions, distance_upper_bound=SAME * scene.mesh.diagonal
-    )[0]
-    return nearest < np.inf
+    rounding = 1e-5 * scene.mesh.diagonal  # of positions in mesh files
+    return KDTree(scene.mesh.vertices).query(scene.sparse_positions, distance_upper_bound=rounding)[0] < np.inf

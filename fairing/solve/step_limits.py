@@ -8,8 +8,6 @@ from fairing.geometry.normals import folded_faces
 from fairing.options import StepOptions
 from fairing.scene import View
 
-_HALVINGS = 3
-
 
 def pixels_moved(
     views: Sequence[View], vertex_views: np.ndarray, vertices: np.ndarray, ids: np.ndarray, steps: np.ndarray
@@ -67,6 +65,8 @@ def unfolded(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Steps (u, 3) float shortened until no face folds or collapses, world units; and (u,) bool: whose steps were shortened.
 
+    They are halved three times, then given up.
+
     Args:
         vertices: (n, 3) float: positions, world units.
         ids: (u,) int: vertices that move.
@@ -83,5 +83,5 @@ def unfolded(
         folds |= hit
         if not tried[hit].any():
             return tried, folds
-        tried[hit] *= 0.5 if attempt < _HALVINGS else 0.0
+        tried[hit] *= 0.5 if attempt < 3 else 0.0
         attempt += 1

@@ -16,20 +16,13 @@ from fairing.optimize.loss import GemanMcClure
 from fairing.optimize.rows import Anchor, Rows, Term
 from fairing.terms.names import AXES, START
 
-WALLS = 60  # the largest faces, whose normals are tried as axes
-WALL_ANGLE = 10.0  # degrees: normals of a wall lie within this angle of their mean
-ANGLE = 8.0  # degrees: edges and normals within it of an axis may follow it
-SIGMA = 1.0  # px: standard deviation of the ends of an edge that follows an axis
-LONG = 3.0  # px: shorter edges tell nothing about an axis
+ANGLE = 8.0  # degrees: edges and normals within it of an axis may follow it; normals of a wall within it of their mean are one
 LEAST_EDGES, LEAST_PART = 8, 0.5  # long edges within `ANGLE` of an axis, and the part of them that must follow it
-SCALE = 3.0  # px, of the Geman-McClure loss of the relations
+SCALE = 3.0  # px: of the Geman-McClure loss of the relations; shorter edges tell nothing about an axis
 ITERATIONS = 12  # of mean shift, and of expectation maximization
-# Of vertices that are far off: relations within an error, and within half of it in each further sweep. (ledger: broad relations)
-FAR_ANGLE = 45.0  # degrees: edges within it of an axis may follow it,
-FAR_DEVIATION = 2.0  # where their deviation is at most this, in errors
-FAR_SCALE = 2.0  # px: least scale of the loss; relations weigh (`SCALE` / scale)^2
+# Of vertices that are far off: an edge may deviate from an axis by twice their error, and that is twice their standard deviation.
+FAR = 2.0  # (ledger: broad relations: rounds, deviations)
 FAR_INFORMATION = 5.0  # 1 / px^2: of points that determine a direction as well as an average one
-START_PART = 0.5  # standard deviation of a vertex without points, in errors; at least 1 px
 
 
 class Relations(NamedTuple):
@@ -121,10 +114,10 @@ def broad_terms(
         within: px: the part of it that this sweep allows for.
         origin: (n, 3) float, world units: before the first of these sweeps.
     """
-    own = FAR_INFORMATION * information + np.eye(3) / max(START_PART * error, 1.0) ** 2
+    own = FAR_INFORMATION * information + np.eye(3) / max(error / FAR, 1.0) ** 2
     precision = own / _finite(pixel)[:, None, None] ** 2
     found = relations(vertices, faces, pixel, within)
-    return related(found, vertices, max(within, FAR_SCALE)), Anchor(START, precision, origin)
+    return related(found, vertices, max(within, SCALE)), Anchor(START, precision, origin)
 
 
 def _finite(pixel: np.ndarray) -> np.ndarray:
@@ -135,15 +128,17 @@ def _finite(pixel: np.ndarray) -> np.ndarray:
 def _frame(normals: np.ndarray, area: np.ndarray) -> np.ndarray:
     """(3, 3) float: orthogonal unit vectors as rows, from the walls with the largest areas; (0, 3) where all face one way.
 
+    The normals of the 60 largest faces are tried.
+
     Args:
         normals: (m, 3) float: unit normals of the faces.
         area: (m,) float: their areas, in any unit.
     """
-    walls = normals[np.argsort(-area, kind="stable")[:WALLS]]
+    walls = normals[np.argsort(-area, kind="stable")[:60]]
     part = np.zeros((len(walls), len(normals)))
     for _ in range(ITERATIONS):
         cosine = walls @ normals.T
-        part = area * (np.abs(cosine) > np.cos(np.radians(WALL_ANGLE)))
+        part = area * (np.abs(cosine) > np.cos(np.radians(ANGLE)))
         walls = (part * np.sign(cosine)) @ normals
         walls /= np.maximum(np.linalg.norm(walls, axis=1, keepdims=True), 1e-300)
     walls = walls[np.argsort(-part.sum(axis=1), kind="stable")]
@@ -157,25 +152,27 @@ def _frame(normals: np.ndarray, area: np.ndarray) -> np.ndarray:
 
 
 def _is_near(vectors: np.ndarray, axis: np.ndarray, error: float = 0.0) -> np.ndarray:
-    """(k,) bool: vectors (k, 3) within `ANGLE` of an axis, in either direction, or as near as an error lets them be."""
+    """(k,) bool: vectors (k, 3) within `ANGLE` of an axis, in either direction, or as near as an error lets them be.
+
+    No farther than 45 degrees: beyond, another axis is nearer.
+    """
     length, along = np.linalg.norm(vectors, axis=1), np.abs(vectors @ axis)
     deviation = np.sqrt(np.maximum(length**2 - along**2, 0))
-    is_far = (along > np.cos(np.radians(FAR_ANGLE)) * length) & (deviation < FAR_DEVIATION * error)
-    return is_far | (along > np.cos(np.radians(ANGLE)) * length)
+    return ((deviation < along) & (deviation < FAR * error)) | (along > np.cos(np.radians(ANGLE)) * length)
 
 
 def _is_followed(edges: np.ndarray, axis: np.ndarray) -> bool:
     """Whether most long edges (e, 3), px, near an axis follow it.
 
-    Those that do deviate by the errors of their ends, others by anything within `ANGLE`: the part of the former is
-    estimated by expectation maximization.
+    Those that do deviate by the errors of their ends, with a standard deviation of 1 px, others by anything within `ANGLE`: the
+    part of the former is estimated by expectation maximization.
     """
-    near = edges[_is_near(edges, axis) & (np.linalg.norm(edges, axis=1) > LONG)]
+    near = edges[_is_near(edges, axis) & (np.linalg.norm(edges, axis=1) > SCALE)]
     if len(near) < LEAST_EDGES:
         return False
     length = np.linalg.norm(near, axis=1)
     deviation, widest = length**2 - (near @ axis) ** 2, (length * np.sin(np.radians(ANGLE))) ** 2  # px^2
-    follows = np.exp(-deviation / (2 * SIGMA**2)) / (2 * SIGMA**2 * (1 - np.exp(-widest / (2 * SIGMA**2))))
+    follows = np.exp(-deviation / 2) / (2 * (1 - np.exp(-widest / 2)))
     other, part = 1 / widest, 0.5
     for _ in range(ITERATIONS):
         part = float((part * follows / (part * follows + (1 - part) * other)).mean())

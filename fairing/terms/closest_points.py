@@ -17,12 +17,11 @@ from fairing.geometry.normals import unit_normals
 from fairing.geometry.triangles import barycentric, closest_on_triangles
 from fairing.mesh import Mesh
 from fairing.optimize.loss import Huber
-from fairing.optimize.rows import Anchor, Rows
+from fairing.optimize.rows import Anchor, Rows, Term
 from fairing.terms.names import POINTS, START
 
 MAX_DISTANCE = 0.5  # of a point to a face, in mean edges of the face: points farther away belong to other surfaces
 MIN_COSINE = 0.5  # between face normal and direction to the point: others lie beyond the boundary of the mesh
-ROUNDING = 1e-6  # in units of the maximum distance: smaller residuals are equal
 # Precision of the anchor, relative to the mean diagonal of the normal matrix (ledger: regularization of the fit).
 REGULARIZATION = 0.03
 
@@ -59,7 +58,7 @@ def feet_of(mesh: Mesh, points: np.ndarray, origin: np.ndarray) -> Feet:
     places = closest_on_triangles(mesh.vertices[mesh.faces[face]], points)
     normals = unit_normals(mesh.vertices, mesh.faces)[0][face]
     # Beside an edge the direction to the point is no face's normal, and the same for both faces at the edge.
-    equal = ROUNDING * float(reach.max(initial=1e-300))
+    equal = 1e-6 * float(reach.max(initial=1e-300))
     to_point = (points - places) / np.maximum(distance, 1e-300)[:, None]
     directions = np.where((distance > equal)[:, None], to_point, normals)
     belong = (distance < reach[face]) & (np.abs((directions * normals).sum(axis=1)) > MIN_COSINE)
@@ -78,14 +77,14 @@ def closest_points(mesh: Mesh, points: np.ndarray, origin: np.ndarray) -> Rows:
     return Rows(POINTS, corners, derivatives, residuals, mesh.vertices, np.ones(len(residuals)), Huber(feet.scale))
 
 
-def average_information(points: Rows, vertices: np.ndarray, free: np.ndarray) -> float:
-    """Mean diagonal element of the normal matrix of points, 1 / world unit^2, of coordinates that they determine; 0 without any.
+def average_information(term: Term, vertices: np.ndarray, free: np.ndarray) -> float:
+    """Mean diagonal element of the normal matrix of a term, of coordinates that it determines; 0 without any.
 
     Args:
         vertices: (n, 3) float, world units.
         free: (n,) bool: vertices that may move.
     """
-    diagonal = np.einsum("vii->vi", points.hessians(vertices))[free]
+    diagonal = np.einsum("vii->vi", term.hessians(vertices))[free]
     determined = diagonal[diagonal > 0]
     return float(determined.mean()) if len(determined) else 0.0
 

@@ -19,8 +19,7 @@ TERMS: dict[str, str] = {
 }
 """What adds to the energy of each built-in term."""
 
-BUILT_IN = tuple(TERMS)
-_numbered = list(BUILT_IN)
+_numbered = list(TERMS)
 
 
 def number_terms(names: Iterable[str]) -> None:

@@ -35,9 +35,7 @@ from fairing.errors import Cancelled, InputError
 from fairing.optimize.loss import LeastSquares, Loss
 from fairing.optimize.rows import Linearised, Rows, SumOfRows
 from fairing.scene import Scene
-
-STEP = 1e-6
-"""Of the diagonal: half of the step of the central differences."""
+from fairing.terms.closest_points import average_information
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +98,7 @@ class OwnRows(SumOfRows):
 
     Attributes:
         ids, residual: see `Residuals`; its mistakes are raised as InputError.
-        step: world units: of the central differences.
+        step: world units: half of that of the central differences.
         sets: of vertices of which no residual depends on two.
     """
 
@@ -162,12 +160,11 @@ def begun(term: OwnTerm, scene: Scene, vertices: np.ndarray, free: np.ndarray, t
             )
         return values
 
-    rows = OwnRows(term.name, ids, residual, found.loss, 1.0, STEP * scene.mesh.diagonal, _apart(ids, len(vertices)))
-    diagonal = np.einsum("vii->vi", rows.hessians(vertices))[free]
-    determined = diagonal[diagonal > 0]
-    if len(determined) == 0 or term.strength == 0:
+    rows = OwnRows(term.name, ids, residual, found.loss, 1.0, 1e-6 * scene.mesh.diagonal, _apart(ids, len(vertices)))
+    average = average_information(rows, vertices, free)
+    if average == 0 or term.strength == 0:
         return None
-    return replace(rows, information=term.strength * typical / float(determined.mean()))
+    return replace(rows, information=term.strength * typical / average)
 
 
 def check_terms(terms: Sequence[OwnTerm], known: Sequence[str]) -> None:

@@ -10,12 +10,8 @@ from fairing.mesh import Mesh
 from fairing.terms.point_rays import Assignment, PointRays
 from fairing.terms.points import GATES, PRIOR_SIGMA
 
-JUDGING_SIGMA = 0.2
-"""Percent of the diagonal: scale of the loss that compares a smoothed start with the start."""
-GAIN = 0.1
-"""Least share by which the mean loss of the points must fall; else the earlier state is kept."""
 CERTAINTY = 3.0
-"""Least ratio of that fall to its standard error: chance does not move a mesh."""
+"""Least ratio of the fall of the points' mean loss to its standard error: chance does not move a mesh."""
 
 
 def loss_of_points(mesh: Mesh, cameras: Sequence[Camera], points: FeaturePoints) -> float:
@@ -26,11 +22,11 @@ def loss_of_points(mesh: Mesh, cameras: Sequence[Camera], points: FeaturePoints)
     """
     unit = mesh.diagonal / 100
     found = PointRays(cameras, points).assign(mesh, max(GATES) * unit)
-    return float(_losses(found, len(points), JUDGING_SIGMA * unit).mean()) if len(points) else 1.0
+    return float(_losses(found, len(points), PRIOR_SIGMA * unit).mean()) if len(points) else 1.0
 
 
 def points_prefer(before: Mesh, after: Mesh, cameras: Sequence[Camera], points: FeaturePoints) -> bool:
-    """Whether points clearly prefer the second of two states of a mesh: by a tenth of the loss and three standard errors.
+    """Whether points clearly prefer the second of two states of a mesh: by three standard errors of their loss.
 
     Those judge that belong to a face of either state.
 
@@ -44,7 +40,7 @@ def points_prefer(before: Mesh, after: Mesh, cameras: Sequence[Camera], points: 
         return False
     losses = [_losses(each, len(points), PRIOR_SIGMA * unit)[judges] for each in found]
     gain = losses[0] - losses[1]
-    return bool(gain.mean() > max(GAIN * losses[0].mean(), CERTAINTY * gain.std() / np.sqrt(len(gain))))
+    return bool(gain.mean() > CERTAINTY * gain.std() / np.sqrt(len(gain)))
 
 
 def _losses(found: Assignment, count: int, sigma: float) -> np.ndarray:

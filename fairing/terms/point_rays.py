@@ -20,10 +20,6 @@ FARTHEST = 10.0
 """Percent of the diagonal: points farther from the face that their photos see belong to something else."""
 DISPLACEMENT_QUANTILE, DISPLACEMENT_FACTOR = 0.9, 1.5
 """See `displacement`."""
-FAR_AWAY = 10.0
-"""Diagonals from the origin to the middle of a mesh: within them float32 resolves 1e-6 of the diagonal."""
-VOTES = 0.5
-"""Least share of a point's photos that see its face in its direction."""
 RIM = 0.05
 """Barycentric: a point's foot may lie that far outside its face."""
 
@@ -94,7 +90,7 @@ class PointRays:
         self._directions = points.positions[self._point] - self._origins
 
     def assign(self, mesh: Mesh, reach: float) -> Assignment:
-        """The points, each with the face that most of its photos see in its direction.
+        """The points, each with the face that most of its photos, and at least half of them, see in its direction.
 
         Args:
             reach: largest distance of a point from the plane of its face, world units.
@@ -107,7 +103,7 @@ class PointRays:
         m = len(mesh.faces)
         candidates, votes = np.unique(self._point[cast] * m + hit, return_counts=True)
         point, face = candidates // m, candidates % m
-        enough = votes >= VOTES * self._n_views[point]
+        enough = 2 * votes >= self._n_views[point]
         point, face, votes = point[enough], face[enough], votes[enough]
         corners = mesh.vertices[mesh.faces[face]]
         normals = unit_normals(mesh.vertices, mesh.faces)[0][face]
@@ -122,6 +118,9 @@ class PointRays:
 
 
 def _origin_of_rays(mesh: Mesh) -> np.ndarray:
-    """(3,) float: where the coordinates of rays begin, which are float32: the middle of a mesh that lies far from the origin."""
+    """(3,) float: where the coordinates of rays begin, which are float32: the middle of a mesh that lies far from the origin.
+
+    Within ten diagonals float32 resolves 1e-6 of the diagonal.
+    """
     middle = mesh.vertices.mean(axis=0)
-    return middle if np.linalg.norm(middle) > FAR_AWAY * mesh.diagonal else np.zeros(3)
+    return middle if np.linalg.norm(middle) > 10 * mesh.diagonal else np.zeros(3)

@@ -15,16 +15,12 @@ from fairing.optimize.rows import Anchor, Rows
 from fairing.terms.names import POINTS, START
 from fairing.terms.point_rays import FARTHEST, Assignment, PointRays, displacement
 
-GATES = (2.0, 1.5, 1.0, 0.8, 0.6, 0.4, 0.3, 0.2, 0.15, 0.1)
-"""Percent of the mesh's diagonal."""
-REACH = 3.0
-"""Of the gate: points farther from their face's plane take no part."""
-STEPS = 2
-"""Gauss-Newton steps at each gate; each assigns the points anew."""
-NEAR_GATE = 0.6
-"""Percent of the diagonal: largest gate of a fit that goes on from an earlier one, one step each (ledger: surface sweep: cost)."""
-POINT_SIGMA = 0.1
-"""Percent of the diagonal: standard deviation of a point's distance from a flat face, beside the point's own."""
+GATES = tuple(gate for gate in (2.0, 1.5, 1.0, 0.8, 0.6, 0.4, 0.3, 0.2, 0.15, 0.1) for _ in range(2))
+"""Percent of the mesh's diagonal, of the sweeps of a fit; the second at a gate assigns the points anew. The last is also the
+standard deviation of a point's distance from a flat face, beside the point's own.
+(ledger: robust fit: last gate, robust fit: sigma of a point)"""
+NEAR_GATES = GATES[8::2]
+"""Of a fit that goes on from an earlier one: from 0.6 percent on, one sweep at each (ledger: surface sweep: cost)."""
 PRIOR_SIGMA = 0.7
 """Percent of the diagonal: largest standard deviation of a vertex's coordinate in the start, see `PointFit`."""
 
@@ -45,16 +41,16 @@ class PointFit:
     def __init__(self, start: Mesh, rays: PointRays, covariance: np.ndarray) -> None:
         self._start, self._rays, self._covariance = start, rays, covariance
         self._unit = start.diagonal / 100
-        measured = displacement(np.abs(rays.assign(start, FARTHEST * self._unit).distances))
-        self.sigma = min(max(measured, POINT_SIGMA * self._unit), PRIOR_SIGMA * self._unit)
+        measured = displacement(np.abs(self.assigned(start.vertices).distances))
+        self.sigma = min(max(measured, GATES[-1] * self._unit), PRIOR_SIGMA * self._unit)
 
-    def assigned(self, vertices: np.ndarray, gate: float) -> Assignment:
-        """The points within reach of a gate, percent of the diagonal, of the mesh with vertices (n, 3)."""
-        return self._rays.assign(self._start.moved(vertices), REACH * gate * self._unit)
+    def assigned(self, vertices: np.ndarray) -> Assignment:
+        """The points that belong to the mesh with vertices (n, 3)."""
+        return self._rays.assign(self._start.moved(vertices), FARTHEST * self._unit)
 
     def terms(self, vertices: np.ndarray, gate: float) -> tuple[Rows, Anchor]:
         """The points at a gate, percent of the diagonal, and the prior at the start; associations are those of vertices (n, 3)."""
-        found, n = self.assigned(vertices, gate), len(vertices)
+        found, n = self.assigned(vertices), len(vertices)
         own = np.einsum("qi,qij,qj->q", found.normals, self._covariance[found.points], found.normals)
         points = Rows(
             POINTS,
@@ -62,7 +58,7 @@ class PointFit:
             -found.weights[:, :, None] * found.normals[:, None, :],
             found.distances,
             vertices,
-            1 / ((POINT_SIGMA * self._unit) ** 2 + own),
+            1 / ((GATES[-1] * self._unit) ** 2 + own),
             GemanMcClure(gate * self._unit),
         )
         return points, Anchor(START, np.tile(np.eye(3) / self.sigma**2, (n, 1, 1)), self._start.vertices)

@@ -216,7 +216,8 @@ def test_the_opening_page_has_a_bar_and_keys_wait_for_the_scene_and_the_compilat
         page.get_by_text("Next: Step one iteration").wait_for()
         page.get_by_text("Compiling the engine, first start: 9 of 24").wait_for()
         expect(page.get_by_text("Opening cube")).to_be_hidden()
-        assert page.evaluate(TOO_WIDE) == [], "a long line makes the panel scroll sideways"
+        # A long line must not make the panel scroll sideways once it has taken its place.
+        wait_for(lambda: page.evaluate(TOO_WIDE) == [])
         expect(page.locator(".ef-opening")).to_be_hidden()
         assert app.controller.state.moment == 0
         compilation.finished.set()
