@@ -58,7 +58,16 @@ ALLOWED: dict[str, set[str]] = {
     "fairing.check": DATA | {"fairing.geometry", "fairing.cameras", "fairing.cells", "fairing.placement"},
     "fairing.registration": DATA | {"fairing.geometry"},
     "fairing.texture": DATA | {"fairing.util", "fairing.geometry", "fairing.kernels"},
-    "fairing.triangulation": DATA | {"fairing.util", "fairing.geometry", "fairing.cells", "fairing.solve"},
+    "fairing.triangulation": DATA
+    | {
+        "fairing.util",
+        "fairing.geometry",
+        "fairing.cells",
+        "fairing.solve",
+        "fairing.features",
+        "fairing.optimize",
+        "fairing.terms",
+    },
     "fairing.io": DATA
     | {
         "fairing.cameras",

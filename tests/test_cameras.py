@@ -12,6 +12,7 @@ from fairing.camera import Camera
 from fairing.cameras.adjustment import Deviations, adjust, objective, reduced_system, residual_lengths, triangulate
 from fairing.cameras.estimation import estimate_poses, loss_at
 from fairing.cameras.judge import is_held_out, judge_cameras
+from fairing.cameras.lens_trial import lens_note
 from fairing.cameras.misfits import find_misfits, resected
 from fairing.cameras.observed_points import ObservedPoints
 from fairing.cameras.pose_model import PARAMETERS, PoseModel, left_jacobians
@@ -246,7 +247,7 @@ def test_exact_cameras_stay_and_the_judge_keeps_the_given_ones():
     model = PoseModel.of(true, training)
     found = estimate_poses(model, training)
     assert rotation_errors(model.cameras_at(found.poses, true), true).max() < 0.05
-    judgement = judge_cameras(model, found.poses, judges, found.sigma.observation)
+    judgement = judge_cameras(model, model.given, found.poses, judges, found.sigma.observation)
     assert not judgement.is_clear, judgement
 
 
@@ -255,9 +256,9 @@ def test_the_judge_takes_what_is_clearly_better_and_refuses_what_is_worse():
     observed = observed_by(true, 400, 0.2, rng)
     wrong = turned(true, 0.7, rng)
     of_wrong, of_true = (PoseModel.of(cameras, observed) for cameras in (wrong, true))
-    assert judge_cameras(of_wrong, turns_to(true, wrong, of_wrong), observed, 0.2).is_clear
-    assert not judge_cameras(of_true, turns_to(wrong, true, of_true), observed, 0.2).is_clear
-    assert not judge_cameras(of_true, of_true.given, observed, 0.2).is_clear
+    assert judge_cameras(of_wrong, of_wrong.given, turns_to(true, wrong, of_wrong), observed, 0.2).is_clear
+    assert not judge_cameras(of_true, of_true.given, turns_to(wrong, true, of_true), observed, 0.2).is_clear
+    assert not judge_cameras(of_true, of_true.given, of_true.given, observed, 0.2).is_clear
 
 
 def test_the_unit_of_the_world_changes_no_pose():
@@ -331,13 +332,13 @@ def test_intrinsics_of_shared_cameras_are_found():
 K1, K2 = -0.03, 0.02
 
 
-def bent(observed: ObservedPoints, cameras: list[Camera]) -> ObservedPoints:
+def bent(observed: ObservedPoints, cameras: list[Camera], k1: float = K1, k2: float = K2) -> ObservedPoints:
     """The observations as lenses with K1 and K2 show them, by OpenCV."""
     pixels = np.empty_like(observed.pixels)
     for v, camera in enumerate(cameras):
         mine = observed.photo == v
         rays = np.linalg.solve(camera.K, np.column_stack([observed.pixels[mine], np.ones(mine.sum())]).T).T
-        coefficients = np.array([K1, K2, 0, 0])
+        coefficients = np.array([k1, k2, 0, 0])
         straight = cv2.projectPoints(rays, np.zeros(3), np.zeros(3), np.eye(3), coefficients)[0][:, 0]
         pixels[mine] = straight @ camera.K[:2, :2].T + camera.K[:2, 2]
     return replace(observed, pixels=pixels)
@@ -368,6 +369,26 @@ def test_a_given_distortion_is_not_adjusted():
     found = estimate_poses(model, observed)
     lenses = model.lenses_at(found.poses, true)
     assert [lens.is_distorted for lens in lenses] == [True] * 3 + [False] * 3
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.5])
+@pytest.mark.parametrize("is_bent", [True, False])
+def test_photos_that_look_distorted_are_known_from_wrong_poses(turn, is_bent):
+    rng, true, strong = np.random.default_rng(17), ring(10), (-0.15, 0.05)
+    seen = observed_by(true, 800, 0.2, rng, outliers=0.03)
+    observed = bent(seen, true, *strong) if is_bent else seen
+    given = turned(true, turn, rng) if turn else true
+    held_out = is_held_out(len(observed))
+    training, judges = observed.chosen(~held_out), observed.chosen(held_out)
+    estimate = estimate_poses(PoseModel.of(given, training), training)
+    note = lens_note(estimate, training, judges, lambda *_: None)
+    if is_bent:
+        assert "--cameras refine_lens" in note
+        farthest = np.linalg.norm(observed.pixels - true[0].K[:2, 2], axis=1).max() / FOCAL
+        bend = FOCAL * abs(strong[0] * farthest**3 + strong[1] * farthest**5)
+        assert float(note.split("up to ")[1].split(" px")[0]) == pytest.approx(bend, rel=0.25), note
+    else:
+        assert note == ""
 
 
 def test_held_out_observations_are_known_again_after_undistortion():

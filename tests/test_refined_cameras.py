@@ -321,6 +321,19 @@ def test_the_distortion_of_photos_without_one_is_found_and_removed():
 
 
 @pytest.mark.slow
+def test_poses_corrected_through_a_bent_lens_come_with_a_suggestion(tmp_path, monkeypatch):
+    monkeypatch.setenv("EIGENFAIRING_CACHE", str(tmp_path))
+    for scene, is_bent in ((bent(exact_scene(), *BENT), True), (turned(exact_scene(), 1.0), False)):
+        for _ in ("found", "kept in the cache"):
+            session = Session(replace(scene, cameras_choice="refine"))
+            session.choose_inputs()
+            notes = [line for line in session.warnings if "--cameras refine_lens" in line]
+            assert len(notes) == is_bent, session.warnings
+    assert not refined_of_bent().lens_note, "the lens is corrected already"
+    assert not refined(0.0).lens_note
+
+
+@pytest.mark.slow
 def test_found_lenses_are_recorded_and_written_and_read_again_alike(tmp_path):
     scene, found = bent(exact_scene(), *BENT), refined_of_bent()
     kept = Refinement.of_facts(json.loads(json.dumps(found.facts())), found.cameras, found.iterations)

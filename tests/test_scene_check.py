@@ -265,6 +265,20 @@ def refined(scene: Scene, taken: bool, corrections: list[float], left: float) ->
     return replace(scene, refinement=found)
 
 
+def test_photos_that_look_distorted_are_a_problem():
+    good = refined(with_points(corner_scene()), True, [1.0] * len(corner_scene().views), 0.1)
+    assert good.refinement is not None
+    note = "photos look distorted; try --cameras refine_lens"
+    scene = replace(good, refinement=replace(good.refinement, lens_note=note), warnings=(*good.warnings, note))
+    check = check_scene(scene)
+    assert check.verdict == "doubtful"
+    assert check.hints == (note,), "poses that look wrong through a distorted photo are named as well"
+    assert check.warnings == good.warnings
+    page = check_page(scene, check, [np.zeros((2, 2, 3), np.uint8)] * len(scene.views), [""] * len(scene.views))
+    assert page.count(note) == 1
+    assert check.as_dict()["cameras"]["lens_note"] == note
+
+
 def test_wrong_cameras_are_not_good_and_photos_that_do_not_fit_are_named():
     scene = with_points(corner_scene())
     n, second = len(scene.views), scene.views[1].name

@@ -64,6 +64,8 @@ def points_to_folder(source: SceneSource, out: Path, console: Console) -> int:
             found, refinement = _find(name, views, choice, out / STORED, console)
             if refinement is not None:
                 print_line(console, refinement.reason)
+                if refinement.lens_note:
+                    print_line(console, f"note: {refinement.lens_note}")
                 views = refinement.corrected_views(views)
             if len(found) == 0:
                 raise InputError(f"{source.scene}: no points found: {found.reason}")

@@ -47,6 +47,7 @@ def triangulate_command(
     mesh: Annotated[Path | None, tyro.conf.arg(help="Flip the edges of this mesh instead.")] = None,
     max_vertices: int | None = None,
     spacing: float = DEFAULTS.spacing,
+    splits: int = DEFAULTS.splits,
     points: PointsArgument = "automatic",
     photos: PhotosArgument = ALL_PHOTOS,
     cameras: CamerasArgument = "automatic",
@@ -61,8 +62,10 @@ def triangulate_command(
         max_vertices: Largest number of vertices; they stay where the surface bends most.
         spacing: Distance of vertices, pixels of a typical photo: about twice as far apart on walls, at least half as far at
             creases.
+        splits: Rounds in which faces larger than the spacing are divided where points near the surface contradict them. For a mesh
+            that `fair` has refined, before it is faired again.
     """
-    options = TriangulationOptions(max_vertices=max_vertices, spacing=spacing)
+    options = TriangulationOptions(max_vertices=max_vertices, spacing=spacing, splits=splits)
     if mesh is not None and points == "automatic":
         points = "given"  # the edges of a given mesh are flipped without points
     source = SceneSource.typed(scene, mesh, photos, points, cameras, around, box)
@@ -167,6 +170,9 @@ def summary_lines(done: Triangulation) -> list[str]:
         lines.append(
             f"{done.start.n_points} points gave a surface of {len(done.start.vertices)} vertices; left out: {reasons or 'none'}"
         )
+    if done.split:
+        counts = " -> ".join(str(len(vertices)) for vertices, _ in done.split)
+        lines.append(f"faces split where points near the surface contradict them: {counts} vertices")
     after = "not counted" if summary.inconsistent_after is None else str(summary.inconsistent_after)
     lines.append(
         f"{len(done.faces)} faces, {len(done.trace)} flips; inconsistent edges {summary.inconsistent_before} -> "

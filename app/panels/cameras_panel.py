@@ -1,4 +1,5 @@
-"""Cameras panel: the correction of each photo's camera, its reprojection error before and after, and the steps between."""
+"""Cameras panel: the found lens, the correction of each photo's camera, its reprojection error before and after, and the steps
+between."""
 
 from collections.abc import Callable
 
@@ -8,6 +9,7 @@ from app.debugger.run_state import RunState
 from app.html import text
 from app.page_state.page_state import MAX_MAGNIFICATION, PageState
 from app.panels.choice import photo_link
+from app.panels.lens_table import lens_table
 from app.viser_bridge.html_events import HtmlEvents, whole_number
 from app.viser_bridge.html_panel import HtmlPanel
 from app.viser_bridge.synced_widget import SyncedSlider
@@ -16,7 +18,7 @@ from fairing.scene import Scene
 
 
 class CamerasPanel:
-    """A table with a row for each photo, and a slider through the iterations of the adjustment."""
+    """A table with a row for each photo, a slider through the iterations of the adjustment, and the lens where it was refined."""
 
     def __init__(
         self,
@@ -50,10 +52,11 @@ class CamerasPanel:
         self._followed = SyncedSlider(step, html_events.guarded(choose))
         self._magnified = SyncedSlider(magnification, html_events.guarded(magnify))
         self._table = HtmlPanel(gui)
+        self._lens = lens_table(scene.views, refinement.given)
 
     def show(self, state: RunState, page_state: PageState) -> None:
         found, step = self._refinement, min(page_state.adjustment_step, len(self._refinement) - 1)
-        self._head.set(f"<div class='note'>{text(found.reason[:1].upper() + found.reason[1:])}.</div>")
+        self._head.set(f"<div class='note'>{text(found.reason[:1].upper() + found.reason[1:])}.</div>{self._lens}")
         self._followed.follow(step)
         self._magnified.follow(round(page_state.magnification))
         rows = "".join(

@@ -2,7 +2,8 @@
 
 In the order of a refinement: `pose_model` (parameters of a photo and derivatives of pixels), `observed_points`, `adjustment`
 (the objective, its normal equations and steps; their loops are in `compiled`), `misfits` (single wrong cameras), `estimation`
-(standard deviations from the residuals), `judge` (held-out points), `corrected_scene`, `refinement` (`refine`, the whole).
+(standard deviations from the residuals), `judge` (held-out points), `lens_trial` (photos that look distorted),
+`corrected_scene`, `refinement` (`refine`, the whole).
 
 Imports the data modules of `fairing`, `fairing.optimize` and `fairing.features`.
 """

@@ -21,7 +21,7 @@ STEPS = 10
 
 @dataclass(frozen=True)
 class CameraJudgement:
-    """Held-out points with the given cameras (before) and with the corrected ones (after).
+    """Held-out points with two sets of cameras: given ones (before) and corrected ones (after).
 
     Attributes:
         points: number of held-out points.
@@ -54,16 +54,18 @@ def is_held_out(count: int) -> np.ndarray:
     return np.arange(count) % HELD_OUT == 0
 
 
-def judge_cameras(model: PoseModel, corrected: np.ndarray, held_out: ObservedPoints, noise: float) -> CameraJudgement:
-    """Compare the given cameras of a model with corrected ones by points that neither was adjusted to.
+def judge_cameras(
+    model: PoseModel, before: np.ndarray, after: np.ndarray, held_out: ObservedPoints, noise: float
+) -> CameraJudgement:
+    """Compare two sets of cameras by points that neither was adjusted to.
 
     Args:
-        corrected: (v, n) float, px: parameters, see `pose_model`.
+        before, after: (v, n) float, px: parameters, see `pose_model`.
         held_out: found with the given cameras, so that the choice of points does not favour the corrected ones.
         noise: standard deviation of a coordinate of an observation, px.
     """
     loss, lengths, losses = loss_at(noise), [], []
-    for poses in (model.given, corrected):
+    for poses in (before, after):
         # From the found position by a wide loss, then by the loss of the judge.
         wide = triangulate(model, poses, held_out, loss_at(4 * noise), STEPS)
         points = triangulate(model, poses, held_out.at(wide), loss, STEPS)

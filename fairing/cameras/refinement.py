@@ -11,6 +11,7 @@ from fairing.cameras.adjustment import Deviations, residual_lengths
 from fairing.cameras.corrected_scene import facts_of_lens, recorded_lens, triangulated_again, views_with
 from fairing.cameras.estimation import MOST_STEPS, estimate_poses
 from fairing.cameras.judge import FEWEST_POINTS, HELD_OUT, CameraJudgement, is_held_out, judge_cameras
+from fairing.cameras.lens_trial import lens_note
 from fairing.cameras.misfits import misfits_of, photo_medians
 from fairing.cameras.observed_points import ObservedPoints
 from fairing.cameras.pose_model import PoseModel
@@ -67,6 +68,7 @@ class Refinement:
         sigma: estimated standard deviations, px; None without points.
         iterations: of the adjustments, in their order; the first is the given state.
         found: the points that a run would find in the photos, if they were asked for.
+        lens_note: a sentence if the photos look distorted, see `lens_trial`; else "".
     """
 
     names: tuple[str, ...]
@@ -79,6 +81,7 @@ class Refinement:
     iterations: tuple[Iteration, ...] = ()
     found: FeaturePoints | None = None
     lenses: tuple[Lens | None, ...] = ()
+    lens_note: str = ""
 
     @property
     def errors(self) -> tuple[np.ndarray, np.ndarray]:
@@ -119,6 +122,7 @@ class Refinement:
             lenses=tuple(
                 recorded_lens(photo["lens"], camera) for photo, camera in zip(facts["photos"], cameras, strict=True)
             ),
+            lens_note=facts["lens_note"],
         )
 
     def facts(self) -> dict[str, Any]:
@@ -126,6 +130,7 @@ class Refinement:
         return {
             "taken": self.taken,
             "reason": self.reason,
+            "lens_note": self.lens_note,
             "held_out": None if self.judgement is None else vars(self.judgement),
             "sigma_px": None if self.sigma is None else vars(self.sigma),
             "photos": [
@@ -197,7 +202,7 @@ def _refined(views: Sequence[View], search: "_Search", work: "_Work", adjusts_le
         return Refinement(
             names, False, "cameras as given: adjusted lenses fold a photo", tuple(given), np.zeros(len(given))
         )
-    judgement = judge_cameras(model, estimate.poses, held_out, estimate.sigma.observation)
+    judgement = judge_cameras(model, model.given, estimate.poses, held_out, estimate.sigma.observation)
     if judgement.is_clear:
         cameras = model.cameras_at(estimate.poses, given)
         again = ObservedPoints.of_features(search.points(cameras, SECOND_SEARCH, SECOND_KEYPOINTS, lenses))
@@ -206,11 +211,14 @@ def _refined(views: Sequence[View], search: "_Search", work: "_Work", adjusts_le
         if len(again) >= len(training) // 2:
             further = _Adjusting(model, again, work, estimate.poses)
             second = estimate_poses(estimate.model, again, estimate.poses, further.show)
-            judgement_then = judge_cameras(model, second.poses, held_out, second.sigma.observation)
+            judgement_then = judge_cameras(model, model.given, second.poses, held_out, second.sigma.observation)
             lenses_then = _lenses(model, second.poses, given)
             if lenses_then is not None and judgement_then.loss_after <= judgement.loss_after:
                 estimate, judgement, training, lenses = second, judgement_then, again, lenses_then
                 adjusting.iterations += further.iterations
+    note = ""
+    if not adjusts_lens and model.bending.any():
+        note = lens_note(estimate, training, held_out, _Adjusting(model, training, work, estimate.poses).show)
     corrections = _corrections(model, estimate.poses, training)
     before, after = judgement.error_before, judgement.error_after
     compared = (
@@ -223,12 +231,12 @@ def _refined(views: Sequence[View], search: "_Search", work: "_Work", adjusts_le
     return Refinement(
         names, judgement.is_clear, reason, tuple(model.cameras_at(estimate.poses, given)), corrections, judgement,
         estimate.sigma, tuple(adjusting.iterations),
-        lenses=tuple(lens if lens.is_distorted else None for lens in lenses),
+        lenses=tuple(lens if lens.is_distorted else None for lens in lenses), lens_note=note,
     )  # fmt: skip
 
 
 class _Work:
-    """Progress and cancellation of a refinement: 0.4 of the work finds keypoints, 0.1 is each search and adjustment."""
+    """Progress and cancellation of a refinement: 0.3 of the work finds keypoints, 0.1 is each search and adjustment."""
 
     def __init__(self, progress: Progress, cancel_requested: Callable[[], bool]) -> None:
         self._progress, self._begun = progress, 0.0
@@ -249,7 +257,7 @@ class _Search:
 
     def __init__(self, views: Sequence[View], all_needed: bool, threads: int, work: _Work) -> None:
         self._views, self._threads, self._work = views, threads, work
-        show, most = work.share(0.4), 0 if all_needed else SECOND_KEYPOINTS
+        show, most = work.share(0.3), 0 if all_needed else SECOND_KEYPOINTS
         self._keypoints = find_keypoints(
             views, SECOND_SEARCH, threads, lambda done, count: show(done / count, f"keypoints of {len(views)} photos"),
             work.cancel_requested, most,

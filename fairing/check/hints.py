@@ -52,8 +52,10 @@ def _wrong_cameras(check: SceneCheck) -> list[str]:
     cameras = check.cameras
     if cameras is None:
         return []
-    hints = []
-    if cameras.correction > MAX_CORRECTION:
+    hints = [cameras.lens_note] if cameras.lens_note else []
+    if (
+        cameras.correction > MAX_CORRECTION and not cameras.lens_note
+    ):  # through a distorted photo every pose looks wrong
         hints.append(
             f"the cameras are off by {cameras.correction:.1f} px (median over the photos): a run corrects them, and held-out "
             f"points then lie {cameras.error_after:.2f} px from their observations instead of {cameras.error_before:.2f} px; "

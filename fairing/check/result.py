@@ -59,6 +59,7 @@ class CamerasCheck:
         correction: median over the photos, px; 0 if the cameras are kept as given.
         error_before, error_after: median reprojection error of held-out points, px, with the given and the corrected cameras.
         misfits: names of the photos whose camera does not fit the others, also if it was corrected.
+        lens_note: a sentence if the photos look distorted by a lens of which the cameras do not tell; else "".
     """
 
     corrected: bool
@@ -67,6 +68,7 @@ class CamerasCheck:
     error_before: float
     error_after: float
     misfits: tuple[str, ...]
+    lens_note: str
 
 
 @dataclass(frozen=True, eq=False)

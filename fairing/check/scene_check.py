@@ -70,7 +70,8 @@ def check_scene(scene: Scene, options: FairingOptions | None = None) -> SceneChe
         views=views,
         faces=faces,
         visibility=context.reasons,
-        warnings=scene.warnings,
+        # A distorted photo is a problem of its own, among the hints.
+        warnings=tuple(w for w in scene.warnings if refinement is None or w != refinement.lens_note),
         hints=(),
         suggestions=(),
         cameras=None if refinement is None else _check_cameras(scene, refinement),
@@ -101,6 +102,7 @@ def _check_cameras(scene: Scene, refinement: Refinement) -> CamerasCheck:
         error_before=0.0 if judgement is None else judgement.error_before,
         error_after=0.0 if judgement is None else judgement.error_after,
         misfits=tuple(scene.views[v].name for v in np.flatnonzero(refinement.misfits)),
+        lens_note=refinement.lens_note,
     )
 
 

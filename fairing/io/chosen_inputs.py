@@ -58,7 +58,7 @@ def choose_inputs(
     # Points that were found before are found again with cameras that are corrected now.
     was_found = points is not None and points.origin == "own" and points_choice != "none"
     finds_points = was_found or needs_found_points(points, points_choice, n_vertices)
-    refinement, skipped = choose_cameras(
+    refinement, notes = choose_cameras(
         name, views, cameras_choice, finds_points, threads, on_progress, cancel_requested, skip_requested
     )
     found = None
@@ -71,7 +71,7 @@ def choose_inputs(
     points, warnings = choose_points(
         name, views, points, points_choice, n_vertices, on_progress, cancel_requested, skip_requested, found
     )
-    return ChosenInputs(tuple(views), points, (*skipped, *warnings), refinement)
+    return ChosenInputs(tuple(views), points, (*notes, *warnings), refinement)
 
 
 def inputs_of_demo(
@@ -99,7 +99,7 @@ def choose_cameras(
     cancel_requested: Callable[[], bool] = lambda: False,
     skip_requested: Callable[[], bool] = lambda: False,
 ) -> tuple[Refinement | None, tuple[str, ...]]:
-    """The refinement of the cameras, None if they are not refined, and a warning if that was skipped.
+    """The refinement of the cameras, None if they are not refined, and a warning if that was skipped or photos look distorted.
 
     Args:
         finds_points: see `fairing.cameras.refine`; other arguments and exceptions as of `choose_inputs`.
@@ -107,10 +107,11 @@ def choose_cameras(
     if cameras_choice == "given":
         return None, ()
     try:
-        return refine_once(
+        found = refine_once(
             name, views, threads, on_progress, lambda: cancel_requested() or skip_requested(), finds_points,
             cameras_choice == "refine_lens",
-        ), ()  # fmt: skip
+        )  # fmt: skip
+        return found, (found.lens_note,) * bool(found.lens_note)
     except Cancelled:
         if cancel_requested():
             raise

@@ -16,6 +16,9 @@ class TriangulationOptions:
     faces have too little texture to judge."""
     min_photos: int = 3
     """Points seen by fewer photos are left out."""
+    splits: int = 0
+    """Rounds in which faces larger than `spacing` are divided where points near the surface contradict them, before any flip. For
+    meshes that `fair` has refined (ledger: face splits); `max_vertices` does not count the new vertices."""
     gain: float = 0.05
     """An edge is flipped if the loss in the photos that see all four faces decreases by more than this fraction."""
     blur: float = 2.0
@@ -24,7 +27,7 @@ class TriangulationOptions:
     """Threads; 0: one per core. The result is the same for any number."""
 
     def __post_init__(self) -> None:
-        for name, low in (("spacing", 1), ("min_photos", 2), ("gain", 0), ("blur", 0), ("threads", 0)):
+        for name, low in (("spacing", 1), ("min_photos", 2), ("splits", 0), ("gain", 0), ("blur", 0), ("threads", 0)):
             value = getattr(self, name)
             if not low <= value < float("inf"):
                 raise InputError(f"option {name}: expected at least {low}, found {value}")

@@ -1,14 +1,18 @@
 """Triangulation: from calibrated photos with sparse points, or with a mesh, to a mesh whose edges agree with the photos."""
 
+import os
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from fairing.errors import InputError
+from fairing.errors import Cancelled, InputError
 from fairing.scene import Scene, SparsePoints, View
+from fairing.triangulation.face_splits import Meshes, split_faces
 from fairing.triangulation.flips import EdgeFlipper, FlipSummary
 from fairing.triangulation.initial_mesh import StartMesh, start_mesh
 from fairing.triangulation.options import TriangulationOptions
@@ -23,6 +27,7 @@ class Triangulation:
         scene: the photos with the mesh before any flip.
         faces: (m, 3) int: the final faces, as vertex ids of `scene.mesh`.
         start: the initial mesh from sparse points; None if a mesh was given.
+        split: vertices and faces before and after each round of face splits; empty if none was asked for, or it was stopped.
         trace: the flips.
         summary: of the search.
     """
@@ -30,11 +35,12 @@ class Triangulation:
     scene: Scene
     faces: np.ndarray
     start: StartMesh | None
+    split: Meshes
     trace: FlipTrace
     summary: FlipSummary
 
     def mesh(self) -> tuple[np.ndarray, np.ndarray]:
-        """Vertices (n, 3) float, world units, in the order of the given mesh, and faces (m, 3) int."""
+        """Vertices (n, 3) float, world units, and faces (m, 3) int, in the order of the given mesh unless faces were split."""
         scene = self.scene
         _, input_vertex = np.unique(scene.original_from_welded, return_index=True)
         flipped = (self.faces != scene.mesh.faces).any(axis=1)
@@ -66,6 +72,7 @@ class Triangulation:
             "faces": len(self.faces),
             "points": None if start is None else start.n_points,
             "points_left_out": None if start is None else start.left_out,
+            "vertices_of_splits": [len(vertices) for vertices, _ in self.split],
             "flips": len(self.trace),
             "rounds": summary.rounds,
             "stop_reason": summary.stop_reason,
@@ -91,6 +98,8 @@ def triangulate(
 ) -> Triangulation:
     """Triangulate sparse points, or take a mesh, and flip edges until no flip makes the photos agree better.
 
+    Before it faces are split, if `TriangulationOptions.splits` asks for it.
+
     Args:
         name: of the scene.
         mesh: vertices (n, 3) float, world units, and faces (m, 3) int, instead of a triangulation of the points.
@@ -109,6 +118,9 @@ def triangulate(
         start = start_mesh(views, points, options)
         mesh = start.vertices, start.faces
     scene = Scene.build(name, *mesh, views, sparse_points=points)
+    split = _split(scene, options, should_stop) if options.splits else ()
+    if len(split) > 1:
+        scene = Scene.build(name, *split[-1], views, sparse_points=points)
     flipper = EdgeFlipper(scene, options)
     flipper.trace.carving = None if start is None else start.carving
     flipper.trace.header |= (header or {}) | {"options": asdict(options)}
@@ -118,7 +130,21 @@ def triangulate(
         summary = flipper.run(should_stop, on_progress)
     finally:
         flipper.trace.detach()
-    return Triangulation(scene, flipper.trace.faces_at(len(flipper.trace)), start, flipper.trace, summary)
+    return Triangulation(scene, flipper.trace.faces_at(len(flipper.trace)), start, split, flipper.trace, summary)
+
+
+def _split(scene: Scene, options: TriangulationOptions, should_stop: Callable[[], bool]) -> Meshes:
+    """See `Triangulation.split`."""
+
+    def check() -> None:
+        if should_stop():
+            raise Cancelled
+
+    with ThreadPoolExecutor(options.threads or os.cpu_count()) as executor, suppress(Cancelled):
+        return split_faces(
+            scene.views, scene.mesh.vertices, scene.mesh.faces, options.splits, options.spacing, executor, check
+        )
+    return ()
 
 
 def flip_progress(flips: int, open_edges: int) -> float:

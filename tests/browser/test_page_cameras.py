@@ -32,6 +32,7 @@ def test_every_photo_has_its_correction_and_errors(visitor: Visitor):
     open_tab(visitor)
     rows = visitor.page.locator(".photos tr").all_inner_texts()[1:]
     assert len(rows) == 9
+    assert visitor.page.locator(".lens").count() == 0, "no intrinsics were refined"
     numbers = np.array([[float(cell) for cell in row.split("\t")[-3:]] for row in rows])
     assert (numbers[:, 0] > 0).all()
     assert np.median(numbers[:, 2]) < 0.5 * np.median(numbers[:, 1])
