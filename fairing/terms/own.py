@@ -23,7 +23,7 @@ import hashlib
 import inspect
 import sys
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -167,7 +167,7 @@ def begun(term: OwnTerm, scene: Scene, vertices: np.ndarray, free: np.ndarray, t
     return replace(rows, information=term.strength * typical / average)
 
 
-def check_terms(terms: Sequence[OwnTerm], known: Sequence[str]) -> None:
+def check_terms(terms: Sequence[OwnTerm], known: Iterable[str]) -> None:
     """Refuse terms that cannot be told apart, or are none.
 
     Args:

@@ -26,7 +26,7 @@ from fairing.options import StepOptions
 from fairing.scene import View
 from fairing.solve.step_limits import unfolded
 from fairing.terms.point_rays import Assignment, PointRays
-from fairing.terms.points import GATES, NEAR_GATE, PointFit
+from fairing.terms.points import NEAR_GATES, PointFit
 from fairing.triangulation.quads import find_quads
 from fairing.triangulation.subdivision import subdivided
 
@@ -140,7 +140,7 @@ class _Round:
         ids = np.unique(faces[is_chosen[parent]])
         fit = PointFit(mesh, self._builders.rays, self._builders.covariance)
         guard = partial(unfolded, start=mesh.vertices, faces=faces, options=StepOptions())
-        for gate in GATES[GATES.index(NEAR_GATE) :]:
+        for gate in NEAR_GATES:
             vertices = iterate(fit.terms(vertices, gate), vertices, ids, guard).after
         return mesh.moved(vertices), parent
 
