@@ -179,8 +179,8 @@ def test_energies_of_fits_do_not_mix_with_those_of_sweeps(finished: Session):
     recorded = [fit(0, StepReason.FITTED_TO_POINTS), *swept, fit(end, StepReason.FITTED_AGAIN)]
     energies, alone = (EnergyHistory(len(finished.scene.mesh.faces)) for _ in range(2))
     for length in (3, end + 1):  # read in two parts
-        energies.update(Recording(SimpleNamespace(steps=recorded), length))
-    alone.update(Recording(SimpleNamespace(steps=steps), len(steps)))
+        energies.update(Recording(SimpleNamespace(steps=recorded, header={}, plan=None), length))
+    alone.update(Recording(SimpleNamespace(steps=steps, header={}, plan=None), len(steps)))
 
     (line,) = energies.lines(end + 1)
     np.testing.assert_array_equal(line.moments, np.arange(1, end + 1))
