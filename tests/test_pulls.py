@@ -11,7 +11,7 @@ from fairing.run.pulls import shares, shares_of_all
 from fairing.run.session import Session
 from fairing.run.sweep import SweepState
 from fairing.run_plan import RunPlan
-from fairing.terms.names import AXES, BUILT_IN
+from fairing.terms.names import AXES, TERMS
 from fairing.trace import StepReason
 from tests.dense_term import dense
 from tests.small_scene import FACES, VERTICES, corner_scene, on_the_faces, small_options, sparse_points
@@ -140,7 +140,7 @@ def test_parts_add_up_to_the_step_that_is_proposed_next(case):
 
 def test_every_term_appears_under_its_name():
     names = {pull.name for moment in moments_of(run_of("joint")) for pull in run_of("joint").pulls(moment)}
-    assert names == set(BUILT_IN) - {AXES}, "which buildings alone have"
+    assert names == set(TERMS) - {AXES}, "which buildings alone have"
     for name in ("points", "image edges", "smoothness", "start"):
         session = run_of("joint")
         steps = [p.step for moment in moments_of(session) for p in session.pulls(moment) if p.name == name]

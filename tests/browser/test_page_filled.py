@@ -73,7 +73,7 @@ def filled(module_visitor: Visitor) -> None:
     field = visitor.input_of("Stop when")
     field.fill("energy >> a_name_that_is_not_known_at_all")
     field.press("Enter")
-    visitor.page.get_by_role("alert").wait_for()
+    visitor.page.get_by_role("alert").filter(has_text="expected a number or a name").wait_for()
     show(visitor, "Options")
     for group in visitor.page.locator(GROUPS).all():
         group.click()

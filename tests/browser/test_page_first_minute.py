@@ -162,6 +162,8 @@ def test_cells_of_another_moment_carry_its_number(visitor: Visitor, slow_steps: 
     controller, page = visitor.app.controller, visitor.page
     page_of(visitor.app).interaction.set_selection(Selection((0,)))
     page.get_by_text("Cells by photo").wait_for()
+    visitor.serial()  # the cells may be computed anew
+    page.get_by_text("Cells by photo").wait_for()
     controller.post(Run())
     wait_for(lambda: controller.state.activity is Activity.RUNNING)
     slow_steps.release()
