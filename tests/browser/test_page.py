@@ -297,7 +297,8 @@ def test_reload_and_reconnect_keep_the_state(visitor: Visitor):
     visitor.app._server._websock_server.disconnect_all_clients()
     wait_for(lambda: page not in visitor.app.pages.values())
     wait_for(lambda: len(visitor.app.pages) == 1)
-    visitor.button("Step one iteration").wait_for()
+    visitor.wait_for_page()
+    visitor.wait_until_still()  # the buttons of the connection that was cut are replaced
     state = visitor.press("Step one iteration")
     visitor.sees_vertices(page_vertices(visitor.app, state.moment))
     # The browser reports the connection that was cut, and textures it no longer needed; that is the test's doing.
