@@ -85,6 +85,23 @@ def test_runs_under_other_options_share_their_start(controller: Controller, hist
     assert history.of(state).by_moment[0].mean == first
 
 
+def test_a_run_that_was_left_before_its_start_was_measured_is_measured_whole(
+    controller: Controller, history: ResidualHistory, monkeypatch: pytest.MonkeyPatch
+):
+    with monkeypatch.context() as busy:
+        busy.setattr(
+            history, "_activity", lambda: Activity.STEPPING
+        )  # nothing is measured while the first run is the current one
+        controller.post(Forward(Extent.SWEEP))
+        length = controller.wait_until_idle().length
+        controller.post(Restart(small_options()))
+        controller.post(Forward(Extent.ITERATION))
+        assert controller.wait_until_idle().run_id == 2
+        assert history.count(1) == 0
+    controller.republish()
+    wait_for(lambda: history.count(1) == length + 1)
+
+
 def test_nothing_is_measured_while_a_step_is_made():
     session = Session(corner_scene(), small_options())
     activity = [Activity.STEPPING]

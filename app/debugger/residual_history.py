@@ -62,7 +62,7 @@ class KnownResiduals:
 
 
 class ResidualHistory:
-    """Measures on one thread of its own, without a lock: the ends of stages at once, the present moment and the ends of other
+    """Measures on one thread of its own, without a lock: the ends of stages at once, the present moment and both ends of other
     runs while the engine is paused, and then the moments between them, always in the middle of the largest gap.
 
     Args:
@@ -139,8 +139,7 @@ class ResidualHistory:
         if not is_paused:
             return
         for run in state.runs:
-            if run.length not in self._known_of(run):
-                yield _Job(run, run.length, False)
+            yield from (_Job(run, m, False) for m in (run.length, 0) if m not in self._known_of(run))
         for run in (current, *(run for run in state.runs if run is not current)):
             if (moment := _middle_of_largest_gap(self._known_of(run), run.length)) is not None:
                 yield _Job(run, moment, False)
