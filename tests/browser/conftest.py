@@ -8,23 +8,32 @@ from playwright.sync_api import Browser, Page, expect
 from app.page.server import App, start
 from demo_scenes import load_demo
 from fairing.run.session import Session
-from tests.browser.driver import PAUSE_BETWEEN_FRAMES, WINDOW, Visitor, chromium
+from tests.browser.driver import CHEAP_FRAMES, WINDOW, Visitor, chromium
 from tests.waiting import PATIENCE
 
 expect.set_options(timeout=1000 * PATIENCE)
 
 
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
+@pytest.fixture(scope="package")
+def shared_browser() -> Iterator[Browser]:
+    """One browser for all modules: each start takes 3 s of processor time."""
     with chromium() as browser:
         yield browser
+
+
+@pytest.fixture(scope="module")
+def browser(shared_browser: Browser) -> Iterator[Browser]:
+    """The browser; tabs that a module leaves open would go on drawing beside those of the next."""
+    yield shared_browser
+    for context in shared_browser.contexts:
+        context.close()
 
 
 @pytest.fixture
 def page(browser: Browser) -> Iterator[Page]:
     """A tab of the test's own."""
     page = browser.new_page(viewport=WINDOW)
-    page.add_init_script(PAUSE_BETWEEN_FRAMES)
+    page.add_init_script(CHEAP_FRAMES)
     page.set_default_timeout(1000 * PATIENCE)
     yield page
     page.close()

@@ -23,7 +23,7 @@ from fairing.judge.metrics import quality_report
 from fairing.judge.report import run_report
 from fairing.options import FairingOptions
 from fairing.run.session import Session
-from tests.browser.driver import IN_BROWSER, WINDOW, chromium
+from tests.browser.driver import IN_BROWSER, WINDOW
 from tests.waiting import wait_for
 
 pytestmark = IN_BROWSER
@@ -81,12 +81,6 @@ def facts(tmp_path_factory) -> RunFacts:
 def file(facts) -> Path:
     write_page(facts, facts.folder / "page.html", 0, lambda fraction: None)
     return facts.folder / "page.html"
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with chromium() as browser:
-        yield browser
 
 
 @pytest.fixture(scope="module")
