@@ -163,17 +163,14 @@ def test_a_photo_that_cannot_be_read_is_named(tmp_path: Path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("name", "least", "near", "median"), [("facade", 20_000, 0.85, 0.02), ("archway", 12_000, 0.85, 0.015)]
-)
-def test_points_of_a_demo_lie_on_its_surface(name: str, least: int, near: float, median: float):
-    scene = load_demo(name)
+def test_points_of_a_demo_lie_on_its_surface():
+    scene = load_demo("archway")
     assert scene.truth is not None
     found = find_points(scene.views)
     off = 100 * SurfaceTree(scene.truth.surface).distance(found.positions) / scene.mesh.diagonal
-    assert (off < 0.3).sum() > least
-    assert (off < 0.3).mean() > near  # the photos show ground and background, which are no part of the truth
-    assert np.median(off[off < 0.3]) < median
+    assert (off < 0.3).sum() > 12_000
+    assert (off < 0.3).mean() > 0.85  # the photos show ground and background, which are no part of the truth
+    assert np.median(off[off < 0.3]) < 0.015
     assert found.residual.mean() < 0.3
 
 

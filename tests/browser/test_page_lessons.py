@@ -16,7 +16,7 @@ pytestmark = [*IN_BROWSER, pytest.mark.usefixtures("remembered_steps")]
 PHOTOS = 300.0  # s: for a scene's photos, which are taken on first use
 CUBE_LESSONS = [name for name in lesson_names() if load_lesson(name).scene == "cube"]
 # `tests/test_lessons.py` runs all of them without a page.
-WALKED = CUBE_LESSONS[1:] if WALKS_ALL_LESSONS else ("cells", "beyond")
+WALKED = CUBE_LESSONS[1:] if WALKS_ALL_LESSONS else ("cells",)
 
 
 @pytest.fixture(scope="module")
