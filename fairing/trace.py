@@ -181,6 +181,7 @@ class Trace:
         steps: the records.
         plan: see `RunPlan`; None before it is computed, and in traces of versions that did not record it.
         manual_moments: the moments after steps that a user made.
+        stage_key: see `fairing.run.recorded_stages.stage_keys`; None until it is asked for.
     """
 
     def __init__(self, header: dict[str, Any], start: np.ndarray, faces: np.ndarray) -> None:
@@ -190,6 +191,7 @@ class Trace:
         self.steps: list[StepRecord] = []
         self.plan: RunPlan | None = None
         self.manual_moments: list[int] = []
+        self.stage_key: Callable[[StageKind, SchedulePosition], tuple[StageKind, int, int]] | None = None
         self._keyframes: dict[int, np.ndarray] = {0: self.start}
         self._newest: tuple[int, np.ndarray] = (0, self.start.copy())
         self._file: BlockFile | None = None

@@ -3,6 +3,7 @@
 import io
 import json
 import zlib
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -66,6 +67,18 @@ def flip(**changes: Any) -> dict[str, Any]:
     return _changed(values, changes)
 
 
+def split_round(**changes: Any) -> dict[str, Any]:
+    """A round that splits the first face of the corner; a change to ... takes the field away."""
+    a, b, c = sorted(FACES[0].tolist())
+    middles = (VERTICES[[a, a, b]] + VERTICES[[b, c, c]]) / 2
+    values = {
+        "vertices": VERTICES, "faces": FACES, "chosen": np.array([0]), "offsets": np.array([1.5]), "parts": np.array([0]),
+        "judges": np.array([7]), "errors": np.array([[2.0, 1.0]]), "significance": np.array([4.0]),
+        "is_split": np.array([1], np.uint8), "after": np.vstack([VERTICES, middles]),
+    }  # fmt: skip
+    return _changed(values, changes)
+
+
 def write_trace(path: Path, header: Any = None, steps: list[dict[str, Any]] | None = None, **mesh: Any) -> Path:
     """A trace file of the corner.
 
@@ -80,10 +93,24 @@ def write_trace(path: Path, header: Any = None, steps: list[dict[str, Any]] | No
     return path
 
 
-def write_flips(path: Path, header: Any = None, flips: list[dict[str, Any]] | None = None, **mesh: Any) -> Path:
-    """A record of flips of the corner; arguments as for `write_trace`."""
+def write_flips(
+    path: Path,
+    header: Any = None,
+    flips: list[dict[str, Any]] | None = None,
+    splits: Sequence[dict[str, Any]] = (),
+    n_splits: str = "",
+    **mesh: Any,
+) -> Path:
+    """A record of flips of the corner; other arguments as for `write_trace`.
+
+    Args:
+        n_splits: number of splits that the header announces, if it is not theirs.
+    """
     first = {"text_header": text({} if header is None else header), "vertices": VERTICES, "faces": FACES}
-    blocks = [block(**_changed(first, mesh)), *(block(**values) for values in (flips or [flip()]))]
+    if splits or n_splits:
+        first["text_splits"] = text(n_splits or str(len(splits)))
+    steps = [*splits, *([flip()] if flips is None else flips)]
+    blocks = [block(**_changed(first, mesh)), *(block(**values) for values in steps)]
     path.write_bytes(b"EIGENFAIRING FLIPS 1\n" + b"".join(blocks))
     return path
 

@@ -13,7 +13,7 @@ from fairing.run.session import Session
 from fairing.stage_kind import StageKind
 from fairing.trace import StepRecord, Trace
 from fairing.triangulation import FlipTrace
-from tests.record_files import flip, raw_block, run_header, step, write_flips, write_trace
+from tests.record_files import flip, raw_block, run_header, split_round, step, write_flips, write_trace
 from tests.small_scene import FACES, VERTICES, corner_scene
 
 
@@ -51,6 +51,33 @@ def test_flips_of_version_1_load(tmp_path: Path):
     trace = FlipTrace.load(write_flips(tmp_path / "mesh.flips"))
     assert trace.faces_at(1)[:2].tolist() == [[1, 2, 3], [0, 1, 3]]  # (d, b, c) and (a, d, c)
     np.testing.assert_array_equal(trace.faces_at(1)[2:], FACES[2:])
+    assert trace.splits == ()
+
+
+def test_face_splits_load(tmp_path: Path):
+    first = split_round()
+    trace = FlipTrace.load(write_flips(tmp_path / "mesh.flips", splits=[first]))
+    assert len(trace) == 1
+    vertices, faces = trace.splits[0].result()
+    np.testing.assert_array_equal(vertices, first["after"])
+    new = {frozenset(face) for face in faces.tolist()} - {frozenset(face) for face in FACES.tolist()}
+    middle = set(range(len(VERTICES), len(vertices)))
+    assert middle in new, "the middle one of four"
+    second = split_round(
+        vertices=vertices, faces=faces, after=vertices, chosen=np.zeros(0, int), offsets=np.zeros(0), parts=np.zeros(0, int),
+        judges=np.zeros(0, int), errors=np.zeros((0, 2)), significance=np.zeros(0), is_split=np.zeros(0, np.uint8),
+    )  # fmt: skip
+    path = write_flips(tmp_path / "mesh.flips", splits=[first, second])
+    assert len(FlipTrace.load(path).splits) == 2
+    whole = path.read_bytes()
+    path.write_bytes(whole[: len(whole) * 2 // 3])  # cut off within the second round
+    cut = FlipTrace.load(path)
+    assert (len(cut.splits), len(cut)) == (1, 0)
+    refused(
+        FlipTrace.load,
+        write_flips(path, splits=[first, first]),
+        "face splits, round 2: vertices: expected those after the round before",
+    )
 
 
 HEADERS = {
@@ -158,6 +185,34 @@ FLIPS = {
 def test_a_crafted_flip_is_refused(tmp_path: Path, what: str):
     change, said = FLIPS[what]
     refused(FlipTrace.load, write_flips(tmp_path / "mesh.flips", flips=[flip(**change)]), f"flip 1: .*{said}")
+
+
+SPLITS = {
+    "face": ({"chosen": np.array([6])}, "chosen: expected ids of 0 to 5, found 6"),
+    "part": ({"parts": np.array([1])}, "parts: expected ids of 0 to 0, found 1"),
+    "judgement": ({"is_split": np.array([2], np.uint8)}, "is_split: expected ids of 0 to 1, found 2"),
+    "judges": ({"judges": np.array([-1])}, "judges: expected counts from 0"),
+    "errors": ({"errors": np.array([[2.0, np.nan]])}, "errors: expected finite"),
+    "offsets": ({"offsets": np.zeros(2)}, r"offsets: expected floating-point numbers of shape \(1,\)"),
+    "too few vertices": ({"after": VERTICES}, "after: expected 10 vertices, one more for each divided edge, found 7"),
+    "no place": ({"after": np.full((10, 3), np.nan)}, "after: expected coordinates|after: .*finite"),
+    "mesh": ({"faces": FACES + 3}, "face 2 uses vertices"),
+    "none": ({"chosen": ...}, "expected the field chosen"),
+    "more": ({"extra": np.zeros(1)}, "expected no field extra"),
+}
+
+
+@pytest.mark.parametrize("what", SPLITS)
+def test_a_crafted_face_split_is_refused(tmp_path: Path, what: str):
+    change, said = SPLITS[what]
+    path = write_flips(tmp_path / "mesh.flips", splits=[split_round(**change)])
+    refused(FlipTrace.load, path, f"face splits, round 1: .*({said})")
+
+
+@pytest.mark.parametrize("count", ["0", "-1", "x", "1.0", "²", "9" * 5000])
+def test_a_number_of_face_splits_that_is_none_is_refused(tmp_path: Path, count: str):
+    path = write_flips(tmp_path / "mesh.flips", splits=[split_round()], n_splits=count)
+    refused(FlipTrace.load, path, "splits: expected the number of rounds, found")
 
 
 @pytest.mark.parametrize("payload", [b"nonsense", b"PK\x05\x06" + bytes(18), b"PK\x03\x04" * 30])

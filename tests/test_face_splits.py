@@ -1,6 +1,7 @@
 """Face splits: subdivision keeps the surface, and only faces that all points contradict are divided."""
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import fields
 
 import numpy as np
 import pytest
@@ -12,9 +13,10 @@ from fairing.features.surface_sweep import SurfaceSweep
 from fairing.geometry.closest_point import SurfaceTree
 from fairing.geometry.decimate import decimate
 from fairing.mesh import Mesh
-from fairing.triangulation import TriangulationOptions, triangulate
+from fairing.triangulation import FlipTrace, SplitRound, TriangulationOptions, triangulate
 from fairing.triangulation.face_splits import split_faces
 from fairing.triangulation.subdivision import subdivided
+from tests.flip_records import grid_mesh, round_of_splits, split_by_hand
 from tests.roof_scene import cameras, photo, views_of
 from tests.wrong_cameras import exact_scene
 
@@ -92,33 +94,81 @@ CONTRADICTIONS = {
 }
 
 
-def split(monkeypatch: pytest.MonkeyPatch, points: FeaturePoints, smallest: float = 14.0):
+def split(monkeypatch: pytest.MonkeyPatch, points: FeaturePoints, smallest: float = 14.0) -> list[SplitRound]:
     monkeypatch.setattr(SurfaceSweep, "points", lambda *_: points)
     with ThreadPoolExecutor(1) as executor:
-        return split_faces(FLAT, SQUARE, FACES, 2, smallest, executor)
+        return list(split_faces(FLAT, SQUARE, FACES, 2, smallest, executor))
 
 
 def test_a_face_that_all_points_contradict_is_split_and_fitted(monkeypatch):
     points = points_over_the_square(hill)
-    meshes = split(monkeypatch, points)
-    assert len(meshes) > 1
-    (_, _), (vertices, faces), *_ = meshes
+    first, second = split(monkeypatch, points)
+    vertices, faces = first.result()
     assert len(faces) > len(FACES)
+    np.testing.assert_array_equal(second.vertices, vertices)
+    np.testing.assert_array_equal(second.faces, faces)
     np.testing.assert_array_equal(vertices[0], SQUARE[0])  # no corner of the face
     on_first = (vertices[faces].mean(axis=1)[:, 1] < 0).sum()
     assert on_first == 2  # divided only so that no edge ends within another
-    left = [np.mean(SurfaceTree(Mesh(*mesh)).distance(points.positions)) for mesh in (meshes[0], meshes[1])]
+    meshes = Mesh(SQUARE, FACES), Mesh(vertices, faces)
+    left = [np.mean(SurfaceTree(mesh).distance(points.positions)) for mesh in meshes]
     assert left[1] < 0.6 * left[0], left
+    assert first.chosen.tolist() == [1]
+    assert (first.parts.tolist(), first.is_split.tolist()) == ([0], [True])
+    assert 0.03 / 0.01 < first.offsets[0] < 0.06 / 0.01  # a pixel covers 0.01; the hill is 0.06 high and has slopes
+    assert 100 < first.judges[0] < len(points.positions) / 2, "a quarter: half of the photos, and half of the square"
+    # All of the photos that judge, those of the face, by distances along its normal.
+    held_out = points.positions[(points.photos % 2 == 1) & (points.positions[:, 1] > 0)]
+    assert first.judges[0] == pytest.approx(len(held_out), rel=0.1)
+    sigma = np.hypot(NOISE, 0.2 * 0.01)
+    expected = np.sqrt(np.mean(np.minimum((held_out[:, 2] / sigma) ** 2, 9)))
+    assert first.errors[0, 0] == pytest.approx(expected, rel=0.1)
+    assert first.errors[0, 1] < first.errors[0, 0]
+    assert first.significance[0] > 3
 
 
 @pytest.mark.parametrize("contradiction", CONTRADICTIONS)
 def test_faces_that_points_do_not_contradict_together_stay(contradiction, monkeypatch):
-    meshes = split(monkeypatch, points_over_the_square(CONTRADICTIONS[contradiction]))
-    assert len(meshes) == 1
+    (done,) = split(monkeypatch, points_over_the_square(CONTRADICTIONS[contradiction]))
+    assert not done.is_split.any()
+    is_contradicted = contradiction == "the points that build alone"
+    assert done.chosen.tolist() == [1] * is_contradicted, "candidates that are not split are recorded, too"
+    np.testing.assert_array_equal(done.result()[0], SQUARE)
+    np.testing.assert_array_equal(done.result()[1], FACES)
 
 
 def test_small_faces_stay(monkeypatch):
-    assert len(split(monkeypatch, points_over_the_square(hill), 300.0)) == 1
+    (done,) = split(monkeypatch, points_over_the_square(hill), 300.0)
+    assert len(done.chosen) == 0
+
+
+def test_parts_of_a_round_can_be_split_one_by_one():
+    vertices, faces = grid_mesh(6)
+    done = round_of_splits(vertices, faces, [[12], [0, 25], [30]], [9, 9, 9], [1.0, 1.2, 1.9])
+    wanted, _, parent = subdivided(vertices, faces, np.isin(np.arange(len(faces)), [12]))
+    (one, one_faces, one_parent), (whole, whole_faces, _) = (
+        done.mesh_with(np.array(parts)) for parts in ([True, False, True], [True, True, True])
+    )
+    np.testing.assert_array_equal(one_parent, parent)
+    np.testing.assert_array_equal(one[:, :2], wanted[:, :2])
+    risen = np.unique(one_faces[one_parent == 12])
+    np.testing.assert_array_equal(np.flatnonzero(one[:, 2] > 0), risen)
+    np.testing.assert_array_equal(whole, done.after)
+    assert {tuple(place) for place in one[one[:, 2] > 0].tolist()} < {tuple(place) for place in whole.tolist()}
+    for mesh_faces in (one_faces, whole_faces):
+        assert (edges_of(mesh_faces)[1] <= 2).all()
+    np.testing.assert_array_equal(done.mesh_with(np.zeros(3, bool))[0], vertices)
+
+
+def test_splits_are_recorded_and_read_again(tmp_path):
+    trace = split_by_hand(*grid_mesh(5))
+    trace.attach(tmp_path / "a.flips")
+    trace.detach()
+    loaded = FlipTrace.load(tmp_path / "a.flips")
+    for before, after in zip(trace.splits, loaded.splits, strict=True):
+        for field in fields(SplitRound):
+            np.testing.assert_array_equal(getattr(before, field.name), getattr(after, field.name))
+    np.testing.assert_array_equal(loaded.splits[-1].result()[0], loaded.vertices)
 
 
 def samples_of(surface: Mesh) -> np.ndarray:
@@ -128,7 +178,7 @@ def samples_of(surface: Mesh) -> np.ndarray:
     return np.einsum("kc,kcx->kx", rng.dirichlet([1, 1, 1], 5000), surface.vertices[surface.faces[face]])
 
 
-def test_photos_split_a_mesh_that_lacks_vertices_and_leave_a_true_one_alone():
+def test_photos_split_a_mesh_that_lacks_vertices_and_leave_a_true_one_alone(tmp_path):
     scene = exact_scene()
     assert scene.truth is not None
     assert scene.truth.vertices is not None
@@ -136,9 +186,18 @@ def test_photos_split_a_mesh_that_lacks_vertices_and_leave_a_true_one_alone():
     samples, options = samples_of(scene.truth.surface), TriangulationOptions(splits=2)
     kept = triangulate("true", scene.views, None, options, true)
     assert kept.report()["vertices_of_splits"] == [len(true[0])]
-    coarse = decimate(*true, np.zeros(len(true[0])), 26)
-    done = triangulate("coarse", scene.views, None, options, coarse)
+    coarse, lines = decimate(*true, np.zeros(len(true[0])), 26), []
+    record = tmp_path / "coarse.flips"
+    done = triangulate(
+        "coarse", scene.views, None, options, coarse, record, on_progress=lambda part, line: lines.append((part, line))
+    )
     vertices, faces = done.mesh()
+    splits = FlipTrace.load(record).splits
+    assert [len(each.after) for each in splits if each.is_split.any()] == done.report()["vertices_of_splits"][1:]
+    np.testing.assert_array_equal(splits[-1].result()[0], done.scene.mesh.vertices)
+    parts = [part for part, line in lines if "round 1 of 2: points" in line]
+    assert len(parts) == 2 * len(scene.views), "one a task"
+    assert 0 < min(parts) < max(parts) < min(part for part, line in lines if "flips" in line)
     assert done.report()["vertices_of_splits"][0] == 26
     assert len(vertices) == done.report()["vertices_of_splits"][-1] > 26
     before, after = (SurfaceTree(Mesh(*mesh)).distance(samples).mean() for mesh in (coarse, (vertices, faces)))
@@ -147,10 +206,28 @@ def test_photos_split_a_mesh_that_lacks_vertices_and_leave_a_true_one_alone():
 
 def test_a_stop_request_ends_the_search():
     done = triangulate("square", FLAT, None, TriangulationOptions(splits=1), (SQUARE, FACES), should_stop=lambda: True)
-    assert done.split == ()
+    assert done.trace.splits == ()
 
     def cancel() -> None:
         raise Cancelled
 
     with ThreadPoolExecutor(1) as executor, pytest.raises(Cancelled):
-        split_faces(FLAT, SQUARE, FACES, 1, 14.0, executor, cancel)
+        list(split_faces(FLAT, SQUARE, FACES, 1, 14.0, executor, cancel))
+
+
+def test_rounds_before_a_stop_remain(monkeypatch):
+    points, reached = points_over_the_square(hill), []
+
+    def sweep(sweeping: SurfaceSweep, *_) -> FeaturePoints:
+        sweeping._check()
+        return points
+
+    monkeypatch.setattr(SurfaceSweep, "points", sweep)
+    done = triangulate(
+        *("square", FLAT, None, TriangulationOptions(splits=2), (SQUARE, FACES)),
+        should_stop=lambda: len(reached) > 1, on_progress=lambda _, line: reached.append(line),
+    )  # fmt: skip
+    assert reached[0].startswith("face splits, round 1 of 2: splitting")
+    assert [each.is_split.tolist() for each in done.trace.splits] == [[True]]
+    assert done.summary.stop_reason == "stopped on request"
+    assert len(done.scene.mesh.vertices) == len(done.trace.splits[0].after) > len(SQUARE)

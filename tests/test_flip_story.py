@@ -10,6 +10,8 @@ from app.flips.body import SHRUNK, cross_sections
 from app.flips.carving_panels import carving_facts, tetrahedron_terms
 from app.flips.drawing import Draughtsman
 from app.flips.section import Section
+from app.flips.split_film import Group, SplitFilm
+from app.flips.split_panels import split_facts, split_legend
 from app.flips.story import Chapter, Story
 from app.flips.votes import Vote, VoteCounter, votes_of
 from app.picking import first_hit
@@ -18,7 +20,7 @@ from app.viser_bridge.html_events import Events
 from fairing.scene import Scene
 from fairing.triangulation import FlipTrace, SightCosts
 from tests.bodies import AROUND, carved
-from tests.flip_records import flipped_at_random, grid_mesh
+from tests.flip_records import flipped_at_random, grid_mesh, split_by_hand
 
 N = len(AROUND)
 
@@ -75,6 +77,55 @@ def test_parts_are_chapters_and_then_rounds():
     plain = Story(flipped)
     assert [plain.part_before(m) for m in (0, 1, 8)] == [0, 0, 4]
     assert [plain.flip(m) for m in range(9)] == list(range(9))
+
+
+def test_splits_are_a_chapter_with_rounds_before_the_flips():
+    trace = split_by_hand(*grid_mesh(5))
+    story = Story(trace)
+    assert [(extent.chapter, extent.count) for extent in story.extents] == [(Chapter.SPLITS, 6), (Chapter.FLIPS, 1)]
+    assert story.has_chapters
+    assert not Story(flipped_at_random(*grid_mesh(5), 1, 1)).has_chapters
+    assert [story.split(m) for m in range(7)] == [0, 1, 2, 3, 4, 5, None]
+    assert [story.part_after(m) for m in range(7)] == [4, 4, 4, 4, 6, 6, 6]
+    assert [story.part_before(m) for m in range(7)] == [0, 0, 0, 0, 0, 4, 0]
+    assert [story.is_carving(m) for m in (0, 6)] == [False, False]
+    both = FlipTrace({}, trace.vertices, trace.faces_at(0), carved().carving)
+    both.splits = trace.splits
+    assert [extent.chapter for extent in Story(both).extents][-3:] == [
+        Chapter.DECIMATION,
+        Chapter.SPLITS,
+        Chapter.FLIPS,
+    ]
+
+
+def test_parts_are_split_one_after_another_and_what_stays_comes_last():
+    vertices, faces = grid_mesh(5)
+    trace = split_by_hand(vertices, faces)
+    film, first = SplitFilm(trace.splits), trace.splits[0]
+    assert [film.at(k).part for k in range(len(film))] == [None, 1, 0, 2, None, 0]  # most held-out points first
+    before = film.mesh(0)
+    np.testing.assert_array_equal(before.vertices, vertices)
+    np.testing.assert_array_equal(before.faces, faces)
+    assert np.flatnonzero(before.groups == Group.CANDIDATE).tolist() == [0, 5, 16, 26]
+    assert not before.is_of_part.any()
+    counts = [np.bincount(film.mesh(k).groups, minlength=4).tolist()[1:] for k in range(4)]
+    assert counts == [[4, 0, 0], [2, 8, 0], [1, 12, 0], [0, 12, 1]]
+    assert [int(film.mesh(k).is_of_part.sum()) for k in range(4)] == [0, 8, 4, 1]
+    np.testing.assert_array_equal(film.mesh(3).vertices, first.after)
+    np.testing.assert_array_equal(film.mesh(3).vertices, film.mesh(4).vertices)
+    np.testing.assert_array_equal(film.mesh(5).faces, trace.faces_at(0))
+
+
+def test_the_panel_of_splits_names_the_reason():
+    film = SplitFilm(split_by_hand(*grid_mesh(5)).splits)
+    assert "Part 1 of 3: split" in split_facts(film, 1)
+    assert "1.20 σ" in split_facts(film, 1)
+    assert "fall of its square (over 10 %)</th><td class='n'>64 %" in split_facts(film, 1)  # 1 - (1.2 / 2)^2
+    assert "in standard errors (over 3)</th><td class='n'>2.50" in split_facts(film, 1)
+    assert "Fewer than 5 held-out points" in split_facts(film, 3)
+    assert "round 2 of 2" in split_facts(film, 5)
+    assert "do not lie clearly nearer" in split_facts(film, 5)
+    assert "split and fitted</span><span class='dim'>8<" in split_legend(film.mesh(1))
 
 
 def test_points_appear_photo_by_photo(story, draughtsman):

@@ -8,7 +8,7 @@ import pytest
 
 from app.debugger.commands import JumpTo, Run
 from app.debugger.controller import Controller
-from app.debugger.moment_pulls import moment_pulls, term_words
+from app.debugger.moment_pulls import moment_pulls, term_word
 from app.debugger.quantities import StepContext, limits_of, parse_step_condition, quantities_of
 from app.debugger.watch import needs_pulls, parse_watch, value_with_pulls
 from app.layers.pull_arrows import arrow_lines, pull_lines
@@ -27,7 +27,7 @@ from fairing.options import FairingOptions
 from fairing.run.pulls import shares
 from fairing.run.session import Session
 from fairing.scene import Scene
-from fairing.terms.names import TERMS, numbered_terms
+from fairing.terms.names import TERMS
 from tests.color_vision import BLINDNESS, in_cielab
 from tests.small_scene import FACES, VERTICES, corner_scene, on_the_faces, small_options, sparse_points
 from tests.waiting import wait_for
@@ -66,14 +66,15 @@ def test_conditions_read_the_pulls_at_the_moment_after_the_step(session: Session
         return parse_watch(text, session.scene).evaluate(ask)
 
     pulls = {pull.name: pull for pull in session.pulls(moment)}
-    for word, name in term_words().items():
+    for name in TERMS:
+        word = term_word(name)
         px = pulls[name].step_px if name in pulls else np.zeros(len(VERTICES))
         assert value(f"pull({word})") == px.max()
         for vertex in range(len(VERTICES)):
             assert value(f"pull({word}, {vertex})") == px[vertex]
     for share, name in zip(shares(session.pulls(moment)), pulls, strict=True):
         assert value(f"share({name.replace(' ', '_')}, 0)") == pytest.approx(share[0])
-    assert sum(value(f"share({word})") for word in term_words()) == pytest.approx(1)
+    assert sum(value(f"share({term_word(name)})") for name in TERMS) == pytest.approx(1)
     assert np.isnan(value("pull(photos, 2 + 99)"))
 
 
@@ -121,7 +122,7 @@ def test_a_mistake_in_a_term_is_shown_at_its_place(scene: Scene, text: str, mist
 
 def test_terms_are_offered_and_what_is_offered_is_understood(scene: Scene):
     words = dict(words_for(PageState(Selection((3,))), TERMS))
-    assert {word for word, name in term_words().items() if name in TERMS} <= set(words)
+    assert set(map(term_word, TERMS)) <= set(words)
     assert {"pull(photos, 3)", "share(photos, 3)"} <= set(words)
     parse_step_condition("pull(photos, 3) > 1 and share(image_edges) < 0.2", limits_of(scene))
     for condition in ready_made(PageState(Selection((3,)))).values():
@@ -205,15 +206,15 @@ def test_the_automatic_length_of_arrows_fits_the_mesh(session: Session):
 def test_the_surface_shows_the_strongest_term_and_one_term_s_pull(session: Session):
     moment = with_points(session)
     found = moment_pulls(session, moment)
-    strongest = COLORINGS["strongest"].values(session, moment)
+    strongest, names = COLORINGS["strongest"].values(session, moment), list(TERMS)
     for v in range(len(VERTICES)):
         lengths = {pull.name: np.linalg.norm(pull.step[v]) for pull in found.pulls}
         best = max(lengths, key=lambda name: lengths[name])
-        assert (numbered_terms()[int(strongest[v])] == best) if lengths[best] > 0 else np.isnan(strongest[v])
+        assert (names[int(strongest[v])] == best) if lengths[best] > 0 else np.isnan(strongest[v])
     mesh = color_mesh(COLORINGS["strongest"], strongest, VERTICES, FACES)
     shown = legend_html(mesh.legend)
     for k in np.unique(strongest[~np.isnan(strongest)]):
-        assert numbered_terms()[int(k)] in shown
+        assert names[int(k)] in shown
     of_pulls = COLORINGS["pull"].of_pulls
     assert of_pulls is not None
     assert np.array_equal(of_pulls(found, "points"), found.px_of("points"))

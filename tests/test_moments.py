@@ -2,8 +2,7 @@
 
 import json
 from dataclasses import replace
-from types import SimpleNamespace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -161,9 +160,15 @@ def test_an_energy_counts_as_measured_once_a_step_has_faces(scene: Scene):
 class Recording(NamedTuple):
     """A record of steps alone."""
 
-    trace: Any
+    trace: Trace
     length: int
     run_id: int = 1
+
+
+def trace_of(steps: list[StepRecord]) -> Trace:
+    trace = Trace({}, np.zeros((3, 3)), np.array([[0, 1, 2]]))
+    trace.steps = steps
+    return trace
 
 
 def test_energies_of_fits_do_not_mix_with_those_of_sweeps(finished: Session):
@@ -179,8 +184,8 @@ def test_energies_of_fits_do_not_mix_with_those_of_sweeps(finished: Session):
     recorded = [fit(0, StepReason.FITTED_TO_POINTS), *swept, fit(end, StepReason.FITTED_AGAIN)]
     energies, alone = (EnergyHistory(len(finished.scene.mesh.faces)) for _ in range(2))
     for length in (3, end + 1):  # read in two parts
-        energies.update(Recording(SimpleNamespace(steps=recorded, header={}, plan=None), length))
-    alone.update(Recording(SimpleNamespace(steps=steps, header={}, plan=None), len(steps)))
+        energies.update(Recording(trace_of(recorded), length))
+    alone.update(Recording(trace_of(steps), len(steps)))
 
     (line,) = energies.lines(end + 1)
     np.testing.assert_array_equal(line.moments, np.arange(1, end + 1))

@@ -1,14 +1,17 @@
 """Plans of one's own: equal to the same parts of a default run bit by bit, recorded, and their mistakes told in one line."""
 
 from dataclasses import replace
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 import pytest
 
 import fairing
+import fairing.run.recorded_stages as recorded_stages_module
+from app.debugger.history import EnergyHistory
 from demo_scenes.building.scene import scene_of_plan
 from fairing.errors import InputError
+from fairing.run.phases import schedule_of
 from fairing.run.recorded_stages import recorded_stages
 from fairing.run.session import Session
 from fairing.run_plan import PlanStage, RunPlan
@@ -34,6 +37,14 @@ FIT = [
     PlanStage("judge"),
 ]
 """The fit of a default run to points whose photos are known."""
+
+
+class Recorded(NamedTuple):
+    """What an energy history reads of a run."""
+
+    run_id: int
+    trace: Trace
+    length: int
 
 
 def stages_of(session: Session) -> list[tuple[StageKind, int]]:
@@ -167,6 +178,25 @@ FORMER = [
     PlanStage("judge"),
     PlanStage("photos", blur=1.2),
 ]
+
+
+@pytest.mark.compiled
+def test_the_schedule_of_a_recorded_plan_is_made_once_for_each_trace(monkeypatch):
+    made = []
+    monkeypatch.setattr(recorded_stages_module, "schedule_of", lambda *facts: made.append(facts) or schedule_of(*facts))
+    options = two_levels("joint", sweeps=1, iterations=1)
+    session = fairing.fair(corner_scene(), options, plan=[PlanStage("photos", blur=2.0), PlanStage("photos", blur=1.0)])
+    stages, history = recorded_stages(session.trace), EnergyHistory(len(session.trace.faces))
+    for length in range(1, len(session.trace) + 1):
+        history.update(Recorded(1, session.trace, length))
+    assert [stage.begin for stage in history.stages(len(session.trace))] == [stage.begin for stage in stages] == [0, 1]
+    assert len(made) == 1
+    branch = session.branch(plan=[PlanStage("photos", blur=2.0), PlanStage("smoothing"), PlanStage("photos", blur=1.0)])
+    branch.run()
+    assert len(recorded_stages(branch.trace)) == 3
+    assert len(made) == 2
+
+
 CHANGES: dict[str, tuple[list[PlanStage], int]] = {
     "the first": ([PlanStage("photos", blur=3.6, max_sweeps=1), *FORMER[1:]], 0),
     "smoothing": ([FORMER[0], PlanStage("smoothing", max_iterations=1), *FORMER[2:]], 1),

@@ -8,8 +8,12 @@ from scipy.optimize import approx_fprime
 
 import fairing
 from app.debugger.moment_pulls import moment_pulls
+from app.debugger.quantities import StepContext, parse_step_condition, quantities_of
 from app.page_state.page_state import PageState
+from app.palette import OWN_TERM_COLORS
 from app.panels.condition_field import words_for
+from app.pictures.coloring import COLORINGS
+from app.pictures.term_colors import colors_of_terms
 from fairing.errors import InputError
 from fairing.optimize.loss import GemanMcClure
 from fairing.run.recorded_terms import term_meanings
@@ -118,6 +122,32 @@ def test_sessions_with_terms_of_the_same_name_do_not_see_each_other():
     assert "pinned" not in meanings[2]
     words = [dict(words_for(PageState(), of_session)) for of_session in meanings]
     assert [each.get("pinned", "").removeprefix("term: ") for each in words] == [m.get("pinned", "") for m in meanings]
+
+
+@pytest.mark.compiled
+def test_numbers_and_colours_of_terms_are_those_of_the_run_whatever_ran_before():
+    for term in (Pinned(), Planarity(), Elsewhere()):
+        found = moment_pulls(Session(corner_scene(), small_options(), terms=[term]), 0)
+        assert [pull.name for pull in found.pulls][-1] == term.name
+        assert colors_of_terms(found.meanings)[term.name] == OWN_TERM_COLORS[0]
+        *_, (number, name, color) = COLORINGS["strongest"].categories(found.meanings)
+        assert (name, color) == (term.name, OWN_TERM_COLORS[0])
+        if term.strength > 1:
+            assert found.strongest()[0] == number
+
+
+@pytest.mark.compiled
+def test_a_condition_on_a_term_holds_on_to_its_name_in_other_runs():
+    alone, both, without = (
+        Session(corner_scene(), small_options(), terms=terms)
+        for terms in ([Planarity()], [Pinned(), Planarity()], [Pinned()])
+    )
+    condition = parse_step_condition("pull(planarity, 2) > 0", terms=term_meanings(alone.trace))
+    for session, pulls in ((alone, True), (both, True), (without, False)):
+        record = session.step()
+        assert record is not None
+        context = StepContext(session, session.trace.start)
+        assert condition.holds(quantities_of(record, 1, context)) == pulls
 
 
 @pytest.mark.compiled

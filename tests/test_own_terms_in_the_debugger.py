@@ -20,7 +20,7 @@ from app.debugger.quantities import StepContext, quantities_of
 from app.debugger.watch import parse_watch
 from app.files.scene_source import SceneSource
 from app.pictures.engine_differences import difference_at
-from app.pictures.term_colors import COLOR_OF_TERM
+from app.pictures.term_colors import COLOR_OF_TERM, colors_of_terms
 from demo_scenes import load_demo
 from fairing.errors import InputError
 from fairing.norms.norm import Norm
@@ -55,10 +55,12 @@ def test_conditions_and_colours_know_the_term(tmp_path):
     session = Session(corner_scene(), small_options(), terms=load_own([example(tmp_path)]).terms)
     session.step()
     ask = quantities_of(session.trace.steps[0], 1, StepContext(session, session.trace.start))
-    value = parse_watch("pull(planarity, 0)", session.scene).evaluate(ask)
     found = moment_pulls(session, 1)
-    assert value == found.px_of("planarity")[0]
-    assert COLOR_OF_TERM["planarity"] not in [COLOR_OF_TERM[name] for name in ("photos", "points", "start")]
+    value = parse_watch("pull(planarity, 0)", session.scene, found.meanings).evaluate(ask)
+    assert value == found.px_of("planarity")[0] > 0
+    assert colors_of_terms(found.meanings)["planarity"] not in COLOR_OF_TERM.values()
+    with pytest.raises(InputError, match="expects a term: photos"):
+        parse_watch("pull(planarity, 0)", session.scene)
 
 
 MISTAKES = {

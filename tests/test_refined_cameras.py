@@ -15,8 +15,9 @@ from app.cli.fair import fair_to_folder
 from app.cli.run_extras import RunExtras
 from app.files.scene_source import SceneSource
 from fairing.camera import Camera
-from fairing.cameras import Refinement, refine
+from fairing.cameras import Refinement, refine, refinement
 from fairing.cameras.corrected_scene import triangulated_again, with_cameras
+from fairing.cameras.refinement import Iteration
 from fairing.errors import Cancelled, InputError
 from fairing.features import find_points
 from fairing.io import feature_points, refined_once
@@ -37,7 +38,7 @@ from tests.wrong_cameras import bent, exact_scene, turned
 
 BENT = (-0.15, 0.0)
 """Radial distortion of a lens: 15 px at the corners, 2.6 px at the edges of the building."""
-PARTS = ("keypoints of 9 photos", "matching photos", "adjustment")
+PARTS = ("keypoints of 9 photos", "matching photos", "adjustment", "trial of a distortion")
 
 
 @cache
@@ -92,9 +93,17 @@ def test_refinement_is_deterministic():
         np.testing.assert_array_equal(a.image_from_world, b.image_from_world)
 
 
-def test_refinement_shows_its_progress():
+def test_refinement_shows_its_progress_and_keeps_every_iteration_that_it_describes(monkeypatch):
     lines: list[tuple[float, str]] = []
-    refine(scene_at(0.5).views, 1, lambda fraction, line: lines.append((fraction, line)))
+    described: list[Iteration] = []
+
+    def describe(*facts: np.ndarray) -> Iteration:
+        described.append(Iteration(*facts))
+        return described[-1]
+
+    monkeypatch.setattr(refinement, "Iteration", describe)
+    found = refine(scene_at(0.5).views, 1, lambda fraction, line: lines.append((fraction, line)))
+    assert list(found.iterations) == described
     fractions = [fraction for fraction, _ in lines]
     assert fractions == sorted(fractions)
     assert 0 <= fractions[0] < fractions[-1] <= 1 + 1e-9

@@ -1,4 +1,4 @@
-"""`triangulate`: a mesh from sparse points, or better edges for a given mesh, with a record of every flip."""
+"""`triangulate`: a mesh from sparse points, or better edges for a given mesh, with a record of every split and flip."""
 
 import shlex
 from pathlib import Path
@@ -34,7 +34,7 @@ from fairing.io.chosen_inputs import ChosenInputs
 from fairing.mesh import Mesh
 from fairing.run.trace_header import recorded_cameras
 from fairing.scene import SparsePoints
-from fairing.triangulation import Triangulation, TriangulationOptions, flip_progress, is_flip_record, triangulate
+from fairing.triangulation import Triangulation, TriangulationOptions, is_flip_record, triangulate
 from fairing.triangulation.points_in_box import points_around
 
 REPORT_SUFFIX = ".report.json"
@@ -128,13 +128,14 @@ def triangulate_with_progress(
     views, header = inputs.views, _header(source, inputs)
     interrupt = Interrupt()
     with interrupt.listening(), progress_bar(console, TimeElapsedColumn()) as bar:
-        task = bar.add_task("triangulating", total=1.0)
+        task, last = bar.add_task("triangulating", total=1.0), ""
 
-        def show(flips: int, open_edges: int, energy: float) -> None:
-            line = f"{flips} flips, {open_edges} edges to flip, energy {energy:.5g}"
-            bar.update(task, description=line, completed=flip_progress(flips, open_edges))
-            if not console.is_terminal:
+        def show(part: float, line: str) -> None:
+            nonlocal last
+            bar.update(task, description=line, completed=part)
+            if not console.is_terminal and line != last:
                 console.print(line, highlight=False)
+            last = line
 
         name, record = Path(source.scene).name, out.with_suffix(FLIPS)
         done = triangulate(name, views, points, options, mesh, record, header, lambda: interrupt.requested, show)
@@ -170,8 +171,8 @@ def summary_lines(done: Triangulation) -> list[str]:
         lines.append(
             f"{done.start.n_points} points gave a surface of {len(done.start.vertices)} vertices; left out: {reasons or 'none'}"
         )
-    if done.split:
-        counts = " -> ".join(str(len(vertices)) for vertices, _ in done.split)
+    if done.vertices_of_splits:
+        counts = " -> ".join(map(str, done.vertices_of_splits))
         lines.append(f"faces split where points near the surface contradict them: {counts} vertices")
     after = "not counted" if summary.inconsistent_after is None else str(summary.inconsistent_after)
     lines.append(

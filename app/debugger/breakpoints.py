@@ -1,12 +1,13 @@
 """Breakpoints: conditions that stop a run after the step for which they hold."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 from app.debugger.condition import Condition
 from app.debugger.quantities import StepContext, parse_step_condition, quantities_of
 from fairing.errors import InputError
+from fairing.terms.names import TERMS
 from fairing.trace import StepRecord
 
 MAX_BREAKPOINTS = 50
@@ -37,13 +38,15 @@ class Breakpoints:
     def __init__(self, items: tuple[Breakpoint, ...] = (), next_number: int = 1) -> None:
         self.items, self._next_number = items, next_number
 
-    def added(self, text: str, limits: Mapping[str, int] = MappingProxyType({})) -> "Breakpoints":
-        """With one more; `limits` as for `parse_step_condition`.
+    def added(
+        self, text: str, limits: Mapping[str, int] = MappingProxyType({}), terms: Iterable[str] = TERMS
+    ) -> "Breakpoints":
+        """With one more; `limits` and `terms` as for `parse_step_condition`.
 
         Raises:
             InputError: the condition cannot be parsed, exists already, or there are too many breakpoints.
         """
-        condition = parse_step_condition(text, limits)
+        condition = parse_step_condition(text, limits, terms)
         if any(item.condition.text == condition.text for item in self.items):
             raise InputError(f"breakpoint {condition.text}: exists already")
         if len(self.items) >= MAX_BREAKPOINTS:

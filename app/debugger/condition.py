@@ -80,8 +80,8 @@ def parse_condition(
         items: what the argument of a function selects, "vertex" or "view".
         predicates: functions that are true or false.
         elsewhere: names known in breakpoints only.
-        words: the items that are chosen by a word, by what the argument selects: such a function gets the place of the word and,
-            unless it is a predicate, of a vertex if one follows after a comma.
+        words: the items that are chosen by a word, by what the argument selects: such a function gets the word and, unless it
+            is a predicate, the number of a vertex if one follows after a comma.
 
     Raises:
         InputError: it cannot be parsed; the message shows the position.
@@ -247,18 +247,18 @@ class _Parser:
             return lambda q: ANY
         return self._either().evaluate
 
-    def _word_and_vertex(self, function: str) -> list[Evaluate]:
-        """The place of one of the function's words, and the vertex after a comma, if one is given."""
+    def _word_and_vertex(self, function: str) -> list[Callable[[Quantities], str | float]]:
+        """One of the function's words, and the vertex after a comma, if one is given."""
         item = self._items[function]
         words = self._words[item]
         if self._now.text not in words:
             raise self._error(f"{function}() expects a {item}: {', '.join(words)}")
-        place = float(words.index(self._now.text))
+        word = self._now.text
         self._at += 1
         if function in self._predicates or not self._take(","):
-            return [lambda q: place]
+            return [lambda q: word]
         self._check_limit(function)
-        return [lambda q: place, self._either().evaluate]
+        return [lambda q: word, self._either().evaluate]
 
     def _check_limit(self, function: str) -> None:
         """Check an argument that is a plain number; a computed argument may have any value."""

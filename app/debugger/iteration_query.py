@@ -6,6 +6,7 @@ import numpy as np
 
 from app.debugger.step_text import slot_of
 from fairing.judge.inspect import FaceCells, face_cells
+from fairing.run.recorded_terms import term_meanings
 from fairing.run.session import Session
 from fairing.run.stepper import Trial
 from fairing.solve.normal_equations import solve_vertices
@@ -62,6 +63,7 @@ class IterationFacts:
         moment: before the step: that of the query, or the one before it if the run has finished.
         level: of the sweep.
         is_recorded: whether the step after the moment is recorded.
+        terms: names of the run's terms.
         cells: of the face, with their derivatives by the vertex.
         step: None if the sweep makes no Gauss-Newton step of the vertex.
     """
@@ -69,6 +71,7 @@ class IterationFacts:
     moment: int
     level: int
     is_recorded: bool
+    terms: tuple[str, ...]
     cells: FaceCells
     step: VertexStep | None
 
@@ -85,7 +88,7 @@ def iteration_facts(session: Session, question: IterationQuery) -> IterationFact
     trial = session.trial(question.vertex, moment)
     step = None if trial is None else _vertex_step(session, trial, question, moment, cells)
     level = session.sweep_state(moment).context.level
-    return IterationFacts(moment, level, moment < len(trace), cells, step)
+    return IterationFacts(moment, level, moment < len(trace), tuple(term_meanings(trace)), cells, step)
 
 
 def _vertex_step(session: Session, trial: Trial, question: IterationQuery, moment: int, cells: FaceCells) -> VertexStep:

@@ -7,12 +7,11 @@ import numpy as np
 from fairing.run.pulls import Pull, shares, shares_of_all
 from fairing.run.recorded_terms import term_meanings
 from fairing.run.session import Session
-from fairing.terms.names import numbered_terms
 
 
-def term_words() -> dict[str, str]:
-    """Terms by the word that names them in conditions."""
-    return {name.replace(" ", "_"): name for name in numbered_terms()}
+def term_word(name: str) -> str:
+    """The word that names a term in conditions."""
+    return name.replace(" ", "_")
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,8 +19,8 @@ class MomentPulls:
     """The pulls of all terms in the step after a moment.
 
     Attributes:
-        pulls: one a term, in the order of `numbered_terms`.
-        meanings: by name: what adds to the energy of each term of the run.
+        pulls: one a term, in the order of `meanings`.
+        meanings: of all terms of the run by name, in the order of tables and colours: what adds to the energy of each.
         step: (n, 3) float: the proposed step, which their steps add up to, world units.
         step_px: (n,) float: its length in the photo where it is longest, px.
         shares: (T, n) float: share of each term in the information along the step of a vertex; NaN without a step.
@@ -45,8 +44,9 @@ class MomentPulls:
         return np.zeros(len(self.step)) if k is None else self.pulls[k].step_px
 
     def strongest(self) -> np.ndarray:
-        """(n,) float: for each vertex the number of the term with the longest part; NaN where none pulls."""
-        places = np.array([numbered_terms().index(pull.name) for pull in self.pulls], dtype=float)
+        """(n,) float: for each vertex the place in `meanings` of the term with the longest part; NaN where none pulls."""
+        order = list(self.meanings)
+        places = np.array([order.index(pull.name) for pull in self.pulls], dtype=float)
         lengths = np.array([np.linalg.norm(pull.step, axis=1) for pull in self.pulls])
         return np.where(lengths.any(axis=0), places[lengths.argmax(axis=0)], np.nan)
 
@@ -56,12 +56,13 @@ def moment_pulls(session: Session, moment: int) -> MomentPulls:
 
     Raises: as `Session.pulls`.
     """
-    order = numbered_terms()
+    meanings = term_meanings(session.trace)
+    order = list(meanings)
     pulls = sorted(session.pulls(moment), key=lambda pull: order.index(pull.name))
     step = np.sum([pull.step for pull in pulls], axis=0)
     return MomentPulls(
         pulls,
-        term_meanings(session.trace),
+        meanings,
         step,
         session.pixels_moved(step, moment),
         shares(pulls),

@@ -1,7 +1,7 @@
 """Step quantities: the names and functions that conditions and watch expressions may use."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from types import MappingProxyType
@@ -9,7 +9,7 @@ from types import MappingProxyType
 import numpy as np
 
 from app.debugger.condition import ANY, Condition, Quantities, parse_condition
-from app.debugger.moment_pulls import MomentPulls, moment_pulls, term_words
+from app.debugger.moment_pulls import MomentPulls, moment_pulls, term_word
 from app.debugger.step_text import short_reason, slot_of
 from fairing.cells.visibility import Visibility
 from fairing.errors import Cancelled, InputError
@@ -17,7 +17,7 @@ from fairing.judge.inspect import face_cells
 from fairing.run.session import Session, SweepState
 from fairing.scene import Scene
 from fairing.stage_kind import StageKind
-from fairing.terms.names import numbered_terms
+from fairing.terms.names import TERMS
 from fairing.trace import StepReason, StepRecord
 
 MAX_FACES = 60  # whose cells are computed for one value of `outliers`
@@ -69,23 +69,26 @@ STAGE_WORDS: dict[str, StageKind] = {kind.label.replace(" ", "_"): kind for kind
 """Kinds of stages by the word that names them in conditions."""
 
 
-def item_words() -> dict[str, tuple[str, ...]]:
-    """The words that a condition may use for a term and for a kind of stage."""
-    return {"term": tuple(term_words()), "stage": tuple(STAGE_WORDS)}
+def item_words(terms: Iterable[str] = TERMS) -> dict[str, tuple[str, ...]]:
+    """The words that a condition may use for a term and for a kind of stage, from the names of a run's terms."""
+    return {"term": tuple(map(term_word, terms)), "stage": tuple(STAGE_WORDS)}
 
 
-def parse_step_condition(text: str, limits: Mapping[str, int] = MappingProxyType({})) -> Condition:
+def parse_step_condition(
+    text: str, limits: Mapping[str, int] = MappingProxyType({}), terms: Iterable[str] = TERMS
+) -> Condition:
     """A condition over `VALUES` and `FUNCTIONS`.
 
     Args:
         limits: number of valid arguments of functions that select by index, see `limits_of`.
+        terms: names that it may use. In a run without one of them, that term has no pull.
 
     Raises:
         InputError: it cannot be parsed, names a vertex or view that does not exist, is a number without a comparison, or a
             constant.
     """
     condition = parse_condition(
-        text, set(VALUES), set(FUNCTIONS), limits, items=ITEMS, predicates=PREDICATES, words=item_words()
+        text, set(VALUES), set(FUNCTIONS), limits, items=ITEMS, predicates=PREDICATES, words=item_words(terms)
     )
     if condition.is_constant:
         raise InputError(
@@ -171,15 +174,15 @@ def quantities_of(
     def known_pulls() -> MomentPulls | None:
         return pulls if pulls is not None or context is None else moment_pulls(context.session, moment)
 
-    def pull(term: float, vertex: float = ANY) -> float:
+    def pull(word: str, vertex: float = ANY) -> float:
         found = known_pulls()
-        return float("nan") if found is None else _of_any(found.px_of(numbered_terms()[int(term)]), vertex)
+        return float("nan") if found is None else _of_any(found.px_of(_term_of(word, found)), vertex)
 
-    def share(term: float, vertex: float = ANY) -> float:
+    def share(word: str, vertex: float = ANY) -> float:
         found = known_pulls()
         if found is None:
             return float("nan")
-        k = found.index_of(numbered_terms()[int(term)])
+        k = found.index_of(_term_of(word, found))
         if k is None:
             return 0.0
         return float(found.shares_of_all[k]) if vertex == ANY else _of_vertex(found.shares[k], vertex)
@@ -209,13 +212,15 @@ def quantities_of(
         "outliers": outliers,
         "pull": pull,
         "share": share,
-        "stage": lambda kind: float(record.stage is _STAGES[int(kind)]),
+        "stage": lambda word: float(record.stage is STAGE_WORDS[word]),
         "abs": math.fabs,
     }
     return Quantities(values, functions)
 
 
-_STAGES = tuple(STAGE_WORDS.values())
+def _term_of(word: str, found: MomentPulls) -> str:
+    """The name of a term of the run by its word; the word itself if the run has no such term."""
+    return next((name for name in found.meanings if term_word(name) == word), word)
 
 
 def _of_any(values: np.ndarray, vertex: float) -> float:

@@ -1,5 +1,7 @@
 """Watch expressions: formulas over the recorded quantities of a step, shown for every step."""
 
+from collections.abc import Iterable
+
 from app.debugger.condition import Condition, parse_condition
 from app.debugger.moment_pulls import MomentPulls
 from app.debugger.quantities import (
@@ -15,6 +17,7 @@ from app.debugger.quantities import (
 from app.debugger.series import Series
 from fairing.errors import InputError
 from fairing.scene import Scene
+from fairing.terms.names import TERMS
 from fairing.trace import StepRecord
 
 MAX_WATCHES = 12
@@ -22,8 +25,11 @@ MAX_WATCHES = 12
 COMPUTED = {"seen_changes", "travelled", "displaced", "outliers"}
 
 
-def parse_watch(expression: str, scene: Scene) -> Condition:
+def parse_watch(expression: str, scene: Scene, terms: Iterable[str] = TERMS) -> Condition:
     """An expression over the recorded quantities of a step.
+
+    Args:
+        terms: as for `parse_step_condition`.
 
     Raises:
         InputError: it cannot be parsed; the message shows the position.
@@ -32,7 +38,7 @@ def parse_watch(expression: str, scene: Scene) -> Condition:
         raise InputError("watch: expected an expression such as energy / 1000 or moved(0)")
     names, functions = set(VALUES) - COMPUTED, set(FUNCTIONS) - COMPUTED
     watch = parse_condition(
-        expression, names, functions, limits_of(scene), "watch", ITEMS, PREDICATES, COMPUTED, item_words()
+        expression, names, functions, limits_of(scene), "watch", ITEMS, PREDICATES, COMPUTED, item_words(terms)
     )
     if watch.is_constant:
         raise InputError(

@@ -9,9 +9,8 @@ from app.debugger.moment_pulls import moment_pulls
 from app.export.packing import packed
 from app.export.run_facts import RunFacts
 from app.palette import solid
-from app.pictures.term_colors import COLOR_OF_TERM
+from app.pictures.term_colors import colors_of_terms
 from fairing.run.recorded_terms import has_terms_of_trace, term_meanings
-from fairing.terms.names import numbered_terms
 
 MOST_MOMENTS = 24  # each costs about one iteration
 PX = 1 / 1024  # unit of the lengths, px; an unsigned 16-bit number reaches 64 px
@@ -23,7 +22,8 @@ def pulls_of_run(facts: RunFacts, on_progress: Callable[[float], None]) -> dict[
 
     Shares are one higher than their number of units; 0: the vertex does not move.
     """
-    moments, names = pull_moments(facts), numbered_terms()
+    moments, meanings = pull_moments(facts), term_meanings(facts.trace)
+    names, colors = list(meanings), colors_of_terms(meanings)
     px = np.zeros((len(moments), len(names), len(facts.trace.start)), dtype=np.uint16)
     shares = np.zeros(px.shape, dtype=np.uint8)
     for k, moment in enumerate(moments):
@@ -33,13 +33,10 @@ def pulls_of_run(facts: RunFacts, on_progress: Callable[[float], None]) -> dict[
             px[k, row] = np.round(np.clip(pull.step_px / PX, 0, 65535))
             shares[k, row] = np.where(np.isfinite(share), 1 + np.round(np.nan_to_num(share) / SHARE), 0)
         on_progress((k + 1) / len(moments))
-    meanings = term_meanings(facts.trace)
     used = np.flatnonzero(px.any(axis=(0, 2)) | shares.any(axis=(0, 2)))
     return {
         "moments": moments,
-        "terms": [
-            {"name": names[k], "color": solid(COLOR_OF_TERM[names[k]]), "hint": meanings[names[k]]} for k in used
-        ],
+        "terms": [{"name": names[k], "color": solid(colors[names[k]]), "hint": meanings[names[k]]} for k in used],
         "px": packed(px[:, used]),
         "pxUnit": PX,
         "shares": packed(shares[:, used]),

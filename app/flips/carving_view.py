@@ -65,7 +65,7 @@ class CarvingView:
 
     def fill(self, moment: int, *, outside: bool) -> None:
         """Draw a moment; its meshes are hidden while a photo is looked through."""
-        if self._story.flip(moment) is not None:
+        if not self._story.is_carving(moment):
             self._layers.show(None)
             self._layers.select(None, np.zeros(0, dtype=int))
             self._drawn = None

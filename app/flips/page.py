@@ -11,6 +11,8 @@ from app.flips.carving_view import CarvingView
 from app.flips.panels import SPEEDS, STEP_RATES, buttons, energy_plot, facts, legend, strip
 from app.flips.player import Player
 from app.flips.scene_layers import FlipLayers
+from app.flips.split_layers import SplitLayers
+from app.flips.split_panels import split_facts, split_legend
 from app.flips.story import Story
 from app.html import button, icon, text
 from app.keys import key_text
@@ -47,6 +49,7 @@ class FlipPage:
             if story.carving is None
             else CarvingView(client, stage, story, story.carving, self.show, self.frame.camera.look_along)
         )
+        self._splits = SplitLayers(client, stage)
         background = BackgroundClicks(client, self.frame.toasts(self._click_background))
         enter = self.frame.toasts(self.frame.camera.enter)
         self._cameras = CamerasLayer(client, stage, scene, thumbnails, enter, background)
@@ -66,21 +69,23 @@ class FlipPage:
         with self._showing:
             player, story, events = self._player, self._story, self._events
             moment, entered = player.moment, self.frame.camera.entered
-            flip, outside = story.flip(moment), entered is None
+            flip, split, outside = story.flip(moment), story.split(moment), entered is None
             self._layers.show(flip, is_playing=player.is_playing, is_textured=self._is_textured, outside=outside)
+            split_mesh = None if split is None else story.splits.mesh(split)
+            self._splits.show(split_mesh, outside=outside)
             if self._carving is not None:
                 self._carving.fill(moment, outside=outside)
-                self._terms.set("" if flip is not None else self._carving.terms(moment, events))
+                self._terms.set(self._carving.terms(moment, events))
                 self._section.visible = self._carving.is_sectioned(moment) and self._carving.section.direction != "off"
             self._cameras.set_visible(outside)
             self._buttons.set(buttons(events, moment, len(story), is_playing=player.is_playing))
-            if flip is None and self._carving is not None:
-                self._facts.set(self._camera_line(entered) + self._carving.facts(moment))
-                self._plot.set("")
-                self._legend.set(self._carving.legend(moment, events))
-            elif flip is not None:
+            if flip is not None:
                 self._fill_flip(flip, entered)
-            band = "" if self._carving is None else chapter_band(story, moment, events)
+            elif split is not None and split_mesh is not None:
+                self._fill(entered, split_facts(story.splits, split), split_legend(split_mesh))
+            elif self._carving is not None:
+                self._fill(entered, self._carving.facts(moment), self._carving.legend(moment, events))
+            band = chapter_band(story, moment, events) if story.has_chapters else ""
             begin = story.extents[-1].begin
             self._strip.set(strip(self._film, flip, events, player.speed, begin) + band)
             self._slider.follow(moment)
@@ -117,11 +122,17 @@ class FlipPage:
             SyncedSlider(self._section, html_events.guarded(self._carving.move_section))
         timeline = gui.add_panel()
         with timeline.add_tab("Timeline", viser.Icon.CLOCK):
-            name = "Flip" if self._carving is None else "Step"
+            name = "Step" if self._story.has_chapters else "Flip"
             slider = gui.add_slider(name, min=0, max=max(1, len(story)), step=1, initial_value=0)
             self._strip = HtmlPanel(gui)
         self._slider = SyncedSlider(slider, html_events.guarded(self._jump))
         self.frame.finish(timeline)
+
+    def _fill(self, entered: int | None, facts: str, legend: str) -> None:
+        """The panels at a moment before the flips."""
+        self._facts.set(self._camera_line(entered) + facts)
+        self._plot.set("")
+        self._legend.set(legend)
 
     def _fill_flip(self, flip: int, entered: int | None) -> None:
         """The panels at a moment of the flips."""
@@ -134,7 +145,7 @@ class FlipPage:
 
     def _hotkeys(self) -> list[Hotkey]:
         player, story = self._player, self._story
-        one, part = ("flip", "round") if self._carving is None else ("step", "chapter or round")
+        one, part = ("step", "chapter or round") if story.has_chapters else ("flip", "round")
         hotkeys = [
             Hotkey(f"One {one}", lambda: player.go_to(player.moment + 1), ".", None, (("F11", None),)),
             Hotkey(f"Back one {one}", lambda: player.go_to(player.moment - 1), ",", None, (("F11", "shift"),)),
@@ -153,11 +164,11 @@ class FlipPage:
         return [*own, *CAMERA_KEYS, *((key, KEY_LABELS[key]) for key in further)]
 
     def _rate(self, speed: int, moment: int) -> float:
-        """Moments a second: steps of the carving are played slower than flips, since each has a sentence to be read."""
+        """Moments a second: other steps are played slower than flips, since each has a sentence to be read."""
         return speed if self._story.flip(moment) is not None else STEP_RATES[SPEEDS.index(speed)]
 
     def _click_background(self, event: viser.SceneClickEvent) -> None:
-        if self._carving is not None and self._story.flip(self._player.moment) is None:
+        if self._carving is not None and self._story.is_carving(self._player.moment):
             self._carving.click(event)
 
     def _jump(self, moment: object) -> None:
@@ -180,4 +191,6 @@ class FlipPage:
 
 
 def _title(scene: Scene, story: Story) -> str:
-    return f"flips of {scene.name}" if story.carving is None else f"start mesh of {scene.name}"
+    if story.carving is not None:
+        return f"start mesh of {scene.name}"
+    return f"splits of {scene.name}" if story.has_chapters else f"flips of {scene.name}"

@@ -13,7 +13,7 @@ from app.ticks import ticks
 from app.viser_bridge.html_events import Events
 
 SPEEDS = (2, 10, 50)  # flips a second
-STEP_RATES = (0.4, 1.0, 3.0)  # steps of a carving a second, at these speeds
+STEP_RATES = (0.4, 1.0, 3.0)  # steps of other chapters a second, at these speeds
 
 
 def buttons(events: Events, moment: int, length: int, *, is_playing: bool) -> str:

@@ -1,4 +1,4 @@
-"""Chapters of a record: how points became a mesh, and its flips. A moment is a moment of one chapter."""
+"""Chapters of a record: how points became a mesh, its face splits and its flips. A moment is a moment of one chapter."""
 
 from dataclasses import dataclass
 from enum import Enum
@@ -6,6 +6,7 @@ from enum import Enum
 import numpy as np
 
 from app.flips.film import FlipFilm
+from app.flips.split_film import SplitFilm
 from fairing.triangulation import Fate, FlipTrace
 
 
@@ -18,6 +19,7 @@ class Chapter(Enum):
     CUT = "Cut"
     SEEN = "Seen"
     DECIMATION = "Decimation"
+    SPLITS = "Splits"
     FLIPS = "Flips"
 
 
@@ -39,13 +41,14 @@ class Story:
 
     Attributes:
         film: the flips; their moment 0 is the start mesh.
+        splits: the face splits before them.
         carving: how the start mesh came about; None if the record does not hold it.
         extents: the chapters that the record has.
         fates: reasons for which facets of the cut are left out, one a moment of `Chapter.SEEN`.
     """
 
     def __init__(self, trace: FlipTrace) -> None:
-        self.film, self.carving = FlipFilm(trace), trace.carving
+        self.film, self.splits, self.carving = FlipFilm(trace), SplitFilm(trace.splits), trace.carving
         self.fates: tuple[Fate, ...] = ()
         counts: dict[Chapter, int] = {}
         if self.carving is not None:
@@ -59,7 +62,7 @@ class Story:
                 Chapter.SEEN: len(self.fates),
                 Chapter.DECIMATION: len(self.carving.decimated),
             }
-        counts[Chapter.FLIPS] = len(self.film) + 1
+        counts |= {Chapter.SPLITS: len(self.splits), Chapter.FLIPS: len(self.film) + 1}
         extents, begin = [], 0
         for chapter, count in counts.items():
             if count:
@@ -69,6 +72,11 @@ class Story:
 
     def __len__(self) -> int:
         return self.extents[-1].last
+
+    @property
+    def has_chapters(self) -> bool:
+        """Whether there is more than the flips."""
+        return len(self.extents) > 1
 
     def at(self, moment: int) -> tuple[Extent, int]:
         """The chapter of a moment, and the moment's number within it, from 0."""
@@ -80,16 +88,29 @@ class Story:
         extent, k = self.at(moment)
         return k if extent.chapter is Chapter.FLIPS else None
 
+    def split(self, moment: int) -> int | None:
+        """The moment of the face splits; None in other chapters."""
+        extent, k = self.at(moment)
+        return k if extent.chapter is Chapter.SPLITS else None
+
+    def is_carving(self, moment: int) -> bool:
+        """Whether a moment shows how points became a mesh."""
+        return self.at(moment)[0].chapter not in (Chapter.SPLITS, Chapter.FLIPS)
+
     def part_before(self, moment: int) -> int:
-        """Where the last step's chapter, or round of flips, began."""
+        """Where the last step's chapter, or round of splits or flips, began."""
         extent, k = self.at(moment)
         if k == 0:
             return self.at(moment - 1)[0].begin if moment > 0 else 0
-        return extent.begin + (self.film.round_before(k) if extent.chapter is Chapter.FLIPS else 0)
+        rounds = self._rounds_of(extent)
+        return extent.begin + (0 if rounds is None else rounds.round_before(k))
 
     def part_after(self, moment: int) -> int:
-        """Where the next chapter begins, or the next step's round of flips ends."""
+        """Where the next chapter begins, or the next step's round of splits or flips ends."""
         extent, k = self.at(moment)
-        if extent.chapter is Chapter.FLIPS:
-            return extent.begin + self.film.round_after(k)
-        return extent.last + 1
+        rounds = self._rounds_of(extent)
+        return extent.last + 1 if rounds is None else extent.begin + rounds.round_after(k)
+
+    def _rounds_of(self, extent: Extent) -> FlipFilm | SplitFilm | None:
+        """What knows the rounds of a chapter; None for chapters without rounds."""
+        return {Chapter.SPLITS: self.splits, Chapter.FLIPS: self.film}.get(extent.chapter)

@@ -8,7 +8,7 @@ from app.debugger.run_state import RunState
 from app.page_state.page_state import NOW_SHAPE, PageState
 from app.page_state.pull_source import PullSource, arrow_scale, chosen_vertices
 from app.palette import SELECTED
-from app.pictures.term_colors import COLOR_OF_TERM
+from app.pictures.term_colors import colors_of_terms
 from app.stage import Stage
 from app.viser_bridge.line_node import LineNode
 from fairing.mesh import Mesh
@@ -50,7 +50,8 @@ def pull_lines(found: MomentPulls, vertex: int, place: np.ndarray, scale: float)
     if len(kept) == 0:
         return np.zeros((0, 2, 3)), np.zeros((0, 3), dtype=np.uint8)
     tails, tips = ends[kept], ends[kept + 1]
-    colors = [COLOR_OF_TERM[found.pulls[k].name] for k in kept]
+    color_of, names = colors_of_terms(found.meanings), [pull.name for pull in found.pulls]
+    colors = [color_of[names[k]] for k in kept]
     if len(kept) > 1:
         tails, tips, colors = np.vstack([place, tails]), np.vstack([ends[-1], tips]), [SELECTED, *colors]
     lines = arrow_lines(tails, tips, LONGEST_HEAD * float(length.max()))

@@ -20,7 +20,9 @@ from app.stage import Stage
 from app.surface_offset import set_back
 from app.viser_bridge.mesh_swap import DECODE_SECONDS, DoubleBufferedMesh, GlbMesh
 from fairing.io.glb import write_glb
+from fairing.run.recorded_terms import term_meanings
 from fairing.scene import Scene
+from fairing.trace import Trace
 
 DECODE_COLORED = 0.25  # s: without a large texture
 
@@ -109,7 +111,7 @@ class SurfaceColors:
         if wanted != self._wanted:
             self._look_up(wanted, state, page_state, resting)
         if self._answer is not None and self._answer[0] == wanted and not isinstance(self._answer[1], Exception):
-            self._draw(wanted, self._answer[1], vertices, state.trace.start)
+            self._draw(wanted, self._answer[1], vertices, state.trace)
         if self._drawn is not None:
             drawn, _, legend = self._drawn
             self.legend = replace(
@@ -163,23 +165,22 @@ class SurfaceColors:
             )
         )
 
-    def _draw(
-        self, wanted: Wanted, values: np.ndarray | PaintedTexels, vertices: np.ndarray, start: np.ndarray
-    ) -> None:
+    def _draw(self, wanted: Wanted, values: np.ndarray | PaintedTexels, vertices: np.ndarray, trace: Trace) -> None:
         """Args:
-        vertices, start: (n, 3), world units: where the mesh is drawn, and its start.
+        vertices: (n, 3), world units: where the mesh is drawn.
         """
         if self._drawn is not None and self._drawn[0] == wanted and self._drawn[1] is vertices:
             return
         if isinstance(values, PaintedTexels):
             self._drawn = (wanted, vertices, values.legend)
-            for mesh, picture, at in ((self.now, values.now, vertices), (self.start, values.start, start)):
+            for mesh, picture, at in ((self.now, values.now, vertices), (self.start, values.start, trace.start)):
                 if picture is not None:
                     mesh.seconds = DECODE_SECONDS * max(1.0, picture.texels / LARGEST**2)
                     mesh.offer(self._textured(picture, at))
         else:
             points = set_back(vertices, self._scene, self._stage)
-            mesh = color_mesh(COLORINGS[wanted.coloring], values, points, self._scene.mesh.faces)
+            faces, terms = self._scene.mesh.faces, term_meanings(trace)
+            mesh = color_mesh(COLORINGS[wanted.coloring], values, points, faces, terms)
             self._drawn = (wanted, vertices, mesh.legend)
             self.now.seconds = DECODE_COLORED
             self.now.offer(GlbMesh(write_glb(mesh.vertices, mesh.faces, mesh.uv, mesh.picture, "image/png")))

@@ -25,6 +25,7 @@ from app.panels.legend import legend_html
 from app.pictures.cell_images import MIN_CONFIDENCE
 from app.pictures.coloring import COLORINGS, color_mesh
 from fairing.judge.certainty import certainties
+from fairing.run.recorded_terms import term_meanings
 from fairing.scene import Scene
 
 JPEG_QUALITY = 85
@@ -189,7 +190,8 @@ def _coloring(facts: RunFacts, step: PlayedStep, page_state: PageState) -> dict[
         return None
     coloring = COLORINGS[page_state.surface]
     vertices = facts.trace.vertices_at(step.moment)
-    mesh = color_mesh(coloring, coloring.values(facts.session, step.moment), vertices, facts.scene.mesh.faces)
+    values, terms = coloring.values(facts.session, step.moment), term_meanings(facts.trace)
+    mesh = color_mesh(coloring, values, vertices, facts.scene.mesh.faces, terms)
     return {
         "corners": packed(facts.stage.page_from_world(mesh.vertices[mesh.faces.ravel()])),
         "uv": packed(np.round(np.clip(mesh.uv[mesh.faces.ravel()], 0, 1) * 65535).astype(np.uint16)),

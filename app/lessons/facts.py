@@ -119,11 +119,15 @@ def values_used(condition: Condition, facts: Quantities) -> dict[str, float]:
     functions = {
         name: compute
         if name == "abs"
-        else (lambda *x, n=name, f=compute: noted(f"{n}({', '.join(f'{each:g}' for each in x)})", f(*x)))
+        else (lambda *x, n=name, f=compute: noted(f"{n}({', '.join(map(_written, x))})", f(*x)))
         for name, compute in facts.functions.items()
     }
     condition.evaluate(Quantities(values, functions))
     return used
+
+
+def _written(argument: str | float) -> str:
+    return argument if isinstance(argument, str) else f"{argument:g}"
 
 
 def _share(found: FaceCells, k: float) -> float:

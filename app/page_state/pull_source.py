@@ -44,12 +44,6 @@ class PullSource:
             return None
         return found[0][1], found[1]
 
-    @property
-    def latest_names(self) -> list[str]:
-        """Names of the terms in the latest pulls."""
-        found = self._cache.latest
-        return [] if found is None or isinstance(found[1], Exception) else [pull.name for pull in found[1].pulls]
-
     def drawn(self, state: RunState, page_state: PageState) -> MomentPulls | None:
         """The pulls whose arrows are drawn: of the moment shown, where the layer is shown and a vertex is selected."""
         if page_state.selected is None or not page_state.shows("pulls") or state.is_moving:

@@ -1,6 +1,6 @@
 """Breakpoints panel: the list of breakpoints, a text field for a new condition, and common conditions."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 import viser
@@ -126,8 +126,8 @@ class BreakpointsPanel:
             f"<span class='dim'>{item.hits} ×</span>{report}{remove}</div>"
         )
 
-    def _add(self, written: str) -> None:
-        self._controller.edit_breakpoints(lambda all_of_them: all_of_them.added(written, self._limits))
+    def _add(self, written: str, terms: Iterable[str]) -> None:
+        self._controller.edit_breakpoints(lambda all_of_them: all_of_them.added(written, self._limits, terms))
 
     def _add_ready_made(self, condition: str) -> None:
         self._controller.edit_breakpoints(lambda b: b.added(condition))

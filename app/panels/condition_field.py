@@ -1,10 +1,10 @@
 """Condition field: a text field for a condition or expression, with completion of names and its mistakes below it."""
 
-from collections.abc import Callable, Mapping, Set
+from collections.abc import Callable, Iterable, Mapping, Set
 
 import viser
 
-from app.debugger.moment_pulls import term_words
+from app.debugger.moment_pulls import term_word
 from app.debugger.quantities import FUNCTIONS, ITEMS, STAGE_WORDS, VALUES
 from app.html import text
 from app.page_state.page_state import PageState
@@ -20,7 +20,7 @@ class ConditionField:
     """A mistake stays below the field, marked by a caret, until another text is entered.
 
     Args:
-        on_enter: called with the text; raises InputError if it is wrong.
+        on_enter: called with the text and the names of the run's terms; raises InputError if it is wrong.
         without: names that are not offered.
     """
 
@@ -30,21 +30,23 @@ class ConditionField:
         html_events: HtmlEvents,
         name: str,
         hint: str,
-        on_enter: Callable[[str], None],
+        on_enter: Callable[[str, Iterable[str]], None],
         without: Set[str] = frozenset(),
     ) -> None:
         self._on_enter, self._without = on_enter, without
+        self._terms: Mapping[str, str] = TERMS
         self._line = TextField(gui, html_events, name, hint, self.enter, words=self._words(PageState(), TERMS))
         self._note = HtmlPanel(gui)
 
     def show(self, page_state: PageState, terms: Mapping[str, str]) -> None:
         """Offer names with the selected vertex and the photo looked through, and those of the run's terms."""
+        self._terms = terms
         self._line.offer(self._words(page_state, terms))
 
     def enter(self, written: str) -> None:
         """Handle a text as if it had been typed; a wrong one stays in the field."""
         try:
-            self._on_enter(written)
+            self._on_enter(written, self._terms)
         except InputError as error:
             self._note.set(mistake_html(str(error)))
             self._line.write(written)
@@ -81,9 +83,10 @@ def words_for(page_state: PageState, terms: Mapping[str, str]) -> list[Word]:
             return f"{function}(points)"
         return f"{function}({item if chosen[item] is None else chosen[item]})"
 
-    of_terms = ((word, f"term: {terms[name]}") for word, name in term_words().items() if name in terms)
-    stages = ((word, f"stage: {kind.text}") for word, kind in STAGE_WORDS.items() if word not in term_words())
-    return [*VALUES.items(), *((call(name), meaning) for name, meaning in FUNCTIONS.items()), *of_terms, *stages]
+    of_terms = {term_word(name): f"term: {meaning}" for name, meaning in terms.items()}
+    stages = ((word, f"stage: {kind.text}") for word, kind in STAGE_WORDS.items() if word not in of_terms)
+    functions = ((call(name), meaning) for name, meaning in FUNCTIONS.items())
+    return [*VALUES.items(), *functions, *of_terms.items(), *stages]
 
 
 def mistake_html(mistake: str) -> str:

@@ -17,7 +17,7 @@ from app.panels.choice import chip, photo_link
 from app.pictures.cell_images import AXES, GAP, CellPictures
 from app.pictures.engine_differences import difference_at
 from app.pictures.paper_code import CODE, listing
-from app.pictures.term_colors import COLOR_OF_TERM
+from app.pictures.term_colors import colors_of_terms
 from app.query_cache import QueryCache
 from fairing.options import FairingOptions
 from fairing.scene import Scene
@@ -195,10 +195,10 @@ def _photos(
 
 
 def _normal(facts: IterationFacts, step: VertexStep, scene: Scene) -> str:
-    whole = step.normal_matrix
+    whole, colors = step.normal_matrix, colors_of_terms(facts.terms)
     size = max(float(np.linalg.norm(whole)), 1e-300)
     rows = "".join(
-        f"<tr><th><span><i class='swatch' style='background:{solid(COLOR_OF_TERM[name])}'></i>{text(name)}</span></th>"
+        f"<tr><th><span><i class='swatch' style='background:{solid(colors[name])}'></i>{text(name)}</span></th>"
         f"<td class='n'>{number(float(np.trace(H)), 3)}</td><td class='n'>{number(_condition(H), 3)}</td></tr>"
         for name, H in step.hessians.items()
         if np.linalg.norm(H) > 1e-12 * size

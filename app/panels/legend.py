@@ -14,7 +14,7 @@ from app.page_state.pull_source import PullSource, arrow_scale, chosen_vertices
 from app.page_state.vertex_marks import MARK_COLORS, shown_vertices, stepped_vertex, vertex_colors
 from app.palette import AXIS_COLORS, LOCKED, NOW, REFERENCE, RGB, SEEN, SELECTED, START, STEPPED, TRUTH, solid
 from app.pictures.coloring import COLORINGS, RESIDUAL_PER_PIXEL, UNKNOWN, Legend, Scale, color_map
-from app.pictures.term_colors import COLOR_OF_TERM
+from app.pictures.term_colors import COLOR_OF_TERM, colors_of_terms
 from app.viser_bridge.view_overlay import ViewOverlay
 from fairing.judge.associations import REJECTED
 from fairing.mesh import Mesh
@@ -116,7 +116,8 @@ def pull_arrows_html(found: MomentPulls, page_state: PageState, scale: float) ->
     drawn = [pull.name for pull in found.pulls if pull.step[chosen].any()]
     if not drawn:
         return ""
-    lines = [(name, COLOR_OF_TERM[name]) for name in drawn] + [(f"next step ×{scale:g}", SELECTED)]
+    colors = colors_of_terms(found.meanings)
+    lines = [(name, colors[name]) for name in drawn] + [(f"next step ×{scale:g}", SELECTED)]
     dashes = "".join(f"<span><i style='background:{solid(color)}'></i>{text(name)}</span>" for name, color in lines)
     return f"<div class='lines'>{dashes}</div>"
 

@@ -37,12 +37,13 @@ from app.panels.plot_drawing import (
     value_scale,
 )
 from app.pictures.stage_colors import COLOR_OF_STAGE
-from app.pictures.term_colors import COLOR_OF_TERM
+from app.pictures.term_colors import colors_of_terms
 from app.plot_line import Line, intervals
 from app.viser_bridge.html_events import Handler, HtmlEvents, choice_of, press
 from app.viser_bridge.html_panel import HtmlPanel
 from fairing.judge.comparable_residual import SIGMA
 from fairing.mesh import Mesh
+from fairing.run.recorded_terms import term_meanings
 from fairing.stage_kind import StageKind
 from fairing.trace import StepRecord
 
@@ -178,7 +179,7 @@ class Plot:
 
     def _lines_of_terms(self, state: RunState, vertex: int | None) -> tuple[list[Line], list[RGB]]:
         """Lines of the terms at the moments whose pulls are known, one a sweep, and their colours."""
-        known = self._pulls.energies(state.run_id)
+        known, color_of = self._pulls.energies(state.run_id), colors_of_terms(term_meanings(state.trace))
         moments = np.array([moment for moment in known if moment <= state.length], dtype=int)
         sweeps = self._energies.sweeps[np.minimum(moments, state.length - 1)]
         lines, colors = [], []
@@ -188,7 +189,7 @@ class Plot:
                 found = [(moment, known[moment][name]) for moment in part if name in known[moment]]
                 values = [energy.sum() if vertex is None else energy[vertex] for _, energy in found]
                 lines.append(Line(np.array([moment for moment, _ in found]), np.array(values, dtype=float)))
-                colors.append(COLOR_OF_TERM[name])
+                colors.append(color_of[name])
         return lines, colors
 
     def _lines(self, run: Recorded, energies: EnergyHistory, name: str, vertex: int | None, role: str) -> list[Line]:
@@ -251,7 +252,7 @@ class Plot:
         caption = text((quantity.run_caption if vertex is None else quantity.vertex_caption) if has_steps else "")
         meaning = quantity.meaning[:1].upper() + quantity.meaning[1:]
         if chosen == TERMS:
-            caption = self._legend_of_terms()
+            caption = self._legend_of_terms(state)
         note = f"<span class='dim one grow' title='{text(meaning)}'>{caption}</span>"
         if is_energy:
             hint = "Energy of each term at the moments visited (each costs about one iteration)"
@@ -284,11 +285,13 @@ class Plot:
             "determine, a mesh that explains them better may lie farther from it."
         )
 
-    def _legend_of_terms(self) -> str:
-        """The terms of the latest pulls, in their colours."""
-        latest = self._pulls.latest_names
+    def _legend_of_terms(self, state: RunState) -> str:
+        """The terms that have lines, in their colours."""
+        known = {name for energies in self._pulls.energies(state.run_id).values() for name in energies}
         return " ".join(
-            f"<i class='swatch' style='background:{solid(COLOR_OF_TERM[name])}'></i>{text(name)}" for name in latest
+            f"<i class='swatch' style='background:{solid(color)}'></i>{text(name)}"
+            for name, color in colors_of_terms(term_meanings(state.trace)).items()
+            if name in known
         )
 
     def _picture(

@@ -12,7 +12,7 @@ from app.page_state.page_state import PULL_SCALES, PageState
 from app.page_state.pull_source import PullSource
 from app.palette import SELECTED, css, solid
 from app.panels.choice import arrow_scales, choice
-from app.pictures.term_colors import COLOR_OF_TERM
+from app.pictures.term_colors import colors_of_terms
 from app.viser_bridge.html_events import HtmlEvents, choice_of
 from app.viser_bridge.html_panel import HtmlPanel
 
@@ -64,9 +64,10 @@ def pulls_html(found: MomentPulls, vertex: int, when: str, is_over: bool) -> str
         is_over: whether the run has finished, so that no next step follows.
     """
     what = "one more step" if is_over else "the next step"
+    colors = colors_of_terms(found.meanings)
     rows = "".join(
         _row(
-            f"<i class='swatch' style='background:{solid(COLOR_OF_TERM[pull.name])}'></i>{text(pull.name)}",
+            f"<i class='swatch' style='background:{solid(colors[pull.name])}'></i>{text(pull.name)}",
             *(float(values[vertex]) for values in (pull.energy, pull.step_px, share)),
             hint=found.meanings[pull.name],
         )

@@ -24,7 +24,7 @@ from app.viser_bridge.synced_widget import SyncedSlider
 from fairing.errors import InputError
 from fairing.run.recorded_terms import term_meanings
 from fairing.scene import Scene
-from fairing.terms.names import numbered_terms
+from fairing.terms.names import TERMS
 
 SHAPES = {START_SHAPE: "Start", NOW_SHAPE: "Now", TRUE_SHAPE: "Truth"}
 TEXTURES = {False: "Static", True: "View-dependent"}
@@ -43,6 +43,7 @@ class SurfaceControls:
         self, html_events: HtmlEvents, scene: Scene, page_state: PageState, republish: Callable[[], None]
     ) -> None:
         self._page_state, self._scene, self._republish = page_state, scene, republish
+        self._terms = list(TERMS)  # those that are offered
         has_truth = scene.truth is not None and scene.truth.vertices is not None
         self.last_shape = TRUE_SHAPE if has_truth else NOW_SHAPE
         self._colorings = available_colorings(scene)
@@ -57,7 +58,7 @@ class SurfaceControls:
                 "divider": press(self.toggle_divider),
                 "shape": choice_of(self.choose_shape, lambda: self._shapes, "shape"),
                 "photo": integer(self._choose_photo, "photo", -1, len(scene.views) - 1),
-                "term": choice_of(self._choose_term, numbered_terms, "term"),
+                "term": choice_of(self._choose_term, lambda: self._terms, "term"),
                 "scale": choice_of(self._choose_scale, lambda: list(FLOW_SCALES), "arrow length"),
             }
         )
@@ -121,10 +122,8 @@ class SurfaceControls:
         """Markup of a control that selects the term of the run whose pull is shown; else empty."""
         if self._page_state.surface != PULL:
             return ""
-        terms = {
-            name: (name.capitalize(), self._events("term", numbered_terms().index(name)))
-            for name in term_meanings(state.trace)
-        }
+        self._terms = list(term_meanings(state.trace))
+        terms = {name: (name.capitalize(), self._events("term", k)) for k, name in enumerate(self._terms)}
         return f"<div class='dim note'>of the term</div>{choice(terms, self._page_state.pull_term, 'Term')}"
 
     def _choose_detail(self, is_per_pixel: bool) -> None:

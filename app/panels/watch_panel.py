@@ -1,6 +1,6 @@
 """Watch panel: expressions with their current value and a sparkline of their history."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 import viser
 
@@ -37,8 +37,8 @@ class WatchPanel:
         self._pulls = pulls
         self._series: dict[str, Series] = {}
 
-        def add(expression: str) -> None:
-            page_state.watches = with_watch(page_state.watches, parse_watch(expression, scene))
+        def add(expression: str, terms: Iterable[str]) -> None:
+            page_state.watches = with_watch(page_state.watches, parse_watch(expression, scene, terms))
             republish()
 
         hint = "An expression such as energy / 1000, moved(0) or 100 * weakest. Enter adds it."

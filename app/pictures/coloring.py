@@ -4,7 +4,7 @@ Faces read their colours from a small texture of the scale, so that values rathe
 vertices. Viser's tone mapping makes the mesh slightly brighter than the legend (ledger: surface colours).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 
@@ -13,12 +13,12 @@ import numpy as np
 
 from app.debugger.moment_pulls import MomentPulls, moment_pulls
 from app.palette import HAND, LOCKED, NOW, REFERENCE, REJECTED, RGB, SELECTED, START, TRUTH
-from app.pictures.term_colors import COLOR_OF_TERM
+from app.pictures.term_colors import colors_of_terms
 from fairing.judge import quantities
 from fairing.judge.face_residuals import FaceResiduals, face_residuals
 from fairing.run.session import Session
 from fairing.scene import Scene
-from fairing.terms.names import PHOTOS, numbered_terms
+from fairing.terms.names import PHOTOS, TERMS
 from fairing.trace import StepReason
 
 SHADES = 256
@@ -70,7 +70,7 @@ class Coloring:
         unknown: why values are unknown; may be empty.
         of_photo: returns the values (m,) in one photo (its index), or over all photos (None); None: not known by photo.
         of_pulls: returns the values (n,) from the pulls at a moment and the term chosen by the page.
-        categories: returns value, name and colour of each, for `Scale.CATEGORY`.
+        categories: returns value, name and colour of each from the names of the run's terms, for `Scale.CATEGORY`.
     """
 
     label: str
@@ -82,18 +82,18 @@ class Coloring:
     unknown: str = ""
     of_photo: Callable[[FaceResiduals, int | None], np.ndarray] | None = None
     of_pulls: Callable[[MomentPulls, str], np.ndarray] | None = None
-    categories: Callable[[], Sequence[tuple[int, str, RGB]]] = tuple
+    categories: Callable[[Iterable[str]], Sequence[tuple[int, str, RGB]]] = lambda terms: ()
 
 
 DIFFERENCE, STRONGEST, PULL = "difference", "strongest", "pull"
 
 
-def _reasons() -> list[tuple[int, str, RGB]]:
+def _reasons(_: Iterable[str]) -> list[tuple[int, str, RGB]]:
     return [(int(reason), name, color) for reason, (name, color) in REASON_COLORS.items()]
 
 
-def _terms() -> list[tuple[int, str, RGB]]:
-    return [(k, name, COLOR_OF_TERM[name]) for k, name in enumerate(numbered_terms())]
+def _terms(names: Iterable[str]) -> list[tuple[int, str, RGB]]:
+    return [(k, name, color) for k, (name, color) in enumerate(colors_of_terms(names).items())]
 
 
 def _no_reference(session: Session, moment: int) -> np.ndarray:
@@ -211,18 +211,22 @@ class ColoredMesh:
     legend: Legend
 
 
-def color_mesh(coloring: Coloring, values: np.ndarray, vertices: np.ndarray, faces: np.ndarray) -> ColoredMesh:
+def color_mesh(
+    coloring: Coloring, values: np.ndarray, vertices: np.ndarray, faces: np.ndarray, terms: Iterable[str] = TERMS
+) -> ColoredMesh:
     """Colour a mesh by a quantity.
 
     Args:
         values: (m,) or (n,) float, per face or per vertex, NaN where unknown.
         vertices: (n, 3) float, any unit.
         faces: (m, 3) int.
+        terms: names of the run's terms, in their order.
     """
     if coloring.scale is Scale.CATEGORY:
         corners, owner = _around_each_vertex(vertices, faces)
-        at, legend = _by_category(coloring, values)
-        colors = np.array([color for _, _, color in coloring.categories()], dtype=np.uint8)
+        categories = coloring.categories(terms)
+        at, legend = _by_category(coloring, categories, values)
+        colors = np.array([color for _, _, color in categories], dtype=np.uint8)
         corner_at = at[owner]
     else:
         corners = vertices[faces].reshape(-1, 3)
@@ -268,10 +272,12 @@ def by_value(coloring: Coloring, values: np.ndarray, beside: np.ndarray | None =
     return at, Legend(coloring, low, high, smallest, largest, int(np.isnan(values).sum()))
 
 
-def _by_category(coloring: Coloring, values: np.ndarray) -> tuple[np.ndarray, Legend]:
+def _by_category(
+    coloring: Coloring, known: Sequence[tuple[int, str, RGB]], values: np.ndarray
+) -> tuple[np.ndarray, Legend]:
     """Position of each category in the texture, 0 to 1, NaN where unknown; and the legend."""
     at = np.full(len(values), np.nan)
-    categories, known = [], coloring.categories()
+    categories = []
     for k, (value, name, color) in enumerate(known):
         chosen = values == value
         at[chosen] = k / (len(known) - 1)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from fairing.cameras.adjustment import Deviations, residual_lengths
 from fairing.cameras.corrected_scene import facts_of_lens, recorded_lens, triangulated_again, views_with
 from fairing.cameras.estimation import MOST_STEPS, estimate_poses
 from fairing.cameras.judge import FEWEST_POINTS, HELD_OUT, CameraJudgement, is_held_out, judge_cameras
+from fairing.cameras.lens_trial import STEPS as TRIAL_STEPS
 from fairing.cameras.lens_trial import lens_note
 from fairing.cameras.misfits import misfits_of, photo_medians
 from fairing.cameras.observed_points import ObservedPoints
@@ -218,7 +220,8 @@ def _refined(views: Sequence[View], search: "_Search", work: "_Work", adjusts_le
                 adjusting.iterations += further.iterations
     note = ""
     if not adjusts_lens and model.bending.any():
-        note = lens_note(estimate, training, held_out, _Adjusting(model, training, work, estimate.poses).show)
+        step = work.steps(TRIAL_STEPS, "trial of a distortion")
+        note = lens_note(estimate, training, held_out, lambda *_: step(""))
     corrections = _corrections(model, estimate.poses, training)
     before, after = judgement.error_before, judgement.error_after
     compared = (
@@ -246,6 +249,21 @@ class _Work:
         """A callback for the next part of the work, (finished part of it, line)."""
         begun, self._begun = self._begun, self._begun + share
         return lambda part, line: self._progress(begun + share * min(part, 1.0), f"refining cameras: {line}")
+
+    def steps(self, most: int, what: str) -> Callable[[str], None]:
+        """A callback for each of at most `most` steps of the next part of the work, with what is added to its line.
+
+        It raises Cancelled if that was requested.
+        """
+        show, numbers = self.share(0.1), count(1)
+
+        def step(found: str) -> None:
+            number = next(numbers)
+            show(number / most, f"{what}, step {number}{found}")
+            if self.cancel_requested():
+                raise Cancelled
+
+        return step
 
 
 class _Search:
@@ -292,7 +310,7 @@ class _Adjusting:
     def __init__(
         self, model: PoseModel, observed: ObservedPoints, work: _Work, start: np.ndarray | None = None
     ) -> None:
-        self._model, self._work, self._show, self._steps = model, work, work.share(0.1), 0
+        self._model, self._step = model, work.steps(MOST_STEPS, "adjustment")
         self.iterations: list[Iteration] = []
         if start is None:
             self._keep(model.given, observed)
@@ -300,11 +318,7 @@ class _Adjusting:
     def show(self, poses: np.ndarray, observed: ObservedPoints) -> None:
         """Called after each step, see `OnStep`."""
         self._keep(poses, observed)
-        self._steps += 1
-        error = np.median(self.iterations[-1].errors)
-        self._show(self._steps / MOST_STEPS, f"adjustment, step {self._steps}, reprojection error {error:.2f} px")
-        if self._work.cancel_requested():
-            raise Cancelled
+        self._step(f", reprojection error {np.median(self.iterations[-1].errors):.2f} px")
 
     def _keep(self, poses: np.ndarray, observed: ObservedPoints) -> None:
         errors = photo_medians(residual_lengths(self._model, poses, observed), observed.photo, len(poses))

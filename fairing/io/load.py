@@ -204,15 +204,15 @@ def _triangulated(
 ) -> Scene:
     """The scene of a capture without a mesh: its chosen sparse points, triangulated."""
     from fairing.io.chosen_inputs import with_inputs
-    from fairing.triangulation import flip_progress, triangulate  # imported where there is no mesh: it takes a while
+    from fairing.triangulation import triangulate  # imported where there is no mesh: it takes a while
     from fairing.triangulation.points_in_box import points_around
 
     points = inputs.sparse_points
     if points is None or len(points.positions) == 0:
         raise _no_mesh(folder, inputs.warnings[len(capture.warnings) :])
 
-    def show(flips: int, open_edges: int, _: float) -> None:
-        on_progress(flip_progress(flips, open_edges), f"triangulating sparse points: {flips} flips")
+    def show(part: float, line: str) -> None:
+        on_progress(part, f"triangulating sparse points: {line}")
 
     taken, box, note = points_around(inputs.views, points, around, corners)
     triangulated = triangulate(name, inputs.views, taken, on_progress=show).result()

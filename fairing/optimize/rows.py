@@ -25,7 +25,7 @@ class Term(Protocol):
 
     @property
     def name(self) -> str:
-        """One of `fairing.terms.names.numbered_terms`."""
+        """One of `fairing.terms.names.TERMS`, or that of a term of one's own."""
         ...
 
     def total(self, vertices: np.ndarray) -> float:

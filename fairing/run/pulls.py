@@ -28,7 +28,7 @@ class Pull(NamedTuple):
     """How one term pulls at the vertices.
 
     Attributes:
-        name: of the term, one of `fairing.terms.names.numbered_terms`.
+        name: of the term, one of `fairing.run.recorded_terms.term_meanings`.
         energy: (n,) float: of the term by vertex. A face counts for each of its corners, as in the vertex curves of the
             debugger, so that the energy is what the vertex's own system minimizes; the sum over the mesh is three times that of
             its faces.

@@ -38,8 +38,15 @@ def recorded_stages(trace: Trace) -> list[RecordedStage]:
 def stage_keys(trace: Trace) -> Callable[[StageKind, SchedulePosition], tuple[StageKind, int, int]]:
     """What the steps of one stage have in common, and no others next to them, as a function of a step's kind and position.
 
-    Kind and level, and in a plan of one's own, where stages of one kind may follow each other, the place within the level.
+    Kind and level, and in a plan of one's own, where stages of one kind may follow each other, the place within the level. Pages
+    ask for it at every update: it is found once and stays with the trace.
     """
+    if trace.stage_key is None:
+        trace.stage_key = _stage_key(trace)
+    return trace.stage_key
+
+
+def _stage_key(trace: Trace) -> Callable[[StageKind, SchedulePosition], tuple[StageKind, int, int]]:
     stages = recorded_plan(trace)
     if not stages:
         return lambda kind, position: (kind, position.level, 0)

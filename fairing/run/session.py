@@ -37,7 +37,7 @@ from fairing.run.planning import make_plan
 from fairing.run.pulls import Pull
 from fairing.run.recorded_norm import header_of_norm, options_with_norm, recorded_norm
 from fairing.run.recorded_stages import stage_keys
-from fairing.run.recorded_terms import check_terms_of_trace, header_of_terms, recorded_terms
+from fairing.run.recorded_terms import check_terms_of_trace, header_of_terms
 from fairing.run.schedule import fraction_done, most_blocks
 from fairing.run.stages import Photos, Stage
 from fairing.run.stepper import Stepper, Trial
@@ -49,9 +49,10 @@ from fairing.scene import Scene
 from fairing.solve.energy import FaceSystem
 from fairing.solve.problem import Problem
 from fairing.stage_kind import StageKind
-from fairing.terms.names import TERMS, number_terms
+from fairing.terms.names import TERMS
 from fairing.terms.own import OwnTerm, check_terms
 from fairing.trace import SchedulePosition, StepReason, StepRecord, Trace
+from fairing.trace_check import check_own_terms
 from fairing.util.plugins import offered
 from fairing.work import WorkLog
 
@@ -99,6 +100,7 @@ class Session:
         if trace is not None:
             scene = scene_of_trace(scene, trace)
             check_same_scene(scene, trace)
+            check_own_terms(trace.header)
             options = options_from_dict(trace.header["options"])
             own_norm = recorded_norm(trace, own_norm)
             plan = recorded_plan(trace, plan)
@@ -115,7 +117,6 @@ class Session:
         check_options(self.options)
         self.scene, self.trace, self.terms = scene, trace, tuple(terms)
         self._own_norm, self._own_plan, self._plan_file = own_norm, tuple(plan or ()), plan_file
-        number_terms(recorded_terms(trace))
         self.moment = len(self.trace)
         self.cancel_requested: Callable[[], bool] = lambda: False
         self.on_photo: Callable[[int, int], None] = lambda done, count: None

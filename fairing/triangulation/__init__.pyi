@@ -9,7 +9,7 @@ from .record import FlipRecord as FlipRecord
 from .record import FlipTrace as FlipTrace
 from .record import is_flip_record as is_flip_record
 from .run import Triangulation as Triangulation
-from .run import flip_progress as flip_progress
 from .run import triangulate as triangulate
 from .seen_surface import Fate as Fate
 from .sight_lines import SightCosts as SightCosts
+from .split_record import SplitRound as SplitRound

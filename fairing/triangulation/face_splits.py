@@ -6,10 +6,12 @@ covariances explain, it is divided in four and the new vertices are fitted to th
 surface whose faces they do not lie clearly nearer to than before is taken back. (ledger: face splits)
 """
 
-from collections.abc import Callable, Sequence
-from concurrent.futures import Executor
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor, Future
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -28,6 +30,7 @@ from fairing.solve.step_limits import unfolded
 from fairing.terms.point_rays import Assignment, PointRays
 from fairing.terms.points import NEAR_GATES, PointFit
 from fairing.triangulation.quads import find_quads
+from fairing.triangulation.split_record import SplitRound
 from fairing.triangulation.subdivision import subdivided
 
 SWEEP_ERROR = 3.0  # px, that the sweep allows for
@@ -44,8 +47,7 @@ OUTLIER = 3.0  # standard deviations: a judge's loss is bounded there, and that 
 MAD_TO_SIGMA = 1.4826
 MEDIAN_ERROR = 1.2533
 """Standard error of a median in those of a mean, of normal deviates."""
-
-Meshes = tuple[tuple[np.ndarray, np.ndarray], ...]
+SWEEP_SHARE = 0.8  # of the time of a round
 
 
 def split_faces(
@@ -56,32 +58,68 @@ def split_faces(
     smallest: float,
     executor: Executor,
     check: Callable[[], None] = lambda: None,
-) -> Meshes:
-    """Vertices (n, 3) float, world units, and faces (m, 3) int before the first round and after each that split faces.
+    on_progress: Callable[[float, str], None] = lambda part, line: None,
+) -> Iterator[SplitRound]:
+    """The rounds, each as it is done; the first that splits no face is the last.
 
     Args:
+        vertices: (n, 3) float, world units.
+        faces: (m, 3) int.
         smallest: px of a typical photo: square root of the area of a face; smaller ones are not split.
+        executor: runs one task for each photo; the result does not depend on it.
+        check: called again and again, from several threads; may raise `Cancelled`.
+        on_progress: called with the finished part, 0 to 1, and a line, from several threads.
 
     Raises:
-        Cancelled: by `check`, see `SurfaceSweep`.
+        Cancelled: by `check`.
     """
     mesh = Mesh(vertices, faces)
-    found = [(mesh.vertices, mesh.faces)]
-    for _ in range(rounds):
-        points = SurfaceSweep(views, executor, check).points(mesh, SWEEP_ERROR)
-        split = _Round([view.camera for view in views], mesh, points).result(smallest)
-        if split is None:
-            break
-        mesh = split
-        found.append((mesh.vertices, mesh.faces))
-    return tuple(found)
+    for number in range(rounds):
+        show = partial(_show, on_progress, number, rounds)
+        counting = _Counting(executor, partial(_show_sweep, show, len(views)))
+        points = SurfaceSweep(views, counting, check).points(mesh, SWEEP_ERROR)
+        show(SWEEP_SHARE, "splitting and judging")
+        done = _Round([view.camera for view in views], mesh, points, check).result(smallest)
+        yield done
+        if not done.is_split.any():
+            return
+        mesh = Mesh(*done.result())
+
+
+def _show(on_progress: Callable[[float, str], None], number: int, rounds: int, part: float, line: str) -> None:
+    on_progress((number + part) / rounds, f"face splits, round {number + 1} of {rounds}: {line}")
+
+
+def _show_sweep(show: Callable[[float, str], None], n_photos: int, done: int) -> None:
+    show(SWEEP_SHARE * done / (2 * n_photos), "points near the surface")  # a sweep has two tasks for each photo
+
+
+class _Counting(Executor):
+    """Runs tasks on another executor; on_done is called with the number of those done, from its threads."""
+
+    def __init__(self, executor: Executor, on_done: Callable[[int], None]) -> None:
+        self._executor, self._on_done = executor, on_done
+        self._done, self._lock = 0, threading.Lock()
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future:
+        def counted() -> Any:
+            result = fn(*args, **kwargs)
+            with self._lock:
+                self._done += 1
+                done = self._done
+            self._on_done(done)
+            return result
+
+        return self._executor.submit(counted)
 
 
 class _Points:
     """Points with their rays; `pixel`: world units, of a typical pixel at the mesh."""
 
-    def __init__(self, cameras: Sequence[Camera], points: FeaturePoints, pixel: float) -> None:
-        self.rays, self.covariance, self._pixel = PointRays(cameras, points), points.covariance, pixel
+    def __init__(
+        self, cameras: Sequence[Camera], points: FeaturePoints, pixel: float, check: Callable[[], None]
+    ) -> None:
+        self.rays, self.covariance, self._pixel = PointRays(cameras, points, check), points.covariance, pixel
 
     def assigned(self, mesh: Mesh) -> tuple[Assignment, np.ndarray]:
         """The points that belong to faces, and the standard deviations (q,), world units, of their distances from these."""
@@ -101,22 +139,30 @@ class _Points:
 class _Round:
     """One round: faces are chosen and split by one half of the points, parts of them kept by the other."""
 
-    def __init__(self, cameras: Sequence[Camera], mesh: Mesh, points: FeaturePoints) -> None:
-        self._mesh = mesh
+    def __init__(self, cameras: Sequence[Camera], mesh: Mesh, points: FeaturePoints, check: Callable[[], None]) -> None:
+        self._mesh, self._check = mesh, check
         self._pixel = float(np.nanmedian(pixel_size(cameras, mesh.vertices)))
-        self._builders, self._judges = (_Points(cameras, _of_photos(points, parity), self._pixel) for parity in (0, 1))
+        self._builders, self._judges = (
+            _Points(cameras, _of_photos(points, parity), self._pixel, check) for parity in (0, 1)
+        )
 
-    def result(self, smallest: float) -> Mesh | None:
-        """The mesh after the round; None if no face is split. smallest: see `split_faces`."""
-        area = np.linalg.norm(face_normals(self._mesh.vertices, self._mesh.faces), axis=1) / 2
-        is_chosen = self._contradicted() & (area > (smallest * self._pixel) ** 2)
-        if not is_chosen.any():
-            return None
-        is_kept = self._confirmed(is_chosen, *self._split(is_chosen))
-        return self._split(is_kept)[0] if is_kept.any() else None
+    def result(self, smallest: float) -> SplitRound:
+        """The round; smallest: see `split_faces`."""
+        old, offsets = self._mesh, self._offsets()
+        area = np.linalg.norm(face_normals(old.vertices, old.faces), axis=1) / 2
+        is_chosen = (offsets > 0) & (area > (smallest * self._pixel) ** 2)
+        chosen = np.flatnonzero(is_chosen)
+        parts = self._parts(is_chosen)
+        judges, errors, significance, is_split = self._judged(chosen, parts)
+        is_kept = np.zeros(len(old.faces), dtype=bool)
+        is_kept[chosen] = is_split[parts]
+        after = self._split(is_kept)[0].vertices if is_kept.any() else old.vertices
+        return SplitRound(
+            old.vertices, old.faces, chosen, offsets[chosen], parts, judges, errors, significance, is_split, after
+        )
 
-    def _contradicted(self) -> np.ndarray:
-        """(m,) bool: faces with a quarter off which its points lie together."""
+    def _offsets(self) -> np.ndarray:
+        """(m,) float, px: how far the points of a quarter of each face lie off it together, the largest; 0 where none do."""
         found, sigma = self._builders.assigned(self._mesh)
         # A face in four: at its corners, 0 to 2, and in its middle.
         quarter = np.where(found.weights.max(axis=1) > 0.5, found.weights.argmax(axis=1), 3)
@@ -128,8 +174,8 @@ class _Round:
         size = np.abs(offset)
         is_off = (count >= FEWEST) & (size > LEAST_OFFSET * self._pixel) & (size > SIGNIFICANCE * error)
         is_off &= scatter < np.maximum(size, 2 * expected)  # else they disagree among themselves
-        result = np.zeros(len(self._mesh.faces), dtype=bool)
-        result[cell[is_off] // 4] = True
+        result = np.zeros(len(self._mesh.faces))
+        np.maximum.at(result, cell[is_off] // 4, size[is_off] / self._pixel)
         return result
 
     def _split(self, is_chosen: np.ndarray) -> tuple[Mesh, np.ndarray]:
@@ -141,27 +187,39 @@ class _Round:
         fit = PointFit(mesh, self._builders.rays, self._builders.covariance)
         guard = partial(unfolded, start=mesh.vertices, faces=faces, options=StepOptions())
         for gate in NEAR_GATES:
+            self._check()
             vertices = iterate(fit.terms(vertices, gate), vertices, ids, guard).after
         return mesh.moved(vertices), parent
 
-    def _confirmed(self, is_chosen: np.ndarray, split: Mesh, parent: np.ndarray) -> np.ndarray:
-        """(m,) bool: the chosen faces in connected parts that the judges lie clearly nearer to once they are split."""
+    def _parts(self, is_chosen: np.ndarray) -> np.ndarray:
+        """(k,) int: the connected part, from 0, of each chosen face."""
         m = len(is_chosen)
         beside = find_quads(self._mesh.faces).faces
         beside = beside[is_chosen[beside].all(axis=1)]
         _, part = connected_components(coo_array((np.ones(len(beside)), beside.T), shape=(m, m)), directed=False)
+        return np.unique(part[is_chosen], return_inverse=True)[1]
+
+    def _judged(self, chosen: np.ndarray, parts: np.ndarray) -> tuple[np.ndarray, ...]:
+        """`judges`, `errors`, `significance` and `is_split`, see `SplitRound`, of chosen faces (k,) int with parts (k,) int."""
+        p = int(parts.max(initial=-1)) + 1
+        if p == 0:
+            return np.zeros(0, dtype=int), np.zeros((0, 2)), np.zeros(0), np.zeros(0, dtype=bool)
+        part = np.full(len(self._mesh.faces) + 1, -1)  # of each face, the last one for none
+        part[chosen] = parts
+        split, parent = self._split(part[:-1] >= 0)
         (before, old), (after, new) = self._judges.losses(self._mesh), self._judges.losses(split)
         new = np.where(new >= 0, parent[new], -1)
-        face = np.where((old >= 0) & is_chosen[old], old, new)
-        counts = (face >= 0) & is_chosen[face]
-        part_of_point, before, gain = part[face[counts]], before[counts], (before - after)[counts]
+        of_point = np.where(part[old] >= 0, part[old], part[new])
+        counts = of_point >= 0
+        of_point, before, gain = of_point[counts], before[counts], (before - after)[counts]
         count, loss, total, squares = (
-            np.bincount(part_of_point, values, minlength=m) for values in (None, before, gain, gain**2)
+            np.bincount(of_point, values, minlength=p) for values in (None, before, gain, gain**2)
         )
         number = np.maximum(count, 1)
         error = np.sqrt(np.maximum(squares / number - (total / number) ** 2, 0) / number)
         is_better = (count >= FEWEST_JUDGES) & (total > LEAST_GAIN * loss) & (total / number > SIGNIFICANCE * error)
-        return is_chosen & is_better[part]
+        means = np.column_stack([loss, np.maximum(loss - total, 0)]) / number[:, None]
+        return count, np.sqrt(means), total / number / np.maximum(error, 1e-9), is_better
 
 
 def _of_photos(points: FeaturePoints, parity: int) -> FeaturePoints:

@@ -13,6 +13,7 @@ import numpy as np
 
 from fairing.errors import InputError
 from fairing.scene import Scene
+from fairing.solve.energy import Evaluator
 from fairing.triangulation.inconsistency import FaceLosses, Judge, common_loss
 from fairing.triangulation.options import TriangulationOptions
 from fairing.triangulation.quads import Quads, Verdict, edge_keys, find_quads, judge_shapes
@@ -81,6 +82,9 @@ class _Search:
 class EdgeFlipper:
     """Flips the edges of a scene's mesh.
 
+    Args:
+        evaluator: whose threads it uses; default: one of its own.
+
     Attributes:
         trace: the record so far; the mesh of its last moment is the current one.
 
@@ -88,9 +92,11 @@ class EdgeFlipper:
         InputError: no face of the scene's mesh is seen by three photos.
     """
 
-    def __init__(self, scene: Scene, options: TriangulationOptions | None = None) -> None:
+    def __init__(
+        self, scene: Scene, options: TriangulationOptions | None = None, evaluator: Evaluator | None = None
+    ) -> None:
         self._options = options or TriangulationOptions()
-        self._judge = Judge(scene, self._options)
+        self._judge = Judge(scene, self._options, evaluator or Evaluator(self._options.threads))
         self.trace = FlipTrace({}, scene.mesh.vertices, scene.mesh.faces)
         self._taken_back: set[tuple[int, ...]] = set()
         self._pixels_per_area = 1.0

@@ -94,13 +94,16 @@ def common_loss(pairs: list[FaceLosses]) -> tuple[np.ndarray, np.ndarray]:
 class Judge:
     """Measures losses of faces between the fixed vertices of a scene.
 
+    Args:
+        evaluator: whose threads it uses.
+
     Attributes:
         vertices: (n, 3) float, world units.
         orientation: 1 if faces are counter-clockwise seen from the photos, else -1.
     """
 
-    def __init__(self, scene: Scene, options: TriangulationOptions) -> None:
-        self._scene = scene
+    def __init__(self, scene: Scene, options: TriangulationOptions, evaluator: Evaluator) -> None:
+        self._scene, self._evaluator = scene, evaluator
         self._options = judging_options(options)
         cameras = [view.camera for view in scene.views]
         pixels = sum(camera.width * camera.height for camera in cameras)
@@ -108,7 +111,6 @@ class Judge:
         visibility = replace(self._options.visibility, reduction=max(self._options.visibility.reduction, coarse))
         self._options = replace(self._options, visibility=visibility)
         self._photos = ScaleSpace(scene, color=False)
-        self._evaluator = Evaluator(options.threads)
         self.vertices = scene.mesh.vertices
         self.orientation = mesh_orientation(scene, self.vertices)
 

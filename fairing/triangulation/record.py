@@ -1,7 +1,7 @@
-"""Flip records: how points became a start mesh, and every edge flip, appended to a file and readable after a crash.
+"""Flip records: how points became a start mesh, face splits, and every edge flip, appended to a file and readable after a crash.
 
-Moment 0 is the start mesh, moment k the mesh after k flips. A flip changes the corners of the quad's two faces; vertices
-and the number and order of faces stay the same.
+Moment 0 is the mesh before the first flip, moment k that after k flips. A flip changes the corners of the quad's two faces;
+vertices and the number and order of faces stay the same.
 
 On disk it is a `fairing.util.block_file`.
 """
@@ -19,6 +19,7 @@ from fairing.trace_check import Field, check_counts, check_fields, check_ids, na
 from fairing.triangulation.carving import Carving
 from fairing.triangulation.carving_file import carving_arrays, carving_names, read_carving
 from fairing.triangulation.quads import Quads, Verdict
+from fairing.triangulation.split_record import SplitRound, read_split, split_arrays
 from fairing.util.block_file import BlockFile, blocks_budget, pack, read_blocks, unpack
 from fairing.util.budget import Budget
 
@@ -84,12 +85,14 @@ class FlipTrace:
         vertices: (n, 3) float, world units.
         flips: the records.
         carving: how points became the start mesh; None of a given mesh, and in older records.
+        splits: the rounds of face splits, which led to `vertices`; none in older records.
     """
 
     def __init__(
         self, header: dict[str, Any], vertices: np.ndarray, faces: np.ndarray, carving: Carving | None = None
     ) -> None:
         self.header, self.carving = header, carving
+        self.splits: tuple[SplitRound, ...] = ()
         self.vertices = np.array(vertices, dtype=np.float64)
         self._start = np.array(faces, dtype=np.int64)
         self.flips: list[FlipRecord] = []
@@ -127,12 +130,15 @@ class FlipTrace:
         Raises:
             InputError: the disk is full, or the folder is missing.
         """
-        texts, carving = {"header": json.dumps(self.header)}, []
+        texts, before = {"header": json.dumps(self.header)}, []
         if self.carving is not None:
             texts[_CARVING] = carving_names(self.carving)
-            carving = [pack({}, **carving_arrays(self.carving))]
+            before.append(pack({}, **carving_arrays(self.carving)))
+        if self.splits:
+            texts[_SPLITS] = str(len(self.splits))
+            before += [pack({}, **split_arrays(done)) for done in self.splits]
         header = pack(texts, vertices=self.vertices, faces=self._start)
-        self._file = BlockFile(path, MAGIC, [header, *carving, *map(_pack_flip, self.flips)])
+        self._file = BlockFile(path, MAGIC, [header, *before, *map(_pack_flip, self.flips)])
 
     def flush(self) -> None:
         """Write all flips to the disk, so that they survive a crash of the machine."""
@@ -165,6 +171,14 @@ class FlipTrace:
         if _CARVING in texts and flips:
             with naming_block(f"{kind} {path}: carving"):
                 trace.carving = read_carving(texts[_CARVING], unpack(flips.pop(0), budget)[1])
+        if _SPLITS in texts:
+            with naming_block(f"{kind} {path}: splits"):
+                n_rounds = _read_count(texts[_SPLITS])
+            for i, block in enumerate(flips[:n_rounds]):
+                with naming_block(f"{kind} {path}: face splits, round {i + 1}"):
+                    before = trace.splits[-1] if trace.splits else None
+                    trace.splits += (read_split(unpack(block, budget)[1], before),)
+            flips = flips[n_rounds:]
         faces = mesh.faces.copy()
         for i, block in enumerate(flips):
             with naming_block(f"{kind} {path}: flip {i + 1}"):
@@ -191,6 +205,8 @@ def _pack_flip(record: FlipRecord) -> bytes:
 
 _CARVING = "carving"
 """Name of the header's text that announces a carving in the second block."""
+_SPLITS = "splits"
+"""Name of the header's text with the number of rounds of face splits, a block each after the carving."""
 _MESH_FIELDS = {"vertices": Field("f", ("n", 3)), "faces": Field("iu", ("m", 3))}
 _FLIP_FIELDS = {
     "round": Field("iu"),
@@ -202,6 +218,13 @@ _FLIP_FIELDS = {
     "n_views": Field("iu"),
     "round_energy": Field("f", (2,), is_finite=True),
 }
+
+
+def _read_count(written: str) -> int:
+    """Raises InputError: it is no whole number from 1."""
+    if not (written.isascii() and written.isdigit() and len(written) < 10 and int(written)):
+        raise InputError(f"expected the number of rounds, found {written!r:.40}")
+    return int(written)
 
 
 def _unpack_flip(block: bytes, budget: Budget, n_vertices: int, n_faces: int) -> FlipRecord:

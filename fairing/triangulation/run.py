@@ -1,8 +1,6 @@
 """Triangulation: from calibrated photos with sparse points, or with a mesh, to a mesh whose edges agree with the photos."""
 
-import os
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -12,11 +10,15 @@ import numpy as np
 
 from fairing.errors import Cancelled, InputError
 from fairing.scene import Scene, SparsePoints, View
-from fairing.triangulation.face_splits import Meshes, split_faces
+from fairing.solve.energy import Evaluator
+from fairing.triangulation.face_splits import split_faces
 from fairing.triangulation.flips import EdgeFlipper, FlipSummary
 from fairing.triangulation.initial_mesh import StartMesh, start_mesh
 from fairing.triangulation.options import TriangulationOptions
 from fairing.triangulation.record import FlipTrace
+from fairing.triangulation.split_record import SplitRound
+
+SPLIT_SHARE = 0.5  # of the time, where faces are split
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,18 +26,16 @@ class Triangulation:
     """Result of `triangulate`.
 
     Attributes:
-        scene: the photos with the mesh before any flip.
+        scene: the photos with the mesh before any flip, after face splits.
         faces: (m, 3) int: the final faces, as vertex ids of `scene.mesh`.
         start: the initial mesh from sparse points; None if a mesh was given.
-        split: vertices and faces before and after each round of face splits; empty if none was asked for, or it was stopped.
-        trace: the flips.
+        trace: the rounds of face splits, as far as they were done, and the flips.
         summary: of the search.
     """
 
     scene: Scene
     faces: np.ndarray
     start: StartMesh | None
-    split: Meshes
     trace: FlipTrace
     summary: FlipSummary
 
@@ -62,6 +62,12 @@ class Triangulation:
         )
         return replace(built, triangulated=True, warnings=(note,))
 
+    @property
+    def vertices_of_splits(self) -> list[int]:
+        """Number of vertices before face splits and after each round that split faces; empty without a round."""
+        rounds = self.trace.splits
+        return [len(done.vertices) for done in rounds[:1]] + [len(r.after) for r in rounds if r.is_split.any()]
+
     def report(self) -> dict[str, Any]:
         """Counts, energies and reasons for points left out, as plain values for JSON."""
         summary, start = self.summary, self.start
@@ -72,7 +78,7 @@ class Triangulation:
             "faces": len(self.faces),
             "points": None if start is None else start.n_points,
             "points_left_out": None if start is None else start.left_out,
-            "vertices_of_splits": [len(vertices) for vertices, _ in self.split],
+            "vertices_of_splits": self.vertices_of_splits,
             "flips": len(self.trace),
             "rounds": summary.rounds,
             "stop_reason": summary.stop_reason,
@@ -94,7 +100,7 @@ def triangulate(
     record_to: Path | None = None,
     header: dict[str, Any] | None = None,
     should_stop: Callable[[], bool] = lambda: False,
-    on_progress: Callable[[int, int, float], None] = lambda flips, open_edges, energy: None,
+    on_progress: Callable[[float, str], None] = lambda part, line: None,
 ) -> Triangulation:
     """Triangulate sparse points, or take a mesh, and flip edges until no flip makes the photos agree better.
 
@@ -105,7 +111,8 @@ def triangulate(
         mesh: vertices (n, 3) float, world units, and faces (m, 3) int, instead of a triangulation of the points.
         record_to: file for the record of flips, written as they are made.
         header: facts to store in the record.
-        should_stop, on_progress: see `EdgeFlipper.run`.
+        should_stop: polled; rounds of face splits and flips made before a stop remain.
+        on_progress: called with the finished part, 0 to 1, and a line; while faces are split from several threads.
 
     Raises:
         InputError: there are no or too few points to triangulate, or no face is seen by three photos.
@@ -118,35 +125,48 @@ def triangulate(
         start = start_mesh(views, points, options)
         mesh = start.vertices, start.faces
     scene = Scene.build(name, *mesh, views, sparse_points=points)
-    split = _split(scene, options, should_stop) if options.splits else ()
-    if len(split) > 1:
-        scene = Scene.build(name, *split[-1], views, sparse_points=points)
-    flipper = EdgeFlipper(scene, options)
-    flipper.trace.carving = None if start is None else start.carving
+    evaluator, begun = Evaluator(options.threads), SPLIT_SHARE if options.splits else 0.0
+    rounds = _split(scene, options, evaluator, should_stop, lambda part, line: on_progress(begun * part, line))
+    splits = tuple(rounds)
+    if splits and splits[0].is_split.any():
+        scene = Scene.build(name, *splits[-1].result(), views, sparse_points=points)
+    flipper = EdgeFlipper(scene, options, evaluator)
+    flipper.trace.carving, flipper.trace.splits = None if start is None else start.carving, splits
     flipper.trace.header |= (header or {}) | {"options": asdict(options)}
     if record_to is not None:
         flipper.trace.attach(record_to)
+
+    def show(flips: int, open_edges: int, energy: float) -> None:
+        line = f"{flips} flips, {open_edges} edges to flip, energy {energy:.5g}"
+        on_progress(begun + (1 - begun) * _flip_progress(flips, open_edges), line)
+
     try:
-        summary = flipper.run(should_stop, on_progress)
+        summary = flipper.run(should_stop, show)
     finally:
         flipper.trace.detach()
-    return Triangulation(scene, flipper.trace.faces_at(len(flipper.trace)), start, split, flipper.trace, summary)
+    return Triangulation(scene, flipper.trace.faces_at(len(flipper.trace)), start, flipper.trace, summary)
 
 
-def _split(scene: Scene, options: TriangulationOptions, should_stop: Callable[[], bool]) -> Meshes:
-    """See `Triangulation.split`."""
+def _split(
+    scene: Scene,
+    options: TriangulationOptions,
+    evaluator: Evaluator,
+    should_stop: Callable[[], bool],
+    on_progress: Callable[[float, str], None],
+) -> Iterator[SplitRound]:
+    """The rounds of face splits, up to a stop."""
 
     def check() -> None:
         if should_stop():
             raise Cancelled
 
-    with ThreadPoolExecutor(options.threads or os.cpu_count()) as executor, suppress(Cancelled):
-        return split_faces(
-            scene.views, scene.mesh.vertices, scene.mesh.faces, options.splits, options.spacing, executor, check
+    mesh = scene.mesh
+    with suppress(Cancelled):
+        yield from split_faces(
+            scene.views, mesh.vertices, mesh.faces, options.splits, options.spacing, evaluator.pool, check, on_progress
         )
-    return ()
 
 
-def flip_progress(flips: int, open_edges: int) -> float:
+def _flip_progress(flips: int, open_edges: int) -> float:
     """Estimated progress of a search, 0 to 1; every flip may make further edges inconsistent."""
     return 0.98 * flips / (flips + 1.5 * open_edges) if open_edges else 0.99

@@ -24,6 +24,24 @@ def _pattern(code: int) -> list[list[int]]:
 _PATTERNS = [np.array(_pattern(code)) for code in range(8)]
 
 
+def divided_edges(n_vertices: int, faces: np.ndarray, is_chosen: np.ndarray) -> np.ndarray:
+    """(k,) int, ascending: the edges of the chosen faces, from vertex a to b > a as the number a * n_vertices + b.
+
+    `subdivided` adds their middles in this order.
+
+    Args:
+        faces: (m, 3) int.
+        is_chosen: (m,) bool.
+    """
+    return np.unique(_edge_keys(n_vertices, faces)[is_chosen])
+
+
+def _edge_keys(n_vertices: int, faces: np.ndarray) -> np.ndarray:
+    """(m, 3) int: the number, as in `divided_edges`, of the edge from each corner to the next."""
+    edges = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=2), axis=2)
+    return edges[:, :, 0] * n_vertices + edges[:, :, 1]
+
+
 def subdivided(
     vertices: np.ndarray, faces: np.ndarray, is_chosen: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -37,9 +55,7 @@ def subdivided(
     Returns:
         vertices (n + k, 3), the old ones first; faces (q, 3) int in the order of those they are parts of; and these, (q,) int.
     """
-    edges = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=2), axis=2)
-    keys = edges[:, :, 0] * len(vertices) + edges[:, :, 1]
-    new = np.unique(keys[is_chosen])
+    keys, new = _edge_keys(len(vertices), faces), divided_edges(len(vertices), faces, is_chosen)
     number = np.searchsorted(new, keys)
     is_divided = np.isin(keys, new)
     places = np.hstack([faces, len(vertices) + number])

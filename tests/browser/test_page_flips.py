@@ -10,7 +10,7 @@ from demo_scenes import load_demo
 from fairing.scene import Scene
 from tests.bodies import AROUND, carved
 from tests.browser.driver import IN_BROWSER, button_of
-from tests.flip_records import flipped_at_random, grid_mesh
+from tests.flip_records import flipped_at_random, grid_mesh, split_by_hand
 from tests.waiting import wait_for
 
 pytestmark = IN_BROWSER
@@ -74,6 +74,44 @@ def test_flips_are_stepped_scrubbed_and_played(page: Page, flip_app: FlipApp):
     leave.wait_for()
     page.keyboard.press("0")
     leave.wait_for(state="detached")
+    assert troubles == []
+
+
+def test_face_splits_are_stepped_both_ways(page: Page):
+    troubles: list[str] = []
+    page.on("pageerror", lambda error: troubles.append(str(error)))
+    vertices, faces = grid_mesh(5)
+    cube = load_demo("cube")
+    low, high = cube.mesh.vertices.min(0), cube.mesh.vertices.max(0)
+    trace = split_by_hand(low + vertices / 4 * (high - low), faces)
+    scene = Scene.build("patch", trace.vertices, trace.faces_at(0), cube.views)
+    app = FlipApp(start_viewer("127.0.0.1", 0), scene, trace)
+
+    def has(name: str, expected: bool = True) -> None:
+        shown = "([name, expected]) => !!window.__viserMutable?.nodeRefFromName?.[name]?.visible === expected"
+        page.wait_for_function(shown, arg=[f"/splits/{name}", expected])
+
+    try:
+        page.goto(app.url)
+        page.get_by_text("Candidates", exact=True).wait_for()
+        has("candidate")
+        has("split", False)
+        button_of(page, "One flip").click()
+        page.get_by_text("Part 1 of 3: split", exact=True).wait_for()
+        for name in ("split", "candidate", "part"):
+            has(name)
+        page.keyboard.press(",")
+        page.get_by_text("Candidates", exact=True).wait_for()
+        has("split", False)
+        has("part", False)
+        page.get_by_role("listitem", name="Flips").click()
+        page.get_by_text("Flip 0 of 0", exact=True).wait_for()
+        has("candidate", False)
+        page.keyboard.press(",")
+        page.get_by_text("Part 1 of 1: stays", exact=True).wait_for()
+        has("stays")
+    finally:
+        app.stop()
     assert troubles == []
 
 

@@ -31,7 +31,7 @@ from fairing.trace import Trace
 from fairing.triangulation import FlipTrace
 from tests.foreign_formats import WRITERS, ForeignCapture, write_scene, write_scene_json
 from tests.program_formats import PROGRAM_WRITERS, write_metashape, write_nerfstudio_lens, write_nvm
-from tests.record_files import flip, run_header, step, write_flips, write_trace
+from tests.record_files import flip, run_header, split_round, step, write_flips, write_trace
 from tests.synthetic_capture import CUBE_FACES, CUBE_VERTICES, HEIGHT, WIDTH, SyntheticCapture
 
 _CHECKED = 0.25
@@ -280,7 +280,7 @@ def _records(folder: Path) -> list[Seed]:
     header = run_header()
     SceneSource("cube").note_in(header)
     write_trace(own / "run.trace", header, [step(), step(sweep_moment=np.array(1)), step(sweep_moment=np.array(0))])
-    write_flips(own / "mesh.flips", header, [flip()])
+    write_flips(own / "mesh.flips", header, [flip()], [split_round()])
     bookmarks = Bookmarks().added(1, 0, "1:1:1:1", "start").added(1, 2, "1:1:1:2", "two")
     write_bookmarks(own / "run.bookmarks.json", bookmarks.items)
     return [
@@ -308,6 +308,7 @@ def _use_flips(path: Path) -> None:
     for moment in range(len(trace) + 1):
         trace.faces_at(moment)
     assert all(record.reason for record in trace.flips)
+    assert all(len(done.result()[0]) == len(done.after) for done in trace.splits)
     SceneSource.of_run(trace.header, path)
 
 
