@@ -12,7 +12,7 @@ from fairing.optimize.iteration import OBJECTIVE_TOLERANCE, Iteration, iterate
 from fairing.optimize.rows import Term
 from fairing.run.records import Energies, Evaluation, build_record, moved_record
 from fairing.run.stages import Stage
-from fairing.solve.face_loss import loss_of_faces
+from fairing.solve.energy import loss_of_faces
 from fairing.solve.problem import Problem
 from fairing.stage_kind import StageKind
 from fairing.trace import SchedulePosition, StepReason, StepRecord
@@ -142,7 +142,7 @@ def evaluated(problem: Problem, vertices: np.ndarray) -> Evaluation:
 def mean_loss(evaluation: Evaluation) -> float:
     """Mean loss per photo px."""
     system = evaluation.system
-    loss, pixels = loss_of_faces(evaluation.context, system.energy, system.faces)
+    loss, pixels = loss_of_faces(evaluation.context, system)
     return float((loss * pixels).sum() / max(pixels.sum(), 1e-300))
 
 

@@ -77,7 +77,7 @@ def propose(
     """
     options, mesh, ids = problem.options.step, problem.scene.mesh, block.vertices
     damping, rejections = damping_and_rejections(options, ids, previous)
-    system = system or problem.linearise(sweep.context, vertices, block.faces, block.corners, sweep.scale)
+    system = system or problem.linearise(sweep.context, vertices, sweep.scale, block.faces, block.corners)
     H, g = vertex_systems(mesh, system)
     terms = _terms_around(sweep, block)
     others = linearised_sum(terms, vertices)
@@ -148,7 +148,7 @@ def judge(
     new_system = (
         problem.energies(sweep.context, after, sweep.scale, block.faces)
         if is_last
-        else problem.linearise(sweep.context, after, block.faces, block.corners, sweep.scale)
+        else problem.linearise(sweep.context, after, sweep.scale, block.faces, block.corners)
     )
 
     old_objective = _objective(proposal.terms, block, system, vertices)

@@ -80,8 +80,7 @@ def manual_step(
         check_positions(problem.scene, before, after, problem.start, problem.locked, vertices, problem.options.step)
     faces = np.flatnonzero(np.isin(mesh.faces, vertices).any(axis=1))
     here, there = (
-        Evaluation(v, sweep.context, problem.linearise(sweep.context, v, faces, np.full(len(faces), -1), sweep.scale))
-        for v in (before, after)
+        Evaluation(v, sweep.context, problem.linearise(sweep.context, v, sweep.scale, faces)) for v in (before, after)
     )
     if not np.isfinite(there.system.energy).all():
         raise InputError(f"vertex {int(vertices[0])}: would be behind a camera there; nothing was moved")

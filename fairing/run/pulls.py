@@ -87,8 +87,7 @@ def pulls_at(
         Cancelled: cancellation was requested.
     """
     mesh, n = problem.scene.mesh, len(vertices)
-    everything = np.arange(len(mesh.faces))
-    system = system or problem.linearise(sweep.context, vertices, everything, np.full(len(everything), -1), sweep.scale)
+    system = system or problem.linearise(sweep.context, vertices, sweep.scale)
     terms, ids = sweep.terms, np.arange(n)
     H_photos, g_photos = vertex_systems(mesh, system)
     hessians = np.stack([H_photos, *(term.hessians(vertices) for term in terms)])

@@ -17,8 +17,7 @@ from fairing.run.phases import Level
 from fairing.run.stages import PASSES, Photos
 from fairing.scene import Scene
 from fairing.solve.blocks import Block, plan_blocks
-from fairing.solve.energy import FaceSystem
-from fairing.solve.face_loss import loss_of_faces
+from fairing.solve.energy import FaceSystem, loss_of_faces
 from fairing.solve.normal_equations import vertex_systems
 from fairing.solve.problem import Problem
 from fairing.solve.step_limits import pixels_moved, pixels_per_unit
@@ -106,8 +105,7 @@ def begin_sweep(
     context = problem.context(level.number, vertices)
     sigma = problem.sigma(context, vertices)
     scale = problem.norm.squared_scale(sigma)
-    everything = np.arange(len(mesh.faces))
-    system = problem.linearise(context, vertices, everything, np.full(len(everything), -1), scale)
+    system = problem.linearise(context, vertices, scale)
     H, _ = vertex_systems(mesh, system)
     information = np.linalg.eigvalsh(H)[:, 2]
     informed = information > 0
@@ -263,7 +261,7 @@ def _vertex_losses(mesh: Mesh, context: CellContext, system: FaceSystem, unit: n
     Args:
         unit: (m,) float: of the loss of each face; default: 1.
     """
-    loss, pixels = loss_of_faces(context, system.energy, system.faces)
+    loss, pixels = loss_of_faces(context, system)
     if unit is not None:
         loss = loss * unit[system.faces]
     total, weight = (

@@ -18,10 +18,10 @@ from fairing.norms.built_in import norm_of
 from fairing.norms.norm import Tabulated
 from fairing.options import FairingOptions
 from fairing.scene import Scene
-from fairing.solve.energy import Evaluator, FaceSystem, fixed_sigma, robust_sigma
+from fairing.solve.energy import Evaluator, FaceSystem
 from fairing.solve.locks import locked_by_options
 from fairing.solve.point_split import observed_fitting_points
-from fairing.solve.step_limits import pixels_moved, shortened, unfolded
+from fairing.solve.step_limits import pixels_moved, unfolded
 from fairing.work import WorkLog
 
 TOO_MANY_PARTS = (
@@ -159,23 +159,20 @@ class Problem:
             )
 
     def sigma(self, context: CellContext, vertices: np.ndarray) -> np.ndarray:
-        """(m,) float: scale parameter of the robust loss by face at vertices (n, 3), grey levels."""
+        """(m,) float: scale parameter of the robust loss by face at vertices (n, 3), grey levels, by the level's rule."""
+        robust, rule = self.options.robust, self.options.levels[context.level].sigma_rule
         n_faces = len(self.scene.mesh.faces)
-        fixed = fixed_sigma(self.options, context.level)
-        if fixed is not None:
-            return np.full(n_faces, fixed)
-        return robust_sigma(self.options, context.level, self.measure(context, vertices, np.ones(n_faces)))
-
-    def measure(self, context: CellContext, vertices: np.ndarray, scale: np.ndarray) -> FaceSystem:
-        """Energies and residuals of all faces, see `Evaluator.measure`.
-
-        Args:
-            vertices: (n, 3) float: positions, world units.
-            scale: (m,) float: of the robust loss by face, see `Norm.squared_scale`.
-        """
-        n_faces = len(self.scene.mesh.faces)
-        with self.work.doing(f"measuring {n_faces} faces"):
-            return self.evaluator.measure(context, vertices, np.arange(n_faces), scale)
+        if rule == "fixed":
+            sigma = np.full(n_faces, robust.sigma)
+        else:
+            with self.work.doing(f"measuring {n_faces} faces"):
+                measured = self.evaluator.measure(context, vertices, np.arange(n_faces), np.ones(n_faces))
+            sigma = {
+                "paper": measured.largest / np.sqrt(3),
+                "convex": measured.largest * np.sqrt(3),
+                "mad": robust.mad_factor * 1.4826 * measured.median,
+            }[rule]
+        return np.maximum(sigma, robust.sigma_floor)
 
     def energies(
         self, context: CellContext, vertices: np.ndarray, scale: np.ndarray, faces: np.ndarray | None = None
@@ -195,20 +192,27 @@ class Problem:
         return self.evaluator.energies(context, vertices, faces, scale)
 
     def linearise(
-        self, context: CellContext, vertices: np.ndarray, faces: np.ndarray, corners: np.ndarray, scale: np.ndarray
+        self,
+        context: CellContext,
+        vertices: np.ndarray,
+        scale: np.ndarray,
+        faces: np.ndarray | None = None,
+        corners: np.ndarray | None = None,
     ) -> FaceSystem:
         """Energies and normal equations of faces, see `Evaluator.linearise`.
 
         Args:
             vertices: (n, 3) float: positions, world units.
-            faces: (F,) int, ids.
-            corners: (F,) int: the corner that moves, -1 for all three.
             scale: (m,) float: of the robust loss by face, see `Norm.squared_scale`.
+            faces: (F,) int, ids; default: all.
+            corners: (F,) int: the corner that moves, -1 for all three; default: all three of each.
 
         Raises:
             Cancelled: cancellation was requested.
         """
         self.raise_if_cancelled()
+        faces = np.arange(len(self.scene.mesh.faces)) if faces is None else faces
+        corners = np.full(len(faces), -1) if corners is None else corners
         with self.work.doing(f"measuring {len(faces)} faces and their derivatives"):
             return self.evaluator.linearise(context, vertices, faces, corners, scale, self.options.step.solver)
 
@@ -232,7 +236,8 @@ class Problem:
     def shortened(self, context: CellContext, vertices: np.ndarray, ids: np.ndarray, steps: np.ndarray) -> np.ndarray:
         """Steps (u, 3) float shortened to the capture range of the context's level, world units."""
         longest = self.options.step.max_step * max(1.0, self.options.levels[context.level].blur)
-        return shortened(self.scene.views, context.vertex_views, vertices, ids, steps, longest)
+        pixels = self.pixels_moved(context, vertices, ids, steps)
+        return steps * np.minimum(1, longest / np.maximum(pixels, 1e-12))[:, None]
 
     def unfolded(self, vertices: np.ndarray, ids: np.ndarray, steps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Steps (u, 3) float shortened until no face folds, world units; and (u,) bool: whose steps were shortened."""

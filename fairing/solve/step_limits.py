@@ -42,19 +42,6 @@ def pixels_per_unit(views: Sequence[View], vertex_views: np.ndarray, vertices: n
     return longest
 
 
-def shortened(
-    views: Sequence[View],
-    vertex_views: np.ndarray,
-    vertices: np.ndarray,
-    ids: np.ndarray,
-    steps: np.ndarray,
-    longest: float,
-) -> np.ndarray:
-    """Steps (u, 3) float shortened so that no vertex moves farther than `longest` in any photo, px; see `pixels_moved`."""
-    pixels = pixels_moved(views, vertex_views, vertices, ids, steps)
-    return steps * np.minimum(1, longest / np.maximum(pixels, 1e-12))[:, None]
-
-
 def unfolded(
     vertices: np.ndarray,
     ids: np.ndarray,

@@ -32,6 +32,7 @@ from typing import Any
 import numpy as np
 
 from fairing.errors import Cancelled, InputError
+from fairing.geometry.independent_sets import independent_sets
 from fairing.optimize.loss import LeastSquares, Loss
 from fairing.optimize.rows import Linearised, Rows, SumOfRows
 from fairing.scene import Scene
@@ -160,7 +161,8 @@ def begun(term: OwnTerm, scene: Scene, vertices: np.ndarray, free: np.ndarray, t
             )
         return values
 
-    rows = OwnRows(term.name, ids, residual, found.loss, 1.0, 1e-6 * scene.mesh.diagonal, _apart(ids, len(vertices)))
+    sets = independent_sets(ids, np.unique(ids), len(vertices))
+    rows = OwnRows(term.name, ids, residual, found.loss, 1.0, 1e-6 * scene.mesh.diagonal, sets)
     average = average_information(rows, vertices, free)
     if average == 0 or term.strength == 0:
         return None
@@ -221,17 +223,3 @@ def _place(term: OwnTerm, error: Exception) -> str:
     """Where in the term's own file an exception comes from."""
     frames = [frame for frame in traceback.extract_tb(error.__traceback__) if frame.filename == term.file]
     return f" ({Path(term.file).name}, line {frames[-1].lineno})" if frames else ""
-
-
-def _apart(ids: np.ndarray, count: int) -> list[np.ndarray]:
-    """Sets of vertices of which no row of ids (r, c) has two, by greedy coloring (Curtis, Powell, Reid 1974)."""
-    neighbours: list[set[int]] = [set() for _ in range(count)]
-    for row in ids.tolist():
-        for vertex in row:
-            neighbours[vertex].update(row)
-    color = np.full(count, -1)
-    for vertex, others in enumerate(neighbours):
-        if others:
-            taken = {int(color[other]) for other in others}
-            color[vertex] = next(c for c in range(len(taken) + 1) if c not in taken)
-    return [np.flatnonzero(color == c) for c in range(color.max(initial=-1) + 1)]
