@@ -10,7 +10,7 @@ from fairing.geometry.normal_filter import filtered_normals, moves_to_planes, pl
 from fairing.geometry.pixel_size import pixel_size
 from fairing.optimize.iteration import OBJECTIVE_TOLERANCE, Iteration, iterate
 from fairing.optimize.rows import Term
-from fairing.run.records import Energies, Evaluation, build_record, moved_record
+from fairing.run.records import Measured, build_record, px_of_steps
 from fairing.run.stages import Stage
 from fairing.solve.energy import loss_of_faces
 from fairing.solve.problem import Problem
@@ -93,7 +93,7 @@ def point_verdict(
 ) -> StepRecord:
     """The record of a judge by points; kept (n, 3): vertices (n, 3) after its verdict, world units."""
     ids = np.flatnonzero((kept != vertices).any(axis=1))
-    return _unmeasured(problem, StageKind.JUDGE, position, moment, vertices, ids, kept, StepReason.RETURNED)
+    return build_record(problem, position, moment, ids, vertices, kept, StepReason.RETURNED, StageKind.JUDGE)
 
 
 def photo_verdict(
@@ -120,29 +120,28 @@ def photo_verdict(
     with problem.work.doing("comparing with the photos", 2) as work:
         before, after = (evaluated(problem, places) for places in work.each((begun, vertices)))
     losses = mean_loss(before), mean_loss(after)
-    if 1 - losses[1] / max(losses[0], 1e-300) > least_gain:
-        nothing = np.zeros(0, dtype=int)
-        return moved_record(
-            problem, position, moment, nothing, before, after, StepReason.RETURNED, losses, StageKind.JUDGE
-        )
+    is_kept = 1 - losses[1] / max(losses[0], 1e-300) > least_gain
     moved = (vertices != begun).any(axis=1)
-    back = np.flatnonzero(moved | ~moved.any())  # a record without vertices would not show the verdict
-    return moved_record(
-        problem, position, moment, back, after, before, StepReason.REJECTED_FIT, (losses[1], losses[0]), StageKind.JUDGE
-    )
+    # A record without vertices would not show the verdict.
+    back = np.zeros(0, dtype=int) if is_kept else np.flatnonzero(moved | ~moved.any())
+    reason = StepReason.RETURNED if is_kept else StepReason.REJECTED_FIT
+    ends, measured = (begun, vertices), (before, after)
+    if not is_kept:
+        ends, measured, losses = ends[::-1], measured[::-1], losses[::-1]
+    record = build_record(problem, position, moment, back, *ends, reason, StageKind.JUDGE, measured)
+    return replace(record, objective_before=losses[0], objective_after=losses[1])
 
 
-def evaluated(problem: Problem, vertices: np.ndarray) -> Evaluation:
+def evaluated(problem: Problem, vertices: np.ndarray) -> Measured:
     """Energies at the first fine level, by the photos that see the faces there; coarser levels discriminate less."""
     context = problem.context(first_fine_level(problem.options), vertices)
     scale = problem.norm.squared_scale(problem.sigma(context, vertices))
-    return Evaluation(vertices, context, problem.energies(context, vertices, scale))
+    return Measured(context, problem.energies(context, vertices, scale))
 
 
-def mean_loss(evaluation: Evaluation) -> float:
+def mean_loss(measured: Measured) -> float:
     """Mean loss per photo px."""
-    system = evaluation.system
-    loss, pixels = loss_of_faces(evaluation.context, system)
+    loss, pixels = loss_of_faces(*measured)
     return float((loss * pixels).sum() / max(pixels.sum(), 1e-300))
 
 
@@ -156,49 +155,15 @@ def _recorded(
     iteration: Iteration,
 ) -> FitStep:
     """The record of an iteration of vertices `ids` (u,) int."""
-    step_px = _step_px(problem, vertices, ids, iteration.after[ids] - vertices[ids])
+    step_px = px_of_steps(problem, vertices, ids, iteration.after[ids] - vertices[ids])
     has_converged = iteration.accepted & (step_px < problem.options.step.tolerance)
     reasons = np.full(len(ids), StepReason.ACCEPTED if iteration.accepted else StepReason.REJECTED_ENERGY)
     reasons[has_converged] = StepReason.CONVERGED
     reasons[iteration.folds & (step_px == 0)] = StepReason.REJECTED_FOLD
-    record = _unmeasured(problem, stage.kind, position, sweep_moment, vertices, ids, iteration.after, reasons)
     record = replace(
-        record,
+        build_record(problem, position, sweep_moment, ids, vertices, iteration.after, reasons, stage.kind),
         proposed=iteration.proposed,
         objective_before=iteration.objectives[0],
         objective_after=iteration.objectives[1],
     )
     return FitStep(record, bool((has_converged | (reasons != StepReason.ACCEPTED)).all()))
-
-
-def _unmeasured(
-    problem: Problem,
-    kind: StageKind,
-    position: SchedulePosition,
-    sweep_moment: int,
-    vertices: np.ndarray,
-    ids: np.ndarray,
-    after: np.ndarray,
-    reasons: np.ndarray | StepReason,
-) -> StepRecord:
-    """The record of vertices `ids` (u,) int that go from positions (n, 3) to others (n, 3), without energies of photos."""
-    steps, nothing = after[ids] - vertices[ids], Energies(np.zeros(0), np.zeros(len(problem.scene.views)))
-    return build_record(
-        position,
-        sweep_moment,
-        ids,
-        (vertices[ids], after[ids]),
-        proposed=steps,
-        step_px=_step_px(problem, vertices, ids, steps),
-        reasons=np.broadcast_to(np.asarray(reasons), len(ids)),
-        objectives=(0.0, 0.0),
-        faces=np.zeros(0, dtype=int),
-        energies=(nothing, nothing),
-        stage=kind,
-    )
-
-
-def _step_px(problem: Problem, vertices: np.ndarray, ids: np.ndarray, steps: np.ndarray) -> np.ndarray:
-    """(u,) float, px: lengths of steps (u, 3) as the median photo sees them at a right angle."""
-    pixel = pixel_size([view.camera for view in problem.scene.views], vertices)[ids]
-    return np.nan_to_num(np.linalg.norm(steps, axis=1) / pixel)

@@ -1,5 +1,6 @@
 """One Gauss-Newton iteration of a block: propose steps, limit them, accept those that do not raise the objective."""
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -7,7 +8,7 @@ import numpy as np
 from fairing.optimize.iteration import OBJECTIVE_TOLERANCE
 from fairing.optimize.rows import Term, linearised_sum
 from fairing.options import StepOptions
-from fairing.run.records import Energies, SolverState, build_record
+from fairing.run.records import Measured, build_record
 from fairing.run.sweep import SweepState
 from fairing.solve.blocks import Block
 from fairing.solve.energy import FaceSystem
@@ -169,23 +170,19 @@ def judge(
     taken = system.replaced_by(new_system, accepted[block.owner], sweep.context.broadcast_to_pairs(accepted_faces))
     # A vertex at rest proposes a zero step, which is always accepted: it stays at rest until the sweep ends.
     rejections = np.where(accepted & ~is_resting, 0, rejections + 1)
-    record = build_record(
-        position,
-        sweep.moment,
-        ids,
-        (vertices[ids], np.where(accepted[:, None], after[ids], vertices[ids])),
+    after[ids[~accepted]] = vertices[ids[~accepted]]
+    measured = Measured(sweep.context, system), Measured(sweep.context, taken)
+    record = replace(
+        build_record(
+            problem, position, sweep.moment, ids, vertices, after, reasons, measured=measured, step_px=step_px
+        ),
         proposed=proposal.proposed,
-        step_px=step_px,
-        reasons=reasons,
-        objectives=(float(old_objective.sum()), float(new_objective.sum())),
-        faces=block.faces,
-        energies=(
-            Energies(system.energy, sweep.context.sum_by_view(system.pair_energy)),
-            Energies(taken.energy, sweep.context.sum_by_view(taken.pair_energy)),
-        ),
-        solver=SolverState(
-            damping, np.linalg.eigvalsh(proposal.hessians), _next_damping(options, damping, accepted), rejections
-        ),
+        objective_before=float(old_objective.sum()),
+        objective_after=float(new_objective.sum()),
+        damping=damping,
+        eigenvalues=np.linalg.eigvalsh(proposal.hessians),
+        damping_next=_next_damping(options, damping, accepted),
+        rejections=rejections,
     )
     is_done = has_converged | (rejections > options.max_rejections) | (reasons == StepReason.REJECTED_FOLD)
     return Iteration(record, bool(is_done.all()), None if is_last else taken)

@@ -7,7 +7,7 @@ import numpy as np
 from fairing.errors import InputError
 from fairing.geometry.normals import folded_faces
 from fairing.options import FairingOptions, StepOptions
-from fairing.run.records import Evaluation, moved_record
+from fairing.run.records import Measured, build_record
 from fairing.run.sweep import SweepState
 from fairing.scene import Scene
 from fairing.solve.normal_equations import vertex_systems
@@ -80,12 +80,12 @@ def manual_step(
         check_positions(problem.scene, before, after, problem.start, problem.locked, vertices, problem.options.step)
     faces = np.flatnonzero(np.isin(mesh.faces, vertices).any(axis=1))
     here, there = (
-        Evaluation(v, sweep.context, problem.linearise(sweep.context, v, sweep.scale, faces)) for v in (before, after)
+        Measured(sweep.context, problem.linearise(sweep.context, v, sweep.scale, faces)) for v in (before, after)
     )
     if not np.isfinite(there.system.energy).all():
         raise InputError(f"vertex {int(vertices[0])}: would be behind a camera there; nothing was moved")
     H, _ = vertex_systems(mesh, there.system)
-    record = moved_record(problem, position, sweep.moment, vertices, here, there, reason)
+    record = build_record(problem, position, sweep.moment, vertices, before, after, reason, measured=(here, there))
     return replace(record, eigenvalues=np.linalg.eigvalsh(H[vertices]))
 
 
