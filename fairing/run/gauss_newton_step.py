@@ -71,7 +71,11 @@ def propose(
 ) -> Proposal:
     """The step of a block, before its energy is known.
 
-    Args: see `gauss_newton_step`.
+    Args:
+        sweep: the sweep of the step.
+        vertices: (n, 3) float: positions before it, world units.
+        previous: the block's previous iteration in this sweep, whose damping is continued.
+        system: normal equations of the block's faces at `vertices` if they are known.
 
     Raises:
         Cancelled: cancellation was requested.
@@ -80,7 +84,7 @@ def propose(
     damping, rejections = damping_and_rejections(options, ids, previous)
     system = system or problem.linearise(sweep.context, vertices, sweep.scale, block.faces, block.corners)
     H, g = vertex_systems(mesh, system)
-    terms = _terms_around(sweep, block)
+    terms = [*sweep.terms] if block.coupled else [term.around(ids) for term in sweep.terms]
     others = linearised_sum(terms, vertices)
     g += others.gradient
     if block.coupled:
@@ -97,32 +101,6 @@ def propose(
     return Proposal(system, terms, H[ids], g[ids], damping, rejections, proposed, shortened, limited, tried, folds)
 
 
-def gauss_newton_step(
-    problem: Problem,
-    sweep: SweepState,
-    block: Block,
-    position: SchedulePosition,
-    vertices: np.ndarray,
-    previous: StepRecord | None,
-    system: FaceSystem | None,
-) -> Iteration:
-    """One iteration.
-
-    Args:
-        sweep: the sweep of the step.
-        position: of the step.
-        vertices: (n, 3) float: positions before it, world units.
-        previous: the block's previous iteration in this sweep, whose damping is continued.
-        system: normal equations at `vertices` if they are known.
-
-    Raises:
-        Cancelled: cancellation was requested.
-    """
-    if system is None and block.coupled and position.iteration == 0:
-        system = sweep.system
-    return judge(problem, sweep, block, position, vertices, propose(problem, sweep, block, vertices, previous, system))
-
-
 def judge(
     problem: Problem,
     sweep: SweepState,
@@ -133,7 +111,9 @@ def judge(
 ) -> Iteration:
     """Accept or reject a proposal, by the objective of each vertex; in a coupled block by that of all.
 
-    Args: see `gauss_newton_step`.
+    Args:
+        position: of the step.
+        vertices: (n, 3) float: positions before it, world units.
 
     Raises:
         Cancelled: cancellation was requested.
@@ -199,11 +179,6 @@ def damping_and_rejections(
     if previous is not None:
         return previous.damping_next, previous.rejections
     return np.full(len(ids), _usual_damping(options)), np.zeros(len(ids), dtype=np.int64)
-
-
-def _terms_around(sweep: SweepState, block: Block) -> list[Term]:
-    """What of the terms beside the photos depends on the vertices of a block."""
-    return [*sweep.terms] if block.coupled else [term.around(block.vertices) for term in sweep.terms]
 
 
 def _limited(sweep: SweepState, vertices: np.ndarray, ids: np.ndarray, steps: np.ndarray) -> np.ndarray:
