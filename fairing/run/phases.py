@@ -1,5 +1,6 @@
-"""Levels: what a run does at each of them, as a function of its options and its plan."""
+"""Levels: what a run does at each of them, as a function of its options and its plan; positions, and the part that is done."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -61,6 +62,27 @@ class Level:
         following = self.stages[self.place_of(stage) + 1 :]
         return following[0] if following else None
 
+    def position_after(
+        self, position: SchedulePosition, block_is_done: bool, n_blocks: int, longest_move: Callable[[], float]
+    ) -> SchedulePosition:
+        """The position after a step of the photos.
+
+        Args:
+            position: of the step.
+            block_is_done: whether every vertex of its block has converged or is at rest.
+            n_blocks: number of blocks of the sweep.
+            longest_move: called at the end of a sweep: the longest move of a vertex in it, px.
+        """
+        stage = self.stage_at(position.sweep)
+        if not block_is_done and position.iteration + 1 < stage.max_iterations:
+            return position._replace(iteration=position.iteration + 1)
+        if position.block + 1 < n_blocks:
+            return position._replace(block=position.block + 1, iteration=0)
+        has_converged = isinstance(stage, Photos) and longest_move() < stage.tolerance
+        if stage.has(position.sweep + 1) and not has_converged:
+            return SchedulePosition(self.number, position.sweep + 1, 0, 0)
+        return self.begin_of(self.after(stage))
+
     def place_of(self, stage: Stage) -> int:
         """The place of a stage among all; after the last for photos of a level that has none."""
         return self.stages.index(stage) if stage in self.stages else len(self.stages)
@@ -105,6 +127,38 @@ class Schedule:
             return (position.level, 0, *position[1:])
         level = self.levels[position.level]
         return (position.level, level.place_of(level.stage_at(position.sweep)), *position[1:])
+
+    def fraction_done(self, position: SchedulePosition, most_blocks: int) -> float:
+        """Fraction of the schedule before a position, 0 to 1, by the longest it can take; fits count for nothing, they are fast.
+
+        Args:
+            position: of the next step.
+            most_blocks: upper bound of the number of blocks in a sweep of photos.
+        """
+        n_levels = len(self.levels)
+        if position.level >= n_levels:
+            return 1.0
+        level = self.levels[position.level]
+        stage = level.stage_at(position.sweep)
+        within = 0.0 if level.place_of(stage) < level.place_of(level.photos) else 1.0
+        if isinstance(stage, Photos):
+            of_block = position.iteration / stage.max_iterations
+            of_sweep = min(1.0, (position.block + of_block) / max(1, most_blocks))
+            within = min(1.0, (position.sweep + of_sweep) / stage.max_sweeps)
+        return max(0.0, (position.level - self.first_level + within) / (n_levels - self.first_level))
+
+
+def most_blocks(order: str, n_free: int, max_degree: int) -> int:
+    """Upper bound of the number of blocks in a sweep of photos.
+
+    Args:
+        order: see `ScheduleOptions.order`.
+        n_free: number of vertices that are not locked.
+        max_degree: largest number of neighbours of a vertex; a greedy coloring needs at most one colour more.
+    """
+    if order == "joint":
+        return 1
+    return min(n_free, max_degree + 1) if order == "independent" else n_free
 
 
 def schedule_of(options: FairingOptions, plan: RunPlan) -> Schedule:

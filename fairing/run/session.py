@@ -33,13 +33,13 @@ from fairing.run.own_plan import (
     recorded_plan,
     run_plan_of,
 )
+from fairing.run.phases import most_blocks
 from fairing.run.planning import make_plan
 from fairing.run.pulls import Pull
 from fairing.run.recorded_norm import header_of_norm, options_with_norm, recorded_norm
 from fairing.run.recorded_stages import stage_keys
 from fairing.run.recorded_terms import check_terms_of_trace, header_of_terms, recorded_terms
-from fairing.run.schedule import fraction_done, most_blocks
-from fairing.run.stages import Photos, Stage
+from fairing.run.stages import Photos
 from fairing.run.stepper import Stepper, Trial
 from fairing.run.sweep import SweepState
 from fairing.run.sweep_cache import SweepCache
@@ -224,11 +224,8 @@ class Session:
             first = self.trace.steps[0].position.level if self.moment else 0
             return max(0.0, (position.level - first) / max(1, n_levels - first)) if self.moment else 0.0
         n_free = int((~self._problem.locked).sum())
-
-        def blocks(_: Stage) -> int:
-            return most_blocks(self.options.schedule.order, n_free, self._max_degree)
-
-        return fraction_done(self._sweeps.schedule, position, blocks)
+        n_blocks = most_blocks(self.options.schedule.order, n_free, self._max_degree)
+        return self._sweeps.schedule.fraction_done(position, n_blocks)
 
     @property
     def locked(self) -> np.ndarray:

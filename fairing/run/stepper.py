@@ -13,7 +13,6 @@ from fairing.run.gauss_newton_step import Proposal, judge, propose
 from fairing.run.phases import Level
 from fairing.run.pulls import Pull, pulls_at, pulls_of_fit
 from fairing.run.records import empty_record, end_verdict, held_out_points_prefer
-from fairing.run.schedule import next_position
 from fairing.run.stages import ClosestPoints, Judge, Photos, PointGates, Smoothing, Stage
 from fairing.run.sweep import SweepState
 from fairing.run.sweep_cache import SweepCache
@@ -132,8 +131,8 @@ class Stepper:
         iteration = judge(problem, sweep, block, position, vertices, proposal)
         self._carried = moment + 1, block, iteration.system
         after = iteration.record.applied_to(vertices)
-        following = next_position(
-            level, position, iteration.is_done, len(sweep.blocks), lambda: sweep.longest_move(problem.scene, after)
+        following = level.position_after(
+            position, iteration.is_done, len(sweep.blocks), lambda: sweep.longest_move(problem.scene, after)
         )
         return replace(iteration.record, next_position=following)
 
@@ -232,7 +231,7 @@ class Stepper:
         return block, previous
 
     def _system_at(self, moment: int, sweep: SweepState, block: Block | None) -> FaceSystem | None:
-        """Normal equations at a moment that are known: of the beginning of its sweep, or those that the last step of a block left."""
+        """Normal equations at a moment that are known: of the beginning of its sweep, or what the block's last step left."""
         if moment == sweep.moment and sweep.system is not None:
             return sweep.system
         carried = self._carried
