@@ -9,7 +9,7 @@ Beside them: `history` (where parts of a recorded run began), `sweep_cache`, `re
 (a trace cut into stages), `recorded_refinement` (of the cameras), `own_files` (what files of a user define), `own_plan` (a plan of
 one's own as levels and stages), `changed_plan` (what another one keeps of a run), `recorded_terms` and `recorded_norm` (of one's
 own), `trace_header` (what a trace says about its run), `pulls` (the part of each term in a step), `manual_edits`, `snapshots`
-(meshes of another program as a run), `start_error`.
+(meshes of another program as a run).
 
 Imports the data modules of `fairing`, `fairing.util`, `fairing.cameras`, `fairing.geometry`, `fairing.cells`, `fairing.norms`,
 `fairing.terms`, `fairing.optimize`, `fairing.solve`.

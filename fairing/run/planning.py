@@ -9,11 +9,11 @@ from fairing.geometry.normal_filter import smoothed
 from fairing.io.points_choice import are_enough
 from fairing.options import FINE_BLUR, FairingOptions
 from fairing.placement.judge import refuse_elsewhere
+from fairing.run.fits import FAR_ERROR, measured_start_error
 from fairing.run.own_plan import run_plan_of
 from fairing.run.phases import schedule_of
 from fairing.run.rehearsal import Rehearsal, rehearse
 from fairing.run.stages import PASSES
-from fairing.run.start_error import FAR_ERROR, measured_start_error
 from fairing.run.sweep_cache import SweepCache
 from fairing.run_plan import PlanStage, RunPlan
 from fairing.solve.point_split import fitting_points

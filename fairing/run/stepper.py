@@ -8,7 +8,6 @@ import numpy as np
 from fairing.errors import InputError
 from fairing.optimize.rows import Term
 from fairing.run.fit_step import fit_step, photo_verdict, point_verdict, smoothing_step
-from fairing.run.fits import applies, terms_of_sweep
 from fairing.run.gauss_newton_step import Proposal, judge, propose
 from fairing.run.phases import Level
 from fairing.run.pulls import Pull, pulls_at, pulls_of_fit
@@ -185,8 +184,7 @@ class Stepper:
         """The terms of the sweep of a fit's step after a moment."""
         begun, history = self._sweeps.begun_at(moment), self._sweeps.history
         if self._terms is None or self._terms[0] != begun:
-            begins = history.part_begun(moment, position), history.stage_begun(moment, position)
-            self._terms = begun, terms_of_sweep(self._problem, self._sweeps.fits, history, position, begins, begun)
+            self._terms = begun, self._sweeps.fits.terms(history, position, begun)
         return self._terms[1]
 
     def _after(
@@ -195,7 +193,7 @@ class Stepper:
         """The next stage after one whose last step follows a moment and leads to vertices (n, 3), world units."""
         begin = self._sweeps.history.part_begun(moment, position)
         fit, following = self._sweeps.fits.begun_at(begin), level.after(stage)
-        while following is not None and not applies(fit, self._problem, following, vertices):
+        while following is not None and not fit.applies(following, vertices):
             # What belongs to searches for points is left out with them.
             skipped = ClosestPoints if isinstance(following, PointGates) else Stage
             following = level.after(following)
