@@ -277,9 +277,14 @@ class Session:
         Raises:
             IndexError: there is no such moment.
         """
+        self.moment = self._recorded(moment)
+
+    def _recorded(self, moment: int | None) -> int:
+        """A moment of the run; None: the present one."""
+        moment = self.moment if moment is None else moment
         if not 0 <= moment <= len(self.trace):
             raise IndexError(f"moment {moment}: this run has moments 0 to {len(self.trace)}")
-        self.moment = moment
+        return moment
 
     def branch(
         self,
@@ -430,24 +435,19 @@ class Session:
 
     def step_stage(self) -> StepRecord | None:
         """To the end of the stage, see `recorded_stages`. Returns the last step."""
-        last = record = self.step()
-        key_of = stage_keys(self.trace)
-        while record is not None and (kind := self.next_stage) is not None:
-            if key_of(kind, self.position) != key_of(record.stage, record.position):
+        last, key_of = self.step(), stage_keys(self.trace)
+        while last is not None and (kind := self.next_stage) is not None:
+            if key_of(kind, self.position) != key_of(last.stage, last.position):
                 break
-            record = self.step()
-            last = record or last
+            last = self.step()
         return last
 
     def _step_while(self, same: Callable[[SchedulePosition, SchedulePosition], bool]) -> StepRecord | None:
         if self.moment == len(self.trace):
             self.make_plan()
-        began = self.position
-        record = self.step()
-        last = record
-        while record is not None and same(began, self.position) and not self.finished:
-            record = self.step()
-            last = record or last
+        began, last = self.position, self.step()
+        while not self.finished and same(began, self.position):
+            last = self.step()
         return last
 
     def run(
@@ -557,9 +557,7 @@ class Session:
             InputError: no photo sees any face well enough.
             Cancelled: `cancel_requested` returned True.
         """
-        moment = self.moment if moment is None else moment
-        if not 0 <= moment <= len(self.trace):
-            raise IndexError(f"moment {moment}: this run has moments 0 to {len(self.trace)}")
+        moment = self._recorded(moment)
         self.make_plan()
         check_terms_of_trace(self.trace, self.terms)
         return self._stepper.pulls_at(moment)
@@ -575,9 +573,7 @@ class Session:
             InputError: no photo sees any face well enough.
             Cancelled: `cancel_requested` returned True.
         """
-        moment = self.moment if moment is None else moment
-        if not 0 <= moment <= len(self.trace):
-            raise IndexError(f"moment {moment}: this run has moments 0 to {len(self.trace)}")
+        moment = self._recorded(moment)
         if not 0 <= vertex < len(self.scene.mesh.vertices):
             raise IndexError(f"vertex {vertex}: this mesh has vertices 0 to {len(self.scene.mesh.vertices) - 1}")
         self.make_plan()
