@@ -230,11 +230,7 @@ def _edges_and_axes(
         H: (n, 3, 3) float: normal matrices of the cells, energy / world unit^2.
     """
     views, faces = problem.scene.views, problem.scene.mesh.faces
-    terms = [
-        image_edges(
-            views, vertices, faces, problem.orientation, search, problem.evaluator.pool, problem.raise_if_cancelled
-        )
-    ]
+    terms = [image_edges(views, vertices, faces, problem.orientation, search, problem.pool)]
     found = relations(vertices, faces, pixel_size([view.camera for view in views], vertices))
     if len(found.pairs):
         terms.append(related(found, vertices))

@@ -137,7 +137,6 @@ class Problem:
         """
         self.raise_if_cancelled()
         judged, count = itertools.count(), len(self.scene.views)
-        pool = CancellablePool(self.evaluator.pool, self.raise_if_cancelled)
         with self.work.doing("finding the photos that see each face", count) as work:
 
             def on_view() -> None:
@@ -152,7 +151,7 @@ class Problem:
                 vertices,
                 self.orientation,
                 faces,
-                pool,
+                self.pool,
                 on_view=on_view,
                 patch_margin=patch_margin,
                 own_norm=self._own_norm,
@@ -215,6 +214,11 @@ class Problem:
         corners = np.full(len(faces), -1) if corners is None else corners
         with self.work.doing(f"measuring {len(faces)} faces and their derivatives"):
             return self.evaluator.linearise(context, vertices, faces, corners, scale, self.options.step.solver)
+
+    @property
+    def pool(self) -> Executor:
+        """The threads of the evaluator; every piece of work begins with `raise_if_cancelled`."""
+        return CancellablePool(self.evaluator.pool, self.raise_if_cancelled)
 
     def raise_if_cancelled(self) -> None:
         """Called within long computations.
