@@ -151,7 +151,7 @@ def build_context(
         cubic=at.interpolation == "cubic",
         remove_bias=options.cells.remove_bias,
         centered=options.eigenspace.centered,
-        norm=norm.kernel,
+        norm=int(norm.kernel),
         norm_table=norm.table,
     )
     mean_area = np.where(takes_part, outlines.area, 0).sum(1) / np.maximum(n_views, 1)

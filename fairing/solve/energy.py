@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 
 from fairing.cells.context import CellContext
-from fairing.kernels.data import ALTERNATING, ENERGY, STATISTICS, VARIABLE_PROJECTION
+from fairing.kernels.data import Task
 from fairing.kernels.faces import evaluate_faces
 
 MAX_PART_SAMPLES = 25_000_000  # per part of a list, about 0.2 s of work: the latency of a cancellation
@@ -95,7 +95,7 @@ class Evaluator:
         Returns:
             The system without residual statistics (they are 0).
         """
-        task = ALTERNATING if solver == "alternating" else VARIABLE_PROJECTION
+        task = Task.ALTERNATING if solver == "alternating" else Task.VARIABLE_PROJECTION
         return self._run(context, vertices, faces, corners, squared_scale, task)
 
     def measure(
@@ -109,13 +109,13 @@ class Evaluator:
             faces: (F,) int: face ids.
             squared_scale: (m,) float, grey levels^2: squared scale of the robust norm by face, see `Norm.squared_scale`.
         """
-        return self._run(context, vertices, faces, np.full(len(faces), -1), squared_scale, STATISTICS)
+        return self._run(context, vertices, faces, np.full(len(faces), -1), squared_scale, Task.STATISTICS)
 
     def energies(
         self, context: CellContext, vertices: np.ndarray, faces: np.ndarray, squared_scale: np.ndarray
     ) -> FaceSystem:
         """Energies alone: `measure` without the residual statistics, which are 0; arguments (n, 3), (F,) and (m,) as there."""
-        return self._run(context, vertices, faces, np.full(len(faces), -1), squared_scale, ENERGY)
+        return self._run(context, vertices, faces, np.full(len(faces), -1), squared_scale, Task.ENERGY)
 
     def _run(self, context, vertices, faces, corners, squared_scale, task) -> FaceSystem:
         data = context.kernel
@@ -133,7 +133,7 @@ class Evaluator:
         def work(part: slice) -> None:
             self._raise_if_cancelled()
             evaluate_faces(
-                data, vertices, faces[part], corners[part], squared_scale, task,
+                data, vertices, faces[part], corners[part], squared_scale, int(task),
                 energy[part], pair_energy, H[part], g[part], statistics[part],
             )  # fmt: skip
 
