@@ -7,9 +7,8 @@ import numpy as np
 
 from fairing.options import FINE_BLUR, FairingOptions
 from fairing.run.own_plan import by_level, stages_of_level
-from fairing.run.stages import Judge, Photos, Stage, fit_stages, numbered, smoothing_stages
+from fairing.run.stages import Judge, Photos, Smoothing, Stage, fit_stages, numbered
 from fairing.run_plan import RunPlan
-from fairing.stage_kind import StageKind
 from fairing.trace import SchedulePosition
 
 MOST_SWEEPS = 50  # of photos at a level, for the numbers of the sweeps after them
@@ -104,7 +103,7 @@ class Level:
     @property
     def photos(self) -> Photos:
         """Its stage of photos; a single iteration that is not executed in a level without."""
-        return next((stage for stage in self.stages if isinstance(stage, Photos)), Photos(StageKind.PHOTOS))
+        return next((stage for stage in self.stages if isinstance(stage, Photos)), Photos())
 
 
 @dataclass(frozen=True)
@@ -189,9 +188,8 @@ def _stages(options: FairingOptions, plan: RunPlan, number: int) -> tuple[Stage,
     more than `MOST_SWEEPS`, so that branches keep theirs: photos have the first ones, whatever runs before them."""
     schedule, at = options.schedule, options.levels[number]
     photos = Photos(
-        StageKind.PHOTOS,
-        at.max_sweeps,
-        at.max_iterations,
+        max_sweeps=at.max_sweeps,
+        max_iterations=at.max_iterations,
         tolerance=schedule.sweep_tolerance * at.blur,
         max_displacement=MAX_DISPLACEMENT * plan.start_sigma or np.inf,
     )
@@ -201,8 +199,8 @@ def _stages(options: FairingOptions, plan: RunPlan, number: int) -> tuple[Stage,
         own = stages_of_level(parts[number], photos) if number < len(parts) else (photos,)
         numbers = iter(numbered(tuple(stage for stage in own if stage is not photos), first_after))
         return tuple(stage if stage is photos else next(numbers) for stage in own)
-    end = Judge(StageKind.JUDGE, by="end", first_sweep=first_after)
-    smoothing = numbered(smoothing_stages(), first_after + 1)
+    end = Judge(by="end", first_sweep=first_after)
+    smoothing = numbered((Smoothing(), Judge()), first_after + 1)
     fit = numbered(fit_stages(plan.has_photos_of_points), smoothing[-1].first_sweep + 1)
     is_first, is_last = plan.records_fit and number == plan.first_level, number == options.n_levels - 1
     return (
