@@ -118,7 +118,7 @@ def begin_sweep(
     else:
         terms = [_within_surface(mesh, vertices, origin, context.takes_part, level.prior * np.maximum(information, 0))]
     if is_smoothed:
-        terms.append(_to_smoothed(mesh, vertices, level.smoothing * typical))
+        terms.append(Anchor.uniform(SMOOTHNESS, level.smoothing * typical, smoothed(mesh, vertices, PASSES)))
     if level.attraction > 0:
         variance = _vertex_losses(mesh, context, system, sigma**2)
         terms += _points(problem, vertices, near_points, level.attraction * typical, variance)
@@ -156,8 +156,7 @@ def _to_start(origin: np.ndarray, loss: np.ndarray, precision: np.ndarray) -> An
         loss: (n,) float: mean loss per photo px around each vertex.
         precision: (n,) float: 1 / variance of the start, 1 / world unit^2.
     """
-    strength = RESIDUAL_AREA * loss * precision
-    return Anchor(START, strength[:, None, None] * np.eye(3), origin)
+    return Anchor.uniform(START, RESIDUAL_AREA * loss * precision, origin)
 
 
 def _within_surface(
@@ -183,12 +182,6 @@ def _within_surface(
     values, vectors = np.linalg.eigh(spread / np.maximum(total, 1e-300)[:, None, None])
     flat = (values < 0.01) * strength[:, None]  # a standard deviation of the normals of 6 degrees
     return Anchor(START, np.einsum("vik,vk,vjk->vij", vectors, flat, vectors), origin)
-
-
-def _to_smoothed(mesh: Mesh, vertices: np.ndarray, strength: float) -> Anchor:
-    """Smoothness prior: to vertices (n, 3) after smoothing; strength: energy / world unit^2."""
-    precision = np.tile(strength * np.eye(3), (len(vertices), 1, 1))
-    return Anchor(SMOOTHNESS, precision, smoothed(mesh, vertices, PASSES))
 
 
 def _points(
