@@ -62,17 +62,14 @@ def make_plan(problem: Problem, own: Sequence[PlanStage] = ()) -> Planned:
     rehearsal = rehearse(problem, plan, smooths, fits=options.uses_points and _points_suffice(problem))
     plan = rehearsal.plan
     measured = _measure(problem, rehearsal)
-    if measured is not None and options.schedule.first_level == "auto":
-        first = max(first, _level_by_points(measured, plan.is_fitted_to_points, options))
-    represents = measured is not None and measured.represents_surface
-    is_far = measured is not None and represents and plan.is_fitted_to_points
-    plan = replace(
-        plan,
-        first_level=first,
-        start_sigma=max(measured.sigma, FINE_BLUR) if measured is not None else 0.0,
-        edge_reach=_edge_reach(measured.error) if measured is not None and is_far else RunPlan.edge_reach,
-        represents_surface=represents,
-    )
+    if measured is not None:
+        if options.schedule.first_level == "auto":
+            first = max(first, _level_by_points(measured, plan.is_fitted_to_points, options))
+        represents, sigma = measured.represents_surface, max(measured.sigma, FINE_BLUR)
+        plan = replace(plan, start_sigma=sigma, represents_surface=represents)
+        if plan.follows_points:
+            plan = replace(plan, edge_reach=_edge_reach(measured.error))
+    plan = replace(plan, first_level=first)
     return Planned(plan, rehearsal.steps_under(schedule_of(options, plan)), rehearsal.sweeps)
 
 
