@@ -131,7 +131,7 @@ class Stepper:
         self._carried = moment + 1, block, iteration.system
         after = iteration.record.applied_to(vertices)
         following = level.position_after(
-            position, iteration.is_done, len(sweep.blocks), lambda: sweep.longest_move(problem.scene, after)
+            position, iteration.is_done, len(sweep.blocks), lambda: sweep.longest_move(problem, after)
         )
         return replace(iteration.record, next_position=following)
 

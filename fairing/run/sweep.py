@@ -15,12 +15,10 @@ from fairing.optimize.rows import Anchor, Rows, Term
 from fairing.run.fits import points_on_mesh
 from fairing.run.phases import Level
 from fairing.run.stages import PASSES, Photos
-from fairing.scene import Scene
 from fairing.solve.blocks import Block, plan_blocks
 from fairing.solve.energy import FaceSystem, loss_of_faces
 from fairing.solve.normal_equations import vertex_systems
 from fairing.solve.problem import Problem
-from fairing.solve.step_limits import pixels_moved, pixels_per_unit
 from fairing.terms.axes import related, relations
 from fairing.terms.closest_points import average_information, closest_points
 from fairing.terms.image_edges import SEARCHES, image_edges
@@ -67,10 +65,10 @@ class SweepState:
     edge_search: tuple[float, float]
     system: FaceSystem | None
 
-    def longest_move(self, scene: Scene, vertices: np.ndarray) -> float:
+    def longest_move(self, problem: Problem, vertices: np.ndarray) -> float:
         """Longest move of a free vertex in a photo since the beginning of the sweep, px; vertices (n, 3): positions now."""
         ids, begun = np.flatnonzero(self.free), self.context.vertices
-        moved = pixels_moved(scene.views, self.context.vertex_views, begun, ids, vertices[ids] - begun[ids])
+        moved = problem.pixels_moved(self.context, begun, ids, vertices[ids] - begun[ids])
         return float(moved.max(initial=0))
 
 
@@ -110,7 +108,7 @@ def begin_sweep(
     information = np.linalg.eigvalsh(H)[:, 2]
     informed = information > 0
     typical = float(np.median(information[informed])) if informed.any() else 0.0
-    pixels = pixels_per_unit(problem.scene.views, context.vertex_views, vertices)
+    pixels = problem.pixels_per_unit(context, vertices)
     loss = _vertex_losses(mesh, context, system)
     is_smoothed = level.smoothing > 0 and informed.any()
     if level.start_sigma > 0:

@@ -21,7 +21,7 @@ from fairing.scene import Scene
 from fairing.solve.energy import Evaluator, FaceSystem
 from fairing.solve.locks import locked_by_options
 from fairing.solve.point_split import observed_fitting_points
-from fairing.solve.step_limits import pixels_moved, unfolded
+from fairing.solve.step_limits import unfolded
 from fairing.work import WorkLog
 
 TOO_MANY_PARTS = (
@@ -234,8 +234,28 @@ class Problem:
     def pixels_moved(
         self, context: CellContext, vertices: np.ndarray, ids: np.ndarray, steps: np.ndarray
     ) -> np.ndarray:
-        """(u,) float: longest displacement in a photo by steps (u, 3) of vertices `ids` (u,) at positions (n, 3), px."""
-        return pixels_moved(self.scene.views, context.vertex_views, vertices, ids, steps)
+        """(u,) float: longest displacement in a photo of the context, px, to first order.
+
+        Args:
+            vertices: (n, 3) float: positions, world units.
+            ids: (u,) int: vertices that move.
+            steps: (u, 3) float, world units.
+        """
+        longest, seen = np.zeros(len(ids)), context.vertex_views[ids]
+        for v in np.flatnonzero(seen.any(axis=0)).tolist():
+            rows = np.flatnonzero(seen[:, v])
+            J = self.scene.views[v].camera.J_image_wrt_point(vertices[ids[rows]])
+            longest[rows] = np.maximum(longest[rows], np.linalg.norm(np.einsum("nij,nj->ni", J, steps[rows]), axis=1))
+        return longest
+
+    def pixels_per_unit(self, context: CellContext, vertices: np.ndarray) -> np.ndarray:
+        """(n,) float: largest motion of vertices (n, 3) in a photo of the context, px per world unit; 0 where none sees one."""
+        longest = np.zeros(len(vertices))
+        for v, view in enumerate(self.scene.views):
+            ids = np.flatnonzero(context.vertex_views[:, v])
+            J = view.camera.J_image_wrt_point(vertices[ids])
+            longest[ids] = np.maximum(longest[ids], np.linalg.norm(J, 2, axis=(1, 2)) if len(ids) else 0)
+        return longest
 
     def shortened(self, context: CellContext, vertices: np.ndarray, ids: np.ndarray, steps: np.ndarray) -> np.ndarray:
         """Steps (u, 3) float shortened to the capture range of the context's level, world units."""
