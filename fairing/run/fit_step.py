@@ -1,7 +1,7 @@
 """Steps of smoothing and of fits: one iteration, or one verdict of a judge, each one record."""
 
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -11,65 +11,19 @@ from fairing.geometry.pixel_size import pixel_size
 from fairing.optimize.iteration import OBJECTIVE_TOLERANCE, Iteration, iterate
 from fairing.optimize.rows import Term
 from fairing.run.records import Measured, build_record, px_of_steps
-from fairing.run.stages import Stage
 from fairing.solve.energy import loss_of_faces
 from fairing.solve.problem import Problem
 from fairing.stage_kind import StageKind
 from fairing.trace import SchedulePosition, StepReason, StepRecord
 
 
-class FitStep(NamedTuple):
-    """Attributes:
-    record: its next position is its own; the stepper replaces it.
-    is_done: whether every vertex has converged, or the step was rejected.
-    """
-
-    record: StepRecord
-    is_done: bool
-
-
-def fit_step(
-    problem: Problem,
-    stage: Stage,
-    terms: tuple[Term, ...],
-    position: SchedulePosition,
-    sweep_moment: int,
-    vertices: np.ndarray,
-) -> FitStep:
-    """One iteration of a fit from vertices (n, 3) float, world units.
+def smoothing_iteration(problem: Problem, begun: np.ndarray, vertices: np.ndarray) -> tuple[np.ndarray, Iteration]:
+    """One pass of the normal filter: the vertices (u,) int that may move, and their iteration.
 
     Args:
-        terms: of the sweep.
-        sweep_moment: the moment at which it began.
-
-    Raises:
-        Cancelled: cancellation was requested.
+        begun: (n, 3) float, world units: when smoothing began; the filtered normals there are the target.
+        vertices: (n, 3) float, world units: now.
     """
-    problem.raise_if_cancelled()
-    ids = movable(problem, vertices)
-    return _recorded(
-        problem, stage, position, sweep_moment, vertices, ids, iterate(terms, vertices, ids, problem.unfolded)
-    )
-
-
-def smoothing_step(
-    problem: Problem,
-    stage: Stage,
-    position: SchedulePosition,
-    sweep_moment: int,
-    begun: np.ndarray,
-    vertices: np.ndarray,
-) -> FitStep:
-    """One pass of the normal filter over vertices (n, 3) float, world units.
-
-    Args:
-        sweep_moment: the moment at which smoothing began.
-        begun: (n, 3) float: vertices then, whose filtered normals are the target.
-
-    Raises:
-        Cancelled: cancellation was requested.
-    """
-    problem.raise_if_cancelled()
     mesh, ids = problem.scene.mesh, np.flatnonzero(~problem.locked)
     normals = filtered_normals(mesh, begun)
     proposed = moves_to_planes(mesh, vertices, normals)[ids]
@@ -78,8 +32,13 @@ def smoothing_step(
     after[ids] += tried
     before, then = planes_energy(mesh, vertices, normals), planes_energy(mesh, after, normals)
     accepted = then <= before * (1 + OBJECTIVE_TOLERANCE)
-    iteration = Iteration(proposed, after if accepted else vertices, folds, (before, then), accepted)
-    return _recorded(problem, stage, position, sweep_moment, vertices, ids, iteration)
+    return ids, Iteration(proposed, after if accepted else vertices, folds, (before, then), accepted)
+
+
+def fit_iteration(problem: Problem, terms: Sequence[Term], vertices: np.ndarray) -> tuple[np.ndarray, Iteration]:
+    """One iteration of a fit from vertices (n, 3) float, world units: the vertices (u,) int that move, and their iteration."""
+    ids = movable(problem, vertices)
+    return ids, iterate(terms, vertices, ids, problem.unfolded)
 
 
 def movable(problem: Problem, vertices: np.ndarray) -> np.ndarray:
@@ -145,25 +104,31 @@ def mean_loss(measured: Measured) -> float:
     return float((loss * pixels).sum() / max(pixels.sum(), 1e-300))
 
 
-def _recorded(
+def iteration_record(
     problem: Problem,
-    stage: Stage,
+    kind: StageKind,
     position: SchedulePosition,
     sweep_moment: int,
     vertices: np.ndarray,
     ids: np.ndarray,
     iteration: Iteration,
-) -> FitStep:
-    """The record of an iteration of vertices `ids` (u,) int."""
+) -> tuple[StepRecord, bool]:
+    """The record of an iteration of vertices `ids` (u,) int, and whether every vertex has converged, or the step was rejected.
+
+    Args:
+        kind: of the stage.
+        sweep_moment: the moment at which the sweep began.
+        vertices: (n, 3) float, world units: before the iteration.
+    """
     step_px = px_of_steps(problem, vertices, ids, iteration.after[ids] - vertices[ids])
     has_converged = iteration.accepted & (step_px < problem.options.step.tolerance)
     reasons = np.full(len(ids), StepReason.ACCEPTED if iteration.accepted else StepReason.REJECTED_ENERGY)
     reasons[has_converged] = StepReason.CONVERGED
     reasons[iteration.folds & (step_px == 0)] = StepReason.REJECTED_FOLD
     record = replace(
-        build_record(problem, position, sweep_moment, ids, vertices, iteration.after, reasons, stage.kind),
+        build_record(problem, position, sweep_moment, ids, vertices, iteration.after, reasons, kind),
         proposed=iteration.proposed,
         objective_before=iteration.objectives[0],
         objective_after=iteration.objectives[1],
     )
-    return FitStep(record, bool((has_converged | (reasons != StepReason.ACCEPTED)).all()))
+    return record, bool((has_converged | (reasons != StepReason.ACCEPTED)).all())

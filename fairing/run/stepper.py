@@ -7,7 +7,7 @@ import numpy as np
 
 from fairing.errors import InputError
 from fairing.optimize.rows import Term
-from fairing.run.fit_step import fit_step, photo_verdict, point_verdict, smoothing_step
+from fairing.run.fit_step import fit_iteration, iteration_record, photo_verdict, point_verdict, smoothing_iteration
 from fairing.run.gauss_newton_step import Proposal, judge, propose
 from fairing.run.phases import Level
 from fairing.run.pulls import Pull, pulls_at, pulls_of_fit
@@ -139,17 +139,19 @@ class Stepper:
         """An iteration of smoothing or of a fit."""
         problem, trace, history = self._problem, self._trace, self._sweeps.history
         vertices, begun = trace.vertices_at(moment), self._sweeps.begun_at(moment)
+        problem.raise_if_cancelled()
         if isinstance(stage, Smoothing):
-            done = smoothing_step(problem, stage, position, begun, trace.vertices_at(begun), vertices)
+            ids, iteration = smoothing_iteration(problem, trace.vertices_at(begun), vertices)
         else:
-            done = fit_step(problem, stage, self._terms_of(position, moment), position, begun, vertices)
+            ids, iteration = fit_iteration(problem, self._terms_of(position, moment), vertices)
+        record, is_done = iteration_record(problem, stage.kind, position, begun, vertices, ids, iteration)
         level, following = history.level_of(position), position._replace(iteration=position.iteration + 1)
-        if done.is_done or following.iteration >= stage.max_iterations:
+        if is_done or following.iteration >= stage.max_iterations:
             following = position._replace(sweep=position.sweep + 1, iteration=0)
         if stage.has(following.sweep):
-            return replace(done.record, next_position=following)
-        after = done.record.applied_to(vertices)
-        return replace(done.record, next_position=level.begin_of(self._after(level, stage, position, moment, after)))
+            return replace(record, next_position=following)
+        next_stage = self._after(level, stage, position, moment, record.applied_to(vertices))
+        return replace(record, next_position=level.begin_of(next_stage))
 
     def _verdict(self, stage: Judge, position: SchedulePosition, moment: int) -> StepRecord:
         """A step of a judge."""
