@@ -8,7 +8,7 @@ import numpy as np
 from fairing.cells.level_choice import first_fine_level
 from fairing.geometry.normal_filter import filtered_normals, moves_to_planes, planes_energy
 from fairing.geometry.pixel_size import pixel_size
-from fairing.optimize.iteration import OBJECTIVE_TOLERANCE, Iteration, iterate
+from fairing.optimize.iteration import Iteration, iterate, tried
 from fairing.optimize.rows import Term
 from fairing.run.records import Measured, build_record, px_of_steps
 from fairing.solve.energy import loss_of_faces
@@ -27,12 +27,7 @@ def smoothing_iteration(problem: Problem, begun: np.ndarray, vertices: np.ndarra
     mesh, ids = problem.scene.mesh, np.flatnonzero(~problem.locked)
     normals = filtered_normals(mesh, begun)
     proposed = moves_to_planes(mesh, vertices, normals)[ids]
-    tried, folds = problem.unfolded(vertices, ids, proposed)
-    after = vertices.copy()
-    after[ids] += tried
-    before, then = planes_energy(mesh, vertices, normals), planes_energy(mesh, after, normals)
-    accepted = then <= before * (1 + OBJECTIVE_TOLERANCE)
-    return ids, Iteration(proposed, after if accepted else vertices, folds, (before, then), accepted)
+    return ids, tried(proposed, vertices, ids, problem.unfolded, lambda places: planes_energy(mesh, places, normals))
 
 
 def fit_iteration(problem: Problem, terms: Sequence[Term], vertices: np.ndarray) -> tuple[np.ndarray, Iteration]:
