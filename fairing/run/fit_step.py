@@ -38,7 +38,7 @@ def fit_iteration(problem: Problem, terms: Sequence[Term], vertices: np.ndarray)
 
 def movable(problem: Problem, vertices: np.ndarray) -> np.ndarray:
     """(u,) int: vertices that a fit moves: neither locked nor out of every photo."""
-    pixel = pixel_size([view.camera for view in problem.scene.views], vertices)
+    pixel = pixel_size(problem.cameras, vertices)
     return np.flatnonzero(~problem.locked & np.isfinite(pixel))
 
 

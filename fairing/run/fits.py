@@ -4,7 +4,6 @@ from functools import cached_property
 
 import numpy as np
 
-from fairing.camera import Camera
 from fairing.cells.level_choice import typical_footprint
 from fairing.features.points import FeaturePoints
 from fairing.features.surface_sweep import HALF_WINDOW, SurfaceSweep, reduction
@@ -34,8 +33,8 @@ def measured_start_error(problem: Problem, start: np.ndarray) -> float:
     Args:
         start: (n, 3) float: positions of the vertices, world units.
     """
-    cameras = [view.camera for view in problem.scene.views]
-    return displacement(distances_px(problem.scene.mesh.moved(start), cameras, problem.observed_points))
+    mesh = problem.scene.mesh.moved(start)
+    return displacement(distances_px(mesh, problem.cameras, problem.observed_points))
 
 
 class Fit:
@@ -47,7 +46,6 @@ class Fit:
 
     def __init__(self, problem: Problem, begin: np.ndarray) -> None:
         self._problem, self.begin = problem, problem.scene.mesh.moved(begin)
-        self.cameras: list[Camera] = [view.camera for view in problem.scene.views]
         self._surface_points: dict[int, FeaturePoints] = {}
         self._point_fits: dict[int | None, PointFit] = {}
 
@@ -67,12 +65,12 @@ class Fit:
         A start that the sparse points hardly move is more accurate than single pixels' depths if its faces are small: lower than
         three windows of the search, each of which holds several. (ledger: surface sweep: which starts)
         """
-        pixel = pixel_size(self.cameras, self.begin.vertices)
+        pixel = pixel_size(self._problem.cameras, self.begin.vertices)
         moved = np.linalg.norm(vertices - self.begin.vertices, axis=1) / pixel
         if float(np.quantile(np.nan_to_num(moved), 1 - FAR_PART)) >= FAR_PX:
             return True
         problem, error = self._problem, self.allowed_error(0)
-        shrink = float(np.median([reduction(camera, error) for camera in self.cameras]))
+        shrink = float(np.median([reduction(camera, error) for camera in self._problem.cameras]))
         footprint = typical_footprint(problem.scene, self.begin.vertices, problem.orientation, problem.options)
         return shrink * footprint >= 3 * (2 * HALF_WINDOW + 1)
 
@@ -96,7 +94,7 @@ class Fit:
             points = problem.observed_points
             if surface is not None:
                 points = points.joined(self.surface_points(surface, begun))
-            rays = PointRays(self.cameras, points, problem.raise_if_cancelled)
+            rays = PointRays(self._problem.cameras, points, problem.raise_if_cancelled)
             self._point_fits[surface] = PointFit(self.begin, rays, points.covariance)
         return self._point_fits[surface]
 
@@ -107,7 +105,7 @@ class Fit:
                 return self.needs_surface_points(vertices)
             return self.allowed_error(stage.surface) < self.allowed_error(stage.surface - 1)
         if isinstance(stage, Axes) or (isinstance(stage, ClosestPoints) and stage.follows_axes):
-            return len(relations(vertices, self.begin.faces, pixel_size(self.cameras, vertices)).pairs) > 0
+            return len(relations(vertices, self.begin.faces, pixel_size(self._problem.cameras, vertices)).pairs) > 0
         return True
 
 
@@ -168,7 +166,7 @@ class Fits:
         vertices, sweep = self._trace.vertices_at(moment), position.sweep - stage.first_sweep
         if isinstance(stage, PointGates):
             return fit.point_fit(stage.surface, stage_begun).terms(vertices, stage.gates[sweep])
-        mesh, pixel = problem.scene.mesh.moved(vertices), pixel_size(fit.cameras, vertices)
+        mesh, pixel = problem.scene.mesh.moved(vertices), pixel_size(problem.cameras, vertices)
         if isinstance(stage, Axes) and not stage.is_broad:
             return narrow_terms(vertices, mesh.faces, pixel)
         near = self.surface_points(history, begin, moment)

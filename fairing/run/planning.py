@@ -75,10 +75,11 @@ def make_plan(problem: Problem, own: Sequence[PlanStage] = ()) -> Planned:
 
 def points_accept_smoothing(problem: Problem) -> bool:
     """Whether the points lie nearer to the smoothed start than to the start."""
-    mesh, cameras = problem.scene.mesh, [view.camera for view in problem.scene.views]
+    mesh = problem.scene.mesh
     smooth = problem.moved_to(problem.start, smoothed(mesh, problem.start, PASSES))
     plain_loss, smooth_loss = (
-        loss_of_points(mesh.moved(vertices), cameras, problem.observed_points) for vertices in (problem.start, smooth)
+        loss_of_points(mesh.moved(vertices), problem.cameras, problem.observed_points)
+        for vertices in (problem.start, smooth)
     )
     return smooth_loss < plain_loss
 

@@ -107,7 +107,7 @@ def pulls_at(
 def pulls_of_fit(problem: Problem, terms: Sequence[Term], vertices: np.ndarray) -> list[Pull]:
     """The pulls of the terms of a fit at vertices (n, 3) float, world units; their steps add up to the proposed step."""
     parts = step_parts(terms, vertices, movable(problem, vertices))
-    whole, pixel = parts.sum(axis=-1), pixel_size([view.camera for view in problem.scene.views], vertices)
+    whole, pixel = parts.sum(axis=-1), pixel_size(problem.cameras, vertices)
     pulls = []
     for term, step in zip(terms, np.moveaxis(parts, -1, 0), strict=True):
         px = np.nan_to_num(np.linalg.norm(step, axis=1) / pixel)

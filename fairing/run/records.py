@@ -85,7 +85,7 @@ def px_of_steps(problem: Problem, vertices: np.ndarray, ids: np.ndarray, steps: 
     Args:
         vertices: (n, 3) float: positions before the step, world units.
     """
-    pixel = pixel_size([view.camera for view in problem.scene.views], vertices)[ids]
+    pixel = pixel_size(problem.cameras, vertices)[ids]
     return np.nan_to_num(np.linalg.norm(steps, axis=1) / pixel)
 
 
@@ -140,5 +140,5 @@ def held_out_points_prefer(problem: Problem, before: np.ndarray, after: np.ndarr
     held_out = observed_held_out_points(problem.scene)
     if not problem.options.uses_points or len(held_out) == 0:
         return without
-    mesh, cameras = problem.scene.mesh, [view.camera for view in problem.scene.views]
-    return points_prefer(mesh.moved(before), mesh.moved(after), cameras, held_out)
+    mesh = problem.scene.mesh
+    return points_prefer(mesh.moved(before), mesh.moved(after), problem.cameras, held_out)

@@ -222,7 +222,7 @@ def _edges_and_axes(
     """
     views, faces = problem.scene.views, problem.scene.mesh.faces
     terms = [image_edges(views, vertices, faces, problem.orientation, search, problem.pool)]
-    found = relations(vertices, faces, pixel_size([view.camera for view in views], vertices))
+    found = relations(vertices, faces, pixel_size(problem.cameras, vertices))
     if len(found.pairs):
         terms.append(related(found, vertices))
     terms = [term.scaled(strength) for term in terms]

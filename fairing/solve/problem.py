@@ -49,6 +49,7 @@ class Problem:
         observed_points: see `fairing.solve.point_split.observed_fitting_points`.
         evaluator: computes energies and normal equations.
         norm: of the residuals of photos.
+        cameras: of the photos.
         warnings: of the scene and of the run so far, a line each.
         seconds: time spent on "photos" and on "visibility", s.
 
@@ -68,6 +69,7 @@ class Problem:
         own_norm: Tabulated | None = None,
     ) -> None:
         self.scene, self.options, self.start = scene, options, start
+        self.cameras = [view.camera for view in scene.views]
         self._own_norm = like._own_norm if own_norm is None and like is not None else own_norm
         self.norm = norm_of(options.robust.norm, self._own_norm)
         self.evaluator = Evaluator(options.threads, self.raise_if_cancelled)
