@@ -86,15 +86,27 @@ def pulls_at(
     Raises:
         Cancelled: cancellation was requested.
     """
-    mesh, n = problem.scene.mesh, len(vertices)
+    mesh, n, options = problem.scene.mesh, len(vertices), problem.options.step
     system = system or problem.linearise(sweep.context, vertices, sweep.scale)
     terms, ids = sweep.terms, np.arange(n)
     H_photos, g_photos = vertex_systems(mesh, system)
-    hessians = np.stack([H_photos, *(term.hessians(vertices) for term in terms)])
+    hessians = np.stack([H_photos, *(term.hessians(vertices) for term in terms)])  # (T, n, 3, 3), the photos first
     linear = [term.linearise(vertices) for term in terms]
-    gradients = np.stack([g_photos, *(each.gradient for each in linear)], axis=-1)
-    others = sum((each.matrix for each in linear), csc_array((3 * n, 3 * n)))
-    parts = _parts(problem, sweep, block, previous, system, hessians, others, gradients)
+    gradients = np.stack([g_photos, *(each.gradient for each in linear)], axis=-1)  # (n, 3, T)
+    moves = np.zeros(n, dtype=bool)
+    for each in sweep.blocks:
+        moves[each.vertices] = True
+    damping, rejections = damping_and_rejections(options, ids, None)
+    if block is not None:
+        own = block.vertices
+        damping[own], rejections[own] = damping_and_rejections(options, own, previous)
+    if any(each.coupled for each in sweep.blocks):
+        others = sum((each.matrix for each in linear), csc_array((3 * n, 3 * n)))
+        parts = solve_jointly(mesh, system, others, gradients, moves, float(damping[moves].max()))
+    else:
+        moves &= rejections <= options.max_rejections
+        parts = np.zeros(gradients.shape)
+        parts[moves] = solve_vertices(hessians.sum(axis=0)[moves], gradients[moves], damping[moves])
     around = np.bincount(mesh.faces[system.faces].ravel(), weights=np.repeat(system.energy, 3), minlength=n)
     energies = [around, *(term.by_vertex(vertices) for term in terms)]
     names, steps, whole = [PHOTOS, *(term.name for term in terms)], np.moveaxis(parts, -1, 0), parts.sum(axis=-1)
@@ -114,39 +126,3 @@ def pulls_of_fit(problem: Problem, terms: Sequence[Term], vertices: np.ndarray) 
         information = np.maximum(np.einsum("vi,vij,vj->v", whole, term.hessians(vertices), whole), 0)
         pulls.append(Pull(term.name, term.by_vertex(vertices), step, px, information))
     return pulls
-
-
-def _parts(
-    problem: Problem,
-    sweep: SweepState,
-    block: Block | None,
-    previous: StepRecord | None,
-    system: FaceSystem,
-    hessians: np.ndarray,
-    others: csc_array,
-    gradients: np.ndarray,
-) -> np.ndarray:
-    """(n, 3, T) float: the part of each term in the proposed step, world units.
-
-    Args:
-        system: of all faces by all corners.
-        hessians: (T, n, 3, 3) float: normal matrices of the terms by vertex, the photos first.
-        others: (3 n, 3 n): normal matrix of the terms beside the photos.
-        gradients: (n, 3, T) float.
-    """
-    n, options = len(gradients), problem.options.step
-    moves = np.zeros(n, dtype=bool)
-    for each in sweep.blocks:
-        moves[each.vertices] = True
-    damping, rejections = damping_and_rejections(options, np.arange(n), None)
-    if block is not None:
-        ids = block.vertices
-        damping[ids], rejections[ids] = damping_and_rejections(options, ids, previous)
-    parts = np.zeros(gradients.shape)
-    if not moves.any():
-        return parts
-    if any(each.coupled for each in sweep.blocks):
-        return solve_jointly(problem.scene.mesh, system, others, gradients, moves, float(damping[moves].max()))
-    moves &= rejections <= options.max_rejections
-    parts[moves] = solve_vertices(hessians.sum(axis=0)[moves], gradients[moves], damping[moves])
-    return parts
