@@ -171,12 +171,17 @@ def schedule_of(options: FairingOptions, plan: RunPlan) -> Schedule:
 
 def _level(options: FairingOptions, plan: RunPlan, number: int) -> Level:
     at = options.levels[number]
+    # What points measured of the start holds neither at coarse levels, whose loss is that of the displacement, too, nor after a fit
+    # to points. A start that points measured or that was fitted to them is there as far off as a fine level reaches, within which
+    # points bring it. (ledger: prior to the start)
+    is_measured = plan.start_sigma > 0 and at.blur <= FINE_BLUR and not plan.follows_points
+    has_points = plan.start_sigma > 0 or plan.is_fitted_to_points
     return Level(
         number,
         smoothing=at.smoothing if plan.is_smoothed else 0.0,
         attraction=at.points if plan.is_fitted_to_points else 0.0,
-        start_sigma=_start_sigma(options, plan, number),
-        prior=1.0 if _is_start_measured(options, plan, number) else options.step.prior,
+        start_sigma=plan.start_sigma if is_measured else FINE_BLUR if has_points else 0.0,
+        prior=1.0 if is_measured else options.step.prior,
         creases=at.creases,
         edge_reach=plan.edge_reach,
         stages=_stages(options, plan, number),
@@ -209,23 +214,3 @@ def _stages(options: FairingOptions, plan: RunPlan, number: int) -> tuple[Stage,
         photos,
         *((end,) if is_last else ()),
     )
-
-
-def _start_sigma(options: FairingOptions, plan: RunPlan, number: int) -> float:
-    """Standard deviation of the start in the prior to it at a level, px; 0: no points tell it. (ledger: prior to the start)
-
-    That of a start fitted to points is the blur of a fine level, which they bring within its reach.
-    """
-    if plan.start_sigma == 0 and not plan.is_fitted_to_points:
-        return 0.0
-    if not _is_start_measured(options, plan, number):
-        return FINE_BLUR
-    return plan.start_sigma
-
-
-def _is_start_measured(options: FairingOptions, plan: RunPlan, number: int) -> bool:
-    """Whether what points measured of the start holds at a level.
-
-    It does not at coarse levels, whose loss is that of the displacement, too, nor after a fit to points.
-    """
-    return plan.start_sigma > 0 and options.levels[number].blur <= FINE_BLUR and not plan.follows_points
