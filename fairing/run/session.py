@@ -49,7 +49,7 @@ from fairing.scene import Scene
 from fairing.solve.energy import FaceSystem
 from fairing.solve.problem import Problem
 from fairing.stage_kind import StageKind
-from fairing.terms.names import TERMS, number_terms
+from fairing.terms.names import number_terms
 from fairing.terms.own import OwnTerm, check_terms
 from fairing.trace import SchedulePosition, StepReason, StepRecord, Trace
 from fairing.util.plugins import offered
@@ -94,7 +94,7 @@ class Session:
         plan: Sequence[PlanStage] | None = None,
         plan_file: str = "",
     ) -> None:
-        check_terms(terms, TERMS)
+        check_terms(terms)
         own_norm = None if norm is None else tabulated(norm)
         if trace is not None:
             scene = scene_of_trace(scene, trace)

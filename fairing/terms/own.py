@@ -23,7 +23,7 @@ import hashlib
 import inspect
 import sys
 import traceback
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -37,6 +37,7 @@ from fairing.optimize.loss import LeastSquares, Loss
 from fairing.optimize.rows import Linearised, Rows, SumOfRows
 from fairing.scene import Scene
 from fairing.terms.closest_points import average_information
+from fairing.terms.names import TERMS
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,16 +170,13 @@ def begun(term: OwnTerm, scene: Scene, vertices: np.ndarray, free: np.ndarray, t
     return replace(rows, information=term.strength * typical / average)
 
 
-def check_terms(terms: Sequence[OwnTerm], known: Iterable[str]) -> None:
-    """Refuse terms that cannot be told apart, or are none.
-
-    Args:
-        known: names of the built-in terms.
+def check_terms(terms: Sequence[OwnTerm]) -> None:
+    """Refuse terms that cannot be told apart from each other or from the built-in ones, or are none.
 
     Raises:
         InputError: with what is wrong.
     """
-    names = list(known)
+    names = list(TERMS)
     for term in terms:
         kind = type(term).__name__
         if isinstance(term, type) and issubclass(term, OwnTerm):
