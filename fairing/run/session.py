@@ -78,6 +78,7 @@ class Session:
             raises `Cancelled` and changes nothing.
         on_photo: called within long computations when photos are read or evaluated, with their number so far and in all.
         work: what the computation in progress does; read from any thread.
+        own_plan: the stages of its own plan; empty: the run does what the start calls for.
 
     Raises:
         InputError: an option contradicts the scene, or the trace is not of this scene.
@@ -114,7 +115,7 @@ class Session:
         self.options = options
         check_options(self.options)
         self.scene, self.trace, self.terms = scene, trace, tuple(terms)
-        self._own_norm, self._own_plan, self._plan_file = own_norm, tuple(plan or ()), plan_file
+        self._own_norm, self.own_plan, self._plan_file = own_norm, tuple(plan or ()), plan_file
         number_terms(recorded_terms(trace))
         self.moment = len(self.trace)
         self.cancel_requested: Callable[[], bool] = lambda: False
@@ -200,7 +201,7 @@ class Session:
 
         In a plan of one's own also those of smoothing and fits, which may be all there is.
         """
-        steps, counts_fits = self.trace.steps[: self.moment], bool(self._own_plan)
+        steps, counts_fits = self.trace.steps[: self.moment], bool(self.own_plan)
         return [
             record
             for record in steps
@@ -241,11 +242,6 @@ class Session:
     def norm(self) -> Tabulated:
         """The norm of the residuals of photos: that of the options, or one's own."""
         return self._problem.norm
-
-    @property
-    def own_plan(self) -> tuple[PlanStage, ...]:
-        """The plan of its own; empty: the run does what the start calls for."""
-        return self._own_plan
 
     @property
     def own_files(self) -> tuple[str, ...]:
@@ -315,7 +311,7 @@ class Session:
             check_options(options)
             of_plan = header_of_plan(plan, before)
             self.choose_inputs()
-            kept = kept_under(plan, options, self._own_plan, self.trace.steps[: self.moment], self._problem)
+            kept = kept_under(plan, options, self.own_plan, self.trace.steps[: self.moment], self._problem)
         trace = self.trace.cut(kept.moment)
         trace.header |= {"options": options_to_dict(options), **header_of_terms(terms), **header_of_norm(own_norm)}
         if plan is None and options.n_levels != self.options.n_levels:  # its stages belong to other levels
@@ -388,7 +384,7 @@ class Session:
         self.choose_inputs()
         if self.trace.plan is None:
             began = time.perf_counter()
-            planned = make_plan(self._problem, self._own_plan)
+            planned = make_plan(self._problem, self.own_plan)
             self._seconds += time.perf_counter() - began
             self.trace.record_plan(planned.plan)
             self._stepper.rehearsed = planned.steps
