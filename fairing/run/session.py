@@ -606,9 +606,7 @@ class Session:
         faces = np.zeros(len(context.takes_part), dtype=bool)
         faces[self.scene.mesh.one_rings[vertex]] = True
         margin = PATCH_MARGIN + max(moved, default=0.0)
-        return self._problem.context_of(
-            faces & (context.n_views > 0), context.level, context.vertices, self.options, margin
-        )
+        return self._problem.context_of(faces & (context.n_views > 0), context.level, context.vertices, margin)
 
     def problem_under(self, options: FairingOptions, cancel_requested: Callable[[], bool] = lambda: False) -> Problem:
         """The energy of the same scene and start under other options; it shares the photos in memory, and its own

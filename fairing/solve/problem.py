@@ -105,7 +105,7 @@ class Problem:
         began, photos_before = time.perf_counter(), self._photos.seconds
         self._photos.begin_level(self.options.levels[level].blur)
         every_face = np.ones(len(self.scene.mesh.faces), dtype=bool)
-        context = self.context_of(every_face, level, vertices, self.options)
+        context = self.context_of(every_face, level, vertices)
         on_photos = self._photos.seconds - photos_before
         self.seconds["photos"] += on_photos
         self.seconds["visibility"] += time.perf_counter() - began - on_photos
@@ -121,14 +121,9 @@ class Problem:
         return context
 
     def context_of(
-        self,
-        faces: np.ndarray,
-        level: int,
-        vertices: np.ndarray,
-        options: FairingOptions,
-        patch_margin: float = PATCH_MARGIN,
+        self, faces: np.ndarray, level: int, vertices: np.ndarray, patch_margin: float = PATCH_MARGIN
     ) -> CellContext:
-        """Visibility and cells of the faces of a mask (m,) bool, under given options.
+        """Visibility and cells of the faces of a mask (m,) bool at a level.
 
         Args:
             vertices: (n, 3) float: positions, world units.
@@ -148,7 +143,7 @@ class Problem:
             return build_context(
                 self.scene,
                 self._photos,
-                options,
+                self.options,
                 level,
                 vertices,
                 self.orientation,
