@@ -74,15 +74,17 @@ def photo_verdict(
     with problem.work.doing("comparing with the photos", 2) as work:
         before, after = (evaluated(problem, places) for places in work.each((begun, vertices)))
     losses = mean_loss(before), mean_loss(after)
-    is_kept = 1 - losses[1] / max(losses[0], 1e-300) > least_gain
-    moved = (vertices != begun).any(axis=1)
-    # A record without vertices would not show the verdict.
-    back = np.zeros(0, dtype=int) if is_kept else np.flatnonzero(moved | ~moved.any())
-    reason = StepReason.RETURNED if is_kept else StepReason.REJECTED_FIT
-    ends, measured = (begun, vertices), (before, after)
-    if not is_kept:
-        ends, measured, losses = ends[::-1], measured[::-1], losses[::-1]
-    record = build_record(problem, position, moment, back, *ends, reason, StageKind.JUDGE, measured)
+    if 1 - losses[1] / max(losses[0], 1e-300) > least_gain:
+        nothing = np.zeros(0, dtype=int)
+        record = build_record(
+            problem, position, moment, nothing, begun, vertices, StepReason.RETURNED, StageKind.JUDGE, (before, after)
+        )
+    else:
+        losses, moved = losses[::-1], (vertices != begun).any(axis=1)
+        back = np.flatnonzero(moved | ~moved.any())  # a record without vertices would not show the verdict
+        record = build_record(
+            problem, position, moment, back, vertices, begun, StepReason.REJECTED_FIT, StageKind.JUDGE, (after, before)
+        )
     return replace(record, objective_before=losses[0], objective_after=losses[1])
 
 
