@@ -65,12 +65,12 @@ class Fit:
         A start that the sparse points hardly move is more accurate than single pixels' depths if its faces are small: lower than
         three windows of the search, each of which holds several. (ledger: surface sweep: which starts)
         """
-        pixel = pixel_size(self._problem.cameras, self.begin.vertices)
+        problem, error = self._problem, self.allowed_error(0)
+        pixel = pixel_size(problem.cameras, self.begin.vertices)
         moved = np.linalg.norm(vertices - self.begin.vertices, axis=1) / pixel
         if float(np.quantile(np.nan_to_num(moved), 1 - FAR_PART)) >= FAR_PX:
             return True
-        problem, error = self._problem, self.allowed_error(0)
-        shrink = float(np.median([reduction(camera, error) for camera in self._problem.cameras]))
+        shrink = float(np.median([reduction(camera, error) for camera in problem.cameras]))
         footprint = typical_footprint(problem.scene, self.begin.vertices, problem.orientation, problem.options)
         return shrink * footprint >= 3 * (2 * HALF_WINDOW + 1)
 
@@ -94,7 +94,7 @@ class Fit:
             points = problem.observed_points
             if surface is not None:
                 points = points.joined(self.surface_points(surface, begun))
-            rays = PointRays(self._problem.cameras, points, problem.raise_if_cancelled)
+            rays = PointRays(problem.cameras, points, problem.raise_if_cancelled)
             self._point_fits[surface] = PointFit(self.begin, rays, points.covariance)
         return self._point_fits[surface]
 

@@ -10,11 +10,11 @@ from typing import NamedTuple
 import numpy as np
 from scipy.sparse import csc_array
 
-from fairing.geometry.pixel_size import pixel_size
 from fairing.optimize.iteration import step_parts
 from fairing.optimize.rows import Term
 from fairing.run.fit_step import movable
 from fairing.run.gauss_newton_step import damping_and_rejections
+from fairing.run.records import px_of_steps
 from fairing.run.sweep import SweepState
 from fairing.solve.blocks import Block
 from fairing.solve.energy import FaceSystem
@@ -118,11 +118,10 @@ def pulls_at(
 
 def pulls_of_fit(problem: Problem, terms: Sequence[Term], vertices: np.ndarray) -> list[Pull]:
     """The pulls of the terms of a fit at vertices (n, 3) float, world units; their steps add up to the proposed step."""
-    parts = step_parts(terms, vertices, movable(problem, vertices))
-    whole, pixel = parts.sum(axis=-1), pixel_size(problem.cameras, vertices)
-    pulls = []
+    parts, ids = step_parts(terms, vertices, movable(problem, vertices)), np.arange(len(vertices))
+    whole, pulls = parts.sum(axis=-1), []
     for term, step in zip(terms, np.moveaxis(parts, -1, 0), strict=True):
-        px = np.nan_to_num(np.linalg.norm(step, axis=1) / pixel)
         information = np.maximum(np.einsum("vi,vij,vj->v", whole, term.hessians(vertices), whole), 0)
+        px = px_of_steps(problem, vertices, ids, step)
         pulls.append(Pull(term.name, term.by_vertex(vertices), step, px, information))
     return pulls

@@ -4,7 +4,7 @@ import os
 import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -42,14 +42,14 @@ class FaceSystem:
         if faces.all():
             return other
         zeros = np.zeros(len(faces))
-        return FaceSystem(
-            self.faces,
-            np.where(faces, other.energy, self.energy),
-            np.where(pairs, other.pair_energy, self.pair_energy),
-            np.where(faces[:, None, None], other.H, self.H),
-            np.where(faces[:, None], other.g, self.g),
-            zeros,
-            zeros,
+        return replace(
+            self,
+            energy=np.where(faces, other.energy, self.energy),
+            pair_energy=np.where(pairs, other.pair_energy, self.pair_energy),
+            H=np.where(faces[:, None, None], other.H, self.H),
+            g=np.where(faces[:, None], other.g, self.g),
+            largest=zeros,
+            median=zeros,
         )
 
 
